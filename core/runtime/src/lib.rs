@@ -1,0 +1,1 @@
+//! Recipes, plans, runs and the command line of SynTable.

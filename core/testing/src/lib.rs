@@ -1,0 +1,1 @@
+//! Public test kit for SynTable plugins: analytic scenes, conformance checks, statistics.

@@ -1,0 +1,1 @@
+//! Annotators: masks, occlusion, order, boxes, poses, developed pictures.

@@ -1,0 +1,1 @@
+//! Asset sources: files of many formats, and procedural objects, tables and materials.

@@ -1,0 +1,1 @@
+//! Placers: room, table, and objects dropped from a box.

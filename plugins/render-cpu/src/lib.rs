@@ -1,0 +1,1 @@
+//! CPU path tracer: pictures, depth and every mask from the same rays.

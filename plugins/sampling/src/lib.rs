@@ -1,0 +1,1 @@
+//! Cameras, view samplers and light samplers.

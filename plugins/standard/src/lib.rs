@@ -1,0 +1,1 @@
+//! The stock binary: every plugin family, linked.

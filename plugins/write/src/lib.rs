@@ -1,0 +1,1 @@
+//! Writers: SynTable, PNG, NumPy, JSON lines, Tera templates, contact sheets.
