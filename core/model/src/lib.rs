@@ -1,1 +1,108 @@
-//! Types, keys, stage traits and the registry: what a SynTable plugin needs, and all it needs.
+//! The data model of SynTable: what a plugin needs, and all it needs.
+//!
+//! SynTable turns a *recipe* into a dataset for unseen-object amodal instance segmentation. The pipeline has fixed
+//! slots:
+//!
+//! ```text
+//! asset sources → placers → settler → [ per view: camera, view sampler, light samplers, renderer ] → annotators → writers
+//! ```
+//!
+//! Everything after the settled [`Scene`](scene::Scene) is a [product](product): a typed value under a [`Key`].
+//! Renderers offer products, annotators provide them from others, writers want them; the program computes what is
+//! wanted and nothing else.
+//!
+//! A whole plugin, with its options, its key and its registration:
+//!
+//! ```
+//! use syntable_model::prelude::*;
+//! use syntable_model::product::standard::INSTANCE;
+//!
+//! /// Visible pixels per instance, counted at pixel centres, px.
+//! pub const VISIBLE_AREA: Key<PerInstance<u32>> = Key::view("visible_area", "visible pixels per instance, px");
+//!
+//! /// Counts the visible pixels of every instance.
+//! #[derive(Serialize, Deserialize, JsonSchema)]
+//! #[serde(deny_unknown_fields, default)]
+//! pub struct VisibleArea {
+//!     /// Instances with fewer visible pixels are left out.
+//!     min_pixels: u32,
+//! }
+//!
+//! impl Default for VisibleArea {
+//!     fn default() -> Self {
+//!         Self { min_pixels: 1 }
+//!     }
+//! }
+//!
+//! impl Config for VisibleArea {
+//!     type Stage = dyn Annotator;
+//!     const KIND: &'static str = "visible_area";
+//!     const EXAMPLE: &'static str = "min_pixels = 16";
+//!     fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+//!         Ok(Box::new(self))
+//!     }
+//! }
+//!
+//! impl Annotator for VisibleArea {
+//!     fn reads(&self) -> Vec<KeyId> {
+//!         keys![INSTANCE]
+//!     }
+//!     fn provides(&self) -> Vec<KeyId> {
+//!         keys![VISIBLE_AREA]
+//!     }
+//!     fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+//!         let mut area = PerInstance::default();
+//!         for &id in frame.get(INSTANCE)?.data() {
+//!             if site.scene.objects().iter().any(|object| object.id == id) {
+//!                 *area.0.entry(id).or_insert(0) += 1;
+//!             }
+//!         }
+//!         area.0.retain(|_, pixels| *pixels >= self.min_pixels);
+//!         frame.put(VISIBLE_AREA, area)
+//!     }
+//! }
+//! register!(VisibleArea);
+//! # fn main() {}
+//! ```
+//!
+//! **Invariants.** This crate knows nothing of recipes' text, threads or terminals. Randomness is handed in; no stage
+//! has a clock. Everything that reaches a file is ordered by id, never by hash or thread.
+
+pub mod context;
+pub mod digest;
+pub mod dist;
+pub mod error;
+pub mod geometry;
+pub mod names;
+pub mod photometry;
+pub mod product;
+pub mod random;
+pub mod registry;
+pub mod scene;
+pub mod stage;
+
+pub use inventory;
+pub use product::Key;
+
+/// The ids of some keys: what `reads()` and `provides()` return.
+#[macro_export]
+macro_rules! keys {
+    ($($key:expr),* $(,)?) => { vec![$($key.id()),*] };
+}
+
+/// What nearly every plugin needs.
+pub mod prelude {
+    pub use crate::context::{Context, Log};
+    pub use crate::dist::{Dist, IntDist};
+    pub use crate::error::{Error, Invalid, Result};
+    pub use crate::geometry::Pose;
+    pub use crate::names::{AssetPath, MaterialPool, ObjectPool, ProductName};
+    pub use crate::product::{Frame, Key, KeyId, Mask, PerInstance, Plane, Value};
+    pub use crate::random::Stream;
+    pub use crate::registry::Config;
+    pub use crate::scene::{InstanceId, Scene, SceneBuilder, View};
+    pub use crate::stage::*;
+    pub use crate::{keys, register};
+    pub use schemars::JsonSchema;
+    pub use serde::{Deserialize, Serialize};
+}

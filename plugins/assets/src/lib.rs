@@ -1,1 +1,5 @@
-//! Asset sources: files of many formats, and procedural objects, tables and materials.
+//! Asset sources: files of many formats ([`files`]), and procedural objects, tables and materials that need no
+//! download ([`household`]).
+
+pub mod files;
+pub mod household;

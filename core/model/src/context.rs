@@ -1,0 +1,131 @@
+//! What the program lends to a stage while it works: randomness, assets, a cache, worker threads and a log.
+
+use crate::digest::Digest;
+use crate::error::{Error, Result};
+use crate::names::{MaterialPool, ObjectPool};
+use crate::random::Stream;
+use crate::scene::{AssetRef, CatalogEntry, Material, Object};
+use std::sync::Arc;
+
+/// Everything lent to a stage for one call. There is no clock, no global and no environment.
+pub struct Context<'a> {
+    /// Random numbers of this stage, scene, view and attempt. Clone it, or derive children.
+    pub stream: Stream,
+    /// The pools of the recipe.
+    pub assets: &'a dyn Assets,
+    /// Results that are costly to compute, kept between runs.
+    pub cache: &'a dyn Cache,
+    /// Threads to spread work over.
+    pub workers: &'a dyn Workers,
+    /// Where warnings go.
+    pub log: &'a dyn Log,
+}
+
+/// Pools of assets: loaded lazily, cached and shared.
+pub trait Assets: Send + Sync {
+    /// The entries of a pool, sorted by name.
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]>;
+    /// An object. An error means that the asset is bad; it was reported.
+    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>>;
+    /// A material. An error means that the asset is bad; it was reported.
+    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>>;
+}
+
+impl dyn Assets + '_ {
+    /// Draws an object, uniformly over the entries of some pools taken together. A bad asset is passed over.
+    pub fn draw_object(&self, pools: &[ObjectPool], stream: &mut Stream) -> Result<(AssetRef, Arc<Object>)> {
+        let pools: Vec<&str> = pools.iter().map(ObjectPool::as_str).collect();
+        self.draw(&pools, stream, |asset| self.object(asset))
+    }
+
+    /// Draws a material, uniformly over the entries of a pool. A bad asset is passed over.
+    pub fn draw_material(&self, pool: &MaterialPool, stream: &mut Stream) -> Result<(AssetRef, Arc<Material>)> {
+        self.draw(&[pool.as_str()], stream, |asset| self.material(asset))
+    }
+
+    fn draw<T>(
+        &self,
+        pools: &[&str],
+        stream: &mut Stream,
+        load: impl Fn(&AssetRef) -> Result<T>,
+    ) -> Result<(AssetRef, T)> {
+        let mut left: Vec<(&str, &CatalogEntry)> = Vec::new();
+        for &pool in pools {
+            left.extend(self.entries(pool)?.iter().map(|entry| (pool, entry)));
+        }
+        // Every bad asset is struck from this draw's list, so that the draw ends and depends on the stream alone.
+        let mut last = None;
+        while !left.is_empty() {
+            let (pool, entry) = left.swap_remove(stream.below(left.len() as u64) as usize);
+            let asset = AssetRef { pool: pool.to_owned(), name: entry.name.clone() };
+            match load(&asset) {
+                Ok(loaded) => return Ok((asset, loaded)),
+                Err(error) => last = Some(error),
+            }
+        }
+        let names = pools.join("`, `");
+        Err(match last {
+            Some(error) => error.context(format!("no asset of `{names}` can be used; the last one")),
+            None => Error::new(format!("no asset in `{names}`")).help("check its root folder and its selection"),
+        })
+    }
+}
+
+/// Bytes kept between runs, by purpose and digest. A cache may forget; it never changes what it was given.
+pub trait Cache: Send + Sync {
+    /// What was put under this key, if it is still there.
+    fn get(&self, purpose: &str, key: Digest) -> Option<Vec<u8>>;
+    /// Keeps bytes. Failure is silent: the cache is a convenience.
+    fn put(&self, purpose: &str, key: Digest, bytes: &[u8]);
+}
+
+/// Threads to spread work over. Results must not depend on their number.
+pub trait Workers: Send + Sync {
+    /// How many jobs may run at once.
+    fn threads(&self) -> usize;
+    /// Runs `job(0)`, …, `job(jobs - 1)`, in any order, and returns when all are done.
+    fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync));
+}
+
+/// Where warnings go.
+pub trait Log: Send + Sync {
+    /// Something is not as it should be, but work goes on.
+    fn warn(&self, warning: &Error);
+}
+
+/// A cache that keeps nothing.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct NoCache;
+impl Cache for NoCache {
+    fn get(&self, _: &str, _: Digest) -> Option<Vec<u8>> {
+        None
+    }
+    fn put(&self, _: &str, _: Digest, _: &[u8]) {}
+}
+
+/// One job after the other, on the calling thread.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Serial;
+impl Workers for Serial {
+    fn threads(&self) -> usize {
+        1
+    }
+    fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+        (0..jobs).for_each(job);
+    }
+}
+
+/// A log that collects its warnings.
+#[derive(Debug, Default)]
+pub struct Collected(std::sync::Mutex<Vec<Error>>);
+impl Collected {
+    /// The warnings so far.
+    pub fn warnings(&self) -> Vec<Error> {
+        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
+    }
+}
+impl Log for Collected {
+    fn warn(&self, warning: &Error) {
+        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push(warning.clone());
+    }
+}

@@ -1,0 +1,114 @@
+//! Content digests: 128 bits of BLAKE3, written as 32 hexadecimal letters.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A digest of content: equal content, equal digest, on any machine.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub struct Digest([u8; 16]);
+
+impl Digest {
+    /// The digest of some bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Hasher::new("bytes").bytes(bytes).finish()
+    }
+
+    /// The first eight bytes as a number: a key for tables in memory.
+    pub fn short(&self) -> u64 {
+        u64::from_le_bytes(self.0[..8].try_into().expect("a digest has 16 bytes"))
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Digest({self})")
+    }
+}
+
+impl From<Digest> for String {
+    fn from(digest: Digest) -> Self {
+        digest.to_string()
+    }
+}
+
+impl TryFrom<String> for Digest {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        let wrong = || format!("`{text}` is not a digest of 32 hexadecimal letters");
+        if text.len() != 32 || !text.is_ascii() {
+            return Err(wrong());
+        }
+        let mut bytes = [0; 16];
+        for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks(2)) {
+            let pair = std::str::from_utf8(pair).map_err(|_| wrong())?;
+            *byte = u8::from_str_radix(pair, 16).map_err(|_| wrong())?;
+        }
+        Ok(Self(bytes))
+    }
+}
+
+/// Builds a [`Digest`] from parts. Every part is length-prefixed, so that parts cannot run into each other.
+pub struct Hasher(blake3::Hasher);
+
+impl Hasher {
+    /// Starts a digest for a purpose; digests of different purposes never agree.
+    pub fn new(purpose: &str) -> Self {
+        Self(blake3::Hasher::new()).bytes(purpose.as_bytes())
+    }
+
+    /// Adds bytes.
+    pub fn bytes(mut self, bytes: &[u8]) -> Self {
+        self.0.update(&(bytes.len() as u64).to_le_bytes());
+        self.0.update(bytes);
+        self
+    }
+
+    /// Adds text.
+    pub fn text(self, text: &str) -> Self {
+        self.bytes(text.as_bytes())
+    }
+
+    /// Adds a number.
+    pub fn number(self, number: f64) -> Self {
+        self.bytes(&number.to_bits().to_le_bytes())
+    }
+
+    /// Adds another digest.
+    pub fn digest(self, digest: Digest) -> Self {
+        self.bytes(&digest.0)
+    }
+
+    /// Adds numbers, as in vertex positions.
+    pub fn floats(mut self, floats: impl ExactSizeIterator<Item = f32>) -> Self {
+        self.0.update(&(floats.len() as u64).to_le_bytes());
+        for float in floats {
+            self.0.update(&float.to_bits().to_le_bytes());
+        }
+        self
+    }
+
+    /// The digest of all parts.
+    pub fn finish(self) -> Digest {
+        Digest(self.0.finalize().as_bytes()[..16].try_into().expect("BLAKE3 gives 32 bytes"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_round_trip_and_separation() {
+        let digest = Hasher::new("t").text("ab").text("c").finish();
+        assert_ne!(digest, Hasher::new("t").text("a").text("bc").finish());
+        assert_eq!(Digest::try_from(digest.to_string()), Ok(digest));
+        assert!(Digest::try_from("é".repeat(16)).is_err());
+    }
+}

@@ -1,0 +1,157 @@
+//! One error type for everything that can go wrong while a dataset is made.
+//!
+//! An error names the thing, the file and place if there is one, and a way out. Messages are lower case and
+//! carry no full stop, so that they can be joined.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Shorthand for results of this crate and of stages.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What failed, where, and what to do about it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Error {
+    message: String,
+    file: Option<PathBuf>,
+    place: Option<Place>,
+    help: Option<String>,
+    context: Vec<String>,
+}
+
+/// A place inside a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// A line of a text file, from 1.
+    Line(usize),
+    /// A byte offset, from 0.
+    Byte(u64),
+}
+
+impl Error {
+    /// An error with a message: lower case, no full stop, naming the value that is wrong.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), file: None, place: None, help: None, context: Vec::new() }
+    }
+
+    /// A failed operation of the file system.
+    pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
+        Self::new(error.to_string().to_lowercase()).in_file(file)
+    }
+
+    /// Names the file, unless a deeper layer has named one.
+    pub fn in_file(mut self, file: impl AsRef<Path>) -> Self {
+        self.file.get_or_insert_with(|| file.as_ref().to_owned());
+        self
+    }
+
+    /// Names the line, from 1.
+    pub fn at_line(mut self, line: usize) -> Self {
+        self.place = Some(Place::Line(line));
+        self
+    }
+
+    /// Names the byte offset, from 0.
+    pub fn at_byte(mut self, byte: u64) -> Self {
+        self.place = Some(Place::Byte(byte));
+        self
+    }
+
+    /// Tells a way out.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Says what was being done, outermost last: `object \`mug\``, `scene 3`.
+    pub fn context(mut self, doing: impl Into<String>) -> Self {
+        self.context.push(doing.into());
+        self
+    }
+
+    /// The bare message.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// The file at fault, if any.
+    pub fn file(&self) -> Option<&Path> {
+        self.file.as_deref()
+    }
+
+    /// The place in that file, if known.
+    pub fn place(&self) -> Option<Place> {
+        self.place
+    }
+
+    /// The way out, if one is known.
+    pub fn way_out(&self) -> Option<&str> {
+        self.help.as_deref()
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for context in self.context.iter().rev() {
+            write!(f, "{context}: ")?;
+        }
+        if let Some(file) = &self.file {
+            write!(f, "{}", file.display())?;
+            match self.place {
+                Some(Place::Line(line)) => write!(f, ":{line}: ")?,
+                Some(Place::Byte(byte)) => write!(f, " at byte {byte}: ")?,
+                None => write!(f, ": ")?,
+            }
+        }
+        write!(f, "{}", self.message)?;
+        match &self.help {
+            Some(help) => write!(f, " ({help})"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// A value of a recipe that a stage refuses, found by [`Config::build`](crate::registry::Config::build).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Invalid {
+    /// Path of the key inside the stage's own table, such as `count` or `material.floor`; empty for the table.
+    pub key: String,
+    /// What is wrong, naming the value.
+    pub message: String,
+    /// A way out.
+    pub help: Option<String>,
+}
+
+impl Invalid {
+    /// Refuses the value under `key`.
+    pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { key: key.into(), message: message.into(), help: None }
+    }
+
+    /// Tells a way out.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_from_the_outside_in() {
+        let error = Error::new("index 9 but only 4 vertices")
+            .at_line(7)
+            .in_file("a/model.obj")
+            .help("export it again")
+            .context("object `a`")
+            .context("scene 3");
+        assert_eq!(
+            error.to_string(),
+            "scene 3: object `a`: a/model.obj:7: index 9 but only 4 vertices (export it again)"
+        );
+    }
+}

@@ -1,0 +1,118 @@
+//! Frames and units, stated once.
+//!
+//! - **World**: right-handed, z up, metres; the origin lies on the floor under the table's centre.
+//! - **Body**: an asset's own frame, metres, z up.
+//! - **Camera**: x right, y down, z forward (the convention of OpenCV and BOP).
+//! - **Image**: the origin is the top-left *corner* of the top-left pixel, u to the right, v down; pixel centres
+//!   lie at half-integers. Formats with integer centres subtract one half from the principal point.
+//!
+//! Poses are named `target_from_source`, so that names cancel in a product:
+//! `camera_from_body = camera_from_world * world_from_body`.
+
+pub use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
+
+/// A rigid motion, `target_from_source`, in f64.
+pub type Pose = Isometry3<f64>;
+
+/// An axis-aligned box, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aabb {
+    /// Smallest corner.
+    pub min: Point3<f64>,
+    /// Largest corner.
+    pub max: Point3<f64>,
+}
+
+impl Aabb {
+    /// The box of nothing: contains no point, and grows to whatever is added.
+    pub fn empty() -> Self {
+        Self { min: Point3::from([f64::INFINITY; 3]), max: Point3::from([f64::NEG_INFINITY; 3]) }
+    }
+
+    /// The smallest box around some points.
+    pub fn of(points: impl IntoIterator<Item = Point3<f64>>) -> Self {
+        points.into_iter().fold(Self::empty(), |aabb, p| aabb.with(p))
+    }
+
+    /// Grown to hold a point.
+    pub fn with(self, p: Point3<f64>) -> Self {
+        Self { min: self.min.inf(&p), max: self.max.sup(&p) }
+    }
+
+    /// Grown to hold another box.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
+    }
+
+    /// Whether the box contains no point.
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|i| self.min[i] > self.max[i])
+    }
+
+    /// Edge lengths, metres.
+    pub fn size(&self) -> Vector3<f64> {
+        self.max - self.min
+    }
+
+    /// Middle of the box.
+    pub fn centre(&self) -> Point3<f64> {
+        nalgebra::center(&self.min, &self.max)
+    }
+
+    /// Length of the diagonal, metres.
+    pub fn diagonal(&self) -> f64 {
+        self.size().norm()
+    }
+
+    /// The eight corners.
+    pub fn corners(&self) -> [Point3<f64>; 8] {
+        std::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
+            Point3::new(pick(0), pick(1), pick(2))
+        })
+    }
+}
+
+/// A camera's `world_from_camera` at `eye`, looking at `target`, with `up` towards the top of the image.
+///
+/// When the direction is parallel to `up`, the image's top points along world y.
+pub fn look_at(eye: Point3<f64>, target: Point3<f64>, up: Vector3<f64>) -> Pose {
+    let forward = (target - eye).try_normalize(1e-12).unwrap_or_else(|| -Vector3::z());
+    let right = forward
+        .cross(&up)
+        .try_normalize(1e-9)
+        .or_else(|| forward.cross(&Vector3::y()).try_normalize(1e-9))
+        .unwrap_or_else(Vector3::x);
+    let down = forward.cross(&right);
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[right, down, forward]));
+    Pose::from_parts(Translation3::from(eye.coords), UnitQuaternion::from_rotation_matrix(&rotation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_looks_along_its_z_axis_with_y_down() {
+        let pose = look_at(Point3::new(2.0, 0.0, 1.0), Point3::new(0.0, 0.0, 1.0), Vector3::z());
+        assert!((pose * Vector3::z() - Vector3::new(-1.0, 0.0, 0.0)).norm() < 1e-12);
+        assert!((pose * Vector3::y() - Vector3::new(0.0, 0.0, -1.0)).norm() < 1e-12);
+        assert!((pose * Vector3::x() - Vector3::new(0.0, 1.0, 0.0)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn looking_straight_down_is_a_rotation() {
+        let pose = look_at(Point3::new(0.0, 0.0, 2.0), Point3::origin(), Vector3::z());
+        assert!((pose * Vector3::z() + Vector3::z()).norm() < 1e-12);
+        assert!((pose.rotation.to_rotation_matrix().matrix().determinant() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn boxes_join() {
+        let a = Aabb::of([Point3::new(0.0, 1.0, 2.0), Point3::new(1.0, 0.0, 3.0)]);
+        assert_eq!(a.size(), Vector3::new(1.0, 1.0, 1.0));
+        assert_eq!(a.union(Aabb::empty()), a);
+        assert!(Aabb::empty().is_empty() && !a.is_empty());
+        assert!(a.corners().contains(&Point3::new(1.0, 0.0, 3.0)));
+    }
+}

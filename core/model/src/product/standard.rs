@@ -1,0 +1,83 @@
+//! The standard products. Plugins meet through these keys; a plugin may define more of its own.
+
+use super::{BBox, BitPlane, Key, Mask, OcclusionOrder, PerInstance, Plane, Value};
+use crate::scene::InstanceId;
+
+// ---- Offered by renderers: one value a pixel ---------------------------------------------------------------------
+
+/// Light that reaches the camera, linear Rec. 709 with luminance in nits. Averaged over the pixel's area.
+pub const RADIANCE: Key<Plane<[f32; 3]>> = Key::view("radiance", "light reaching the camera, linear Rec. 709, nits");
+
+/// Distance along the optical axis to the first surface at the pixel's centre, metres; infinite where there is none.
+/// Never averaged.
+pub const DEPTH: Key<Plane<f32>> = Key::view("depth", "distance along the optical axis at the pixel centre, m");
+
+/// The first body on the ray through the pixel's centre; 0 where there is none.
+pub const INSTANCE: Key<Plane<InstanceId>> = Key::view("instance", "id of the first body at the pixel centre");
+
+/// The objects on the ray through the pixel's centre, at any depth.
+pub const COVERAGE: Key<BitPlane> = Key::view("coverage", "objects on the pixel-centre ray at any depth, bit set");
+
+/// The objects on the ray through the pixel's centre in front of the first support or room part.
+pub const COVERAGE_BEFORE_SUPPORT: Key<BitPlane> =
+    Key::view("coverage_before_support", "objects on the pixel-centre ray before table and room, bit set");
+
+/// As [`COVERAGE`], on a canvas three times as wide and high with the picture in its middle.
+pub const COVERAGE_WIDE: Key<BitPlane> =
+    Key::view("coverage_wide", "coverage on a canvas three times as wide and high, bit set");
+
+/// As [`COVERAGE_BEFORE_SUPPORT`], on the canvas of [`COVERAGE_WIDE`].
+pub const COVERAGE_BEFORE_SUPPORT_WIDE: Key<BitPlane> = Key::view(
+    "coverage_before_support_wide",
+    "coverage before table and room on a canvas three times as wide and high, bit set",
+);
+
+/// Unit shading normal at the pixel's centre, camera frame (x right, y down, z forward); zero where there is none.
+pub const NORMAL: Key<Plane<[f32; 3]>> = Key::view("normal", "unit shading normal at the pixel centre, camera frame");
+
+/// Base colour at the pixel's centre, linear Rec. 709; zero where there is no surface.
+pub const ALBEDO: Key<Plane<[f32; 3]>> = Key::view("albedo", "base colour at the pixel centre, linear Rec. 709");
+
+// ---- Provided by annotators --------------------------------------------------------------------------------------
+
+/// The developed picture: exposed, tone-mapped, sRGB-encoded, 8 bits.
+pub const RGB: Key<Plane<[u8; 3]>> = Key::view("rgb", "developed picture, sRGB, 8 bits");
+
+/// How labels treat the image frame, table and room, and hidden objects, in words; and the exposure of the picture.
+pub const LABEL_POLICY: Key<Value> =
+    Key::view("label_policy", "how labels treat frame, table, room and hidden objects");
+
+/// Pixels at which an annotated object is the first body.
+pub const VISIBLE_MASK: Key<PerInstance<Mask>> = Key::view("visible_mask", "pixels at which an object is seen (modal)");
+
+/// Pixels that an annotated object would cover if the other objects were gone, within the image.
+pub const AMODAL_MASK: Key<PerInstance<Mask>> =
+    Key::view("amodal_mask", "pixels that an object covers, seen or hidden");
+
+/// Amodal minus visible.
+pub const OCCLUSION_MASK: Key<PerInstance<Mask>> = Key::view("occlusion_mask", "pixels at which an object is hidden");
+
+/// Hidden share of an object's amodal area, in [0, 1], full precision.
+pub const OCCLUSION_RATE: Key<PerInstance<f64>> = Key::view("occlusion_rate", "hidden share of an object, 0 to 1");
+
+/// Occlusion order adjacency matrix (OOAM): row occludes column.
+pub const OCCLUSION_ORDER: Key<OcclusionOrder> =
+    Key::view("occlusion_order", "matrix: row object occludes column object");
+
+/// Tight box of the visible mask, px.
+pub const VISIBLE_BOX: Key<PerInstance<BBox>> = Key::view("visible_box", "tight box of the visible mask, x y w h, px");
+
+/// Tight box of the amodal mask, px.
+pub const AMODAL_BOX: Key<PerInstance<BBox>> = Key::view("amodal_box", "tight box of the amodal mask, x y w h, px");
+
+/// What the annotated instances are: asset, pool, category, role, spawn number, poses in world and camera, mass.
+pub const OBJECT_INFO: Key<PerInstance<Value>> = Key::view("object_info", "asset, category and pose of each object");
+
+/// The view's camera: intrinsics and pose.
+pub const CAMERA: Key<Value> = Key::view("camera", "intrinsics K and world_from_camera of the view");
+
+/// The view's lights.
+pub const LIGHTS: Key<Value> = Key::view("lights", "lights of the view");
+
+/// How the scene came to rest.
+pub const SETTLE_REPORT: Key<Value> = Key::scene("settle_report", "residual speed, penetration, removed objects");

@@ -1,0 +1,134 @@
+//! Assets: what sources load and pools hand out.
+
+use super::{Material, Mesh};
+use crate::digest::Digest;
+use crate::error::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::sync::Arc;
+
+/// What a source of assets gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AssetClass {
+    /// Rigid things: objects to drop, and tables.
+    Object,
+    /// Surface materials.
+    Material,
+}
+
+impl fmt::Display for AssetClass {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Object => "object",
+            Self::Material => "material",
+        })
+    }
+}
+
+/// A name of an asset: the pool's id in the recipe, and the name within.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct AssetRef {
+    /// Id of the `[assets.<pool>]` table.
+    pub pool: String,
+    /// Name within the pool.
+    pub name: String,
+}
+
+impl fmt::Display for AssetRef {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.pool, self.name)
+    }
+}
+
+impl Serialize for AssetRef {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// What a source holds, found without loading it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Catalog {
+    /// The entries, sorted by name, names unique.
+    pub entries: Vec<CatalogEntry>,
+}
+
+/// One asset of a catalogue.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CatalogEntry {
+    /// Name within the source, such as `mug_0007` or `003_cracker_box`.
+    pub name: String,
+    /// What sort of thing it is: a family or folder name; the source's kind if nothing better is known.
+    pub category: String,
+}
+
+/// A loaded asset.
+#[derive(Debug, Clone)]
+pub enum Asset {
+    /// A rigid thing.
+    Object(Object),
+    /// A surface material.
+    Material(Material),
+}
+
+impl Asset {
+    /// Its class.
+    pub fn class(&self) -> AssetClass {
+        match self {
+            Self::Object(_) => AssetClass::Object,
+            Self::Material(_) => AssetClass::Material,
+        }
+    }
+
+    /// Its content digest.
+    pub fn digest(&self) -> Digest {
+        match self {
+            Self::Object(object) => object.digest,
+            Self::Material(material) => material.digest,
+        }
+    }
+
+    /// The object, or an error naming the class.
+    pub fn into_object(self) -> Result<Object> {
+        match self {
+            Self::Object(object) => Ok(object),
+            Self::Material(_) => Err(Error::new("a material where an object is wanted")),
+        }
+    }
+
+    /// The material, or an error naming the class.
+    pub fn into_material(self) -> Result<Material> {
+        match self {
+            Self::Material(material) => Ok(material),
+            Self::Object(_) => Err(Error::new("an object where a material is wanted")),
+        }
+    }
+}
+
+/// Points whose convex hull is one part of a collision shape, body frame, metres.
+pub type ConvexPart = Vec<[f32; 3]>;
+
+/// A rigid thing: shape, surface and mass. Immutable and shared.
+#[derive(Debug, Clone)]
+pub struct Object {
+    /// Name within its source.
+    pub name: String,
+    /// What sort of thing it is, such as `mug`.
+    pub category: String,
+    /// Its shape, body frame: metres, z up.
+    pub mesh: Arc<Mesh>,
+    /// Materials by slot; never empty.
+    pub materials: Vec<Arc<Material>>,
+    /// Collision shape, where the source knows it exactly; otherwise the settler decomposes the mesh.
+    pub collision: Option<Arc<Vec<ConvexPart>>>,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Licence as an SPDX expression or name; empty if unknown.
+    pub licence: String,
+    /// Digest of everything that shapes or colours it.
+    pub digest: Digest,
+}

@@ -1,0 +1,214 @@
+//! The scene: what placers and the settler build, and what every later stage reads.
+//!
+//! A [`SceneBuilder`] is mutable; [`SceneBuilder::freeze`] checks it, gives dense instance ids and makes a [`Scene`]
+//! that never changes again. A [`View`] adds camera, exposure and lights; hiding an object is a property of a render
+//! request, never of the world.
+
+mod asset;
+mod body;
+mod camera;
+mod light;
+mod material;
+mod mesh;
+
+pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, Object};
+pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
+pub use camera::{Camera, Exposure, Intrinsics};
+pub use light::{Light, RectLight, SphereLight};
+pub use material::{
+    Alpha, Color, Encoding, Material, NormalMap, Scalar, Surface, Texture, TextureMapping, TextureRef, UvTransform,
+    Wrap,
+};
+pub use mesh::{Mesh, MeshData};
+
+use crate::error::{Error, Result};
+use crate::geometry::{Point3, Pose};
+use serde::Serialize;
+
+/// A scene's number in its dataset, from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+pub struct SceneId(pub u32);
+
+/// A view's number in its scene, from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+pub struct ViewId(pub u32);
+
+/// The rectangle that objects are dropped on: level, axis-aligned in the world.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Tabletop {
+    /// Middle of the rectangle, in the world, metres; z is the height of the top.
+    pub centre: [f64; 3],
+    /// Extents along world x (the paper's w) and y (the paper's l), metres.
+    pub size: [f64; 2],
+}
+
+impl Tabletop {
+    /// Middle of the rectangle.
+    pub fn centre(&self) -> Point3<f64> {
+        self.centre.into()
+    }
+
+    /// Height of the top above the floor, metres.
+    pub fn height(&self) -> f64 {
+        self.centre[2]
+    }
+
+    /// `max(w/2, l/2)`: the length that the paper's view radii are multiples of, metres.
+    pub fn half_extent(&self) -> f64 {
+        self.size[0].max(self.size[1]) / 2.0
+    }
+
+    /// Whether a point is above the top and within its width and length.
+    pub fn is_below(&self, p: &Point3<f64>) -> bool {
+        let inside = |axis: usize| (p[axis] - self.centre[axis]).abs() <= self.size[axis] / 2.0;
+        p.z >= self.centre[2] && inside(0) && inside(1)
+    }
+}
+
+/// Why a body left the scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Removal {
+    /// The body's number in spawn order.
+    pub spawn: u32,
+    /// Its asset.
+    pub asset: AssetRef,
+    /// Why, in words: `fell off the table`, `still moving at 0.12 m/s`.
+    pub reason: String,
+}
+
+/// How a scene came to rest.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct SettleReport {
+    /// Simulated time, s, of the longest attempt.
+    pub simulated_s: f64,
+    /// Largest speed of a body that stayed, m/s.
+    pub residual_speed_m_s: f64,
+    /// Largest angular speed of a body that stayed, rad/s.
+    pub residual_spin_rad_s: f64,
+    /// Deepest penetration between any two bodies that stayed, m.
+    pub deepest_penetration_m: f64,
+    /// How many times a body was dropped again.
+    pub dropped_again: u32,
+    /// Bodies that were taken out, in spawn order.
+    pub removed: Vec<Removal>,
+}
+
+/// A scene under construction.
+#[derive(Debug, Default)]
+pub struct SceneBuilder {
+    bodies: Vec<Option<BodyDraft>>,
+    spawned: u32,
+    /// Where objects are dropped; set by the table's placer.
+    pub tabletop: Option<Tabletop>,
+    /// Lights that belong to the scene rather than to a view.
+    pub lights: Vec<Light>,
+}
+
+impl SceneBuilder {
+    /// Adds a body. Objects are numbered in the order in which they are added.
+    pub fn add(&mut self, mut body: BodyDraft) -> BodyHandle {
+        if body.role == Role::Object {
+            body.spawn = self.spawned;
+            self.spawned += 1;
+        }
+        self.bodies.push(Some(body));
+        BodyHandle(self.bodies.len() - 1)
+    }
+
+    /// Takes a body out, if it is still there.
+    pub fn remove(&mut self, handle: BodyHandle) -> Option<BodyDraft> {
+        self.bodies.get_mut(handle.0)?.take()
+    }
+
+    /// A body, if it is still there.
+    pub fn body(&self, handle: BodyHandle) -> Option<&BodyDraft> {
+        self.bodies.get(handle.0)?.as_ref()
+    }
+
+    /// Moves a body.
+    pub fn set_pose(&mut self, handle: BodyHandle, world_from_body: Pose) {
+        if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
+            body.world_from_body = world_from_body;
+        }
+    }
+
+    /// The bodies that are there, in the order in which they were added.
+    pub fn bodies(&self) -> impl Iterator<Item = (BodyHandle, &BodyDraft)> {
+        self.bodies.iter().enumerate().filter_map(|(i, body)| Some((BodyHandle(i), body.as_ref()?)))
+    }
+
+    /// The tabletop, or an error for a placer or settler that needs one.
+    pub fn tabletop(&self) -> Result<Tabletop> {
+        self.tabletop.ok_or_else(|| {
+            Error::new("there is no tabletop yet").help("place a table first: [[place]] kind = \"table\"")
+        })
+    }
+
+    /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.
+    pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
+        let tabletop = self.tabletop()?;
+        let mut bodies: Vec<BodyDraft> = self.bodies.into_iter().flatten().collect();
+        bodies.sort_by_key(|body| body.role != Role::Object);
+        if bodies.len() > usize::from(u16::MAX) {
+            return Err(Error::new(format!("{} bodies are more than {} ids", bodies.len(), u16::MAX)));
+        }
+        let bodies: Vec<Body> = (1..).zip(bodies).map(|(id, draft)| draft.with_id(InstanceId(id))).collect();
+        for body in &bodies {
+            let pose = &body.world_from_body;
+            if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
+                return Err(Error::new(format!("the pose of {} is not finite", body.asset)));
+            }
+        }
+        if !bodies.iter().any(|body| body.role == Role::Object) {
+            return Err(Error::new("no object is left on the table"));
+        }
+        Ok(Scene { id, attempt, bodies, tabletop, lights: self.lights, settle })
+    }
+}
+
+/// A finished scene: written once, read by many.
+#[derive(Debug)]
+pub struct Scene {
+    /// Number in the dataset.
+    pub id: SceneId,
+    /// Which attempt this is, from 0; a failed scene is tried again with the next.
+    pub attempt: u32,
+    bodies: Vec<Body>,
+    /// Where the objects lie.
+    pub tabletop: Tabletop,
+    /// Lights of all views.
+    pub lights: Vec<Light>,
+    /// How the objects came to rest.
+    pub settle: SettleReport,
+}
+
+impl Scene {
+    /// All bodies; body `i` has the instance id `i + 1`. Objects come first.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// The objects, ids 1..=M.
+    pub fn objects(&self) -> &[Body] {
+        let count = self.bodies.iter().take_while(|body| body.role == Role::Object).count();
+        &self.bodies[..count]
+    }
+
+    /// The body of an id; none for the background.
+    pub fn body(&self, id: InstanceId) -> Option<&Body> {
+        self.bodies.get(usize::from(id.0).checked_sub(1)?)
+    }
+}
+
+/// One picture of a scene: camera, exposure and lights.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Number in the scene.
+    pub id: ViewId,
+    /// Intrinsics and pose.
+    pub camera: Camera,
+    /// How scene light becomes a picture.
+    pub exposure: Exposure,
+    /// All lights: the scene's and the view's own.
+    pub lights: Vec<Light>,
+}

@@ -1,0 +1,27 @@
+//! Where the camera stands.
+
+use crate::context::Context;
+use crate::error::Result;
+use crate::geometry::{Point3, Pose};
+use crate::scene::{Scene, ViewId};
+
+/// A range of distances around a point, metres: where cameras or lights can be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shell {
+    /// The middle, world.
+    pub centre: Point3<f64>,
+    /// Smallest and largest distance.
+    pub radius: [f64; 2],
+}
+
+/// Gives the camera poses of a scene.
+pub trait ViewSampler: Send + Sync {
+    /// `world_from_camera` of one view. A pure function of scene, view and stream.
+    fn pose(&self, scene: &Scene, view: ViewId, context: &Context) -> Result<Pose>;
+    /// The shell that all views of a scene lie in; lights can be placed relative to it.
+    fn shell(&self, scene: &Scene) -> Shell;
+    /// How many views there are, if the number is fixed.
+    fn count(&self) -> Option<u32> {
+        None
+    }
+}

@@ -1,0 +1,162 @@
+//! Writes samples to files.
+
+use super::{DatasetInfo, Site};
+use crate::error::{Error, Result};
+use crate::product::Frame;
+use crate::scene::SceneId;
+use std::fs::{self, File};
+use std::io::{BufReader, BufWriter, Write};
+use std::path::{Component, Path, PathBuf};
+
+/// A file format. Files of a scene appear in the dataset when the whole scene is done; whatever speaks of many scenes
+/// is written in `finish`, from per-scene shards.
+pub trait Writer: Send + Sync {
+    /// Names of the products that it reads.
+    fn reads(&self) -> Vec<String>;
+    /// Starts a scene. Dropping the scene writer without closing it abandons the scene.
+    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>>;
+    /// Writes what speaks of many scenes. Called at the end of every run, with all scenes that are done; called again,
+    /// it gives the same files.
+    fn finish(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+        let _ = (dataset, finish);
+        Ok(())
+    }
+}
+
+/// A writer at work on one scene.
+pub trait SceneWriter: Send {
+    /// Writes one view. Views come in order.
+    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()>;
+    /// Ends the scene.
+    fn close(self: Box<Self>) -> Result<()>;
+}
+
+/// Where a writer puts the files of one scene: a staging folder whose content is moved into the dataset when the scene
+/// is done.
+#[derive(Debug, Clone)]
+pub struct Output {
+    staging: PathBuf,
+    id: String,
+    scene: SceneId,
+}
+
+impl Output {
+    /// Output of the writer `id` for a scene.
+    pub fn new(staging: impl Into<PathBuf>, id: impl Into<String>, scene: SceneId) -> Self {
+        Self { staging: staging.into(), id: id.into(), scene }
+    }
+
+    /// The writer's id in the recipe; the folder that generic writers write to.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Creates a file at a path relative to the dataset, such as `data/mono/rgb/0_0.png`. It must not exist yet.
+    pub fn create(&self, path: &str) -> Result<BufWriter<File>> {
+        let full = self.staging.join(relative(path)?);
+        if let Some(parent) = full.parent() {
+            fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error))?;
+        }
+        match File::create_new(&full) {
+            Ok(file) => Ok(BufWriter::new(file)),
+            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+                Err(Error::new(format!("`{path}` is written twice"))
+                    .help(format!("two writers use one path; give `write.{}` another id or folder", self.id)))
+            }
+            Err(error) => Err(Error::io(full, &error)),
+        }
+    }
+
+    /// Writes a whole file at a path relative to the dataset.
+    pub fn write(&self, path: &str, bytes: &[u8]) -> Result<()> {
+        let mut file = self.create(path)?;
+        file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| Error::io(self.staging.join(path), &error))
+    }
+
+    /// Writes this scene's shard, which [`Finish::shard`] reads back.
+    pub fn write_shard(&self, bytes: &[u8]) -> Result<()> {
+        self.write(&shard_path(&self.id, self.scene), bytes)
+    }
+}
+
+/// What a writer can see and do at the end of a run.
+#[derive(Debug, Clone)]
+pub struct Finish {
+    root: PathBuf,
+    id: String,
+    scenes: Vec<SceneId>,
+}
+
+impl Finish {
+    /// The end of a run for the writer `id`: `scenes` are done, ascending.
+    pub fn new(root: impl Into<PathBuf>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
+        Self { root: root.into(), id: id.into(), scenes }
+    }
+
+    /// The writer's id in the recipe.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// The scenes that are done, ascending.
+    pub fn scenes(&self) -> &[SceneId] {
+        &self.scenes
+    }
+
+    /// Opens the shard that this writer wrote for a scene.
+    pub fn shard(&self, scene: SceneId) -> Result<BufReader<File>> {
+        let path = self.root.join(shard_path(&self.id, scene));
+        File::open(&path)
+            .map(BufReader::new)
+            .map_err(|error| Error::io(&path, &error).help("the dataset is damaged; run again with --overwrite"))
+    }
+
+    /// Writes a file of the dataset, whole or not at all; an older one is replaced.
+    pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+        let full = self.root.join(relative(path)?);
+        let fail = |error: std::io::Error| Error::io(&full, &error);
+        if let Some(parent) = full.parent() {
+            fs::create_dir_all(parent).map_err(fail)?;
+        }
+        let mut name = full.file_name().unwrap_or_default().to_owned();
+        name.push(".part");
+        let part = full.with_file_name(name);
+        let mut file = BufWriter::new(File::create(&part).map_err(fail)?);
+        let filled = fill(&mut file).and_then(|()| {
+            file.flush().and_then(|()| file.get_ref().sync_all()).map_err(fail)?;
+            fs::rename(&part, &full).map_err(fail)
+        });
+        if filled.is_err() {
+            // The first error is the one to report; a leftover part is replaced by the next run.
+            let _ = fs::remove_file(&part);
+        }
+        filled
+    }
+}
+
+fn shard_path(id: &str, scene: SceneId) -> String {
+    format!(".syntable/shards/{id}/{:06}.jsonl", scene.0)
+}
+
+/// A path that stays inside the dataset.
+fn relative(path: &str) -> Result<&Path> {
+    let path = Path::new(path);
+    if path.components().all(|part| matches!(part, Component::Normal(_))) && path.components().next().is_some() {
+        Ok(path)
+    } else {
+        Err(Error::new(format!("`{}` is not a path inside the dataset", path.display())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_stay_inside() {
+        assert!(relative("data/rgb/0_0.png").is_ok());
+        for path in ["../a", "/a", "", "a/../../b"] {
+            assert!(relative(path).is_err(), "{path}");
+        }
+    }
+}

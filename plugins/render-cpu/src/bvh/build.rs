@@ -1,0 +1,233 @@
+//! From boxes to an 8-wide tree: obvhs makes the binary tree, the collapse here makes it wide.
+//!
+//! The collapse is optimal under the surface-area cost: for every binary subtree it works out the
+//! cheapest way to fill one to eight slots of a parent node, then reads the choices back.
+
+use super::wide::{Bounds, Link, MAX_DEPTH, Node, Nodes, WIDTH};
+
+/// Cost of testing a leaf's triangles, in units of testing a node's eight boxes.
+const LEAF_COST: f64 = 1.0;
+
+/// Builds a tree over boxes. `emit` stores the items of one leaf (at most `leaf_size`, ascending)
+/// and returns the leaf's number.
+pub(super) fn build(boxes: &[Bounds], leaf_size: usize, mut emit: impl FnMut(&[u32]) -> usize) -> Nodes {
+    let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+    if boxes.len() <= leaf_size {
+        let all: Vec<u32> = (0..boxes.len() as u32).collect();
+        let root = if all.is_empty() { Link::NONE } else { Link::leaf(emit(&all)) };
+        return Nodes { list: Vec::new(), root, bounds };
+    }
+    let mut plan = Plan::new(Binary::by_area(boxes), leaf_size);
+    if plan.depth() > MAX_DEPTH {
+        plan = Plan::new(Binary::by_halves(boxes), leaf_size);
+    }
+    let list = plan.write(&mut emit);
+    Nodes { list, root: Link::node(0), bounds }
+}
+
+/// A binary tree over boxes; node 0 is the root and children come after their parents.
+struct Binary {
+    nodes: Vec<BinaryNode>,
+}
+
+struct BinaryNode {
+    bounds: Bounds,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Item(u32),
+    Pair(usize, usize),
+}
+
+impl Binary {
+    /// PLOC and reinsertion by obvhs: small areas first. Needs two boxes or more.
+    fn by_area(boxes: &[Bounds]) -> Self {
+        use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
+        let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb::new(b.lo.into(), b.hi.into())).collect();
+        let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
+        let tree = build_bvh2(&boxes, params, &mut std::time::Duration::default());
+
+        // Renumber in pre-order; reinsertion leaves parents and children in any order.
+        let mut nodes: Vec<BinaryNode> = Vec::with_capacity(tree.nodes.len());
+        let mut pending = vec![(0, None)];
+        while let Some((source, parent)) = pending.pop() {
+            let number = nodes.len();
+            if let Some((parent, second)) = parent {
+                let parent: &mut BinaryNode = &mut nodes[parent];
+                if let Kind::Pair(a, b) = &mut parent.kind {
+                    *(if second { b } else { a }) = number;
+                }
+            }
+            let node = &tree.nodes[source];
+            let (min, max) = (node.aabb().min.to_array(), node.aabb().max.to_array());
+            let first = node.first_index as usize;
+            let kind = if node.is_leaf() {
+                Kind::Item(tree.primitive_indices[first])
+            } else {
+                pending.push((first + 1, Some((number, true))));
+                pending.push((first, Some((number, false))));
+                Kind::Pair(0, 0)
+            };
+            nodes.push(BinaryNode { bounds: Bounds { lo: min, hi: max }, kind });
+        }
+        Self { nodes }
+    }
+
+    /// Halves the list at every level. Slow to trace and always shallow: the way out for inputs
+    /// (many equal boxes, exponential spacing) whose good tree would be too deep for the stack.
+    fn by_halves(boxes: &[Bounds]) -> Self {
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        let centre = |i: u32, axis: usize| {
+            let b = &boxes[i as usize];
+            b.lo[axis] * 0.5 + b.hi[axis] * 0.5
+        };
+        let mut nodes: Vec<BinaryNode> = Vec::with_capacity(2 * boxes.len());
+        let mut pending = vec![(0..boxes.len(), None)];
+        while let Some((range, parent)) = pending.pop() {
+            let number = nodes.len();
+            if let Some((parent, second)) = parent {
+                let parent: &mut BinaryNode = &mut nodes[parent];
+                if let Kind::Pair(a, b) = &mut parent.kind {
+                    *(if second { b } else { a }) = number;
+                }
+            }
+            let items = &mut order[range.clone()];
+            let bounds = items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+            let kind = if let [item] = items {
+                Kind::Item(*item)
+            } else {
+                let size = |axis: usize| bounds.hi[axis] - bounds.lo[axis];
+                let axis = (0..3).fold(0, |best, a| if size(a) > size(best) { a } else { best });
+                items.sort_unstable_by(|&a, &b| centre(a, axis).total_cmp(&centre(b, axis)).then(a.cmp(&b)));
+                let middle = range.start + range.len() / 2;
+                pending.push((middle..range.end, Some((number, true))));
+                pending.push((range.start..middle, Some((number, false))));
+                Kind::Pair(0, 0)
+            };
+            nodes.push(BinaryNode { bounds, kind });
+        }
+        Self { nodes }
+    }
+}
+
+/// How one binary subtree is best spread over a number of slots.
+#[derive(Clone, Copy)]
+struct Choice {
+    /// `cost[i - 1]`: cheapest cost when at most `i` slots may be used.
+    cost: [f64; WIDTH],
+    /// `split[i - 1]`: slots for the first child when `i ≥ 2` slots are used, or 0 to use `i - 1`.
+    split: [u8; WIDTH],
+    /// Slots for the first child when this subtree becomes a node of its own.
+    own_split: u8,
+    leaf: bool,
+}
+
+struct Plan {
+    binary: Binary,
+    choices: Vec<Choice>,
+}
+
+impl Plan {
+    fn new(binary: Binary, leaf_size: usize) -> Self {
+        let empty = Choice { cost: [0.0; WIDTH], split: [0; WIDTH], own_split: 0, leaf: true };
+        let mut choices = vec![empty; binary.nodes.len()];
+        let mut counts = vec![1_usize; binary.nodes.len()];
+        for (number, node) in binary.nodes.iter().enumerate().rev() {
+            let area = node.bounds.half_area();
+            let as_leaf = area * LEAF_COST;
+            let Kind::Pair(a, b) = node.kind else {
+                choices[number].cost = [as_leaf; WIDTH];
+                continue;
+            };
+            counts[number] = counts[a] + counts[b];
+            let spread = |slots: usize| {
+                (1..slots)
+                    .map(|k| (choices[a].cost[k - 1] + choices[b].cost[slots - k - 1], k as u8))
+                    .fold((f64::INFINITY, 1), |best, next| if next.0 < best.0 { next } else { best })
+            };
+            let spreads: [(f64, u8); WIDTH + 1] =
+                std::array::from_fn(|slots| if slots < 2 { (f64::INFINITY, 0) } else { spread(slots) });
+            let as_node = area + spreads[WIDTH].0;
+            let leaf = counts[number] <= leaf_size && as_leaf <= as_node;
+            let mut choice = Choice { own_split: spreads[WIDTH].1, leaf, ..empty };
+            choice.cost[0] = if leaf { as_leaf } else { as_node };
+            for slots in 2..=WIDTH {
+                let (cost, k) = spreads[slots];
+                let fewer = choice.cost[slots - 2];
+                (choice.cost[slots - 1], choice.split[slots - 1]) = if cost < fewer { (cost, k) } else { (fewer, 0) };
+            }
+            choices[number] = choice;
+        }
+        // The root is always a node here: `build` handles what fits into one leaf.
+        choices[0].leaf = false;
+        Self { binary, choices }
+    }
+
+    /// The subtrees that fill the slots of the node made from `number`.
+    fn children(&self, number: usize) -> Vec<usize> {
+        let Kind::Pair(a, b) = self.binary.nodes[number].kind else { unreachable!("one item") };
+        let first = usize::from(self.choices[number].own_split);
+        let mut slots = Vec::with_capacity(WIDTH);
+        let mut pending = vec![(b, WIDTH - first), (a, first)];
+        while let Some((number, mut allowed)) = pending.pop() {
+            let choice = &self.choices[number];
+            while allowed > 1 && choice.split[allowed - 1] == 0 {
+                allowed -= 1;
+            }
+            match self.binary.nodes[number].kind {
+                Kind::Pair(a, b) if allowed > 1 => {
+                    let first = usize::from(choice.split[allowed - 1]);
+                    pending.push((b, allowed - first));
+                    pending.push((a, first));
+                }
+                _ => slots.push(number),
+            }
+        }
+        slots
+    }
+
+    /// Levels of nodes, the root being one.
+    fn depth(&self) -> usize {
+        let (mut deepest, mut pending) = (0, vec![(0, 1)]);
+        while let Some((number, depth)) = pending.pop() {
+            deepest = deepest.max(depth);
+            let inner = self.children(number).into_iter().filter(|&c| !self.choices[c].leaf);
+            pending.extend(inner.map(|child| (child, depth + 1)));
+        }
+        deepest
+    }
+
+    /// Items below a subtree, ascending.
+    fn items(&self, number: usize) -> Vec<u32> {
+        let (mut items, mut pending) = (Vec::with_capacity(WIDTH), vec![number]);
+        while let Some(number) = pending.pop() {
+            match self.binary.nodes[number].kind {
+                Kind::Item(item) => items.push(item),
+                Kind::Pair(a, b) => pending.extend([a, b]),
+            }
+        }
+        items.sort_unstable();
+        items
+    }
+
+    /// Writes the nodes in depth-first order, the children of a node side by side.
+    fn write(&self, emit: &mut impl FnMut(&[u32]) -> usize) -> Vec<Node> {
+        let mut list = vec![Node::EMPTY];
+        let mut pending = vec![(0, 0)];
+        while let Some((number, place)) = pending.pop() {
+            for (slot, child) in self.children(number).into_iter().enumerate() {
+                let link = if self.choices[child].leaf {
+                    Link::leaf(emit(&self.items(child)))
+                } else {
+                    pending.push((child, list.len()));
+                    list.push(Node::EMPTY);
+                    Link::node(list.len() - 1)
+                };
+                list[place].set(slot, &self.binary.nodes[child].bounds, link);
+            }
+        }
+        list
+    }
+}

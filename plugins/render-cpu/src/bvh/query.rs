@@ -1,0 +1,259 @@
+//! The questions a scene answers, each as a task to run on some lanes.
+
+use super::{
+    Hit, Ray,
+    frustum::Frustum,
+    kernel::Task,
+    lanes::Lanes,
+    ray::{BAND, PLACED_BAND, Prepared, transform_ray},
+    scene::{Placed, SceneBvh},
+    walk::{self, Candidate, Sink},
+    wide::{Link, Node, WIDTH},
+};
+
+/// First hit that `keep` accepts.
+pub(super) struct Closest<'a, F> {
+    pub scene: &'a SceneBvh,
+    pub ray: &'a Ray,
+    pub from: f32,
+    pub to: f32,
+    pub keep: F,
+}
+
+impl<F: Fn(&Hit) -> bool> Task for Closest<'_, F> {
+    type Out = Option<Hit>;
+
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> Option<Hit> {
+        let Self { scene, ray, from, to, keep } = self;
+        let world = Prepared::new(ray, scene.reach, PLACED_BAND)?;
+        let mut nearest = Nearest::new(to, keep);
+        let visit = |nearest: &mut Nearest<F>, instance: usize, near: f32| {
+            nearest.instance = instance as u32;
+            // SAFETY: links of the top level are instances; the caller vouches for the CPU.
+            unsafe {
+                let placed = scene.instances.get_unchecked(instance);
+                enter::<L, true, _>(placed, ray, from, near, nearest)
+            }
+        };
+        // SAFETY: the caller vouches for the CPU, `SceneBvh::build` for the tree.
+        unsafe { walk::leaves::<L, true, _>(&scene.nodes, &world, from, &mut nearest, Sink::limit, visit) };
+        nearest.found()
+    }
+}
+
+/// Whether there is a hit that `keep` accepts.
+pub(super) struct Any<'a, F> {
+    pub scene: &'a SceneBvh,
+    pub ray: &'a Ray,
+    pub from: f32,
+    pub to: f32,
+    pub keep: F,
+}
+
+impl<F: Fn(&Hit) -> bool> Task for Any<'_, F> {
+    type Out = bool;
+
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> bool {
+        let Self { scene, ray, from, to, keep } = self;
+        let Some(world) = Prepared::new(ray, scene.reach, PLACED_BAND) else { return false };
+        let mut first = First { to, instance: 0, keep };
+        let visit = |first: &mut First<F>, instance: usize, near: f32| {
+            first.instance = instance as u32;
+            // SAFETY: as in `Closest`.
+            unsafe {
+                let placed = scene.instances.get_unchecked(instance);
+                enter::<L, true, _>(placed, ray, from, near, first)
+            }
+        };
+        // SAFETY: as in `Closest`.
+        unsafe { walk::leaves::<L, true, _>(&scene.nodes, &world, from, &mut first, Sink::limit, visit) }
+    }
+}
+
+/// First hit in every instance.
+pub(super) struct All<'a, F> {
+    pub scene: &'a SceneBvh,
+    pub ray: &'a Ray,
+    pub from: f32,
+    pub to: f32,
+    pub visit: F,
+}
+
+impl<F: FnMut(Hit)> Task for All<'_, F> {
+    type Out = ();
+
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        let Self { scene, ray, from, to, mut visit } = self;
+        let Some(world) = Prepared::new(ray, scene.reach, PLACED_BAND) else { return };
+        let each = |_: &mut (), instance: usize, near: f32| {
+            // SAFETY: as in `Closest`.
+            let hit = unsafe { within::<L>(scene, instance, ray, from, to, near) };
+            hit.into_iter().for_each(&mut visit);
+            false
+        };
+        // SAFETY: as in `Closest`.
+        unsafe { walk::leaves::<L, false, _>(&scene.nodes, &world, from, &mut (), |_| to, each) };
+    }
+}
+
+/// First hit in every instance, for rays that are close together: the instances near the tile are
+/// found once, and each ray then tests only their boxes.
+pub(super) struct Tile<'a, F> {
+    pub scene: &'a SceneBvh,
+    pub rays: &'a [Ray],
+    pub from: f32,
+    pub to: f32,
+    pub visit: F,
+}
+
+impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
+    type Out = ();
+
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        let Self { scene, rays, from, to, mut visit } = self;
+        let Some(frustum) = Frustum::around(rays, scene.reach) else {
+            for (number, ray) in rays.iter().enumerate() {
+                let visit = |hit| visit(number, hit);
+                // SAFETY: the caller vouches for the CPU.
+                unsafe { All { scene, ray, from, to, visit }.run::<L>() };
+            }
+            return;
+        };
+        let mut nodes: Vec<Node> = Vec::new();
+        let mut slot = WIDTH;
+        for (number, placed) in scene.instances.iter().enumerate() {
+            if frustum.meets(&placed.bounds) {
+                if slot == WIDTH {
+                    nodes.push(Node::EMPTY);
+                    slot = 0;
+                }
+                let node = nodes.len() - 1;
+                nodes[node].set(slot, &placed.bounds, Link::leaf(number));
+                slot += 1;
+            }
+        }
+        if nodes.is_empty() {
+            return;
+        }
+        for (number, ray) in rays.iter().enumerate() {
+            let Some(world) = Prepared::new(ray, scene.reach, PLACED_BAND) else { continue };
+            // SAFETY: the caller vouches for the CPU.
+            let slabs = unsafe { walk::Slabs::<L>::new(&world, from) };
+            for node in &nodes {
+                // SAFETY: as above; a link that a ray meets is an instance.
+                unsafe {
+                    let (mut hits, near) = slabs.test(node, to);
+                    while hits != 0 {
+                        let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
+                        hits &= hits - 1;
+                        let instance = node.links[slot].index();
+                        let hit = within::<L>(scene, instance, ray, from, to, near.0[slot]);
+                        hit.into_iter().for_each(|hit| visit(number, hit));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The first hit in one instance.
+///
+/// # Safety
+/// The CPU has the features of `L`; `instance` is in range.
+#[inline(always)]
+unsafe fn within<L: Lanes>(scene: &SceneBvh, instance: usize, ray: &Ray, from: f32, to: f32, near: f32) -> Option<Hit> {
+    let mut nearest = Nearest::new(to, |_: &Hit| true);
+    nearest.instance = instance as u32;
+    // SAFETY: the caller's promises.
+    unsafe {
+        let placed = scene.instances.get_unchecked(instance);
+        enter::<L, true, _>(placed, ray, from, near, &mut nearest);
+    }
+    nearest.found()
+}
+
+/// Walks one instance in its own frame.
+///
+/// # Safety
+/// The CPU has the features of `L`.
+#[inline(always)]
+unsafe fn enter<L: Lanes, const SORT: bool, S: Sink>(
+    placed: &Placed,
+    ray: &Ray,
+    from: f32,
+    near: f32,
+    sink: &mut S,
+) -> bool {
+    let ray = transform_ray(&placed.object_from_world, ray);
+    match Prepared::new(&ray, placed.mesh.reach, BAND) {
+        // SAFETY: the caller vouches for the CPU; the ray was prepared for this mesh.
+        Some(ray) => unsafe { placed.mesh.walk::<L, SORT, S>(&ray, from, near, sink) },
+        None => false,
+    }
+}
+
+/// Keeps the best hit.
+struct Nearest<F> {
+    /// Numbers at their largest while nothing is found, so that a hit at the limit still wins.
+    best: Hit,
+    instance: u32,
+    keep: F,
+}
+
+impl<F: Fn(&Hit) -> bool> Nearest<F> {
+    #[inline(always)]
+    fn new(to: f32, keep: F) -> Self {
+        let best = Hit { t: to, u: 0.0, v: 0.0, primitive: u32::MAX, instance: u32::MAX };
+        Self { best, instance: 0, keep }
+    }
+
+    #[inline(always)]
+    fn found(self) -> Option<Hit> {
+        (self.best.instance != u32::MAX).then_some(self.best)
+    }
+}
+
+impl<F: Fn(&Hit) -> bool> Sink for Nearest<F> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.best.t
+    }
+
+    #[inline(always)]
+    fn offer(&mut self, candidate: Candidate) -> bool {
+        let Candidate { t, u, v, primitive } = candidate;
+        let best = &self.best;
+        let nearer = t < best.t || (t == best.t && (self.instance, primitive) < (best.instance, best.primitive));
+        if nearer {
+            let hit = Hit { t, u, v, primitive, instance: self.instance };
+            if (self.keep)(&hit) {
+                self.best = hit;
+            }
+        }
+        false
+    }
+}
+
+/// Stops at any hit.
+struct First<F> {
+    to: f32,
+    instance: u32,
+    keep: F,
+}
+
+impl<F: Fn(&Hit) -> bool> Sink for First<F> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.to
+    }
+
+    #[inline(always)]
+    fn offer(&mut self, candidate: Candidate) -> bool {
+        let Candidate { t, u, v, primitive } = candidate;
+        (self.keep)(&Hit { t, u, v, primitive, instance: self.instance })
+    }
+}

@@ -1,0 +1,129 @@
+//! What a walk precomputes about a ray, once per frame of reference.
+
+use super::{Ray, wide::Bounds};
+
+/// Half-width of the error band put around every box, as a multiple of the largest coordinate in
+/// play. Shearing a corner in [`super::walk`] errs by less than `2 ε` of it and the slab test by
+/// less than `1.5 ε` (`ε = f32::EPSILON`), so a box never loses a triangle the exact same ray would hit.
+pub(super) const BAND: f32 = 4.0 * f32::EPSILON;
+
+/// The same for boxes of instances, where moving the ray to the object's frame adds its own error.
+pub(super) const PLACED_BAND: f32 = 16.0 * f32::EPSILON;
+
+/// Direction components below this share of the largest count as this share: a parallel slab then
+/// gives finite distances, and over the whole range the ray strays far less than [`BAND`].
+const FLATTEST: f32 = 1e-12;
+
+/// Directions whose every component is below this count as zero; keeps reciprocals finite.
+const SHORTEST: f32 = 1e-24;
+
+/// A ray ready for slab tests and for sheared triangle tests, in one frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prepared {
+    pub origin: [f32; 3],
+    /// Origins for the near and far planes, moved by the error band so that boxes grow.
+    pub near_origin: [f32; 3],
+    pub far_origin: [f32; 3],
+    /// 1 / direction, finite.
+    pub inverse: [f32; 3],
+    /// Which of a node's planes is near, per axis; the far one is `near ^ 1`.
+    pub near: [usize; 3],
+    /// Axes of the sheared frame: the last is the direction's largest.
+    pub axes: [usize; 3],
+    /// x and y per unit of z along the ray, and ray parameter per unit of z.
+    pub shear: [f32; 3],
+}
+
+impl Prepared {
+    /// `None` if the direction is zero or anything is not finite: such a ray hits nothing.
+    /// `reach` is the largest absolute coordinate of what will be tested, `band` one of the bands.
+    #[inline(always)]
+    pub fn new(ray: &Ray, reach: f32, band: f32) -> Option<Self> {
+        let (o, d) = (ray.origin, ray.direction);
+        let size = d.map(f32::abs);
+        let z = if size[0] > size[1] {
+            if size[0] > size[2] { 0 } else { 2 }
+        } else if size[1] > size[2] {
+            1
+        } else {
+            2
+        };
+        let (x, y) = ([1, 2, 0][z], [2, 0, 1][z]);
+        let largest = size[z];
+        let farthest = max(max(o[0].abs(), o[1].abs()), o[2].abs());
+        let band = (farthest + reach) * band;
+        // Negated so that a NaN fails it too; the sum bounds every number used below.
+        let sum = size[0] + size[1] + size[2] + o[0].abs() + o[1].abs() + o[2].abs() + band;
+        if !(largest >= SHORTEST && sum <= f32::MAX) {
+            return None;
+        }
+        let flattest = largest * FLATTEST;
+        let inverse = [0, 1, 2].map(|a| 1.0 / max(size[a], flattest).copysign(d[a]));
+        let along = 1.0 / d[z];
+        let sign = [0, 1, 2].map(|a| band.copysign(d[a]));
+        Some(Self {
+            origin: o,
+            near_origin: [0, 1, 2].map(|a| o[a] + sign[a]),
+            far_origin: [0, 1, 2].map(|a| o[a] - sign[a]),
+            inverse,
+            near: [0, 1, 2].map(|a| 2 * a + usize::from(d[a].is_sign_negative())),
+            axes: [x, y, z],
+            shear: [d[x] * along, d[y] * along, along],
+        })
+    }
+}
+
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// A rigid or affine placement: rows of a 3×4 matrix, translation in the last column.
+pub type Affine = [[f32; 4]; 3];
+
+/// The identity placement.
+pub const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+#[inline(always)]
+pub(super) fn transform_point(m: &Affine, p: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|r| m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3])
+}
+
+#[inline(always)]
+pub(super) fn transform_vector(m: &Affine, v: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|r| m[r][0] * v[0] + m[r][1] * v[1] + m[r][2] * v[2])
+}
+
+/// The ray seen from another frame. The direction keeps its length there, so distances along the
+/// ray mean the same in both.
+#[inline(always)]
+pub(super) fn transform_ray(m: &Affine, ray: &Ray) -> Ray {
+    Ray { origin: transform_point(m, ray.origin), direction: transform_vector(m, ray.direction) }
+}
+
+/// The box of a transformed box.
+pub(super) fn transform_bounds(m: &Affine, b: &Bounds) -> Bounds {
+    let mut out = Bounds::EMPTY;
+    for corner in 0..8 {
+        let pick = |a: usize| if corner >> a & 1 == 0 { b.lo[a] } else { b.hi[a] };
+        out.include(transform_point(m, [pick(0), pick(1), pick(2)]));
+    }
+    out
+}
+
+/// Inverse in `f64`, rounded once; `None` if singular or not finite.
+pub(super) fn invert(m: &Affine) -> Option<Affine> {
+    let m = m.map(|row| row.map(f64::from));
+    let minor = |r: usize, c: usize| {
+        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
+        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+    };
+    let det = (0..3).map(|c| m[0][c] * minor(0, c)).sum::<f64>();
+    let mut inverse = [[0.0_f32; 4]; 3];
+    for (r, row) in inverse.iter_mut().enumerate() {
+        let linear = [0, 1, 2].map(|c| minor(c, r) / det);
+        let shift = -(0..3).map(|c| linear[c] * m[c][3]).sum::<f64>();
+        *row = [linear[0] as f32, linear[1] as f32, linear[2] as f32, shift as f32];
+    }
+    inverse.iter().flatten().all(|x| x.is_finite()).then_some(inverse)
+}

@@ -1,0 +1,157 @@
+//! The tree of a scene: placed instances of mesh trees.
+
+use std::sync::Arc;
+
+use super::{
+    Hit, Ray,
+    build::build,
+    kernel::Kernel,
+    mesh::MeshBvh,
+    query::{All, Any, Closest, Tile},
+    ray::{Affine, IDENTITY, invert, transform_bounds},
+    wide::{Bounds, Nodes},
+};
+
+/// One placed mesh.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// Rows of a 3×4 matrix, translation last: metres to metres.
+    pub world_from_object: Affine,
+    pub mesh: Arc<MeshBvh>,
+    /// The caller's own number: handed back by [`SceneBvh::id`], never interpreted.
+    pub id: u32,
+}
+
+/// An instance as rays see it.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub object_from_world: Affine,
+    /// World box; empty if nothing can be hit.
+    pub bounds: Bounds,
+    pub mesh: Arc<MeshBvh>,
+    id: u32,
+}
+
+/// A two-level tree; microseconds to build for tens of instances.
+///
+/// Distances are in units of the ray's direction: metres for a unit direction. Ranges are closed,
+/// `from ≤ t ≤ to`, and a negative `from` counts as 0. Rays with a zero or non-finite direction or
+/// origin hit nothing. Answers depend on the instances alone, not on the CPU or the order of the
+/// walk: of hits at equal distance the earlier instance's wins, within it the lower primitive's.
+#[derive(Clone, Debug)]
+pub struct SceneBvh {
+    pub(super) nodes: Nodes,
+    pub(super) instances: Vec<Placed>,
+    /// Largest absolute world coordinate.
+    pub(super) reach: f32,
+    kernel: Kernel,
+}
+
+impl SceneBvh {
+    /// Builds the top level over `instances`. Those with an empty mesh, or with a transform that is
+    /// singular or not finite, keep their place in the list and are never hit.
+    pub fn build(instances: impl IntoIterator<Item = Instance>) -> Self {
+        let instances: Vec<Placed> = instances.into_iter().map(place).collect();
+        let (numbers, boxes): (Vec<usize>, Vec<Bounds>) = instances
+            .iter()
+            .enumerate()
+            .filter(|(_, placed)| !placed.bounds.is_empty())
+            .map(|(number, placed)| (number, placed.bounds))
+            .unzip();
+        let nodes = build(&boxes, 1, |items| numbers[items[0] as usize]);
+        let reach = nodes.bounds.reach();
+        Self { nodes, instances, reach, kernel: Kernel::detect() }
+    }
+
+    /// The same scene computed without AVX2; gives the same answers, bit for bit.
+    pub fn portable(self) -> Self {
+        Self { kernel: Kernel::Portable, ..self }
+    }
+
+    /// Number of instances.
+    pub fn len(&self) -> usize {
+        self.instances.len()
+    }
+
+    /// Whether there is no instance.
+    pub fn is_empty(&self) -> bool {
+        self.instances.is_empty()
+    }
+
+    /// The id an instance was given.
+    pub fn id(&self, instance: u32) -> u32 {
+        self.instances[instance as usize].id
+    }
+
+    /// The first hit of a ray.
+    #[inline]
+    pub fn closest(&self, ray: &Ray, from: f32, to: f32) -> Option<Hit> {
+        self.closest_where(ray, from, to, |_| true)
+    }
+
+    /// The first hit that `keep` lets through; the place for alpha tests. `keep` may be called for
+    /// hits farther than the answer, in any order.
+    #[inline]
+    pub fn closest_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        self.kernel.run(Closest { scene: self, ray, from: forward(from), to, keep })
+    }
+
+    /// Whether anything is in the way: a shadow ray.
+    #[inline]
+    pub fn any(&self, ray: &Ray, from: f32, to: f32) -> bool {
+        self.any_where(ray, from, to, |_| true)
+    }
+
+    /// Whether anything that `keep` lets through is in the way.
+    #[inline]
+    pub fn any_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> bool {
+        self.kernel.run(Any { scene: self, ray, from: forward(from), to, keep })
+    }
+
+    /// Calls `visit` with the first hit in each instance, at any depth behind the others, in no
+    /// particular order of instances.
+    #[inline]
+    pub fn all_instances(&self, ray: &Ray, from: f32, to: f32, visit: impl FnMut(Hit)) {
+        self.kernel.run(All { scene: self, ray, from: forward(from), to, visit });
+    }
+
+    /// [`Self::all_instances`] for every ray of a tile: `visit` also gets the ray's position in
+    /// `rays`. Much faster than ray by ray when the rays share an origin and are close together.
+    #[inline]
+    pub fn all_instances_tile(&self, rays: &[Ray], from: f32, to: f32, visit: impl FnMut(usize, Hit)) {
+        self.kernel.run(Tile { scene: self, rays, from: forward(from), to, visit });
+    }
+
+    /// Checks the top level's invariants.
+    ///
+    /// # Panics
+    /// If one does not hold.
+    pub fn validate(&self) {
+        let mut reached = 0;
+        self.nodes.validate(self.instances.len(), |instance, bounds| {
+            assert_eq!(*bounds, self.instances[instance].bounds);
+            reached += 1;
+        });
+        let wanted = self.instances.iter().filter(|placed| !placed.bounds.is_empty()).count();
+        assert_eq!(reached, wanted, "instances in the tree");
+    }
+}
+
+/// Rays go forward only. Also turns NaN and -0 into 0.
+#[inline(always)]
+fn forward(from: f32) -> f32 {
+    if from > 0.0 { from } else { 0.0 }
+}
+
+fn place(instance: Instance) -> Placed {
+    let Instance { world_from_object, mesh, id } = instance;
+    let outline = mesh.outline();
+    let boxes = outline.iter().map(|b| transform_bounds(&world_from_object, b));
+    let bounds = boxes.fold(Bounds::EMPTY, |all, b| all.union(&b));
+    match invert(&world_from_object) {
+        Some(object_from_world) if bounds.lo.iter().chain(&bounds.hi).all(|x| x.is_finite()) => {
+            Placed { object_from_world, bounds, mesh, id }
+        }
+        _ => Placed { object_from_world: IDENTITY, bounds: Bounds::EMPTY, mesh, id },
+    }
+}

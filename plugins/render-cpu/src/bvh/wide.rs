@@ -1,0 +1,212 @@
+//! The 8-wide tree: nodes and leaves as columns, one lane per child or triangle.
+
+/// Children per node and triangles per leaf.
+pub(super) const WIDTH: usize = 8;
+
+/// Deepest node level a tree may have, the root being level 1; keeps [`STACK`] sufficient.
+pub(super) const MAX_DEPTH: usize = 32;
+
+/// Stack entries a walk may need: every node on the path leaves at most seven siblings behind,
+/// and the deepest one pushes all eight of its children.
+pub(super) const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
+
+/// Eight values side by side, aligned for one vector load.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Column(pub [f32; WIDTH]);
+
+/// An axis-aligned box; empty iff some `lo > hi`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bounds {
+    pub lo: [f32; 3],
+    pub hi: [f32; 3],
+}
+
+impl Bounds {
+    pub const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+
+    /// Grows the box to hold `p`.
+    pub fn include(&mut self, p: [f32; 3]) {
+        for (axis, &x) in p.iter().enumerate() {
+            self.lo[axis] = self.lo[axis].min(x);
+            self.hi[axis] = self.hi[axis].max(x);
+        }
+    }
+
+    /// The smallest box holding both.
+    pub fn union(mut self, other: &Self) -> Self {
+        self.include(other.lo);
+        self.include(other.hi);
+        self
+    }
+
+    /// Largest absolute coordinate; 0 for the empty box.
+    pub fn reach(&self) -> f32 {
+        let largest = |p: [f32; 3]| p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
+        if self.is_empty() { 0.0 } else { largest(self.lo).max(largest(self.hi)) }
+    }
+
+    /// Half the surface area, in `f64` so that large boxes keep their order; 0 for the empty box.
+    pub fn half_area(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        let [x, y, z] = [0, 1, 2].map(|a| f64::from(self.hi[a]) - f64::from(self.lo[a]));
+        x * y + y * z + z * x
+    }
+
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|axis| self.lo[axis] > self.hi[axis])
+    }
+
+    /// Whether `other` lies inside, borders included.
+    pub fn contains(&self, other: &Self) -> bool {
+        (0..3).all(|a| self.lo[a] <= other.lo[a] && other.hi[a] <= self.hi[a])
+    }
+}
+
+/// Where a child slot leads: a node, a leaf (or an instance, in the top-level tree), or nowhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Link(pub u32);
+
+impl Link {
+    /// No child; its box is empty, so no ray follows it.
+    pub const NONE: Self = Self(u32::MAX);
+    const LEAF: u32 = 1 << 31;
+
+    pub fn node(index: usize) -> Self {
+        assert!(index < Self::LEAF as usize, "tree has 2^31 nodes");
+        Self(index as u32)
+    }
+
+    pub fn leaf(index: usize) -> Self {
+        assert!(index < (u32::MAX ^ Self::LEAF) as usize, "tree has 2^31 leaves");
+        Self(index as u32 | Self::LEAF)
+    }
+
+    #[inline(always)]
+    pub fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// Position in the node list or in the leaf list.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        (self.0 & !Self::LEAF) as usize
+    }
+}
+
+/// Eight child boxes and where they lead: four cache lines.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Node {
+    /// Planes in the order x lo, x hi, y lo, y hi, z lo, z hi.
+    pub planes: [Column; 6],
+    pub links: [Link; WIDTH],
+}
+
+impl Node {
+    pub const EMPTY: Self = Self {
+        planes: {
+            let (lo, hi) = (Column([f32::INFINITY; WIDTH]), Column([f32::NEG_INFINITY; WIDTH]));
+            [lo, hi, lo, hi, lo, hi]
+        },
+        links: [Link::NONE; WIDTH],
+    };
+
+    pub fn set(&mut self, slot: usize, bounds: &Bounds, link: Link) {
+        for axis in 0..3 {
+            self.planes[2 * axis].0[slot] = bounds.lo[axis];
+            self.planes[2 * axis + 1].0[slot] = bounds.hi[axis];
+        }
+        self.links[slot] = link;
+    }
+
+    pub fn bounds(&self, slot: usize) -> Bounds {
+        Bounds {
+            lo: [0, 2, 4].map(|plane| self.planes[plane].0[slot]),
+            hi: [1, 3, 5].map(|plane| self.planes[plane].0[slot]),
+        }
+    }
+}
+
+/// Up to eight triangles. Unused lanes hold a zero triangle, which no ray hits.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Leaf {
+    /// `corners[c][axis]` is one coordinate of corner `c` of all eight triangles.
+    pub corners: [[Column; 3]; 3],
+    /// Triangle numbers, ascending; `u32::MAX` in unused lanes.
+    pub primitives: [u32; WIDTH],
+}
+
+impl Leaf {
+    pub const EMPTY: Self = Self { corners: [[Column([0.0; WIDTH]); 3]; 3], primitives: [u32::MAX; WIDTH] };
+
+    pub fn set(&mut self, lane: usize, triangle: &[[f32; 3]; 3], primitive: u32) {
+        for (columns, corner) in self.corners.iter_mut().zip(triangle) {
+            for axis in 0..3 {
+                columns[axis].0[lane] = corner[axis];
+            }
+        }
+        self.primitives[lane] = primitive;
+    }
+
+    pub fn bounds(&self) -> Bounds {
+        let mut bounds = Bounds::EMPTY;
+        for lane in (0..WIDTH).filter(|&lane| self.primitives[lane] != u32::MAX) {
+            for columns in &self.corners {
+                bounds.include([0, 1, 2].map(|axis| columns[axis].0[lane]));
+            }
+        }
+        bounds
+    }
+}
+
+/// Nodes of a tree. Invariants, which [`Nodes::validate`] checks and the walks rely on:
+/// every link is in range, no node is reached twice, no node is deeper than [`MAX_DEPTH`],
+/// and a child's box lies inside its parent's.
+#[derive(Clone, Debug)]
+pub(super) struct Nodes {
+    pub list: Vec<Node>,
+    /// Where every walk begins; [`Link::NONE`] for the tree of nothing.
+    pub root: Link,
+    pub bounds: Bounds,
+}
+
+impl Nodes {
+    /// Checks the invariants and calls `leaf` with every leaf reached and the box it was given.
+    /// That all leaves are reached is for the caller to check.
+    ///
+    /// # Panics
+    /// If an invariant does not hold, or a leaf is at or past `leaves`.
+    pub fn validate(&self, leaves: usize, mut leaf: impl FnMut(usize, &Bounds)) {
+        if self.root == Link::NONE {
+            assert!(self.list.is_empty() && self.bounds.is_empty());
+            return;
+        }
+        let mut seen_nodes = vec![false; self.list.len()];
+        let mut seen_leaves = vec![false; leaves];
+        let mut pending = vec![(self.root, self.bounds, 1)];
+        while let Some((link, bounds, depth)) = pending.pop() {
+            let seen = if link.is_leaf() { &mut seen_leaves } else { &mut seen_nodes };
+            assert!(!std::mem::replace(&mut seen[link.index()], true), "{link:?} reached twice");
+            if link.is_leaf() {
+                leaf(link.index(), &bounds);
+                continue;
+            }
+            assert!(depth <= MAX_DEPTH, "node {} at depth {depth}", link.index());
+            let node = &self.list[link.index()];
+            for slot in 0..WIDTH {
+                let child = node.bounds(slot);
+                if node.links[slot] == Link::NONE {
+                    assert_eq!(child, Bounds::EMPTY);
+                } else {
+                    assert!(bounds.contains(&child), "{child:?} sticks out of {bounds:?}");
+                    pending.push((node.links[slot], child, depth + 1));
+                }
+            }
+        }
+        assert!(seen_nodes.iter().all(|&seen| seen), "unreachable node");
+    }
+}
