@@ -73,6 +73,7 @@ pub mod digest;
 pub mod dist;
 pub mod error;
 pub mod geometry;
+pub mod inspect;
 pub mod names;
 pub mod photometry;
 pub mod product;

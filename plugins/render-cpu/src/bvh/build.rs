@@ -6,7 +6,7 @@
 use super::wide::{Bounds, Link, MAX_DEPTH, Node, Nodes, WIDTH};
 
 /// Cost of testing a leaf's triangles, in units of testing a node's eight boxes.
-const LEAF_COST: f64 = 1.0;
+static LEAF_COST_V: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| std::env::var("LC").map_or(1.0, |s| s.parse().unwrap()));
 
 /// Builds a tree over boxes. `emit` stores the items of one leaf (at most `leaf_size`, ascending)
 /// and returns the leaf's number.
@@ -136,7 +136,7 @@ impl Plan {
         let mut counts = vec![1_usize; binary.nodes.len()];
         for (number, node) in binary.nodes.iter().enumerate().rev() {
             let area = node.bounds.half_area();
-            let as_leaf = area * LEAF_COST;
+            let as_leaf = area * *LEAF_COST_V;
             let Kind::Pair(a, b) = node.kind else {
                 choices[number].cost = [as_leaf; WIDTH];
                 continue;

@@ -41,7 +41,11 @@ pub(super) struct Portable;
 
 #[inline(always)]
 fn zip(a: [f32; WIDTH], b: [f32; WIDTH], f: impl Fn(f32, f32) -> f32) -> [f32; WIDTH] {
-    std::array::from_fn(|i| f(a[i], b[i]))
+    let mut out = a;
+    for i in 0..WIDTH {
+        out[i] = f(a[i], b[i]);
+    }
+    out
 }
 
 #[inline(always)]

@@ -39,7 +39,7 @@ impl MeshBvh {
             }
         }
         let mut leaves = Vec::new();
-        let nodes = build(&boxes, WIDTH, |items| {
+        let nodes = build(&boxes, std::env::var("LS").map_or(WIDTH, |s| s.parse().unwrap()), |items| {
             let mut leaf = Leaf::EMPTY;
             for (lane, &item) in items.iter().enumerate() {
                 let (number, corners) = &kept[item as usize];

@@ -26,7 +26,9 @@ pub use scene::{Instance, SceneBvh};
 /// A half-line. The direction need not have unit length; distances are in units of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
+    /// Where it starts, metres.
     pub origin: [f32; 3],
+    /// Where it goes.
     pub direction: [f32; 3],
 }
 

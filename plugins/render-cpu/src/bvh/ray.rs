@@ -1,6 +1,6 @@
 //! What a walk precomputes about a ray, once per frame of reference.
 
-use super::{Ray, wide::Bounds};
+use super::{Ray, walk::each_axis, wide::Bounds};
 
 /// Half-width of the error band put around every box, as a multiple of the largest coordinate in
 /// play. Shearing a corner in [`super::walk`] errs by less than `2 ε` of it and the slab test by
@@ -40,7 +40,7 @@ impl Prepared {
     #[inline(always)]
     pub fn new(ray: &Ray, reach: f32, band: f32) -> Option<Self> {
         let (o, d) = (ray.origin, ray.direction);
-        let size = d.map(f32::abs);
+        let size = each_axis!(a => d[a].abs());
         let z = if size[0] > size[1] {
             if size[0] > size[2] { 0 } else { 2 }
         } else if size[1] > size[2] {
@@ -58,15 +58,15 @@ impl Prepared {
             return None;
         }
         let flattest = largest * FLATTEST;
-        let inverse = [0, 1, 2].map(|a| 1.0 / max(size[a], flattest).copysign(d[a]));
+        let inverse = each_axis!(a => 1.0 / max(size[a], flattest).copysign(d[a]));
         let along = 1.0 / d[z];
-        let sign = [0, 1, 2].map(|a| band.copysign(d[a]));
+        let sign = each_axis!(a => band.copysign(d[a]));
         Some(Self {
             origin: o,
-            near_origin: [0, 1, 2].map(|a| o[a] + sign[a]),
-            far_origin: [0, 1, 2].map(|a| o[a] - sign[a]),
+            near_origin: each_axis!(a => o[a] + sign[a]),
+            far_origin: each_axis!(a => o[a] - sign[a]),
             inverse,
-            near: [0, 1, 2].map(|a| 2 * a + usize::from(d[a].is_sign_negative())),
+            near: each_axis!(a => 2 * a + usize::from(d[a].is_sign_negative())),
             axes: [x, y, z],
             shear: [d[x] * along, d[y] * along, along],
         })
@@ -86,12 +86,12 @@ pub const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 
 
 #[inline(always)]
 pub(super) fn transform_point(m: &Affine, p: [f32; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|r| m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3])
+    each_axis!(r => m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3])
 }
 
 #[inline(always)]
 pub(super) fn transform_vector(m: &Affine, v: [f32; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|r| m[r][0] * v[0] + m[r][1] * v[1] + m[r][2] * v[2])
+    each_axis!(r => m[r][0] * v[0] + m[r][1] * v[1] + m[r][2] * v[2])
 }
 
 /// The ray seen from another frame. The direction keeps its length there, so distances along the

@@ -17,6 +17,7 @@ use super::{
 pub struct Instance {
     /// Rows of a 3×4 matrix, translation last: metres to metres.
     pub world_from_object: Affine,
+    /// The mesh's tree, shared.
     pub mesh: Arc<MeshBvh>,
     /// The caller's own number: handed back by [`SceneBvh::id`], never interpreted.
     pub id: u32,

@@ -16,6 +16,28 @@ use super::{
     wide::{Column, Leaf, Link, Node, Nodes, STACK, WIDTH},
 };
 
+/// `[f(0), f(1), f(2)]`, written out: a closure would be compiled without the CPU features of the
+/// function around it, and then not be inlined.
+macro_rules! each_axis {
+    ($a:ident => $body:expr) => {
+        [
+            {
+                let $a = 0_usize;
+                $body
+            },
+            {
+                let $a = 1_usize;
+                $body
+            },
+            {
+                let $a = 2_usize;
+                $body
+            },
+        ]
+    };
+}
+pub(super) use each_axis;
+
 /// What one lane of a leaf reports.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
@@ -50,9 +72,9 @@ impl<L: Lanes> Slabs<L> {
         // SAFETY: the caller's promise.
         unsafe {
             Self {
-                near_origin: ray.near_origin.map(|x| L::splat(x)),
-                far_origin: ray.far_origin.map(|x| L::splat(x)),
-                inverse: ray.inverse.map(|x| L::splat(x)),
+                near_origin: each_axis!(a => L::splat(ray.near_origin[a])),
+                far_origin: each_axis!(a => L::splat(ray.far_origin[a])),
+                inverse: each_axis!(a => L::splat(ray.inverse[a])),
                 from: L::splat(from),
                 near: ray.near,
             }
@@ -67,11 +89,16 @@ impl<L: Lanes> Slabs<L> {
     pub unsafe fn test(&self, node: &Node, to: f32) -> (u32, Column) {
         // SAFETY: the caller's promise; `Prepared::near` is below 6, and so is any of its pairs.
         unsafe {
-            let plane = |at: usize| L::load(node.planes.get_unchecked(at));
-            let near = |a: usize| L::mul(L::sub(plane(self.near[a]), self.near_origin[a]), self.inverse[a]);
-            let far = |a: usize| L::mul(L::sub(plane(self.near[a] ^ 1), self.far_origin[a]), self.inverse[a]);
-            let enter = L::max(L::max(near(0), near(1)), L::max(near(2), self.from));
-            let leave = L::min(L::min(far(0), far(1)), L::min(far(2), L::splat(to)));
+            let near = each_axis!(a => {
+                let plane = L::load(node.planes.get_unchecked(self.near[a]));
+                L::mul(L::sub(plane, self.near_origin[a]), self.inverse[a])
+            });
+            let far = each_axis!(a => {
+                let plane = L::load(node.planes.get_unchecked(self.near[a] ^ 1));
+                L::mul(L::sub(plane, self.far_origin[a]), self.inverse[a])
+            });
+            let enter = L::max(L::max(near[0], near[1]), L::max(near[2], self.from));
+            let leave = L::min(L::min(far[0], far[1]), L::min(far[2], L::splat(to)));
             (L::bits(L::le(enter, leave)), L::store(enter))
         }
     }
@@ -169,20 +196,19 @@ pub(super) unsafe fn leaves<L: Lanes, const SORT: bool, S>(
 /// The CPU has the features of `L`.
 #[inline(always)]
 pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Prepared, from: f32, near: f32, sink: &mut impl Sink) -> bool {
-    let [x, y, z] = ray.axes;
     // SAFETY: the caller vouches for the CPU; `Prepared::axes` are below 3.
     unsafe {
-        let origin = |axis: usize| L::splat(*ray.origin.get_unchecked(axis));
-        let (ox, oy, oz) = (origin(x), origin(y), origin(z));
-        let [sx, sy, sz] = ray.shear.map(|s| L::splat(s));
-        let sheared = |corner: usize| {
-            let columns = &leaf.corners[corner];
-            let cz = L::sub(L::load(columns.get_unchecked(z)), oz);
-            let cx = L::sub(L::load(columns.get_unchecked(x)), ox);
-            let cy = L::sub(L::load(columns.get_unchecked(y)), oy);
-            (L::sub(cx, L::mul(sx, cz)), L::sub(cy, L::mul(sy, cz)), cz)
-        };
-        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
+        let origin = each_axis!(a => L::splat(*ray.origin.get_unchecked(ray.axes[a])));
+        let shear = each_axis!(a => L::splat(ray.shear[a]));
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = each_axis!(corner => {
+            let p = each_axis!(a => {
+                let column = leaf.corners[corner].get_unchecked(ray.axes[a]);
+                L::sub(L::load(column), origin[a])
+            });
+            let x = L::sub(p[0], L::mul(shear[0], p[2]));
+            let y = L::sub(p[1], L::mul(shear[1], p[2]));
+            [x, y, p[2]]
+        });
         // Twice the signed areas opposite each corner.
         let wa = L::sub(L::mul(cx, by), L::mul(cy, bx));
         let wb = L::sub(L::mul(ax, cy), L::mul(ay, cx));
@@ -197,7 +223,7 @@ pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Prepared, from: f32, near
         }
         let scale = L::div(L::splat(1.0), sum);
         let depth = L::add(L::add(L::mul(wa, az), L::mul(wb, bz)), L::mul(wc, cz));
-        let t = L::mul(L::mul(depth, scale), sz);
+        let t = L::mul(L::mul(depth, scale), shear[2]);
         let in_range = L::and(L::le(L::splat(from), t), L::le(t, L::splat(sink.limit())));
         let mut hits = L::bits(L::and(inside, in_range));
         if hits == 0 {
