@@ -132,3 +132,34 @@ pub struct Object {
     /// Digest of everything that shapes or colours it.
     pub digest: Digest,
 }
+
+/// Largest side of an object's bounding box that makes sense on a table, metres: half a millimetre to ten metres.
+pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
+
+impl Object {
+    /// Refuses an object whose largest extent lies outside [`EXTENT_M`]: its file has another unit than metres, or is
+    /// broken. To be called after a scale was applied.
+    pub fn check_extent(&self) -> Result<()> {
+        let extent = self.mesh.bounds().size().max();
+        if EXTENT_M.contains(&extent) {
+            return Ok(());
+        }
+        let shown = if (1e-3..1e4).contains(&extent) { format!("{extent:.3}") } else { format!("{extent:.3e}") };
+        let units = [(1e-3, "millimetres"), (1e-2, "centimetres"), (0.0254, "inches"), (1e3, "kilometres")];
+        let fitting: Vec<String> = units
+            .iter()
+            .filter(|(scale, _)| (*scale < 1.0) == (extent > 1.0) && EXTENT_M.contains(&(extent * scale)))
+            .map(|(scale, unit)| format!("`scale = {scale}` if the file is in {unit}"))
+            .collect();
+        let help = match fitting.as_slice() {
+            [] => "no unit of length explains this: the file is broken".to_owned(),
+            some => format!("set {}", some.join(", ")),
+        };
+        Err(Error::new(format!(
+            "object extent {shown} m is outside the allowed range of {} m to {} m",
+            EXTENT_M.start(),
+            EXTENT_M.end()
+        ))
+        .help(help))
+    }
+}

@@ -10,8 +10,9 @@ mod camera;
 mod light;
 mod material;
 mod mesh;
+mod topology;
 
-pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, Object};
+pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Object};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Exposure, Intrinsics};
 pub use light::{Light, RectLight, SphereLight};
@@ -20,6 +21,7 @@ pub use material::{
     Wrap,
 };
 pub use mesh::{Mesh, MeshData};
+pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};
 use crate::geometry::{Point3, Pose};
