@@ -17,6 +17,7 @@ pub struct Error {
     place: Option<Place>,
     help: Option<String>,
     context: Vec<String>,
+    io: bool,
 }
 
 /// A place inside a file.
@@ -31,12 +32,17 @@ pub enum Place {
 impl Error {
     /// An error with a message: lower case, no full stop, naming the value that is wrong.
     pub fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), file: None, place: None, help: None, context: Vec::new() }
+        Self { message: message.into(), file: None, place: None, help: None, context: Vec::new(), io: false }
     }
 
     /// A failed operation of the file system.
     pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
-        Self::new(error.to_string().to_lowercase()).in_file(file)
+        Self { io: true, ..Self::new(error.to_string().to_lowercase()).in_file(file) }
+    }
+
+    /// Whether the file system failed, rather than the content: the same work may succeed later.
+    pub fn is_io(&self) -> bool {
+        self.io
     }
 
     /// Names the file, unless a deeper layer has named one.

@@ -44,7 +44,9 @@ pub fn inspect(path: &Path, log: &dyn Log) -> Result<(&'static str, Inspection)>
     let all = inspectors();
     let Some(inspector) = all.iter().find(|inspector| (inspector.accepts)(path)) else {
         let known: Vec<&str> = all.iter().map(|inspector| inspector.name).collect();
-        return Err(Error::new("no known kind of asset").in_file(path).help(format!("known are: {}", known.join(", "))));
+        return Err(Error::new("no known kind of asset")
+            .in_file(path)
+            .help(format!("known are: {}", known.join(", "))));
     };
     (inspector.inspect)(path, log).map(|inspection| (inspector.name, inspection))
 }

@@ -43,7 +43,10 @@ pub const ALBEDO: Key<Plane<[f32; 3]>> = Key::view("albedo", "base colour at the
 /// The developed picture: exposed, tone-mapped, sRGB-encoded, 8 bits.
 pub const RGB: Key<Plane<[u8; 3]>> = Key::view("rgb", "developed picture, sRGB, 8 bits");
 
-/// How labels treat the image frame, table and room, and hidden objects, in words; and the exposure of the picture.
+/// The exposure value and tone curve that made [`RGB`]: `ev100`, `white_nits`, `mode`, `tone`.
+pub const EXPOSURE: Key<Value> = Key::view("exposure", "exposure value and tone curve of the developed picture");
+
+/// How labels treat the image frame, table and room, and hidden objects: the options, and a statement in words.
 pub const LABEL_POLICY: Key<Value> =
     Key::view("label_policy", "how labels treat frame, table, room and hidden objects");
 

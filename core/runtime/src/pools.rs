@@ -1,0 +1,342 @@
+//! The pools of a recipe: selection, scale, centring and mass are the same for every source of assets.
+
+use crate::recipe::{Centre, OnBadAsset, PoolOptions, Recipe};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard};
+use syntable_model::context::{Assets, Log};
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::error::{Error, Result};
+use syntable_model::geometry::{Point3, Vector3};
+use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, Material, Object};
+use syntable_model::stage::AssetSource;
+
+/// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
+const KEEP_BYTES: usize = 1 << 30;
+
+/// All pools of a recipe, with what was loaded from them.
+pub struct Library<'a> {
+    pools: BTreeMap<&'a str, Pool<'a>>,
+    locked: &'a BTreeMap<String, String>,
+    on_bad_asset: OnBadAsset,
+    log: &'a dyn Log,
+    loaded: Mutex<Loaded>,
+    refused: Mutex<Option<Error>>,
+}
+
+struct Pool<'a> {
+    source: &'a dyn AssetSource,
+    options: &'a PoolOptions,
+    entries: Vec<CatalogEntry>,
+}
+
+/// A loaded asset, shared.
+#[derive(Clone)]
+enum Shared {
+    Object(Arc<Object>),
+    Material(Arc<Material>),
+}
+
+#[derive(Default)]
+struct Loaded {
+    assets: HashMap<AssetRef, Kept>,
+    bad: BTreeMap<AssetRef, Error>,
+    bytes: usize,
+    clock: u64,
+}
+
+struct Kept {
+    asset: Shared,
+    bytes: usize,
+    used: u64,
+}
+
+impl<'a> Library<'a> {
+    /// Opens all pools: finds and selects their entries, and loads nothing yet.
+    pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
+        let mut pools = BTreeMap::new();
+        for (id, pool) in &recipe.assets {
+            let open = || -> Result<Vec<CatalogEntry>> {
+                let catalog = pool.source.catalog(log)?;
+                let found = catalog.entries.len();
+                let entries = pool.options.select(catalog.entries)?;
+                if entries.is_empty() {
+                    let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
+                    return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
+                }
+                Ok(entries)
+            };
+            let entries = open().map_err(|error| error.context(format!("assets.{id}")))?;
+            pools.insert(id.as_str(), Pool { source: &*pool.source, options: &pool.options, entries });
+        }
+        Ok(Self {
+            pools,
+            locked: &recipe.locked,
+            on_bad_asset: recipe.dataset.on_bad_asset,
+            log,
+            loaded: Mutex::default(),
+            refused: Mutex::default(),
+        })
+    }
+
+    /// Names of the pools, with the number of entries of each.
+    pub fn sizes(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.pools.iter().map(|(&id, pool)| (id, pool.entries.len()))
+    }
+
+    /// An error if an asset must stop the run: it is bad and the recipe says so, or it is not what the recipe was
+    /// resolved with.
+    pub fn refused(&self) -> Result<()> {
+        self.refused.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone().map_or(Ok(()), Err)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Loaded> {
+        self.loaded.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn refuse(&self, error: Error) {
+        self.refused.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
+    }
+
+    fn pool(&self, id: &str) -> Result<&Pool<'a>> {
+        self.pools.get(id).ok_or_else(|| {
+            let known: Vec<&str> = self.pools.keys().copied().collect();
+            Error::new(format!("there is no pool `{id}`")).help(format!("the recipe has: {}", known.join(", ")))
+        })
+    }
+
+    /// An asset, loaded at most once while it is kept. A bad one is reported once.
+    fn get(&self, asset: &AssetRef) -> Result<Shared> {
+        {
+            let mut loaded = self.lock();
+            if let Some(error) = loaded.bad.get(asset) {
+                return Err(error.clone());
+            }
+            loaded.clock += 1;
+            let now = loaded.clock;
+            if let Some(kept) = loaded.assets.get_mut(asset) {
+                kept.used = now;
+                return Ok(kept.asset.clone());
+            }
+        }
+        match self.load(asset) {
+            Ok((shared, bytes)) => {
+                self.lock().keep(asset, &shared, bytes);
+                Ok(shared)
+            }
+            Err(error) => {
+                let error = error.context(format!("asset {asset}"));
+                if self.lock().bad.insert(asset.clone(), error.clone()).is_none() {
+                    self.log.warn(&error);
+                }
+                if self.on_bad_asset == OnBadAsset::Fail {
+                    self.refuse(error.clone());
+                }
+                Err(error)
+            }
+        }
+    }
+
+    fn load(&self, asset: &AssetRef) -> Result<(Shared, usize)> {
+        let pool = self.pool(&asset.pool)?;
+        let log = Named { asset, log: self.log };
+        let shared = match pool.source.load(&asset.name, &log)? {
+            Asset::Object(object) => Shared::Object(Arc::new(pool.normalise(object)?)),
+            Asset::Material(material) => Shared::Material(Arc::new(material)),
+        };
+        let digest = shared.digest().to_string();
+        if let Some(locked) = self.locked.get(&asset.to_string())
+            && *locked != digest
+        {
+            let error = Error::new(format!("asset {asset} has digest {digest}, but the recipe was resolved with {locked}"))
+                .help("restore the asset, or take it out of [lock.assets] to accept the new one");
+            self.refuse(error.clone());
+            return Err(error);
+        }
+        let bytes = shared.bytes();
+        Ok((shared, bytes))
+    }
+}
+
+impl Loaded {
+    fn keep(&mut self, asset: &AssetRef, shared: &Shared, bytes: usize) {
+        self.clock += 1;
+        let kept = Kept { asset: shared.clone(), bytes, used: self.clock };
+        if let Some(old) = self.assets.insert(asset.clone(), kept) {
+            self.bytes -= old.bytes;
+        }
+        self.bytes += bytes;
+        while self.bytes > KEEP_BYTES && self.assets.len() > 1 {
+            let oldest = self.assets.iter().min_by_key(|(_, kept)| kept.used).map(|(asset, _)| asset.clone());
+            if let Some(gone) = oldest.and_then(|oldest| self.assets.remove(&oldest)) {
+                self.bytes -= gone.bytes;
+            }
+        }
+    }
+}
+
+impl Assets for Library<'_> {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        self.pool(pool).map(|pool| pool.entries.as_slice())
+    }
+
+    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
+        match self.get(asset)? {
+            Shared::Object(object) => Ok(object),
+            Shared::Material(_) => Err(Error::new(format!("{asset} is a material, not an object"))),
+        }
+    }
+
+    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
+        match self.get(asset)? {
+            Shared::Material(material) => Ok(material),
+            Shared::Object(_) => Err(Error::new(format!("{asset} is an object, not a material"))),
+        }
+    }
+}
+
+/// The assets of one attempt at a scene: remembers the digests of what was drawn.
+pub struct Drawn<'a> {
+    library: &'a Library<'a>,
+    digests: Mutex<BTreeMap<String, String>>,
+}
+
+impl<'a> Drawn<'a> {
+    /// Nothing drawn yet.
+    pub fn new(library: &'a Library<'a>) -> Self {
+        Self { library, digests: Mutex::default() }
+    }
+
+    /// Digests of all that was drawn, by `pool/name`.
+    pub fn into_digests(self) -> BTreeMap<String, String> {
+        self.digests.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn note(&self, asset: &AssetRef, digest: Digest) {
+        let mut digests = self.digests.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        digests.insert(asset.to_string(), digest.to_string());
+    }
+}
+
+impl Assets for Drawn<'_> {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        self.library.entries(pool)
+    }
+
+    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
+        let object = self.library.object(asset)?;
+        self.note(asset, object.digest);
+        Ok(object)
+    }
+
+    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
+        let material = self.library.material(asset)?;
+        self.note(asset, material.digest);
+        Ok(material)
+    }
+}
+
+impl Shared {
+    fn digest(&self) -> Digest {
+        match self {
+            Self::Object(object) => object.digest,
+            Self::Material(material) => material.digest,
+        }
+    }
+
+    /// About how much memory it takes.
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Material(material) => material_bytes(material),
+            Self::Object(object) => {
+                let data = object.mesh.data();
+                data.positions.len() * 24
+                    + data.uvs.len() * 8
+                    + data.colors.len() * 12
+                    + data.triangles.len() * 14
+                    + object.materials.iter().map(|material| material_bytes(material)).sum::<usize>()
+            }
+        }
+    }
+}
+
+fn material_bytes(material: &Material) -> usize {
+    let textures = [
+        material.base_color.texture.as_ref(),
+        material.roughness.texture.as_ref().map(|(texture, _)| texture),
+        material.metallic.texture.as_ref().map(|(texture, _)| texture),
+        material.normal.as_ref().map(|normal| &normal.map),
+        material.emission.texture.as_ref(),
+    ];
+    textures.into_iter().flatten().map(|texture| texture.texture.texels.len()).sum::<usize>() + 256
+}
+
+impl Pool<'_> {
+    /// Applies the pool's scale, centre, mass and licence to an object as the source read it, and checks its size.
+    fn normalise(&self, object: Object) -> Result<Object> {
+        let options = self.options;
+        if options.single_part_only {
+            let parts = object.mesh.parts();
+            if parts > 1 {
+                return Err(Error::new(format!("it consists of {parts} separate parts"))
+                    .help("single_part_only = false accepts it as one rigid body"));
+            }
+        }
+        let bounds = object.mesh.bounds();
+        let longest = bounds.size().max();
+        let scale = options.longest_side_m.map_or(options.scale, |wanted| wanted / longest);
+        let centre = bounds.centre();
+        let offset = match options.centre {
+            Centre::Bounds => -centre.coords,
+            Centre::Bottom => -Point3::new(centre.x, centre.y, bounds.min.z).coords,
+            Centre::None => Vector3::zeros(),
+        };
+        let mass = match (options.mass_kg, options.density_kg_m3) {
+            (Some(mass), _) => mass,
+            (None, Some(density)) => {
+                let volume = object.mesh.signed_volume().abs() * scale.powi(3);
+                let volume = if volume > 0.0 { volume } else { bounds.size().product().abs() * scale.powi(3) };
+                (volume * density).max(1e-4)
+            }
+            (None, None) => object.mass_kg * scale.powi(3),
+        };
+        let untouched = scale == 1.0 && offset.norm() == 0.0;
+        let mesh = if untouched {
+            Arc::clone(&object.mesh)
+        } else {
+            Arc::new(object.mesh.transformed(offset, scale)?)
+        };
+        let collision = object.collision.as_ref().map(|parts| {
+            let moved = |p: &[f32; 3]| std::array::from_fn(|i| ((f64::from(p[i]) + offset[i]) * scale) as f32);
+            Arc::new(parts.iter().map(|part| part.iter().map(moved).collect()).collect())
+        });
+        let digest = Hasher::new("pooled object")
+            .digest(object.digest)
+            .number(scale)
+            .number(offset.x)
+            .number(offset.y)
+            .number(offset.z)
+            .number(mass)
+            .finish();
+        let licence = options.licence.clone().unwrap_or(object.licence);
+        let object = Object { mesh, collision, mass_kg: mass, digest, licence, ..object };
+        object.check_extent()?;
+        Ok(object)
+    }
+}
+
+/// A log that names the asset.
+struct Named<'a> {
+    asset: &'a AssetRef,
+    log: &'a dyn Log,
+}
+
+impl Log for Named<'_> {
+    fn warn(&self, warning: &Error) {
+        self.log.warn(&warning.clone().context(format!("asset {}", self.asset)));
+    }
+}
+
+/// The class of assets that a pool gives, for messages.
+pub fn class_of(recipe: &Recipe, pool: &str) -> Option<AssetClass> {
+    recipe.assets.get(pool).map(|pool| pool.source.class())
+}

@@ -1,0 +1,233 @@
+//! What a run tells while it works, and how it is shown: on a terminal, as plain lines, or as JSON lines.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use std::io::Write;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+use syntable_model::error::Error;
+
+/// Something that happened in a run.
+#[derive(Debug, Clone, Serialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// The run begins.
+    Started {
+        /// Where the dataset is written.
+        out: String,
+        /// Scenes that this run is to make.
+        scenes: u32,
+        /// Views of each.
+        views_per_scene: u32,
+        /// Scenes of this run that were done before.
+        resumed: u32,
+        /// Threads.
+        threads: usize,
+    },
+    /// An image was rendered and annotated.
+    Image {
+        /// Its scene.
+        scene: u32,
+        /// Its view.
+        view: u32,
+    },
+    /// A scene is done.
+    Scene {
+        /// The scene.
+        scene: u32,
+        /// Objects on the table.
+        objects: u32,
+        /// Objects that were taken out, and bodies that were dropped again.
+        removed: u32,
+    },
+    /// An attempt at a scene failed.
+    Attempt {
+        /// The scene.
+        scene: u32,
+        /// The attempt, from 0.
+        attempt: u32,
+        /// Why.
+        error: String,
+        /// Whether it was the last.
+        last: bool,
+    },
+    /// Something is not as it should be.
+    Warning {
+        /// What.
+        message: String,
+    },
+    /// The run ends.
+    Finished {
+        /// Where the dataset is.
+        out: String,
+        /// Scenes in the dataset.
+        scenes: u32,
+        /// Scenes that failed.
+        failed: u32,
+        /// Images in the dataset.
+        images: u32,
+        /// Images that this run made.
+        made: u32,
+        /// How long the run took, s.
+        seconds: f64,
+    },
+}
+
+/// Shows events.
+pub trait Reporter: Send + Sync {
+    /// Shows one event. Events come from several threads.
+    fn event(&self, event: &Event);
+}
+
+/// Shows nothing.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Quiet;
+impl Reporter for Quiet {
+    fn event(&self, _: &Event) {}
+}
+
+/// One JSON object a line on standard error, with the seconds since the start.
+pub struct JsonLines(Instant);
+
+impl Default for JsonLines {
+    fn default() -> Self {
+        Self(Instant::now())
+    }
+}
+
+impl Reporter for JsonLines {
+    fn event(&self, event: &Event) {
+        #[derive(Serialize)]
+        struct Timed<'a> {
+            seconds: f64,
+            #[serde(flatten)]
+            event: &'a Event,
+        }
+        let seconds = (self.0.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
+        let line = serde_json::to_string(&Timed { seconds, event }).expect("events are plain data");
+        // A closed pipe must not end the run.
+        let _ = writeln!(std::io::stderr(), "{line}");
+    }
+}
+
+/// For people: a progress line on a terminal, and plain lines.
+pub struct Human {
+    bar: Option<ProgressBar>,
+    state: Mutex<State>,
+}
+
+#[derive(Clone, Copy)]
+struct State {
+    start: Instant,
+    said: Instant,
+    images: u64,
+    total: u64,
+    scenes: u32,
+    scenes_total: u32,
+}
+
+impl Human {
+    /// A progress line if `terminal`, else a plain line now and then.
+    pub fn new(terminal: bool) -> Self {
+        let bar = terminal.then(|| {
+            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+            bar.set_style(
+                ProgressStyle::with_template("{bar:32} {pos}/{len} images  {msg}")
+                    .unwrap_or_else(|_| ProgressStyle::default_bar()),
+            );
+            bar.enable_steady_tick(Duration::from_millis(500));
+            bar
+        });
+        let now = Instant::now();
+        let state = State { start: now, said: now, images: 0, total: 0, scenes: 0, scenes_total: 0 };
+        Self { bar, state: Mutex::new(state) }
+    }
+
+    fn say(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+}
+
+impl State {
+    fn pace(&self) -> String {
+        let seconds = self.start.elapsed().as_secs_f64();
+        let scenes = format!("scene {}/{}", self.scenes, self.scenes_total);
+        if self.images == 0 || seconds <= 0.0 {
+            return scenes;
+        }
+        let per_second = self.images as f64 / seconds;
+        let left = Duration::from_secs_f64((self.total.saturating_sub(self.images)) as f64 / per_second);
+        format!("{scenes}  {:.0} images/h  {} left", per_second * 3600.0, clock(left))
+    }
+}
+
+/// A duration for people: `42 s`, `3 min 5 s`, `2 h 10 min`.
+pub fn clock(duration: Duration) -> String {
+    let seconds = duration.as_secs_f64().round() as u64;
+    match (seconds / 3600, seconds / 60 % 60, seconds % 60) {
+        (0, 0, s) => format!("{s} s"),
+        (0, m, s) => format!("{m} min {s} s"),
+        (h, m, _) => format!("{h} h {m} min"),
+    }
+}
+
+impl Reporter for Human {
+    fn event(&self, event: &Event) {
+        let mut state = self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        match event {
+            Event::Started { out, scenes, views_per_scene, resumed, threads } => {
+                state.start = Instant::now();
+                state.scenes_total = scenes - resumed;
+                state.total = u64::from(state.scenes_total) * u64::from(*views_per_scene);
+                let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
+                self.say(&format!("{scenes} scenes × {views_per_scene} views{done}, {threads} threads → {out}"));
+                if let Some(bar) = &self.bar {
+                    bar.set_length(state.total);
+                }
+            }
+            Event::Image { .. } => {
+                state.images += 1;
+                let pace = state.pace();
+                if let Some(bar) = &self.bar {
+                    bar.set_position(state.images);
+                    bar.set_message(pace);
+                } else if state.images == 1 || state.said.elapsed() > Duration::from_secs(10) {
+                    state.said = Instant::now();
+                    eprintln!("{}/{} images  {pace}", state.images, state.total);
+                }
+            }
+            Event::Scene { .. } => {
+                state.scenes += 1;
+                if let Some(bar) = &self.bar {
+                    bar.set_message(state.pace());
+                }
+            }
+            Event::Attempt { scene, attempt, error, last } => {
+                let then = if *last { "given up" } else { "trying again" };
+                self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));
+            }
+            Event::Warning { message } => self.say(&format!("warning: {message}")),
+            Event::Finished { out, scenes, failed, images, made, seconds } => {
+                if let Some(bar) = &self.bar {
+                    bar.finish_and_clear();
+                }
+                let failures = if *failed > 0 { format!(", {failed} scenes failed") } else { String::new() };
+                let time = clock(Duration::from_secs_f64(*seconds));
+                eprintln!("made {made} images in {time}; the dataset has {scenes} scenes, {images} images{failures}");
+                println!("{out}");
+            }
+        }
+    }
+}
+
+/// A log that turns warnings into events.
+pub struct Warnings<'a>(pub &'a dyn Reporter);
+
+impl syntable_model::context::Log for Warnings<'_> {
+    fn warn(&self, warning: &Error) {
+        self.0.event(&Event::Warning { message: warning.to_string() });
+    }
+}
