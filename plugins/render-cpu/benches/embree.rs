@@ -5,10 +5,10 @@
 
 mod common;
 
-use std::{ffi::c_void, ptr::null_mut};
+use std::{ffi::c_void, ptr::null_mut, sync::Arc};
 
 use common::{Class, Object};
-use syntable_render_cpu::bvh::{Ray, SceneBvh};
+use syntable_render_cpu::bvh::{IDENTITY, Instance, MeshBvh, Ray, SceneBvh};
 
 /// Hand-written declarations of the few calls used; layouts as in `rtcore_ray.h`.
 mod ffi {
@@ -118,6 +118,23 @@ impl Embree {
     }
 }
 
+/// All objects in one mesh, in world coordinates.
+fn merged(objects: &[Object]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for object in objects {
+        let base = positions.len() as u32;
+        positions.extend(object.world_positions());
+        triangles.extend(object.triangles.iter().map(|t| t.map(|i| i + base)));
+    }
+    (positions, triangles)
+}
+
+/// One mesh as a scene.
+fn flat(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> SceneBvh {
+    let mesh = Arc::new(MeshBvh::build(positions, triangles));
+    SceneBvh::build([Instance { world_from_object: IDENTITY, mesh, id: 0 }])
+}
+
 /// Hits and the sum of their distances.
 type Tally = (usize, f64);
 
@@ -207,9 +224,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn main() {
     let repeats = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(5);
     let objects = common::objects();
-    let (positions, triangles) = common::merged(&objects);
+    let (positions, triangles) = merged(&objects);
     let clock = std::time::Instant::now();
-    let flat = common::flat(&positions, &triangles);
+    let flat = flat(&positions, &triangles);
     println!("{} triangles; our flat tree took {:?}", triangles.len(), clock.elapsed());
     let clock = std::time::Instant::now();
     let instanced = common::instanced(&objects);

@@ -104,23 +104,6 @@ pub fn instanced(objects: &[Object]) -> SceneBvh {
     }))
 }
 
-/// All objects in one mesh, in world coordinates.
-pub fn merged(objects: &[Object]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for object in objects {
-        let base = positions.len() as u32;
-        positions.extend(object.world_positions());
-        triangles.extend(object.triangles.iter().map(|t| t.map(|i| i + base)));
-    }
-    (positions, triangles)
-}
-
-/// One mesh as a scene.
-pub fn flat(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> SceneBvh {
-    let mesh = Arc::new(MeshBvh::build(positions, triangles));
-    SceneBvh::build([Instance { world_from_object: IDENTITY, mesh, id: 0 }])
-}
-
 /// A named set of rays; shadow rays end at distance 1.
 pub struct Class {
     pub name: &'static str,
@@ -131,7 +114,7 @@ pub struct Class {
 /// Camera rays of a `width × height` picture in pixel order, `samples` jittered per pixel.
 pub fn primary(width: usize, height: usize, samples: usize) -> Vec<Ray> {
     let mut random = Random(2);
-    let eye = [0.9, -0.7, 1.5];
+    let eye = [0.55, -0.45, 1.3];
     let ahead = unit(sub([0.0, 0.0, 0.76], eye));
     let right = unit(cross(ahead, [0.0, 0.0, 1.0]));
     let up = cross(right, ahead);

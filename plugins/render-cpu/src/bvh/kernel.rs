@@ -15,7 +15,7 @@ pub(super) trait Task {
     unsafe fn run<L: Lanes>(self) -> Self::Out;
 }
 
-/// Which lanes to use; an `Avx2` only exists where the CPU has it.
+/// Which lanes to use; an `Avx2` only exists where the CPU has it and FMA.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kernel {
     Portable,
@@ -27,7 +27,7 @@ impl Kernel {
     /// The fastest this CPU has.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
             return Self::Avx2;
         }
         Self::Portable
@@ -37,9 +37,9 @@ impl Kernel {
     #[inline]
     pub fn run<T: Task>(self, task: T) -> T::Out {
         #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2")]
+        #[target_feature(enable = "avx2,fma")]
         fn with_avx2<T: Task>(task: T) -> T::Out {
-            // SAFETY: this function is compiled, and only called, for CPUs with AVX2.
+            // SAFETY: this function is compiled, and only called, for CPUs with AVX2 and FMA.
             unsafe { task.run::<Avx2>() }
         }
         match self {

@@ -1,7 +1,7 @@
 //! Eight lanes of `f32` arithmetic, once portable and once in AVX2.
 //!
-//! The walks are written once against [`Lanes`]. Every operation rounds once and none is fused, so
-//! both kinds give the same bits. `min` and `max` follow the x86 rule: the second operand wins
+//! The walks are written once against [`Lanes`]. Every operation rounds once, fused exactly where
+//! `mul_add` is called, so both kinds give the same bits. `min` and `max` follow the x86 rule: the second operand wins
 //! unless the comparison holds, so a NaN in either gives the second.
 
 use super::wide::{Column, WIDTH};
@@ -21,6 +21,8 @@ pub(super) unsafe trait Lanes: Copy {
     unsafe fn sub(a: Self::V, b: Self::V) -> Self::V;
     unsafe fn mul(a: Self::V, b: Self::V) -> Self::V;
     unsafe fn div(a: Self::V, b: Self::V) -> Self::V;
+    /// `a * b + c`, rounded once.
+    unsafe fn mul_add(a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `a < b ? a : b`.
     unsafe fn min(a: Self::V, b: Self::V) -> Self::V;
     /// `a > b ? a : b`.
@@ -35,7 +37,7 @@ pub(super) unsafe trait Lanes: Copy {
     unsafe fn bits(mask: Self::V) -> u32;
 }
 
-/// Plain Rust, for every CPU.
+/// Plain Rust, for every CPU; slow on x86 CPUs older than FMA, where `mul_add` is a library call.
 #[derive(Clone, Copy)]
 pub(super) struct Portable;
 
@@ -91,6 +93,14 @@ unsafe impl Lanes for Portable {
         zip(a, b, |a, b| a / b)
     }
     #[inline(always)]
+    unsafe fn mul_add(a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        let mut out = c;
+        for i in 0..WIDTH {
+            out[i] = a[i].mul_add(b[i], c[i]);
+        }
+        out
+    }
+    #[inline(always)]
     unsafe fn min(a: Self::V, b: Self::V) -> Self::V {
         zip(a, b, |a, b| if a < b { a } else { b })
     }
@@ -104,7 +114,7 @@ unsafe impl Lanes for Portable {
     }
     #[inline(always)]
     unsafe fn differ(a: Self::V, b: Self::V) -> Self::V {
-        zip(a, b, |a, b| mask(a < b || a > b))
+        zip(a, b, |a, b| mask(a.partial_cmp(&b).is_some_and(|order| order.is_ne())))
     }
     #[inline(always)]
     unsafe fn and(a: Self::V, b: Self::V) -> Self::V {
@@ -120,7 +130,7 @@ unsafe impl Lanes for Portable {
     }
 }
 
-/// AVX2, which the caller must have detected. The methods carry no `target_feature` of their own:
+/// AVX2 and FMA, which the caller must have detected. The methods carry no `target_feature` of their own:
 /// they are inlined into functions that do, which is what lets the walks stay generic.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy)]
@@ -132,7 +142,7 @@ mod avx2 {
 
     use super::{Avx2, Column, Lanes};
 
-    // SAFETY: the trait asks callers for a CPU with AVX2, which is all these intrinsics need, and
+    // SAFETY: the trait asks callers for a CPU with AVX2 and FMA, which is all these intrinsics need, and
     // a `Column` is 32-byte aligned.
     unsafe impl Lanes for Avx2 {
         type V = __m256;
@@ -173,6 +183,11 @@ mod avx2 {
         unsafe fn div(a: __m256, b: __m256) -> __m256 {
             // SAFETY: as above.
             unsafe { _mm256_div_ps(a, b) }
+        }
+        #[inline(always)]
+        unsafe fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
+            // SAFETY: as above.
+            unsafe { _mm256_fmadd_ps(a, b, c) }
         }
         #[inline(always)]
         unsafe fn min(a: __m256, b: __m256) -> __m256 {

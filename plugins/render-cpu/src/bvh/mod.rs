@@ -4,7 +4,7 @@
 //! any number of times in a [`SceneBvh`], and ask that for first hits, shadows, or the first hit in
 //! every instance. Module by module: `wide` is the tree, `build` makes it, `ray` is what a walk
 //! precomputes, `lanes` the arithmetic, `walk` the traversal and triangle test, `query` the
-//! questions, `kernel` the choice of instruction set.
+//! questions, `frustum` what rules out boxes for a whole tile, `kernel` the choice of instruction set.
 
 mod build;
 mod frustum;

@@ -5,9 +5,9 @@ use super::{
     frustum::Frustum,
     kernel::Task,
     lanes::Lanes,
-    ray::{BAND, PLACED_BAND, Prepared, transform_ray},
-    scene::{Placed, SceneBvh},
-    walk::{self, Candidate, Sink},
+    ray::{PLACED_BAND, Slab, transform_ray},
+    scene::SceneBvh,
+    walk::{self, Candidate, Sink, Visit},
     wide::{Link, Node, WIDTH},
 };
 
@@ -26,19 +26,11 @@ impl<F: Fn(&Hit) -> bool> Task for Closest<'_, F> {
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> Option<Hit> {
         let Self { scene, ray, from, to, keep } = self;
-        let world = Prepared::new(ray, scene.reach, PLACED_BAND)?;
-        let mut nearest = Nearest::new(to, keep);
-        let visit = |nearest: &mut Nearest<F>, instance: usize, near: f32| {
-            nearest.instance = instance as u32;
-            // SAFETY: links of the top level are instances; the caller vouches for the CPU.
-            unsafe {
-                let placed = scene.instances.get_unchecked(instance);
-                enter::<L, true, _>(placed, ray, from, near, nearest)
-            }
-        };
+        let slab = Slab::new(ray, scene.reach, PLACED_BAND)?;
+        let mut visit = Instances::<_, true> { scene, ray, from, sink: Nearest::new(to, keep) };
         // SAFETY: the caller vouches for the CPU, `SceneBvh::build` for the tree.
-        unsafe { walk::leaves::<L, true, _>(&scene.nodes, &world, from, &mut nearest, Sink::limit, visit) };
-        nearest.found()
+        unsafe { walk::leaves::<L, true>(&scene.nodes, &slab, from, &mut visit) };
+        visit.sink.found()
     }
 }
 
@@ -57,18 +49,36 @@ impl<F: Fn(&Hit) -> bool> Task for Any<'_, F> {
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> bool {
         let Self { scene, ray, from, to, keep } = self;
-        let Some(world) = Prepared::new(ray, scene.reach, PLACED_BAND) else { return false };
-        let mut first = First { to, instance: 0, keep };
-        let visit = |first: &mut First<F>, instance: usize, near: f32| {
-            first.instance = instance as u32;
-            // SAFETY: as in `Closest`.
-            unsafe {
-                let placed = scene.instances.get_unchecked(instance);
-                enter::<L, true, _>(placed, ray, from, near, first)
-            }
-        };
+        let Some(slab) = Slab::new(ray, scene.reach, PLACED_BAND) else { return false };
+        let mut visit = Instances::<_, false> { scene, ray, from, sink: First { to, instance: 0, keep } };
         // SAFETY: as in `Closest`.
-        unsafe { walk::leaves::<L, true, _>(&scene.nodes, &world, from, &mut first, Sink::limit, visit) }
+        unsafe { walk::leaves::<L, false>(&scene.nodes, &slab, from, &mut visit) }
+    }
+}
+
+/// Walks every instance met, all into one sink.
+struct Instances<'a, S, const SORT: bool> {
+    scene: &'a SceneBvh,
+    ray: &'a Ray,
+    from: f32,
+    sink: S,
+}
+
+impl<S: SceneSink, const SORT: bool> Visit for Instances<'_, S, SORT> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.sink.limit()
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<L: Lanes>(&mut self, instance: usize, near: f32) -> bool {
+        self.sink.enter(instance as u32);
+        // SAFETY: leaves of the top level are instances; the caller vouches for the CPU.
+        unsafe {
+            let placed = self.scene.instances.get_unchecked(instance);
+            let ray = transform_ray(&placed.object_from_world, self.ray);
+            placed.mesh.walk::<L, SORT, S>(&ray, self.from, near, &mut self.sink)
+        }
     }
 }
 
@@ -86,16 +96,27 @@ impl<F: FnMut(Hit)> Task for All<'_, F> {
 
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
-        let Self { scene, ray, from, to, mut visit } = self;
-        let Some(world) = Prepared::new(ray, scene.reach, PLACED_BAND) else { return };
-        let each = |_: &mut (), instance: usize, near: f32| {
-            // SAFETY: as in `Closest`.
-            let hit = unsafe { within::<L>(scene, instance, ray, from, to, near) };
-            hit.into_iter().for_each(&mut visit);
-            false
-        };
+        let Some(slab) = Slab::new(self.ray, self.scene.reach, PLACED_BAND) else { return };
+        let (nodes, from) = (&self.scene.nodes, self.from);
         // SAFETY: as in `Closest`.
-        unsafe { walk::leaves::<L, false, _>(&scene.nodes, &world, from, &mut (), |_| to, each) };
+        unsafe { walk::leaves::<L, false>(nodes, &slab, from, &mut { self }) };
+    }
+}
+
+impl<F: FnMut(Hit)> Visit for All<'_, F> {
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        self.to
+    }
+
+    #[inline(always)]
+    unsafe fn leaf<L: Lanes>(&mut self, instance: usize, near: f32) -> bool {
+        // SAFETY: as in `Instances`.
+        let hit = unsafe { within::<L>(self.scene, instance, self.ray, self.from, self.to, near) };
+        if let Some(hit) = hit {
+            (self.visit)(hit);
+        }
+        false
     }
 }
 
@@ -140,9 +161,9 @@ impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
             return;
         }
         for (number, ray) in rays.iter().enumerate() {
-            let Some(world) = Prepared::new(ray, scene.reach, PLACED_BAND) else { continue };
+            let Some(slab) = Slab::new(ray, scene.reach, PLACED_BAND) else { continue };
             // SAFETY: the caller vouches for the CPU.
-            let slabs = unsafe { walk::Slabs::<L>::new(&world, from) };
+            let slabs = unsafe { walk::Slabs::<L>::new(&slab, from) };
             for node in &nodes {
                 // SAFETY: as above; a link that a ray meets is an instance.
                 unsafe {
@@ -152,7 +173,9 @@ impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
                         hits &= hits - 1;
                         let instance = node.links[slot].index();
                         let hit = within::<L>(scene, instance, ray, from, to, near.0[slot]);
-                        hit.into_iter().for_each(|hit| visit(number, hit));
+                        if let Some(hit) = hit {
+                            visit(number, hit);
+                        }
                     }
                 }
             }
@@ -171,29 +194,15 @@ unsafe fn within<L: Lanes>(scene: &SceneBvh, instance: usize, ray: &Ray, from: f
     // SAFETY: the caller's promises.
     unsafe {
         let placed = scene.instances.get_unchecked(instance);
-        enter::<L, true, _>(placed, ray, from, near, &mut nearest);
+        let ray = transform_ray(&placed.object_from_world, ray);
+        placed.mesh.walk::<L, true, _>(&ray, from, near, &mut nearest);
     }
     nearest.found()
 }
 
-/// Walks one instance in its own frame.
-///
-/// # Safety
-/// The CPU has the features of `L`.
-#[inline(always)]
-unsafe fn enter<L: Lanes, const SORT: bool, S: Sink>(
-    placed: &Placed,
-    ray: &Ray,
-    from: f32,
-    near: f32,
-    sink: &mut S,
-) -> bool {
-    let ray = transform_ray(&placed.object_from_world, ray);
-    match Prepared::new(&ray, placed.mesh.reach, BAND) {
-        // SAFETY: the caller vouches for the CPU; the ray was prepared for this mesh.
-        Some(ray) => unsafe { placed.mesh.walk::<L, SORT, S>(&ray, from, near, sink) },
-        None => false,
-    }
+/// A sink that is told which instance the next hits are in.
+trait SceneSink: Sink {
+    fn enter(&mut self, instance: u32);
 }
 
 /// Keeps the best hit.
@@ -238,6 +247,13 @@ impl<F: Fn(&Hit) -> bool> Sink for Nearest<F> {
     }
 }
 
+impl<F: Fn(&Hit) -> bool> SceneSink for Nearest<F> {
+    #[inline(always)]
+    fn enter(&mut self, instance: u32) {
+        self.instance = instance;
+    }
+}
+
 /// Stops at any hit.
 struct First<F> {
     to: f32,
@@ -255,5 +271,12 @@ impl<F: Fn(&Hit) -> bool> Sink for First<F> {
     fn offer(&mut self, candidate: Candidate) -> bool {
         let Candidate { t, u, v, primitive } = candidate;
         (self.keep)(&Hit { t, u, v, primitive, instance: self.instance })
+    }
+}
+
+impl<F: Fn(&Hit) -> bool> SceneSink for First<F> {
+    #[inline(always)]
+    fn enter(&mut self, instance: u32) {
+        self.instance = instance;
     }
 }

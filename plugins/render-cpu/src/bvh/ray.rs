@@ -17,59 +17,70 @@ const FLATTEST: f32 = 1e-12;
 /// Directions whose every component is below this count as zero; keeps reciprocals finite.
 const SHORTEST: f32 = 1e-24;
 
-/// A ray ready for slab tests and for sheared triangle tests, in one frame.
+/// A ray ready to be tested against boxes, in one frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Prepared {
-    pub origin: [f32; 3],
-    /// Origins for the near and far planes, moved by the error band so that boxes grow.
-    pub near_origin: [f32; 3],
-    pub far_origin: [f32; 3],
+pub(super) struct Slab {
     /// 1 / direction, finite.
     pub inverse: [f32; 3],
-    /// Which of a node's planes is near, per axis; the far one is `near ^ 1`.
-    pub near: [usize; 3],
-    /// Axes of the sheared frame: the last is the direction's largest.
-    pub axes: [usize; 3],
-    /// x and y per unit of z along the ray, and ray parameter per unit of z.
-    pub shear: [f32; 3],
+    /// A plane at `p` is met at `p · inverse + shift`. The shifts for near and far planes differ by
+    /// the error band, so that boxes grow.
+    pub near_shift: [f32; 3],
+    pub far_shift: [f32; 3],
+    /// 1 where the direction is negative, so that the high plane is the near one; else 0.
+    pub negative: [usize; 3],
 }
 
-impl Prepared {
+impl Slab {
     /// `None` if the direction is zero or anything is not finite: such a ray hits nothing.
     /// `reach` is the largest absolute coordinate of what will be tested, `band` one of the bands.
     #[inline(always)]
     pub fn new(ray: &Ray, reach: f32, band: f32) -> Option<Self> {
         let (o, d) = (ray.origin, ray.direction);
         let size = each_axis!(a => d[a].abs());
-        let z = if size[0] > size[1] {
-            if size[0] > size[2] { 0 } else { 2 }
-        } else if size[1] > size[2] {
-            1
-        } else {
-            2
-        };
-        let (x, y) = ([1, 2, 0][z], [2, 0, 1][z]);
-        let largest = size[z];
+        let largest = max(max(size[0], size[1]), size[2]);
         let farthest = max(max(o[0].abs(), o[1].abs()), o[2].abs());
         let band = (farthest + reach) * band;
         // Negated so that a NaN fails it too; the sum bounds every number used below.
-        let sum = size[0] + size[1] + size[2] + o[0].abs() + o[1].abs() + o[2].abs() + band;
+        let sum = (size[0] + size[1] + size[2]) + (o[0].abs() + o[1].abs() + o[2].abs()) + band;
         if !(largest >= SHORTEST && sum <= f32::MAX) {
             return None;
         }
         let flattest = largest * FLATTEST;
-        let inverse = each_axis!(a => 1.0 / max(size[a], flattest).copysign(d[a]));
-        let along = 1.0 / d[z];
         let sign = each_axis!(a => band.copysign(d[a]));
+        let inverse = each_axis!(a => 1.0 / max(size[a], flattest).copysign(d[a]));
         Some(Self {
-            origin: o,
-            near_origin: each_axis!(a => o[a] + sign[a]),
-            far_origin: each_axis!(a => o[a] - sign[a]),
             inverse,
-            near: each_axis!(a => 2 * a + usize::from(d[a].is_sign_negative())),
-            axes: [x, y, z],
-            shear: [d[x] * along, d[y] * along, along],
+            near_shift: each_axis!(a => -(o[a] + sign[a]) * inverse[a]),
+            far_shift: each_axis!(a => (sign[a] - o[a]) * inverse[a]),
+            negative: each_axis!(a => (d[a].to_bits() >> 31) as usize),
         })
+    }
+}
+
+/// A ray ready to be tested against triangles: the frame in which it runs along z.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shear {
+    pub origin: [f32; 3],
+    /// Axes of the sheared frame, each below 3; the last is the direction's largest.
+    pub axes: [usize; 3],
+    /// Minus x and y per unit of z along the ray, and ray parameter per unit of z.
+    pub shear: [f32; 3],
+}
+
+impl Shear {
+    /// For a ray of which a [`Slab`] could be made.
+    #[inline(always)]
+    pub fn new(ray: &Ray) -> Self {
+        let d = &ray.direction;
+        let size = each_axis!(a => d[a].abs());
+        let first = usize::from(size[1] > size[0]);
+        let z = if size[2] > max(size[0], size[1]) { 2 } else { first };
+        // The next two axes, looked up in the bits of two small tables.
+        let (x, y) = (0b00_10_01 >> (2 * z) & 3, 0b01_00_10 >> (2 * z) & 3);
+        // SAFETY: z is at most 2, and the tables hold nothing above it.
+        let [dx, dy, dz] = unsafe { [*d.get_unchecked(x), *d.get_unchecked(y), *d.get_unchecked(z)] };
+        let along = 1.0 / dz;
+        Self { origin: ray.origin, axes: [x, y, z], shear: [-dx * along, -dy * along, along] }
     }
 }
 

@@ -117,7 +117,7 @@ impl SceneBvh {
     }
 
     /// [`Self::all_instances`] for every ray of a tile: `visit` also gets the ray's position in
-    /// `rays`. Much faster than ray by ray when the rays share an origin and are close together.
+    /// `rays`. A little faster than ray by ray when the rays share an origin and are close together.
     #[inline]
     pub fn all_instances_tile(&self, rays: &[Ray], from: f32, to: f32, visit: impl FnMut(usize, Hit)) {
         self.kernel.run(Tile { scene: self, rays, from: forward(from), to, visit });

@@ -3,8 +3,8 @@
 //! Boxes are tested with the plane columns picked by the ray's signs, and grown by the ray's error
 //! band. Triangles are tested in the ray's sheared frame (Woop, Benthin and Wald, "Watertight
 //! Ray/Triangle Intersection", 2013): shared corners shear to the same point and, products being
-//! rounded monotonically and never fused, an edge function is either right in sign or zero, and
-//! zero counts as inside. So no ray passes between two triangles that share an edge or a corner.
+//! rounded monotonically and not fused there, an edge function is either right in sign or zero; zeros
+//! are settled in `f64`, where the products are exact, and count as inside if they stay. So no ray passes between two triangles that share an edge or a corner.
 //!
 //! Results do not depend on the order of the walk. A hit's distance is never less than the near
 //! distance of its leaf's box (it is raised to it where rounding says otherwise), so a box is only
@@ -12,7 +12,7 @@
 
 use super::{
     lanes::Lanes,
-    ray::Prepared,
+    ray::{Shear, Slab},
     wide::{Column, Leaf, Link, Node, Nodes, STACK, WIDTH},
 };
 
@@ -57,26 +57,30 @@ pub(super) trait Sink {
 
 /// A ray spread over the lanes, ready to be tested against the boxes of nodes.
 pub(super) struct Slabs<L: Lanes> {
-    near_origin: [L::V; 3],
-    far_origin: [L::V; 3],
     inverse: [L::V; 3],
+    near_shift: [L::V; 3],
+    far_shift: [L::V; 3],
     from: L::V,
+    /// Byte offsets of the near and far planes in a node.
     near: [usize; 3],
+    far: [usize; 3],
 }
 
 impl<L: Lanes> Slabs<L> {
     /// # Safety
     /// The CPU has the features of `L`.
     #[inline(always)]
-    pub unsafe fn new(ray: &Prepared, from: f32) -> Self {
+    pub unsafe fn new(slab: &Slab, from: f32) -> Self {
+        const PLANE: usize = size_of::<Column>();
         // SAFETY: the caller's promise.
         unsafe {
             Self {
-                near_origin: each_axis!(a => L::splat(ray.near_origin[a])),
-                far_origin: each_axis!(a => L::splat(ray.far_origin[a])),
-                inverse: each_axis!(a => L::splat(ray.inverse[a])),
+                inverse: each_axis!(a => L::splat(slab.inverse[a])),
+                near_shift: each_axis!(a => L::splat(slab.near_shift[a])),
+                far_shift: each_axis!(a => L::splat(slab.far_shift[a])),
                 from: L::splat(from),
-                near: ray.near,
+                near: each_axis!(a => (2 * a + slab.negative[a]) * PLANE),
+                far: each_axis!(a => (2 * a + 1 - slab.negative[a]) * PLANE),
             }
         }
     }
@@ -87,15 +91,16 @@ impl<L: Lanes> Slabs<L> {
     /// The CPU has the features of `L`.
     #[inline(always)]
     pub unsafe fn test(&self, node: &Node, to: f32) -> (u32, Column) {
-        // SAFETY: the caller's promise; `Prepared::near` is below 6, and so is any of its pairs.
+        let planes: *const Column = node.planes.as_ptr();
+        // SAFETY: the caller's promise; the offsets are those of the node's six planes.
         unsafe {
             let near = each_axis!(a => {
-                let plane = L::load(node.planes.get_unchecked(self.near[a]));
-                L::mul(L::sub(plane, self.near_origin[a]), self.inverse[a])
+                let plane = L::load(&*planes.byte_add(self.near[a]));
+                L::mul_add(plane, self.inverse[a], self.near_shift[a])
             });
             let far = each_axis!(a => {
-                let plane = L::load(node.planes.get_unchecked(self.near[a] ^ 1));
-                L::mul(L::sub(plane, self.far_origin[a]), self.inverse[a])
+                let plane = L::load(&*planes.byte_add(self.far[a]));
+                L::mul_add(plane, self.inverse[a], self.far_shift[a])
             });
             let enter = L::max(L::max(near[0], near[1]), L::max(near[2], self.from));
             let leave = L::min(L::min(far[0], far[1]), L::min(far[2], L::splat(to)));
@@ -104,26 +109,38 @@ impl<L: Lanes> Slabs<L> {
     }
 }
 
-/// Visits the leaves of `nodes` that the ray meets in `[from, limit]`, near ones first if `SORT`.
-/// `visit` gets the leaf number, the near distance of its box and the current limit's owner, and
-/// ends the walk by returning true; so does this function then.
+/// Does something with the leaves that a walk comes to. A trait rather than closures: a closure
+/// would be compiled without the CPU features of the function around it.
+pub(super) trait Visit {
+    /// Boxes farther than this are of no interest; equal ones are.
+    fn limit(&self) -> f32;
+
+    /// Visits a leaf, given its number and the near distance of its box; true ends the walk.
+    /// Implementations are `#[inline(always)]`.
+    ///
+    /// # Safety
+    /// The CPU has the features of `L`; the leaf is one of the tree the visitor was made for.
+    unsafe fn leaf<L: Lanes>(&mut self, leaf: usize, near: f32) -> bool;
+}
+
+/// Visits the leaves of `nodes` that the ray meets in `[from, limit]`, near ones first if `SORT`;
+/// true if the visitor ended the walk.
 ///
 /// # Safety
-/// The CPU has the features of `L`, and `nodes` is as [`Nodes::validate`] wants it.
+/// The CPU has the features of `L`, `nodes` is as [`Nodes::validate`] wants it, and `visit` was
+/// made for them.
 #[inline(always)]
-pub(super) unsafe fn leaves<L: Lanes, const SORT: bool, S>(
+pub(super) unsafe fn leaves<L: Lanes, const SORT: bool>(
     nodes: &Nodes,
-    ray: &Prepared,
+    slab: &Slab,
     from: f32,
-    state: &mut S,
-    limit: impl Fn(&S) -> f32,
-    mut visit: impl FnMut(&mut S, usize, f32) -> bool,
+    visit: &mut impl Visit,
 ) -> bool {
     if nodes.root == Link::NONE {
         return false;
     }
     // SAFETY: the caller vouches for the CPU.
-    let slabs = unsafe { Slabs::<L>::new(ray, from) };
+    let slabs = unsafe { Slabs::<L>::new(slab, from) };
     // An entry is the near distance in the upper half and the link in the lower; near distances
     // are at least 0, so entries compare like them.
     let mut stack = [const { std::mem::MaybeUninit::<u64>::uninit() }; STACK];
@@ -131,24 +148,27 @@ pub(super) unsafe fn leaves<L: Lanes, const SORT: bool, S>(
     let (mut link, mut near) = (nodes.root, from);
     loop {
         if link.is_leaf() {
-            if visit(state, link.index(), near) {
+            // SAFETY: the caller's promises.
+            if unsafe { visit.leaf::<L>(link.index(), near) } {
                 return true;
             }
         } else {
             // SAFETY: links are in range by the tree's invariants; the caller vouches for the CPU.
             let node: &Node = unsafe { nodes.list.get_unchecked(link.index()) };
             // SAFETY: the caller vouches for the CPU.
-            let (mut hits, distances) = unsafe { slabs.test(node, limit(state)) };
+            let (mut hits, distances) = unsafe { slabs.test(node, visit.limit()) };
             if hits != 0 {
-                let entry = |hits: u32| {
-                    let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
-                    u64::from(distances.0[slot].to_bits()) << 32 | u64::from(node.links[slot].0)
-                };
-                let mut nearest = entry(hits);
+                let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
                 hits &= hits - 1;
+                if hits == 0 {
+                    (link, near) = (node.links[slot], distances.0[slot]);
+                    continue;
+                }
+                let entry = |slot: usize| u64::from(distances.0[slot].to_bits()) << 32 | u64::from(node.links[slot].0);
+                let mut nearest = entry(slot);
                 let base = height;
                 while hits != 0 {
-                    let mut next = entry(hits);
+                    let mut next = entry(hits.trailing_zeros() as usize & (WIDTH - 1));
                     hits &= hits - 1;
                     if SORT && next < nearest {
                         std::mem::swap(&mut next, &mut nearest);
@@ -182,7 +202,7 @@ pub(super) unsafe fn leaves<L: Lanes, const SORT: bool, S>(
             // SAFETY: entries below the old height are written.
             let entry = unsafe { stack.get_unchecked(height).assume_init() };
             (link, near) = (Link(entry as u32), f32::from_bits((entry >> 32) as u32));
-            if near <= limit(state) {
+            if near <= visit.limit() {
                 break;
             }
         }
@@ -195,8 +215,8 @@ pub(super) unsafe fn leaves<L: Lanes, const SORT: bool, S>(
 /// # Safety
 /// The CPU has the features of `L`.
 #[inline(always)]
-pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Prepared, from: f32, near: f32, sink: &mut impl Sink) -> bool {
-    // SAFETY: the caller vouches for the CPU; `Prepared::axes` are below 3.
+pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink: &mut impl Sink) -> bool {
+    // SAFETY: the caller vouches for the CPU; `Shear::axes` are below 3.
     unsafe {
         let origin = each_axis!(a => L::splat(*ray.origin.get_unchecked(ray.axes[a])));
         let shear = each_axis!(a => L::splat(ray.shear[a]));
@@ -205,8 +225,8 @@ pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Prepared, from: f32, near
                 let column = leaf.corners[corner].get_unchecked(ray.axes[a]);
                 L::sub(L::load(column), origin[a])
             });
-            let x = L::sub(p[0], L::mul(shear[0], p[2]));
-            let y = L::sub(p[1], L::mul(shear[1], p[2]));
+            let x = L::mul_add(shear[0], p[2], p[0]);
+            let y = L::mul_add(shear[1], p[2], p[1]);
             [x, y, p[2]]
         });
         // Twice the signed areas opposite each corner.
@@ -221,11 +241,15 @@ pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Prepared, from: f32, near
         if L::bits(inside) == 0 {
             return false;
         }
+        let on_edge = L::and(inside, L::and(L::le(least, zero), L::le(zero, most)));
+        let on_edge = L::bits(on_edge);
+        let outside =
+            if on_edge == 0 { 0 } else { outside_exactly(on_edge, &[ax, ay, bx, by, cx, cy].map(|v| L::store(v))) };
         let scale = L::div(L::splat(1.0), sum);
-        let depth = L::add(L::add(L::mul(wa, az), L::mul(wb, bz)), L::mul(wc, cz));
+        let depth = L::mul_add(wc, cz, L::mul_add(wb, bz, L::mul(wa, az)));
         let t = L::mul(L::mul(depth, scale), shear[2]);
         let in_range = L::and(L::le(L::splat(from), t), L::le(t, L::splat(sink.limit())));
-        let mut hits = L::bits(L::and(inside, in_range));
+        let mut hits = L::bits(L::and(inside, in_range)) & !outside;
         if hits == 0 {
             return false;
         }
@@ -241,4 +265,19 @@ pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Prepared, from: f32, near
         }
     }
     false
+}
+
+/// Of the lanes in `doubtful`, those where the origin is outside the triangle given by the columns
+/// ax, ay, bx, by, cx, cy. Exact: products of two `f32` fit an `f64`, so signs are right.
+#[cold]
+#[inline(never)]
+fn outside_exactly(doubtful: u32, corners: &[Column; 6]) -> u32 {
+    let mut outside = 0;
+    for lane in (0..WIDTH).filter(|lane| doubtful >> lane & 1 == 1) {
+        let [ax, ay, bx, by, cx, cy] = corners.map(|column| f64::from(column.0[lane]));
+        let weights = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
+        let inside = weights.iter().all(|&w| w >= 0.0) || weights.iter().all(|&w| w <= 0.0);
+        outside |= u32::from(!inside) << lane;
+    }
+    outside
 }
