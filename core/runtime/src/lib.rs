@@ -1,1 +1,9 @@
-//! Recipes, plans, runs and the command line of SynTable.
+//! Recipes, plans, runs and the command line of SynTable. No plugin depends on this crate.
+
+pub mod cache;
+pub mod cli;
+pub mod plan;
+pub mod pools;
+pub mod recipe;
+pub mod run;
+pub mod workers;

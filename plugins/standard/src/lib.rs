@@ -1,1 +1,9 @@
-//! The stock binary: every plugin family, linked.
+//! All stock plugins. Naming this crate links every one of them: `use syntable_standard as _;`
+
+use syntable_annotate as _;
+use syntable_assets as _;
+use syntable_physics as _;
+use syntable_placement as _;
+use syntable_render_cpu as _;
+use syntable_sampling as _;
+use syntable_write as _;

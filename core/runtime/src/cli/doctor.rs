@@ -1,0 +1,65 @@
+//! `syntable doctor`.
+
+use super::list::products;
+use super::{Console, Exit};
+use crate::cache::DiskCache;
+use crate::workers;
+use std::fmt::Write as _;
+use syntable_model::context::Cache;
+use syntable_model::digest::Digest;
+use syntable_model::inspect::inspectors;
+use syntable_model::registry::{Registry, Slot};
+
+pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit> {
+    let mut out = format!("syntable {}\n", env!("CARGO_PKG_VERSION"));
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(out, "  {name:12} {value}");
+    };
+    line("system", format!("{} {}", std::env::consts::OS, std::env::consts::ARCH));
+    line("threads", workers::available().to_string());
+    line("memory", memory());
+    line("ray kernel", kernel().to_owned());
+    let cache = DiskCache::of_user();
+    let probe = Digest::of(b"doctor");
+    cache.put("doctor", probe, b"ok");
+    let works = cache.get("doctor", probe).is_some();
+    let advice = if works { "" } else { " (cannot be written: set SYNTABLE_CACHE to a folder that can)" };
+    line("cache", format!("{}{advice}", cache.root().display()));
+    let kinds: Vec<String> = Slot::ALL
+        .into_iter()
+        .map(|slot| format!("{slot} {}", registry.of_slot(slot).count()))
+        .collect();
+    line("kinds", kinds.join(", "));
+    line("products", products(registry).len().to_string());
+    line("assets", inspectors().iter().map(|inspector| inspector.name).collect::<Vec<_>>().join(", "));
+    let mut crates: Vec<String> =
+        registry.entries().iter().map(|entry| format!("{} {}", entry.crate_name, entry.crate_version)).collect();
+    crates.sort();
+    crates.dedup();
+    line("plugins", if crates.is_empty() { "none: name them in main.rs".into() } else { crates.join(", ") });
+    line("renderers", {
+        let kinds: Vec<&str> = registry.of_slot(Slot::Render).map(|entry| entry.kind).collect();
+        format!("{} (no GPU is needed)", kinds.join(", "))
+    });
+    console.print(&out)
+}
+
+fn kernel() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        return "8 boxes at a time (AVX2)";
+    }
+    "scalar; a processor with AVX2 is several times as fast"
+}
+
+fn memory() -> String {
+    let kib = |name: &str| -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+        let line = text.lines().find(|line| line.starts_with(name))?;
+        line.split_whitespace().nth(1)?.parse().ok()
+    };
+    match (kib("MemTotal:"), kib("MemAvailable:")) {
+        (Some(total), Some(free)) => format!("{:.1} GiB, {:.1} GiB free", total / 1048576.0, free / 1048576.0),
+        _ => "unknown".to_owned(),
+    }
+}

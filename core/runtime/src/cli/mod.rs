@@ -1,0 +1,278 @@
+//! The command line. Only this module prints; everything below returns.
+
+mod check;
+mod doctor;
+mod list;
+mod new;
+mod run;
+
+use crate::recipe::{self, Diagnostic, Overrides, Recipe, Source};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
+
+/// The recipe that runs when none is named.
+pub const QUICKSTART: &str = include_str!("../../../../recipes/quickstart.toml");
+
+/// Makes synthetic datasets for unseen-object amodal instance segmentation.
+#[derive(Parser)]
+#[command(
+    name = "syntable",
+    version,
+    after_help = "Examples:
+  syntable run --out data                        a small dataset from embedded objects
+  syntable run recipe.toml --out data            a dataset of your own recipe
+  syntable run recipe.toml --out data            the same again: goes on where it stopped
+  syntable check recipe.toml                     every mistake of a recipe, at once
+  syntable list products                         everything that can be annotated
+
+Exit codes:
+  0  done
+  1  stopped early; what was done is kept, the same command goes on from there
+  2  the recipe, an option or an asset is wrong; nothing was made
+  3  done, but some scenes failed; the journal says why"
+)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+    /// How to tell what happens: for people, or as one JSON object a line on standard error.
+    #[arg(long, global = true, value_enum, default_value_t = LogFormat::Human)]
+    log_format: LogFormat,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum LogFormat {
+    Human,
+    Json,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Make the dataset of a recipe, or go on with it.
+    #[command(after_help = "Examples:
+  syntable run --out data                              the embedded quickstart recipe
+  syntable run recipe.toml --out data --scenes 0..10   its first ten scenes
+  syntable run recipe.toml --out data --set render.samples_per_pixel=16 --seed 3
+  syntable run data/recipe.toml --out again            the same dataset once more")]
+    Run(run::RunArgs),
+    /// Check recipes without running them, or look at one asset.
+    #[command(after_help = "Examples:
+  syntable check recipe.toml
+  syntable check --asset models/mug/model.obj")]
+    Check(check::CheckArgs),
+    /// Show what a recipe computes, for which writer, and at what cost.
+    #[command(after_help = "Example:
+  syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
+    Plan(RecipeArgs),
+    /// Show every kind of stage, or every product, of this binary.
+    #[command(after_help = "Examples:
+  syntable list              all kinds
+  syntable list lights       the kinds of one slot
+  syntable list products     all products")]
+    List(list::ListArgs),
+    /// Print the JSON Schema of recipes, with the kinds of all plugins of this binary.
+    #[command(after_help = "Example:
+  syntable schema > recipe.schema.json     then start a recipe with: #:schema recipe.schema.json")]
+    Schema,
+    /// Start a recipe or a plugin.
+    New(new::NewArgs),
+    /// Look at this machine: threads, memory, instruction sets, cache, linked plugins.
+    Doctor,
+    /// Print a completion script for a shell.
+    #[command(after_help = "Example:
+  syntable completions bash > ~/.local/share/bash-completion/completions/syntable")]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// A recipe and changes to it.
+#[derive(Args)]
+struct RecipeArgs {
+    /// Recipe file; the embedded quickstart recipe if left out.
+    recipe: Option<PathBuf>,
+    /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of all randomness: short for `--set dataset.seed=N`.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Views of every scene: short for `--set dataset.views_per_scene=N`.
+    #[arg(long)]
+    views: Option<u32>,
+}
+
+/// Ends a verb that did not work: what to print, and the exit code.
+struct Exit(u8, Vec<String>);
+
+impl Exit {
+    fn wrong(error: impl ToString) -> Self {
+        Self(2, vec![error.to_string()])
+    }
+
+    fn stopped(error: &Error) -> Self {
+        Self(1, vec![error.to_string()])
+    }
+}
+
+/// Runs the command line of this process with all linked plugins.
+///
+/// The whole `main.rs` of a binary with plugins of its own:
+///
+/// ```ignore
+/// use my_annotators as _; // naming the crate is what links it
+/// use syntable_standard as _;
+///
+/// fn main() -> std::process::ExitCode {
+///     syntable_runtime::cli::main()
+/// }
+/// ```
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let console = Console { format: cli.log_format };
+    let done = match Registry::linked() {
+        Ok(registry) => console.verb(cli.verb, &registry),
+        Err(clash) => Err(Exit::wrong(clash)),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Exit(code, messages)) => {
+            for message in messages {
+                console.error(&message);
+            }
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// The program's help as text, verb by verb, for the reference page.
+pub fn help_pages() -> Vec<(String, String)> {
+    let mut root = Cli::command().term_width(100);
+    root.build();
+    let mut pages = vec![("syntable".to_owned(), root.render_long_help().to_string())];
+    for verb in root.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
+        pages.push((format!("syntable {}", verb.get_name()), verb.render_long_help().to_string()));
+    }
+    pages
+}
+
+/// Where output goes.
+struct Console {
+    format: LogFormat,
+}
+
+impl Console {
+    fn verb(&self, verb: Verb, registry: &Registry) -> Result<(), Exit> {
+        match verb {
+            Verb::Run(args) => run::run(self, registry, &args),
+            Verb::Check(args) => check::check(self, registry, &args),
+            Verb::Plan(args) => run::plan(self, registry, &args),
+            Verb::List(args) => list::list(self, registry, &args),
+            Verb::Schema => {
+                let schema = recipe::schema(registry);
+                self.print(&format!("{}\n", serde_json::to_string_pretty(&schema).expect("a schema is plain data")))
+            }
+            Verb::New(args) => new::new(self, &args),
+            Verb::Doctor => doctor::doctor(self, registry),
+            Verb::Completions { shell } => {
+                let mut script = Vec::new();
+                clap_complete::generate(shell, &mut Cli::command(), "syntable", &mut script);
+                self.print(&String::from_utf8_lossy(&script))
+            }
+        }
+    }
+
+    /// Prints a result. A reader that has gone away is no error.
+    fn print(&self, text: &str) -> Result<(), Exit> {
+        match std::io::stdout().write_all(text.as_bytes()) {
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                Err(Exit::wrong(format!("standard output: {error}")))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn error(&self, message: &str) {
+        match self.format {
+            LogFormat::Human if message.starts_with("error") || message.starts_with("warning") => {
+                eprintln!("{message}");
+            }
+            LogFormat::Human => eprintln!("error: {message}"),
+            LogFormat::Json if message.starts_with('{') => eprintln!("{message}"),
+            LogFormat::Json => eprintln!("{}", serde_json::json!({ "event": "error", "message": message })),
+        }
+    }
+
+    fn warn(&self, warning: &Error) {
+        match self.format {
+            LogFormat::Human => eprintln!("warning: {warning}"),
+            LogFormat::Json => {
+                eprintln!("{}", serde_json::json!({ "event": "warning", "message": warning.to_string() }));
+            }
+        }
+    }
+
+    /// A diagnostic as it is printed: a drawing of the line for people, an object for machines.
+    fn render(&self, diagnostic: &Diagnostic) -> String {
+        match self.format {
+            LogFormat::Human => diagnostic.render(std::io::stderr().is_terminal()),
+            LogFormat::Json => diagnostic.to_json().to_string(),
+        }
+    }
+
+    /// Loads a recipe with its changes; warnings are printed, errors come back.
+    fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        let source = match &args.recipe {
+            Some(path) => Source::read(path).map_err(Exit::wrong)?,
+            None => Source::embedded("quickstart.toml", QUICKSTART),
+        };
+        let mut set = Vec::new();
+        for text in &args.set {
+            let Some((key, value)) = text.split_once('=') else {
+                return Err(Exit::wrong(format!("--set {text}: write KEY=VALUE, such as dataset.scenes=3")));
+            };
+            set.push((key.trim().to_owned(), value.trim().to_owned()));
+        }
+        set.extend(args.seed.map(|seed| ("dataset.seed".to_owned(), seed.to_string())));
+        set.extend(args.views.map(|views| ("dataset.views_per_scene".to_owned(), views.to_string())));
+        match recipe::load(registry, source, &Overrides::of_process(set)) {
+            Ok((recipe, warnings)) => {
+                for warning in &warnings {
+                    eprintln!("{}", self.render(warning));
+                }
+                Ok(recipe)
+            }
+            Err(diagnostics) => {
+                let mut messages: Vec<String> = diagnostics.iter().map(|d| self.render(d)).collect();
+                if self.format == LogFormat::Human {
+                    let errors = diagnostics.iter().filter(|d| d.is_error()).count();
+                    let plural = if errors == 1 { "" } else { "s" };
+                    messages.push(format!("error: {errors} error{plural} in the recipe; nothing was rendered"));
+                }
+                Err(Exit(2, messages))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_verb_has_a_help_page() {
+        let pages = help_pages();
+        for verb in ["run", "check", "plan", "list", "schema", "new", "doctor", "completions"] {
+            assert!(pages.iter().any(|(name, _)| name == &format!("syntable {verb}")), "{verb}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Killed anywhere and started again, a run gives the folder of an undisturbed run.
+
+mod support;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+use support::{assert_same, fails, ok, small_run};
+
+#[test]
+fn a_killed_run_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, broken) = (folder.path().join("whole"), folder.path().join("broken"));
+    let scenes = ["--set", "dataset.scenes=4"];
+    let start = Instant::now();
+    ok(&mut small_run(&whole, &scenes));
+    let undisturbed = start.elapsed();
+    // Kill it at times that sweep over the run, until it gets to its end.
+    let mut kills = 0;
+    for step in 1_u32.. {
+        let mut run = small_run(&broken, &scenes).stderr(Stdio::null()).stdout(Stdio::null()).spawn().expect("starts");
+        let patience = undisturbed * step / 12 + Duration::from_millis(7 * u64::from(step));
+        let start = Instant::now();
+        let ended = loop {
+            if let Some(status) = run.try_wait().expect("waits") {
+                break Some(status);
+            }
+            if start.elapsed() > patience {
+                break None;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        };
+        match ended {
+            Some(status) => {
+                assert!(status.success());
+                break;
+            }
+            None => {
+                run.kill().expect("killable");
+                run.wait().expect("waits");
+                kills += 1;
+            }
+        }
+    }
+    assert!(kills > 0, "the run ended before it could be killed");
+    assert_same(&whole, &broken);
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("file");
+    std::fs::write(&file, "not a folder").expect("writable");
+    let error = fails(&mut small_run(&file.join("data"), &[]), 1);
+    assert!(error.contains("file/data") && error.contains("--out"), "{error}");
+}
+
+#[test]
+fn a_full_disk_leaves_a_folder_that_resumes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (disk, whole) = (folder.path().join("disk"), folder.path().join("whole"));
+    std::fs::create_dir(&disk).expect("writable");
+    let mount = |options: &str| {
+        let done = std::process::Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(&disk).output();
+        done.is_ok_and(|output| output.status.success())
+    };
+    if !mount("size=100k") {
+        eprintln!("skipped: a small disk cannot be mounted here");
+        return;
+    }
+    let scenes = ["--set", "dataset.scenes=3"];
+    let error = fails(&mut small_run(&disk, &scenes), 1);
+    assert!(error.contains("no space left") && error.contains("run the same command"), "{error}");
+    assert!(mount("remount,size=100m"), "the disk can grow");
+    ok(&mut small_run(&disk, &scenes));
+    ok(&mut small_run(&whole, &scenes));
+    assert_same(&whole, &disk);
+    std::process::Command::new("umount").arg(&disk).status().expect("unmounted");
+}

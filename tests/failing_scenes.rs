@@ -1,0 +1,148 @@
+//! A scene that fails is tried again, then recorded; it never stops the run or shifts another scene.
+
+mod support;
+use std::path::Path;
+use std::sync::Mutex;
+use support::{SMALL, files, root};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::VISIBLE_MASK;
+use syntable_model::registry::Registry;
+use syntable_runtime::cache::DiskCache;
+use syntable_runtime::plan::Plan;
+use syntable_runtime::recipe::{self, Overrides, Source};
+use syntable_runtime::run::progress::{Event, Reporter};
+use syntable_runtime::run::{Outcome, RunOptions, run};
+use syntable_standard as _;
+
+const FRAGILE: Key<PerInstance<u32>> = Key::view("fragile", "a product that is hard to make");
+
+/// Fails in some scenes.
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct Fragile {
+    /// Scenes in which every attempt panics.
+    panics_in: Vec<u32>,
+    /// Scenes in which the first attempt fails.
+    stumbles_in: Vec<u32>,
+    /// Scenes in which every attempt breaks its promise.
+    silent_in: Vec<u32>,
+}
+
+impl Config for Fragile {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "fragile";
+    const EXAMPLE: &'static str = "panics_in = [1]";
+    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Fragile {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK]
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![FRAGILE]
+    }
+    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+        let scene = site.scene.id.0;
+        assert!(!self.panics_in.contains(&scene), "scene {scene} is too much");
+        if self.stumbles_in.contains(&scene) && site.scene.attempt == 0 {
+            return Err(Error::new("stumbled"));
+        }
+        if self.silent_in.contains(&scene) {
+            return Ok(());
+        }
+        let areas = frame.get(VISIBLE_MASK)?.map(|_, mask| mask.area());
+        frame.put(FRAGILE, areas)
+    }
+}
+register!(Fragile);
+
+#[derive(Default)]
+struct Events(Mutex<Vec<Event>>);
+impl Reporter for Events {
+    fn event(&self, event: &Event) {
+        self.0.lock().expect("events").push(event.clone());
+    }
+}
+
+fn small(out: &Path, set: &[(&str, &str)]) -> (Outcome, Vec<Event>) {
+    let registry = Registry::linked().expect("no clash");
+    let source = Source::read(&root().join("recipes/quickstart.toml")).expect("there");
+    let mut changes: Vec<(String, String)> = SMALL
+        .chunks(2)
+        .map(|pair| pair[1].split_once('=').expect("key=value"))
+        .chain(set.iter().copied())
+        .map(|(key, value)| (key.to_owned(), value.to_owned()))
+        .collect();
+    changes.push(("dataset.scenes".into(), "4".into()));
+    changes.push(("write.jsonl.include".into(), "[\"fragile\"]".into()));
+    let (mut recipe, _) = recipe::load(&registry, source, &Overrides::of_process(changes)).expect("a good recipe");
+    let plan = Plan::new(&registry, &mut recipe).expect("planned");
+    let options = RunOptions {
+        out: out.to_owned(),
+        scenes: None,
+        threads: 2,
+        overwrite: false,
+        retry_failed: false,
+        cache: DiskCache::new(root().join("target/test-cache")),
+    };
+    let events = Events::default();
+    let outcome = run(&recipe, &plan, &options, &events).expect("the run ends well");
+    (outcome, events.0.into_inner().expect("events"))
+}
+
+#[test]
+fn a_panic_costs_one_scene_and_shifts_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (good, bad) = (folder.path().join("good"), folder.path().join("bad"));
+    let (outcome, _) = small(&good, &[]);
+    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, images: 8 });
+    let (outcome, events) = small(&bad, &[("annotate.fragile.panics_in", "[1]")]);
+    assert_eq!(outcome, Outcome { scenes: 3, failed: 1, images: 6 });
+    let attempts: Vec<&String> =
+        events.iter().filter_map(|e| if let Event::Attempt { error, .. } = e { Some(error) } else { None }).collect();
+    assert_eq!(attempts.len(), 3);
+    assert!(attempts[0].contains("scene 1 is too much") && attempts[0].contains("failing_scenes.rs"), "{attempts:?}");
+    let (good, bad) = (files(&good), files(&bad));
+    for scene in [0, 2, 3] {
+        for view in [0, 1] {
+            let name = format!("data/mono/rgb/{scene}_{view}.png");
+            assert!(good[&name] == bad[&name], "{name} differs");
+        }
+    }
+    assert!(!bad.keys().any(|name| name.starts_with("data/mono/rgb/1_")), "nothing of a failed scene is left");
+    let journal = String::from_utf8(bad[".syntable/journal.jsonl"].clone()).expect("text");
+    assert!(journal.lines().nth(1).expect("four lines").contains("scene 1 is too much"), "{journal}");
+}
+
+#[test]
+fn the_next_attempt_may_do_better() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (outcome, events) = small(folder.path(), &[("annotate.fragile.stumbles_in", "[2]")]);
+    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, images: 8 });
+    let attempts = events.iter().filter(|event| matches!(event, Event::Attempt { last: false, scene: 2, .. })).count();
+    assert_eq!(attempts, 1);
+}
+
+#[test]
+fn a_broken_promise_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = [("annotate.fragile.silent_in", "[0]"), ("dataset.max_attempts", "1")];
+    let (outcome, events) = small(folder.path(), &set);
+    assert_eq!(outcome.failed, 1);
+    assert!(events.iter().any(|event| matches!(
+        event,
+        Event::Attempt { error, .. } if error.contains("annotate.fragile: it declares to provide `fragile`")
+    )));
+}
+
+#[test]
+fn an_empty_table_fails_the_scene_only() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Nothing survives a limit that no body can keep.
+    let set = [("place[2].count", "1"), ("settle.on_violation", "remove"), ("settle.max_speed_m_s", "0.0"), ("settle.duration_s", "0.05")];
+    let (outcome, _) = small(folder.path(), &set);
+    assert_eq!((outcome.scenes, outcome.failed), (0, 4));
+}

@@ -1,0 +1,77 @@
+//! Plugins of others: a crate with its own annotator and binary, and what `syntable new` makes.
+
+mod support;
+use std::path::Path;
+use std::process::Command;
+use support::{files, ok, root, syntable};
+
+/// `cargo run --release` in a foreign crate. It shares the target folder, so that dependencies are not built again.
+fn cargo_run(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO"));
+    let target = Path::new(env!("CARGO_BIN_EXE_syntable-under-test")).ancestors().nth(2).expect("in a target folder");
+    command
+        .args(["run", "--release", "--quiet", "--offline", "--"])
+        .args(args)
+        .current_dir(folder)
+        .env("CARGO_TARGET_DIR", target)
+        .env("SYNTABLE_CACHE", root().join("target/test-cache"));
+    command
+}
+
+fn copy(from: &Path, to: &Path) {
+    for (name, bytes) in files(from) {
+        let path = to.join(name);
+        std::fs::create_dir_all(path.parent().expect("in a folder")).expect("writable");
+        std::fs::write(path, bytes).expect("writable");
+    }
+}
+
+/// Builds a foreign crate with the versions of this workspace, runs its recipe, and gives its only JSON-lines file.
+fn check(folder: &Path, product: &str) -> String {
+    std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).expect("copied");
+    let listed = ok(&mut cargo_run(folder, &["list", "products"]));
+    assert!(listed.contains(product), "{listed}");
+    let schema = ok(&mut cargo_run(folder, &["schema"]));
+    assert!(schema.contains(&format!("\"{product}\"")), "the schema knows the foreign kind");
+    let out = folder.join("out");
+    ok(&mut cargo_run(folder, &["run", "recipe.toml", "--out", "out"]));
+    let lines: Vec<String> = files(&out)
+        .into_iter()
+        .filter(|(name, _)| name.ends_with(".jsonl") && !name.starts_with(".syntable"))
+        .map(|(_, bytes)| String::from_utf8(bytes).expect("text"))
+        .collect();
+    assert_eq!(lines.len(), 1);
+    lines.into_iter().next().expect("one")
+}
+
+#[test]
+fn a_foreign_plugin_builds_and_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = root().join("tests/third-party");
+    copy(&source, folder.path());
+    let manifest = std::fs::read_to_string(folder.path().join("Cargo.toml")).expect("there");
+    let absolute = manifest.replace("../../", &format!("{}/", root().display()));
+    std::fs::write(folder.path().join("Cargo.toml"), absolute).expect("writable");
+    let lines = check(folder.path(), "centroid");
+    // Two views; every object's centroid lies inside the picture.
+    assert_eq!(lines.lines().count(), 2);
+    for line in lines.lines() {
+        let record: serde_json::Value = serde_json::from_str(line).expect("JSON");
+        let centroids = record["centroid"].as_object().expect("one an object");
+        assert!(!centroids.is_empty());
+        for centroid in centroids.values() {
+            let (u, v) = (centroid[0].as_f64().expect("u"), centroid[1].as_f64().expect("v"));
+            assert!((0.0..=160.0).contains(&u) && (0.0..=120.0).contains(&v), "{u} {v}");
+        }
+    }
+}
+
+#[test]
+fn a_new_plugin_builds_and_runs_as_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let crate_folder = folder.path().join("visible_area");
+    let said = ok(syntable().args(["new", "plugin", "visible_area", "--path"]).arg(&crate_folder));
+    assert!(said.contains("cargo run --release"), "{said}");
+    let lines = check(&crate_folder, "visible_area");
+    assert!(lines.lines().count() == 2 && lines.contains("\"visible_area\""), "{lines}");
+}
