@@ -7,11 +7,15 @@ use syntable_model::context::{Assets, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, Material, Object};
+use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, Material, Object, Topology};
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
 const KEEP_BYTES: usize = 1 << 30;
+
+/// Density and limits of mass of an object that was scaled and whose mass nobody states: hollow household things.
+const DENSITY_KG_M3: f64 = 400.0;
+const MASS_KG: [f64; 2] = [0.005, 20.0];
 
 /// All pools of a recipe, with what was loaded from them.
 pub struct Library<'a> {
@@ -275,7 +279,7 @@ impl Pool<'_> {
     fn normalise(&self, object: Object) -> Result<Object> {
         let options = self.options;
         if options.single_part_only {
-            let parts = object.mesh.parts();
+            let parts = Topology::of(&object.mesh).significant_parts();
             if parts > 1 {
                 return Err(Error::new(format!("it consists of {parts} separate parts"))
                     .help("single_part_only = false accepts it as one rigid body"));
@@ -293,11 +297,13 @@ impl Pool<'_> {
         let mass = match (options.mass_kg, options.density_kg_m3) {
             (Some(mass), _) => mass,
             (None, Some(density)) => {
-                let volume = object.mesh.signed_volume().abs() * scale.powi(3);
-                let volume = if volume > 0.0 { volume } else { bounds.size().product().abs() * scale.powi(3) };
-                (volume * density).max(1e-4)
+                (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4)
             }
-            (None, None) => object.mass_kg * scale.powi(3),
+            (None, None) if scale == 1.0 => object.mass_kg,
+            (None, None) => {
+                let volume = Topology::of(&object.mesh).solid_volume() * scale.powi(3);
+                (volume * DENSITY_KG_M3).clamp(MASS_KG[0], MASS_KG[1])
+            }
         };
         let untouched = scale == 1.0 && offset.norm() == 0.0;
         let mesh = if untouched {

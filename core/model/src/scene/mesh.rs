@@ -2,7 +2,6 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Point3, Vector3};
-use std::collections::HashMap;
 
 /// The arrays of a mesh, before they are checked.
 #[derive(Debug, Clone, Default)]
@@ -107,41 +106,6 @@ impl Mesh {
             .sum()
     }
 
-    /// How many separate parts the mesh has: components connected through equal vertex positions, counted if they
-    /// have more than one percent of the surface.
-    pub fn parts(&self) -> usize {
-        let positions = &self.data.positions;
-        let mut vertex_of: HashMap<[u32; 3], usize> = HashMap::new();
-        let welded: Vec<usize> = positions
-            .iter()
-            .enumerate()
-            // Adding zero makes -0.0 equal to 0.0.
-            .map(|(i, p)| *vertex_of.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(i))
-            .collect();
-        let mut parent: Vec<usize> = (0..positions.len()).collect();
-        fn root(parent: &mut [usize], mut i: usize) -> usize {
-            while parent[i] != i {
-                parent[i] = parent[parent[i]];
-                i = parent[i];
-            }
-            i
-        }
-        let corner = |index: u32| welded[index as usize];
-        for &[a, b, c] in &self.data.triangles {
-            let (a, b, c) = (root(&mut parent, corner(a)), root(&mut parent, corner(b)), root(&mut parent, corner(c)));
-            parent[b] = a;
-            let c = root(&mut parent, c);
-            parent[c] = a;
-        }
-        let mut areas = vec![0.0; positions.len()];
-        for (t, triangle) in self.data.triangles.iter().enumerate() {
-            let [a, b, c] = self.corners(t);
-            areas[root(&mut parent, corner(triangle[0]))] += (b - a).cross(&(c - a)).norm();
-        }
-        let total: f64 = areas.iter().sum();
-        areas.iter().filter(|&&area| area > 0.01 * total).count()
-    }
-
     /// The mesh moved and scaled: `p ↦ (p + offset) · factor`. Normals, uvs and faces stay.
     pub fn transformed(&self, offset: Vector3<f64>, factor: f64) -> Result<Self> {
         let mut data = self.data.clone();
@@ -173,24 +137,6 @@ mod tests {
         let moved = mesh.transformed(Vector3::new(1.0, 0.0, 0.0), 2.0).expect("sound");
         assert_eq!(moved.bounds().min, Point3::new(2.0, 0.0, 0.0));
         assert!((moved.signed_volume() - 8.0 / 6.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn parts_are_counted_by_welded_positions() {
-        let mut data = tetrahedron();
-        assert_eq!(Mesh::new(data.clone()).expect("sound").parts(), 1);
-        // A second tetrahedron, first touching the first at a vertex, then apart.
-        for (shift, parts) in [(1.0, 1), (5.0, 2)] {
-            let first = data.positions.len() as u32;
-            let mut both = data.clone();
-            both.positions.extend(
-                [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|[x, y, z]| [x + shift, y, z]),
-            );
-            both.triangles.extend([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]].map(|t| t.map(|i: u32| i + first)));
-            assert_eq!(Mesh::new(both).expect("sound").parts(), parts, "{shift}");
-        }
-        data.slots = vec![0; 4];
-        assert_eq!(Mesh::new(data).expect("sound").parts(), 1);
     }
 
     #[test]
