@@ -1,1 +1,23 @@
-//! Annotators: masks, occlusion, order, boxes, poses, developed pictures.
+//! Annotators: products made from the renderer's planes and from the scene.
+//!
+//! | kind | provides |
+//! | --- | --- |
+//! | [`masks`] | visible, amodal and occlusion masks, occlusion rate, occlusion order, label policy |
+//! | [`boxes`] | visible and amodal boxes |
+//! | [`object_info`] | asset, category, mass and poses of every object |
+//! | [`camera`] | intrinsics and pose of the view |
+//! | [`lights`] | lights of the view |
+//! | [`settle_report`] | how the scene came to rest |
+//! | [`develop`] | the 8-bit picture and its exposure |
+//!
+//! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
+//! products of a view speak of the same instances: those that [`masks`] annotates.
+
+pub mod boxes;
+pub mod camera;
+pub mod develop;
+pub mod lights;
+pub mod masks;
+mod matrix;
+pub mod object_info;
+pub mod settle_report;

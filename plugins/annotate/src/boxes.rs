@@ -1,0 +1,38 @@
+//! Boxes around the masks.
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VISIBLE_MASK};
+
+/// Tight boxes of the visible and amodal masks: first column and row, and how many of each (width = last − first + 1).
+/// The box of an empty mask is all zeros.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Boxes {}
+
+impl Config for Boxes {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "boxes";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Boxes {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![VISIBLE_BOX, AMODAL_BOX]
+    }
+
+    fn annotate(&self, _: &Site, frame: &mut Frame) -> Result<()> {
+        let visible = frame.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
+        let amodal = frame.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());
+        frame.put(VISIBLE_BOX, visible)?;
+        frame.put(AMODAL_BOX, amodal)
+    }
+}
+
+register!(Boxes);

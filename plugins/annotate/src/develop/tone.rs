@@ -1,0 +1,154 @@
+//! Tone curves and the sRGB encoding, as a table of decision levels.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How luminance becomes brightness.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Tone {
+    /// Middle tones as a meter wants them, highlights rolled off, sRGB-encoded.
+    #[default]
+    Filmic,
+    /// Proportional up to white, sRGB-encoded.
+    Srgb,
+    /// Proportional up to white, not encoded: code = 255 · luminance / white.
+    Linear,
+}
+
+impl Tone {
+    /// Its name in recipes and in the output.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Filmic => "filmic",
+            Self::Srgb => "srgb",
+            Self::Linear => "linear",
+        }
+    }
+
+    /// The brightness in [0, 1] of `x` = luminance / white.
+    pub fn brightness(self, x: f64) -> f64 {
+        match self {
+            Self::Filmic => srgb_encode(shoulder(GAIN * x.min(1.0))),
+            Self::Srgb => srgb_encode(x.min(1.0)),
+            Self::Linear => x.min(1.0),
+        }
+    }
+}
+
+/// Gain of the filmic curve: a metered grey, `12.5 / 100 · 2^EV` nits of `1.2 · 2^EV`, comes out as 18 %.
+const GAIN: f64 = 0.18 * 1.2 * 100.0 / 12.5;
+/// Where the filmic curve leaves the straight line.
+const KNEE: f64 = 0.4;
+
+/// A straight line up to the knee, then the curve of Reinhard et al. (2002, equation 4), `t (1 + t/T²) / (1 + t)`,
+/// scaled so that it continues the line smoothly and reaches 1 at [`GAIN`].
+fn shoulder(x: f64) -> f64 {
+    if x <= KNEE {
+        return x;
+    }
+    let (t, t_white) = ((x - KNEE) / (1.0 - KNEE), (GAIN - KNEE) / (1.0 - KNEE));
+    (KNEE + (1.0 - KNEE) * t * (1.0 + t / (t_white * t_white)) / (1.0 + t)).min(1.0)
+}
+
+/// The sRGB encoding (IEC 61966-2-1) of a linear value in [0, 1].
+fn srgb_encode(x: f64) -> f64 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// How many equal bins of [0, white] are looked up.
+const BINS: usize = 4096;
+
+/// A tone curve for a given white, as a table: exact to the rounding of `255 · brightness`, and quick.
+pub struct Curve {
+    /// The smallest luminance of every code above 0, nits; code `n` begins at `levels[n - 1]`.
+    levels: [f32; 255],
+    /// The code at the lower end of every bin.
+    bins: Vec<u8>,
+    bins_per_nit: f32,
+}
+
+impl Curve {
+    /// The curve that takes `white` nits to 255.
+    pub fn new(tone: Tone, white: f64) -> Self {
+        let levels = std::array::from_fn(|code| (white * level(tone, (code as f64 + 0.5) / 255.0)) as f32);
+        let bins_per_nit = (BINS as f64 / white) as f32;
+        // One bin too low is allowed: the search below only goes up.
+        let bins = (0..BINS)
+            .map(|bin| {
+                let low = (bin as f64 - 1.0).max(0.0) * white / BINS as f64;
+                levels.partition_point(|&level| f64::from(level) <= low) as u8
+            })
+            .collect();
+        Self { levels, bins, bins_per_nit }
+    }
+
+    /// The code of a luminance in nits: `255 · brightness`, rounded half up. Not a number is 0.
+    pub fn code(&self, nits: f32) -> u8 {
+        // The cast sends negative numbers and NaN to 0, and large ones to the last bin.
+        let bin = ((nits * self.bins_per_nit) as usize).min(BINS - 1);
+        let mut code = self.bins[bin];
+        while code < 255 && nits >= self.levels[usize::from(code)] {
+            code += 1;
+        }
+        code
+    }
+}
+
+/// The least `x` whose brightness is at least `brightness`, by bisection: every curve is increasing on [0, 1].
+fn level(tone: Tone, brightness: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if tone.brightness(middle) < brightness { low = middle } else { high = middle }
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_points() {
+        // A fixed white is white in every curve; a metered grey is 18 % in the filmic one, sRGB code 118.
+        for tone in [Tone::Filmic, Tone::Srgb, Tone::Linear] {
+            let curve = Curve::new(tone, 9.6);
+            assert_eq!([9.6, 1e9, f32::INFINITY].map(|nits| curve.code(nits)), [255; 3], "{tone:?}");
+            assert_eq!([0.0, -1.0, f32::NAN, f32::NEG_INFINITY].map(|nits| curve.code(nits)), [0; 4], "{tone:?}");
+        }
+        assert_eq!(Curve::new(Tone::Filmic, 1.2).code(0.125), 118);
+        // sRGB codes of 10 %, 18 %, 50 % by the standard: 89.5 (0.3492), 117.6 (0.4613), 187.5 (0.7354).
+        let curve = Curve::new(Tone::Srgb, 1.0);
+        assert_eq!([0.1, 0.18, 0.5, 0.0001].map(|x| curve.code(x)), [89, 118, 188, 0]);
+        assert_eq!(Curve::new(Tone::Linear, 2.0).code(1.0), 128);
+    }
+
+    #[test]
+    fn tables_agree_with_the_formula() {
+        for tone in [Tone::Filmic, Tone::Srgb, Tone::Linear] {
+            let curve = Curve::new(tone, 3.7);
+            for i in 0..200_000 {
+                let nits = (i as f64 / 180_000.0 * 3.7) as f32;
+                let exact = 255.0 * tone.brightness(f64::from(nits) / 3.7);
+                let (got, want) = (i32::from(curve.code(nits)), (exact + 0.5).floor() as i32);
+                // A level itself is rounded to f32; there, and only there, the two may differ.
+                let tie = ((exact + 0.5) - (exact + 0.5).round()).abs() < 1e-4;
+                assert!(got == want || tie && (got - want).abs() == 1, "{tone:?} {nits}: {got}, not {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_filmic_curve_is_smooth_and_monotone() {
+        let slope = |x: f64| (shoulder(x + 1e-6) - shoulder(x)) / 1e-6;
+        assert!((slope(KNEE - 1e-5) - 1.0).abs() < 1e-3 && (slope(KNEE + 1e-6) - 1.0).abs() < 1e-3);
+        assert!((shoulder(GAIN) - 1.0).abs() < 1e-12);
+        let mut last = -1.0;
+        for i in 0..=1000 {
+            let y = shoulder(GAIN * f64::from(i) / 1000.0);
+            assert!(y > last && y <= 1.0);
+            last = y;
+        }
+    }
+}

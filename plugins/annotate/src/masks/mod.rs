@@ -1,0 +1,198 @@
+//! Masks, occlusion rates and occlusion order of a view.
+
+mod sweep;
+
+pub use sweep::{ObjectMasks, Sweep, area_outside, sweep};
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{
+    AMODAL_MASK, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, INSTANCE,
+    LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_MASK,
+};
+use syntable_model::product::{BitPlane, OcclusionOrder};
+
+/// Visible, amodal and occlusion masks, occlusion rates and the occlusion order matrix (OOAM), all from one ray per
+/// pixel centre, so that the occlusion mask is exactly the amodal mask minus the visible mask.
+///
+/// An object with no amodal pixel in the image is never annotated. `label_policy` states these options in the output.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Masks {
+    /// What of an object lies outside the image: `clip` leaves it out of everything; `extend` counts it as hidden in
+    /// the occlusion rate, up to one image size beyond every edge. Masks end at the image's edges either way.
+    pub image_frame: ImageFrame,
+    /// What table and room do: `occlude`, what they hide of an object is hidden and part of its amodal mask; `clip`,
+    /// it is not part of the object (SynTable's released program).
+    pub table_and_room: TableAndRoom,
+    /// Objects with fewer visible pixels are not annotated. 0 keeps fully hidden objects; SynTable's released program
+    /// is 1.
+    pub min_visible_px: u32,
+    /// Objects that are hidden by more than this share are not annotated. 1 keeps all; SynTable's released program is
+    /// 0.995.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub max_occlusion_rate: f64,
+}
+
+/// What labels say about the world beyond the image's edges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ImageFrame {
+    /// Nothing: an object is what of it lies in the image.
+    Clip,
+    /// The occlusion rate counts what lies outside as hidden.
+    Extend,
+}
+
+/// What table and room do to the objects behind them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableAndRoom {
+    /// They hide: the hidden part belongs to the amodal mask.
+    Occlude,
+    /// They cut: the hidden part does not belong to the amodal mask.
+    Clip,
+}
+
+impl Default for Masks {
+    fn default() -> Self {
+        Self {
+            image_frame: ImageFrame::Clip,
+            table_and_room: TableAndRoom::Occlude,
+            min_visible_px: 0,
+            max_occlusion_rate: 1.0,
+        }
+    }
+}
+
+impl Config for Masks {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "masks";
+    const EXAMPLE: &'static str = "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 0";
+    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+        if !(0.0..=1.0).contains(&self.max_occlusion_rate) {
+            let message = format!("{} is not a share between 0 and 1", self.max_occlusion_rate);
+            return Err(Invalid::new("max_occlusion_rate", message));
+        }
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Masks {
+    fn reads(&self) -> Vec<KeyId> {
+        let mut keys = keys![INSTANCE, self.coverage()];
+        if self.image_frame == ImageFrame::Extend {
+            keys.push(self.coverage_wide().id());
+        }
+        keys
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, LABEL_POLICY]
+    }
+
+    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+        let objects = site.scene.objects().len();
+        let coverage = frame.get(self.coverage())?;
+        check_objects(coverage, objects)?;
+        let sweep = sweep(frame.get(INSTANCE)?, coverage)?;
+        let outside = match self.image_frame {
+            ImageFrame::Clip => vec![0; objects],
+            ImageFrame::Extend => {
+                let wide = frame.get(self.coverage_wide())?;
+                check_objects(wide, objects)?;
+                area_outside(wide)
+            }
+        };
+        let rates: Vec<Option<f64>> =
+            sweep.objects.iter().zip(outside).map(|(masks, outside)| self.occlusion_rate(masks, outside)).collect();
+
+        // Object i has the instance id i + 1; `kept` is ascending, and so is the order matrix.
+        let kept: Vec<usize> = (0..objects).filter(|&object| rates[object].is_some()).collect();
+        let id = |object: usize| InstanceId(object as u16 + 1);
+        let mut order = OcclusionOrder::new(kept.iter().map(|&object| id(object)).collect());
+        for (row, &i) in kept.iter().enumerate() {
+            for (column, &j) in kept.iter().enumerate() {
+                if sweep.occludes(i, j) {
+                    order.set(row, column);
+                }
+            }
+        }
+        let (mut visible, mut amodal, mut occlusion) =
+            (PerInstance::default(), PerInstance::default(), PerInstance::default());
+        for (object, masks) in sweep.objects.into_iter().enumerate().filter(|(object, _)| rates[*object].is_some()) {
+            visible.0.insert(id(object), masks.visible);
+            amodal.0.insert(id(object), masks.amodal);
+            occlusion.0.insert(id(object), masks.occlusion);
+        }
+        frame.put(VISIBLE_MASK, visible)?;
+        frame.put(AMODAL_MASK, amodal)?;
+        frame.put(OCCLUSION_MASK, occlusion)?;
+        frame.put(OCCLUSION_RATE, (0..).map(id).zip(rates).filter_map(|(id, rate)| Some((id, rate?))).collect())?;
+        frame.put(OCCLUSION_ORDER, order)?;
+        frame.put(LABEL_POLICY, self.policy())
+    }
+}
+
+impl Masks {
+    fn coverage(&self) -> Key<BitPlane> {
+        match self.table_and_room {
+            TableAndRoom::Occlude => COVERAGE,
+            TableAndRoom::Clip => COVERAGE_BEFORE_SUPPORT,
+        }
+    }
+
+    fn coverage_wide(&self) -> Key<BitPlane> {
+        match self.table_and_room {
+            TableAndRoom::Occlude => COVERAGE_WIDE,
+            TableAndRoom::Clip => COVERAGE_BEFORE_SUPPORT_WIDE,
+        }
+    }
+
+    /// Share of an object's amodal area that is hidden: `1 − |V| / (|A| + outside)`. None if it is not annotated.
+    fn occlusion_rate(&self, masks: &ObjectMasks, outside: u64) -> Option<f64> {
+        let (visible, amodal) = (u64::from(masks.visible.area()), u64::from(masks.amodal.area()));
+        if amodal == 0 || visible < u64::from(self.min_visible_px) {
+            return None;
+        }
+        let whole = amodal + outside;
+        let rate = (whole - visible) as f64 / whole as f64;
+        (rate <= self.max_occlusion_rate).then_some(rate)
+    }
+
+    fn policy(&self) -> Value {
+        let (frame, rate) = match self.image_frame {
+            ImageFrame::Clip => ("clip", "occlusion rate = occlusion area / amodal area, both within the image"),
+            ImageFrame::Extend => (
+                "extend",
+                "occlusion rate = 1 - visible area / whole area, the whole area counting amodal pixels up to one \
+                 image size beyond every edge",
+            ),
+        };
+        let (support, amodal) = match self.table_and_room {
+            TableAndRoom::Occlude => ("occlude", "what table and room hide of an object is in its amodal mask"),
+            TableAndRoom::Clip => ("clip", "what table and room hide of an object is not in its amodal mask"),
+        };
+        let statement = format!(
+            "masks are taken at pixel centres and end at the image's edges; {amodal}; occlusion mask = amodal minus \
+             visible; {rate}; objects with no amodal pixel in the image, with fewer than {} visible pixels or with a \
+             rate above {} are not annotated",
+            self.min_visible_px, self.max_occlusion_rate
+        );
+        Value::record([
+            ("image_frame", frame.into()),
+            ("table_and_room", support.into()),
+            ("min_visible_px", self.min_visible_px.into()),
+            ("max_occlusion_rate", self.max_occlusion_rate.into()),
+            ("statement", statement.into()),
+        ])
+    }
+}
+
+fn check_objects(coverage: &BitPlane, objects: usize) -> Result<()> {
+    if coverage.objects() == objects {
+        return Ok(());
+    }
+    Err(Error::new(format!("the coverage plane knows {} objects, the scene {objects}", coverage.objects())))
+}
+
+register!(Masks);

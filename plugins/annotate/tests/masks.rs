@@ -1,0 +1,286 @@
+//! Labels against sets of pixels, and the occlusion order against the paper's procedure.
+
+mod common;
+
+use common::{Rays, World, annotator};
+use proptest::prelude::*;
+use std::collections::BTreeMap;
+use syntable_model::prelude::*;
+use syntable_model::product::Value;
+use syntable_model::product::standard::*;
+
+type Pixels = Vec<(i32, i32)>;
+
+fn pixels(mask: &Mask) -> Pixels {
+    let plane = mask.to_plane();
+    let (width, height) = (mask.width() as i32, mask.height() as i32);
+    let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    all.filter(|&(x, y)| *plane.at(x as u32, y as u32)).collect()
+}
+
+fn annotate(rays: &Rays, options: &str) -> Result<Frame> {
+    let world = World::new(rays.objects);
+    let mut frame = Frame::new();
+    let annotator = annotator("masks", options);
+    for key in annotator.reads() {
+        match key.name {
+            "instance" => frame.put(INSTANCE, rays.instance())?,
+            "coverage" => frame.put(COVERAGE, rays.coverage(false, false))?,
+            "coverage_wide" => frame.put(COVERAGE_WIDE, rays.coverage(false, true))?,
+            "coverage_before_support" => frame.put(COVERAGE_BEFORE_SUPPORT, rays.coverage(true, false))?,
+            "coverage_before_support_wide" => frame.put(COVERAGE_BEFORE_SUPPORT_WIDE, rays.coverage(true, true))?,
+            other => panic!("{other} is read"),
+        }
+    }
+    annotator.annotate(&world.site(), &mut frame)?;
+    Ok(frame)
+}
+
+/// What the annotator should find, by counting pixels.
+struct Truth {
+    visible: BTreeMap<u16, Pixels>,
+    amodal: BTreeMap<u16, Pixels>,
+    rate: BTreeMap<u16, f64>,
+}
+
+fn truth(rays: &Rays, extend: bool, clip_support: bool, min_visible: usize, max_rate: f64) -> Truth {
+    let mut truth = Truth { visible: BTreeMap::new(), amodal: BTreeMap::new(), rate: BTreeMap::new() };
+    let image: Pixels = (0..rays.height).flat_map(|y| (0..rays.width).map(move |x| (x, y))).collect();
+    let [mx, my] = rays.margin;
+    for id in 1..=rays.objects as u16 {
+        let select =
+            |f: &dyn Fn(i32, i32) -> bool| -> Pixels { image.iter().copied().filter(|&(x, y)| f(x, y)).collect() };
+        let visible = select(&|x, y| rays.at(x, y).first() == Some(&id));
+        let amodal = select(&|x, y| rays.cover(x, y, clip_support).contains(&id));
+        let mut whole = amodal.len();
+        if extend {
+            whole = (-my..rays.height + my)
+                .flat_map(|y| (-mx..rays.width + mx).map(move |x| (x, y)))
+                .filter(|&(x, y)| rays.cover(x, y, clip_support).contains(&id))
+                .count();
+        }
+        let rate = 1.0 - visible.len() as f64 / whole.max(1) as f64;
+        if !amodal.is_empty() && visible.len() >= min_visible && rate <= max_rate {
+            truth.visible.insert(id, visible);
+            truth.amodal.insert(id, amodal);
+            truth.rate.insert(id, rate);
+        }
+    }
+    truth
+}
+
+fn check(rays: &Rays, options: &str, truth: &Truth) {
+    let frame = annotate(rays, options).expect("labels");
+    let sets = |key: Key<PerInstance<Mask>>| -> BTreeMap<u16, Pixels> {
+        frame.get(key).expect("made").iter().map(|(id, mask)| (id.0, pixels(mask))).collect()
+    };
+    let (visible, amodal, occlusion) = (sets(VISIBLE_MASK), sets(AMODAL_MASK), sets(OCCLUSION_MASK));
+    assert_eq!(visible, truth.visible, "visible, {options}");
+    assert_eq!(amodal, truth.amodal, "amodal, {options}");
+    let minus: BTreeMap<u16, Pixels> = truth
+        .amodal
+        .iter()
+        .map(|(id, amodal)| (*id, amodal.iter().copied().filter(|p| !truth.visible[id].contains(p)).collect()))
+        .collect();
+    assert_eq!(occlusion, minus, "occlusion, {options}");
+    let rates = frame.get(OCCLUSION_RATE).expect("made");
+    assert_eq!(rates.iter().map(|(id, _)| id.0).collect::<Vec<_>>(), truth.rate.keys().copied().collect::<Vec<_>>());
+    for (id, rate) in rates.iter() {
+        assert!((rate - truth.rate[&id.0]).abs() < 1e-12, "rate of {id}: {rate}, not {}", truth.rate[&id.0]);
+    }
+    // The paper's Algorithm 1: i occludes j iff the visible mask of i meets the occlusion mask of j.
+    let order = frame.get(OCCLUSION_ORDER).expect("made");
+    let ids: Vec<u16> = order.ids().iter().map(|id| id.0).collect();
+    assert_eq!(ids, truth.visible.keys().copied().collect::<Vec<_>>());
+    for (row, i) in ids.iter().enumerate() {
+        for (column, j) in ids.iter().enumerate() {
+            let meets = i != j && visible[i].iter().any(|p| occlusion[j].contains(p));
+            assert_eq!(order.occludes(row, column), meets, "{i} occludes {j}, {options}");
+        }
+    }
+}
+
+fn check_all_policies(rays: &Rays) {
+    for (extend, frame) in [(false, "clip"), (true, "extend")] {
+        for (clip, support) in [(false, "occlude"), (true, "clip")] {
+            let options = format!("image_frame = \"{frame}\"\ntable_and_room = \"{support}\"");
+            check(rays, &options, &truth(rays, extend, clip, 0, 1.0));
+        }
+    }
+}
+
+#[test]
+fn three_rectangles_in_a_row() {
+    // Specification 4.12, vector 3: 1 in front of 2 in front of 3.
+    let inside = |x: i32, y: i32, [x0, x1, y0, y1]: [i32; 4]| (x0..=x1).contains(&x) && (y0..=y1).contains(&y);
+    let boxes = [[1, 3, 1, 3], [3, 6, 1, 3], [6, 9, 3, 4]];
+    let rays =
+        Rays::new([13, 5], [13, 5], 3, |x, y| (1..=3).filter(|&id| inside(x, y, boxes[usize::from(id) - 1])).collect());
+    check_all_policies(&rays);
+    let frame = annotate(&rays, "").expect("labels");
+    let areas = |key: Key<PerInstance<Mask>>| {
+        frame.get(key).expect("made").iter().map(|(_, mask)| mask.area()).collect::<Vec<_>>()
+    };
+    assert_eq!(areas(AMODAL_MASK), [9, 12, 8]);
+    assert_eq!(areas(VISIBLE_MASK), [9, 9, 7]);
+    assert_eq!(areas(OCCLUSION_MASK), [0, 3, 1]);
+    let order = frame.get(OCCLUSION_ORDER).expect("made").matrix().to_vec();
+    assert_eq!(order.iter().map(|&bit| u8::from(bit)).collect::<Vec<_>>(), [0, 1, 0, 0, 0, 1, 0, 0, 0]);
+    let rates = frame.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>();
+    assert_eq!(rates, [0.0, 0.25, 0.125]);
+}
+
+#[test]
+fn objects_may_occlude_each_other() {
+    // Left half: 1 in front; right half: 2 in front.
+    let rays = Rays::new([4, 3], [4, 3], 2, |x, _| if x < 2 { vec![1, 2] } else { vec![2, 1] });
+    let order = annotate(&rays, "").expect("labels");
+    let order = order.get(OCCLUSION_ORDER).expect("made");
+    assert!(order.occludes(0, 1) && order.occludes(1, 0) && !order.occludes(0, 0) && !order.occludes(1, 1));
+    check_all_policies(&rays);
+}
+
+#[test]
+fn table_in_front() {
+    // The table (id 2) hides the right half of object 1; nothing else is there.
+    let rays = Rays::new([4, 3], [4, 3], 1, |x, y| match (x, y) {
+        (0..2, 0..3) => vec![1, 2],
+        (2..4, 0..3) => vec![2, 1],
+        _ => vec![2],
+    });
+    check_all_policies(&rays);
+    let rate = |options: &str| annotate(&rays, options).expect("labels").get(OCCLUSION_RATE).expect("made").clone();
+    assert_eq!(rate("").0.values().copied().collect::<Vec<_>>(), [0.5]);
+    assert_eq!(rate("table_and_room = \"clip\"").0.values().copied().collect::<Vec<_>>(), [0.0]);
+}
+
+#[test]
+fn objects_at_the_border() {
+    // Object 1 continues to the left of the image over three times what is seen; object 2 lies outside altogether.
+    let rays = Rays::new([4, 3], [4, 3], 2, |x, y| match (x, y) {
+        (-3..1, 1) => vec![1],
+        (-4..-3, 1) => vec![2],
+        _ => vec![],
+    });
+    check_all_policies(&rays);
+    let rate = |options: &str| annotate(&rays, options).expect("labels").get(OCCLUSION_RATE).expect("made").clone();
+    assert_eq!(rate("").0.into_iter().collect::<Vec<_>>(), [(InstanceId(1), 0.0)]);
+    assert_eq!(rate("image_frame = \"extend\"").0.into_iter().collect::<Vec<_>>(), [(InstanceId(1), 0.75)]);
+}
+
+#[test]
+fn hidden_objects_are_kept_or_left_out() {
+    // 2 lies behind 1, 3 is nearly hidden (1 of 4 pixels seen), the table hides 4.
+    let rays = Rays::new([4, 4], [0, 0], 4, |x, y| match (x, y) {
+        (0, _) => vec![1, 2],
+        (1, 0) => vec![3],
+        (1, _) => vec![1, 3],
+        (2, _) => vec![5, 4],
+        _ => vec![],
+    });
+    for (options, min_visible, max_rate, want) in [
+        ("", 0, 1.0, vec![1, 2, 3, 4]),
+        ("min_visible_px = 1", 1, 1.0, vec![1, 3]),
+        ("min_visible_px = 2", 2, 1.0, vec![1]),
+        ("max_occlusion_rate = 0.995", 0, 0.995, vec![1, 3]),
+        ("max_occlusion_rate = 0.75", 0, 0.75, vec![1, 3]),
+        ("max_occlusion_rate = 0.7", 0, 0.7, vec![1]),
+    ] {
+        let truth = truth(&rays, false, false, min_visible, max_rate);
+        assert_eq!(truth.visible.keys().copied().collect::<Vec<u16>>(), want, "{options}");
+        check(&rays, options, &truth);
+    }
+    // All hidden: the table is in front of everything.
+    let hidden = Rays::new([3, 3], [0, 0], 2, |_, _| vec![3, 1, 2]);
+    check(&hidden, "", &truth(&hidden, false, false, 0, 1.0));
+    let frame = annotate(&hidden, "").expect("labels");
+    assert_eq!(frame.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>(), [1.0, 1.0]);
+    assert!(!frame.get(OCCLUSION_ORDER).expect("made").matrix().contains(&true));
+}
+
+#[test]
+fn an_empty_picture_has_no_annotation() {
+    let rays = Rays::new([5, 4], [5, 4], 2, |_, _| vec![3]);
+    check_all_policies(&rays);
+    let frame = annotate(&rays, "").expect("labels");
+    assert!(frame.get(AMODAL_MASK).expect("made").0.is_empty());
+    assert!(frame.get(OCCLUSION_ORDER).expect("made").ids().is_empty());
+}
+
+#[test]
+fn any_number_of_objects() {
+    for (seed, objects) in [1, 63, 64, 65, 128, 130].into_iter().enumerate() {
+        check_all_policies(&Rays::random([11, 7], objects, seed as u64));
+    }
+}
+
+#[test]
+fn no_object_at_all() {
+    // A scene always has one, the kernel need not.
+    let first = syntable_model::product::Plane::from_fn(3, 2, |_, _| InstanceId(1));
+    let coverage = syntable_model::product::BitPlane::new(3, 2, [0, 0], 0);
+    assert!(syntable_annotate::masks::sweep(&first, &coverage).expect("labels").objects.is_empty());
+}
+
+#[test]
+fn planes_that_disagree_are_refused() {
+    let rays = Rays::new([4, 3], [0, 0], 2, |_, _| vec![1]);
+    let world = World::new(2);
+    let labels = |change: &dyn Fn(&mut Frame)| {
+        let mut frame = Frame::new();
+        change(&mut frame);
+        annotator("masks", "").annotate(&world.site(), &mut frame).expect_err("refused").to_string()
+    };
+    let wrong = labels(&|frame| {
+        frame.put(INSTANCE, rays.instance().map(|_| InstanceId(2))).expect("first");
+        frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
+    });
+    assert!(wrong.starts_with("instance 2 is seen at pixel (0, 0) but not in the coverage plane"), "{wrong}");
+    let wrong = labels(&|frame| {
+        frame.put(INSTANCE, rays.instance()).expect("first");
+        frame.put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(false, false)).expect("first");
+    });
+    assert_eq!(wrong, "the coverage plane is 4 × 2 with a margin of [0, 0], the instance plane 4 × 3");
+    let wrong = labels(&|frame| {
+        frame.put(INSTANCE, rays.instance()).expect("first");
+        frame.put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(false, false)).expect("first");
+    });
+    assert_eq!(wrong, "the coverage plane knows 3 objects, the scene 2");
+}
+
+#[test]
+fn only_what_is_needed_is_read() {
+    let reads = |options: &str| annotator("masks", options).reads().iter().map(|key| key.name).collect::<Vec<_>>();
+    assert_eq!(reads(""), ["instance", "coverage"]);
+    assert_eq!(reads("image_frame = \"extend\""), ["instance", "coverage", "coverage_wide"]);
+    assert_eq!(
+        reads("image_frame = \"extend\"\ntable_and_room = \"clip\""),
+        ["instance", "coverage_before_support", "coverage_before_support_wide"]
+    );
+}
+
+#[test]
+fn the_policy_is_stated() {
+    let rays = Rays::new([4, 3], [4, 3], 1, |_, _| vec![1]);
+    let options = "image_frame = \"extend\"\ntable_and_room = \"clip\"\nmin_visible_px = 7\nmax_occlusion_rate = 0.995";
+    let Value::Record(policy) = annotate(&rays, options).expect("labels").value("label_policy").expect("made") else {
+        panic!("a record")
+    };
+    let policy: BTreeMap<_, _> = policy.into_iter().collect();
+    assert_eq!(policy["image_frame"], "extend".into());
+    assert_eq!(policy["table_and_room"], "clip".into());
+    assert_eq!(policy["min_visible_px"], 7_i64.into());
+    assert_eq!(policy["max_occlusion_rate"], 0.995.into());
+    let Value::Text(statement) = &policy["statement"] else { panic!("text") };
+    for part in ["beyond every edge", "is not in its amodal mask", "fewer than 7 visible", "above 0.995"] {
+        assert!(statement.contains(part), "{part}: {statement}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+    #[test]
+    fn labels_are_those_of_the_pixels(width in 1_i32..20, height in 1_i32..20, objects in 1_usize..9, seed: u64) {
+        check_all_policies(&Rays::random([width, height], objects, seed));
+    }
+}

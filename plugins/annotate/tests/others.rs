@@ -1,0 +1,155 @@
+//! The annotators that describe the site, and the picture.
+
+mod common;
+
+use common::{Rays, World, annotator};
+use serde_json::json;
+use syntable_model::prelude::*;
+use syntable_model::product::Plane;
+use syntable_model::product::standard::*;
+use syntable_model::scene::{Exposure, Light, RectLight, Removal, SphereLight};
+
+fn run(world: &World, kind: &str, options: &str, frame: &mut Frame) {
+    annotator(kind, options).annotate(&world.site(), frame).expect("made");
+}
+
+fn json(frame: &Frame, name: &str) -> serde_json::Value {
+    serde_json::to_value(frame.value(name).expect("made")).expect("serialises")
+}
+
+#[test]
+fn every_example_builds() {
+    use syntable_annotate as _;
+    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
+    let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
+    assert_eq!(kinds, ["boxes", "camera", "develop", "lights", "masks", "object_info", "settle_report"]);
+    for kind in kinds {
+        let entry = registry.find(syntable_model::registry::Slot::Annotate, kind).expect("there");
+        entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{kind}: {error:?}"));
+        let scopes: Vec<_> = annotator(kind, "").provides().iter().map(|key| key.scope).collect();
+        assert!(scopes.iter().all(|scope| *scope == scopes[0]), "{kind}");
+    }
+    assert!(registry.entries()[4].construct_str("max_occlusion_rate = 1.5").is_err());
+}
+
+#[test]
+fn boxes_are_tight() {
+    let world = World::new(2);
+    let rays = Rays::new([8, 6], [0, 0], 2, |x, y| match (x, y) {
+        (2..=4, 1..=2) => vec![1, 2],
+        (6, 5) => vec![2],
+        _ => vec![],
+    });
+    let mut frame = Frame::new();
+    frame.put(INSTANCE, rays.instance()).expect("first");
+    frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
+    run(&world, "masks", "", &mut frame);
+    run(&world, "boxes", "", &mut frame);
+    assert_eq!(json(&frame, "visible_box"), json!({ "1": [2, 1, 3, 2], "2": [6, 5, 1, 1] }));
+    assert_eq!(json(&frame, "amodal_box"), json!({ "1": [2, 1, 3, 2], "2": [2, 1, 5, 5] }));
+}
+
+#[test]
+fn objects_are_described_with_their_poses() {
+    let world = World::new(2);
+    let mut frame = Frame::new();
+    let masks = PerInstance::from_iter([(InstanceId(2), Mask::empty(8, 6))]);
+    frame.put(AMODAL_MASK, masks).expect("first");
+    run(&world, "object_info", "", &mut frame);
+    let info = json(&frame, "object_info");
+    assert_eq!(info.as_object().map(|map| map.keys().cloned().collect::<Vec<_>>()), Some(vec!["2".to_owned()]));
+    let object = &info["2"];
+    assert_eq!(object["asset"], json!("pool/tetra"));
+    assert_eq!((&object["name"], &object["category"]), (&json!("tetra"), &json!("solid")));
+    assert_eq!((&object["spawn"], &object["mass_kg"]), (&json!(2), &json!(0.25)));
+    assert_eq!(
+        object["world_from_object"],
+        json!([[1.0, 0.0, 0.0, 0.02], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.7], [0.0, 0.0, 0.0, 1.0]])
+    );
+    // camera_from_object takes the body's origin to where the camera sees it.
+    let column: Vec<f64> = (0..3).map(|row| object["camera_from_object"][row][3].as_f64().expect("a number")).collect();
+    let origin = world.view.camera.world_from_camera.inverse() * syntable_model::geometry::Point3::new(0.02, 0.0, 0.7);
+    assert!((0..3).all(|i| (column[i] - origin[i]).abs() < 1e-12), "{column:?} {origin}");
+
+    let mut frame = Frame::new();
+    run(&world, "object_info", "objects = \"all\"", &mut frame);
+    assert_eq!(frame.get(OBJECT_INFO).expect("made").0.len(), 2);
+}
+
+#[test]
+fn the_camera_projects_its_world() {
+    let world = World::new(1);
+    let mut frame = Frame::new();
+    run(&world, "camera", "", &mut frame);
+    let camera = json(&frame, "camera");
+    assert_eq!(camera["K"], json!([[7.0, 0.0, 4.0], [0.0, 7.5, 3.0], [0.0, 0.0, 1.0]]));
+    assert_eq!((&camera["width"], &camera["height"]), (&json!(8), &json!(6)));
+    // The camera looks from (1, 0, 1.5) at (0, 0, 0.7): that point lies on the axis, √1.64 m away.
+    let row = |name: &str, row: usize| -> Vec<f64> {
+        (0..4).map(|column| camera[name][row][column].as_f64().expect("a number")).collect()
+    };
+    let target = [0.0, 0.0, 0.7, 1.0];
+    let p: Vec<f64> =
+        (0..4).map(|i| row("camera_from_world", i).iter().zip(target).map(|(a, b)| a * b).sum()).collect();
+    assert!(p[0].abs() < 1e-12 && p[1].abs() < 1e-12 && (p[2] - 1.64_f64.sqrt()).abs() < 1e-12, "{p:?}");
+    let eye: Vec<f64> = (0..3).map(|i| row("world_from_camera", i)[3]).collect();
+    assert_eq!(eye, [1.0, 0.0, 1.5]);
+}
+
+#[test]
+fn lights_and_report_are_told() {
+    use syntable_model::geometry::{Point3, Vector3};
+    let mut world = World::new(1);
+    world.view.lights = vec![
+        Light::Sphere(SphereLight { centre: Point3::new(1.0, 2.0, 3.0), radius: 0.25, radiance: [1.0, 2.0, 3.0] }),
+        Light::Rect(RectLight {
+            centre: Point3::new(0.0, 0.0, 2.0),
+            half_u: Vector3::new(0.0, 1.0, 0.0),
+            half_v: Vector3::new(1.0, 0.0, 0.0),
+            radiance: [4.0; 3],
+        }),
+    ];
+    world.scene.settle.removed.push(Removal {
+        spawn: 0,
+        asset: world.scene.objects()[0].asset.clone(),
+        reason: "fell off the table".into(),
+    });
+    let mut frame = Frame::new();
+    run(&world, "lights", "", &mut frame);
+    run(&world, "settle_report", "", &mut frame);
+    let lights = json(&frame, "lights");
+    assert_eq!(lights[0]["centre_world_m"], json!([1.0, 2.0, 3.0]));
+    assert_eq!(lights[0]["radiance_nits"], json!([1.0, 2.0, 3.0]));
+    assert_eq!((&lights[1]["shape"], &lights[1]["normal_world"]), (&json!("rect"), &json!([0.0, 0.0, -1.0])));
+    let report = json(&frame, "settle_report");
+    assert_eq!((&report["objects"], &report["attempt"]), (&json!(1), &json!(1)));
+    assert_eq!(report["removed"], json!([{ "spawn": 0, "asset": "pool/tetra", "reason": "fell off the table" }]));
+    assert_eq!(annotator("settle_report", "").scope(), syntable_model::product::Scope::Scene);
+}
+
+#[test]
+fn pictures_are_developed_as_asked() {
+    let develop = |exposure: Exposure, options: &str, radiance: Plane<[f32; 3]>| {
+        let mut world = World::new(1);
+        world.view.exposure = exposure;
+        let mut frame = Frame::new();
+        frame.put(RADIANCE, radiance).expect("first");
+        run(&world, "develop", options, &mut frame);
+        (frame.get(RGB).expect("made").data().to_vec(), json(&frame, "exposure"))
+    };
+    let ramp = || Plane::from_vec(4, 1, vec![[0.0; 3], [0.6, 1.2, 2.4], [1.2, 0.0, 0.6], [f32::INFINITY; 3]]);
+    let (picture, exposure) = develop(Exposure::Fixed { ev100: 1.0 }, "tone = \"srgb\"", ramp());
+    // White is 2.4 nits; sRGB codes of 1/4 and 1/2 are 137 and 188.
+    assert_eq!(picture, [[0, 0, 0], [137, 188, 255], [188, 0, 137], [255, 255, 255]]);
+    assert_eq!(exposure, json!({ "mode": "fixed", "ev100": 1.0, "white_nits": 2.4, "tone": "srgb" }));
+
+    // Automatic: an even grey wall is 18 % whatever its luminance, and one stop more is twice that.
+    for nits in [0.01, 3.0, 4000.0] {
+        let wall = || Plane::from_fn(8, 6, |_, _| [nits; 3]);
+        let (picture, exposure) = develop(Exposure::Auto { compensation_ev: 0.0 }, "", wall());
+        assert!(picture.iter().all(|pixel| *pixel == [118; 3]), "{nits}: {:?}", picture[0]);
+        assert_eq!((&exposure["mode"], &exposure["tone"]), (&json!("auto"), &json!("filmic")));
+        let (picture, _) = develop(Exposure::Auto { compensation_ev: 1.0 }, "", wall());
+        assert!(picture.iter().all(|pixel| *pixel == [162; 3]), "{nits}: {:?}", picture[0]);
+    }
+}
