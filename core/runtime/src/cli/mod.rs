@@ -6,6 +6,8 @@ mod list;
 mod new;
 mod run;
 
+pub use list::products;
+
 use crate::recipe::{self, Diagnostic, Overrides, Recipe, Source};
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use std::io::{IsTerminal, Write};
