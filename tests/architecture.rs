@@ -79,20 +79,10 @@ fn the_top_level_is_what_the_card_says() {
 
 #[test]
 fn every_kind_keeps_the_house_rules() {
-    let registry = Registry::linked().expect("no clash");
-    for entry in registry.entries() {
-        let at = format!("{}.{}", entry.slot, entry.kind);
+    for entry in Registry::linked().expect("no clash").entries() {
         let snake = entry.kind.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
-        assert!(snake && !entry.kind.is_empty(), "{at} is not snake_case");
-        let mut generator = schemars::generate::SchemaSettings::draft07().into_generator();
-        let schema = entry.schema(&mut generator);
-        assert!(schema.get("description").is_some(), "{at} has no description");
-        assert_eq!(schema.get("additionalProperties"), Some(&serde_json::Value::Bool(false)), "{at} accepts unknown keys");
-        let options = schema.get("properties").and_then(serde_json::Value::as_object).cloned().unwrap_or_default();
-        for (name, option) in options {
-            assert!(option.get("description").is_some() || option.get("$ref").is_some(), "{at}.{name} is not documented");
-        }
-        entry.construct_str(entry.example).unwrap_or_else(|error| panic!("the example of {at}: {error:?}"));
+        assert!(snake && !entry.kind.is_empty(), "{}.{} is not snake_case", entry.slot, entry.kind);
+        syntable_testing::conformance::entry(entry);
     }
 }
 

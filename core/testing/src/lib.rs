@@ -1,1 +1,15 @@
-//! Public test kit for SynTable plugins: analytic scenes, conformance checks, statistics.
+//! What the tests of SynTable plugins share: scenes whose labels can be worked out on paper, checks that every
+//! implementation of a trait must pass, and statistics for random things.
+//!
+//! ```
+//! use syntable_testing::{scenes, stats};
+//! // A unit cube hides half of the one behind it.
+//! let scene = scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3]), ([1.5, 0.0, 0.5], [1.0; 3])]);
+//! assert_eq!(scene.objects().len(), 2);
+//! assert!(stats::chi_square_p(&[100, 96, 104], &[100.0; 3]) > 0.01);
+//! ```
+
+pub mod conformance;
+pub mod scenes;
+pub mod stats;
+pub mod workers;
