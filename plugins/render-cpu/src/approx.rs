@@ -1,0 +1,75 @@
+//! Elementary functions from IEEE basic operations alone.
+//!
+//! The standard library's `sin` and `acos` come from the platform's mathematics library, whose last bits differ from
+//! one system to the next. These give the same bits everywhere, to a few units in the last place, and are faster.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+/// The whole number at or below, for |x| < 2³¹.
+#[inline(always)]
+pub(crate) fn floor(x: f32) -> (i32, f32) {
+    let truncated = x as i32;
+    let whole = truncated - i32::from((truncated as f32) > x);
+    (whole, x - whole as f32)
+}
+
+/// Sine and cosine of `turns` full turns, for |turns| < 2²⁰.
+#[inline(always)]
+pub(crate) fn sin_cos_turns(turns: f32) -> (f32, f32) {
+    let quarters = turns * 4.0;
+    let (quadrant, _) = floor(quarters + 0.5);
+    let x = (quarters - quadrant as f32) * FRAC_PI_2;
+    let x2 = x * x;
+    let sin = x + x * x2 * (-0.166_666_55 + x2 * (0.008_332_161 + x2 * -0.000_195_152_96));
+    let cos = 1.0 - 0.5 * x2 + x2 * x2 * (0.041_666_646 + x2 * (-0.001_388_731_6 + x2 * 2.443_315_7e-5));
+    let (s, c) = if quadrant & 1 == 0 { (sin, cos) } else { (cos, -sin) };
+    if quadrant & 2 == 0 { (s, c) } else { (-s, -c) }
+}
+
+/// Arc cosine; arguments beyond ±1 count as ±1. (Abramowitz and Stegun 4.4.46.)
+#[inline(always)]
+pub(crate) fn acos(x: f32) -> f32 {
+    let a = if x.abs() < 1.0 { x.abs() } else { 1.0 };
+    let p = -0.001_262_491_1;
+    let p = 0.006_670_09 + a * p;
+    let p = -0.017_088_126 + a * p;
+    let p = 0.030_891_88 + a * p;
+    let p = -0.050_174_305 + a * p;
+    let p = 0.088_978_99 + a * p;
+    let p = -0.214_598_8 + a * p;
+    let p = FRAC_PI_2 + a * p;
+    let angle = (1.0 - a).sqrt() * p;
+    if x < 0.0 { PI - angle } else { angle }
+}
+
+/// Base-2 logarithm to about 0.01, for choosing texture levels. The argument must be positive and normal.
+#[inline(always)]
+pub(crate) fn log2_rough(x: f32) -> f32 {
+    let bits = x.to_bits();
+    let exponent = (bits >> 23) as i32 - 127;
+    let mantissa = f32::from_bits(bits & 0x007f_ffff | 0x3f80_0000);
+    // Quadratic through 1, √2 and 2.
+    exponent as f32 + (mantissa - 1.0) * (1.0 + 0.343_145_75 * (2.0 - mantissa))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agree_with_f64() {
+        for i in -4000..=4000 {
+            let x = i as f32 / 1000.0;
+            let (sin, cos) = sin_cos_turns(x);
+            let (s, c) = (f64::from(x) * std::f64::consts::TAU).sin_cos();
+            assert!((f64::from(sin) - s).abs() < 2.5e-7 && (f64::from(cos) - c).abs() < 2.5e-7, "{x}: {sin} {cos}");
+            let y = i as f32 / 4000.0;
+            assert!((f64::from(acos(y)) - f64::from(y).acos()).abs() < 5e-7, "{y}");
+            let (whole, part) = floor(x);
+            assert_eq!((whole as f32, part), (x.floor(), x - x.floor()));
+        }
+        for x in [1e-20_f32, 0.3, 1.0, 1.5, 2.0, 7.3, 1e9] {
+            assert!((log2_rough(x) - x.log2()).abs() < 0.011, "{x}");
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The model against what it must satisfy, over roughness, metalness and direction.
+
+use super::*;
+use syntable_model::random::Stream;
+
+fn substance(base: f32, roughness: f32, metallic: f32) -> Substance {
+    Substance { base_color: Rgb::splat(base), roughness, metallic, dielectric_f0: 0.04 }
+}
+
+fn towards(mu: f32, turn: f32) -> Vec3 {
+    let r = (1.0 - mu * mu).sqrt();
+    let (s, c) = sin_cos_turns(turn);
+    vec3(r * c, r * s, mu)
+}
+
+const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.25, 0.5, 0.8, 1.0];
+const COSINES: [f32; 5] = [0.05, 0.2, 0.5, 0.8, 1.0];
+
+/// Mean weight of sampled directions: the directional albedo.
+fn albedo(bsdf: &Bsdf, n: u32) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..n {
+        let u = [(i as f32 + 0.5) / n as f32, (i.reverse_bits() >> 8) as f32 / (1 << 24) as f32];
+        sum += bsdf.sample(u).map_or(0.0, |s| f64::from(s.weight.x));
+    }
+    sum / f64::from(n)
+}
+
+#[test]
+fn white_furnace() {
+    for roughness in ROUGHNESSES {
+        for metallic in [0.0, 0.5, 1.0] {
+            for mu in COSINES {
+                let bsdf = Bsdf::new(&substance(1.0, roughness, metallic), towards(mu, 0.3));
+                let got = albedo(&bsdf, 16384);
+                assert!((got - 1.0).abs() < 0.008, "roughness {roughness} metallic {metallic} cos {mu}: {got}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_black_dielectric_reflects_fresnel_alone() {
+    // Smooth: Schlick's formula itself.
+    for mu in [0.3, 0.6, 1.0] {
+        let bsdf = Bsdf::new(&substance(0.0, 0.0, 0.0), towards(mu, 0.0));
+        let want = f64::from(0.04 + 0.96 * (1.0 - mu).powi(5));
+        assert!((albedo(&bsdf, 4096) - want).abs() < 3e-3, "cos {mu}");
+    }
+}
+
+#[test]
+fn reciprocity() {
+    let mut stream = Stream::root(4);
+    for _ in 0..2000 {
+        let mut unit = || stream.unit() as f32;
+        let s = substance(unit(), unit(), unit());
+        let (a, b) = (towards(0.02 + 0.98 * unit(), unit()), towards(0.02 + 0.98 * unit(), unit()));
+        let there = Bsdf::new(&s, a).evaluate(b).0.x / b.z;
+        let back = Bsdf::new(&s, b).evaluate(a).0.x / a.z;
+        assert!((there - back).abs() <= 2e-4 * there.max(1e-3), "{s:?} {a:?} {b:?}: {there} {back}");
+    }
+}
+
+#[test]
+fn samples_follow_their_density() {
+    // χ² over 16 × 24 cells of (cos, turn), expected counts by 8 × 8 midpoints a cell.
+    let (rows, columns, n) = (16, 24, 60_000_u32);
+    for (roughness, metallic, mu) in
+        [(0.3, 0.0, 0.3), (0.45, 1.0, 0.9), (0.6, 0.5, 0.1), (0.8, 1.0, 0.5), (1.0, 0.0, 0.7), (1.0, 1.0, 0.15)]
+    {
+        let bsdf = Bsdf::new(&substance(0.6, roughness, metallic), towards(mu, 0.6));
+        let mut stream = Stream::root(11);
+        let mut counts = vec![0_u32; rows * columns];
+        let mut below = 0;
+        for _ in 0..n {
+            match bsdf.sample([stream.unit() as f32, stream.unit() as f32]) {
+                Some(s) => {
+                    let turn = (f64::from(s.wi.y).atan2(f64::from(s.wi.x)) / std::f64::consts::TAU).rem_euclid(1.0);
+                    let row = ((s.wi.z * rows as f32) as usize).min(rows - 1);
+                    counts[row * columns + ((turn * columns as f64) as usize).min(columns - 1)] += 1;
+                }
+                None => below += 1,
+            }
+        }
+        let fine = 8;
+        let mut expected = vec![0.0_f64; rows * columns];
+        for (cell, value) in expected.iter_mut().enumerate() {
+            for k in 0..fine * fine {
+                let z = ((cell / columns * fine + k / fine) as f32 + 0.5) / (rows * fine) as f32;
+                let turn = ((cell % columns * fine + k % fine) as f32 + 0.5) / (columns * fine) as f32;
+                *value += f64::from(bsdf.evaluate(towards(z, turn)).1);
+            }
+            *value *= std::f64::consts::TAU * f64::from(n) / (rows * columns * fine * fine) as f64;
+        }
+        let lost = f64::from(n) - expected.iter().sum::<f64>();
+        assert!(
+            (lost - f64::from(below)).abs() < 5.0 * f64::from(below.max(25)).sqrt() + 0.004 * f64::from(n),
+            "{lost} {below}"
+        );
+        let (mut chi2, mut cells, mut rest) = (0.0, 0, (0.0, 0.0));
+        for (&count, &want) in counts.iter().zip(&expected) {
+            if want < 8.0 {
+                rest = (rest.0 + f64::from(count), rest.1 + want);
+            } else {
+                chi2 += (f64::from(count) - want).powi(2) / want;
+                cells += 1;
+            }
+        }
+        if rest.1 > 8.0 {
+            chi2 += (rest.0 - rest.1).powi(2) / rest.1;
+        }
+        // Mean and deviation of χ²; five deviations, and slack for the midpoint rule in steep cells.
+        let limit = f64::from(cells) + 5.0 * (2.0 * f64::from(cells)).sqrt() + 10.0;
+        assert!(chi2 < limit, "roughness {roughness} metallic {metallic} cos {mu}: χ² {chi2} of {cells} cells");
+    }
+}
+
+#[test]
+fn narrow_lobes_have_unit_density() {
+    // Too narrow for cells: the density of the specular lobe integrates to what is sampled above the horizon.
+    for roughness in [0.03, 0.1, 0.2] {
+        for mu in [0.2, 0.7, 1.0] {
+            let s = Substance { base_color: Rgb::ONE, roughness, metallic: 1.0, dielectric_f0: 0.04 };
+            let wo = towards(mu, 0.0);
+            let bsdf = Bsdf::new(&s, wo);
+            assert!(bsdf.specular_share > 0.9);
+            // Over half vectors in polar coordinates of the slope, where the lobe is wide.
+            let (mut sum, n) = (0.0_f64, 400);
+            let alpha = f64::from(bsdf.alpha);
+            for i in 0..n {
+                // tan θ = α √(u / (1 - u)) spreads D evenly.
+                let u = (f64::from(i) + 0.5) / f64::from(n);
+                let tan2 = alpha * alpha * u / (1.0 - u);
+                let cos = 1.0 / (1.0 + tan2).sqrt();
+                for j in 0..64 {
+                    let (s, c) = sin_cos_turns(j as f32 / 64.0);
+                    let sin = (1.0 - cos * cos).sqrt() as f32;
+                    let h = vec3(sin * c, sin * s, cos as f32);
+                    let wi = h * (2.0 * wo.dot(h)) - wo;
+                    if wi.z > 0.0 && wo.dot(h) > 0.0 {
+                        let d = f64::from(ggx::density(bsdf.alpha * bsdf.alpha, h));
+                        let pdf = f64::from(ggx::pdf(bsdf.alpha, wo, d as f32));
+                        // dωᵢ = 4 (wo·h) dωₕ, and u is uniform under D cos θ dωₕ.
+                        sum += pdf * 4.0 * f64::from(wo.dot(h)) / (d * cos);
+                    }
+                }
+            }
+            let got = sum / f64::from(n * 64);
+            assert!((got - 1.0).abs() < 0.02, "roughness {roughness} cos {mu}: {got}");
+        }
+    }
+}
+
+#[test]
+fn index_one_is_lamberts_law() {
+    let s = Substance { dielectric_f0: 0.0, ..substance(0.7, 0.5, 0.0) };
+    for (o, i) in [(1.0, 1.0), (0.1, 0.9), (0.3, 0.02)] {
+        let (value, pdf) = Bsdf::new(&s, towards(o, 0.0)).evaluate(towards(i, 0.4));
+        assert!(
+            (value.x / i - 0.7 * FRAC_1_PI).abs() < 1e-5 && (pdf / i - FRAC_1_PI).abs() < 1e-6,
+            "{o} {i}: {value:?}"
+        );
+    }
+}

@@ -1,0 +1,253 @@
+//! `cpu_path`: the renderer of everyone without a GPU.
+
+use crate::cache::SceneCache;
+use crate::camera::RayCamera;
+use crate::labels::{LabelCaster, Labels};
+use crate::light::Lights;
+use crate::path::{PathTracer, Settings, Statistics, Strategy};
+use crate::world::World;
+use std::sync::{Arc, Mutex, PoisonError};
+use syntable_model::context::Workers;
+use syntable_model::prelude::*;
+use syntable_model::product::BitPlane;
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DEPTH, INSTANCE, NORMAL,
+    RADIANCE,
+};
+
+/// Edge of the squares of pixels that are one job.
+const TILE: u32 = 16;
+
+/// Path tracing on the processor: soft shadows, light that bounces, glossy surfaces. Unbiased, and the same picture on
+/// any number of threads. Needs no GPU.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CpuPath {
+    /// Paths traced for every pixel. Noise falls with the square root; powers of two are spread most evenly.
+    #[schemars(range(min = 1, max = 1_048_576))]
+    pub samples_per_pixel: u32,
+    /// How often light may be scattered between lamp and camera; 1 is direct light alone.
+    #[schemars(range(min = 0, max = 256))]
+    pub max_bounces: u32,
+    /// Bounces after which a faint path may be ended at random, which costs a little noise and saves much time.
+    #[schemars(range(min = 1, max = 257))]
+    pub russian_roulette_from: u32,
+    /// Largest luminance that one connection of a path to a light may bring by scattering, nits. Removes rare bright
+    /// specks, and some true light with them; without it the picture is unbiased.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub clamp_nits: Option<f64>,
+}
+
+impl Default for CpuPath {
+    fn default() -> Self {
+        Self { samples_per_pixel: 64, max_bounces: 8, russian_roulette_from: 3, clamp_nits: None }
+    }
+}
+
+impl Config for CpuPath {
+    type Stage = dyn Renderer;
+    const KIND: &'static str = "cpu_path";
+    const EXAMPLE: &'static str = "samples_per_pixel = 64\nmax_bounces = 8";
+
+    fn build(self) -> Result<Box<dyn Renderer>, Invalid> {
+        Ok(Box::new(CpuPathRenderer::new(self)?))
+    }
+}
+
+/// The renderer of [`CpuPath`]; what its sessions share.
+pub struct CpuPathRenderer {
+    options: CpuPath,
+    settings: Settings,
+    cache: Arc<SceneCache>,
+}
+
+/// A session of [`CpuPathRenderer`].
+pub struct CpuPathSession {
+    settings: Settings,
+    cache: Arc<SceneCache>,
+    world: Option<World>,
+    statistics: Statistics,
+}
+
+impl CpuPathRenderer {
+    /// Builds the renderer.
+    pub fn new(options: CpuPath) -> Result<Self, Invalid> {
+        let clamp = match options.clamp_nits {
+            Some(nits) if nits <= 0.0 || nits.is_nan() => {
+                return Err(Invalid::new("clamp_nits", format!("`clamp_nits = {nits}` leaves no light"))
+                    .help("give a luminance above 0, or leave the key out to clamp nothing"));
+            }
+            Some(nits) => nits as f32,
+            None => f32::INFINITY,
+        };
+        if options.samples_per_pixel == 0 {
+            return Err(Invalid::new("samples_per_pixel", "`samples_per_pixel = 0` makes no picture")
+                .help("give at least 1; leave `radiance` and `rgb` out of the writers to render labels alone"));
+        }
+        let settings = Settings {
+            samples: options.samples_per_pixel,
+            max_bounces: options.max_bounces,
+            roulette_from: options.russian_roulette_from.max(1),
+            clamp,
+            strategy: Strategy::Combined,
+        };
+        Ok(Self { options, settings, cache: Arc::new(SceneCache::new()) })
+    }
+
+    /// Opens a session of the concrete type.
+    pub fn session(&self) -> CpuPathSession {
+        CpuPathSession {
+            settings: self.settings,
+            cache: self.cache.clone(),
+            world: None,
+            statistics: Statistics::default(),
+        }
+    }
+}
+
+impl Renderer for CpuPathRenderer {
+    fn offers(&self) -> Vec<KeyId> {
+        keys![
+            RADIANCE,
+            DEPTH,
+            INSTANCE,
+            COVERAGE,
+            COVERAGE_BEFORE_SUPPORT,
+            COVERAGE_WIDE,
+            COVERAGE_BEFORE_SUPPORT_WIDE,
+            NORMAL,
+            ALBEDO
+        ]
+    }
+
+    fn open(&self, _index: usize) -> Result<Box<dyn RenderSession>> {
+        Ok(Box::new(self.session()))
+    }
+
+    fn cost(&self) -> String {
+        let CpuPath { samples_per_pixel, max_bounces, .. } = self.options;
+        format!(
+            "{samples_per_pixel} paths a pixel of up to {max_bounces} bounces; labels cost less than one path a pixel"
+        )
+    }
+}
+
+impl CpuPathSession {
+    /// What was traced since the session was opened.
+    pub fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+
+    #[cfg(test)]
+    pub(crate) fn with_strategy(mut self, strategy: Strategy) -> Self {
+        self.settings.strategy = strategy;
+        self
+    }
+
+    fn radiance(&mut self, request: &RenderRequest, camera: &RayCamera) -> Result<Plane<[f32; 3]>> {
+        let lights = Lights::new(&request.view.lights)?;
+        let Some(world) = &self.world else { return Err(not_loaded()) };
+        crate::bsdf::prepare();
+        let tracer =
+            PathTracer { world, lights: &lights, camera, settings: self.settings, seed: request.stream.seed() };
+        let (width, height) = size(request);
+        let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        let done = Mutex::new((Plane::from_fn(width, height, |_, _| [0.0; 3]), Statistics::default()));
+        request.workers.run(columns as usize * rows as usize, &|tile| {
+            let (left, top) = (tile as u32 % columns * TILE, tile as u32 / columns * TILE);
+            let (right, bottom) = ((left + TILE).min(width), (top + TILE).min(height));
+            let mut statistics = Statistics::default();
+            let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
+            for y in top..bottom {
+                pixels.extend((left..right).map(|x| tracer.pixel(x, y, &mut statistics)));
+            }
+            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+            done.1.add(&statistics);
+            for (row, y) in pixels.chunks((right - left) as usize).zip(top..) {
+                let start = y as usize * width as usize + left as usize;
+                done.0.data_mut()[start..start + row.len()].copy_from_slice(row);
+            }
+        });
+        let (plane, statistics) = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.statistics.add(&statistics);
+        Ok(plane)
+    }
+}
+
+impl RenderSession for CpuPathSession {
+    fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
+        // The last scene is let go first, so that two are never held at once.
+        self.world = None;
+        self.world = Some(World::new(scene, &self.cache, workers));
+        Ok(())
+    }
+
+    fn render(&mut self, request: &RenderRequest, frame: &mut Frame) -> Result<()> {
+        let wants = |key: KeyId| request.wants.contains(&key);
+        let camera = RayCamera::new(&request.view.camera);
+        let (width, height) = size(request);
+        {
+            let world = self.world.as_ref().ok_or_else(not_loaded)?;
+            let bits = |key: Key<BitPlane>, margin: [u32; 2]| {
+                wants(key.id()).then(|| BitPlane::new(width, height, margin, world.objects))
+            };
+            let color =
+                |key: Key<Plane<[f32; 3]>>| wants(key.id()).then(|| Plane::from_fn(width, height, |_, _| [0.0; 3]));
+            let mut labels = Labels {
+                depth: wants(DEPTH.id()).then(|| Plane::from_fn(width, height, |_, _| f32::INFINITY)),
+                instance: wants(INSTANCE.id()).then(|| Plane::from_fn(width, height, |_, _| InstanceId::BACKGROUND)),
+                normal: color(NORMAL),
+                albedo: color(ALBEDO),
+                coverage: bits(COVERAGE, [0, 0]),
+                coverage_before_support: bits(COVERAGE_BEFORE_SUPPORT, [0, 0]),
+                coverage_wide: bits(COVERAGE_WIDE, [width, height]),
+                coverage_before_support_wide: bits(COVERAGE_BEFORE_SUPPORT_WIDE, [width, height]),
+            };
+            if labels.any() {
+                LabelCaster::new(world, &camera, width, height).cast(&mut labels, request.workers);
+            }
+            labels.put(frame)?;
+        }
+        if wants(RADIANCE.id()) {
+            frame.put(RADIANCE, self.radiance(request, &camera)?)?;
+        }
+        Ok(())
+    }
+}
+
+impl Labels {
+    fn any(&self) -> bool {
+        let bits =
+            [&self.coverage, &self.coverage_before_support, &self.coverage_wide, &self.coverage_before_support_wide];
+        self.depth.is_some()
+            || self.instance.is_some()
+            || self.normal.is_some()
+            || self.albedo.is_some()
+            || bits.iter().any(|plane| plane.is_some())
+    }
+
+    fn put(self, frame: &mut Frame) -> Result<()> {
+        fn one<T: syntable_model::product::Product>(frame: &mut Frame, key: Key<T>, plane: Option<T>) -> Result<()> {
+            plane.map_or(Ok(()), |plane| frame.put(key, plane))
+        }
+        one(frame, DEPTH, self.depth)?;
+        one(frame, INSTANCE, self.instance)?;
+        one(frame, NORMAL, self.normal)?;
+        one(frame, ALBEDO, self.albedo)?;
+        one(frame, COVERAGE, self.coverage)?;
+        one(frame, COVERAGE_BEFORE_SUPPORT, self.coverage_before_support)?;
+        one(frame, COVERAGE_WIDE, self.coverage_wide)?;
+        one(frame, COVERAGE_BEFORE_SUPPORT_WIDE, self.coverage_before_support_wide)
+    }
+}
+
+fn size(request: &RenderRequest) -> (u32, u32) {
+    (request.view.camera.intrinsics.width, request.view.camera.intrinsics.height)
+}
+
+fn not_loaded() -> Error {
+    Error::new("no scene was loaded before rendering").help("call `load` first")
+}
+
+register!(CpuPath);

@@ -1,0 +1,188 @@
+//! All labels from one cast a pixel: what lies on the ray through the pixel's centre, at any depth.
+//!
+//! The first hit in every body decides everything: the nearest of them is what is seen, all of them are what covers
+//! the pixel. Since both come from the same hits, what is seen is covered, exactly. Of bodies at equal depth the one
+//! with the lower id is in front, so objects come before supports and room parts.
+
+use crate::bvh::{Hit, Ray, SceneBvh};
+use crate::camera::RayCamera;
+use crate::vec3::Vec3;
+use crate::world::World;
+use std::sync::{Mutex, PoisonError};
+use syntable_model::context::Workers;
+use syntable_model::product::{BitPlane, Plane};
+use syntable_model::scene::InstanceId;
+
+/// Edge of the squares of pixels that are cast together.
+const TILE: i32 = 8;
+
+/// The planes to fill; those that are not wanted are none.
+#[derive(Debug, Default)]
+pub(crate) struct Labels {
+    pub depth: Option<Plane<f32>>,
+    pub instance: Option<Plane<InstanceId>>,
+    pub normal: Option<Plane<[f32; 3]>>,
+    pub albedo: Option<Plane<[f32; 3]>>,
+    pub coverage: Option<BitPlane>,
+    pub coverage_before_support: Option<BitPlane>,
+    pub coverage_wide: Option<BitPlane>,
+    pub coverage_before_support_wide: Option<BitPlane>,
+}
+
+/// What one pixel's ray met.
+#[derive(Clone, Copy)]
+struct Pixel {
+    x: i32,
+    y: i32,
+    /// The nearest hit.
+    first: Option<Hit>,
+    /// Depth of the nearest body that is no object.
+    support: f32,
+}
+
+/// Casts labels of a view.
+pub(crate) struct LabelCaster<'a> {
+    world: &'a World,
+    camera: &'a RayCamera,
+    width: i32,
+    height: i32,
+    /// Bodies with cut-outs, each in a tree of its own, since hits on them must be tested.
+    cutouts: Vec<(u32, SceneBvh)>,
+}
+
+/// One square's results.
+struct Tile {
+    pixels: Vec<Pixel>,
+    /// Position in `pixels`, body, and depth of the first hit in it.
+    hits: Vec<(u32, Hit)>,
+}
+
+impl<'a> LabelCaster<'a> {
+    pub fn new(world: &'a World, camera: &'a RayCamera, width: u32, height: u32) -> Self {
+        let cutouts = (0..world.len()).filter(|&i| world.body_has_cutouts(i));
+        let cutouts = cutouts.map(|i| (i as u32, world.alone(i))).collect();
+        Self { world, camera, width: width as i32, height: height as i32, cutouts }
+    }
+
+    /// Fills the planes.
+    pub fn cast(&self, labels: &mut Labels, workers: &dyn Workers) {
+        let wide = labels.coverage_wide.is_some() || labels.coverage_before_support_wide.is_some();
+        let (margin_x, margin_y) = if wide { (self.width, self.height) } else { (0, 0) };
+        let columns = self.width + 2 * margin_x;
+        let bands = (self.height + 2 * margin_y + TILE - 1) / TILE;
+        let shaded = labels.normal.is_some() || labels.albedo.is_some();
+        let labels = Mutex::new(labels);
+        workers.run(bands as usize, &|band| {
+            let top = band as i32 * TILE - margin_y;
+            let bottom = (top + TILE).min(self.height + margin_y);
+            for left in (-margin_x..columns - margin_x).step_by(TILE as usize) {
+                let right = (left + TILE).min(self.width + margin_x);
+                let tile = self.tile([left, top, right, bottom]);
+                let surfaces: Vec<_> = tile.pixels.iter().map(|pixel| self.surface(pixel, shaded)).collect();
+                let mut labels = labels.lock().unwrap_or_else(PoisonError::into_inner);
+                self.store(&mut labels, &tile, &surfaces);
+            }
+        });
+    }
+
+    /// Casts the rays of a square [left, top, right, bottom].
+    fn tile(&self, [left, top, right, bottom]: [i32; 4]) -> Tile {
+        let place = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
+        let pixels = place.map(|(x, y)| Pixel { x, y, first: None, support: f32::INFINITY });
+        let mut tile = Tile { pixels: pixels.collect(), hits: Vec::new() };
+        let rays: Vec<Ray> = tile.pixels.iter().map(|pixel| self.ray(pixel)).collect();
+        self.world.bvh.all_instances_tile(&rays, 0.0, f32::INFINITY, |number, hit| {
+            if !self.world.body_has_cutouts(hit.instance as usize) {
+                tile.hits.push((number as u32, hit));
+            }
+        });
+        for (instance, tree) in &self.cutouts {
+            for (number, ray) in rays.iter().enumerate() {
+                let solid = |hit: &Hit| self.world.is_solid(hit, ray, *instance);
+                if let Some(hit) = tree.closest_where(ray, 0.0, f32::INFINITY, solid) {
+                    tile.hits.push((number as u32, Hit { instance: *instance, ..hit }));
+                }
+            }
+        }
+        for &(number, hit) in &tile.hits {
+            let pixel = &mut tile.pixels[number as usize];
+            if pixel.first.is_none_or(|first| (hit.t, hit.instance) < (first.t, first.instance)) {
+                pixel.first = Some(hit);
+            }
+            if hit.instance as usize >= self.world.objects && hit.t < pixel.support {
+                pixel.support = hit.t;
+            }
+        }
+        tile
+    }
+
+    fn ray(&self, pixel: &Pixel) -> Ray {
+        self.camera.ray(f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5)
+    }
+
+    fn inside(&self, pixel: &Pixel) -> bool {
+        (0..self.width).contains(&pixel.x) && (0..self.height).contains(&pixel.y)
+    }
+
+    /// Normal in the camera's frame and base colour of what a pixel sees.
+    fn surface(&self, pixel: &Pixel, shaded: bool) -> [[f32; 3]; 2] {
+        match pixel.first {
+            Some(hit) if shaded && self.inside(pixel) => {
+                let ray = self.ray(pixel);
+                let direction = Vec3::from(ray.direction);
+                let distance = hit.t * direction.length();
+                let width = self.camera.pixel_angle * distance;
+                let surface = self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width);
+                [self.camera.turned(surface.shading.z).array(), surface.substance.base_color.array()]
+            }
+            _ => [[0.0; 3]; 2],
+        }
+    }
+
+    fn store(&self, labels: &mut Labels, tile: &Tile, surfaces: &[[[f32; 3]; 2]]) {
+        for (pixel, [normal, albedo]) in tile.pixels.iter().zip(surfaces) {
+            if self.inside(pixel) {
+                let index = pixel.y as usize * self.width as usize + pixel.x as usize;
+                if let Some(depth) = &mut labels.depth {
+                    depth.data_mut()[index] = pixel.first.map_or(f32::INFINITY, |hit| hit.t);
+                }
+                if let Some(instance) = &mut labels.instance {
+                    instance.data_mut()[index] = pixel.first.map_or(InstanceId::BACKGROUND, |hit| id(hit.instance));
+                }
+                if let Some(plane) = &mut labels.normal {
+                    plane.data_mut()[index] = *normal;
+                }
+                if let Some(plane) = &mut labels.albedo {
+                    plane.data_mut()[index] = *albedo;
+                }
+            }
+        }
+        for &(number, hit) in &tile.hits {
+            if hit.instance as usize >= self.world.objects {
+                continue;
+            }
+            let pixel = &tile.pixels[number as usize];
+            let before = hit.t <= pixel.support;
+            let put = |plane: &mut Option<BitPlane>| {
+                if let Some(plane) = plane {
+                    plane.insert(pixel.x, pixel.y, id(hit.instance));
+                }
+            };
+            put(&mut labels.coverage_wide);
+            if before {
+                put(&mut labels.coverage_before_support_wide);
+            }
+            if self.inside(pixel) {
+                put(&mut labels.coverage);
+                if before {
+                    put(&mut labels.coverage_before_support);
+                }
+            }
+        }
+    }
+}
+
+/// Body `i` of a scene has the id `i + 1`.
+fn id(instance: u32) -> InstanceId {
+    InstanceId(instance as u16 + 1)
+}

@@ -1,0 +1,134 @@
+//! Lights against closed forms.
+
+use super::*;
+use crate::vec3::vec3;
+use std::f64::consts::PI;
+use syntable_model::geometry::{Point3, Vector3};
+use syntable_model::photometry::{polygon_illuminance, sphere_luminance};
+use syntable_model::random::Stream;
+use syntable_model::scene::{Light, RectLight, SphereLight};
+
+fn sphere(centre: [f64; 3], radius: f64, nits: f64) -> Light {
+    Light::Sphere(SphereLight { centre: centre.into(), radius, radiance: [nits; 3] })
+}
+
+fn rect(centre: [f64; 3], half_u: [f64; 3], half_v: [f64; 3], nits: f64) -> RectLight {
+    RectLight { centre: centre.into(), half_u: half_u.into(), half_v: half_v.into(), radiance: [nits; 3] }
+}
+
+/// Irradiance at a point by sampling the lights, with its standard error.
+fn illuminance(lights: &Lights, p: Vec3, n: Vec3) -> (f64, f64) {
+    let (mut sum, mut square, count) = (0.0, 0.0, 20_000);
+    let mut stream = Stream::root(3);
+    for _ in 0..count {
+        let e = lights
+            .sample(p, n, [stream.unit() as f32, stream.unit() as f32])
+            .map_or(0.0, |s| f64::from(s.radiance.x) * f64::from(n.dot(s.direction).max(0.0)) / f64::from(s.pdf));
+        sum += e;
+        square += e * e;
+    }
+    let mean = sum / f64::from(count);
+    (mean, ((square / f64::from(count) - mean * mean).max(0.0) / f64::from(count)).sqrt())
+}
+
+fn check(lights: &[Light], p: [f64; 3], n: [f64; 3], want: f64) {
+    let lights = Lights::new(lights).expect("sound");
+    let (got, error) = illuminance(&lights, vector(&p), vector(&n));
+    assert!((got - want).abs() < 4.0 * error + 2e-4 * want, "{p:?}: {got} ± {error}, not {want}");
+}
+
+#[test]
+fn a_sphere_gives_the_closed_form_at_any_distance() {
+    for (height, radius) in [(2.0, 0.1), (0.5, 0.45), (30.0, 0.05), (1.0, 0.99)] {
+        let want = 800.0;
+        let nits = sphere_luminance(want, height, radius);
+        check(&[sphere([0.3, 0.1, height], radius, nits)], [0.3, 0.1, 0.0], [0.0, 0.0, 1.0], want);
+    }
+    // Inside, a hemisphere of the light is above the plane.
+    check(&[sphere([0.1, 0.0, 0.2], 1.0, 50.0)], [0.0; 3], [0.0, 0.6, 0.8], 50.0 * PI);
+}
+
+#[test]
+fn a_rectangle_gives_lamberts_form_near_and_far() {
+    for (half, height, tilt) in [(0.3, 2.0, 0.0), (1.0, 0.4, 0.2), (2.0, 0.05, 0.0), (0.2, 0.8, 0.5), (0.05, 9.0, 0.3)]
+    {
+        let (s, c) = f64::sin_cos(tilt);
+        let light = rect([0.2, -0.1, height], [0.0, half, 0.0], [1.7 * half * c, 0.0, 1.7 * half * s], 100.0);
+        if light.corners().iter().any(|corner| corner.z <= 0.0) {
+            continue;
+        }
+        let want = 100.0 * polygon_illuminance(&light.corners(), Point3::origin(), Vector3::z());
+        check(&[Light::Rect(light)], [0.0; 3], [0.0, 0.0, 1.0], want);
+    }
+}
+
+#[test]
+fn several_lights_add_up() {
+    let light = rect([1.0, 0.0, 2.0], [0.0, 0.3, 0.0], [0.3, 0.0, 0.0], 300.0);
+    let want = 300.0 * polygon_illuminance(&light.corners(), Point3::origin(), Vector3::z()) + 500.0 + 20.0;
+    let up = sphere([0.0, 0.0, 2.0], 0.2, sphere_luminance(500.0, 2.0, 0.2));
+    let other = sphere([0.0, 0.0, 1.0], 0.1, sphere_luminance(20.0, 1.0, 0.1));
+    // One of them never shines here, since its lit side looks away.
+    let away = Light::Rect(rect([0.0, 0.0, 1.0], [0.3, 0.0, 0.0], [0.0, 0.3, 0.0], 1e4));
+    check(&[Light::Rect(light), up, away, other], [0.0; 3], [0.0, 0.0, 1.0], want);
+}
+
+#[test]
+fn densities_belong_to_the_samples() {
+    // Every sampled direction meets the light at the sampled distance, with the density that a hit reports.
+    let lights = Lights::new(&[
+        sphere([0.4, 0.2, 1.0], 0.3, 100.0),
+        sphere([0.0, 0.0, 8.0], 9.0, 1.0),
+        Light::Rect(rect([-0.5, 0.0, 0.9], [0.0, 0.4, 0.0], [0.2, 0.0, 0.0], 80.0)),
+        Light::Rect(rect([0.0, -30.0, 9.0], [0.0, 0.0, 0.5], [0.5, 0.0, 0.0], 1e5)),
+    ]);
+    let lights = lights.expect("sound");
+    let mut stream = Stream::root(8);
+    let (p, n) = (vec3(0.1, 0.0, 0.0), vec3(0.1, -0.5, 0.8).normalized());
+    let mut seen = [0; 4];
+    for _ in 0..4000 {
+        let s = lights.sample(p, n, [stream.unit() as f32, stream.unit() as f32]).expect("all shine here");
+        let hits = (0..4).filter_map(|i| {
+            let distance = lights.0[i].intersect(p, s.direction)?;
+            Some(LightHit { distance, radiance: lights.0[i].radiance(), index: i })
+        });
+        let near = hits.min_by(|a, b| (a.distance - s.distance).abs().total_cmp(&(b.distance - s.distance).abs()));
+        // Rounding may lose a sample on the very edge.
+        let Some(hit) = near.filter(|hit| (hit.distance - s.distance).abs() < 1e-2 * s.distance) else { continue };
+        seen[hit.index] += 1;
+        let pdf = lights.pdf(p, n, &hit);
+        assert!((pdf - s.pdf).abs() < 2e-3 * s.pdf, "light {}: {pdf} {}", hit.index, s.pdf);
+    }
+    assert!(seen.iter().sum::<i32>() > 3990 && seen.iter().all(|&count| count > 30), "{seen:?}");
+}
+
+#[test]
+fn one_sided_and_opaque() {
+    let lights = Lights::new(&[
+        Light::Rect(rect([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], 7.0)),
+        sphere([0.0, 0.0, 0.5], 0.1, 9.0),
+    ]);
+    let lights = lights.expect("sound");
+    let (up, down) = (vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0));
+    let first = |o, d| lights.intersect(o, d, 100.0).map(|hit| (hit.radiance.x, hit.distance));
+    assert_eq!(first(Vec3::ZERO, up), Some((9.0, 0.4)));
+    assert_eq!(first(vec3(0.5, 0.0, 0.0), up), Some((7.0, 1.0)));
+    assert_eq!(first(vec3(0.5, 0.0, 2.0), down), None);
+    assert_eq!(first(vec3(0.0, 0.0, 0.5), up), Some((9.0, 0.1)), "from within");
+    assert!(lights.hide(Vec3::ZERO, up, 1.0) && !lights.hide(Vec3::ZERO, up, 0.4));
+    assert!(!lights.hide(vec3(0.5, 0.0, 0.0), up, 1.0));
+}
+
+#[test]
+fn unsound_lights_are_named() {
+    let check = |light: Light, want: &str| {
+        let error = Lights::new(&[sphere([0.0; 3], 1.0, 1.0), light]).expect_err(want).to_string();
+        assert!(error.contains("light 1") && error.contains(want), "{error}");
+    };
+    check(sphere([0.0; 3], 0.0, 1.0), "radius 0 m");
+    check(sphere([0.0; 3], 1.0, f64::NAN), "NaN");
+    check(sphere([0.0; 3], 1.0, -1.0), "not negative");
+    check(Light::Rect(rect([0.0; 3], [0.0; 3], [1.0, 0.0, 0.0], 1.0)), "right angles");
+    check(Light::Rect(rect([0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], 1.0)), "right angles");
+    assert!(Lights::new(&[sphere([0.0; 3], 1.0, 0.0)]).expect("dark").0.is_empty());
+}

@@ -1,0 +1,229 @@
+//! Properties of pictures as a whole.
+
+use super::support::*;
+use crate::path::Strategy;
+use std::sync::Arc;
+use syntable_model::context::Serial;
+use syntable_model::digest::Digest;
+use syntable_model::geometry::{Point3, Vector3};
+use syntable_model::prelude::*;
+use syntable_model::product::BitPlane;
+use syntable_model::product::standard::*;
+use syntable_model::scene::{
+    Alpha, Color, Encoding, Light, Material, NormalMap, RectLight, Role, Scalar, SphereLight, Surface, Texture,
+    TextureMapping, UvTransform, Wrap,
+};
+
+fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
+    let texels: Vec<u8> =
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| f(x, y)).collect();
+    let digest = Digest::of(&texels);
+    Arc::new(Texture { width, height, texels, encoding, wrap: [Wrap::Repeat; 2], digest })
+}
+
+/// Everything at once: textures, cut-outs, bumps, metal, smooth meshes, two lights.
+fn busy_scene() -> (Arc<Scene>, View) {
+    let checks =
+        texture(
+            16,
+            16,
+            Encoding::Srgb,
+            |x, y| if (x / 4 + y / 4) % 2 == 0 { [230, 200, 40, 255] } else { [30, 60, 160, 0] },
+        );
+    let bumps = texture(8, 8, Encoding::Linear, |x, y| [(90 + 10 * x) as u8, (160 - 8 * y) as u8, 235, 255]);
+    let lattice = Material {
+        alpha: Alpha::Mask { cutoff: 0.5 },
+        base_color: Color::texture(checks.clone()),
+        ..Material::plain("lattice", [1.0; 3], 0.5)
+    };
+    let bumpy = Arc::new(Material {
+        base_color: Color::texture(checks),
+        normal: Some(NormalMap { map: bumps.into(), strength: 1.0 }),
+        tile_m: 0.4,
+        ..Material::plain("bumpy", [1.0; 3], 0.4)
+    });
+    let metal = Material { metallic: Scalar::constant(1.0), ..Material::plain("metal", [0.9, 0.8, 0.7], 0.2) };
+    let boxed = Surface { material: bumpy.clone(), mapping: TextureMapping::Box { rotation: 0.3, offset: [0.1, 0.2] } };
+    let by_uv = Surface {
+        material: bumpy,
+        mapping: TextureMapping::Uv(UvTransform { scale: [2.0, 3.0], rotation: 0.7, offset: [0.0, 0.5] }),
+    };
+    let block = object("block", cuboid([0.2, 0.15, 0.25]), lattice);
+    let round = object("round", ball(0.2, 40), metal);
+    let scene = scene([
+        body(&block, at(-0.3, 0.1, 0.25), Role::Object),
+        body(&round, at(0.3, 0.0, 0.2), Role::Object),
+        covered(&round, at(0.0, 0.5, 0.2), Role::Object, by_uv),
+        covered(&object("floor", sheet([1.5, 1.5]), matte(0.5)), at(0.0, 0.0, 0.0), Role::Support, boxed),
+    ]);
+    let panel = RectLight {
+        centre: Point3::new(0.0, 0.0, 2.0),
+        half_u: Vector3::new(0.0, 0.4, 0.0),
+        half_v: Vector3::new(0.4, 0.0, 0.0),
+        radiance: [40.0; 3],
+    };
+    let globe = SphereLight { centre: Point3::new(0.8, -0.8, 0.8), radius: 0.1, radiance: [90.0, 70.0, 40.0] };
+    (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
+}
+
+const ALL: [KeyId; 9] = [
+    RADIANCE.id(),
+    DEPTH.id(),
+    INSTANCE.id(),
+    COVERAGE.id(),
+    COVERAGE_BEFORE_SUPPORT.id(),
+    COVERAGE_WIDE.id(),
+    COVERAGE_BEFORE_SUPPORT_WIDE.id(),
+    NORMAL.id(),
+    ALBEDO.id(),
+];
+
+fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
+    plane.data().iter().map(|p| p.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn any_number_of_workers_gives_the_same_bits() {
+    let (scene, view) = busy_scene();
+    let one = render(options(5, 4), &scene, &view, &ALL);
+    assert!(one.get(RADIANCE).expect("made").data().iter().flatten().all(|x| x.is_finite() && *x >= 0.0));
+    for threads in [2, 3] {
+        let many =
+            render_with(options(5, 4), Strategy::Combined, &scene, &view, &ALL, &Threads(threads)).expect("renders");
+        for key in [RADIANCE, NORMAL, ALBEDO] {
+            let (a, b) = (one.get(key).expect("made"), many.get(key).expect("made"));
+            assert!(bits(a) == bits(b), "{} differs; {}", key.name(), keep("workers", &[("one", a), ("many", b)]));
+        }
+        assert!(one.get(DEPTH).expect("made") == many.get(DEPTH).expect("made"));
+        assert!(one.get(INSTANCE).expect("made") == many.get(INSTANCE).expect("made"));
+        for key in [COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_WIDE, COVERAGE_BEFORE_SUPPORT_WIDE] {
+            assert!(one.get(key).expect("made") == many.get(key).expect("made"), "{}", key.name());
+        }
+    }
+}
+
+#[test]
+fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
+    let (scene, view) = busy_scene();
+    let all = render(options(2, 2), &scene, &view, &ALL);
+    for want in ALL {
+        let alone = render(options(2, 2), &scene, &view, &[want]);
+        assert_eq!(alone.keys(), [want]);
+        assert!(alone.value(want.name).expect("made") == all.value(want.name).expect("made"), "{want:?}");
+    }
+}
+
+#[test]
+fn the_seed_matters_and_sessions_can_be_used_again() {
+    let (scene, view) = busy_scene();
+    let mut session = crate::CpuPathRenderer::new(options(2, 2)).expect("sound").session();
+    let mut picture = |seed: u64| {
+        session.load(&scene, &Serial).expect("loads");
+        let mut frame = Frame::new();
+        let request =
+            RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(seed), workers: &Serial };
+        session.render(&request, &mut frame).expect("renders");
+        bits(frame.get(RADIANCE).expect("made"))
+    };
+    let first = picture(1);
+    assert!(first != picture(2));
+    assert!(first == picture(1));
+}
+
+#[test]
+fn a_session_without_a_scene_says_so() {
+    let (_, view) = busy_scene();
+    let mut session = crate::CpuPathRenderer::new(options(1, 1)).expect("sound").session();
+    for want in ALL {
+        let request = RenderRequest { view: &view, wants: &[want], stream: Stream::root(1), workers: &Serial };
+        let error = session.render(&request, &mut Frame::new()).expect_err("no scene");
+        assert!(error.to_string().contains("no scene was loaded"), "{error}");
+    }
+}
+
+#[test]
+fn textures_are_the_right_way_up_on_every_mapping() {
+    // Red top left, green top right, blue bottom left, grey bottom right.
+    let quarters = texture(16, 16, Encoding::Linear, |x, y| match (x / 8, y / 8) {
+        (0, 0) => [255, 0, 0, 255],
+        (1, 0) => [0, 255, 0, 255],
+        (0, 1) => [0, 0, 255, 255],
+        _ => [128, 128, 128, 255],
+    });
+    let painted = Arc::new(Material { base_color: Color::texture(quarters), tile_m: 1.0, ..matte(1.0) });
+    let table = object("table", sheet([0.5, 0.5]), matte(0.5));
+    // Looked at from above, with world y up in the picture.
+    let looking = view(4, 4, 4.0, [0.0, 0.0, 1.0], [0.0; 3], vec![]);
+    let check = |mapping: TextureMapping, want: [[u8; 3]; 4]| {
+        let surface = Surface { material: painted.clone(), mapping };
+        let scene = scene([covered(&table, at(0.0, 0.0, 0.0), Role::Object, surface)]);
+        let frame = render(options(1, 1), &scene, &looking, &[ALBEDO.id()]);
+        let albedo = frame.get(ALBEDO).expect("made");
+        let corners = [(0, 0), (3, 0), (0, 3), (3, 3)];
+        for ((x, y), want) in corners.into_iter().zip(want) {
+            let got = albedo.at(x, y).map(|c| (c * 255.0).round() as i32);
+            assert_eq!(got, want.map(i32::from), "{mapping:?} at ({x}, {y})");
+        }
+    };
+    let (red, green, blue, grey) = ([255, 0, 0], [0, 255, 0], [0, 0, 255], [128; 3]);
+    check(TextureMapping::Uv(UvTransform::default()), [red, green, blue, grey]);
+    let half = std::f32::consts::PI;
+    // Turning coordinates by half a turn about the corner turns the tiled picture.
+    check(TextureMapping::Uv(UvTransform { rotation: half, ..Default::default() }), [grey, blue, green, red]);
+    check(TextureMapping::Box { rotation: 0.0, offset: [0.5, 0.5] }, [red, green, blue, grey]);
+    check(TextureMapping::Box { rotation: 0.0, offset: [0.0, 0.5] }, [green, red, grey, blue]);
+}
+
+#[test]
+fn normal_maps_tilt_towards_growing_u_and_v() {
+    // A map that leans towards +u (red) and +v (green).
+    let tilt = texture(1, 1, Encoding::Linear, |_, _| [192, 166, 230, 255]);
+    let bumpy = Arc::new(Material { normal: Some(NormalMap { map: tilt.into(), strength: 1.0 }), ..matte(0.5) });
+    let table = object("table", sheet([0.5, 0.5]), matte(0.5));
+    let check = |mapping: TextureMapping, eye: f64, want: [f32; 2]| {
+        let surface = Surface { material: bumpy.clone(), mapping };
+        let scene = scene([covered(&table, at(0.0, 0.0, 0.0), Role::Object, surface)]);
+        let looking = view(1, 1, 4.0, [0.0, 0.0, eye], [0.0; 3], vec![]);
+        let frame = render(options(1, 1), &scene, &looking, &[NORMAL.id()]);
+        let [x, y, z] = *frame.get(NORMAL).expect("made").at(0, 0);
+        // The camera's x is world x seen from above, its y is −world y; z points away from it.
+        assert!((x - want[0]).abs() < 0.02 && (y - want[1]).abs() < 0.02 && z < -0.7, "{mapping:?}: {x} {y} {z}");
+    };
+    let length = (0.506_f32.powi(2) + 0.302_f32.powi(2) + 0.804_f32.powi(2)).sqrt();
+    let (a, b) = (0.506 / length, 0.302 / length);
+    check(TextureMapping::Uv(UvTransform::default()), 1.0, [a, -b]);
+    check(TextureMapping::Box { rotation: 0.0, offset: [0.0; 2] }, 1.0, [a, -b]);
+    // Coordinates turned by a quarter: u now grows along −y, v along x.
+    let quarter = std::f32::consts::FRAC_PI_2;
+    check(TextureMapping::Box { rotation: quarter, offset: [0.0; 2] }, 1.0, [b, a]);
+    // From below the same relief is seen from behind, and the camera's x is −world x.
+    check(TextureMapping::Uv(UvTransform::default()), -1.0, [a, b]);
+}
+
+#[test]
+fn wide_planes_continue_the_picture() {
+    let (scene, view) = busy_scene();
+    let frame = render(options(1, 1), &scene, &view, &ALL);
+    for (near, wide) in [(COVERAGE, COVERAGE_WIDE), (COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE)] {
+        let (near, wide): (&BitPlane, &BitPlane) = (frame.get(near).expect("made"), frame.get(wide).expect("made"));
+        assert_eq!((near.margin(), wide.margin()), ([0, 0], [45, 37]));
+        for y in 0..37 {
+            for x in 0..45 {
+                assert_eq!(near.set(x, y), wide.set(x, y), "({x}, {y})");
+            }
+        }
+    }
+}
+
+#[test]
+fn options_are_checked_and_the_example_builds() {
+    let registry = syntable_model::registry::Registry::linked().expect("one kind of each name");
+    let entry = registry.find(syntable_model::registry::Slot::Render, "cpu_path").expect("registered");
+    entry.construct_str(entry.example).expect("builds");
+    let built = entry.construct_str("samples_per_pixel = 8\nclamp_nits = 1e4").expect("builds");
+    assert_eq!(built.options["russian_roulette_from"].as_integer(), Some(3));
+    assert!(entry.construct_str("").expect("builds").options.get("clamp_nits").is_none());
+    for wrong in ["clamp_nits = 0", "clamp_nits = nan", "samples_per_pixel = 0"] {
+        assert!(entry.construct_str(wrong).is_err(), "{wrong}");
+    }
+}

@@ -1,0 +1,338 @@
+//! A scene made ready: trees, surfaces and materials of every body, and what a ray finds at a hit.
+
+use crate::bsdf::{Bsdf, Substance};
+use crate::bvh::{Affine, Hit, Instance, Ray, SceneBvh};
+use crate::cache::SceneCache;
+use crate::material::{Coordinates, Mapping, Material, box_axes};
+use crate::mesh::{TracedMesh, Triangle, unpack};
+use crate::vec3::{Basis, Rgb, Vec3, max, vec3};
+use std::sync::{Arc, Mutex, PoisonError};
+use syntable_model::context::Workers;
+use syntable_model::geometry::Pose;
+use syntable_model::scene::{self, Body, Scene, TextureMapping, UvTransform};
+
+/// A scene ready to be traced. Body `i` of the scene is instance `i` of the tree.
+pub(crate) struct World {
+    pub bvh: SceneBvh,
+    bodies: Vec<TracedBody>,
+    materials: Vec<Material>,
+    /// How many of the bodies are objects; they come first.
+    pub objects: usize,
+    /// Whether any body has cut-outs.
+    pub has_cutouts: bool,
+}
+
+/// A body as shading sees it.
+struct TracedBody {
+    mesh: Arc<TracedMesh>,
+    /// Columns of the rotation, world from body.
+    rotation: [Vec3; 3],
+    translation: Vec3,
+    /// Position of slot 0 in the world's materials.
+    first_material: u32,
+    last_slot: u16,
+    /// Whether any of its materials has cut-outs.
+    has_cutouts: bool,
+}
+
+/// The width of what a ray sees, for choosing texture levels: a cone, metres and metres a metre.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cone {
+    pub width: f32,
+    pub spread: f32,
+}
+
+/// What a ray finds where it meets a body.
+#[derive(Clone, Debug)]
+pub(crate) struct Surface {
+    /// World, on the triangle's plane.
+    pub position: Vec3,
+    /// Unit normal of the triangle, towards the ray's origin.
+    pub face: Vec3,
+    /// Frame of the shading normal, on the same side as `face`, with the ray's origin above its horizon.
+    pub shading: Basis,
+    /// Whether `shading` is bent away from `face`.
+    pub bent: bool,
+    pub substance: Substance,
+    /// Emitted radiance towards the ray, nits.
+    pub emission: Rgb,
+}
+
+impl World {
+    /// Makes a scene ready, body by body over the workers.
+    pub fn new(scene: &Scene, cache: &SceneCache, workers: &dyn Workers) -> Self {
+        let bodies = scene.bodies();
+        // Objects that several bodies share are made once; a worker never waits for one that it makes itself.
+        type Made = (Arc<TracedMesh>, Vec<Material>);
+        let made: Vec<Mutex<Option<Made>>> = bodies.iter().map(|_| Mutex::new(None)).collect();
+        workers.run(bodies.len(), &|i| {
+            let part = (cache.mesh(&bodies[i].object), materials(&bodies[i], cache));
+            *made[i].lock().unwrap_or_else(PoisonError::into_inner) = Some(part);
+        });
+        let mut world = Self {
+            bvh: SceneBvh::build([]),
+            bodies: Vec::with_capacity(bodies.len()),
+            materials: Vec::new(),
+            objects: scene.objects().len(),
+            has_cutouts: false,
+        };
+        let mut instances = Vec::with_capacity(bodies.len());
+        for (body, part) in bodies.iter().zip(made) {
+            let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
+            let (mesh, materials) = part.unwrap_or_else(|| (cache.mesh(&body.object), self::materials(body, cache)));
+            let (rotation, translation) = placement(&body.world_from_body);
+            let has_cutouts = materials.iter().any(|m| m.cutoff.is_some());
+            instances.push(Instance {
+                world_from_object: affine(rotation, translation),
+                mesh: mesh.bvh.clone(),
+                id: u32::from(body.id.0),
+            });
+            world.has_cutouts |= has_cutouts;
+            world.bodies.push(TracedBody {
+                mesh,
+                rotation,
+                translation,
+                first_material: world.materials.len() as u32,
+                last_slot: (materials.len() - 1) as u16,
+                has_cutouts,
+            });
+            world.materials.extend(materials);
+        }
+        world.bvh = SceneBvh::build(instances);
+        world
+    }
+
+    /// Number of bodies.
+    pub fn len(&self) -> usize {
+        self.bodies.len()
+    }
+
+    /// Whether a body has cut-outs, so that hits on it must be tested.
+    pub fn body_has_cutouts(&self, instance: usize) -> bool {
+        self.bodies[instance].has_cutouts
+    }
+
+    /// The tree of one body alone.
+    pub fn alone(&self, instance: usize) -> SceneBvh {
+        let body = &self.bodies[instance];
+        let world_from_object = affine(body.rotation, body.translation);
+        SceneBvh::build([Instance { world_from_object, mesh: body.mesh.bvh.clone(), id: 0 }])
+    }
+
+    #[inline(always)]
+    fn material(&self, body: &TracedBody, slot: u16) -> &Material {
+        &self.materials[body.first_material as usize + usize::from(slot.min(body.last_slot))]
+    }
+
+    /// The first surface of a ray.
+    #[inline]
+    pub fn closest(&self, ray: &Ray, to: f32) -> Option<Hit> {
+        if self.has_cutouts {
+            self.bvh.closest_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance))
+        } else {
+            self.bvh.closest(ray, 0.0, to)
+        }
+    }
+
+    /// Whether a surface is in the way.
+    #[inline]
+    pub fn occluded(&self, ray: &Ray, to: f32) -> bool {
+        if self.has_cutouts {
+            self.bvh.any_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance))
+        } else {
+            self.bvh.any(ray, 0.0, to)
+        }
+    }
+
+    /// Whether there is a surface at a hit on a body, or a hole.
+    #[inline]
+    pub fn is_solid(&self, hit: &Hit, ray: &Ray, instance: u32) -> bool {
+        let body = &self.bodies[instance as usize];
+        if !body.has_cutouts {
+            return true;
+        }
+        let triangle = &body.mesh.triangles[hit.primitive as usize];
+        let material = self.material(body, triangle.slot);
+        if material.cutoff.is_none() {
+            return true;
+        }
+        let p = Vec3::from(ray.origin) + Vec3::from(ray.direction) * hit.t;
+        let at = coordinates(material, triangle, hit, body.point_to_body(p), 0.0);
+        material.is_solid(at.uv)
+    }
+
+    /// The surface at a hit. `along` is the ray's unit direction, `width` how wide the ray is there, metres.
+    #[inline]
+    pub fn surface(&self, hit: &Hit, origin: Vec3, along: Vec3, t: f32, width: f32) -> Surface {
+        let body = &self.bodies[hit.instance as usize];
+        let triangle = &body.mesh.triangles[hit.primitive as usize];
+        let material = self.material(body, triangle.slot);
+
+        let outward = body.to_world(triangle.normal);
+        let mut position = origin + along * t;
+        // Back onto the triangle's plane, so that what is left of the error does not grow with the distance.
+        position += outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
+        let side = if outward.dot(along) > 0.0 { -1.0 } else { 1.0 };
+        let face = outward * side;
+
+        let mut bent = triangle.smooth;
+        let mut normal = face;
+        if triangle.smooth {
+            let [a, b, c] = triangle.normals.map(unpack);
+            let smooth = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
+            normal = body.to_world(smooth * side).normalized_or(face);
+        }
+        let tint = match body.mesh.colors.get(hit.primitive as usize) {
+            Some(colors) => {
+                let [a, b, c] = colors.map(|c| Rgb::from(c.map(|x| f32::from(x) * (1.0 / 65535.0))));
+                a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
+            }
+            None => Rgb::ONE,
+        };
+        let at = if material.is_plain() {
+            Coordinates { uv: [0.0; 2], log2_width: 0.0 }
+        } else {
+            let width = width / max(face.dot(along).abs(), 0.05).sqrt();
+            let at = coordinates(material, triangle, hit, body.point_to_body(position), width);
+            if material.has_normal_map() {
+                let (u, v) = body.texture_frame(material, triangle, hit, side);
+                normal = material.mapped_normal(at, u, v, normal);
+                bent = true;
+            }
+            at
+        };
+        if bent {
+            normal = above_horizon(normal, face, -along);
+        }
+        Surface {
+            position,
+            face,
+            shading: Basis::around(normal),
+            bent,
+            substance: material.substance(at, tint),
+            emission: material.emission(at),
+        }
+    }
+}
+
+impl TracedBody {
+    #[inline(always)]
+    fn to_world(&self, v: Vec3) -> Vec3 {
+        let [x, y, z] = self.rotation;
+        x * v.x + y * v.y + z * v.z
+    }
+
+    #[inline(always)]
+    fn point_to_body(&self, p: Vec3) -> Vec3 {
+        let [x, y, z] = self.rotation;
+        let p = p - self.translation;
+        vec3(p.dot(x), p.dot(y), p.dot(z))
+    }
+
+    /// Directions in which u and v grow, world; for a material with a normal map.
+    #[inline]
+    fn texture_frame(&self, material: &Material, triangle: &Triangle, hit: &Hit, side: f32) -> (Vec3, Vec3) {
+        let (u, v) = match material.mapping {
+            Mapping::Uv(_) => {
+                let Some(tangents) = self.mesh.tangents.get(hit.primitive as usize) else {
+                    return (Vec3::ZERO, Vec3::ZERO);
+                };
+                let [a, b, c] = tangents.map(unpack);
+                let u = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
+                let v = triangle.normal.cross(u);
+                (u, if triangle.mirrored { -v } else { v })
+            }
+            Mapping::Box { .. } => box_axes(triangle.normal),
+        };
+        let (u, v) = material.mapping.frame(u, v);
+        // Seen from behind, bumps become dents: directions along the surface turn round with the normal.
+        (self.to_world(u) * side, self.to_world(v) * side)
+    }
+}
+
+/// Texture coordinates at a hit; `p_body` is the point in the body's frame.
+#[inline(always)]
+fn coordinates(material: &Material, triangle: &Triangle, hit: &Hit, p_body: Vec3, width: f32) -> Coordinates {
+    match &material.mapping {
+        Mapping::Uv(affine) => {
+            let [a, b, c] = triangle.uvs;
+            let w = 1.0 - hit.u - hit.v;
+            let uv = [0, 1].map(|i| a[i] * w + b[i] * hit.u + c[i] * hit.v);
+            Mapping::by_uv(affine, uv, triangle.uv_per_m, width)
+        }
+        Mapping::Box { per_m, laid } => Mapping::by_box(*per_m, laid, p_body, triangle.normal, width),
+    }
+}
+
+/// Bends a shading normal so that it is on the side of the face and the viewer is above its horizon.
+#[inline]
+fn above_horizon(normal: Vec3, face: Vec3, wo: Vec3) -> Vec3 {
+    let mut n = normal;
+    let lean = n.dot(face);
+    if lean < 0.05 {
+        n = (n + face * (0.05 - lean)).normalized_or(face);
+    }
+    let height = n.dot(wo);
+    // Never steeper than the face itself allows.
+    let least = crate::vec3::min(0.02, 0.9 * face.dot(wo));
+    if height < least {
+        n = (n + (wo - n * height).normalized_or(Vec3::ZERO) * (least - height + 1e-4)).normalized_or(face);
+        if n.dot(wo) <= 0.0 || n.dot(face) <= 0.0 {
+            return face;
+        }
+    }
+    n
+}
+
+impl Surface {
+    /// The scattering towards a direction `wo` in the world, unit length; none if it grazes too closely to be computed.
+    #[inline]
+    pub fn bsdf(&self, wo: Vec3) -> Option<Bsdf> {
+        let local = self.shading.to_local(wo);
+        (local.z > 1e-5).then(|| Bsdf::new(&self.substance, local))
+    }
+
+    /// How much of the light from `wi` a bent normal lets through: softens the edge where the faces of a smooth mesh
+    /// turn away from a light that their normals still see (Chiang, Li and Burley, SIGGRAPH 2019 talks).
+    #[inline(always)]
+    pub fn terminator(&self, wi: Vec3) -> f32 {
+        if !self.bent {
+            return 1.0;
+        }
+        let n = self.shading.z;
+        let g = self.face.dot(wi) / max(n.dot(wi) * n.dot(self.face), 1e-6);
+        if g >= 1.0 { 1.0 } else { g * (1.0 + g - g * g) }
+    }
+
+    /// Where rays towards `wi` start: off the surface by more than rounding errors, on its side.
+    #[inline(always)]
+    pub fn departure(&self) -> Vec3 {
+        let largest = self.position.map(f32::abs).max_component();
+        self.position + self.face * (4e-6 * (largest + 0.5))
+    }
+}
+
+/// A body's materials by slot, laid on it.
+fn materials(body: &Body, cache: &SceneCache) -> Vec<Material> {
+    match &body.surface {
+        Some(surface) => vec![Material::new(&surface.material, surface.mapping, cache)],
+        None => {
+            let own = TextureMapping::Uv(UvTransform::default());
+            let plain = Arc::new(scene::Material::plain("none", [0.5; 3], 1.0));
+            let materials = &body.object.materials;
+            let used = if materials.is_empty() { std::slice::from_ref(&plain) } else { &materials[..] };
+            used.iter().map(|material| Material::new(material, own, cache)).collect()
+        }
+    }
+}
+
+fn placement(pose: &Pose) -> ([Vec3; 3], Vec3) {
+    let m = pose.rotation.to_rotation_matrix();
+    let column = |c: usize| vec3(m[(0, c)] as f32, m[(1, c)] as f32, m[(2, c)] as f32);
+    let t = pose.translation.vector;
+    ([column(0), column(1), column(2)], vec3(t.x as f32, t.y as f32, t.z as f32))
+}
+
+fn affine([x, y, z]: [Vec3; 3], t: Vec3) -> Affine {
+    [[x.x, y.x, z.x, t.x], [x.y, y.y, z.y, t.y], [x.z, y.z, z.z, t.z]]
+}
