@@ -1,0 +1,155 @@
+//! Pictures to look at: views, masks and occlusion side by side.
+
+mod panel;
+
+use crate::files::image::{Picture, Samples};
+use crate::files::view;
+use panel::Canvas;
+use syntable_model::prelude::*;
+use syntable_model::product::Plane;
+use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
+
+/// Contact sheets: `{id}/{scene:06}_{sheet:02}.png`, a row per view, to see at a glance whether labels and pictures
+/// are right. Every instance has its own colour, the same in all panels and views of a scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactSheet {
+    /// The panels of a row, from left to right.
+    #[schemars(length(min = 1, max = 16))]
+    pub panels: Vec<Panel>,
+    /// Width of a panel, px; pictures are made smaller for it, never larger.
+    #[schemars(range(min = 16, max = 4096))]
+    pub panel_width_px: u32,
+    /// Rows of a sheet; a scene with more views gets several sheets.
+    #[schemars(range(min = 1, max = 64))]
+    pub views_per_sheet: u32,
+}
+
+/// What a panel shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Panel {
+    /// The developed picture.
+    Rgb,
+    /// Visible masks over the greyed picture.
+    Visible,
+    /// Outlines of the amodal masks, with the hidden parts filled.
+    Occlusion,
+    /// Inverse depth, near is bright.
+    Depth,
+}
+
+impl Default for ContactSheet {
+    fn default() -> Self {
+        Self { panels: vec![Panel::Rgb, Panel::Visible, Panel::Occlusion], panel_width_px: 320, views_per_sheet: 8 }
+    }
+}
+
+impl Config for ContactSheet {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "contact_sheet";
+    const EXAMPLE: &'static str = "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320";
+    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+        if self.panels.is_empty() {
+            return Err(Invalid::new("panels", "`panels` is empty").help("name at least one panel, such as \"rgb\""));
+        }
+        if self.panel_width_px == 0 || self.views_per_sheet == 0 {
+            let key = if self.panel_width_px == 0 { "panel_width_px" } else { "views_per_sheet" };
+            return Err(Invalid::new(key, format!("`{key}` is 0")));
+        }
+        Ok(Box::new(self))
+    }
+}
+
+impl Writer for ContactSheet {
+    fn reads(&self) -> Vec<String> {
+        let mut keys = Vec::new();
+        for panel in &self.panels {
+            keys.extend(match panel {
+                Panel::Rgb => keys![RGB],
+                Panel::Visible => keys![RGB, VISIBLE_MASK],
+                Panel::Occlusion => keys![RGB, AMODAL_MASK, OCCLUSION_MASK],
+                Panel::Depth => keys![DEPTH],
+            });
+        }
+        let mut names: Vec<String> = keys.iter().map(|key| key.name.to_owned()).collect();
+        names.sort();
+        names.dedup();
+        names
+    }
+
+    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
+        let (config, scene) = (self.clone(), site.scene.id.0);
+        Ok(Box::new(Sheets { config, output, scene, written: 0, rows: Vec::new() }))
+    }
+}
+
+struct Sheets {
+    config: ContactSheet,
+    output: Output,
+    scene: u32,
+    written: u32,
+    /// The rows of the sheet in the making.
+    rows: Vec<Canvas>,
+}
+
+impl SceneWriter for Sheets {
+    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+        let k = &view(site)?.camera.intrinsics;
+        let width = self.config.panel_width_px.min(k.width);
+        let panels =
+            self.config.panels.iter().map(|panel| Ok(panel::shrink(&panel.draw(frame, k.width, width)?, width)));
+        let panels = panels.collect::<Result<Vec<_>>>()?;
+        self.rows.push(Canvas::beside(&panels));
+        if self.rows.len() as u32 == self.config.views_per_sheet {
+            self.write_sheet()?;
+        }
+        Ok(())
+    }
+
+    fn close(mut self: Box<Self>) -> Result<()> {
+        if self.rows.is_empty() { Ok(()) } else { self.write_sheet() }
+    }
+}
+
+impl Sheets {
+    fn write_sheet(&mut self) -> Result<()> {
+        let sheet = Canvas::below(&std::mem::take(&mut self.rows));
+        let path = format!("{}/{:06}_{:02}.png", self.output.id(), self.scene, self.written);
+        self.written += 1;
+        let (width, height) = (sheet.width(), sheet.height());
+        Picture { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }
+            .write(&self.output, &path)
+    }
+}
+
+impl Panel {
+    /// The panel at full size, to be shrunk to `shown` columns.
+    fn draw(self, frame: &Frame, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
+        // Lines that are this wide are a pixel wide when they are shown.
+        let line = width.div_ceil(shown.max(1));
+        match self {
+            Self::Rgb => frame.get(RGB).cloned(),
+            Self::Visible => {
+                let mut plane = panel::grey(frame.get(RGB)?, 1.0);
+                for (id, mask) in frame.get(VISIBLE_MASK)?.iter() {
+                    panel::fill(&mut plane, mask, panel::color(id), 0.65);
+                }
+                Ok(plane)
+            }
+            Self::Occlusion => {
+                let mut plane = panel::grey(frame.get(RGB)?, 0.6);
+                for (id, mask) in frame.get(OCCLUSION_MASK)?.iter() {
+                    panel::fill(&mut plane, mask, panel::color(id), 0.8);
+                }
+                for (id, mask) in frame.get(AMODAL_MASK)?.iter() {
+                    panel::fill(&mut plane, &panel::outline(mask, line), panel::color(id), 1.0);
+                }
+                Ok(plane)
+            }
+            Self::Depth => Ok(crate::syntable::nearness(frame.get(DEPTH)?).map(|&v| [v; 3])),
+        }
+    }
+}
+
+register!(ContactSheet);

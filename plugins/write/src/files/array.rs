@@ -1,0 +1,150 @@
+//! NumPy arrays and their files (format 1.0).
+
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{DType, Mask, Tensor, Value};
+use syntable_model::scene::InstanceId;
+
+/// An array: element type as NumPy writes it, shape, elements in C order, little-endian.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Array {
+    /// Such as `<f8` or `|b1`.
+    pub descr: &'static str,
+    /// Lengths of the axes; none for a single number.
+    pub shape: Vec<usize>,
+    /// The elements.
+    pub bytes: Vec<u8>,
+}
+
+impl Array {
+    /// A matrix of f64.
+    pub fn matrix_f64(rows: usize, columns: usize, elements: impl Iterator<Item = f64>) -> Self {
+        Self { descr: "<f8", shape: vec![rows, columns], bytes: elements.flat_map(f64::to_le_bytes).collect() }
+    }
+
+    /// The array that a value is: a tensor, a mask, a number, or nested lists of numbers of one shape.
+    pub fn of(value: &Value) -> Result<Self> {
+        match value {
+            Value::Tensor(tensor) => Ok(Self::of_tensor(tensor)),
+            Value::Mask(mask) => Ok(Self::of_mask(mask)),
+            Value::Bool(value) => Ok(Self { descr: "|b1", shape: vec![], bytes: vec![(*value).into()] }),
+            Value::Int(value) => Ok(Self { descr: "<i8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
+            Value::Float(value) => Ok(Self { descr: "<f8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
+            Value::List(values) => Self::stack(values.iter().map(Self::of)),
+            Value::Text(_) => Err(Error::new("text is no array")),
+            Value::Record(_) => Err(Error::new("a record is no array")),
+            Value::PerInstance(_) => Err(Error::new("values of instances inside another value are no array")),
+        }
+    }
+
+    /// Arrays of one shape and type, stacked along a new first axis. No array at all gives an empty f64 array.
+    pub fn stack(arrays: impl Iterator<Item = Result<Self>>) -> Result<Self> {
+        let mut stacked: Option<Self> = None;
+        let mut count = 0;
+        for array in arrays {
+            let array = array?;
+            count += 1;
+            match &mut stacked {
+                None => stacked = Some(array),
+                Some(first) if (first.descr, &first.shape) == (array.descr, &array.shape) => {
+                    first.bytes.extend(array.bytes);
+                }
+                Some(first) => {
+                    return Err(Error::new(format!(
+                        "elements {:?} of {} and {:?} of {} make no array",
+                        first.shape, first.descr, array.shape, array.descr
+                    )));
+                }
+            }
+        }
+        let mut stacked = stacked.unwrap_or(Self { descr: "<f8", shape: vec![], bytes: vec![] });
+        stacked.shape.insert(0, count);
+        Ok(stacked)
+    }
+
+    /// Instance ids, `[N]` of u16.
+    pub fn ids(ids: impl Iterator<Item = InstanceId>) -> Self {
+        let bytes: Vec<u8> = ids.flat_map(|id| id.0.to_le_bytes()).collect();
+        Self { descr: "<u2", shape: vec![bytes.len() / 2], bytes }
+    }
+
+    fn of_tensor(tensor: &Tensor) -> Self {
+        let descr = match tensor.dtype {
+            DType::Bool => "|b1",
+            DType::U8 => "|u1",
+            DType::U16 => "<u2",
+            DType::U32 => "<u4",
+            DType::U64 => "<u8",
+            DType::F32 => "<f4",
+            DType::F64 => "<f8",
+        };
+        Self { descr, shape: tensor.shape.clone(), bytes: tensor.bytes.clone() }
+    }
+
+    fn of_mask(mask: &Mask) -> Self {
+        let plane = mask.to_plane();
+        let bytes = plane.data().iter().map(|&bit| bit.into()).collect();
+        Self { descr: "|b1", shape: vec![mask.height() as usize, mask.width() as usize], bytes }
+    }
+
+    /// The bytes of a `.npy` file, equal to those that `numpy.save` writes.
+    pub fn encode(&self) -> Vec<u8> {
+        const PREFIX: usize = 10;
+        const ALIGNMENT: usize = 64;
+        // NumPy leaves room for the first length to grow to this many digits.
+        const GROWTH_DIGITS: usize = 21;
+        let shape = match self.shape.as_slice() {
+            [] => "()".to_owned(),
+            [length] => format!("({length},)"),
+            lengths => format!("({})", lengths.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
+        };
+        let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': {shape}, }}", self.descr);
+        if let Some(first) = self.shape.first() {
+            header.push_str(&" ".repeat(GROWTH_DIGITS.saturating_sub(first.to_string().len())));
+        }
+        let padding = ALIGNMENT - (PREFIX + header.len() + 1) % ALIGNMENT;
+        header.push_str(&" ".repeat(padding % ALIGNMENT));
+        header.push('\n');
+        let length = u16::try_from(header.len()).expect("an array has few axes");
+        let mut file = Vec::with_capacity(PREFIX + header.len() + self.bytes.len());
+        file.extend_from_slice(b"\x93NUMPY\x01\x00");
+        file.extend_from_slice(&length.to_le_bytes());
+        file.extend_from_slice(header.as_bytes());
+        file.extend_from_slice(&self.bytes);
+        file
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::product::{PerInstance, Plane, Product};
+
+    #[test]
+    fn the_order_matrix_has_a_header_of_128_bytes() {
+        let file = Array::matrix_f64(2, 2, [0.0, 1.0, 0.0, 0.0].into_iter()).encode();
+        assert_eq!(file.len(), 128 + 32);
+        assert_eq!(&file[..10], b"\x93NUMPY\x01\x00\x76\x00");
+        assert!(file[10..].starts_with(b"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }"));
+        assert_eq!(&file[128..144], [0.0_f64.to_le_bytes(), 1.0_f64.to_le_bytes()].concat());
+    }
+
+    #[test]
+    fn values_become_arrays() {
+        let check = |value: Value, descr: &str, shape: &[usize], bytes: usize| {
+            let array = Array::of(&value).expect("an array");
+            assert_eq!((array.descr, array.shape.as_slice(), array.bytes.len()), (descr, shape, bytes));
+        };
+        check(Plane::from_fn(3, 2, |x, _| [x as f32; 3]).encode(), "<f4", &[2, 3, 3], 72);
+        check(Mask::empty(3, 2).into(), "|b1", &[2, 3], 6);
+        check(1.5.into(), "<f8", &[], 8);
+        check([[1_i64, 2], [3, 4]].into(), "<i8", &[2, 2], 32);
+        check(Value::List(vec![]), "<f8", &[0], 0);
+        for (value, want) in [
+            ("text".into(), "text is no array"),
+            (Value::List(vec![1_i64.into(), 1.5.into()]), "elements [] of <i8 and [] of <f8 make no array"),
+            (PerInstance::<f64>::default().encode(), "values of instances inside another value are no array"),
+        ] {
+            assert_eq!(Array::of(&value).expect_err("refused").to_string(), want);
+        }
+    }
+}

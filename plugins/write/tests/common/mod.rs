@@ -1,0 +1,333 @@
+//! Views with labels made by counting pixels, and a dataset folder to write them to.
+
+#![allow(dead_code)]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use syntable_model::digest::Digest;
+use syntable_model::geometry::{Point3, Vector3, look_at};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+use syntable_model::product::{DType, OcclusionOrder, Plane, Tensor};
+use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::scene::{
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Material, Mesh, MeshData, Motion, Object, Role, SceneId,
+    SettleReport, Tabletop, ViewId,
+};
+
+pub const WIDTH: u32 = 64;
+pub const HEIGHT: u32 = 48;
+
+/// The writer that these options give, or why they are refused.
+pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer>, String> {
+    use syntable_model::registry::ConstructError;
+    use syntable_write as _;
+    let registry = Registry::linked().expect("kinds are unique");
+    match registry.find(Slot::Write, kind).expect("a registered kind").construct_str(options) {
+        Ok(constructed) => match constructed.stage {
+            Stage::Write(writer) => Ok(writer),
+            _ => unreachable!("the registry keeps slots apart"),
+        },
+        Err(ConstructError::Form(error)) => Err(error.to_string()),
+        Err(ConstructError::Invalid(invalid)) => Err(format!("{}: {}", invalid.key, invalid.message)),
+    }
+}
+
+/// A scene with its views.
+pub struct Take {
+    pub scene: Scene,
+    pub views: Vec<(View, Arc<Frame>)>,
+}
+
+/// What is in a view.
+#[derive(Clone, Copy)]
+pub enum Crowd {
+    /// Blobs at random, some wholly hidden, some at the border.
+    Random,
+    /// Nothing but the table.
+    Nothing,
+    /// Every object is hidden by the table.
+    Hidden,
+}
+
+pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
+    DatasetInfo {
+        name: "a \"test\"".into(),
+        seed: 5,
+        scenes,
+        views_per_scene: views,
+        recipe: "[dataset]\nname = \"test\"\n".into(),
+        program: "syntable 0.1.0".into(),
+    }
+}
+
+pub fn take(id: u32, objects: usize, crowds: &[Crowd]) -> Take {
+    let scene = scene(id, objects);
+    let mut of_scene = Frame::new();
+    let report = Value::record([("objects", (objects as i64).into()), ("simulated_s", 5.0.into())]);
+    of_scene.put(SETTLE_REPORT, report).expect("first");
+    let of_scene = Arc::new(of_scene);
+    let views = (0..).zip(crowds).map(|(number, &crowd)| {
+        let view = view(number);
+        let seed = Stream::root(9).at(id.into()).at(number.into());
+        let frame = frame(&scene, &view, crowd, seed, of_scene.clone());
+        (view, Arc::new(frame))
+    });
+    let views = views.collect();
+    Take { scene, views }
+}
+
+fn scene(id: u32, objects: usize) -> Scene {
+    let mesh = Mesh::new(MeshData {
+        positions: vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+        ..Default::default()
+    });
+    let object = Arc::new(Object {
+        name: "tetra".into(),
+        category: "solid".into(),
+        mesh: Arc::new(mesh.expect("sound")),
+        materials: vec![Arc::new(Material::plain("grey", [0.5; 3], 0.5))],
+        collision: None,
+        mass_kg: 0.25,
+        friction: 0.5,
+        licence: "CC0-1.0".into(),
+        digest: Digest::of(b"tetra"),
+    });
+    let mut builder = SceneBuilder::default();
+    builder.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    let mut handles = Vec::new();
+    for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
+        let asset = AssetRef { pool: "pool".into(), name: format!("tetra_{i}") };
+        let pose = Pose::translation(0.01 * i as f64, 0.0, 0.7);
+        handles.push(builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Dynamic)));
+    }
+    // The first object is gone, so that spawn numbers and ids differ.
+    builder.remove(handles[1]);
+    builder.freeze(SceneId(id), 0, SettleReport::default()).expect("a scene")
+}
+
+fn view(number: u32) -> View {
+    let eye = Point3::new(1.0, 0.1 * f64::from(number), 1.5);
+    let intrinsics = Intrinsics {
+        width: WIDTH,
+        height: HEIGHT,
+        fx: 45.7,
+        fy: 45.7,
+        cx: f64::from(WIDTH) / 2.0,
+        cy: f64::from(HEIGHT) / 2.0,
+    };
+    let world_from_camera = look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z());
+    View {
+        id: ViewId(number),
+        camera: Camera { intrinsics, world_from_camera },
+        exposure: Exposure::Fixed { ev100: 1.0 },
+        lights: Vec::new(),
+    }
+}
+
+/// Every product of a view. Objects are ellipses; the smaller the id, the nearer, except where a random stripe turns
+/// the order round; the table is behind them but in front of some.
+fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene: Arc<Frame>) -> Frame {
+    let count = scene.objects().len() as u16;
+    let table = InstanceId(count + 1);
+    let blobs: Vec<[f64; 4]> = (0..count)
+        .map(|_| {
+            let [w, h] = [f64::from(WIDTH), f64::from(HEIGHT)];
+            [
+                stream.uniform(-4.0, w + 4.0),
+                stream.uniform(-4.0, h + 4.0),
+                stream.uniform(3.0, w / 4.0),
+                stream.uniform(3.0, h / 4.0),
+            ]
+        })
+        .collect();
+    let stripe = stream.uniform(0.0, f64::from(WIDTH));
+    let hits = |x: u32, y: u32| -> Vec<InstanceId> {
+        let (u, v) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let inside = |id: &u16| {
+            let [cx, cy, rx, ry] = blobs[usize::from(*id) - 1];
+            ((u - cx) / rx).powi(2) + ((v - cy) / ry).powi(2) < 1.0
+        };
+        let mut ids: Vec<InstanceId> = (1..=count).filter(inside).map(InstanceId).collect();
+        if (stripe..stripe + 6.0).contains(&u) {
+            ids.reverse();
+        }
+        match crowd {
+            Crowd::Random => ids.insert(ids.iter().position(|id| id.0 % 7 == 0).unwrap_or(ids.len()), table),
+            Crowd::Nothing => ids = vec![table],
+            Crowd::Hidden => ids.insert(0, table),
+        }
+        if y < 2 { vec![] } else { ids }
+    };
+    let rays = Plane::from_fn(WIDTH, HEIGHT, hits);
+    let mask = |f: &dyn Fn(&[InstanceId]) -> bool| Mask::from_fn(WIDTH, HEIGHT, |x, y| f(rays.at(x, y)));
+
+    let (mut visible, mut amodal) = (BTreeMap::new(), BTreeMap::new());
+    for id in (1..=count).map(InstanceId) {
+        let covered = mask(&|hits| hits.contains(&id));
+        if !covered.is_empty() {
+            visible.insert(id, mask(&|hits| hits.first() == Some(&id)));
+            amodal.insert(id, covered);
+        }
+    }
+    let ids: Vec<InstanceId> = amodal.keys().copied().collect();
+    let occlusion: BTreeMap<InstanceId, Mask> = ids.iter().map(|id| (*id, amodal[id].minus(&visible[id]))).collect();
+    let mut order = OcclusionOrder::new(ids.clone());
+    for (row, i) in ids.iter().enumerate() {
+        for (column, j) in ids.iter().enumerate() {
+            if i != j && !visible[i].and(&occlusion[j]).is_empty() {
+                order.set(row, column);
+            }
+        }
+    }
+    let rate = |id: &InstanceId| f64::from(occlusion[id].area()) / f64::from(amodal[id].area());
+
+    let mut frame = Frame::of_view(of_scene);
+    let camera_from_world = view.camera.world_from_camera.inverse();
+    let infos = ids.iter().map(|id| {
+        let body = scene.body(*id).expect("an object");
+        let info = Value::record([
+            ("name", body.asset.name.as_str().into()),
+            ("world_from_object", pose(&body.world_from_body)),
+            ("camera_from_object", pose(&(camera_from_world * body.world_from_body))),
+        ]);
+        (*id, info)
+    });
+    let info: PerInstance<Value> = infos.collect();
+    let k = &view.camera.intrinsics;
+    let camera = Value::record([
+        ("width", k.width.into()),
+        ("height", k.height.into()),
+        ("K", Value::List(k.matrix().map(Value::from).to_vec())),
+        ("world_from_camera", pose(&view.camera.world_from_camera)),
+        ("camera_from_world", pose(&camera_from_world)),
+    ]);
+    let policy = Value::record([
+        ("image_frame", "clip".into()),
+        ("table_and_room", "occlude".into()),
+        ("min_visible_px", 0_i64.into()),
+        ("max_occlusion_rate", 1.0.into()),
+    ]);
+    let put = |frame: &mut Frame| -> Result<()> {
+        frame.put(OCCLUSION_RATE, ids.iter().map(|id| (*id, rate(id))).collect())?;
+        frame.put(VISIBLE_BOX, ids.iter().map(|id| (*id, visible[id].bbox())).collect())?;
+        frame.put(AMODAL_BOX, ids.iter().map(|id| (*id, amodal[id].bbox())).collect())?;
+        frame.put(OCCLUSION_ORDER, order.clone())?;
+        frame.put(OCCLUSION_MASK, PerInstance(occlusion.clone()))?;
+        frame.put(VISIBLE_MASK, PerInstance(visible.clone()))?;
+        frame.put(AMODAL_MASK, PerInstance(amodal.clone()))?;
+        frame.put(OBJECT_INFO, info.clone())?;
+        frame.put(CAMERA, camera.clone())?;
+        frame.put(LABEL_POLICY, policy.clone())?;
+        frame.put(EXPOSURE, Value::record([("ev100", 1.0.into()), ("tone", "srgb".into())]))?;
+        let depth = |hits: &Vec<InstanceId>| hits.first().map_or(f32::INFINITY, |id| 0.4567 + f32::from(id.0) * 0.1234);
+        frame.put(DEPTH, rays.map(depth))?;
+        frame.put(INSTANCE, rays.map(|hits| hits.first().copied().unwrap_or_default()))
+    };
+    put(&mut frame).expect("first");
+    frame.put(RGB, Plane::from_fn(WIDTH, HEIGHT, |_, _| [0; 3].map(|_| stream.below(256) as u8))).expect("first");
+    let normal = |hits: &Vec<InstanceId>| if hits.is_empty() { [0.0; 3] } else { [0.6, 0.0, -0.8_f32] };
+    frame.put(NORMAL, rays.map(normal)).expect("first");
+    frame.put(ALBEDO, rays.map(|hits| [hits.len() as f32 / 8.0, 0.5, 2.0])).expect("first");
+    frame
+}
+
+fn pose(pose: &Pose) -> Value {
+    let m = pose.to_homogeneous();
+    let bytes = (0..16).flat_map(|i| m[(i / 4, i % 4)].to_le_bytes()).collect();
+    Value::Tensor(Tensor { dtype: DType::F64, axes: vec!["row", "column"], shape: vec![4, 4], bytes })
+}
+
+/// Three scenes with random crowds, one view without objects, and one in which all are hidden.
+pub fn takes() -> Vec<Take> {
+    use Crowd::{Hidden, Nothing, Random};
+    vec![
+        take(0, 9, &[Random, Random, Random]),
+        take(1, 1, &[Random, Nothing, Hidden]),
+        take(2, 70, &[Random, Random, Nothing]),
+    ]
+}
+
+/// Writes scenes as the program does, in any order.
+pub fn write_scenes<'a>(
+    root: &Path,
+    id: &str,
+    writer: &dyn Writer,
+    dataset: &DatasetInfo,
+    takes: impl IntoIterator<Item = &'a Take>,
+) -> Result<()> {
+    for take in takes {
+        let mut site = Site { dataset, scene: &take.scene, view: None };
+        let mut scene = writer.scene(&site, Output::new(root, id, take.scene.id))?;
+        for (view, frame) in &take.views {
+            site.view = Some(view);
+            for name in writer.reads() {
+                assert!(frame.contains(&name), "{name} is read but nobody makes it here");
+            }
+            scene.view(&site, frame)?;
+        }
+        scene.close()?;
+    }
+    Ok(())
+}
+
+/// Ends a run with these scenes done.
+pub fn finish(root: &Path, id: &str, writer: &dyn Writer, dataset: &DatasetInfo, scenes: &[u32]) -> Result<()> {
+    writer.finish(dataset, &Finish::new(root, id, scenes.iter().map(|&scene| SceneId(scene)).collect()))
+}
+
+/// A dataset of all takes.
+pub fn write_all(root: &Path, id: &str, kind: &str, options: &str) -> Vec<Take> {
+    let (writer, takes) = (writer(kind, options).expect("good options"), takes());
+    let dataset = dataset(3, 3);
+    write_scenes(root, id, &*writer, &dataset, &takes).expect("written");
+    finish(root, id, &*writer, &dataset, &[0, 1, 2]).expect("finished");
+    takes
+}
+
+/// All files of a folder, shards excepted, by their path.
+pub fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
+    fn walk(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
+        for entry in std::fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let name = path.strip_prefix(root).expect("inside").to_string_lossy().replace('\\', "/");
+            if path.is_dir() {
+                if name != ".syntable" {
+                    walk(root, &path, files);
+                }
+            } else {
+                files.insert(name, std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    let mut all = BTreeMap::new();
+    walk(root, root, &mut all);
+    all
+}
+
+/// Runs a script of the real readers, or says that they are not here.
+pub fn python(script: &Path, arguments: &[&str]) -> bool {
+    let modules = Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"]).output();
+    if !modules.is_ok_and(|output| output.status.success()) {
+        let what = "python3 with numpy, pycocotools and pillow";
+        assert!(std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none_or(|v| v != "1"), "{what} must be here");
+        eprintln!("skipped: no {what}");
+        return false;
+    }
+    let output = Command::new("python3").arg(script).args(arguments).output().expect("python3 starts");
+    let said = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(output.status.success(), "{} {arguments:?}\n{}{}", script.display(), said[0], said[1]);
+    eprint!("{}", said[0]);
+    true
+}
+
+pub fn own_script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(name)
+}
+
+pub fn dataset_checker() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/check_dataset.py")
+}

@@ -1,0 +1,112 @@
+//! What is written, read back by others: pycocotools, NumPy, Pillow, and code that reads as UOAIS-Net's does.
+
+mod common;
+
+use common::{dataset_checker, own_script, python, write_all};
+use syntable_model::prelude::*;
+
+#[test]
+fn syntable_datasets_pass_the_checker() {
+    for (options, compat) in [
+        ("", "correct"),
+        ("bbox = \"amodal\"\nskip_empty_images = true", "correct"),
+        ("compat = \"release\"", "release"),
+        ("debug_masks = true", "correct"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_all(folder.path(), "syntable", "syntable", options);
+        let root = folder.path().to_str().expect("UTF-8");
+        if python(&dataset_checker(), &[root, "--compat", compat]) && !options.starts_with("debug") {
+            // The evaluation of SynTable wants the released form; the reader of UOAIS-Net takes both.
+            python(&own_script("uoais_reader.py"), &[root, compat]);
+        }
+    }
+}
+
+#[test]
+fn the_checker_finds_what_is_wrong() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), "syntable", "syntable", "");
+    let root = folder.path().to_str().expect("UTF-8");
+    if !python(&dataset_checker(), &[root]) {
+        return;
+    }
+    let file = folder.path().join("annotation_final.json");
+    let good = std::fs::read_to_string(&file).expect("there");
+    let complaint = |text: &str| {
+        std::fs::write(&file, text).expect("writable");
+        let output = std::process::Command::new("python3").arg(dataset_checker()).arg(root).output().expect("starts");
+        assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let mut json: serde_json::Value = serde_json::from_str(&good).expect("JSON");
+    let other = json.pointer("/annotations/1/visible_mask").expect("there").clone();
+    let mut check = |pointer: &str, value: serde_json::Value, want: &str| {
+        let old = std::mem::replace(json.pointer_mut(pointer).expect("there"), value);
+        let said = complaint(&json.to_string());
+        assert!(said.contains(want), "{pointer}: {said}");
+        *json.pointer_mut(pointer).expect("there") = old;
+    };
+    check("/annotations/0/area", 1.into(), "areas [1,");
+    check("/annotations/1/visible_bbox/2", 99.into(), "visible_bbox");
+    check("/annotations/1/occluded_rate", 0.123.into(), "rate 0.123, not");
+    check("/annotations/2/id", 1.into(), "annotation ids are not 1, 2, 3");
+    check("/images/0/instance_ids/0", 44.into(), "instance_ids");
+    check("/images/1/file_name", "data/mono/rgb/0_0.png".into(), "file names do not belong together");
+    check("/images/0/camera/world_from_camera/0/0", 5.into(), "not a rigid motion");
+    check("/annotations/0/visible_mask", other, "visible");
+    std::fs::write(&file, &good).expect("writable");
+    let order = folder.path().join("data/mono/occlusion_order/0_0.npy");
+    let mut bytes = std::fs::read(&order).expect("there");
+    *bytes.last_mut().expect("not empty") = 0x3f;
+    std::fs::write(order, bytes).expect("writable");
+    assert!(complaint(&good).contains("not the order of the masks"));
+}
+
+#[test]
+fn pictures_and_arrays_hold_the_values() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let both = "\"rgb\", \"depth\", \"instance\", \"normal\", \"visible_mask\", \"amodal_mask\"";
+    let arrays = format!("{both}, \"amodal_box\", \"occlusion_rate\", \"occlusion_order\"");
+    write_all(folder.path(), "png", "png", &format!("include = [{both}, \"albedo\"]\ndepth_scale_mm = 0.25"));
+    write_all(folder.path(), "npy", "npy", &format!("include = [{arrays}]"));
+    write_all(folder.path(), "all", "jsonl", &format!("include = [{arrays}]"));
+    python(&own_script("check_files.py"), &[folder.path().to_str().expect("UTF-8")]);
+}
+
+#[test]
+fn runs_are_those_of_pycocotools() {
+    let mut stream = Stream::root(3);
+    let mut lines = String::new();
+    for i in 0..400 {
+        let (width, height) = (stream.integer(1, 40) as u32, stream.integer(1, 40) as u32);
+        // From sparse noise to long runs, in which differences are negative and take several letters.
+        let smooth = [1, 3, 11, 200][i % 4];
+        let bits: Vec<bool> = {
+            let mut value = stream.chance(0.5);
+            let mut next = || {
+                if stream.below(smooth) == 0 {
+                    value = stream.chance(0.5);
+                }
+                value
+            };
+            (0..width * height).map(|_| next()).collect()
+        };
+        let mask = Mask::from_fn(width, height, |x, y| bits[(x * height + y) as usize]);
+        let plane = mask.to_plane();
+        let rows: Vec<String> = plane
+            .data()
+            .chunks(width as usize)
+            .map(|row| row.iter().map(|&bit| if bit { '1' } else { '0' }).collect())
+            .collect();
+        let bbox = <[i32; 4]>::from(mask.bbox());
+        let line = serde_json::json!({
+            "size": [height, width], "counts": mask.to_coco(), "rows": rows, "area": mask.area(), "bbox": bbox,
+        });
+        lines += &format!("{line}\n");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("masks.jsonl");
+    std::fs::write(&file, lines).expect("writable");
+    python(&own_script("check_runs.py"), &[file.to_str().expect("UTF-8")]);
+}
