@@ -1,0 +1,195 @@
+//! The codes of diagnostics, each with its explanation.
+
+use serde::{Serialize, Serializer};
+use std::fmt;
+
+macro_rules! codes {
+    ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $title:literal, $explanation:literal, $way_out:literal;)*) => {
+        /// What sort of mistake a diagnostic is about. Codes never change their meaning.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Code {
+            $($(#[doc = $doc])+ $name,)*
+        }
+
+        impl Code {
+            /// All codes, ascending.
+            pub const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// `D0001` and so on.
+            pub fn text(self) -> &'static str {
+                match self {
+                    $(Self::$name => $text,)*
+                }
+            }
+
+            /// The mistake in a few words.
+            pub fn title(self) -> &'static str {
+                match self {
+                    $(Self::$name => $title,)*
+                }
+            }
+
+            /// What the mistake is and why it is one: a paragraph of Markdown.
+            pub fn explain(self) -> &'static str {
+                match self {
+                    $(Self::$name => $explanation,)*
+                }
+            }
+
+            /// What to do about it: a paragraph of Markdown.
+            pub fn way_out(self) -> &'static str {
+                match self {
+                    $(Self::$name => $way_out,)*
+                }
+            }
+        }
+    };
+}
+
+codes! {
+    /// The text is not TOML.
+    Syntax = "D0001", "the text is not TOML",
+        "A recipe is a TOML file, and this place does not follow TOML's grammar: a quote or bracket is not closed, a \
+         comma or an equals sign is missing, or a word stands where a value is wanted. What follows the mistake may be \
+         misread, so keys on the same line are not checked and missing keys are not reported until the text is mended.",
+        "Mend the first mistake and check again; later ones often disappear with it. Texts need quotes, arrays `[ ]`, \
+         inline tables `{ }`, and keys an `=`.";
+    /// One key is given twice.
+    DuplicateKey = "D0002", "a key is given twice",
+        "TOML allows every key and every `[table]` header once. A second one does not override the first: the program \
+         could not know which of the two was meant, so it refuses both.",
+        "Keep one of the two. To run several stages of one kind, give `[[place]]` and `[[lights]]` one table each, and \
+         `[assets.<id>]`, `[annotate.<id>]` and `[write.<id>]` different ids with a `kind`.";
+    /// No option or section has this name.
+    UnknownKey = "D0003", "no option has this name",
+        "The section, or the kind of stage that the table chooses, has no option of this name. Unknown keys are errors, \
+         because a misspelt option would otherwise be ignored in silence and the dataset would be made with the default.",
+        "Take the suggested name, or look the options up with `syntable list <kind>` or in the reference. If the option \
+         belongs to another kind, check the table's `kind`.";
+    /// No linked plugin provides this product.
+    UnknownProduct = "D0004", "no linked plugin provides this product",
+        "Writers name the products that they write, such as `visible_mask`. A product must be offered by the recipe's \
+         renderer or be provided by an annotator, and none that is linked into this program does.",
+        "Take the suggested name, or see `syntable list products`. If a plugin of yours provides it, name that crate in \
+         your binary's `main.rs` (`use my_plugin as _;`): a crate that is only listed in `Cargo.toml` is not linked. If \
+         another renderer offers it, choose that one in `[render]`.";
+    /// No linked plugin registers this kind.
+    UnknownKind = "D0005", "no linked plugin registers this kind",
+        "Every stage is chosen by its `kind`, and no plugin of this program registers one of this name for this section. \
+         In `[assets]`, `[annotate]` and `[write]` the table's id is the kind unless `kind` says otherwise.",
+        "Take the suggested kind, or see `syntable list`. If a plugin of yours registers it, name that crate in your \
+         binary's `main.rs`. To call a table as you like, add `kind = \"…\"` to it.";
+    /// No pool has this name, or it gives assets of another class.
+    UnknownPool = "D0006", "no such pool of assets",
+        "Stages draw objects and materials from pools by name, and a pool is an `[assets.<name>]` table. Either there is \
+         no table of this name, or its source gives materials where objects are wanted, or the other way round.",
+        "Take the suggested name, or add the `[assets.<name>]` table.";
+    /// The value has another type than the option.
+    WrongType = "D0007", "the value has the wrong type",
+        "The option wants another type of value than is given: a number where a text stands, one value where an array \
+         stands, and so on. Nothing is converted silently; `\"5\"` is a text and not a number.",
+        "Write the value as the message says. Random options take a plain number or one table such as \
+         `{ uniform = [0, 1] }`.";
+    /// The value is outside the option's limits.
+    OutOfRange = "D0008", "the value is outside its limits",
+        "The option has limits, stated in its help and in the schema: a smallest or largest value, or a number of \
+         elements. The limits keep out values that have no meaning or that would fail later, in the middle of a run.",
+        "Choose a value within the limits. If a unit is at the end of the option's name, check that the value is in it.";
+    /// A required option is not given.
+    MissingKey = "D0009", "a required option is missing",
+        "This option has no default, because no value of it would be right for everybody: a folder, a number of scenes, \
+         a kind.",
+        "Add the option; the message says what it means.";
+    /// A required section is not given.
+    MissingSection = "D0010", "a required section is missing",
+        "A recipe needs `[dataset]`, at least one `[[place]]` step and at least one `[write.<id>]` table. The sections \
+         `[settle]`, `[camera]`, `[views]`, `[[lights]]` and `[render]` may be left out only if their default kind is \
+         linked into this program.",
+        "Add the section, or take it from another recipe by `extends = \"other.toml\"`. `syntable new recipe` writes a \
+         whole one.";
+    /// The stage refuses the value.
+    InvalidValue = "D0011", "the stage refuses the value",
+        "The value has the right type and is within its limits, but the stage cannot work with it: bounds in the wrong \
+         order, options that contradict each other, a number that does not fit another one.",
+        "Do as the message says; it names the value and what would be accepted.";
+    /// The option does not offer this word.
+    UnknownChoice = "D0012", "the option does not offer this choice",
+        "The option takes one of a few words, and this is none of them.",
+        "Take one of the words that the message lists.";
+    /// An id is taken, or misleads.
+    BadId = "D0013", "the id cannot be used",
+        "Ids name random streams, folders and pools. They must be unique within their section and consist of letters, \
+         digits, `_` and `-`. In `[assets]`, `[annotate]` and `[write]`, a table whose id is the name of one kind may not \
+         be of another kind, since `[write.png]` that is no PNG would mislead every reader.",
+        "Give the table another id.";
+    /// A recipe that is extended cannot be used.
+    Extends = "D0014", "the extended recipe cannot be used",
+        "`extends` names another recipe file, relative to the file that says so. The file cannot be read, is not text, or \
+         extends itself by way of others.",
+        "Check the path; it counts from the folder of the recipe that names it. Break a circle by moving what the \
+         recipes share into a file of its own.";
+    /// An environment variable is not set.
+    Variable = "D0015", "an environment variable is not set",
+        "Paths may hold `${NAME}`, which is replaced by the environment variable NAME, so that a recipe works on every \
+         machine. The variable is not set, is empty, or the `${…}` is not closed.",
+        "Set it for the command (`NAME=/folder syntable run …`) or for the session (`export NAME=/folder`), or write a \
+         path in its place, for instance by `--set`.";
+    /// An override does not fit the recipe.
+    BadOverride = "D0016", "the override does not fit the recipe",
+        "`--set`, `[set]` and `remove` name a place in the recipe by a path such as `render.samples_per_pixel`, \
+         `lights[0].count` or `place.objects.count`. The path is malformed, leads through something that is not a table, \
+         or names something that is not there.",
+        "Correct the path. List items are counted from 0, or named by their id; a missing item cannot be added.";
+    /// The option has no meaning for this class of assets.
+    WrongClass = "D0017", "the option does not apply to this class of assets",
+        "Scale, centre, mass and density describe things, so they apply to pools of objects only; this pool gives \
+         materials.",
+        "Remove the option, or move it to a pool of objects.";
+    /// The recipe was resolved by other versions. A warning.
+    LockMismatch = "D0018", "the recipe was resolved by other versions",
+        "A resolved recipe records the versions of the program and of the plugins that made it. With other versions the \
+         same recipe may give another dataset.",
+        "Install the recorded versions to repeat the dataset exactly, or remove `[lock]` to accept the new ones.";
+    /// Nothing draws from the pool. A warning.
+    UnusedPool = "D0019", "nothing draws from this pool",
+        "The pool is declared, but no stage names it, so none of its assets can appear in the dataset. Often a `from` \
+         list has been forgotten.",
+        "Name the pool in a stage, or remove its table.";
+    /// The path will not be read as it looks. A warning.
+    OddPath = "D0020", "the path will not be read as it looks",
+        "`~` and `$NAME` are replaced by a shell, but not here: in a recipe they are ordinary letters of a name.",
+        "Write `${HOME}` for `~`, and `${NAME}` for `$NAME`.";
+    /// The wanted products cannot be made.
+    Plan = "D0021", "the wanted products cannot be made",
+        "The products that the writers want, and those that they are made from, cannot be provided as they are: two \
+         stages provide the same product, annotators need each other in a circle, or one reads a product as another \
+         type than it is provided with.",
+        "Keep one provider: name the annotator that you want in an `[annotate.<id>]` table, or remove one. \
+         `syntable plan` shows who provides what.";
+}
+
+impl fmt::Display for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.text())
+    }
+}
+
+impl Serialize for Code {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.text())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_count_from_one_and_are_explained() {
+        for (index, code) in Code::ALL.iter().enumerate() {
+            assert_eq!(code.text(), format!("D{:04}", index + 1));
+            assert!(code.explain().len() > 60 && code.way_out().len() > 20, "{code}");
+            assert!(!code.explain().contains("  "), "{code}: stray blanks");
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! TOML text to spanned tables; every syntax error at once.
+
+use super::code::Code;
+use super::diagnostic::Draft;
+use super::source::{SourceFile, Span};
+use syntable_model::registry::RecipeValue;
+use toml::Spanned;
+use toml::de::{DeArray, DeTable, DeValue};
+
+/// At most so many syntax errors are told of one file; more are echoes of the first.
+const MOST_ERRORS: usize = 6;
+
+/// A parsed file. Spans are of the common space.
+pub(crate) struct Parsed<'a> {
+    pub table: DeTable<'a>,
+    pub errors: Vec<Draft>,
+    /// Whether an error may have swallowed keys, so that a missing key proves nothing.
+    pub lossy: bool,
+}
+
+/// Parses a whole file.
+pub(crate) fn parse_file(file: &SourceFile) -> Parsed<'_> {
+    let (table, errors) = DeTable::parse_recoverable(file.text());
+    let table = table.into_inner();
+    let lossy = errors.iter().any(|error| !error.message().starts_with("duplicate key"));
+    let errors = drafts(file, &table, &errors);
+    Parsed { table: shift_table(table, file.start()), errors, lossy }
+}
+
+/// Parses a value that starts at byte `at` of the common space. A word that is no TOML value is a text.
+pub(crate) fn parse_value(text: &str, at: usize) -> Result<RecipeValue<'_>, Draft> {
+    let (value, errors) = DeValue::parse_recoverable(text);
+    let Some(error) = errors.first() else {
+        return Ok(shift(value, at));
+    };
+    let word = text.trim();
+    if !word.starts_with(['"', '\'', '[', '{']) {
+        let start = at + (text.len() - text.trim_start().len());
+        return Ok(Spanned::new(start..start + word.len(), DeValue::String(word.into())));
+    }
+    let span = error.span().unwrap_or(0..text.len());
+    Err(Draft::error(Code::Syntax, at + span.start..at + span.end, error.message()))
+}
+
+fn shift(value: RecipeValue<'_>, by: usize) -> RecipeValue<'_> {
+    let span = value.span();
+    let value = match value.into_inner() {
+        DeValue::Array(array) => DeValue::Array(array.into_iter().map(|item| shift(item, by)).collect::<DeArray>()),
+        DeValue::Table(table) => DeValue::Table(shift_table(table, by)),
+        scalar => scalar,
+    };
+    Spanned::new(span.start + by..span.end + by, value)
+}
+
+fn shift_table(table: DeTable<'_>, by: usize) -> DeTable<'_> {
+    table
+        .into_iter()
+        .map(|(key, value)| {
+            let span = key.span();
+            (Spanned::new(span.start + by..span.end + by, key.into_inner()), shift(value, by))
+        })
+        .collect()
+}
+
+fn drafts(file: &SourceFile, table: &DeTable, errors: &[toml::de::Error]) -> Vec<Draft> {
+    let text = file.text();
+    let global = |span: Span| span.start + file.start()..span.end + file.start();
+    // All that follows an unclosed bracket is read as its content, and is not worth telling.
+    let open = errors
+        .iter()
+        .any(|error| ["unclosed array", "unclosed inline table"].iter().any(|start| error.message().starts_with(start)))
+        .then(|| unclosed_bracket(text))
+        .flatten();
+    let mut drafts: Vec<Draft> = open
+        .map(|at| {
+            let (what, close) = if text[at..].starts_with('[') { ("array", "]") } else { ("inline table", "}") };
+            Draft::error(Code::Syntax, global(at..at + 1), format!("this {what} is never closed"))
+                .label(format!("opened here; add the `{close}`"))
+        })
+        .into_iter()
+        .collect();
+    for error in errors {
+        let span = error.span().unwrap_or(0..0);
+        if open.is_some_and(|at| span.start >= at) {
+            continue;
+        }
+        let draft = match error.message() {
+            message if message.starts_with("duplicate key") => duplicate(file, table, span),
+            message
+                if message.starts_with("string values must be quoted") || message.starts_with("invalid boolean") =>
+            {
+                let rest = text[span.start..].split(['\n', '#']).next().unwrap_or("");
+                let word = rest.split([',', ']', '}']).next().unwrap_or("").trim_end();
+                let boolean = ["true", "false"].into_iter().find(|meant| strsim::damerau_levenshtein(word, meant) <= 2);
+                if let Some(meant) = boolean {
+                    Draft::error(Code::Syntax, global(span.start..span.start + word.len()), "a value must be TOML")
+                        .label(format!("write `{meant}`, or \"{word}\" for a text"))
+                } else if word.is_empty() {
+                    let line = text[..span.start].rfind('\n').map_or(0, |newline| newline + 1);
+                    let start = line + (text[line..span.start].len() - text[line..span.start].trim_start().len());
+                    Draft::error(
+                        Code::Syntax,
+                        global(start..text[..span.start].trim_end().len().max(start)),
+                        "this key has no value",
+                    )
+                    .label("write a value after the `=`")
+                } else {
+                    Draft::error(Code::Syntax, global(span.start..span.start + word.len()), "a text needs quotes")
+                        .label(format!("write \"{word}\""))
+                }
+            }
+            message => Draft::error(Code::Syntax, global(span), message),
+        };
+        drafts.push(draft);
+    }
+    drafts.sort_by_key(|draft| draft.span().start);
+    drafts.dedup_by_key(|draft| line_of(text, draft.span().start - file.start()));
+    drafts.truncate(MOST_ERRORS);
+    drafts
+}
+
+fn line_of(text: &str, at: usize) -> usize {
+    text.as_bytes()[..at.min(text.len())].iter().filter(|byte| **byte == b'\n').count()
+}
+
+/// The draft for a key or header that stands at `span` a second time.
+fn duplicate(file: &SourceFile, table: &DeTable, span: Span) -> Draft {
+    let text = file.text();
+    let name = &text[span.clone()];
+    let line_start = text[..span.start].rfind('\n').map_or(0, |newline| newline + 1);
+    let line = text[line_start..].lines().next().unwrap_or("").trim();
+    let first = if line.starts_with('[') {
+        // Headers: the first table is merged with the second by the parser, so look for the same line.
+        let header = line.split('#').next().unwrap_or(line).trim_end();
+        text[..line_start]
+            .match_indices(header)
+            .find(|(at, _)| text[..*at].rsplit('\n').next().is_some_and(|before| before.trim().is_empty()))
+            .map(|(at, _)| at..at + header.len())
+    } else {
+        last_key_before(table, name, span.start)
+    };
+    let draft = Draft::error(
+        Code::DuplicateKey,
+        span.start + file.start()..span.end + file.start(),
+        format!("`{name}` is given twice"),
+    )
+    .label("again here; keep one of them");
+    match first {
+        Some(first) => draft.also(first.start + file.start()..first.end + file.start(), "first given here"),
+        None => draft,
+    }
+}
+
+/// The last key of this name before an offset, anywhere in a table.
+fn last_key_before(table: &DeTable, name: &str, before: usize) -> Option<Span> {
+    fn visit(value: &DeValue, name: &str, before: usize, best: &mut Option<Span>) {
+        match value {
+            DeValue::Table(table) => {
+                for (key, value) in table.iter() {
+                    let span = key.span();
+                    if key.get_ref().as_ref() == name
+                        && span.end <= before
+                        && best.as_ref().is_none_or(|best| best.start < span.start)
+                    {
+                        *best = Some(span);
+                    }
+                    visit(value.get_ref(), name, before, best);
+                }
+            }
+            DeValue::Array(array) => array.iter().for_each(|item| visit(item.get_ref(), name, before, best)),
+            _ => {}
+        }
+    }
+    let mut best = None;
+    visit(&DeValue::Table(table.clone()), name, before, &mut best);
+    best
+}
+
+/// The first bracket of a value that is never closed, found without regard to what is inside.
+fn unclosed_bracket(text: &str) -> Option<usize> {
+    let bytes = text.as_bytes();
+    let mut open: Vec<usize> = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        match bytes[at] {
+            b'#' => at += text[at..].find('\n').unwrap_or(text.len() - at),
+            quote @ (b'"' | b'\'') => {
+                let triple = bytes[at..].starts_with(&[quote; 3]);
+                let mut end = at + if triple { 3 } else { 1 };
+                while end < bytes.len() {
+                    if bytes[end] == b'\\' && quote == b'"' {
+                        end += 1;
+                    } else if !triple && (bytes[end] == quote || bytes[end] == b'\n') {
+                        break;
+                    } else if triple && bytes[end..].starts_with(&[quote; 3]) {
+                        end += 2;
+                        break;
+                    }
+                    end += 1;
+                }
+                at = end;
+            }
+            b'[' | b'{' => open.push(at),
+            b']' | b'}' => {
+                open.pop();
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    open.first().copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::source::Sources;
+    use super::*;
+    use std::path::PathBuf;
+
+    fn check(text: &str, expected: &[(&str, &str)]) {
+        let mut sources = Sources::default();
+        sources.add("before".into(), PathBuf::new(), "x".repeat(40));
+        let file = sources.add("a".into(), PathBuf::new(), text.into());
+        let parsed = parse_file(&file);
+        let got: Vec<(&str, &str)> =
+            parsed.errors.iter().map(|draft| (sources.text_of(draft.span()), draft.message.as_str())).collect();
+        assert_eq!(got, expected, "{text}");
+    }
+
+    #[test]
+    fn tells_all_errors_once() {
+        check(
+            "a = foo # bar\nb = \nc = [1, x]\n",
+            &[("foo", "a text needs quotes"), ("b =", "this key has no value"), ("x", "a text needs quotes")],
+        );
+        check("a = tru\nb = True # c\n", &[("tru", "a value must be TOML"), ("True", "a value must be TOML")]);
+        check("a = [1, 2\nb = 3\n[c]\nd = [1]\n", &[("[", "this array is never closed")]);
+        check("a = { x = 1\nb = 3\n", &[("{", "this inline table is never closed")]);
+        check("a = 1\n[b]\nc = '#['\na = 2\na = 3\n[b]\n", &[("a", "`a` is given twice"), ("b", "`b` is given twice")]);
+    }
+
+    #[test]
+    fn spans_are_of_the_common_space() {
+        let mut sources = Sources::default();
+        sources.add("before".into(), PathBuf::new(), "é".into());
+        let file = sources.add("a".into(), PathBuf::new(), "[a]\nb = [1, { c = 'x' }]\n".into());
+        let parsed = parse_file(&file);
+        let inner = &parsed.table["a"].get_ref()["b"].get_ref()[1].get_ref()["c"];
+        assert_eq!(sources.text_of(&inner.span()), "'x'");
+    }
+
+    #[test]
+    fn bare_words_are_texts() {
+        let value = |text| parse_value(text, 10).map(|value| (value.span(), value.get_ref().type_str()));
+        assert_eq!(value(" foo bar").map_err(|_| ()), Ok((11..18, "string")));
+        assert_eq!(value("12").map_err(|_| ()), Ok((10..12, "integer")));
+        assert!(value("[1, 2").is_err());
+    }
+}

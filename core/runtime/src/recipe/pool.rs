@@ -1,0 +1,323 @@
+//! Options that every pool of assets has, whatever its source: which assets of the source it holds, and how objects
+//! are scaled, centred and weighed.
+
+use globs::matches;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::fs;
+use syntable_model::digest::Hasher;
+use syntable_model::error::{Error, Invalid, Result};
+use syntable_model::names::AssetPath;
+use syntable_model::scene::{AssetClass, CatalogEntry};
+use syntable_model::stage::AssetSource;
+
+/// A pool of assets: `[assets.<id>]`.
+pub struct Pool {
+    /// The kind of its source.
+    pub kind: String,
+    /// Lists and loads the assets.
+    pub source: Box<dyn AssetSource>,
+    /// What the pool takes of them, and how.
+    pub options: PoolOptions,
+}
+
+/// Options of every `[assets.<id>]` table, beside those of its kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PoolOptions {
+    /// Keep only assets whose name matches one of these patterns; `*` stands for any letters, `?` for one. Empty keeps all.
+    pub include: Vec<String>,
+    /// Leave out assets whose name matches one of these patterns.
+    pub exclude: Vec<String>,
+    /// Text file of the names to keep, one a line; `#` starts a comment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub include_list: Option<AssetPath>,
+    /// Text file of names to leave out, one a line; `#` starts a comment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exclude_list: Option<AssetPath>,
+    /// Keep one part of a random split into training, validation and test assets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split: Option<Split>,
+    /// Licence of the assets, as an SPDX expression or name, where they do not say it themselves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1))]
+    pub licence: Option<String>,
+    /// Objects are made larger by this factor; 0.001 turns millimetres into metres.
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e6))]
+    pub scale: f64,
+    /// Objects are scaled so that the longest side of their bounding box has this length, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1000))]
+    pub longest_side_m: Option<f64>,
+    /// Where an object's origin is put.
+    pub centre: Centre,
+    /// Density of the objects: mass is density times volume, kg/m³.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))]
+    pub density_kg_m3: Option<f64>,
+    /// Mass of each object, kg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))]
+    pub mass_kg: Option<f64>,
+    /// Leave out models that consist of several separate parts.
+    pub single_part_only: bool,
+}
+
+impl Default for PoolOptions {
+    fn default() -> Self {
+        Self {
+            include: Vec::new(),
+            exclude: Vec::new(),
+            include_list: None,
+            exclude_list: None,
+            split: None,
+            licence: None,
+            scale: 1.0,
+            longest_side_m: None,
+            centre: Centre::Bounds,
+            density_kg_m3: None,
+            mass_kg: None,
+            single_part_only: false,
+        }
+    }
+}
+
+/// Where an object's origin is put.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Centre {
+    /// At the centre of the axis-aligned bounding box.
+    #[default]
+    Bounds,
+    /// At the centre of the bounding box' bottom.
+    Bottom,
+    /// Where the file has it.
+    None,
+}
+
+/// One part of a random split of a pool.
+///
+/// An asset's part is a function of its name and the seed alone: it stays what it is when assets are added or removed.
+/// Pools with the same fractions and seed and different parts share no asset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    /// The part to keep.
+    pub part: Part,
+    /// Share of the assets that go to validation.
+    #[serde(default = "default_val_fraction")]
+    #[schemars(range(min = 0, max = 1))]
+    pub val_fraction: f64,
+    /// Share of the assets that go to the test part; the rest is for training.
+    #[serde(default)]
+    #[schemars(range(min = 0, max = 1))]
+    pub test_fraction: f64,
+    /// Chooses another split.
+    #[serde(default)]
+    #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
+    pub seed: u64,
+}
+
+fn default_val_fraction() -> f64 {
+    0.1
+}
+
+/// A part of a split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// For training.
+    Train,
+    /// For validation.
+    Val,
+    /// For the final test.
+    Test,
+}
+
+impl Split {
+    /// The part that an asset belongs to.
+    pub fn part_of(&self, name: &str) -> Part {
+        let hash = Hasher::new("split").bytes(&self.seed.to_le_bytes()).text(name).finish().short();
+        let at = (hash >> 11) as f64 / (1_u64 << 53) as f64;
+        if at < self.test_fraction {
+            Part::Test
+        } else if at < self.test_fraction + self.val_fraction {
+            Part::Val
+        } else {
+            Part::Train
+        }
+    }
+}
+
+impl PoolOptions {
+    /// The options that speak of objects and have no meaning for materials.
+    pub const FOR_OBJECTS: [&'static str; 6] =
+        ["scale", "longest_side_m", "centre", "density_kg_m3", "mass_kg", "single_part_only"];
+
+    /// Whether an option has a meaning for assets of a class.
+    pub fn applies(option: &str, class: AssetClass) -> bool {
+        class == AssetClass::Object || !Self::FOR_OBJECTS.contains(&option)
+    }
+
+    /// Refuses options that contradict each other.
+    pub(crate) fn validate(&self) -> std::result::Result<(), Invalid> {
+        if self.longest_side_m.is_some() && self.scale != 1.0 {
+            return Err(Invalid::new("longest_side_m", "`longest_side_m` and `scale` contradict each other")
+                .help("keep one of them"));
+        }
+        if self.mass_kg.is_some() && self.density_kg_m3.is_some() {
+            return Err(
+                Invalid::new("mass_kg", "`mass_kg` and `density_kg_m3` contradict each other").help("keep one of them")
+            );
+        }
+        if let Some(split) = &self.split
+            && split.val_fraction + split.test_fraction > 1.0
+        {
+            let (val, test) = (split.val_fraction, split.test_fraction);
+            return Err(Invalid::new(
+                "split",
+                format!("`val_fraction` {val} and `test_fraction` {test} are more than 1 in all"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The entries of a source that the pool takes, in their order. Reads the lists.
+    pub fn select(&self, entries: Vec<CatalogEntry>) -> Result<Vec<CatalogEntry>> {
+        let read = |list: &Option<AssetPath>| list.as_ref().map(names_of_list).transpose();
+        let (wanted, unwanted) = (read(&self.include_list)?, read(&self.exclude_list)?);
+        let keep = |name: &str| {
+            let any = |patterns: &[String]| patterns.iter().any(|pattern| matches(pattern, name));
+            (self.include.is_empty() || any(&self.include))
+                && !any(&self.exclude)
+                && wanted.as_ref().is_none_or(|list| list.contains(name))
+                && !unwanted.as_ref().is_some_and(|list| list.contains(name))
+                && self.split.as_ref().is_none_or(|split| split.part_of(name) == split.part)
+        };
+        Ok(entries.into_iter().filter(|entry| keep(&entry.name)).collect())
+    }
+}
+
+fn names_of_list(list: &AssetPath) -> Result<BTreeSet<String>> {
+    let bytes = fs::read(list.path()).map_err(|error| Error::io(list.path(), &error))?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        Error::new("the list of names is not UTF-8 text")
+            .in_file(list.path())
+            .at_byte(error.utf8_error().valid_up_to() as u64)
+    })?;
+    let names = text.trim_start_matches('\u{feff}').lines().map(|line| line.split('#').next().unwrap_or("").trim());
+    Ok(names.filter(|name| !name.is_empty()).map(str::to_owned).collect())
+}
+
+/// Patterns of names.
+mod globs {
+    /// Whether a whole name matches: `*` stands for any letters, also none, `?` for one.
+    pub(super) fn matches(pattern: &str, name: &str) -> bool {
+        let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
+        let (mut p, mut n) = (0, 0);
+        // The last star, and how much of the name it has taken: only that one ever needs to take more.
+        let mut star: Option<(usize, usize)> = None;
+        while n < name.len() {
+            match pattern.get(p) {
+                Some('*') => {
+                    star = Some((p, n));
+                    p += 1;
+                }
+                Some(&c) if c == '?' || c == name[n] => {
+                    p += 1;
+                    n += 1;
+                }
+                _ => match star {
+                    Some((at, taken)) => {
+                        star = Some((at, taken + 1));
+                        p = at + 1;
+                        n = taken + 1;
+                    }
+                    None => return false,
+                },
+            }
+        }
+        pattern[p..].iter().all(|&c| c == '*')
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pattern matcher that tries everything, to compare with.
+    fn brute(pattern: &[u8], name: &[u8]) -> bool {
+        match (pattern.first(), name.first()) {
+            (None, None) => true,
+            (Some(b'*'), _) => brute(&pattern[1..], name) || (!name.is_empty() && brute(pattern, &name[1..])),
+            (Some(b'?'), Some(_)) => brute(&pattern[1..], &name[1..]),
+            (Some(p), Some(n)) if p == n => brute(&pattern[1..], &name[1..]),
+            _ => false,
+        }
+    }
+
+    #[test]
+    fn patterns_match_as_by_trying_everything() {
+        let mut stream = syntable_model::random::Stream::root(4);
+        let mut word = |letters: &[u8]| -> String {
+            let length = stream.below(7);
+            (0..length).map(|_| char::from(letters[stream.below(letters.len() as u64) as usize])).collect()
+        };
+        let mut hits = 0;
+        for _ in 0..20_000 {
+            let (pattern, name) = (word(b"ab*?"), word(b"ab"));
+            let expected = brute(pattern.as_bytes(), name.as_bytes());
+            assert_eq!(matches(&pattern, &name), expected, "{pattern} on {name}");
+            hits += u32::from(expected);
+        }
+        assert!(hits > 1000, "the patterns must match now and then: {hits}");
+        assert!(matches("Überseeische*", "Überseeische_Tasse") && matches("T?sse", "Tässe"));
+    }
+
+    fn entries(names: impl IntoIterator<Item = String>) -> Vec<CatalogEntry> {
+        names.into_iter().map(|name| CatalogEntry { name, category: String::new() }).collect()
+    }
+
+    #[test]
+    fn parts_of_a_split_cover_the_pool_and_are_disjoint() {
+        let names: Vec<String> = (0..4000).map(|i| format!("mug_{i:04}")).collect();
+        let select = |part, seed| {
+            let split = Split { part, val_fraction: 0.2, test_fraction: 0.1, seed };
+            let options = PoolOptions { split: Some(split), ..Default::default() };
+            options.select(entries(names.clone())).expect("no list to read")
+        };
+        let parts = [Part::Train, Part::Val, Part::Test].map(|part| select(part, 0));
+        let mut all: Vec<String> = parts.iter().flatten().map(|entry| entry.name.clone()).collect();
+        all.sort();
+        assert_eq!(all, names);
+        // Binomial: five standard deviations are at most 5·√(4000·0.7·0.3) ≈ 145.
+        for (part, expected) in parts.iter().zip([2800_usize, 800, 400]) {
+            assert!(part.len().abs_diff(expected) < 145, "{} of {expected}", part.len());
+        }
+        assert_ne!(select(Part::Val, 0), select(Part::Val, 1));
+    }
+
+    #[test]
+    fn lists_and_patterns_select() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let list = folder.path().join("names.txt");
+        fs::write(&list, "\u{feff}# bad ones\nmug_1 # two handles\n\n  can_2\r\n").expect("written");
+        let options = PoolOptions {
+            include: vec!["mug_*".into(), "can_?".into()],
+            exclude: vec!["*_3".into()],
+            exclude_list: Some(AssetPath(list)),
+            ..Default::default()
+        };
+        let names = ["mug_1", "mug_2", "mug_3", "can_1", "can_2", "can_10", "box_1"].map(str::to_owned);
+        let kept: Vec<String> = options.select(entries(names)).expect("readable").into_iter().map(|e| e.name).collect();
+        assert_eq!(kept, ["mug_2", "can_1"]);
+    }
+
+    #[test]
+    fn a_missing_list_is_named() {
+        let options = PoolOptions { include_list: Some(AssetPath("/no/such/list.txt".into())), ..Default::default() };
+        let error = options.select(Vec::new()).expect_err("there is no such file").to_string();
+        assert!(error.contains("/no/such/list.txt"), "{error}");
+    }
+}

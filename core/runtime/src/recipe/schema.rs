@@ -1,0 +1,326 @@
+//! The JSON Schema of recipes, from the registry.
+//!
+//! Draft-07, in the shape that editors' TOML servers are precise with: a stage table is an open object with an enum on
+//! `kind` and one `if`/`then` a kind, and the definition of each kind is closed and knows `kind` itself. In keyed slots
+//! every kind is also a property name, so that typing `[write.` completes.
+//!
+//! A recipe that extends another one may leave out what it inherits. So what is required stands apart, under an `if` on
+//! `extends`, and the definitions of kinds require nothing at their top level.
+
+use super::dataset::{DatasetTable, LockTable};
+use super::pool::PoolOptions;
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, SchemaGenerator};
+use serde_json::{Map, Value as Json, json};
+use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
+use syntable_model::scene::AssetClass;
+
+/// The pattern of ids: they name folders and random streams.
+pub(crate) const ID_PATTERN: &str = "^[A-Za-z0-9_-]+$";
+
+/// Schemas of everything that a recipe may hold.
+pub(crate) struct Schemas {
+    /// What `$ref` refers to.
+    pub definitions: Map<String, Json>,
+    /// `[dataset]`.
+    pub dataset: Json,
+    /// `[lock]`.
+    pub lock: Json,
+    /// Options of every pool.
+    pub pool: Json,
+    /// Options of each kind, without `kind`; those of pools are among the sources' own.
+    pub kinds: Vec<(Slot, &'static str, Json)>,
+}
+
+impl Schemas {
+    /// Asks every kind of a registry for its schema.
+    pub fn of(registry: &Registry) -> Self {
+        let mut generator = SchemaSettings::draft07().into_generator();
+        let dataset = options_of::<DatasetTable>(&mut generator);
+        let lock = options_of::<LockTable>(&mut generator);
+        let pool = options_of::<PoolOptions>(&mut generator);
+        let kinds = registry
+            .entries()
+            .iter()
+            .map(|entry| {
+                let mut options = entry.schema(&mut generator);
+                transform(&mut generator, &mut options);
+                let mut options = options.to_value();
+                toml_only(&mut options);
+                if entry.slot == Slot::Assets {
+                    add_pool_options(&mut options, &pool);
+                }
+                (entry.slot, entry.kind, options)
+            })
+            .collect();
+        let mut definitions = generator.take_definitions(true);
+        definitions.values_mut().for_each(toml_only);
+        definitions.sort_keys();
+        Self { definitions, dataset, lock, pool, kinds }
+    }
+
+    /// The schema of a kind's options.
+    pub fn kind(&self, slot: Slot, kind: &str) -> Option<&Json> {
+        self.kinds.iter().find(|(s, k, _)| *s == slot && *k == kind).map(|(_, _, schema)| schema)
+    }
+}
+
+fn options_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Json {
+    let mut schema = T::json_schema(generator);
+    transform(generator, &mut schema);
+    let mut schema = schema.to_value();
+    toml_only(&mut schema);
+    schema
+}
+
+fn transform(generator: &mut SchemaGenerator, schema: &mut schemars::Schema) {
+    for transform in generator.transforms_mut() {
+        transform.transform(schema);
+    }
+}
+
+/// Removes `null`, which TOML does not have.
+fn toml_only(schema: &mut Json) {
+    match schema {
+        Json::Object(object) => {
+            if object.get("default") == Some(&Json::Null) {
+                object.shift_remove("default");
+            }
+            if let Some(Json::Array(types)) = object.get_mut("type") {
+                types.retain(|name| name != "null");
+                if let [one] = types.as_slice() {
+                    let one = one.clone();
+                    object.insert("type".into(), one);
+                }
+            }
+            for union in ["anyOf", "oneOf"] {
+                if let Some(Json::Array(branches)) = object.get_mut(union) {
+                    branches.retain(|branch| branch.get("type").and_then(Json::as_str) != Some("null"));
+                    if branches.len() == 1 {
+                        let branches = object.shift_remove(union).unwrap_or_default();
+                        object.insert("allOf".into(), branches);
+                    }
+                }
+            }
+            object.values_mut().for_each(toml_only);
+        }
+        Json::Array(items) => items.iter_mut().for_each(toml_only),
+        _ => {}
+    }
+}
+
+fn add_pool_options(options: &mut Json, pool: &Json) {
+    let Some(properties) = object_at(options, "properties") else { return };
+    for (name, option) in pool["properties"].as_object().into_iter().flatten() {
+        properties.entry(name.clone()).or_insert_with(|| option.clone());
+    }
+}
+
+/// The object under a key, made if need be.
+fn object_at<'j>(schema: &'j mut Json, key: &str) -> Option<&'j mut Map<String, Json>> {
+    schema.as_object_mut()?.entry(key).or_insert_with(|| json!({})).as_object_mut()
+}
+
+/// The class of assets that a kind of source gives, as its example says.
+pub(crate) fn class_of(entry: &Entry) -> Option<AssetClass> {
+    match entry.construct_str(entry.example).ok()?.stage {
+        Stage::Assets(source) => Some(source.class()),
+        _ => None,
+    }
+}
+
+/// The JSON Schema of recipes for all kinds of a registry. Equal registries give equal schemas, key order included.
+pub fn schema(registry: &Registry) -> Json {
+    let mut schemas = Schemas::of(registry);
+    let mut definitions = std::mem::take(&mut schemas.definitions);
+    for entry in registry.entries() {
+        let Some(options) = schemas.kind(entry.slot, entry.kind) else { continue };
+        definitions.insert(definition_name(entry), definition(entry, options));
+    }
+    let mut properties = Map::new();
+    properties.insert(
+        "dataset".into(),
+        without_required(described(&schemas.dataset, "What the dataset is called and how large it is.")),
+    );
+    for slot in Slot::ALL {
+        properties.insert(slot.name().into(), slot_schema(registry, slot));
+    }
+    let paths = |description: &str| {
+        json!({
+            "description": description, "type": ["string", "array"], "items": { "type": "string" }
+        })
+    };
+    properties.insert(
+        "extends".into(),
+        paths("Recipe, or recipes, that this one adds to and overrides; paths count from this file."),
+    );
+    properties
+        .insert("remove".into(), paths("Inherited values to take away, such as \"write.npy\" or \"place.objects\"."));
+    properties.insert(
+        "set".into(),
+        json!({
+            "description": "Values to put at paths, such as \"place.objects.count\" = 5; for changes deep inside an extended recipe.",
+            "type": "object"
+        }),
+    );
+    properties.insert(
+        "lock".into(),
+        described(&schemas.lock, "What a resolved recipe was made with; written by the program."),
+    );
+    json!({
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "SynTable recipe",
+        "description": "Declares a synthetic dataset for unseen-object amodal instance segmentation.",
+        "type": "object",
+        "additionalProperties": false,
+        "properties": properties,
+        "if": { "required": ["extends"] },
+        "then": {},
+        "else": whole(registry, &schemas),
+        "definitions": definitions
+    })
+}
+
+/// The schema as it is committed and printed: indented, ending in a newline.
+pub fn schema_text(registry: &Registry) -> String {
+    format!("{:#}\n", schema(registry))
+}
+
+fn definition_name(entry: &Entry) -> String {
+    format!("{}.{}", entry.slot, entry.kind)
+}
+
+fn described(schema: &Json, description: &str) -> Json {
+    let mut schema = schema.clone();
+    if let Some(object) = schema.as_object_mut() {
+        object.insert("description".into(), description.into());
+    }
+    schema
+}
+
+fn without_required(mut schema: Json) -> Json {
+    if let Some(object) = schema.as_object_mut() {
+        object.shift_remove("required");
+    }
+    schema
+}
+
+/// The closed definition of one kind, which knows `kind` and `id`.
+fn definition(entry: &Entry, options: &Json) -> Json {
+    let mut definition = without_required(options.clone());
+    let class = (entry.slot == Slot::Assets).then(|| class_of(entry)).flatten();
+    let mut properties = Map::new();
+    properties
+        .insert("kind".into(), json!({ "description": "The kind of stage.", "type": "string", "const": entry.kind }));
+    if entry.slot.shape() == Shape::List {
+        properties.insert("id".into(), id_schema());
+    }
+    if let Some(own) = object_at(&mut definition, "properties") {
+        own.retain(|option, _| class.is_none_or(|class| PoolOptions::applies(option, class)));
+        properties.append(own);
+        *own = properties;
+    }
+    if let (Ok(example), Some(object)) = (toml::from_str::<toml::Table>(entry.example), definition.as_object_mut()) {
+        let mut table = Map::from_iter([("kind".to_owned(), Json::from(entry.kind))]);
+        if let Ok(Json::Object(options)) = serde_json::to_value(example) {
+            table.extend(options);
+        }
+        object.insert("examples".into(), json!([table]));
+    }
+    definition
+}
+
+fn id_schema() -> Json {
+    json!({
+        "description": "Names the step's random numbers; the kind by default, with _2, _3 … appended on repeats.",
+        "type": "string", "pattern": ID_PATTERN
+    })
+}
+
+fn slot_schema(registry: &Registry, slot: Slot) -> Json {
+    let kinds: Vec<&str> = registry.of_slot(slot).map(|entry| entry.kind).collect();
+    let branches: Vec<Json> = registry
+        .of_slot(slot)
+        .map(|entry| {
+            json!({
+                "if": { "properties": { "kind": { "const": entry.kind } }, "required": ["kind"] },
+                "then": { "$ref": format!("#/definitions/{}", definition_name(entry)) }
+            })
+        })
+        .collect();
+    let mut properties = Map::new();
+    properties.insert("kind".into(), json!({ "description": "The kind of stage.", "type": "string", "enum": kinds }));
+    if slot.shape() == Shape::List {
+        properties.insert("id".into(), id_schema());
+    }
+    let mut stage = json!({
+        "description": slot.doc(), "type": "object", "properties": properties, "additionalProperties": true
+    });
+    if !branches.is_empty() {
+        stage["allOf"] = branches.into();
+    }
+    match slot.shape() {
+        Shape::One => stage,
+        Shape::List => json!({ "description": slot.doc(), "type": "array", "items": stage }),
+        Shape::Keyed => {
+            let known: Map<String, Json> = registry
+                .of_slot(slot)
+                .map(|entry| {
+                    (entry.kind.to_owned(), json!({ "$ref": format!("#/definitions/{}", definition_name(entry)) }))
+                })
+                .collect();
+            json!({
+                "description": slot.doc(), "type": "object", "propertyNames": { "pattern": ID_PATTERN },
+                "properties": known, "additionalProperties": stage
+            })
+        }
+    }
+}
+
+/// What a recipe that extends no other one must have.
+fn whole(registry: &Registry, schemas: &Schemas) -> Json {
+    let mut properties = Map::new();
+    properties.insert("dataset".into(), json!({ "required": schemas.dataset["required"] }));
+    properties.insert("place".into(), json!({ "minItems": 1 }));
+    properties.insert("write".into(), json!({ "minProperties": 1 }));
+    let required = |entry: &Entry| {
+        let schema = schemas.kind(entry.slot, entry.kind)?;
+        schema.get("required").cloned().filter(|keys| keys.as_array().is_some_and(|keys| !keys.is_empty()))
+    };
+    for slot in Slot::ALL {
+        let branches: Vec<Json> = registry
+            .of_slot(slot)
+            .filter_map(|entry| {
+                Some(json!({
+                    "if": { "properties": { "kind": { "const": entry.kind } }, "required": ["kind"] },
+                    "then": { "required": required(entry)? }
+                }))
+            })
+            .collect();
+        let mut stage = json!({ "required": ["kind"] });
+        if !branches.is_empty() {
+            stage["allOf"] = branches.into();
+        }
+        let constraint = match slot.shape() {
+            Shape::One => stage,
+            Shape::List => json!({ "items": stage }),
+            Shape::Keyed => {
+                let known: Map<String, Json> = registry
+                    .of_slot(slot)
+                    .map(|entry| {
+                        let needs = required(entry).map_or_else(|| json!({}), |keys| json!({ "required": keys }));
+                        (entry.kind.to_owned(), needs)
+                    })
+                    .collect();
+                json!({ "properties": known, "additionalProperties": stage })
+            }
+        };
+        match properties.get_mut(slot.name()) {
+            Some(Json::Object(object)) => object.extend(constraint.as_object().cloned().unwrap_or_default()),
+            _ => {
+                properties.insert(slot.name().into(), constraint);
+            }
+        }
+    }
+    json!({ "required": ["dataset", "place", "write"], "properties": properties })
+}

@@ -1,0 +1,141 @@
+//! Texts of a recipe: files, and the pseudo-file of overrides.
+//!
+//! All texts of one recipe lie end to end in one space of byte offsets, so that a span alone says which file it is of,
+//! however values are merged. Offset 0 belongs to no file: what was written nowhere has the span [`NOWHERE`].
+
+use super::diagnostic::{Diagnostic, Draft, Label};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A range of bytes in the common space.
+pub(crate) type Span = Range<usize>;
+
+/// The span of what no file says.
+pub(crate) const NOWHERE: Span = 0..0;
+
+/// A text with a name.
+#[derive(Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    name: String,
+    folder: PathBuf,
+    text: String,
+    start: usize,
+}
+
+impl SourceFile {
+    /// Its name for people: the path as the user gave it, or `<--set>`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The folder that relative paths in it count from.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Offset of its first byte in the common space.
+    pub(crate) fn start(&self) -> usize {
+        self.start
+    }
+
+    /// Its place in the common space.
+    pub(crate) fn span(&self) -> Span {
+        self.start..self.start + self.text.len()
+    }
+
+    /// Line and column of a byte of the text, both from 1; columns count characters.
+    pub fn line_column(&self, offset: usize) -> (usize, usize) {
+        let before = &self.text[..floor(&self.text, offset)];
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    }
+}
+
+/// The texts of one recipe.
+#[derive(Debug, Default)]
+pub(crate) struct Sources {
+    files: Vec<Arc<SourceFile>>,
+}
+
+impl Sources {
+    /// Adds a text.
+    pub fn add(&mut self, name: String, folder: PathBuf, text: String) -> Arc<SourceFile> {
+        let start = self.files.last().map_or(1, |last| last.span().end + 1);
+        let file = Arc::new(SourceFile { name, folder, text, start });
+        self.files.push(Arc::clone(&file));
+        file
+    }
+
+    /// The file that a span is of.
+    pub fn file_of(&self, span: &Span) -> Option<&Arc<SourceFile>> {
+        self.files.iter().find(|file| file.span().start <= span.start && span.start <= file.span().end)
+    }
+
+    /// The text of a span.
+    #[cfg(test)]
+    pub fn text_of(&self, span: &Span) -> &str {
+        self.file_of(span)
+            .and_then(|file| file.text.get(span.start - file.start..span.end.checked_sub(file.start)?))
+            .unwrap_or("")
+    }
+
+    /// A label for a span; none for [`NOWHERE`].
+    pub fn label(&self, span: &Span, message: &str) -> Option<Label> {
+        let file = self.file_of(span)?;
+        let local = |offset: usize| floor(&file.text, offset.saturating_sub(file.start));
+        Some(Label {
+            span: local(span.start)..local(span.end.max(span.start)),
+            file: Arc::clone(file),
+            message: message.to_owned(),
+        })
+    }
+
+    /// The diagnostic of a draft.
+    pub fn diagnostic(&self, draft: Draft) -> Diagnostic {
+        let mut labels: Vec<Label> =
+            draft.marks.iter().filter_map(|(span, message)| self.label(span, message)).collect();
+        if labels.is_empty()
+            && let Some(root) = self.files.first()
+        {
+            labels.push(Label { file: Arc::clone(root), span: 0..0, message: String::new() });
+        }
+        Diagnostic { code: draft.code, severity: draft.severity, message: draft.message, labels, help: draft.help }
+    }
+}
+
+/// The nearest boundary of a character at or below an offset.
+fn floor(text: &str, offset: usize) -> usize {
+    let offset = offset.min(text.len());
+    (0..=offset).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_span_says_its_file() {
+        let mut sources = Sources::default();
+        let a = sources.add("a".into(), PathBuf::new(), "x = 1\n".into());
+        let b = sources.add("b".into(), PathBuf::new(), "é = 2\n".into());
+        assert_eq!(sources.file_of(&(a.start() + 6..a.start() + 6)).map(|f| f.name()), Some("a"));
+        assert_eq!(sources.file_of(&b.span()).map(|f| f.name()), Some("b"));
+        assert_eq!(sources.text_of(&(b.start()..b.start() + 2)), "é");
+        assert_eq!(sources.file_of(&NOWHERE), None);
+    }
+
+    #[test]
+    fn columns_count_characters() {
+        let mut sources = Sources::default();
+        let file = sources.add("a".into(), PathBuf::new(), "# ü\nö = 1\n".into());
+        let byte = file.text().find('=').expect("an equals sign");
+        assert_eq!(file.line_column(byte), (2, 3));
+        assert_eq!(file.line_column(usize::MAX), (3, 1));
+    }
+}

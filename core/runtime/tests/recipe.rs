@@ -1,0 +1,379 @@
+//! Recipes: good ones load to stages and to a resolved text, broken ones to readable diagnostics, and the JSON Schema
+//! agrees with the program.
+
+mod recipe_kit;
+
+use recipe_kit::{load, registry};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use syntable_runtime::recipe::{self, Code, Recipe, Report, Source};
+
+const GOOD: &str = r#"
+[dataset]
+scenes = 2
+views_per_scene = 3
+
+[assets.objects]
+kind = "mesh_folder"
+root = "${ASSETS}/gso"
+
+[assets.materials]
+kind = "pbr_folder"
+root = "/data/materials"
+
+[[place]]
+kind = "room"
+material = { floor = "materials" }
+
+[[place]]
+kind = "drop_box"
+from = ["objects"]
+
+[[place]]
+kind = "drop_box"
+from = ["objects"]
+count = 3
+
+[write.png]
+include = ["radiance", "amodal_mask"]
+"#;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recipes")
+}
+
+fn good(text: &str) -> Recipe {
+    match load(Source::embedded("good.toml", text), &[]) {
+        Ok((recipe, warnings)) => {
+            let warnings: Vec<String> = warnings.iter().map(|warning| warning.render(false)).collect();
+            assert!(warnings.is_empty(), "{}", warnings.join("\n"));
+            recipe
+        }
+        Err(report) => panic!("{report}"),
+    }
+}
+
+fn bad(text: &str, set: &[(&str, &str)]) -> Report {
+    match load(Source::embedded("bad.toml", text), set) {
+        Ok(_) => panic!("loads:\n{text}"),
+        Err(report) => report,
+    }
+}
+
+fn messages(text: &str, set: &[(&str, &str)]) -> Vec<String> {
+    bad(text, set).iter().map(|diagnostic| format!("{} {}", diagnostic.code, diagnostic.message)).collect()
+}
+
+/// Every file of tests/recipes gives exactly the text beside it. `UPDATE=1` writes that text; read it before you commit.
+#[test]
+fn broken_recipes_give_the_expected_text() {
+    let update = std::env::var_os("UPDATE").is_some();
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(folder()).expect("the folder").map(|entry| entry.expect("an entry").path()).collect();
+    files.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
+    files.sort();
+    let mut codes = BTreeSet::new();
+    let mut count = 0;
+    for path in &files {
+        let name = path.file_name().and_then(|name| name.to_str()).expect("a name");
+        if name.starts_with("base_") {
+            continue;
+        }
+        count += 1;
+        let text = fs::read_to_string(path).expect("readable");
+        let set: Vec<(&str, &str)> =
+            text.lines().filter_map(|line| line.strip_prefix("#! --set ")?.split_once('=')).collect();
+        let source =
+            Source { name: name.to_owned(), path: Some(Path::new("tests/recipes").join(name)), text: text.clone() };
+        let (got, found) = match load(source, &set) {
+            Err(report) => (report.to_string(), report.diagnostics),
+            Ok((_, warnings)) => {
+                let text: Vec<String> = warnings.iter().map(|warning| warning.render(false)).collect();
+                (text.join("\n"), warnings)
+            }
+        };
+        codes.extend(found.iter().map(|diagnostic| diagnostic.code));
+        let got = got.replace(env!("CARGO_MANIFEST_DIR"), "<folder>").replace(env!("CARGO_PKG_VERSION"), "<version>");
+        let expected = path.with_extension("expected");
+        if update {
+            fs::write(&expected, &got).expect("writable");
+        }
+        let expected = fs::read_to_string(&expected).unwrap_or_default();
+        assert_eq!(got, expected, "{name}: got\n{got}\nexpected\n{expected}\nUPDATE=1 accepts what was got");
+    }
+    assert!(count >= 20, "{count} recipes");
+    // Plans are made elsewhere.
+    let missing: Vec<&Code> = Code::ALL.iter().filter(|code| !codes.contains(code) && **code != Code::Plan).collect();
+    assert!(missing.is_empty(), "no recipe shows {missing:?}");
+}
+
+#[test]
+fn a_recipe_becomes_stages() {
+    let recipe = good(GOOD);
+    assert_eq!((recipe.dataset.scenes, recipe.dataset.views_per_scene, recipe.dataset.max_attempts), (2, 3, 3));
+    let ids: Vec<&str> = recipe.place.iter().map(|(id, _)| id.as_str()).collect();
+    assert_eq!(ids, ["room", "drop_box", "drop_box_2"]);
+    let lights: Vec<&str> = recipe.lights.iter().map(|(id, _)| id.as_str()).collect();
+    assert_eq!(lights, ["sphere_lights"], "a missing section gets its default kinds");
+    assert_eq!(recipe.write[0].1.reads(), ["radiance", "amodal_mask"]);
+    assert_eq!(recipe.assets["objects"].kind, "mesh_folder");
+    let label = recipe.origin("write.png:amodal_mask").expect("it was written somewhere");
+    assert_eq!(&label.file.text()[label.span], "\"amodal_mask\"");
+}
+
+/// Loading the resolved text gives the same text, byte for byte, and needs no defaults.
+#[test]
+fn the_resolved_text_is_a_fixed_point() {
+    let lists = "lights = []\n";
+    let more = r#"
+[dataset]
+name = "a \"b\"\nc"
+seed = 9223372036854775807
+scenes = 2
+
+[assets.mm]
+kind = "mesh_folder"
+root = "meshes"
+endings = ["glb", "obj"]
+scale = 0.001
+split = { part = "val" }
+exclude_list = "../${ASSETS}.txt"
+
+[[place]]
+id = "few"
+kind = "drop_box"
+from = ["mm"]
+count = { choice = [1, 5] }
+area = { disc = { radius_m = 1e-9 } }
+
+[views]
+kind = "listed"
+eyes_m = [[1, 0, 1], [0.1, 1, 1]]
+
+[camera]
+kind = "pinhole"
+device = "L515"
+
+[annotate.masks]
+keep_hidden = true
+
+[write.second]
+kind = "npy"
+limits = { "a b" = { type = "between", bounds = [0, 1e300] } }
+
+[write.first]
+kind = "npy"
+"#;
+    for text in [GOOD.to_owned(), format!("{lists}{more}"), more.to_owned()] {
+        let recipe = good(&text);
+        let again = good(&recipe.resolved);
+        assert_eq!(again.resolved, recipe.resolved);
+        assert!(recipe.resolved.contains("kind = "), "{}", recipe.resolved);
+        let digests = BTreeMap::from([("mm/a b".to_owned(), "0123456789abcdef0123456789abcdef".to_owned())]);
+        let locked = good(&recipe::with_asset_digests(&recipe.resolved, &digests));
+        assert_eq!(locked.locked, digests);
+        assert_eq!(locked.resolved, recipe::with_asset_digests(&recipe.resolved, &digests));
+    }
+    let recipe = good(&format!("{lists}{more}"));
+    assert!(recipe.lights.is_empty() && recipe.dataset.views_per_scene == 2);
+    assert_eq!(recipe.write.iter().map(|(id, _)| id.as_str()).collect::<Vec<_>>(), ["first", "second"]);
+    let here = env!("CARGO_MANIFEST_DIR");
+    for line in [
+        &format!("root = \"{here}/meshes\""),
+        &format!("exclude_list = \"{here}/../${{ASSETS}}.txt\""),
+        "split = { part = \"val\", val_fraction = 0.1, test_fraction = 0.0, seed = 0 }",
+        "id = \"few\"",
+        "syntable-kit = \"1.2.3\"",
+    ] {
+        assert!(recipe.resolved.contains(line), "{line} is not in\n{}", recipe.resolved);
+    }
+    assert!(
+        !recipe.resolved.contains("single_part_only = true") && recipe.resolved.contains("single_part_only = false")
+    );
+    assert!(good(GOOD).resolved.contains("root = \"${ASSETS}/gso\""));
+}
+
+#[test]
+fn options_of_objects_are_not_written_for_materials() {
+    let resolved = good(GOOD).resolved;
+    let materials =
+        resolved.split("[assets.materials]").nth(1).and_then(|rest| rest.split("\n\n").next()).expect("there");
+    assert!(!materials.contains("scale") && materials.contains("include = []"), "{materials}");
+}
+
+#[test]
+fn overrides_reach_everywhere() {
+    let set = |set: &[(&str, &str)]| match load(Source::embedded("r.toml", GOOD), set) {
+        Ok((recipe, _)) => recipe.resolved,
+        Err(report) => panic!("{report}"),
+    };
+    let resolved = set(&[
+        ("dataset.name", "bare word"),
+        ("place[1].count", "{ integers = [2, 4] }"),
+        ("place.drop_box_2.count", "7"),
+        ("render.kind", "cpu_path"),
+        ("render.samples_per_pixel", "5"),
+        ("place.room.material.walls", "materials"),
+        ("write.png.include[0]", "depth"),
+    ]);
+    for line in [
+        "name = \"bare word\"",
+        "count = { integers = [2, 4] }",
+        "count = 7",
+        "samples_per_pixel = 5",
+        "material = { floor = \"materials\", walls = \"materials\" }",
+        "include = [\"depth\", \"amodal_mask\"]",
+    ] {
+        assert!(resolved.contains(line), "{line} is not in\n{resolved}");
+    }
+}
+
+#[test]
+fn one_bad_table_hides_no_other() {
+    let text = GOOD
+        .replace("scenes = 2", "scenes = 0\nscens = 1")
+        .replace("kind = \"room\"", "kind = \"rom\"")
+        .replace("count = 3", "count = \"3\"\nrotation = \"euler\"")
+        .replace("amodal_mask", "amodal_masks");
+    assert_eq!(
+        messages(&text, &[("render.kind", "cpu_path"), ("render.samples_per_pixel", "0")]),
+        [
+            "D0008 `scenes` cannot be 0",
+            "D0003 `dataset` has no option `scens`",
+            "D0005 `place` has no kind `rom`",
+            "D0007 `count` must be a whole number or a table with one of `integers`, `choice`",
+            "D0012 `rotation` cannot be \"euler\"",
+            "D0004 unknown product `amodal_masks`",
+            "D0008 `samples_per_pixel` cannot be 0",
+        ]
+    );
+}
+
+#[test]
+fn views_are_counted() {
+    let listed = format!("{GOOD}\n[views]\nkind = \"listed\"\neyes_m = [[1, 0, 1], [0, 1, 1]]\n");
+    assert_eq!(messages(&listed, &[]), ["D0011 `views_per_scene` is 3, but `[views]` has 2"]);
+    assert_eq!(good(&listed.replace("views_per_scene = 3", "")).dataset.views_per_scene, 2);
+    assert_eq!(good(&listed.replace("views_per_scene = 3", "views_per_scene = 1")).dataset.views_per_scene, 1);
+    assert_eq!(messages(&GOOD.replace("views_per_scene = 3", ""), &[]), ["D0009 `dataset` needs `views_per_scene`"]);
+}
+
+#[test]
+fn children_win_at_a_definite_depth() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        fs::write(&path, text).expect("written");
+        path
+    };
+    write("base/base.toml", &GOOD.replace("${ASSETS}/gso", "gso"));
+    write("base/views.toml", "[views]\nkind = \"hemisphere_shell\"\nradius_m = { uniform = [1, 2] }\n[write.npy]\n");
+    let child = write(
+        "child/child.toml",
+        r#"
+extends = ["../base/base.toml", "../base/views.toml"]
+remove = ["write.npy"]
+
+[dataset]
+seed = 5
+
+[assets.objects]
+exclude_list = "bad.txt"
+
+[assets.materials]
+kind = "mesh_folder"
+root = "tables"
+
+[views]
+radius_m = { choice = [1, 2] }
+
+[set]
+"place.drop_box.count" = 9
+"place.room.material" = { floor = "more" }
+"place.drop_box_2.from" = ["objects", "materials"]
+
+[assets.more]
+kind = "pbr_folder"
+root = "m"
+"#,
+    );
+    let text = fs::read_to_string(&child).expect("readable");
+    let resolved = match load(Source::file(&child, text), &[]) {
+        Ok((recipe, warnings)) if warnings.is_empty() => recipe.resolved,
+        Ok((_, warnings)) => panic!("{warnings:?}"),
+        Err(report) => panic!("{report}"),
+    };
+    let at = folder.path().join("child");
+    let at = at.display();
+    for line in [
+        "seed = 5",
+        "views_per_scene = 3",
+        "radius_m = { choice = [1.0, 2.0] }",
+        "count = 9",
+        &format!("root = \"{at}/../base/gso\""),
+        &format!("exclude_list = \"{at}/bad.txt\""),
+        &format!("root = \"{at}/tables\""),
+        "material = { floor = \"more\" }",
+        "from = [\"objects\", \"materials\"]",
+    ] {
+        assert!(resolved.contains(line), "{line} is not in\n{resolved}");
+    }
+    assert!(!resolved.contains("[write.npy]"), "{resolved}");
+}
+
+#[test]
+fn diagnostics_are_records_too() {
+    let report = bad(&GOOD.replace("count = 3", "cuont = 3"), &[]);
+    let record = report.diagnostics[0].to_json();
+    let text = |key: &str| record[key].as_str().unwrap_or_default().to_owned();
+    let line = 1 + GOOD.lines().position(|line| line == "count = 3").expect("there");
+    assert_eq!((text("level"), text("code"), text("file")), ("error".into(), "D0003".into(), "bad.toml".into()));
+    assert_eq!(text("message"), "`drop_box` has no option `cuont`");
+    assert_eq!(text("label"), "did you mean `count`?");
+    assert_eq!((record["line"].as_u64(), record["column"].as_u64()), (Some(line as u64), Some(1)));
+    assert_eq!((record["end_line"].as_u64(), record["end_column"].as_u64()), (Some(line as u64), Some(6)));
+    assert!(report.render(true).contains("\u{1b}["), "colours");
+    assert!(!report.render(false).contains('\u{1b}'), "no colours");
+}
+
+/// Whatever bytes come, there is a report and no panic: every prefix of a recipe, and random damage.
+#[test]
+fn damaged_text_never_panics() {
+    let mut stream = syntable_model::random::Stream::root(11);
+    let bytes = GOOD.as_bytes();
+    let mut texts: Vec<String> = (0..bytes.len()).step_by(3).map(|end| GOOD[..end].to_owned()).collect();
+    let letters = b"[]{}\"'=.,#\\\n $0-x";
+    for _ in 0..1500 {
+        let mut damaged = bytes.to_vec();
+        for _ in 0..=stream.below(3) {
+            let at = stream.below(damaged.len() as u64) as usize;
+            let letter = letters[stream.below(letters.len() as u64) as usize];
+            match stream.below(3) {
+                0 => damaged[at] = letter,
+                1 => damaged.insert(at, letter),
+                _ => drop(damaged.remove(at)),
+            }
+        }
+        texts.push(String::from_utf8(damaged).expect("ASCII"));
+    }
+    let mut refused = 0;
+    for text in texts {
+        if let Err(report) = load(Source::embedded("damaged.toml", text.clone()), &[("place[0].size_m", "3")]) {
+            refused += 1;
+            assert!(report.iter().any(|diagnostic| diagnostic.is_error()), "{text}");
+            assert!(
+                report.render(false).contains("damaged.toml") || report.render(false).contains("<--set>"),
+                "{text}"
+            );
+        }
+    }
+    assert!(refused > 1000, "{refused}");
+}
+
+#[test]
+fn the_kit_keeps_the_house_rules() {
+    assert_eq!(recipe::registry_faults(&registry()), Vec::<String>::new());
+}

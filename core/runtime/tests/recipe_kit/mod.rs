@@ -1,0 +1,539 @@
+//! A small registry with kinds for all nine slots, and ways to load recipes with it.
+
+use std::path::Path;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_MASK, DEPTH, INSTANCE, OCCLUSION_RATE, RADIANCE, VISIBLE_MASK};
+use syntable_model::registry::{Entry, Registry};
+use syntable_model::scene::{
+    Asset, AssetClass, Camera, Catalog, Exposure, Intrinsics, Light, SceneBuilder, SettleReport, ViewId,
+};
+use syntable_runtime::recipe::{self, Diagnostic, Overrides, Recipe, Report, Source};
+
+fn nothing<T>() -> Result<T> {
+    Err(syntable_model::error::Error::new("a stage for tests does nothing"))
+}
+
+macro_rules! config {
+    ($name:ident => $stage:ident, $kind:literal, $example:literal) => {
+        impl Config for $name {
+            type Stage = dyn $stage;
+            const KIND: &'static str = $kind;
+            const EXAMPLE: &'static str = $example;
+            fn build(self) -> Result<Box<dyn $stage>, Invalid> {
+                self.validate()?;
+                Ok(Box::new(self))
+            }
+        }
+    };
+}
+
+/// Objects from folders of mesh files.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshFolder {
+    /// Folder of the meshes.
+    root: AssetPath,
+    /// File endings to look for.
+    #[serde(default)]
+    #[schemars(extend("uniqueItems" = true))]
+    endings: Vec<Ending>,
+}
+
+/// A file ending.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// Wavefront.
+    Obj,
+    /// glTF binary.
+    Glb,
+}
+
+impl MeshFolder {
+    fn validate(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+config!(MeshFolder => AssetSource, "mesh_folder", "root = \"/data/meshes\"\nendings = [\"obj\"]");
+impl AssetSource for MeshFolder {
+    fn class(&self) -> AssetClass {
+        AssetClass::Object
+    }
+    fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+        nothing()
+    }
+    fn load(&self, _: &str, _: &dyn Log) -> Result<Asset> {
+        nothing()
+    }
+}
+
+/// Materials from folders of textures.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PbrFolder {
+    /// Folder of the materials.
+    root: AssetPath,
+}
+impl PbrFolder {
+    fn validate(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+config!(PbrFolder => AssetSource, "pbr_folder", "root = \"/data/materials\"");
+impl AssetSource for PbrFolder {
+    fn class(&self) -> AssetClass {
+        AssetClass::Material
+    }
+    fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+        nothing()
+    }
+    fn load(&self, _: &str, _: &dyn Log) -> Result<Asset> {
+        nothing()
+    }
+}
+
+/// A room around the table.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Room {
+    /// Side of the square floor, metres.
+    #[schemars(range(min = 1, max = 100))]
+    size_m: f64,
+    /// Materials of the surfaces.
+    material: Option<RoomMaterials>,
+    /// Rotation of the textures, degrees.
+    texture_rotation_deg: Dist,
+}
+
+/// Pools of the materials of a room.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RoomMaterials {
+    /// Of the floor.
+    floor: MaterialPool,
+    /// Of the walls; as the floor by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    walls: Option<MaterialPool>,
+}
+
+impl Default for Room {
+    fn default() -> Self {
+        Self { size_m: 15.0, material: None, texture_rotation_deg: Dist::Constant(0.0) }
+    }
+}
+impl Room {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.texture_rotation_deg.within("texture_rotation_deg", 0.0, 360.0)
+    }
+}
+config!(Room => Placer, "room", "size_m = 12.0\ntexture_rotation_deg = { uniform = [0, 360] }");
+
+/// Objects dropped from a box above the table.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DropBox {
+    /// Pools to draw from.
+    #[schemars(length(min = 1))]
+    from: Vec<ObjectPool>,
+    /// Number of objects.
+    count: IntDist,
+    /// Height of the box above the tabletop, metres.
+    #[schemars(range(min = 0, max = 5))]
+    clearance_m: f64,
+    /// How objects are turned.
+    rotation: Rotation,
+    /// Where objects are put.
+    area: Area,
+}
+
+/// How objects are turned.
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Rotation {
+    /// Uniform on SO(3).
+    #[default]
+    UniformSo3,
+    /// Roll, pitch and yaw.
+    UniformEuler,
+}
+
+/// Where objects are put.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Area {
+    /// Everywhere.
+    Tabletop,
+    /// This share of the tabletop, around its middle.
+    Share(#[schemars(range(min = 0, max = 1))] f64),
+    /// In a disc.
+    Disc {
+        /// Its radius, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        radius_m: f64,
+    },
+}
+
+impl Default for DropBox {
+    fn default() -> Self {
+        Self {
+            from: vec!["objects".into()],
+            count: IntDist::Integers(1, 40),
+            clearance_m: 0.2,
+            rotation: Rotation::default(),
+            area: Area::Tabletop,
+        }
+    }
+}
+impl DropBox {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.count.within("count", 0, 1000)
+    }
+}
+config!(DropBox => Placer, "drop_box", "from = [\"objects\"]\ncount = { integers = [1, 40] }");
+
+macro_rules! placer {
+    ($($name:ident),*) => {$(
+        impl Placer for $name {
+            fn place(&self, _: &mut SceneBuilder, _: &Context) -> Result<()> {
+                nothing()
+            }
+        }
+    )*};
+}
+placer!(Room, DropBox);
+
+/// Rigid-body simulation.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Rapier {
+    /// Simulated time, seconds.
+    #[schemars(range(min = 0.1, max = 60))]
+    duration_s: f64,
+    /// Steps of the simulation each second.
+    #[schemars(range(min = 60, max = 1000))]
+    steps_per_second: u32,
+}
+impl Default for Rapier {
+    fn default() -> Self {
+        Self { duration_s: 5.0, steps_per_second: 240 }
+    }
+}
+impl Rapier {
+    fn validate(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+config!(Rapier => Settler, "rapier", "duration_s = 5.0");
+impl Settler for Rapier {
+    fn settle(&self, _: &mut SceneBuilder, _: &Context) -> Result<SettleReport> {
+        nothing()
+    }
+}
+
+/// A pinhole camera.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Pinhole {
+    /// Width and height of the picture, px.
+    resolution: [u32; 2],
+    /// Focal length, millimetres.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    focal_length_mm: f64,
+    /// Least and greatest distance that is seen, metres.
+    clip_m: [f64; 2],
+    /// Name of the device.
+    device: Option<String>,
+    /// Whether the picture is developed.
+    develop: bool,
+}
+impl Default for Pinhole {
+    fn default() -> Self {
+        Self { resolution: [640, 480], focal_length_mm: 1.88, clip_m: [0.1, 10.0], device: None, develop: true }
+    }
+}
+impl Pinhole {
+    fn validate(&self) -> Result<(), Invalid> {
+        if self.clip_m[0] >= self.clip_m[1] {
+            let [near, far] = self.clip_m;
+            return Err(Invalid::new("clip_m[1]", format!("the far distance {far} is not beyond the near one {near}"))
+                .help("write the smaller distance first"));
+        }
+        Ok(())
+    }
+}
+config!(Pinhole => CameraModel, "pinhole", "resolution = [320, 240]");
+impl CameraModel for Pinhole {
+    fn camera(&self, _: &Context) -> Result<(Intrinsics, Exposure)> {
+        nothing()
+    }
+}
+
+/// Views on a hemisphere around the table.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct HemisphereShell {
+    /// Distance of the camera, metres.
+    radius_m: Dist,
+}
+impl Default for HemisphereShell {
+    fn default() -> Self {
+        Self { radius_m: Dist::Uniform(0.7, 1.4) }
+    }
+}
+impl HemisphereShell {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.radius_m.within("radius_m", 0.1, 100.0)
+    }
+}
+config!(HemisphereShell => ViewSampler, "hemisphere_shell", "radius_m = 1.0");
+
+/// Views from listed places.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Listed {
+    /// Places of the camera, metres.
+    #[schemars(length(min = 1))]
+    eyes_m: Vec<[f64; 3]>,
+}
+impl Listed {
+    fn validate(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+}
+config!(Listed => ViewSampler, "listed", "eyes_m = [[1, 0, 1], [0, 1, 1]]");
+
+macro_rules! views {
+    ($($name:ident => $count:expr),*) => {$(
+        impl ViewSampler for $name {
+            fn pose(&self, _: &Scene, _: ViewId, _: &Context) -> Result<Pose> {
+                nothing()
+            }
+            fn shell(&self, _: &Scene) -> Shell {
+                Shell { centre: [0.0; 3].into(), radius: [1.0, 1.0] }
+            }
+            fn count(&self) -> Option<u32> {
+                let count: fn(&Self) -> Option<u32> = $count;
+                count(self)
+            }
+        }
+    )*};
+}
+views!(HemisphereShell => |_| None, Listed => |listed| Some(listed.eyes_m.len() as u32));
+
+/// Spheres of light around the table.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SphereLights {
+    /// Number of lights.
+    count: IntDist,
+    /// Colour temperature, kelvin.
+    temperature_k: Dist,
+}
+impl Default for SphereLights {
+    fn default() -> Self {
+        Self { count: IntDist::Integers(0, 2), temperature_k: Dist::Uniform(2000.0, 6500.0) }
+    }
+}
+impl SphereLights {
+    fn validate(&self) -> Result<(), Invalid> {
+        self.count.within("count", 0, 100)?;
+        self.temperature_k.within("temperature_k", 1000.0, 40_000.0)
+    }
+}
+config!(SphereLights => LightSampler, "sphere_lights", "count = { integers = [0, 2] }");
+impl LightSampler for SphereLights {
+    fn lights(&self, _: &Scene, _: &Camera, _: &Shell, _: &Context) -> Result<Vec<Light>> {
+        nothing()
+    }
+}
+
+/// Path tracing on the processor.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CpuPath {
+    /// Paths through every pixel.
+    #[schemars(range(min = 1, max = 65536))]
+    samples_per_pixel: u32,
+}
+impl Default for CpuPath {
+    fn default() -> Self {
+        Self { samples_per_pixel: 32 }
+    }
+}
+
+/// A renderer that only draws outlines.
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Outline {}
+
+macro_rules! renderer {
+    ($($name:ident, $kind:literal => $($key:expr),*;)*) => {$(
+        impl $name {
+            fn validate(&self) -> Result<(), Invalid> {
+                Ok(())
+            }
+        }
+        config!($name => Renderer, $kind, "");
+        impl Renderer for $name {
+            fn offers(&self) -> Vec<KeyId> {
+                keys![$($key),*]
+            }
+            fn open(&self, _: usize) -> Result<Box<dyn RenderSession>> {
+                nothing()
+            }
+            fn cost(&self) -> String {
+                String::new()
+            }
+        }
+    )*};
+}
+renderer! { CpuPath, "cpu_path" => RADIANCE, DEPTH, INSTANCE; Outline, "outline" => INSTANCE; }
+
+/// Visible and amodal masks.
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Masks {
+    /// Keep objects of which nothing is seen.
+    keep_hidden: bool,
+}
+/// Hidden share of every object.
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Rate {}
+
+macro_rules! annotator {
+    ($($name:ident, $kind:literal => $($key:expr),*;)*) => {$(
+        impl $name {
+            fn validate(&self) -> Result<(), Invalid> {
+                Ok(())
+            }
+        }
+        config!($name => Annotator, $kind, "");
+        impl Annotator for $name {
+            fn reads(&self) -> Vec<KeyId> {
+                Vec::new()
+            }
+            fn provides(&self) -> Vec<KeyId> {
+                keys![$($key),*]
+            }
+            fn annotate(&self, _: &Site, _: &mut Frame) -> Result<()> {
+                nothing()
+            }
+        }
+    )*};
+}
+annotator! { Masks, "masks" => VISIBLE_MASK, AMODAL_MASK; Rate, "rate" => OCCLUSION_RATE; }
+
+/// Pictures as PNG files.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Png {
+    /// Products to write.
+    #[schemars(length(min = 1))]
+    include: Vec<ProductName>,
+    /// Bits of every channel.
+    #[serde(default)]
+    depth: PngDepth,
+}
+/// Bits of a channel.
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PngDepth {
+    /// 8 bits.
+    #[default]
+    Eight,
+    /// 16 bits.
+    Sixteen,
+}
+/// Arrays as NumPy files.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Npy {
+    /// Products to write.
+    include: Vec<ProductName>,
+    /// Limits of named quantities.
+    limits: std::collections::BTreeMap<String, Limit>,
+}
+/// A limit.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Limit {
+    /// Not above.
+    Below {
+        /// The bound.
+        bound: f64,
+    },
+    /// Not outside.
+    Between {
+        /// The bounds.
+        bounds: [f64; 2],
+    },
+}
+impl Default for Npy {
+    fn default() -> Self {
+        Self { include: vec!["depth".into()], limits: Default::default() }
+    }
+}
+
+macro_rules! writer {
+    ($($name:ident, $kind:literal, $example:literal;)*) => {$(
+        impl $name {
+            fn validate(&self) -> Result<(), Invalid> {
+                Ok(())
+            }
+        }
+        config!($name => Writer, $kind, $example);
+        impl Writer for $name {
+            fn reads(&self) -> Vec<String> {
+                self.include.iter().map(|name| name.as_str().to_owned()).collect()
+            }
+            fn scene(&self, _: &Site, _: Output) -> Result<Box<dyn SceneWriter>> {
+                nothing()
+            }
+        }
+    )*};
+}
+writer! {
+    Png, "png", "include = [\"radiance\", \"depth\"]";
+    Npy, "npy", "include = [\"occlusion_rate\"]\nlimits = { depth = { type = \"below\", bound = 4.0 } }";
+}
+
+/// Kinds for all slots.
+pub fn registry() -> Registry {
+    macro_rules! entries {
+        ($($name:ident),*) => { [$(Entry::of::<$name>("syntable-kit", "1.2.3")),*] };
+    }
+    Registry::new(entries![
+        MeshFolder,
+        PbrFolder,
+        Room,
+        DropBox,
+        Rapier,
+        Pinhole,
+        HemisphereShell,
+        Listed,
+        SphereLights,
+        CpuPath,
+        Outline,
+        Masks,
+        Rate,
+        Png,
+        Npy
+    ])
+    .expect("kinds are unique")
+}
+
+/// Loads a recipe with the kit's registry and an environment of one variable, `ASSETS`.
+pub fn load(source: Source, set: &[(&str, &str)]) -> Result<(Recipe, Vec<Diagnostic>), Report> {
+    let set = set.iter().map(|(path, value)| ((*path).to_owned(), (*value).to_owned())).collect();
+    recipe::load(
+        &registry(),
+        source,
+        &Overrides {
+            set,
+            variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
+            read: &|path| std::fs::read_to_string(path),
+            current_folder: Path::new(env!("CARGO_MANIFEST_DIR")).to_owned(),
+        },
+    )
+}
