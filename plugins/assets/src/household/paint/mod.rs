@@ -1,0 +1,175 @@
+//! Procedural surfaces and prints, baked to textures.
+//!
+//! A [`Bake`] holds colour, roughness and height on a grid that tiles; it becomes a material of two pictures: colour
+//! with roughness in the alpha channel, and a normal map. A [`Sheet`] is a print: a picture drawn from shapes.
+//!
+//! **Invariants.** All draws come from the stream handed in; equal streams give equal bytes. Colours are chosen and
+//! mixed in sRGB, as they are stored.
+
+mod built;
+mod color;
+mod field;
+mod made;
+mod natural;
+mod print;
+mod sheet;
+mod surface;
+mod woven;
+
+pub use color::{Rgb, hsv, linear, mix, shade, vivid};
+pub use field::Field;
+pub use print::{ball, bands, book, carton, label, remote, skin};
+pub use sheet::Sheet;
+pub use surface::SurfaceFamily;
+
+use std::sync::Arc;
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::scene::{
+    Alpha, Color, Encoding, Material, NormalMap, Scalar, Texture, TextureRef, UvTransform, Wrap,
+};
+
+/// Licence of everything that is made here.
+pub const LICENCE: &str = "CC0-1.0";
+
+/// A texture of RGBA texels, row 0 at the top.
+pub fn texture(width: usize, height: usize, texels: Vec<u8>, encoding: Encoding, wrap: Wrap) -> Arc<Texture> {
+    let digest = Hasher::new("procedural texture")
+        .number(width as f64)
+        .number(height as f64)
+        .text(match encoding {
+            Encoding::Srgb => "srgb",
+            Encoding::Linear => "linear",
+        })
+        .text(match wrap {
+            Wrap::Repeat => "repeat",
+            Wrap::Mirror => "mirror",
+            Wrap::Clamp => "clamp",
+        })
+        .bytes(&texels)
+        .finish();
+    Arc::new(Texture { width: width as u32, height: height as u32, texels, encoding, wrap: [wrap; 2], digest })
+}
+
+/// A surface on a square grid that tiles.
+pub struct Bake {
+    /// Colour, sRGB in [0, 1], row 0 at the top.
+    pub color: Vec<Rgb>,
+    /// Perceptual roughness.
+    pub roughness: Field,
+    /// Height, in texels; only its slope counts.
+    pub height: Field,
+    /// 0 or 1.
+    pub metallic: f32,
+    /// Edge of one tile, metres.
+    pub tile_m: f32,
+}
+
+impl Bake {
+    /// Bakes the pictures.
+    pub fn material(self, name: &str) -> Material {
+        let n = self.height.size();
+        let mut texels = Vec::with_capacity(4 * n * n);
+        for (color, roughness) in self.color.iter().zip(self.roughness.values()) {
+            texels.extend(color.map(byte));
+            texels.push(byte(*roughness));
+        }
+        let color = texture(n, n, texels, Encoding::Srgb, Wrap::Repeat);
+        let normal = texture(n, n, self.height.normal_map(), Encoding::Linear, Wrap::Repeat);
+        Finish {
+            base_color: Color::texture(color.clone()),
+            roughness: Scalar::texture(color, 3),
+            metallic: self.metallic,
+            normal: Some(NormalMap { map: normal.into(), strength: 1.0 }),
+            tile_m: self.tile_m,
+            ior: 1.5,
+        }
+        .named(name)
+    }
+}
+
+/// The parts of a material that procedural surfaces set.
+pub struct Finish {
+    /// Colour.
+    pub base_color: Color,
+    /// Perceptual roughness.
+    pub roughness: Scalar,
+    /// 0 or 1.
+    pub metallic: f32,
+    /// Detail.
+    pub normal: Option<NormalMap>,
+    /// Edge of one tile, metres.
+    pub tile_m: f32,
+    /// Index of refraction.
+    pub ior: f32,
+}
+
+impl Finish {
+    /// A constant colour, sRGB.
+    pub fn plain(color: Rgb, roughness: f64, metallic: f32) -> Self {
+        Self {
+            base_color: Color::constant(linear(color)),
+            roughness: Scalar::constant(roughness as f32),
+            metallic,
+            normal: None,
+            tile_m: 1.0,
+            ior: 1.5,
+        }
+    }
+
+    /// A print.
+    pub fn printed(texture: Arc<Texture>, roughness: f64) -> Self {
+        Self { base_color: Color::texture(texture), ..Self::plain([1.0; 3], roughness, 0.0) }
+    }
+
+    /// The same with the detail of another material.
+    pub fn detailed(mut self, detail: &Material) -> Self {
+        self.normal = detail.normal.clone();
+        self
+    }
+
+    /// The material.
+    pub fn named(self, name: &str) -> Material {
+        let mut material = Material {
+            name: name.to_owned(),
+            base_color: self.base_color,
+            roughness: self.roughness,
+            metallic: Scalar::constant(self.metallic),
+            normal: self.normal,
+            emission: Color::constant([0.0; 3]),
+            ior: self.ior,
+            alpha: Alpha::Opaque,
+            tile_m: self.tile_m,
+            licence: LICENCE.to_owned(),
+            digest: Digest::of(&[]),
+        };
+        material.digest = digest(&material);
+        material
+    }
+}
+
+/// Digest of everything but the name.
+fn digest(material: &Material) -> Digest {
+    let reference = |hasher: Hasher, texture: Option<&TextureRef>| match texture {
+        None => hasher.text("none"),
+        Some(TextureRef { texture, transform: UvTransform { scale, rotation, offset } }) => {
+            hasher.digest(texture.digest).floats([scale[0], scale[1], *rotation, offset[0], offset[1]].into_iter())
+        }
+    };
+    let scalar = |hasher: Hasher, scalar: &Scalar| {
+        let hasher = hasher.number(scalar.factor.into());
+        let channel = scalar.texture.as_ref().map_or(255, |(_, channel)| *channel);
+        reference(hasher.number(channel.into()), scalar.texture.as_ref().map(|(texture, _)| texture))
+    };
+    let mut hasher = Hasher::new("procedural material");
+    hasher = reference(hasher.floats(material.base_color.factor.into_iter()), material.base_color.texture.as_ref());
+    hasher = scalar(scalar(hasher, &material.roughness), &material.metallic);
+    if let Some(normal) = &material.normal {
+        hasher = reference(hasher.number(normal.strength.into()), Some(&normal.map));
+    }
+    hasher.number(material.ior.into()).number(material.tile_m.into()).text(&material.licence).finish()
+}
+
+/// A number in [0, 1] as a byte.
+fn byte(x: f32) -> u8 {
+    (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
