@@ -59,12 +59,24 @@ pub fn sphere_luminance(illuminance_lx: f64, distance_m: f64, radius_m: f64) -> 
     illuminance_lx * distance_m * distance_m / (PI * radius_m * radius_m)
 }
 
-/// Illuminance (lux) per nit of a one-sided polygon, at a point on a plane with unit `normal`.
+/// Illuminance (lux) per nit of a one-sided convex polygon, at a point on a plane with unit `normal`.
 ///
 /// Lambert's closed form: half the sum over the edges of the angle that the edge subtends times the cosine between
-/// `normal` and the edge's plane normal. The polygon must lie wholly above the plane.
+/// `normal` and the edge's plane normal. What lies below the plane does not count.
 pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: Vector3<f64>) -> f64 {
-    let directions: Vec<_> = corners.iter().map(|corner| (corner - point).normalize()).collect();
+    let corners: Vec<Vector3<f64>> = corners.iter().map(|corner| corner - point).collect();
+    let mut above = Vec::with_capacity(corners.len() + 1);
+    for (i, &a) in corners.iter().enumerate() {
+        let b = corners[(i + 1) % corners.len()];
+        let (height_a, height_b) = (a.dot(&normal), b.dot(&normal));
+        if height_a >= 0.0 {
+            above.push(a);
+        }
+        if (height_a > 0.0) != (height_b > 0.0) && height_a != height_b {
+            above.push(a + (b - a) * (height_a / (height_a - height_b)));
+        }
+    }
+    let directions: Vec<_> = above.iter().filter_map(|corner| corner.try_normalize(1e-15)).collect();
     let sum: f64 = (0..directions.len())
         .map(|i| {
             let (a, b) = (directions[i], directions[(i + 1) % directions.len()]);
@@ -108,6 +120,12 @@ mod tests {
         // Filling the hemisphere: E = π L.
         let near = polygon_illuminance(&square(1e6, 1.0), Point3::origin(), Vector3::z());
         assert!((near / PI - 1.0).abs() < 1e-4, "{near}");
+        // A square upright on the plane's horizon: its lower half does not count.
+        let upright =
+            |low: f64| [(-1.0, low), (1.0, low), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| Point3::new(1.0, y, z));
+        let cut = polygon_illuminance(&upright(-1.0), Point3::origin(), Vector3::z());
+        let half = polygon_illuminance(&upright(0.0), Point3::origin(), Vector3::z());
+        assert!((cut / half - 1.0).abs() < 1e-12, "{cut} {half}");
     }
 
     #[test]

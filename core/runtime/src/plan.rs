@@ -4,7 +4,6 @@
 //! provides it, with its defaults. Gaps, ambiguities and cycles are errors before anything runs.
 
 use crate::recipe::Recipe;
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use syntable_model::error::Error;
 use syntable_model::product::{KeyId, Scope};

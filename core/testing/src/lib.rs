@@ -3,12 +3,13 @@
 //!
 //! ```
 //! use syntable_testing::{scenes, stats};
-//! // A unit cube hides half of the one behind it.
+//! // Two unit cubes in a row.
 //! let scene = scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3]), ([1.5, 0.0, 0.5], [1.0; 3])]);
 //! assert_eq!(scene.objects().len(), 2);
 //! assert!(stats::chi_square_p(&[100, 96, 104], &[100.0; 3]) > 0.01);
 //! ```
 
+pub mod assets;
 pub mod conformance;
 pub mod scenes;
 pub mod stats;

@@ -1,6 +1,6 @@
 //! `syntable check`.
 
-use super::run::plan_of;
+use super::run::planned;
 use super::{Console, Exit, RecipeArgs};
 use crate::pools::Library;
 use clap::Args;
@@ -35,7 +35,7 @@ fn recipe(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(
         }
     }
     let mut recipe = console.load(registry, args)?;
-    let plan = plan_of(console, registry, &mut recipe)?;
+    let plan = planned(console, registry, &mut recipe)?;
     let log = Print(console);
     let library = Library::open(&recipe, &log).map_err(Exit::wrong)?;
     let mut out = format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, plan.lines.len());

@@ -62,7 +62,7 @@ impl Scenes {
     }
 }
 
-fn planned(console: &Console, registry: &Registry, recipe: &mut Recipe) -> Result<Plan, Exit> {
+pub(super) fn planned(console: &Console, registry: &Registry, recipe: &mut Recipe) -> Result<Plan, Exit> {
     let plan = Plan::new(registry, recipe)
         .map_err(|errors| Exit(2, errors.iter().map(ToString::to_string).collect()))?;
     for note in &plan.notes {
@@ -114,8 +114,6 @@ pub(super) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) ->
         plan.table(&*recipe.render)
     ))
 }
-
-pub(super) use planned as plan_of;
 
 #[cfg(test)]
 mod tests {

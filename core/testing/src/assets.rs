@@ -1,0 +1,66 @@
+//! Pools for tests.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use syntable_model::context::Assets;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{AssetRef, CatalogEntry, Material, Object};
+
+/// No pool at all.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct NoAssets;
+
+impl Assets for NoAssets {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        Err(Error::new(format!("there is no pool `{pool}`")))
+    }
+    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
+        Err(Error::new(format!("there is no {asset}")))
+    }
+    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
+        Err(Error::new(format!("there is no {asset}")))
+    }
+}
+
+/// Pools that are held in memory.
+#[derive(Debug, Default)]
+pub struct Pools {
+    entries: BTreeMap<String, Vec<CatalogEntry>>,
+    objects: BTreeMap<AssetRef, Arc<Object>>,
+    materials: BTreeMap<AssetRef, Arc<Material>>,
+}
+
+impl Pools {
+    /// Adds an object to a pool, under its own name.
+    pub fn object(mut self, pool: &str, object: Arc<Object>) -> Self {
+        let asset = self.enter(pool, &object.name, &object.category);
+        self.objects.insert(asset, object);
+        self
+    }
+
+    /// Adds a material to a pool, under its own name.
+    pub fn material(mut self, pool: &str, material: Material) -> Self {
+        let asset = self.enter(pool, &material.name, "material");
+        self.materials.insert(asset, Arc::new(material));
+        self
+    }
+
+    fn enter(&mut self, pool: &str, name: &str, category: &str) -> AssetRef {
+        let entries = self.entries.entry(pool.to_owned()).or_default();
+        entries.push(CatalogEntry { name: name.to_owned(), category: category.to_owned() });
+        entries.sort();
+        AssetRef { pool: pool.to_owned(), name: name.to_owned() }
+    }
+}
+
+impl Assets for Pools {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        self.entries.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("there is no pool `{pool}`")))
+    }
+    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
+        self.objects.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no object {asset}")))
+    }
+    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
+        self.materials.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no material {asset}")))
+    }
+}
