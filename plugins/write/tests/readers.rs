@@ -32,35 +32,42 @@ fn the_checker_finds_what_is_wrong() {
         return;
     }
     let file = folder.path().join("annotation_final.json");
-    let good = std::fs::read_to_string(&file).expect("there");
-    let complaint = |text: &str| {
-        std::fs::write(&file, text).expect("writable");
-        let output = std::process::Command::new("python3").arg(dataset_checker()).arg(root).output().expect("starts");
-        assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stdout));
-        String::from_utf8_lossy(&output.stderr).into_owned()
-    };
-    let mut json: serde_json::Value = serde_json::from_str(&good).expect("JSON");
+    let text = std::fs::read_to_string(&file).expect("there");
+    let mut json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let other = json.pointer("/annotations/1/visible_mask").expect("there").clone();
-    let mut check = |pointer: &str, value: serde_json::Value, want: &str| {
-        let old = std::mem::replace(json.pointer_mut(pointer).expect("there"), value);
-        let said = complaint(&json.to_string());
-        assert!(said.contains(want), "{pointer}: {said}");
-        *json.pointer_mut(pointer).expect("there") = old;
-    };
-    check("/annotations/0/area", 1.into(), "areas [1,");
-    check("/annotations/1/visible_bbox/2", 99.into(), "visible_bbox");
-    check("/annotations/1/occluded_rate", 0.123.into(), "rate 0.123, not");
-    check("/annotations/2/id", 1.into(), "annotation ids are not 1, 2, 3");
-    check("/images/0/instance_ids/0", 44.into(), "instance_ids");
-    check("/images/1/file_name", "data/mono/rgb/0_0.png".into(), "file names do not belong together");
-    check("/images/0/camera/world_from_camera/0/0", 5.into(), "not a rigid motion");
-    check("/annotations/0/visible_mask", other, "visible");
-    std::fs::write(&file, &good).expect("writable");
-    let order = folder.path().join("data/mono/occlusion_order/0_0.npy");
+    // One fault each, in different places, and what is to be said of it.
+    let faults = [
+        ("/annotations/0/area", 1.into(), "annotation 1: areas [1,"),
+        ("/annotations/1/visible_bbox/2", 99.into(), "annotation 2: visible_bbox"),
+        ("/annotations/1/occluded_rate", 0.123.into(), "annotation 2: rate 0.123, not"),
+        ("/annotations/3/id", 1.into(), "annotation ids are not 1, 2, 3"),
+        ("/annotations/2/visible_mask", other, "annotation 3: visible"),
+        ("/images/0/instance_ids/0", 44.into(), "image 1: instance_ids"),
+        ("/images/0/camera/world_from_camera/0/0", 5.into(), "image 1: world_from_camera is not a rigid motion"),
+        ("/images/1/file_name", "data/mono/rgb/0_0.png".into(), "image 2: file names do not belong together"),
+        ("/images/4/width", 65.into(), "image 5: data/mono/rgb/1_1.png: PNG RGB (64, 48)"),
+    ];
+    for (pointer, value, _) in &faults {
+        *json.pointer_mut(pointer).expect("there") = serde_json::Value::clone(value);
+    }
+    std::fs::write(&file, json.to_string()).expect("writable");
+    let order = folder.path().join("data/mono/occlusion_order/1_0.npy");
     let mut bytes = std::fs::read(&order).expect("there");
     *bytes.last_mut().expect("not empty") = 0x3f;
     std::fs::write(order, bytes).expect("writable");
-    assert!(complaint(&good).contains("not the order of the masks"));
+    std::fs::remove_file(folder.path().join("data/mono/depth/2_2.png")).expect("there");
+
+    let output = std::process::Command::new("python3").arg(dataset_checker()).arg(root).output().expect("starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let others = [
+        "rgb, depth and occlusion_order do not have the same files",
+        "image 4: 1_0.npy: not the order of the masks",
+        "image 9: FileNotFoundError",
+    ];
+    for want in faults.iter().map(|(_, _, want)| *want).chain(others) {
+        assert!(said.contains(want), "`{want}` is not in\n{said}");
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
@@ -310,8 +310,12 @@ pub fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
 
 /// Runs a script of the real readers, or says that they are not here.
 pub fn python(script: &Path, arguments: &[&str]) -> bool {
-    let modules = Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"]).output();
-    if !modules.is_ok_and(|output| output.status.success()) {
+    static HERE: OnceLock<bool> = OnceLock::new();
+    let here = *HERE.get_or_init(|| {
+        let modules = Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"]).output();
+        modules.is_ok_and(|output| output.status.success())
+    });
+    if !here {
         let what = "python3 with numpy, pycocotools and pillow";
         assert!(std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none_or(|v| v != "1"), "{what} must be here");
         eprintln!("skipped: no {what}");

@@ -1,0 +1,51 @@
+//! What files of a 640 × 480 view cost.
+
+use divan::{Bencher, black_box};
+use syntable_model::prelude::*;
+use syntable_model::product::Plane;
+use syntable_write::files::array::Array;
+use syntable_write::files::image::Picture;
+
+const SIZE: [u32; 2] = [640, 480];
+
+fn main() {
+    divan::main();
+}
+
+/// A shaded picture with noise, as of a path tracer with few samples.
+fn rgb() -> Plane<[u8; 3]> {
+    let mut stream = Stream::root(1);
+    Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
+        let shade = 120.0 + 60.0 * (f64::from(x) / 90.0).sin() * (f64::from(y) / 70.0).cos();
+        [1.0, 0.9, 0.8].map(|tint| (shade * tint + 6.0 * stream.normal()).clamp(0.0, 255.0) as u8)
+    })
+}
+
+#[divan::bench]
+fn png_rgb(bencher: Bencher) {
+    let picture = Picture::rgb(&rgb());
+    bencher.bench(|| black_box(&picture).encode());
+}
+
+#[divan::bench]
+fn png_depth(bencher: Bencher) {
+    let picture = Picture::gray16(&Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
+        (900.0 + 0.7 * f64::from(y) + 40.0 * (f64::from(x) / 50.0).sin().abs()) as u16
+    }));
+    bencher.bench(|| black_box(&picture).encode());
+}
+
+#[divan::bench]
+fn png_mask(bencher: Bencher) {
+    let mask = Mask::from_fn(SIZE[0], SIZE[1], |x, y| x.abs_diff(300).pow(2) + y.abs_diff(200).pow(2) < 6400);
+    bencher.bench(|| Picture::mask(black_box(&mask), 255).encode());
+}
+
+#[divan::bench]
+fn npy_depth(bencher: Bencher) {
+    let plane = Plane::from_fn(SIZE[0], SIZE[1], |x, y| (x + y) as f32);
+    bencher.bench(|| {
+        let value = syntable_model::product::Product::encode(black_box(&plane));
+        Array::of(&value).map(|array| array.encode())
+    });
+}

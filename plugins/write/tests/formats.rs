@@ -1,0 +1,410 @@
+//! What each writer writes, by its own description.
+
+mod common;
+
+use common::{Crowd, dataset, files, finish, take, takes, write_all, write_scenes, writer};
+use serde_json::{Value as Json, json};
+use std::path::Path;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+
+fn read_json(path: &Path) -> Json {
+    serde_json::from_slice(&std::fs::read(path).expect("there")).expect("JSON")
+}
+
+fn keys(record: &Json) -> Vec<&str> {
+    record.as_object().expect("a record").keys().map(String::as_str).collect()
+}
+
+fn len(value: &Json) -> usize {
+    value.as_array().expect("a list").len()
+}
+
+#[test]
+fn every_example_builds() {
+    use syntable_write as _;
+    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
+    let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
+    assert_eq!(kinds, ["contact_sheet", "jsonl", "npy", "png", "syntable", "template"]);
+    for entry in registry.entries() {
+        let constructed =
+            entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{}: {error:?}", entry.kind));
+        // What is written back gives the same stage.
+        let text = toml::to_string(&constructed.options).expect("TOML");
+        let again = entry.construct_str(&text).unwrap_or_else(|error| panic!("{}: {error:?}\n{text}", entry.kind));
+        assert_eq!(again.options, constructed.options);
+    }
+}
+
+#[test]
+fn wrong_options_are_refused() {
+    for (kind, options, want) in [
+        ("png", "include = []", "include: `include` names no product"),
+        ("png", "include = [\"rgb\", \"rgb\"]", "include[1]: `rgb` is included twice"),
+        ("png", "include = [\"rgb\", \"radiance\"]", "include[1]: a PNG file cannot hold `radiance`"),
+        ("png", "depth_scale_mm = 0.0", "depth_scale_mm: 0 mm is no step"),
+        ("npy", "include = []", "include: `include` names no product"),
+        ("jsonl", "include = [\"view\"]", "include[0]: a product named `view` has the name of a field of this writer"),
+        ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not the name of a file"),
+        ("syntable", "folder = \"../up\"", "folder: `../up` is not a folder inside the dataset"),
+        ("template", "", ": neither `template` nor `template_file` is given"),
+        (
+            "template",
+            "template = \"a\"\ntemplate_file = \"b\"",
+            "template: `template` and `template_file` are both given",
+        ),
+        ("template", "template = \"a\\n{{ b\"", "template: line 2 of the template: expected"),
+        ("template", "template = \"\"\npath = \"{% if %}\"", "path: line 1 of the template: expected"),
+        ("contact_sheet", "panels = []", "panels: `panels` is empty"),
+        ("contact_sheet", "panel_width_px = 0", "panel_width_px: `panel_width_px` is 0"),
+    ] {
+        let error = writer(kind, options).err().unwrap_or_else(|| panic!("{kind} {options} is accepted"));
+        assert!(error.starts_with(want), "{kind} {options}: {error}");
+    }
+}
+
+#[test]
+fn the_order_of_scenes_and_a_second_finish_change_nothing() {
+    for (kind, options) in [
+        ("syntable", "debug_masks = true"),
+        ("syntable", "compat = \"release\""),
+        ("jsonl", ""),
+        ("jsonl", "per = \"scene\""),
+        ("npy", "include = [\"amodal_mask\", \"instance\"]"),
+        ("template", "per = \"dataset\"\ninclude = [\"visible_box\"]\ntemplate = \"{{ scenes | json_encode() }}\""),
+    ] {
+        let (one, other) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+        let takes = write_all(one.path(), "w", kind, options);
+        let (writer, dataset) = (writer(kind, options).expect("good options"), dataset(3, 3));
+        // In parts, as a run that was stopped and continued.
+        write_scenes(other.path(), "w", &*writer, &dataset, [&takes[2]]).expect("written");
+        finish(other.path(), "w", &*writer, &dataset, &[2]).expect("finished");
+        write_scenes(other.path(), "w", &*writer, &dataset, [&takes[1], &takes[0]]).expect("written");
+        finish(other.path(), "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
+        finish(other.path(), "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
+        let (one, other) = (files(one.path()), files(other.path()));
+        assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
+        assert!(one == other, "{kind} {options}: files differ");
+    }
+}
+
+#[test]
+fn syntable_writes_one_record_an_image() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = write_all(folder.path(), "syntable", "syntable", "");
+    let json = read_json(&folder.path().join("annotation_final.json"));
+    assert_eq!(keys(&json), ["info", "licenses", "categories", "images", "annotations"]);
+    assert_eq!(json["info"]["description"], json!("a \"test\""));
+    // Nine views; ids follow from scene and view; the two without objects are listed.
+    let images = json["images"].as_array().expect("a list");
+    assert_eq!(
+        images.iter().map(|image| image["id"].as_u64()).collect::<Vec<_>>(),
+        (1..=9).map(Some).collect::<Vec<_>>()
+    );
+    assert_eq!(images[5]["file_name"], json!("data/mono/rgb/1_2.png"));
+    assert_eq!(images[5]["occlusion_order_file_name"], json!("data/mono/occlusion_order/1_2.npy"));
+    assert_eq!((&images[4]["instance_ids"], &images[8]["instance_ids"]), (&json!([]), &json!([])));
+    assert_eq!(images[0]["camera"]["K"][0], json!([45.7, 0.0, 32.0]));
+    assert_eq!(images[0]["label_policy"]["image_frame"], json!("clip"));
+    // Fully hidden objects are kept.
+    let of = |image: u64| {
+        json["annotations"].as_array().expect("a list").iter().filter(move |a| a["image_id"] == json!(image))
+    };
+    let hidden: Vec<&Json> = of(6).collect();
+    assert_eq!(hidden.len(), 1);
+    assert_eq!((&hidden[0]["occluded_rate"], &hidden[0]["visible_bbox"]), (&json!(1.0), &json!([0, 0, 0, 0])));
+    // Full precision, and the rounded rate beside it.
+    let (_, frame) = &takes[0].views[0];
+    for annotation in of(1) {
+        let id = InstanceId(annotation["instance_id"].as_u64().expect("an id") as u16);
+        let rate = *frame.get(OCCLUSION_RATE).expect("made").get(id).expect("annotated");
+        assert_eq!(annotation["occluded_rate"], json!(rate));
+        assert_eq!(annotation["bbox"], annotation["visible_bbox"]);
+        assert_eq!(annotation["area"], json!(frame.get(AMODAL_MASK).expect("made").get(id).expect("there").area()));
+        assert_eq!(annotation["object_name"], json!(format!("tetra_{}", id.0 + 1)));
+        assert_eq!(annotation["object"]["name"], annotation["object_name"]);
+    }
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("parameters/recipe.toml")).expect("there"),
+        dataset(3, 3).recipe
+    );
+}
+
+#[test]
+fn syntable_can_leave_empty_images_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(
+        folder.path(),
+        "syntable",
+        "syntable",
+        "skip_empty_images = true\nfolder = \"a/b\"\nannotation_file = \"x.json\"",
+    );
+    let json = read_json(&folder.path().join("a/b/x.json"));
+    let ids: Vec<_> =
+        json["images"].as_array().expect("a list").iter().filter_map(|image| image["id"].as_u64()).collect();
+    assert_eq!(ids, [1, 2, 3, 4, 6, 7, 8]);
+    assert!(folder.path().join("a/b/data/mono/rgb/1_1.png").is_file(), "the picture is there all the same");
+    assert!(folder.path().join("a/b/parameters/recipe.toml").is_file());
+}
+
+#[test]
+fn the_released_form_has_its_quirks() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), "syntable", "syntable", "compat = \"release\"");
+    let json = read_json(&folder.path().join("annotation_final.json"));
+    assert_eq!(len(&json["images"]), len(&json["annotations"]));
+    let annotations = json["annotations"].as_array().expect("a list");
+    assert_eq!(
+        keys(&annotations[0]),
+        [
+            "id",
+            "image_id",
+            "category_id",
+            "bbox",
+            "visible_bbox",
+            "width",
+            "height",
+            "object_name",
+            "iscrowd",
+            "segmentation",
+            "area",
+            "visible_mask",
+            "occluded_mask",
+            "occluded_rate"
+        ]
+    );
+    for annotation in annotations {
+        let rate = annotation["occluded_rate"].as_f64().expect("a rate");
+        assert!(rate < 1.0 && (rate * 100.0 - (rate * 100.0).round()).abs() < 1e-9, "{rate}");
+        assert_eq!(annotation["area"], json!(0));
+    }
+    // No view without annotations is listed, and neither is the one in which all is hidden.
+    assert!(annotations.iter().all(|annotation| ![5, 6, 9].contains(&annotation["image_id"].as_u64().expect("an id"))));
+    let header = std::fs::read(folder.path().join("data/mono/occlusion_order/1_2.npy")).expect("there");
+    assert_eq!(header.len(), 128, "no object is annotated, so the matrix is 0 × 0");
+    let text = std::fs::read_to_string(folder.path().join("annotation_final.json")).expect("there");
+    assert!(text.starts_with("{\n    \"info\": {\n        \"description\""), "{}", &text[..60]);
+}
+
+#[test]
+fn an_empty_dataset_is_valid() {
+    for options in ["", "compat = \"release\""] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (writer, dataset) = (writer("syntable", options).expect("good options"), dataset(1, 1));
+        write_scenes(folder.path(), "w", &*writer, &dataset, &[take(0, 1, &[Crowd::Nothing])]).expect("written");
+        finish(folder.path(), "w", &*writer, &dataset, &[0]).expect("finished");
+        let json = read_json(&folder.path().join("annotation_final.json"));
+        assert_eq!((len(&json["images"]), len(&json["annotations"])), (usize::from(options.is_empty()), 0));
+        finish(folder.path(), "w", &*writer, &dataset, &[]).expect("finished");
+        assert_eq!(len(&read_json(&folder.path().join("annotation_final.json"))["images"]), 0);
+    }
+}
+
+#[test]
+fn debug_masks_are_named_by_spawn_number() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = write_all(folder.path(), "syntable", "syntable", "debug_masks = true");
+    let files = files(folder.path());
+    let pixels = |name: &str| {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&files[name])).read_info().expect("a PNG file");
+        let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
+        reader.next_frame(&mut bytes).expect("decodes");
+        bytes
+    };
+    let (_, frame) = &takes[0].views[0];
+    for (id, amodal) in frame.get(AMODAL_MASK).expect("made").iter() {
+        // Spawn numbers count from 0, and the first object was removed: id 1 was spawned as number 1.
+        let k = id.0;
+        let want = |mask: &Mask, set: u8| {
+            mask.to_plane().data().iter().map(|&bit| if bit { set } else { 0 }).collect::<Vec<u8>>()
+        };
+        assert_eq!(pixels(&format!("data/mono/amodal/0_0_{k}.png")), want(amodal, k as u8));
+        let visible = frame.get(VISIBLE_MASK).expect("made").get(id).expect("there");
+        assert_eq!(pixels(&format!("data/mono/instance/0_0_{k}.png")), want(visible, 1));
+        assert!(files.contains_key(&format!("data/mono/occlusion/0_0_{k}.png")));
+    }
+    let pfm = &files["data/mono/depth/0_0.pfm"];
+    let header = b"Pf\n64 48\n-1.000000\n";
+    assert!(pfm.starts_with(header) && pfm.len() == header.len() + 64 * 48 * 4);
+    // Bottom row first.
+    let first = f32::from_le_bytes(pfm[header.len()..][..4].try_into().expect("four bytes"));
+    assert_eq!(first, *frame.get(DEPTH).expect("made").at(0, 47));
+    assert_eq!(pixels("data/mono/depth/visuals/0_0.png").iter().max(), Some(&255));
+}
+
+#[test]
+fn labels_that_disagree_are_an_error() {
+    let (writer, dataset) = (writer("syntable", "").expect("good options"), dataset(1, 1));
+    let mut take = take(0, 3, &[Crowd::Hidden]);
+    let mut frame = Frame::new();
+    let source = &take.views[0].1;
+    for_each_label(&mut frame, source);
+    take.views[0].1 = std::sync::Arc::new(frame);
+    let folder = tempfile::tempdir().expect("a folder");
+    let error = write_scenes(folder.path(), "w", &*writer, &dataset, &[take]).expect_err("refused").to_string();
+    assert!(error.contains("is in `occlusion_order` but not in `amodal_mask`"), "{error}");
+
+    /// All products but the amodal masks.
+    fn for_each_label(frame: &mut Frame, source: &Frame) {
+        macro_rules! copy {
+            ($($key:expr),*) => {$( frame.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
+        }
+        copy!(RGB, DEPTH, VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, VISIBLE_BOX, AMODAL_BOX);
+        copy!(OBJECT_INFO, CAMERA, EXPOSURE, LABEL_POLICY);
+        frame.put(AMODAL_MASK, PerInstance::default()).expect("first");
+    }
+}
+
+#[test]
+fn damaged_shards_are_named() {
+    for (kind, options) in [("jsonl", ""), ("syntable", "")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_all(folder.path(), "w", kind, options);
+        let shard = folder.path().join(".syntable/shards/w/000001.jsonl");
+        let whole = std::fs::read(&shard).expect("there");
+        std::fs::write(&shard, &whole[..whole.len() - 5]).expect("writable");
+        let writer = writer(kind, options).expect("good options");
+        let error = finish(folder.path(), "w", &*writer, &dataset(3, 3), &[0, 1, 2]).expect_err("damaged").to_string();
+        assert!(error.contains("shard of scene 1 ends in the middle of a line"), "{error}");
+        assert!(error.contains("--overwrite"), "{error}");
+        let leftovers = files(folder.path());
+        assert!(!leftovers.keys().any(|name| name.ends_with(".part")), "{:?}", leftovers.keys());
+        assert!(
+            leftovers.contains_key(if kind == "jsonl" { "w.jsonl" } else { "annotation_final.json" }),
+            "the old file stays"
+        );
+    }
+}
+
+#[test]
+fn two_writers_do_not_overwrite_each_other() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (writer, dataset, take) =
+        (writer("syntable", "").expect("good options"), dataset(1, 1), take(0, 2, &[Crowd::Random]));
+    write_scenes(folder.path(), "one", &*writer, &dataset, [&take]).expect("written");
+    let error = write_scenes(folder.path(), "two", &*writer, &dataset, [&take]).expect_err("refused").to_string();
+    assert!(error.contains("`data/mono/rgb/0_0.png` is written twice"), "{error}");
+}
+
+#[test]
+fn lines_are_about_views_or_scenes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let include = "include = [\"settle_report\", \"visible_box\"]";
+    write_all(folder.path(), "views", "jsonl", include);
+    write_all(folder.path(), "scenes", "jsonl", &format!("{include}\nper = \"scene\"\nfile = \"deep/scenes.jsonl\""));
+    let lines = |name: &str| -> Vec<Json> {
+        let text = std::fs::read_to_string(folder.path().join(name)).expect("there");
+        text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    };
+    let (views, scenes) = (lines("views.jsonl"), lines("deep/scenes.jsonl"));
+    assert_eq!((views.len(), scenes.len()), (9, 3));
+    assert_eq!(keys(&views[4]), ["scene", "view", "settle_report", "visible_box"]);
+    assert_eq!((&views[4]["scene"], &views[4]["view"]), (&json!(1), &json!(1)));
+    assert_eq!(keys(&scenes[1]), ["scene", "settle_report", "views"]);
+    assert_eq!(scenes[1]["settle_report"], views[3]["settle_report"]);
+    for (i, view) in scenes[1]["views"].as_array().expect("a list").iter().enumerate() {
+        assert_eq!(view["visible_box"], views[3 + i]["visible_box"]);
+        assert_eq!(keys(view), ["view", "visible_box"]);
+    }
+}
+
+#[test]
+fn products_that_do_not_fit_are_named() {
+    for (kind, product, want) in [
+        ("png", "object_info", "product `object_info`: it cannot be shown as PNG (write it with npy or jsonl)"),
+        ("png", "occlusion_order", "product `occlusion_order`: an array with axes [\"occluder\", \"occludee\"] cannot"),
+        (
+            "npy",
+            "camera",
+            "product `camera`: a record is no array (npy writes numbers of one shape; jsonl writes all else)",
+        ),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let writer = writer(kind, &format!("include = [\"{product}\"]")).expect("good options");
+        let error =
+            write_scenes(folder.path(), "w", &*writer, &dataset(3, 3), &takes()[..1]).expect_err("refused").to_string();
+        assert!(error.starts_with(want), "{error}");
+    }
+}
+
+#[test]
+fn templates_write_any_text() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // YOLO's label files: class, then the middle and size of the box in shares of the image.
+    let yolo = r#"
+include = ["visible_box", "camera"]
+path = "labels/{{ scene.id | pad(width=6) }}_{{ view.id | pad }}.txt"
+template = """
+{%- for id, b in visible_box -%}
+0 {{ (b[0] + b[2] / 2) / camera.width }} {{ (b[1] + b[3] / 2) / camera.height }} {{ b[2] / camera.width }} {{ b[3] / camera.height }}
+{% endfor -%}"""
+"#;
+    let takes = write_all(folder.path(), "yolo", "template", yolo);
+    let text = std::fs::read_to_string(folder.path().join("labels/000000_0002.txt")).expect("there");
+    let boxes = takes[0].views[2].1.get(VISIBLE_BOX).expect("made");
+    assert_eq!(text.lines().count(), boxes.0.len());
+    for (line, (_, b)) in text.lines().zip(boxes.iter()) {
+        let got: Vec<f64> = line.split(' ').map(|number| number.parse().expect("a number")).collect();
+        let (w, h) = (f64::from(b.width), f64::from(b.height));
+        let want = [0.0, (f64::from(b.x) + w / 2.0) / 64.0, (f64::from(b.y) + h / 2.0) / 48.0, w / 64.0, h / 48.0];
+        assert!(got.len() == 5 && got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-9), "{line} {want:?}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("labels/000001_0001.txt")).expect("there").trim(), "");
+
+    let per_scene = r#"
+per = "scene"
+include = ["settle_report"]
+template = "{{ dataset.name }} {{ scene.id }}: {{ settle_report.objects }} objects, {{ views | length }} views"
+"#;
+    write_all(folder.path(), "notes", "template", per_scene);
+    let text = std::fs::read_to_string(folder.path().join("notes/000002.txt")).expect("there");
+    assert_eq!(text, "a \"test\" 2: 70 objects, 3 views");
+
+    let per_dataset = r#"
+per = "dataset"
+include = ["visible_box"]
+path = "{{ writer }}.csv"
+template = "{% for s in scenes %}{% for v in s.views %}{{ s.scene.id }},{{ v.view.id }},{{ v.visible_box | length }}\n{% endfor %}{% endfor %}"
+"#;
+    write_all(folder.path(), "table", "template", per_dataset);
+    let text = std::fs::read_to_string(folder.path().join("table.csv")).expect("there");
+    assert_eq!(text.lines().count(), 9);
+    let count = takes[1].views[0].1.get(VISIBLE_BOX).expect("made").0.len();
+    assert_eq!(text.lines().nth(3), Some(format!("1,0,{count}").as_str()));
+}
+
+#[test]
+fn faults_of_templates_name_file_and_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let take = [take(0, 2, &[Crowd::Random])];
+    let write = |options: &str| {
+        let writer = writer("template", options).expect("good options");
+        write_scenes(folder.path(), "w", &*writer, &dataset(1, 1), &take).expect_err("refused").to_string()
+    };
+    let file = folder.path().join("labels.tera");
+    let options = format!("template_file = {:?}", file.display().to_string());
+    assert!(write(&options).contains("labels.tera: no such file"), "{}", write(&options));
+    std::fs::write(&file, "one\n{% for x in %}\n").expect("writable");
+    assert!(write(&options).contains("labels.tera:2: expected"), "{}", write(&options));
+    std::fs::write(&file, "one\n\n{{ camera.width }}\n").expect("writable");
+    let error = write(&options);
+    assert!(error.contains("labels.tera:3: ") && error.contains("camera.width"), "{error}");
+    assert!(error.contains("must be named in `include`"), "{error}");
+    let error = write("template = \"x\"\npath = \"../{{ scene.id }}\"");
+    assert!(error.contains("`../0` is not a path inside the dataset"), "{error}");
+}
+
+#[test]
+fn contact_sheets_show_views_in_rows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = "panels = [\"rgb\", \"visible\", \"occlusion\", \"depth\"]\npanel_width_px = 32\nviews_per_sheet = 2";
+    write_all(folder.path(), "sheet", "contact_sheet", options);
+    let files = files(folder.path());
+    assert_eq!(files.len(), 6);
+    let size = |name: &str| {
+        let reader = png::Decoder::new(std::io::Cursor::new(&files[name])).read_info().expect("a PNG file");
+        (reader.info().width, reader.info().height)
+    };
+    assert_eq!(size("sheet/000000_00.png"), (4 * 32 + 3 * 4, 2 * 24 + 4));
+    assert_eq!(size("sheet/000000_01.png"), (4 * 32 + 3 * 4, 24));
+}
