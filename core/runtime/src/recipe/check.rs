@@ -8,7 +8,7 @@ use super::code::Code;
 use super::diagnostic::Draft;
 use super::key_path::{Shown, Step};
 use super::source::Span;
-use super::suggest::{did_you_mean, listing};
+use super::suggest::{did_you_mean, listing, nearest};
 use serde_json::{Map, Value as Json};
 use syntable_model::names::REFERENCE;
 use syntable_model::registry::RecipeValue;
@@ -282,6 +282,7 @@ impl<'s> Checker<'s> {
         let known = || properties.into_iter().flat_map(|properties| properties.keys().map(String::as_str));
         // Every key of a table whose schema speaks of no keys at all is judged elsewhere.
         let closed = open == Some(&Json::Bool(false));
+        let mut meant: Vec<&str> = Vec::new();
         for (key, value) in table.iter() {
             let name = key.get_ref().as_ref();
             let path = at.key(name);
@@ -291,6 +292,7 @@ impl<'s> Checker<'s> {
             } else if let Some(schema) = open.filter(|schema| schema.is_object()) {
                 self.value(value, schema, inner, found);
             } else if closed {
+                meant.extend(nearest(name, known()));
                 let draft =
                     Draft::error(Code::UnknownKey, key.span(), format!("`{}` has no option `{name}`", at.table()))
                         .label(did_you_mean(name, known()));
@@ -301,7 +303,8 @@ impl<'s> Checker<'s> {
             }
         }
         for name in schema.get("required").and_then(Json::as_array).into_iter().flatten().filter_map(Json::as_str) {
-            if !table.contains_key(name) {
+            // A misspelt key is one mistake, not also a missing one.
+            if !table.contains_key(name) && !meant.contains(&name) {
                 let option = properties.and_then(|properties| properties.get(name));
                 let mut draft =
                     Draft::error(Code::MissingKey, header.clone(), format!("`{}` needs `{name}`", at.table()))
@@ -355,6 +358,12 @@ impl<'s> Checker<'s> {
         if let DeValue::Table(table) = value.get_ref() {
             // `{ of_table = … }`: the key says which form is meant.
             let tags: Vec<&str> = trials.iter().filter_map(|(branch, _)| sole_key(branch)).collect();
+            let given: Vec<&str> = tags.iter().copied().filter(|tag| table.contains_key(*tag)).collect();
+            if given.len() > 1 {
+                let message = format!("`{name}` takes only one of {}", listing(given));
+                found.drafts.push(Draft::error(Code::InvalidValue, value.span(), message));
+                return;
+            }
             if let Some(at) =
                 trials.iter().position(|(branch, _)| sole_key(branch).is_some_and(|tag| table.contains_key(tag)))
             {
@@ -421,11 +430,15 @@ impl<'s> Checker<'s> {
             Some(index) => found.drafts.extend(trials.swap_remove(index).1.drafts),
             None => {
                 let mut forms: Vec<String> = Vec::new();
-                for (branch, _) in &trials {
+                let tags: Vec<&str> = trials.iter().filter_map(|(branch, _)| sole_key(branch)).collect();
+                for (branch, _) in trials.iter().filter(|(branch, _)| sole_key(branch).is_none()) {
                     let form = self.expected(branch);
                     if !forms.contains(&form) {
                         forms.push(form);
                     }
+                }
+                if !tags.is_empty() {
+                    forms.push(format!("a table with one of {}", listing(tags)));
                 }
                 found.drafts.push(self.wrong_type(value, &forms.join(" or "), &name));
             }
@@ -474,7 +487,10 @@ impl<'s> Checker<'s> {
                         false => format!("a table of {}", listing(keys)),
                     }
                 }
-                "array" => "an array".to_owned(),
+                "array" => match (schema.get("minItems"), schema.get("maxItems")) {
+                    (Some(least), Some(most)) if least == most => format!("an array of {least}"),
+                    _ => "an array".to_owned(),
+                },
                 "string" => "a text".to_owned(),
                 "integer" => "a whole number".to_owned(),
                 "number" => "a number".to_owned(),

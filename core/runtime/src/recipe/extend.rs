@@ -38,6 +38,15 @@ pub(crate) struct Graph {
     sets: Option<Sets>,
 }
 
+/// What syntax errors made of the texts.
+#[derive(Default)]
+pub(crate) struct Damage {
+    /// Keys may have been swallowed, so that a missing key proves nothing.
+    pub lossy: bool,
+    /// Places that are read as something else than they are.
+    pub adrift: Vec<Span>,
+}
+
 struct Node {
     file: Arc<SourceFile>,
     /// Nodes that it extends, in order.
@@ -149,20 +158,20 @@ impl Graph {
         }
     }
 
-    /// The merged tree. Also whether some text was lost to syntax errors.
-    pub fn merge<'a>(&'a self, drafts: &mut Vec<Draft>) -> (DeTable<'a>, bool) {
-        let mut lossy = false;
+    /// The merged tree, and what syntax errors made of it.
+    pub fn merge<'a>(&'a self, drafts: &mut Vec<Draft>) -> (DeTable<'a>, Damage) {
+        let mut damage = Damage::default();
         let parsed: Vec<DeTable> = self
             .nodes
             .iter()
             .map(|node| {
                 let parsed = parse::parse_file(&node.file);
-                lossy |= parsed.lossy;
+                damage.lossy |= parsed.lossy;
+                damage.adrift.extend(parsed.adrift_from.map(|from| from..node.file.span().end + 1));
                 drafts.extend(parsed.errors);
                 parsed.table
             })
             .collect();
-        lossy |= self.nodes.is_empty();
         let mut tree = self.root.map_or_else(DeTable::new, |root| self.node(root, &parsed, drafts));
         for (path, value) in self.sets.iter().flat_map(|sets| &sets.entries) {
             let file = &self.sets.as_ref().expect("an override comes from a set").file;
@@ -172,7 +181,7 @@ impl Graph {
                 .and_then(|parsed| set(&mut tree, &file.text()[path.clone()], at(&path), parsed));
             drafts.extend(set.err());
         }
-        (tree, lossy)
+        (tree, damage)
     }
 
     fn node<'a>(&'a self, index: usize, parsed: &[DeTable<'a>], drafts: &mut Vec<Draft>) -> DeTable<'a> {
@@ -340,7 +349,8 @@ fn set<'a>(root: &mut DeTable<'a>, path: &str, at: usize, value: RecipeValue<'a>
     let (last, way) = steps.split_last().expect("a path has a step");
     let mut here = Here::Root(root);
     for (done, (step, span)) in way.iter().enumerate() {
-        here = here.enter(step, span, &steps[..done], true)?;
+        let make = matches!(steps[done + 1].0, Step::Key(_));
+        here = here.enter(step, span, &steps[..done], make)?;
     }
     let (step, span) = last;
     match (here.table(), step) {
@@ -457,11 +467,13 @@ fn index_of(value: &RecipeValue, step: &Step, span: &Span, way: &[(Step, Span)])
         Step::Index(index) if *index < items.len() => Ok(*index),
         Step::Index(_) if items.is_empty() => Err(cannot(span, way, "is empty")),
         Step::Index(_) => {
-            let message = format!("has {} elements; the last is [{}]", items.len(), items.len() - 1);
+            let plural = if items.len() == 1 { "" } else { "s" };
+            let message = format!("has {} element{plural}; the last is [{}]", items.len(), items.len() - 1);
             Err(cannot(span, way, &message))
         }
         Step::Key(key) => {
-            let ids = list_ids(items);
+            let all_tables = items.iter().all(|item| item.get_ref().is_table());
+            let ids = if all_tables { list_ids(items) } else { Vec::new() };
             ids.iter().position(|id| id == key).ok_or_else(|| {
                 let names: Vec<&str> = ids.iter().map(String::as_str).filter(|id| !id.is_empty()).collect();
                 let draft = cannot(span, way, &format!("has no element `{key}`"))
@@ -483,9 +495,9 @@ fn cannot(span: &Span, way: &[(Step, Span)], message: &str) -> Draft {
 fn absent(span: &Span, steps: &[(Step, Span)], key: &str, table: &DeTable) -> Draft {
     let keys: Vec<&str> = table.keys().map(|key| key.get_ref().as_ref()).collect();
     let path = shown(steps);
-    Draft::error(Code::BadOverride, span.clone(), format!("`{path}` is not in the extended recipe"))
+    Draft::error(Code::BadOverride, span.clone(), format!("there is no `{path}`"))
         .label(did_you_mean(key, keys.iter().copied()))
-        .help(format!("there are {}", listing(keys)))
+        .help(format!("there is {}", listing(keys)))
 }
 
 fn shown(steps: &[(Step, Span)]) -> String {

@@ -4,7 +4,7 @@ use super::check::Checker;
 use super::code::Code;
 use super::dataset::{Dataset, DatasetTable, LockTable};
 use super::diagnostic::{Diagnostic, Draft, Report, Severity};
-use super::extend;
+use super::extend::{self, Damage};
 use super::lock::{self, ResolvedStage};
 use super::overrides::Overrides;
 use super::schema::Schemas;
@@ -28,8 +28,8 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
     let mut sources = Sources::default();
     let mut drafts = Vec::new();
     let graph = extend::gather(source, overrides, &mut sources, &mut drafts);
-    let (mut tree, lossy) = graph.merge(&mut drafts);
-    let lossy = lossy || drafts.iter().any(|draft| draft.code == Code::Extends);
+    let (mut tree, mut damage) = graph.merge(&mut drafts);
+    damage.lossy |= drafts.iter().any(|draft| draft.code == Code::Extends);
 
     let schemas = Schemas::of(registry);
     unknown_sections(&tree, &mut drafts);
@@ -42,7 +42,7 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
     }
     let views = views_per_scene(dataset.as_ref(), &built, &mut drafts);
 
-    let diagnostics = finish(&sources, drafts, lossy);
+    let diagnostics = finish(&sources, drafts, &damage);
     if diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         return Err(Report { diagnostics });
     }
@@ -186,7 +186,7 @@ fn views_per_scene(
 }
 
 /// Diagnostics in reading order, without repeats and echoes of syntax errors.
-fn finish(sources: &Sources, mut drafts: Vec<Draft>, lossy: bool) -> Vec<Diagnostic> {
+fn finish(sources: &Sources, mut drafts: Vec<Draft>, damage: &Damage) -> Vec<Diagnostic> {
     let line =
         |span: &Span| sources.file_of(span).map(|file| (file.start(), file.line_column(span.start - file.start()).0));
     let broken: BTreeSet<_> =
@@ -194,14 +194,19 @@ fn finish(sources: &Sources, mut drafts: Vec<Draft>, lossy: bool) -> Vec<Diagnos
     drafts.retain(|draft| {
         let echo = draft.code != Code::Syntax
             && draft.code != Code::DuplicateKey
-            && line(draft.span()).is_some_and(|line| broken.contains(&line));
-        let proves_nothing = lossy
+            && (line(draft.span()).is_some_and(|line| broken.contains(&line))
+                || damage.adrift.iter().any(|adrift| adrift.contains(&draft.span().start)));
+        let proves_nothing = damage.lossy
             && matches!(
                 draft.code,
                 Code::MissingKey | Code::MissingSection | Code::UnknownPool | Code::UnusedPool | Code::BadOverride
             );
         !echo && !proves_nothing
     });
+    // A pool may be unused only because of another mistake.
+    if drafts.iter().any(|draft| draft.severity == Severity::Error) {
+        drafts.retain(|draft| draft.code != Code::UnusedPool);
+    }
     // Missing sections, which are nowhere, come last; the recipe itself comes before what it extends.
     drafts.sort_by_key(|draft| {
         let span = draft.span();

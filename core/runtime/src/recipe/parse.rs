@@ -16,6 +16,8 @@ pub(crate) struct Parsed<'a> {
     pub errors: Vec<Draft>,
     /// Whether an error may have swallowed keys, so that a missing key proves nothing.
     pub lossy: bool,
+    /// The place of an unclosed bracket: what follows is not what it looks like.
+    pub adrift_from: Option<usize>,
 }
 
 /// Parses a whole file.
@@ -23,8 +25,10 @@ pub(crate) fn parse_file(file: &SourceFile) -> Parsed<'_> {
     let (table, errors) = DeTable::parse_recoverable(file.text());
     let table = table.into_inner();
     let lossy = errors.iter().any(|error| !error.message().starts_with("duplicate key"));
-    let errors = drafts(file, &table, &errors);
-    Parsed { table: shift_table(table, file.start()), errors, lossy }
+    let adrift_from = unclosed(file.text(), &errors);
+    let errors = drafts(file, &table, &errors, adrift_from);
+    let adrift_from = adrift_from.map(|at| at + file.start());
+    Parsed { table: shift_table(table, file.start()), errors, lossy, adrift_from }
 }
 
 /// Parses a value that starts at byte `at` of the common space. A word that is no TOML value is a text.
@@ -62,15 +66,20 @@ fn shift_table(table: DeTable<'_>, by: usize) -> DeTable<'_> {
         .collect()
 }
 
-fn drafts(file: &SourceFile, table: &DeTable, errors: &[toml::de::Error]) -> Vec<Draft> {
+/// The bracket whose content reaches to the end of the file, if there is one.
+fn unclosed(text: &str, errors: &[toml::de::Error]) -> Option<usize> {
+    let starts = ["unclosed array", "unclosed inline table"];
+    errors
+        .iter()
+        .any(|error| starts.iter().any(|start| error.message().starts_with(start)))
+        .then(|| unclosed_bracket(text))
+        .flatten()
+}
+
+fn drafts(file: &SourceFile, table: &DeTable, errors: &[toml::de::Error], open: Option<usize>) -> Vec<Draft> {
     let text = file.text();
     let global = |span: Span| span.start + file.start()..span.end + file.start();
     // All that follows an unclosed bracket is read as its content, and is not worth telling.
-    let open = errors
-        .iter()
-        .any(|error| ["unclosed array", "unclosed inline table"].iter().any(|start| error.message().starts_with(start)))
-        .then(|| unclosed_bracket(text))
-        .flatten();
     let mut drafts: Vec<Draft> = open
         .map(|at| {
             let (what, close) = if text[at..].starts_with('[') { ("array", "]") } else { ("inline table", "}") };
@@ -107,6 +116,18 @@ fn drafts(file: &SourceFile, table: &DeTable, errors: &[toml::de::Error]) -> Vec
                 } else {
                     Draft::error(Code::Syntax, global(span.start..span.start + word.len()), "a text needs quotes")
                         .label(format!("write \"{word}\""))
+                }
+            }
+            message if message.starts_with("invalid basic string") || message.starts_with("invalid literal string") => {
+                let line = text[..span.start].rfind('\n').map_or(0, |newline| newline + 1);
+                let rest_is_blank = text[span.start..].split('\n').next().is_some_and(|rest| rest.trim().is_empty());
+                match text[line..span.start].find(['"', '\'']).filter(|_| rest_is_blank) {
+                    Some(quote) => {
+                        let end = text[..span.start].trim_end().len();
+                        Draft::error(Code::Syntax, global(line + quote..end), "this text is never closed")
+                            .label("add the closing quote")
+                    }
+                    None => Draft::error(Code::Syntax, global(span), message),
                 }
             }
             message => Draft::error(Code::Syntax, global(span), message),
@@ -235,6 +256,7 @@ mod tests {
         );
         check("a = tru\nb = True # c\n", &[("tru", "a value must be TOML"), ("True", "a value must be TOML")]);
         check("a = [1, 2\nb = 3\n[c]\nd = [1]\n", &[("[", "this array is never closed")]);
+        check("a = \"b\nc = 'd\n", &[("\"b", "this text is never closed"), ("'d", "this text is never closed")]);
         check("a = { x = 1\nb = 3\n", &[("{", "this inline table is never closed")]);
         check("a = 1\n[b]\nc = '#['\na = 2\na = 3\n[b]\n", &[("a", "`a` is given twice"), ("b", "`b` is given twice")]);
     }

@@ -5,7 +5,8 @@
 //! every kind is also a property name, so that typing `[write.` completes.
 //!
 //! A recipe that extends another one may leave out what it inherits. So what is required stands apart, under an `if` on
-//! `extends`, and the definitions of kinds require nothing at their top level.
+//! `extends`, and the definitions of kinds require nothing at their top level. Schemas that only add a demand say
+//! `additionalProperties: true`, or strict editors would take them for closed.
 
 use super::dataset::{DatasetTable, LockTable};
 use super::pool::PoolOptions;
@@ -79,7 +80,7 @@ fn transform(generator: &mut SchemaGenerator, schema: &mut schemars::Schema) {
     }
 }
 
-/// Removes `null`, which TOML does not have.
+/// Brings a schema into the form that suits TOML and its editors: no `null`, and one `enum` for a choice of words.
 fn toml_only(schema: &mut Json) {
     match schema {
         Json::Object(object) => {
@@ -102,11 +103,39 @@ fn toml_only(schema: &mut Json) {
                     }
                 }
             }
+            merge_words(object);
             object.values_mut().for_each(toml_only);
         }
         Json::Array(items) => items.iter_mut().for_each(toml_only),
         _ => {}
     }
+}
+
+/// Turns a union of constant words into one `enum`: a wrong word is then told of precisely. What the words mean goes
+/// into the description.
+fn merge_words(schema: &mut Map<String, Json>) {
+    let Some(branches) = schema.get("oneOf").and_then(Json::as_array) else { return };
+    let (mut words, mut meanings) = (Vec::new(), Vec::new());
+    for branch in branches {
+        let of_branch: Vec<Json> = match (branch.get("const"), branch.get("enum").and_then(Json::as_array)) {
+            (Some(word), None) => vec![word.clone()],
+            (None, Some(several)) => several.clone(),
+            _ => return,
+        };
+        for word in of_branch {
+            let Some(text) = word.as_str() else { return };
+            if let Some(meaning) = branch.get("description").and_then(Json::as_str) {
+                meanings.push(format!("- `{text}`: {meaning}"));
+            }
+            words.push(word);
+        }
+    }
+    let description = schema.get("description").and_then(Json::as_str).unwrap_or_default();
+    let description = format!("{description}\n\n{}", meanings.join("\n"));
+    schema.shift_remove("oneOf");
+    schema.insert("type".into(), "string".into());
+    schema.insert("enum".into(), words.into());
+    schema.insert("description".into(), description.trim().into());
 }
 
 fn add_pool_options(options: &mut Json, pool: &Json) {
@@ -160,7 +189,7 @@ pub fn schema(registry: &Registry) -> Json {
         "set".into(),
         json!({
             "description": "Values to put at paths, such as \"place.objects.count\" = 5; for changes deep inside an extended recipe.",
-            "type": "object"
+            "type": "object", "additionalProperties": true
         }),
     );
     properties.insert(
@@ -174,8 +203,8 @@ pub fn schema(registry: &Registry) -> Json {
         "type": "object",
         "additionalProperties": false,
         "properties": properties,
-        "if": { "required": ["extends"] },
-        "then": {},
+        "if": { "required": ["extends"], "additionalProperties": true },
+        "then": { "additionalProperties": true },
         "else": whole(registry, &schemas),
         "definitions": definitions
     })
@@ -280,9 +309,10 @@ fn slot_schema(registry: &Registry, slot: Slot) -> Json {
 /// What a recipe that extends no other one must have.
 fn whole(registry: &Registry, schemas: &Schemas) -> Json {
     let mut properties = Map::new();
-    properties.insert("dataset".into(), json!({ "required": schemas.dataset["required"] }));
+    properties
+        .insert("dataset".into(), json!({ "required": schemas.dataset["required"], "additionalProperties": true }));
     properties.insert("place".into(), json!({ "minItems": 1 }));
-    properties.insert("write".into(), json!({ "minProperties": 1 }));
+    properties.insert("write".into(), json!({ "minProperties": 1, "additionalProperties": true }));
     let required = |entry: &Entry| {
         let schema = schemas.kind(entry.slot, entry.kind)?;
         schema.get("required").cloned().filter(|keys| keys.as_array().is_some_and(|keys| !keys.is_empty()))
@@ -293,11 +323,11 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
             .filter_map(|entry| {
                 Some(json!({
                     "if": { "properties": { "kind": { "const": entry.kind } }, "required": ["kind"] },
-                    "then": { "required": required(entry)? }
+                    "then": { "required": required(entry)?, "additionalProperties": true }
                 }))
             })
             .collect();
-        let mut stage = json!({ "required": ["kind"] });
+        let mut stage = json!({ "required": ["kind"], "additionalProperties": true });
         if !branches.is_empty() {
             stage["allOf"] = branches.into();
         }
@@ -308,7 +338,10 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
                 let known: Map<String, Json> = registry
                     .of_slot(slot)
                     .map(|entry| {
-                        let needs = required(entry).map_or_else(|| json!({}), |keys| json!({ "required": keys }));
+                        let mut needs = json!({ "additionalProperties": true });
+                        needs.as_object_mut().into_iter().for_each(|needs| {
+                            needs.extend(required(entry).map(|keys| ("required".to_owned(), keys)));
+                        });
                         (entry.kind.to_owned(), needs)
                     })
                     .collect();
@@ -322,5 +355,5 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
             }
         }
     }
-    json!({ "required": ["dataset", "place", "write"], "properties": properties })
+    json!({ "required": ["dataset", "place", "write"], "properties": properties, "additionalProperties": true })
 }

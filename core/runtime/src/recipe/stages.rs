@@ -4,7 +4,7 @@ use super::check::{Checker, Reference};
 use super::code::Code;
 use super::diagnostic::Draft;
 use super::extend::list_ids;
-use super::key_path::{self, Step, is_bare};
+use super::key_path::{self, Shown, Step, is_bare};
 use super::overrides::Overrides;
 use super::pool::PoolOptions;
 use super::schema::{Schemas, class_of};
@@ -73,9 +73,20 @@ struct Names {
     /// Class of each pool; none if its table is broken.
     pools: BTreeMap<String, (Option<AssetClass>, Span)>,
     used: BTreeSet<String>,
-    references: Vec<(Slot, Reference)>,
+    /// Names that the recipe says.
+    references: Vec<Reference>,
+    /// Names that are defaults of a kind.
+    implied: Vec<(&'static str, Reference)>,
     /// Whether a stage that may draw from pools could not be read.
     unread: bool,
+}
+
+impl Names {
+    /// All names, those that are defaults with the kind that has them.
+    fn all(&self) -> impl Iterator<Item = (Option<&'static str>, &Reference)> {
+        let said = self.references.iter().map(|reference| (None, reference));
+        said.chain(self.implied.iter().map(|(kind, reference)| (Some(*kind), reference)))
+    }
 }
 
 impl<'l> Loader<'l> {
@@ -256,6 +267,9 @@ impl<'l> Loader<'l> {
             Checker { definitions: &self.schemas.definitions }.options(entry.kind, &given.table, &given.header, schema);
         let mut ok = found.drafts.is_empty();
         drafts.extend(found.drafts);
+        let said: Vec<(Vec<Step>, String)> =
+            found.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
+        let header_span = given.header.clone();
         let mut paths = Vec::new();
         let mut products = Vec::new();
         for reference in found.references {
@@ -270,7 +284,7 @@ impl<'l> Loader<'l> {
                     } else {
                         names.used.insert(reference.text.clone());
                     }
-                    names.references.push((slot, reference));
+                    names.references.push(reference);
                 }
             }
         }
@@ -308,6 +322,14 @@ impl<'l> Loader<'l> {
             let class = class.unwrap_or(AssetClass::Object);
             options.extend(pool.into_iter().filter(|(option, _)| PoolOptions::applies(option, class)));
         }
+        for reference in self.implied(entry, &options, schema, &said, &header_span) {
+            if reference.what == "product" {
+                products.push((reference.text.clone(), reference.span.clone()));
+            } else {
+                names.used.insert(reference.text.clone());
+            }
+            names.implied.push((entry.kind, reference));
+        }
         for (way, path) in paths {
             if let Some(toml::Value::String(text)) = at_mut(&mut options, &way)
                 && path.path.to_str() == Some(text.as_str())
@@ -318,6 +340,27 @@ impl<'l> Loader<'l> {
         let (id, header) = (given.id, given.header);
         built.stages.push(BuiltStage { slot, id, entry, stage, options, header, products });
         ok
+    }
+
+    /// The names among a stage's defaults, which are nowhere in the recipe: they are told of at the table's header.
+    fn implied(
+        &self,
+        entry: &Entry,
+        options: &toml::Table,
+        schema: &serde_json::Value,
+        given: &[(Vec<Step>, String)],
+        header: &Span,
+    ) -> Vec<Reference> {
+        let text = options.to_string();
+        let Ok(table) = DeTable::parse(&text) else { return Vec::new() };
+        let checker = Checker { definitions: &self.schemas.definitions };
+        let found = checker.options(entry.kind, table.get_ref(), header, schema).references;
+        // A single name may be written back as an array of one, so the way to it may differ below its option.
+        let said = |reference: &Reference| {
+            given.iter().any(|(path, text)| path.first() == reference.path.first() && *text == reference.text)
+        };
+        let implied = found.into_iter().filter(|reference| reference.what != "path" && !said(reference));
+        implied.map(|reference| Reference { span: header.clone(), ..reference }).collect()
     }
 
     /// Takes `kind` off a table and finds its entry.
@@ -434,7 +477,7 @@ impl<'l> Loader<'l> {
 
     /// Every pool that a stage names must be there and give the right class; every pool should be named.
     fn check_pools(&self, names: &Names, drafts: &mut Vec<Draft>) {
-        for (_, reference) in &names.references {
+        for (kind, reference) in names.all() {
             let Some(class) = reference.what.strip_prefix("pool:") else { continue };
             let name = &reference.text;
             let of_class = || {
@@ -443,9 +486,12 @@ impl<'l> Loader<'l> {
             };
             match names.pools.get(name) {
                 None => {
-                    let mut draft =
-                        Draft::error(Code::UnknownPool, reference.span.clone(), format!("there is no pool `{name}`"))
-                            .label(did_you_mean(name, of_class()));
+                    let message = format!("there is no pool `{name}`");
+                    let mut draft = Draft::error(Code::UnknownPool, reference.span.clone(), message);
+                    draft = match kind {
+                        Some(kind) => draft.label(default_of(kind, reference)),
+                        None => draft.label(did_you_mean(name, of_class())),
+                    };
                     draft = match of_class().next() {
                         Some(_) => draft.help(format!("pools of {class}s: {}", listing(of_class()))),
                         None => draft.help(format!("add [assets.{name}] with a kind that gives {class}s")),
@@ -506,13 +552,16 @@ impl<'l> Loader<'l> {
         if no_renderer {
             known.extend(elsewhere.keys());
         }
-        for (_, reference) in names.references.iter().filter(|(_, reference)| reference.what == "product") {
+        for (kind, reference) in names.all().filter(|(_, reference)| reference.what == "product") {
             let name = reference.text.as_str();
             if known.contains(name) {
                 continue;
             }
-            let draft = Draft::error(Code::UnknownProduct, reference.span.clone(), format!("unknown product `{name}`"))
-                .label(did_you_mean(name, known.iter().copied()));
+            let draft = Draft::error(Code::UnknownProduct, reference.span.clone(), format!("unknown product `{name}`"));
+            let draft = match kind {
+                Some(kind) => draft.label(default_of(kind, reference)),
+                None => draft.label(did_you_mean(name, known.iter().copied())),
+            };
             drafts.push(match elsewhere.get(name) {
                 Some(kind) => draft.label(format!("offered by the renderer `{kind}`, which this recipe does not use")),
                 None => draft
@@ -524,6 +573,10 @@ impl<'l> Loader<'l> {
             });
         }
     }
+}
+
+fn default_of(kind: &str, reference: &Reference) -> String {
+    format!("`{kind}` has it as the default of `{}`", Shown(&reference.path))
 }
 
 /// The draft for a table that is not of the form of the options, where the schema did not tell.

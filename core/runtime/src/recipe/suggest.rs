@@ -4,26 +4,28 @@
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = simplify(name);
     let words = sorted_words(&plain);
+    // Among equally many slips of the finger, a common beginning counts.
+    let likeness = |other: &str| strsim::jaro_winkler(&plain, other);
     // Lower is nearer; equal scores keep the first candidate.
     let score = |candidate: &str| {
         let other = simplify(candidate);
         if other == plain || sorted_words(&other) == words {
-            return Some(0);
+            return Some(0.0);
         }
         let distance = strsim::damerau_levenshtein(&plain, &other);
-        if distance <= (plain.len().max(other.len()) + 1) / 4 {
-            return Some(distance);
+        if distance <= ((plain.len().max(other.len()) + 1) / 3).min(3) {
+            return Some(distance as f64 - likeness(&other));
         }
         // A unit or a word left out or added: `radius` for `radius_m`, `samples` for `samples_per_pixel`.
         let part = |short: &str, long: &str| short.len() >= 3 && long.starts_with(short);
         (part(&plain, &other) || part(&other, &plain) || (plain.len() >= 4 && other.ends_with(&plain)))
-            .then_some(50 + distance)
+            .then_some(50.0 + distance as f64)
     };
     candidates
         .into_iter()
         .filter(|candidate| *candidate != name)
         .filter_map(|candidate| Some((score(candidate)?, candidate)))
-        .min_by_key(|(score, _)| *score)
+        .min_by(|(a, _), (b, _)| a.total_cmp(b))
         .map(|(_, candidate)| candidate)
 }
 
@@ -34,7 +36,7 @@ pub(crate) fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = 
 
 /// `` `a`, `b`, … ``: all names if they are few, otherwise the first.
 pub(crate) fn listing<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    const MOST: usize = 12;
+    const MOST: usize = 16;
     let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
     if names.is_empty() {
         return "none".to_owned();
@@ -71,6 +73,7 @@ mod tests {
         check("centre", &["center"], Some("center"));
         check("banana", &["count", "clearance_m"], None);
         check("x", &["y"], None);
+        check("sceen", &["seed", "scenes"], Some("scenes"));
         check("same", &["same"], None);
     }
 }
