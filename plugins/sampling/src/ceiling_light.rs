@@ -1,41 +1,67 @@
-//! Light sampler `ceiling_light`: a glowing rectangle overhead.
+//! Glowing rectangles under the ceiling.
 
-use crate::colour;
-use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::photometry::polygon_illuminance;
+use crate::radius::check_bounds;
+use crate::sphere_lights::check_light;
+use nalgebra::{Point3, Vector3};
+use syntable_model::geometry::Aabb;
+use syntable_model::photometry::{blackbody, polygon_illuminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, Light, RectLight, Role};
 
-/// A level rectangle under the ceiling that shines downwards (the paper's ceiling light).
+/// Free space between a light and the ceiling, metres.
+const BELOW_CEILING_M: f64 = 0.01;
+
+/// Height above the tabletop where there is no ceiling and no `height_m`, metres.
+const WITHOUT_CEILING_M: f64 = 3.0;
+
+/// Rectangular lights that shine down from the ceiling, drawn anew for every view.
 ///
-/// The released code uses `size_m = [15, 15]`, 6500 K and 5 m of height.
+/// The lights hang level in a grid over the table, `spacing_m` apart, just below the room's ceiling or at `height_m`.
+/// All have one luminance. Their brightness is the illuminance in lux that all of them together would give, with
+/// nothing in between, at the middle of the tabletop on a level plane, by Lambert's formula for polygons. With several
+/// tables or rooms of differing height the light on the table is thus the same.
+///
+/// The released program uses `size_m = [15, 15]`, `height_m = 5`, `temperature_k = 6500` and
+/// `luminance_nits = { uniform = [100, 1500] }`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CeilingLight {
-    /// Extents along world x and y, m.
-    #[schemars(inner(range(min = 0.001, max = 1000.0)))]
+    /// How many lights there are, drawn for each view.
+    count: IntDist,
+    /// Extent of each light along world x and y, metres.
+    #[schemars(inner(range(min = 0.01, max = 1000.0)))]
     size_m: [f64; 2],
-    /// Height above the floor, m; just under the room's ceiling if left out, or 2.5 m above the tabletop without a room.
+    /// Height above the floor, metres; just below the ceiling if it is left out, and never above that. Without a
+    /// ceiling, 3 m above the tabletop.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 0.1, max = 1000.0))]
     height_m: Option<f64>,
-    /// How far its middle may lie from the table's, along x and y, m: drawn uniformly from both sides.
-    #[schemars(range(min = 0, max = 1000))]
-    shift_m: f64,
-    /// Colour temperature, K.
+    /// Distance between the middles of neighbouring lights, metres.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    spacing_m: f64,
+    /// Position of the middle of all lights, along world x and y from the middle of the table, metres.
+    offset_m: [Dist; 2],
+    /// Colour temperature, kelvin.
     temperature_k: Dist,
-    /// Illuminance that it alone gives, unoccluded, at the middle of the tabletop on a plane facing its middle, lx.
+    /// Illuminance that all lights together give at the middle of the tabletop on a level plane, lux. With 0 lx there
+    /// is no light.
     illuminance_lx: Dist,
+    /// Luminance of the lights' surface, nits (cd/m²); takes the place of `illuminance_lx` if given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    luminance_nits: Option<Dist>,
 }
 
 impl Default for CeilingLight {
     fn default() -> Self {
         Self {
-            size_m: [1.2, 0.6],
+            count: IntDist::Constant(1),
+            size_m: [4.0, 4.0],
             height_m: None,
-            shift_m: 0.5,
+            spacing_m: 5.0,
+            offset_m: [Dist::Constant(0.0), Dist::Constant(0.0)],
             temperature_k: Dist::Uniform(2000.0, 6500.0),
             illuminance_lx: Dist::Uniform(100.0, 2000.0),
+            luminance_nits: None,
         }
     }
 }
@@ -43,89 +69,100 @@ impl Default for CeilingLight {
 impl Config for CeilingLight {
     type Stage = dyn LightSampler;
     const KIND: &'static str = "ceiling_light";
-    const EXAMPLE: &'static str = "size_m = [1.2, 0.6]\nilluminance_lx = { uniform = [100, 2000] }";
+    const EXAMPLE: &'static str =
+        "size_m = [4.0, 4.0]\ntemperature_k = { uniform = [2000, 6500] }\nilluminance_lx = { uniform = [100, 2000] }";
+
     fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
-        self.temperature_k.within("temperature_k", 1000.0, 40000.0)?;
-        self.illuminance_lx.within("illuminance_lx", 0.0, 1e6)?;
+        self.count.within("count", 0, 1000)?;
+        for edge in self.size_m {
+            check_bounds("size_m", "size_m", [edge, edge], 0.01)?;
+        }
+        check_bounds("spacing_m", "spacing_m", [self.spacing_m; 2], 0.0)?;
+        if let Some(height) = self.height_m {
+            check_bounds("height_m", "height_m", [height; 2], 0.1)?;
+        }
+        for (i, offset) in self.offset_m.iter().enumerate() {
+            offset.within(&format!("offset_m.{i}"), -1000.0, 1000.0)?;
+        }
+        check_light(&self.temperature_k, &self.illuminance_lx, self.luminance_nits.as_ref())?;
         Ok(Box::new(self))
     }
 }
 register!(CeilingLight);
 
-/// Gap between the lamp and the ceiling, m.
-const GAP_M: f64 = 0.01;
-
 impl LightSampler for CeilingLight {
     fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
-        let mut stream = context.stream.clone();
-        let kelvin = self.temperature_k.draw(&mut stream);
-        let lux = self.illuminance_lx.draw(&mut stream);
-        let shift = [stream.uniform(-self.shift_m, self.shift_m), stream.uniform(-self.shift_m, self.shift_m)];
-        let top = scene.tabletop.centre();
-        let height = match (self.height_m, underside_of_ceiling(scene)) {
-            (Some(height), _) => height,
-            (None, Some(ceiling)) => ceiling - GAP_M,
-            (None, None) => top.z + 2.5,
-        };
-        if height <= top.z {
-            return Err(Error::new(format!("the lamp at {height} m hangs below the tabletop at {} m", top.z))
-                .help("raise height_m or the room's height"));
+        let stream = &context.stream;
+        let count = self.count.draw(&mut stream.child("count")).max(0) as usize;
+        let mut offsets = stream.child("offset");
+        let [x, y] = [0, 1].map(|axis: usize| self.offset_m[axis].draw(&mut offsets));
+        let tabletop = scene.tabletop.centre();
+        let height = self.height(scene);
+        if height <= tabletop.z + 0.01 {
+            let message =
+                format!("the ceiling lights at {height:.2} m are not above the tabletop at {:.2} m", tabletop.z);
+            return Err(Error::new(message).help("make `height_m` or the room's `height_m` larger"));
         }
-        let centre = Point3::new(top.x + shift[0], top.y + shift[1], height);
-        let mut lamp = RectLight {
-            centre,
-            half_u: Vector3::new(self.size_m[0] / 2.0, 0.0, 0.0),
-            half_v: Vector3::new(0.0, -self.size_m[1] / 2.0, 0.0),
-            radiance: [0.0; 3],
-        };
-        let per_nit = polygon_illuminance(&lamp.corners(), top, (centre - top).normalize());
-        lamp.radiance = colour::radiance(lux / per_nit, kelvin);
-        Ok(vec![Light::Rect(lamp)])
-    }
-}
-
-/// Height of the lowest point of the room's highest part, if there is one above the tabletop.
-fn underside_of_ceiling(scene: &Scene) -> Option<f64> {
-    let bottoms = scene.bodies().iter().filter(|body| body.role == Role::Room).map(|body| {
-        let corners = body.object.mesh.bounds().corners().map(|p| (body.world_from_body * p).z);
-        corners.into_iter().fold(f64::INFINITY, f64::min)
-    });
-    bottoms.reduce(f64::max).filter(|bottom| *bottom > scene.tabletop.height())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use syntable_model::context::{Collected, NoCache, Serial};
-    use syntable_model::photometry::luminance;
-    use syntable_testing::{assets::NoAssets, scenes};
-
-    #[test]
-    fn the_lux_are_what_the_lamp_gives() {
-        let scene = scenes::boxes(&[([0.0, 0.0, 0.05], [0.1; 3])]);
-        let view = scenes::view([1.0, 0.0, 1.0], [0.0; 3], [64, 48], 60.0);
-        let shell = Shell { centre: Point3::origin(), radius: [1.0, 1.7] };
-        for (seed, config) in ["", "size_m = [15.0, 15.0]\nheight_m = 1.5\nshift_m = 3.0"].into_iter().enumerate() {
-            let mut config: CeilingLight = toml::from_str(config).expect("well-formed");
-            config.illuminance_lx = Dist::Constant(750.0);
-            let log = Collected::default();
-            let stream = Stream::root(seed as u64);
-            let context = Context { stream, assets: &NoAssets, cache: &NoCache, workers: &Serial, log: &log };
-            let lights = config.build().expect("sound").lights(&scene, &view.camera, &shell, &context).expect("lit");
-            let [Light::Rect(lamp)] = lights[..] else { panic!("one lamp, not {lights:?}") };
-            assert!(lamp.normal().z < -0.999, "it shines downwards");
-            // The illuminance once more, by adding up small pieces of the lamp.
-            let facing = lamp.centre.coords.normalize();
-            let n = 800;
-            let (mut lux, cell) = (0.0, 4.0 * lamp.half_u.norm() * lamp.half_v.norm() / f64::from(n * n));
-            for i in 0..n * n {
-                let at = |k: i32| (f64::from(k) + 0.5) / f64::from(n) * 2.0 - 1.0;
-                let p = lamp.centre.coords + lamp.half_u * at(i % n) + lamp.half_v * at(i / n);
-                let (distance, direction) = (p.norm(), p.normalize());
-                let (here, there) = (direction.dot(&facing).max(0.0), (-direction).dot(&lamp.normal()).max(0.0));
-                lux += luminance(lamp.radiance) * here * there * cell / (distance * distance);
+        let middle = Point3::new(tabletop.x + x, tabletop.y + y, height);
+        let mut lights: Vec<RectLight> = grid(count, self.spacing_m)
+            .into_iter()
+            .map(|[dx, dy]| RectLight {
+                centre: middle + Vector3::new(dx, dy, 0.0),
+                // u × v points down.
+                half_u: Vector3::new(self.size_m[0] / 2.0, 0.0, 0.0),
+                half_v: Vector3::new(0.0, -self.size_m[1] / 2.0, 0.0),
+                radiance: [0.0; 3],
+            })
+            .collect();
+        let mut brightness = stream.child("brightness");
+        let luminance = match &self.luminance_nits {
+            Some(nits) => nits.draw(&mut brightness),
+            None => {
+                let per_nit: f64 =
+                    lights.iter().map(|light| polygon_illuminance(&light.corners(), tabletop, Vector3::z())).sum();
+                self.illuminance_lx.draw(&mut brightness) / per_nit.max(1e-12)
             }
-            assert!((lux / 750.0 - 1.0).abs() < 2e-3, "{lux} lx");
+        };
+        let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
+        for light in &mut lights {
+            light.radiance = color.map(|channel| channel * luminance);
+        }
+        Ok(if luminance > 0.0 { lights.into_iter().map(Light::Rect).collect() } else { Vec::new() })
+    }
+}
+
+impl CeilingLight {
+    /// Height of the lights above the floor.
+    fn height(&self, scene: &Scene) -> f64 {
+        let tabletop = scene.tabletop.centre();
+        // The ceiling is the lowest part of the room over the table's middle.
+        let ceiling = scene
+            .bodies()
+            .iter()
+            .filter(|body| body.role == Role::Room)
+            .map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)))
+            .filter(|b| (0..2).all(|k| b.min[k] <= tabletop[k] && tabletop[k] <= b.max[k]) && b.min.z > tabletop.z)
+            .map(|b| b.min.z - BELOW_CEILING_M)
+            .reduce(f64::min);
+        match (self.height_m, ceiling) {
+            (Some(height), Some(ceiling)) => height.min(ceiling),
+            (Some(height), None) => height,
+            (None, Some(ceiling)) => ceiling,
+            (None, None) => tabletop.z + WITHOUT_CEILING_M,
         }
     }
+}
+
+/// Places of a grid as square as can be, around the origin; the last row is centred.
+fn grid(count: usize, spacing: f64) -> Vec<[f64; 2]> {
+    let columns = (count as f64).sqrt().ceil().max(1.0) as usize;
+    let rows = count.div_ceil(columns);
+    (0..count)
+        .map(|i| {
+            let (row, column) = (i / columns, i % columns);
+            let in_row = columns.min(count - row * columns);
+            let place = |i: usize, n: usize| (i as f64 - (n as f64 - 1.0) / 2.0) * spacing;
+            [place(column, in_row), place(row, rows)]
+        })
+        .collect()
 }

@@ -1,57 +1,66 @@
-//! View sampler `hemisphere_shell`: cameras all around and above the table, looking at its middle.
+//! The paper's views: anywhere in a hemispherical shell around the table.
 
-use crate::dome;
-use syntable_model::geometry::{Vector3, look_at};
+use crate::radius::{ViewRadius, check_bounds};
+use crate::shell::{HEMISPHERE_DEG, centre, direction};
+use nalgebra::{Point3, Vector3};
+use syntable_model::geometry::look_at;
 use syntable_model::prelude::*;
-use syntable_model::scene::ViewId;
+use syntable_model::scene::{Tabletop, ViewId};
 
-/// Cameras uniformly on a hemisphere shell above the table, all looking at the middle of the tabletop (the paper's
-/// views).
+/// Views from a hemispherical shell above the table (SynTable, "viewpoints"): uniform in direction and in distance,
+/// looking at the middle of the tabletop.
 ///
-/// Distances are uniform between the shell's radii, directions uniform on the hemisphere, whose centre is raised above
-/// the tabletop.
+/// With w and l the tabletop's extents and h its height: r is uniform in 1.0 to 1.7 times max(w/2, l/2), and the
+/// camera stands at (r sin θ cos φ, r sin θ sin φ, r cos θ + h + 0.2 m) with φ = 2πu and θ = acos(1 − v). The released
+/// program uses `radius = { of_table = [0.8, 1.36] }`. Nothing keeps the camera out of walls or objects; with the
+/// default room and tables up to 4 m it stays inside the room.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HemisphereShell {
-    /// Smallest and largest distance from the centre: { of_table = [1.0, 1.7] } in multiples of the tabletop's larger
-    /// half extent, max(w/2, l/2), or { metres = [0.7, 1.4] }. The released code uses { of_table = [0.8, 1.36] }.
-    radius: Radius,
-    /// How far the centre lies above the tabletop, m.
+    /// Distance from the shell's middle: `{ of_table = [1.0, 1.7] }`, multiples of max(w/2, l/2), or
+    /// `{ metres = [0.7, 1.4] }`.
+    radius: ViewRadius,
+    /// Height of the shell's middle above the tabletop, metres.
+    #[schemars(range(min = 0.0, max = 100.0))]
     centre_offset_m: f64,
-    /// Limits of the elevation above the horizon, degrees; [0, 90] is the whole hemisphere.
-    #[schemars(inner(range(min = 0, max = 90)))]
+    /// Elevations above the horizon of the shell's middle, degrees: smallest and largest.
+    #[schemars(inner(range(min = 0.0, max = 90.0)))]
     elevation_deg: [f64; 2],
-    /// What the cameras look at.
-    look_at: Target,
+    /// What the camera looks at.
+    look_at: LookAt,
+    /// Rotation of the picture about the optical axis, degrees; positive turns the camera clockwise.
+    roll_deg: Dist,
 }
 
-/// The radii of a shell.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Radius {
-    /// In multiples of the tabletop's larger half extent, max(w/2, l/2).
-    OfTable([f64; 2]),
-    /// In metres.
-    Metres([f64; 2]),
-}
-
-/// What cameras look at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+/// What a camera looks at.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Target {
-    /// The middle of the tabletop.
+pub enum LookAt {
+    /// The middle of the tabletop, (0, 0, h).
+    #[default]
     TabletopCentre,
-    /// The middle of the bounding box of all objects.
-    ObjectsCentre,
+    /// The middle of the shell, `centre_offset_m` above the tabletop.
+    ShellCentre,
+}
+
+impl LookAt {
+    /// The point.
+    pub fn point(self, tabletop: &Tabletop, centre_offset_m: f64) -> Point3<f64> {
+        match self {
+            Self::TabletopCentre => tabletop.centre(),
+            Self::ShellCentre => centre(tabletop, centre_offset_m),
+        }
+    }
 }
 
 impl Default for HemisphereShell {
     fn default() -> Self {
         Self {
-            radius: Radius::OfTable([1.0, 1.7]),
+            radius: ViewRadius::OfTable([1.0, 1.7]),
             centre_offset_m: 0.2,
-            elevation_deg: [0.0, 90.0],
-            look_at: Target::TabletopCentre,
+            elevation_deg: HEMISPHERE_DEG,
+            look_at: LookAt::TabletopCentre,
+            roll_deg: Dist::Constant(0.0),
         }
     }
 }
@@ -61,17 +70,14 @@ impl Config for HemisphereShell {
     const KIND: &'static str = "hemisphere_shell";
     const EXAMPLE: &'static str =
         "radius = { of_table = [1.0, 1.7] }\ncentre_offset_m = 0.2\nlook_at = \"tabletop_centre\"";
+
     fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
-        let (Radius::OfTable([low, high]) | Radius::Metres([low, high])) = self.radius;
-        if !(low > 0.0 && low <= high && high.is_finite()) {
-            return Err(Invalid::new("radius", format!("`radius` from {low} to {high} is no shell"))
-                .help("write two numbers above zero, the smaller first"));
+        self.radius.check("radius")?;
+        check_bounds("elevation_deg", "elevation_deg", self.elevation_deg, 0.0)?;
+        if self.elevation_deg[1] > 90.0 {
+            return Err(Invalid::new("elevation_deg", format!("`elevation_deg = {:?}` passes 90", self.elevation_deg)));
         }
-        let [low, high] = self.elevation_deg;
-        if low > high {
-            return Err(Invalid::new("elevation_deg", format!("`elevation_deg = [{low}, {high}]` is empty"))
-                .help("write the smaller bound first"));
-        }
+        check_bounds("centre_offset_m", "centre_offset_m", [self.centre_offset_m; 2], 0.0)?;
         Ok(Box::new(self))
     }
 }
@@ -79,69 +85,21 @@ register!(HemisphereShell);
 
 impl ViewSampler for HemisphereShell {
     fn pose(&self, scene: &Scene, _: ViewId, context: &Context) -> Result<Pose> {
-        let shell = self.shell(scene);
-        let height = self.elevation_deg.map(|deg| deg.to_radians().sin());
-        let eye = dome::point(shell.centre, shell.radius, height, &mut context.stream.clone());
-        let target = match self.look_at {
-            Target::TabletopCentre => scene.tabletop.centre(),
-            Target::ObjectsCentre => {
-                let boxes = scene.objects().iter().map(|body| {
-                    let corners = body.object.mesh.bounds().corners();
-                    syntable_model::geometry::Aabb::of(corners.map(|p| body.world_from_body * p))
-                });
-                boxes.reduce(|a, b| a.union(b)).map_or(scene.tabletop.centre(), |all| all.centre())
-            }
-        };
-        Ok(look_at(eye, target, Vector3::z()))
+        let [low, high] = self.radius.metres(&scene.tabletop);
+        let r = context.stream.child("radius").uniform(low, high);
+        let direction = direction(self.elevation_deg, &mut context.stream.child("direction"));
+        let eye = centre(&scene.tabletop, self.centre_offset_m) + r * direction;
+        let target = self.look_at.point(&scene.tabletop, self.centre_offset_m);
+        let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
+        Ok(rolled(look_at(eye, target, Vector3::z()), roll))
     }
 
     fn shell(&self, scene: &Scene) -> Shell {
-        let radius = match self.radius {
-            Radius::OfTable(factors) => factors.map(|factor| factor * scene.tabletop.half_extent()),
-            Radius::Metres(metres) => metres,
-        };
-        Shell { centre: dome::centre(&scene.tabletop, self.centre_offset_m), radius }
+        Shell { centre: centre(&scene.tabletop, self.centre_offset_m), radius: self.radius.metres(&scene.tabletop) }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use syntable_model::context::{Collected, NoCache, Serial};
-    use syntable_model::geometry::Point3;
-    use syntable_testing::{assets::NoAssets, scenes};
-
-    #[test]
-    fn views_lie_on_the_shell_and_look_at_the_middle() {
-        let scene = scenes::boxes(&[([0.0, 0.0, 0.05], [0.1; 3])]);
-        let sampler = HemisphereShell { elevation_deg: [30.0, 60.0], ..Default::default() }.build().expect("sound");
-        let shell = sampler.shell(&scene);
-        // The test table is 2 m × 2 m, so max(w/2, l/2) is 1 m.
-        assert_eq!(shell, Shell { centre: Point3::new(0.0, 0.0, 0.2), radius: [1.0, 1.7] });
-        let intrinsics = scenes::view([1.0; 3], [0.0; 3], [640, 480], 70.0).camera.intrinsics;
-        let log = Collected::default();
-        for seed in 0..200 {
-            let stream = Stream::root(seed);
-            let context = Context { stream, assets: &NoAssets, cache: &NoCache, workers: &Serial, log: &log };
-            let pose = sampler.pose(&scene, ViewId(0), &context).expect("posed");
-            let from_centre = pose.translation.vector - shell.centre.coords;
-            assert!((1.0..1.7).contains(&from_centre.norm()));
-            let elevation = (from_centre.z / from_centre.norm()).asin().to_degrees();
-            assert!((29.999..60.001).contains(&elevation), "{elevation}");
-            let [u, v] = intrinsics.project(&(pose.inverse() * scene.tabletop.centre()));
-            assert!((u - 320.0).abs() < 1e-6 && (v - 240.0).abs() < 1e-6, "{u} {v}");
-        }
-    }
-
-    #[test]
-    fn empty_shells_are_refused() {
-        for (text, key) in [
-            ("radius = { metres = [2.0, 1.0] }", "radius"),
-            ("radius = { of_table = [0.0, 1.0] }", "radius"),
-            ("elevation_deg = [50.0, 40.0]", "elevation_deg"),
-        ] {
-            let config: HemisphereShell = toml::from_str(text).expect("well-formed");
-            assert_eq!(config.build().err().expect("empty").key, key);
-        }
-    }
+/// A camera turned about its optical axis, clockwise seen from behind it; the picture turns the other way.
+pub fn rolled(world_from_camera: Pose, degrees: f64) -> Pose {
+    world_from_camera * Pose::rotation(Vector3::new(0.0, 0.0, degrees.to_radians()))
 }

@@ -1,0 +1,166 @@
+//! The room: floor, four walls and a ceiling.
+
+use crate::{any_angle_deg, drawn_surface};
+use std::sync::Arc;
+use syntable_model::digest::Hasher;
+use syntable_model::geometry::{Aabb, Point3};
+use syntable_model::prelude::*;
+use syntable_model::scene::{AssetRef, BodyDraft, Material, Mesh, MeshData, Motion, Object, Role};
+
+/// Thickness of floor, walls and ceiling, metres; they lie outside of the room's inner size.
+const THICKNESS_M: f64 = 0.1;
+
+/// A closed room around the origin: the floor's surface at z = 0, four walls and a ceiling.
+///
+/// Each of the six surfaces draws its own material from the pool named for it; without a pool it is plain. Cameras and
+/// lights are not kept inside: with the default size and tables below 2 m they always are.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Room {
+    /// Inner edge of the square floor, metres.
+    size_m: Dist,
+    /// Inner height, metres.
+    height_m: Dist,
+    /// Pools that the surfaces' materials are drawn from.
+    material: RoomMaterials,
+    /// Rotation of the textures, degrees, drawn for each surface.
+    texture_rotation_deg: Dist,
+}
+
+/// Pools of materials for the surfaces of a room; a surface without one is plain.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct RoomMaterials {
+    /// For the floor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    floor: Option<MaterialPool>,
+    /// For the walls; each draws its own material.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    walls: Option<MaterialPool>,
+    /// For the ceiling.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ceiling: Option<MaterialPool>,
+}
+
+impl Default for Room {
+    fn default() -> Self {
+        Self {
+            size_m: Dist::Constant(15.0),
+            height_m: Dist::Constant(15.0),
+            material: RoomMaterials::default(),
+            texture_rotation_deg: any_angle_deg(),
+        }
+    }
+}
+
+impl Config for Room {
+    type Stage = dyn Placer;
+    const KIND: &'static str = "room";
+    const EXAMPLE: &'static str = "size_m = { uniform = [6, 15] }\nheight_m = 15\n\
+        material = { floor = \"materials\", walls = \"materials\", ceiling = \"materials\" }";
+
+    fn build(self) -> Result<Box<dyn Placer>, Invalid> {
+        self.size_m.within("size_m", 1.0, 1000.0)?;
+        self.height_m.within("height_m", 1.0, 1000.0)?;
+        Ok(Box::new(self))
+    }
+}
+register!(Room);
+
+impl Placer for Room {
+    fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;
+        let height = self.height_m.draw(&mut context.stream.child("height"));
+        for part in parts(half, height) {
+            let (pool, gray) = match part.name {
+                "floor" => (&self.material.floor, 0.45),
+                "ceiling" => (&self.material.ceiling, 0.8),
+                _ => (&self.material.walls, 0.7),
+            };
+            let stream = context.stream.child(part.name);
+            let surface = pool
+                .as_ref()
+                .map(|pool| drawn_surface(pool, &self.texture_rotation_deg, context.assets, &stream))
+                .transpose()?;
+            let middle = part.bounds.centre().coords;
+            let asset = AssetRef { pool: "room".into(), name: part.name.into() };
+            let object = Arc::new(slab(&part, gray)?);
+            let body = BodyDraft::new(
+                asset,
+                object,
+                Pose::translation(middle.x, middle.y, middle.z),
+                Role::Room,
+                Motion::Fixed,
+            );
+            scene.add(body.with_surface(surface));
+        }
+        Ok(())
+    }
+}
+
+/// A part of the room and its box in the world.
+struct Part {
+    name: &'static str,
+    bounds: Aabb,
+}
+
+/// The six parts around an inner box of half edge `half`; they touch and do not overlap.
+fn parts(half: f64, height: f64) -> [Part; 6] {
+    let outer = half + THICKNESS_M;
+    let part = |name, low: [f64; 3], high: [f64; 3]| Part {
+        name,
+        bounds: Aabb { min: Point3::from(low), max: Point3::from(high) },
+    };
+    [
+        part("floor", [-outer, -outer, -THICKNESS_M], [outer, outer, 0.0]),
+        part("wall_east", [half, -outer, 0.0], [outer, outer, height]),
+        part("wall_north", [-half, half, 0.0], [half, outer, height]),
+        part("wall_west", [-outer, -outer, 0.0], [-half, outer, height]),
+        part("wall_south", [-half, -outer, 0.0], [half, -half, height]),
+        part("ceiling", [-outer, -outer, height], [outer, outer, height + THICKNESS_M]),
+    ]
+}
+
+/// A box around the origin with texture coordinates in metres.
+fn slab(part: &Part, gray: f32) -> Result<Object> {
+    let half = part.bounds.size() / 2.0;
+    let mut data = MeshData::default();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let first = data.positions.len() as u32;
+            for (su, sv) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+                let mut p = [0.0; 3];
+                (p[axis], p[u], p[v]) = (sign * half[axis], su * half[u], sv * half[v]);
+                let mut normal = [0.0; 3];
+                normal[axis] = sign as f32;
+                data.positions.push(p.map(|x| x as f32));
+                data.normals.push(normal);
+                data.uvs.push([p[u] as f32, p[v] as f32]);
+            }
+            // u × v points along the positive axis.
+            let corners = if sign > 0.0 { [0, 1, 2, 3] } else { [0, 3, 2, 1] }.map(|i| first + i);
+            data.triangles.push([corners[0], corners[1], corners[2]]);
+            data.triangles.push([corners[0], corners[2], corners[3]]);
+        }
+    }
+    let mesh = Mesh::new(data)?;
+    let material: Arc<Material> = Arc::new(Material::plain(part.name, [gray; 3], 0.9));
+    let corners = mesh.bounds().corners().map(|p| [p.x as f32, p.y as f32, p.z as f32]);
+    let digest = Hasher::new("room part")
+        .floats([half.x as f32, half.y as f32, half.z as f32].into_iter())
+        .digest(material.digest)
+        .finish();
+    let mass_kg = 2000.0 * mesh.signed_volume();
+    Ok(Object {
+        name: part.name.to_owned(),
+        category: "room".to_owned(),
+        mesh: Arc::new(mesh),
+        materials: vec![material],
+        collision: Some(Arc::new(vec![corners.to_vec()])),
+        mass_kg,
+        friction: 0.6,
+        licence: String::new(),
+        digest,
+    })
+}

@@ -1,0 +1,96 @@
+//! The table that objects are dropped on.
+
+use crate::{any_angle_deg, drawn_surface};
+use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
+use syntable_model::prelude::*;
+use syntable_model::scene::{BodyDraft, Mesh, Motion, Role, Tabletop};
+
+/// Draws a table, stands it on the floor in the middle of the room, and declares its bounding box to be the tabletop.
+///
+/// The tabletop is the paper's: w and l are the extents of the table's bounding box along world x and y, h its height.
+/// Legs and overhangs count, and a round table counts as the rectangle around it. The box is axis-aligned in the
+/// world, also when the table is turned: what an object meets beyond the real edge is air, and it falls off.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// Pools that the table is drawn from, uniformly over all their entries.
+    #[schemars(length(min = 1))]
+    from: Vec<ObjectPool>,
+    /// Pool of materials, one of which is laid over the whole table; without it the table keeps its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    material: Option<MaterialPool>,
+    /// Probability that a table gets a drawn material, if there is a pool of them.
+    #[serde(default = "always")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    material_probability: f64,
+    /// Rotation of a drawn material's textures, degrees.
+    #[serde(default = "any_angle_deg")]
+    texture_rotation_deg: Dist,
+    /// Rotation of the table about the vertical, degrees.
+    #[serde(default = "unturned")]
+    yaw_deg: Dist,
+}
+
+fn always() -> f64 {
+    1.0
+}
+
+fn unturned() -> Dist {
+    Dist::Constant(0.0)
+}
+
+impl Config for Table {
+    type Stage = dyn Placer;
+    const KIND: &'static str = "table";
+    const EXAMPLE: &'static str = "from = [\"tables\"]\nmaterial = \"materials\"\nmaterial_probability = 0.5";
+
+    fn build(self) -> Result<Box<dyn Placer>, Invalid> {
+        if self.from.is_empty() {
+            return Err(Invalid::new("from", "`from = []` names no pool of tables"));
+        }
+        if !(0.0..=1.0).contains(&self.material_probability) {
+            let message = format!("`material_probability = {}` is outside 0 to 1", self.material_probability);
+            return Err(Invalid::new("material_probability", message));
+        }
+        Ok(Box::new(self))
+    }
+}
+register!(Table);
+
+impl Placer for Table {
+    fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        if scene.tabletop.is_some() {
+            return Err(Error::new("there is a tabletop already").help("keep one [[place]] kind = \"table\""));
+        }
+        let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset"))?;
+        let yaw = self.yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
+        let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+        let bounds = turned_bounds(&object.mesh, &rotation);
+        let shift = Vector3::new(-bounds.centre().x, -bounds.centre().y, -bounds.min.z);
+        let (size, pose) = (bounds.size(), Pose::from_parts(shift.into(), rotation));
+        if size.min() < 1e-6 {
+            return Err(Error::new(format!("the table {asset} is flat: its box is {size:?} m")));
+        }
+        let material = match &self.material {
+            Some(pool) if context.stream.child("keep").chance(self.material_probability) => {
+                Some(drawn_surface(pool, &self.texture_rotation_deg, context.assets, &context.stream.child("surface"))?)
+            }
+            _ => None,
+        };
+        scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, size.z], size: [size.x, size.y] });
+        scene.add(BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_surface(material));
+        Ok(())
+    }
+}
+
+/// Bounding box of a turned mesh, exact over its vertices.
+fn turned_bounds(mesh: &Mesh, rotation: &UnitQuaternion<f64>) -> Aabb {
+    if rotation.angle() == 0.0 {
+        return mesh.bounds();
+    }
+    let data = mesh.data();
+    Aabb::of(data.triangles.iter().flatten().map(|&index| {
+        let [x, y, z] = data.positions[index as usize].map(f64::from);
+        rotation * Point3::new(x, y, z)
+    }))
+}

@@ -1,0 +1,373 @@
+//! Room, table and drop box on hand-made pools.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use syntable_model::context::{Assets, Collected, NoCache, Serial};
+use syntable_model::digest::Digest;
+use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
+use syntable_model::prelude::*;
+use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::scene::{
+    AssetRef, BodyDraft, CatalogEntry, Material, Mesh, MeshData, Motion, Object, Role, TextureMapping,
+};
+use syntable_placement as _;
+
+fn placer(kind: &str, options: &str) -> Box<dyn Placer> {
+    let registry = Registry::linked().expect("no clash");
+    let entry = registry.find(Slot::Place, kind).expect(kind);
+    match entry.construct_str(options).unwrap_or_else(|error| panic!("{options}: {error:?}")).stage {
+        Stage::Place(placer) => placer,
+        _ => panic!("{kind} is no placer"),
+    }
+}
+
+fn refused(kind: &str, options: &str) -> String {
+    let registry = Registry::linked().expect("no clash");
+    let error = registry.find(Slot::Place, kind).expect(kind).construct_str(options).map(|_| ()).expect_err(options);
+    format!("{error:?}")
+}
+
+/// Boxes named by their edges in millimetres, off centre, and materials named by number.
+struct Pools(BTreeMap<&'static str, Vec<CatalogEntry>>);
+
+impl Pools {
+    fn new() -> Self {
+        let entries = |names: &[&str]| {
+            names.iter().map(|name| CatalogEntry { name: (*name).into(), category: "box".into() }).collect()
+        };
+        Self(BTreeMap::from([
+            ("small", entries(&["30x40x50", "60x20x90", "80x80x80", "bad"])),
+            ("big", entries(&["300x300x300"])),
+            ("tables", entries(&["1200x800x750"])),
+            ("materials", entries(&["0", "1", "2", "3", "4", "5", "6", "7"])),
+        ]))
+    }
+}
+
+impl Assets for Pools {
+    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+        self.0.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("no pool {pool}")))
+    }
+    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
+        let edges: Vec<f32> =
+            asset.name.split('x').filter_map(|edge| edge.parse().ok()).map(|mm: f32| mm / 1e3).collect();
+        let [a, b, c] = edges[..] else { return Err(Error::new("a bad asset")) };
+        // The origin lies off the middle, at (0.1, 0.2, 0.3) of the box.
+        let corner = |i: usize| {
+            let pick = |axis: usize, edge: f32, at: f32| (if i >> axis & 1 == 1 { edge } else { 0.0 }) - at * edge;
+            [pick(0, a, 0.1), pick(1, b, 0.2), pick(2, c, 0.3)]
+        };
+        let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        let mesh = Mesh::new(MeshData {
+            positions: (0..8).map(corner).collect(),
+            triangles: quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect(),
+            ..MeshData::default()
+        })?;
+        assert!((mesh.signed_volume() - f64::from(a * b * c)).abs() < 1e-6);
+        Ok(Arc::new(Object {
+            name: asset.name.clone(),
+            category: "box".into(),
+            mesh: Arc::new(mesh),
+            materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
+            collision: None,
+            mass_kg: 1.0,
+            friction: 0.5,
+            licence: String::new(),
+            digest: Digest::of(asset.name.as_bytes()),
+        }))
+    }
+    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
+        Ok(Arc::new(Material::plain(&asset.name, [0.5; 3], 0.5)))
+    }
+}
+
+fn place(placers: &[&dyn Placer], seed: u64) -> Result<(SceneBuilder, Vec<Error>)> {
+    let pools = Pools::new();
+    let log = Collected::default();
+    let mut scene = SceneBuilder::default();
+    for (i, placer) in (0..).zip(placers) {
+        let stream = Stream::root(seed).at(i);
+        let context = Context { stream, assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
+        placer.place(&mut scene, &context)?;
+    }
+    Ok((scene, log.warnings()))
+}
+
+fn table() -> Box<dyn Placer> {
+    placer("table", "from = [\"tables\"]")
+}
+
+fn objects(scene: &SceneBuilder) -> Vec<&BodyDraft> {
+    scene.bodies().map(|(_, body)| body).filter(|body| body.role == Role::Object).collect()
+}
+
+fn middle(body: &BodyDraft) -> Point3<f64> {
+    body.world_from_body * body.object.mesh.bounds().centre()
+}
+
+#[test]
+fn a_room_encloses_the_table_and_every_surface_draws_its_own_material() {
+    let options = "material = { floor = \"materials\", walls = \"materials\" }\nsize_m = { uniform = [6, 15] }";
+    let room = placer("room", options);
+    let mut combinations = std::collections::BTreeSet::new();
+    for seed in 0..40 {
+        let (scene, _) = place(&[&*room], seed).expect("placed");
+        let bodies: Vec<&BodyDraft> = scene.bodies().map(|(_, body)| body).collect();
+        assert_eq!(bodies.len(), 6);
+        let mut names = Vec::new();
+        for body in &bodies {
+            assert_eq!((body.role, body.motion), (Role::Room, Motion::Fixed));
+            assert!(body.object.mesh.signed_volume() > 0.0);
+            match (&body.surface, body.asset.name.as_str()) {
+                (None, "ceiling") => {}
+                (Some(surface), name) if name != "ceiling" => {
+                    names.push(surface.material.name.clone());
+                    let TextureMapping::Box { rotation, offset } = surface.mapping else { panic!("{name}") };
+                    assert!((0.0..std::f32::consts::TAU).contains(&rotation));
+                    assert!(offset.iter().all(|x| (0.0..1.0).contains(x)));
+                }
+                (surface, name) => panic!("{name}: {surface:?}"),
+            }
+        }
+        combinations.insert(names[1..].to_vec());
+        assert!((bodies[0].world_bounds().max.z).abs() < 1e-9, "the floor's surface is at z = 0");
+        // The inner box is free of all parts, and every direction from its middle meets one.
+        let size = bodies[1].world_bounds().min.x * 2.0;
+        assert!((6.0..15.0).contains(&size), "{size}");
+        let inner =
+            Aabb { min: Point3::new(-size / 2.0, -size / 2.0, 0.0), max: Point3::new(size / 2.0, size / 2.0, 15.0) };
+        let shared = |a: &Aabb, b: &Aabb| {
+            let size = a.max.inf(&b.max) - a.min.sup(&b.min);
+            size.iter().product::<f64>() * f64::from(size.iter().all(|x| *x > 0.0))
+        };
+        let mut covered = 0.0;
+        for (i, body) in bodies.iter().enumerate() {
+            let bounds = body.world_bounds();
+            assert!(shared(&bounds, &inner) < 1e-4, "{}", body.asset);
+            covered += bounds.size().iter().product::<f64>();
+            for other in &bodies[i + 1..] {
+                assert!(shared(&bounds, &other.world_bounds()) < 1e-4, "{} and {}", body.asset, other.asset);
+            }
+        }
+        // Parts without overlap that fill the hull between inner and outer box leave no gap.
+        let hull = (size + 0.2) * (size + 0.2) * 15.2 - size * size * 15.0;
+        assert!((covered / hull - 1.0).abs() < 1e-4, "{covered} {hull}");
+    }
+    assert!(combinations.len() > 35, "walls of different scenes differ: {combinations:?}");
+    assert!(combinations.iter().any(|walls| walls[0] != walls[1] && walls[1] != walls[2]), "walls of one scene differ");
+}
+
+#[test]
+fn a_table_stands_on_the_floor_in_the_middle() {
+    let (scene, _) = place(&[&*table()], 1).expect("placed");
+    let top = scene.tabletop.expect("a tabletop");
+    assert!((Vector3::from(top.centre) - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
+    assert!((top.size[0] - 1.2).abs() < 1e-6 && (top.size[1] - 0.8).abs() < 1e-6, "{top:?}");
+    let (_, body) = scene.bodies().next().expect("a body");
+    assert_eq!((body.role, body.motion, body.surface.is_none()), (Role::Support, Motion::Fixed, true));
+    let bounds = body.world_bounds();
+    assert!((bounds.min.coords - Vector3::new(-0.6, -0.4, 0.0)).norm() < 1e-6, "{bounds:?}");
+    // Turned by 30°: the tabletop is the box around it.
+    let turned = placer("table", "from = [\"tables\"]\nyaw_deg = 30");
+    let (scene, _) = place(&[&*turned], 1).expect("placed");
+    let [w, l] = scene.tabletop.expect("a tabletop").size;
+    let (sin, cos) = 30_f64.to_radians().sin_cos();
+    assert!((w - (1.2 * cos + 0.8 * sin)).abs() < 1e-6 && (l - (1.2 * sin + 0.8 * cos)).abs() < 1e-6, "{w} {l}");
+    let error = place(&[&*table(), &*table()], 1).expect_err("two tables").to_string();
+    assert!(error.contains("a tabletop already"), "{error}");
+}
+
+#[test]
+fn a_table_gets_a_material_as_often_as_asked() {
+    let some = placer("table", "from = [\"tables\"]\nmaterial = \"materials\"\nmaterial_probability = 0.25");
+    let drawn = (0..2000)
+        .filter(|&seed| {
+            let (scene, _) = place(&[&*some], seed).expect("placed");
+            scene.bodies().next().expect("a body").1.surface.is_some()
+        })
+        .count();
+    // 500 ± 4 standard deviations of a binomial.
+    assert!((423..=577).contains(&drawn), "{drawn} of 2000");
+}
+
+#[test]
+fn objects_start_in_the_box_and_counts_cover_the_range() {
+    let (table, drop) = (table(), placer("drop_box", "from = [\"small\"]\noverlap_free = false"));
+    let mut counts = BTreeMap::new();
+    let (mut low, mut high) = (Vector3::repeat(9.0), Vector3::repeat(-9.0));
+    for seed in 0..800 {
+        let (scene, warnings) = place(&[&*table, &*drop], seed).expect("placed");
+        assert!(warnings.is_empty());
+        let objects = objects(&scene);
+        *counts.entry(objects.len()).or_insert(0) += 1;
+        for (k, body) in objects.iter().enumerate() {
+            assert_eq!((body.spawn, body.motion), (k as u32, Motion::Dynamic));
+            low = low.inf(&middle(body).coords);
+            high = high.sup(&middle(body).coords);
+        }
+    }
+    assert_eq!(counts.keys().copied().collect::<Vec<_>>(), (1..=40).collect::<Vec<_>>());
+    // χ² with 39 degrees of freedom: 86 is the 2e-5 tail.
+    let chi2: f64 = counts.values().map(|&n| f64::from(n - 20).powi(2) / 20.0).sum();
+    assert!(chi2 < 86.0, "{counts:?}");
+    assert!((low - Vector3::new(-0.6, -0.4, 0.95)).norm() < 0.01 && low.x >= -0.6 && low.z >= 0.95, "{low}");
+    assert!((high - Vector3::new(0.6, 0.4, 1.75)).norm() < 0.01 && high.y <= 0.4 && high.z <= 1.75, "{high}");
+}
+
+/// No corner and no point of the edges of one box lies in another.
+fn assert_apart(bodies: &[&BodyDraft]) {
+    let inside = |body: &BodyDraft, p: &Point3<f64>| {
+        let q = body.world_from_body.inverse_transform_point(p);
+        let b = body.object.mesh.bounds();
+        (0..3).all(|k| b.min[k] < q[k] && q[k] < b.max[k])
+    };
+    for a in bodies {
+        let corners = a.object.mesh.bounds().corners().map(|p| a.world_from_body * p);
+        for b in bodies.iter().filter(|b| !std::ptr::eq(**b, *a)) {
+            for i in 0..8_usize {
+                for axis in 0..3 {
+                    let (p, q) = (corners[i], corners[i ^ 1 << axis]);
+                    for t in 0..=10 {
+                        let point = p + (q - p) * f64::from(t) / 10.0;
+                        assert!(!inside(b, &point), "{} {} and {} {}", a.asset, a.spawn, b.asset, b.spawn);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn no_two_objects_overlap_at_the_start() {
+    let table = table();
+    for (pool, most) in [("small", 1.2), ("big", 9.0)] {
+        let drop = placer("drop_box", &format!("from = [\"{pool}\"]\ncount = 40"));
+        for seed in 0..6 {
+            let (scene, _) = place(&[&*table, &*drop], seed).expect("placed");
+            assert_eq!(objects(&scene).len(), 40);
+            let bodies: Vec<&BodyDraft> = scene.bodies().map(|(_, body)| body).collect();
+            assert_apart(&bodies);
+            for body in objects(&scene) {
+                // Small ones stay in the box; big ones do not fit, and the box grows upwards only.
+                let p = middle(body);
+                assert!(p.x.abs() <= 0.6 && p.y.abs() <= 0.4 && p.z >= 0.95 && p.z <= 0.75 + most, "{pool}: {p}");
+            }
+        }
+    }
+    // Even where nothing can ever fit side by side, all find a place.
+    let narrow = placer("drop_box", "from = [\"big\"]\ncount = 12\nwidth_factor = 0\nheight_m = 0\nmax_tries = 1");
+    let (scene, _) = place(&[&*table, &*narrow], 1).expect("placed");
+    assert_eq!(objects(&scene).len(), 12);
+    assert_apart(&scene.bodies().map(|(_, body)| body).collect::<Vec<_>>());
+}
+
+#[test]
+fn an_object_depends_on_others_only_by_overlap() {
+    let table = table();
+    let scene = |options: &str| {
+        let options = format!("{options}\nwidth_factor = 0.5");
+        place(&[&*table, &*placer("drop_box", &options)], 5).expect("placed").0
+    };
+    let free = scene("from = [\"small\"]\ncount = 30");
+    let more_tries = scene("from = [\"small\"]\ncount = 30\nmax_tries = 7");
+    let loose = scene("from = [\"small\"]\ncount = 30\noverlap_free = false");
+    let longer = scene("from = [\"small\"]\ncount = 40");
+    let mut moved = 0;
+    for (k, body) in objects(&free).iter().enumerate() {
+        for other in [&more_tries, &loose, &longer].map(|scene| objects(scene)[k]) {
+            assert_eq!(body.asset, other.asset);
+            assert_eq!(body.world_from_body.rotation, other.world_from_body.rotation);
+        }
+        assert_eq!(body.world_from_body, objects(&longer)[k].world_from_body);
+        moved += usize::from(body.world_from_body != objects(&loose)[k].world_from_body);
+    }
+    assert!((1..20).contains(&moved), "{moved} of 30 were moved to be free");
+}
+
+/// Image of the body's z axis of every object of some scenes.
+fn axes(rotation: &str) -> Vec<Vector3<f64>> {
+    let (table, options) =
+        (table(), format!("from = [\"small\"]\ncount = 40\noverlap_free = false\nrotation = \"{rotation}\""));
+    let drop = placer("drop_box", &options);
+    (0..250)
+        .flat_map(|seed| {
+            let (scene, _) = place(&[&*table, &*drop], seed).expect("placed");
+            objects(&scene).iter().map(|body| body.world_from_body.rotation * Vector3::z()).collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+#[test]
+fn rotations_follow_their_law() {
+    let mean_square_z = |axes: &[Vector3<f64>]| axes.iter().map(|a| a.z * a.z).sum::<f64>() / axes.len() as f64;
+    // Uniform on the sphere: E z² = 1/3, variance 4/45. Euler angles: z = cos roll · cos pitch, E z² = 1/4.
+    let so3 = mean_square_z(&axes("uniform_so3"));
+    assert!((so3 - 1.0 / 3.0).abs() < 4.0 * (4.0_f64 / 45.0 / 1e4).sqrt(), "{so3}");
+    let euler = mean_square_z(&axes("uniform_euler"));
+    assert!((euler - 0.25).abs() < 0.012, "{euler}");
+    assert!(axes("uniform_yaw").iter().all(|axis| (axis.z - 1.0).abs() < 1e-12));
+    // Roll about x first, then pitch about y, then yaw about z.
+    let q = UnitQuaternion::from_euler_angles(0.3, 0.2, 0.1);
+    let [x, y, z] = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
+    let by_hand = UnitQuaternion::from_axis_angle(&z, 0.1)
+        * UnitQuaternion::from_axis_angle(&y, 0.2)
+        * UnitQuaternion::from_axis_angle(&x, 0.3);
+    assert!(q.angle_to(&by_hand) < 1e-12);
+}
+
+#[test]
+fn drawing_without_replacement_takes_each_once() {
+    let table = table();
+    let drop = placer("drop_box", "from = [\"small\", \"big\"]\ncount = 4\nwith_replacement = false");
+    for seed in 0..20 {
+        let (scene, warnings) = place(&[&*table, &*drop], seed).expect("placed");
+        let mut names: Vec<String> = objects(&scene).iter().map(|body| body.asset.name.clone()).collect();
+        names.sort();
+        assert_eq!(names, ["300x300x300", "30x40x50", "60x20x90", "80x80x80"], "one asset is bad and passed over");
+        assert!(warnings.is_empty());
+    }
+    let all = placer("drop_box", "from = [\"small\"]\ncount = 4\nwith_replacement = false");
+    let (scene, warnings) = place(&[&*table, &*all], 1).expect("placed");
+    assert_eq!((objects(&scene).len(), warnings.len()), (3, 1), "{warnings:?}");
+    let many = placer("drop_box", "from = [\"small\"]\nwith_replacement = false");
+    let error = place(&[&*table, &*many], 1).expect_err("too many").to_string();
+    assert!(error.contains("`count` can become 40, but there are 4 assets"), "{error}");
+}
+
+#[test]
+fn same_stream_same_scene() {
+    let poses = |seed: u64| {
+        let drop = placer("drop_box", "from = [\"small\"]");
+        let (scene, _) = place(&[&*table(), &*drop], seed).expect("placed");
+        scene.bodies().map(|(_, body)| (body.asset.clone(), body.world_from_body)).collect::<Vec<_>>()
+    };
+    assert_eq!(poses(3), poses(3));
+    assert_ne!(poses(3), poses(4));
+}
+
+#[test]
+fn options_are_checked() {
+    for (kind, options, want) in [
+        ("table", "", "from"),
+        ("table", "from = []", "no pool"),
+        ("table", "from = [\"tables\"]\nmaterial_probability = 1.5", "outside 0 to 1"),
+        ("drop_box", "from = []", "no pool"),
+        ("drop_box", "from = [\"small\"]\ncount = 0", "can become 0"),
+        ("drop_box", "from = [\"small\"]\nrotation = \"uniform\"", "uniform_so3"),
+        ("drop_box", "from = [\"small\"]\nclearance_m = -1", "outside"),
+        ("room", "size_m = { uniform = [0, 4] }", "can become 0"),
+        ("room", "material = { roof = \"materials\" }", "roof"),
+    ] {
+        let error = refused(kind, options);
+        assert!(error.contains(want), "{options}: {error}");
+    }
+    let registry = Registry::linked().expect("no clash");
+    for entry in registry.of_slot(Slot::Place) {
+        let built = entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{}: {error:?}", entry.kind));
+        let text = built.options.to_string();
+        assert!(entry.construct_str(&text).is_ok(), "{text}");
+    }
+    let alone = placer("drop_box", "from = [\"small\"]");
+    let error = place(&[&*alone], 1).expect_err("no table").to_string();
+    assert!(error.contains("no tabletop"), "{error}");
+}
