@@ -136,8 +136,10 @@ fn assert_covered(object: &Object, tolerance: f64) {
     }
 }
 
-/// Longest and shortest edge of the bounding box, and mass, of each family: metres and kilograms.
-const LIMITS: [(&str, [f64; 2], [f64; 2], [f64; 2]); 25] = [
+/// A family; longest and shortest edge of its bounding boxes, metres; mass, kilograms.
+type Limits = (&'static str, [f64; 2], [f64; 2], [f64; 2]);
+
+const LIMITS: [Limits; 25] = [
     ("apple", [0.05, 0.1], [0.05, 0.1], [0.08, 0.3]),
     ("ball", [0.03, 0.14], [0.03, 0.14], [0.002, 0.2]),
     ("banana", [0.12, 0.22], [0.02, 0.04], [0.06, 0.25]),
