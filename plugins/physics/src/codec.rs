@@ -1,0 +1,73 @@
+//! Convex parts as bytes: what the cache keeps. Numbers keep their bits.
+
+use crate::hull::Hull;
+
+const MAGIC: u32 = u32::from_le_bytes(*b"cvx1");
+
+/// `magic`, number of parts, then for every part: vertices, triangles, 3 f32 a vertex, 3 u32 a triangle; little-endian.
+pub fn encode(parts: &[Hull]) -> Vec<u8> {
+    let mut words = vec![MAGIC, parts.len() as u32];
+    for part in parts {
+        words.extend([part.points.len() as u32, part.triangles.len() as u32]);
+        words.extend(part.points.iter().flatten().map(|x| x.to_bits()));
+        words.extend(part.triangles.iter().flatten());
+    }
+    words.into_iter().flat_map(u32::to_le_bytes).collect()
+}
+
+/// The parts, or none if the bytes are not what [`encode`] gives: cut off, of another version, or damaged.
+pub fn decode(bytes: &[u8]) -> Option<Vec<Hull>> {
+    let (chunks, rest) = bytes.as_chunks::<4>();
+    if !rest.is_empty() {
+        return None;
+    }
+    let mut words = chunks.iter().map(|chunk| u32::from_le_bytes(*chunk));
+    if words.next()? != MAGIC {
+        return None;
+    }
+    let count = words.next()? as usize;
+    let mut parts = Vec::new();
+    for _ in 0..count {
+        let (vertices, triangles) = (words.next()? as usize, words.next()? as usize);
+        if words.len() / 3 < vertices.checked_add(triangles)? {
+            return None;
+        }
+        let mut triple = || Some([words.next()?, words.next()?, words.next()?]);
+        let points: Option<Vec<_>> = (0..vertices).map(|_| triple().map(|xyz| xyz.map(f32::from_bits))).collect();
+        let triangles: Option<Vec<_>> = (0..triangles).map(|_| triple()).collect();
+        let part = Hull { points: points?, triangles: triangles? };
+        let sound = part.points.iter().flatten().all(|x| x.is_finite())
+            && part.triangles.iter().flatten().all(|&i| (i as usize) < vertices);
+        if !sound {
+            return None;
+        }
+        parts.push(part);
+    }
+    (!parts.is_empty() && words.next().is_none()).then_some(parts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_survive_and_damage_is_noticed() {
+        let cube: Vec<[f32; 3]> =
+            (0..8).map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -0.1 } else { 1.0 / 3.0 })).collect();
+        let parts = vec![Hull::around(&cube).expect("a hull"), Hull::around(&cube[..5]).expect("a hull")];
+        let bytes = encode(&parts);
+        let back = decode(&bytes).expect("reads back");
+        assert_eq!(encode(&back), bytes);
+        for cut in 0..bytes.len() {
+            assert_eq!(decode(&bytes[..cut]), None, "cut at {cut}");
+        }
+        let mut longer = bytes.clone();
+        longer.extend([0; 4]);
+        assert_eq!(decode(&longer), None);
+        for word in 0..bytes.len() / 4 {
+            let mut damaged = bytes.clone();
+            damaged[4 * word..4 * word + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+            assert_eq!(decode(&damaged), None, "word {word}");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! The stage: a scene in, the same scene at rest out.
+
+use crate::config::{Mass, Rapier, Remove};
+use crate::engine::Engine;
+use crate::fixed;
+use crate::gate::{Candidate, Gate, Outcome};
+use crate::library::Library;
+use syntable_model::context::Context;
+use syntable_model::error::{Error, Result};
+use syntable_model::geometry::{Point3, Pose};
+use syntable_model::scene::{BodyDraft, BodyHandle, Motion, Object, Removal, Role, SceneBuilder, SettleReport};
+use syntable_model::stage::Settler;
+
+/// The settler of the kind `rapier`.
+pub struct Settle {
+    config: Rapier,
+    library: Library,
+    threads: usize,
+}
+
+impl Settle {
+    /// A settler that simulates each scene on one thread, so that scenes side by side do not disturb each other.
+    pub fn new(config: Rapier) -> Self {
+        Self { library: Library::new(&config), config, threads: 1 }
+    }
+
+    /// The same with more threads for one scene: the same result, no sooner.
+    #[cfg(test)]
+    pub fn with_threads(config: Rapier, threads: usize) -> Self {
+        Self { threads, ..Self::new(config) }
+    }
+}
+
+impl Settler for Settle {
+    fn settle(&self, scene: &mut SceneBuilder, context: &Context) -> Result<SettleReport> {
+        let tabletop = match self.config.remove {
+            Remove::OffTabletop => Some(scene.tabletop()?),
+            Remove::Keep => scene.tabletop,
+        };
+        let bodies: Vec<(BodyHandle, BodyDraft)> =
+            scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
+        for (_, body) in &bodies {
+            check(body, self.config.mass).map_err(|error| error.context(format!("{}", body.asset)))?;
+        }
+        let is_flat = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
+        let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_flat(body)).collect();
+        let objects: Vec<&Object> = shaped.iter().map(|(_, body)| &*body.object).collect();
+        let shapes = self.library.shapes(&objects, context.cache, context.workers);
+
+        // Where objects are: no wall may cut them off.
+        let inside: Vec<Point3<f64>> = bodies
+            .iter()
+            .filter(|(_, body)| body.motion == Motion::Dynamic)
+            .map(|(_, body)| body.world_bounds().centre())
+            .chain(tabletop.map(|tabletop| tabletop.centre()))
+            .collect();
+        let mut still: Vec<fixed::Fixed> = bodies
+            .iter()
+            .filter(|(_, body)| is_flat(body))
+            .filter_map(|(_, body)| fixed::room_part(body, &inside))
+            .collect();
+        let mut falling = Vec::new();
+        for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
+            let shape = shape.map_err(|error| error.context(format!("{}", body.asset)))?;
+            match body.motion {
+                Motion::Fixed => still.extend(fixed::support(body, &shape, tabletop.as_ref())),
+                Motion::Dynamic => falling.push((*handle, body, shape)),
+            }
+        }
+        still.push(fixed::ground(0.0));
+
+        let candidates: Vec<Candidate> = falling
+            .iter()
+            .map(|(_, body, _)| Candidate { role: body.role, spawn: body.spawn, name: body.asset.to_string() })
+            .collect();
+        let mut engine = Engine::new(&self.config, still);
+        for (_, body, shape) in &falling {
+            engine.add(body, shape.clone(), self.config.mass);
+        }
+        let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
+            let outcome = Gate::new(&self.config, engine, &candidates, tabletop).run(&context.stream);
+            let poses: Vec<(usize, Pose)> = engine.present().map(|item| (item, engine.pose(item))).collect();
+            (outcome, poses)
+        })?;
+
+        for (item, pose) in poses {
+            scene.set_pose(falling[item].0, pose);
+        }
+        let mut report = report;
+        for (item, reason) in removed {
+            let (handle, body, _) = &falling[item];
+            scene.remove(*handle);
+            report.removed.push(Removal { spawn: body.spawn, asset: body.asset.clone(), reason });
+        }
+        report.removed.sort_by_key(|removal| removal.spawn);
+        Ok(report)
+    }
+}
+
+fn check(body: &BodyDraft, mass: Mass) -> Result<()> {
+    let pose = &body.world_from_body;
+    if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
+        return Err(Error::new("its start pose is not finite"));
+    }
+    let kg = body.object.mass_kg;
+    if body.motion == Motion::Dynamic && mass == Mass::Real && !(kg.is_finite() && kg > 0.0) {
+        return Err(
+            Error::new(format!("its mass is {kg} kg")).help("give it a mass or a density, or set `mass` in [settle]")
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kit::*;
+    use syntable_model::context::NoCache;
+
+    #[test]
+    fn one_thread_or_two_give_the_same_bits() {
+        let settled = |threads: usize| {
+            let mut scene = table_scene();
+            drop_objects(&mut scene, &kit_objects(), 16, 7);
+            let settler = Settle::with_threads(Rapier::default(), threads);
+            let report = settle_with(&settler, &mut scene, &NoCache).expect("settles");
+            (pose_bits(&scene), report)
+        };
+        assert_eq!(settled(1), settled(2));
+    }
+}

@@ -1,0 +1,358 @@
+//! The settler through its public face: scenes in, scenes at rest out.
+
+mod kit;
+
+use kit::*;
+use std::sync::Arc;
+use syntable_model::context::NoCache;
+use syntable_model::geometry::{Pose, Translation3, UnitQuaternion, Vector3};
+use syntable_model::scene::*;
+
+const CUBE: f32 = 0.06;
+
+fn cube() -> Arc<Object> {
+    object("cube", cuboid([0.0; 3], [CUBE; 3]), 0.2)
+}
+
+fn heights(scene: &SceneBuilder) -> Vec<f64> {
+    objects(scene).map(|body| body.world_from_body.translation.z - TABLE_HEIGHT).collect()
+}
+
+#[test]
+fn a_cube_and_a_ball_rest_on_the_table() {
+    let mut scene = table_scene();
+    scene.add(dynamic(&cube(), at(0.2, 0.1, TABLE_HEIGHT + 0.08)));
+    scene.add(dynamic(&object("ball", sphere(0.04), 0.1), at(-0.2, 0.0, TABLE_HEIGHT + 0.06)));
+    let report = settle("", &mut scene);
+    let [cube, ball] = heights(&scene)[..] else { panic!("{report:?}") };
+    assert!((cube - f64::from(CUBE) / 2.0).abs() < 0.001, "cube at {cube}");
+    assert!((ball - 0.04).abs() < 0.001, "ball at {ball}");
+    assert!(report.removed.is_empty() && report.dropped_again == 0, "{report:?}");
+    assert!(report.simulated_s < 2.5, "asleep long before the end: {report:?}");
+    assert!(report.deepest_penetration_m < 0.001, "{report:?}");
+    assert_eq!((report.residual_speed_m_s, report.residual_spin_rad_s), (0.0, 0.0));
+}
+
+#[test]
+fn bodies_rest_on_a_round_table_and_not_beside_it() {
+    // A round top of 1 m: the corners of its bounding square are air.
+    let rim = |z: f32| {
+        (0..64)
+            .map(move |i| (i as f32 / 64.0 * std::f32::consts::TAU).sin_cos())
+            .map(move |(y, x)| [x / 2.0, y / 2.0, z])
+    };
+    let positions: Vec<[f32; 3]> = rim(0.71).chain(rim(0.75)).chain([[0.0, 0.0, 0.71], [0.0, 0.0, 0.75]]).collect();
+    let triangles = (0..64_u32)
+        .map(|i| (i, (i + 1) % 64))
+        .flat_map(|(i, j)| [[128, j, i], [129, 64 + i, 64 + j], [i, j, 64 + j], [i, 64 + j, 64 + i]])
+        .collect();
+    let disc = MeshData { positions, triangles, ..Default::default() };
+    let leg = cuboid([0.0, 0.0, 0.355], [0.1, 0.1, 0.71]);
+    let mut scene = SceneBuilder::default();
+    scene.add(draft(&object("round", join([disc, leg]), 9.0), at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
+    scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.75], size: [1.0, 1.0] });
+    scene.add(dynamic(&cube(), at(0.3, 0.3, 0.85)));
+    scene.add(dynamic(&cube(), at(0.44, 0.44, 0.85)));
+    let report = settle("", &mut scene);
+    assert_eq!(report.removed.iter().map(|removal| removal.spawn).collect::<Vec<_>>(), [1], "{report:?}");
+    assert!((heights(&scene)[0] - 0.03).abs() < 0.001);
+}
+
+#[test]
+fn friction_decides_whether_a_cube_slides() {
+    // tan 26.57° = 0.5. Above it the way is ½ g (sin θ − μ cos θ) t².
+    let check = |angle_deg: f64, time_s: f64, expected_m: f64| {
+        let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
+        let on_slope = |along: f64, up: f64| {
+            let offset = Vector3::new(0.0, 0.0, 1.5) + tilt * Vector3::new(along, 0.0, up);
+            Pose::from_parts(Translation3::from(offset), tilt)
+        };
+        let slope = object("slope", cuboid([0.0; 3], [2.0, 1.0, 0.1]), 1.0);
+        let mut scene = SceneBuilder::default();
+        scene.add(draft(&slope, on_slope(0.0, 0.0), Role::Support, Motion::Fixed));
+        scene.add(dynamic(&cube(), on_slope(-0.5, 0.05 + f64::from(CUBE) / 2.0)));
+        settle(&format!("remove = \"keep\"\non_violation = \"keep\"\nduration_s = {time_s}"), &mut scene);
+        let body = objects(&scene).next().expect("a cube");
+        let moved = (body.world_from_body.translation.vector - on_slope(-0.5, 0.08).translation.vector).norm();
+        assert!((moved - expected_m).abs() < 0.003 + 0.1 * expected_m, "{angle_deg}°: {moved} m, not {expected_m}");
+    };
+    let slide = |angle: f64| 0.5 * 9.81 * (angle.to_radians().sin() - 0.5 * angle.to_radians().cos());
+    check(15.0, 1.0, 0.0);
+    check(24.0, 1.0, 0.0);
+    check(30.0, 1.0, slide(30.0));
+    check(40.0, 0.8, slide(40.0) * 0.64);
+}
+
+#[test]
+fn nothing_falls_through_the_floor() {
+    let shapes = kit_objects();
+    for floor in [true, false] {
+        let mut scene = SceneBuilder::default();
+        if floor {
+            let wall = object("wall", cuboid([0.0; 3], [3.0, 0.0, 3.0]), 1.0);
+            let floor = object("floor", cuboid([0.0; 3], [3.0, 3.0, 0.0]), 1.0);
+            scene.add(draft(&floor, at(0.0, 0.0, 0.0), Role::Room, Motion::Fixed));
+            scene.add(draft(&wall, at(0.0, 0.5, 1.5), Role::Room, Motion::Fixed));
+        }
+        drop_objects(&mut scene, &shapes, 12, 3);
+        let report = settle("remove = \"keep\"\non_violation = \"keep\"", &mut scene);
+        assert_eq!(objects(&scene).count(), 12, "{report:?}");
+        for body in objects(&scene) {
+            let (low, _) = reach(body);
+            assert!(low > -0.003, "{} at {low}", body.object.name);
+            assert!(!floor || body.world_from_body.translation.y < 0.5, "{} behind the wall", body.object.name);
+        }
+    }
+}
+
+#[test]
+fn what_is_off_the_tabletop_goes() {
+    // The table is 1.2 × 0.8 m, but only the middle 0.4 × 0.4 m count, and there is a step below.
+    let scene = || {
+        let mut scene = table_scene();
+        let step = object("step", cuboid([0.0; 3], [0.3, 0.3, 0.1]), 1.0);
+        scene.add(draft(&step, at(0.9, 0.0, 0.5), Role::Support, Motion::Fixed));
+        scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, TABLE_HEIGHT], size: [0.4, 0.4] });
+        let far = object("far", cuboid([1.0, 0.0, 0.0], [CUBE; 3]), 0.2);
+        let rest = TABLE_HEIGHT + f64::from(CUBE) / 2.0;
+        scene.add(dynamic(&cube(), at(0.195, 0.0, rest))); // inside
+        scene.add(dynamic(&cube(), at(-0.205, 0.0, rest))); // beyond the width
+        scene.add(dynamic(&cube(), at(0.0, 0.205, rest))); // beyond the length
+        scene.add(dynamic(&cube(), at(0.9, 0.0, 0.6))); // on the step
+        scene.add(dynamic(&far, at(-1.0, -0.19, rest))); // origin outside, middle inside
+        scene
+    };
+    let mut kept = scene();
+    let report = settle("", &mut kept);
+    let removed: Vec<(u32, &str)> = report.removed.iter().map(|r| (r.spawn, &r.reason[..])).collect();
+    assert_eq!(
+        removed,
+        [(1, "beyond the edge of the table"), (2, "beyond the edge of the table"), (3, "fell off the table")]
+    );
+    assert_eq!(objects(&kept).map(|body| body.spawn).collect::<Vec<_>>(), [0, 4]);
+    let mut all = scene();
+    assert!(settle("remove = \"keep\"", &mut all).removed.is_empty());
+    assert_eq!(objects(&all).count(), 5);
+}
+
+/// A cube shut in a box that is too small for it.
+fn shut_in() -> SceneBuilder {
+    let mut scene = table_scene();
+    let (inner, wall) = (0.045, 0.03);
+    let side = inner + 2.0 * wall;
+    let plates = (0..3).flat_map(|axis| [-1.0, 1.0].map(|sign| (axis, sign))).map(|(axis, sign)| {
+        let (mut centre, mut size) = ([0.0; 3], [side; 3]);
+        centre[axis] = sign * (inner + wall) / 2.0;
+        size[axis] = wall;
+        cuboid(centre, size)
+    });
+    let parts = plates.clone().map(|plate| plate.positions).collect();
+    let cage = Object { collision: Some(Arc::new(parts)), ..(*object("cage", join(plates), 1.0)).clone() };
+    scene.add(draft(&Arc::new(cage), at(0.3, 0.0, 1.2), Role::Support, Motion::Fixed));
+    scene.add(dynamic(&cube(), at(0.3, 0.0, 1.2)));
+    scene
+}
+
+#[test]
+fn a_body_deep_in_another_is_dropped_again_or_removed() {
+    let mut scene = shut_in();
+    let report = settle("on_violation = \"keep\"\nduration_s = 1.0", &mut scene);
+    assert!(report.deepest_penetration_m > 0.006 && report.removed.is_empty(), "{report:?}");
+
+    let mut scene = shut_in();
+    let report = settle("on_violation = \"remove\"\nduration_s = 1.0", &mut scene);
+    assert_eq!((report.removed.len(), report.dropped_again), (1, 0), "{report:?}");
+    assert!(report.removed[0].reason.contains("mm deep in the table or the room"), "{report:?}");
+    assert_eq!(report.deepest_penetration_m, 0.0);
+
+    let mut scene = shut_in();
+    let report = settle("", &mut scene);
+    assert!(report.removed.is_empty() && report.dropped_again >= 1, "{report:?}");
+    assert!(report.deepest_penetration_m < 0.005, "{report:?}");
+    let (low, high) = reach(objects(&scene).next().expect("a cube"));
+    assert!(low > TABLE_HEIGHT - 0.001, "out of the cage: {low} to {high}");
+
+    let mut scene = shut_in();
+    let report = settle("max_drops = 0", &mut scene);
+    assert_eq!((report.removed.len(), report.dropped_again), (1, 0), "{report:?}");
+}
+
+#[test]
+fn a_body_still_moving_is_seen() {
+    let falling = || {
+        let mut scene = table_scene();
+        scene.add(dynamic(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.5)));
+        scene
+    };
+    let mut scene = falling();
+    let report = settle("on_violation = \"keep\"\nduration_s = 0.1", &mut scene);
+    assert!((report.residual_speed_m_s - 0.981).abs() < 0.01, "g t = 0.981 m/s: {report:?}");
+    assert!((report.simulated_s - 0.1).abs() < 0.005, "{report:?}");
+    let fallen = TABLE_HEIGHT + 0.5 - objects(&scene).next().expect("a cube").world_from_body.translation.z;
+    assert!((fallen - 0.5 * 9.81 * 0.01).abs() < 0.003, "½ g t² = 49 mm: {fallen}");
+
+    let mut scene = falling();
+    let report = settle("on_violation = \"remove\"\nduration_s = 0.1", &mut scene);
+    assert!(report.removed[0].reason.starts_with("still moving at 0.98"), "{report:?}");
+    assert_eq!(report.residual_speed_m_s, 0.0);
+
+    // Too short for any try: all are used up, then the body goes.
+    let mut scene = falling();
+    let report = settle("duration_s = 0.05\nmax_drops = 2", &mut scene);
+    assert_eq!((report.dropped_again, report.removed.len()), (2, 1), "{report:?}");
+}
+
+#[test]
+fn forty_objects_pass_the_gate() {
+    let mut scene = table_scene();
+    drop_objects(&mut scene, &kit_objects(), 40, 11);
+    let report = settle("", &mut scene);
+    assert!(report.residual_speed_m_s <= 0.01 && report.residual_spin_rad_s <= 0.1, "{report:?}");
+    assert!(report.deepest_penetration_m <= 0.005, "{report:?}");
+    assert_eq!(objects(&scene).count() + report.removed.len(), 40);
+    assert!(objects(&scene).count() >= 25, "{report:?}");
+    for body in objects(&scene) {
+        // Seen by the vertices of the mesh, not by the collision shape: in the table by no more than the limit.
+        let (low, _) = reach(body);
+        assert!(low > TABLE_HEIGHT - 0.006, "{} {} at {low}", body.spawn, body.object.name);
+    }
+}
+
+#[test]
+fn a_crowd_on_a_stamp_comes_to_an_end() {
+    let mut scene = table_scene();
+    scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, TABLE_HEIGHT], size: [0.12, 0.12] });
+    drop_objects(&mut scene, &kit_objects(), 12, 5);
+    let report = settle("max_drops = 2\nduration_s = 1.0\nmax_speed_m_s = 0.0001", &mut scene);
+    assert_eq!(objects(&scene).count() + report.removed.len(), 12);
+    assert!(report.residual_speed_m_s <= 0.0001 && report.deepest_penetration_m <= 0.005, "{report:?}");
+}
+
+#[test]
+fn the_same_on_any_thread_and_with_any_cache() {
+    let settled =
+        |settler: &dyn syntable_model::stage::Settler, cache: &dyn syntable_model::context::Cache, seed: u64| {
+            let mut scene = table_scene();
+            drop_objects(&mut scene, &kit_objects(), 10, seed);
+            let report = settle_with(settler, &mut scene, cache).expect("settles");
+            (pose_bits(&scene), report)
+        };
+    let wanted = [1, 2].map(|seed| settled(&*settler(""), &NoCache, seed));
+    assert_ne!(wanted[0].0, wanted[1].0);
+
+    // A cold cache, then a warm one with a settler that remembers nothing, then one that remembers.
+    let cache = Memory::default();
+    assert_eq!(settled(&*settler(""), &cache, 1), wanted[0]);
+    assert_eq!(*cache.hits.lock().expect("a lock"), 0);
+    let shared = settler("");
+    assert_eq!(settled(&*shared, &cache, 1), wanted[0]);
+    assert!(*cache.hits.lock().expect("a lock") > 0);
+    // Damaged entries are made anew.
+    cache.entries.lock().expect("a lock").values_mut().for_each(|bytes| bytes.truncate(bytes.len() / 2));
+    assert_eq!(settled(&*settler(""), &cache, 1), wanted[0]);
+
+    // Two scenes side by side, and pools of one and two threads around them.
+    std::thread::scope(|scope| {
+        let jobs = [1, 2].map(|seed| {
+            (
+                seed,
+                scope.spawn({
+                    let (shared, settled) = (&shared, &settled);
+                    move || settled(&**shared, &NoCache, seed)
+                }),
+            )
+        });
+        for (seed, job) in jobs {
+            assert_eq!(job.join().expect("no panic"), wanted[seed as usize - 1]);
+        }
+    });
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        assert_eq!(pool.install(|| settled(&*shared, &NoCache, 2)), wanted[1], "{threads} threads");
+    }
+}
+
+#[test]
+fn odd_meshes_settle_or_say_what_is_wrong() {
+    let soup =
+        |positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>| MeshData { positions, triangles, ..Default::default() };
+    let fine = [
+        ("one triangle", soup(vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]], vec![[0, 1, 2]])),
+        ("no area", soup(vec![[0.0; 3], [0.1, 0.0, 0.0], [0.05, 0.0, 0.0]], vec![[0, 1, 2]])),
+        ("a point", soup(vec![[0.03; 3]; 3], vec![[0, 1, 2], [2, 1, 0]])),
+        ("a sheet", cuboid([0.0; 3], [0.2, 0.1, 0.0])),
+        ("thin", cuboid([0.0; 3], [0.2, 0.1, 1e-6])),
+        ("a needle", cuboid([0.0; 3], [0.2, 1e-5, 1e-5])),
+        ("a grain", cuboid([0.0; 3], [1e-6; 3])),
+        ("two pieces", join([cuboid([-0.05, 0.0, 0.0], [0.02; 3]), cuboid([0.05, 0.0, 0.0], [0.02; 3])])),
+        ("open", MeshData { triangles: vec![[0, 2, 3], [4, 5, 7]], ..cuboid([0.0; 3], [0.1; 3]) }),
+        ("inside out", {
+            let data = sphere(0.03);
+            MeshData { triangles: data.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..data }
+        }),
+        ("with a far vertex that no face uses", {
+            let mut data = cuboid([0.0; 3], [0.05; 3]);
+            data.positions.push([1e30; 3]);
+            data
+        }),
+    ];
+    for (name, data) in fine {
+        for options in ["", "collision = \"convex_hull\""] {
+            let mut scene = table_scene();
+            scene.add(dynamic(&object(name, data.clone(), 0.1), at(0.0, 0.0, TABLE_HEIGHT + 0.1)));
+            let report = settle(options, &mut scene);
+            assert_eq!(objects(&scene).count(), 1, "{name}: {report:?}");
+            let (low, _) = reach(objects(&scene).next().expect("one"));
+            assert!((low - TABLE_HEIGHT).abs() < 0.002, "{name}: {low}");
+        }
+    }
+    let mut scene = table_scene();
+    scene.add(dynamic(&object("a galaxy", cuboid([0.0; 3], [1e30; 3]), 0.1), at(0.0, 0.0, 2.0)));
+    let error = settle_with(&*settler(""), &mut scene, &NoCache).expect_err("no shape").to_string();
+    assert!(error.starts_with("kit/a galaxy: "), "{error}");
+    let mut scene = table_scene();
+    scene.add(dynamic(&object("hollow", cuboid([0.0; 3], [0.1; 3]), 0.0), at(0.0, 0.0, 2.0)));
+    let error = settle_with(&*settler(""), &mut scene, &NoCache).expect_err("no mass").to_string();
+    assert!(error.starts_with("kit/hollow: its mass is 0 kg"), "{error}");
+    settle_with(&*settler("mass = { kg = 1.0 }"), &mut scene, &NoCache).expect("its own mass does not matter");
+}
+
+#[test]
+fn a_scene_without_objects_or_table() {
+    let report = settle("", &mut table_scene());
+    assert_eq!((report.removed.len(), report.deepest_penetration_m), (0, 0.0));
+    let error = settle_with(&*settler(""), &mut SceneBuilder::default(), &NoCache).expect_err("no table");
+    assert!(error.to_string().contains("place a table first"), "{error}");
+    settle("remove = \"keep\"", &mut SceneBuilder::default());
+}
+
+#[test]
+fn parts_that_an_object_brings_are_used() {
+    // The mesh is a cube of 6 cm; its collision parts say that it is a slab of 2 cm in the middle.
+    let slab = cuboid([0.0; 3], [0.06, 0.06, 0.02]).positions;
+    let body = Object { collision: Some(Arc::new(vec![slab])), ..(*cube()).clone() };
+    let check = |options: &str, height: f64| {
+        let mut scene = table_scene();
+        scene.add(dynamic(&Arc::new(body.clone()), at(0.0, 0.0, TABLE_HEIGHT + 0.05)));
+        settle(options, &mut scene);
+        assert!((heights(&scene)[0] - height).abs() < 0.001, "{options}: {}", heights(&scene)[0]);
+    };
+    check("", 0.01);
+    check("collision = \"convex_hull\"", 0.03);
+}
+
+#[test]
+fn a_bowl_holds_a_ball_unless_it_is_a_hull() {
+    let bowl = kit_objects().swap_remove(1);
+    let ball = object("ball", sphere(0.02), 0.05);
+    let check = |options: &str, inside: bool| {
+        let mut scene = table_scene();
+        scene.add(draft(&bowl, at(0.0, 0.0, TABLE_HEIGHT), Role::Object, Motion::Fixed));
+        scene.add(dynamic(&ball, at(0.005, 0.0, TABLE_HEIGHT + 0.12)));
+        settle(options, &mut scene);
+        let z = heights(&scene)[0];
+        assert_eq!(z < 0.04, inside, "{options}: ball at {z}");
+    };
+    check("", true);
+    check("collision = \"convex_hull\"\nduration_s = 0.5\non_violation = \"keep\"", false);
+}
