@@ -3,6 +3,7 @@
 //! The standard library's `sin` and `acos` come from the platform's mathematics library, whose last bits differ from
 //! one system to the next. These give the same bits everywhere, to a few units in the last place, and are faster.
 
+use crate::real::{Int, Real, at_most};
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// The whole number at or below, for |x| < 2³¹.
@@ -15,31 +16,35 @@ pub(crate) fn floor(x: f32) -> (i32, f32) {
 
 /// Sine and cosine of `turns` full turns, for |turns| < 2²⁰.
 #[inline(always)]
-pub(crate) fn sin_cos_turns(turns: f32) -> (f32, f32) {
-    let quarters = turns * 4.0;
-    let (quadrant, _) = floor(quarters + 0.5);
-    let x = (quarters - quadrant as f32) * FRAC_PI_2;
+pub(crate) fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
+    let quarters = turns * 4.0_f32;
+    // To the nearest quarter, by truncation of a number made positive or pushed away from zero.
+    let quadrant = (quarters + T::splat(0.5).copysign(quarters)).truncate();
+    let x = (quarters - quadrant.signed_to_real()) * FRAC_PI_2;
     let x2 = x * x;
-    let sin = x + x * x2 * (-0.166_666_55 + x2 * (0.008_332_161 + x2 * -0.000_195_152_96));
-    let cos = 1.0 - 0.5 * x2 + x2 * x2 * (0.041_666_646 + x2 * (-0.001_388_731_6 + x2 * 2.443_315_7e-5));
-    let (s, c) = if quadrant & 1 == 0 { (sin, cos) } else { (cos, -sin) };
-    if quadrant & 2 == 0 { (s, c) } else { (-s, -c) }
+    let sin = x + x * x2 * (x2 * (x2 * -0.000_195_152_96_f32 + 0.008_332_161_f32) + -0.166_666_55_f32);
+    let cos = (x2 * x2 * (x2 * (x2 * 2.443_315_7e-5_f32 + -0.001_388_731_6_f32) + 0.041_666_646_f32) - x2 * 0.5_f32)
+        + 1.0_f32;
+    let odd = (quadrant & T::Int::splat(1)).equals(T::Int::splat(1));
+    let (s, c) = (T::pick(odd, cos, sin), T::pick(odd, sin, cos));
+    // The sign bits: sine's is bit 1 of the quadrant, cosine's that of the next quadrant.
+    let flip = |v: T, quadrant: T::Int| T::from_bits(v.bits() ^ ((quadrant & T::Int::splat(2)) << 30));
+    (flip(s, quadrant), flip(c, quadrant.plus(T::Int::splat(1))))
 }
 
 /// Arc cosine; arguments beyond ±1 count as ±1. (Abramowitz and Stegun 4.4.46.)
 #[inline(always)]
-pub(crate) fn acos(x: f32) -> f32 {
-    let a = if x.abs() < 1.0 { x.abs() } else { 1.0 };
-    let p = -0.001_262_491_1;
-    let p = 0.006_670_09 + a * p;
-    let p = -0.017_088_126 + a * p;
-    let p = 0.030_891_88 + a * p;
-    let p = -0.050_174_305 + a * p;
-    let p = 0.088_978_99 + a * p;
-    let p = -0.214_598_8 + a * p;
-    let p = FRAC_PI_2 + a * p;
-    let angle = (1.0 - a).sqrt() * p;
-    if x < 0.0 { PI - angle } else { angle }
+pub(crate) fn acos<T: Real>(x: T) -> T {
+    let a = at_most(x.abs(), 1.0);
+    let p = a * -0.001_262_491_1_f32 + 0.006_670_09_f32;
+    let p = a * p + -0.017_088_126_f32;
+    let p = a * p + 0.030_891_88_f32;
+    let p = a * p + -0.050_174_305_f32;
+    let p = a * p + 0.088_978_99_f32;
+    let p = a * p + -0.214_598_8_f32;
+    let p = a * p + FRAC_PI_2;
+    let angle = (T::splat(1.0) - a).sqrt() * p;
+    T::pick(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle)
 }
 
 /// Base-2 logarithm to about 0.01, for choosing texture levels. The argument must be positive and normal.

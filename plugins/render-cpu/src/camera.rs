@@ -45,6 +45,11 @@ impl RayCamera {
         Ray { origin: self.origin.array(), direction: [d.x as f32, d.y as f32, d.z as f32] }
     }
 
+    /// How the direction of [`Self::ray`] changes with u and with v, a pixel.
+    pub fn slopes(&self) -> [Vec3; 2] {
+        [self.along_u, self.along_v].map(|d| vec3(d.x as f32, d.y as f32, d.z as f32))
+    }
+
     /// A direction of the world in the camera's frame.
     pub fn turned(&self, v: Vec3) -> Vec3 {
         let [x, y, z] = self.rows;

@@ -91,6 +91,7 @@ impl CpuPathRenderer {
             roulette_from: options.russian_roulette_from.max(1),
             clamp,
             strategy: Strategy::Combined,
+            one_lane: false,
         };
         Ok(Self { options, settings, cache: Arc::new(SceneCache::new()) })
     }
@@ -145,12 +146,16 @@ impl CpuPathSession {
         self
     }
 
+    #[cfg(test)]
+    pub(crate) fn one_lane(mut self) -> Self {
+        self.settings.one_lane = true;
+        self
+    }
+
     fn radiance(&mut self, request: &RenderRequest, camera: &RayCamera) -> Result<Plane<[f32; 3]>> {
         let lights = Lights::new(&request.view.lights)?;
         let Some(world) = &self.world else { return Err(not_loaded()) };
-        crate::bsdf::prepare();
-        let tracer =
-            PathTracer { world, lights: &lights, camera, settings: self.settings, seed: request.stream.seed() };
+        let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
         let (width, height) = size(request);
         let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let done = Mutex::new((Plane::from_fn(width, height, |_, _| [0.0; 3]), Statistics::default()));
@@ -158,10 +163,7 @@ impl CpuPathSession {
             let (left, top) = (tile as u32 % columns * TILE, tile as u32 / columns * TILE);
             let (right, bottom) = ((left + TILE).min(width), (top + TILE).min(height));
             let mut statistics = Statistics::default();
-            let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
-            for y in top..bottom {
-                pixels.extend((left..right).map(|x| tracer.pixel(x, y, &mut statistics)));
-            }
+            let pixels = tracer.tile([left, top, right, bottom], &mut statistics);
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             done.1.add(&statistics);
             for (row, y) in pixels.chunks((right - left) as usize).zip(top..) {

@@ -133,7 +133,7 @@ impl<'a> LabelCaster<'a> {
                 let distance = hit.t * direction.length();
                 let width = self.camera.pixel_angle * distance;
                 let surface = self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width);
-                [self.camera.turned(surface.shading.z).array(), surface.substance.base_color.array()]
+                [self.camera.turned(surface.normal).array(), surface.substance.base_color.array()]
             }
             _ => [[0.0; 3]; 2],
         }

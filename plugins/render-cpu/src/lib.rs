@@ -2,7 +2,8 @@
 //!
 //! One renderer, [`cpu_path`](CpuPath). From the bottom up: [`bvh`] finds where rays go; `mesh`, `texture`, `material`
 //! and `cache` hold what bodies are made of, `world` puts them together for a scene; `bsdf` says how surfaces scatter
-//! light, `light` where it comes from, `sampler` which numbers are tried; `path` makes pictures of all that, `labels`
+//! light, `light` where it comes from, `sampler` which numbers are tried, all of them for one path or for eight at once
+//! (`real`); `path` makes pictures of all that, `labels`
 //! the masks; `cpu_path` is the stage.
 //!
 //! **Invariants.** A pixel is a pure function of (seed, pixel, scene, view): threads and tiles only decide when it is
@@ -10,6 +11,7 @@
 //! pixel centres and never filtered; lights are not bodies.
 
 mod approx;
+mod batch;
 mod bsdf;
 pub mod bvh;
 mod cache;
@@ -20,6 +22,7 @@ mod light;
 mod material;
 mod mesh;
 mod path;
+mod real;
 mod sampler;
 #[cfg(test)]
 mod tests;

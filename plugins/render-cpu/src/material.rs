@@ -3,8 +3,9 @@
 use crate::approx::{log2_rough, sin_cos_turns};
 use crate::bsdf::Substance;
 use crate::cache::SceneCache;
+use crate::real::max;
 use crate::texture::MipTexture;
-use crate::vec3::{Rgb, Vec3, max, vec3};
+use crate::vec3::{Rgb, Vec3, vec3};
 use std::sync::Arc;
 use syntable_model::scene::{self, Alpha, TextureMapping, TextureRef, UvTransform};
 
@@ -169,7 +170,7 @@ impl Material {
     pub fn substance(&self, at: Coordinates, tint: Rgb) -> Substance {
         let mut base_color = self.base_color * tint;
         if let Some(texture) = &self.base_texture {
-            base_color *= texture.color(at);
+            base_color = base_color * texture.color(at);
         }
         let scalar = |factor: f32, texture: &Option<(Laid, u8)>| match texture {
             Some((texture, channel)) => factor * texture.channel(at, *channel),

@@ -2,13 +2,20 @@
 //!
 //! At every surface a light is sampled and a scattered direction is sampled; both estimates of direct light are
 //! combined by multiple importance sampling with the power heuristic (Veach, 1997). Faint paths end at random.
+//!
+//! Paths run in batches, bounce by bounce: first all rays are traced, then all surfaces looked up, then all scattering
+//! computed in lanes, then all shadow rays traced; paths that ended are squeezed out after every step. A path's light
+//! depends on its pixel and sample alone, not on its batch.
 
+use crate::batch::{BATCH, Batch, compress, get, load, set, store};
+use crate::bsdf::{Bsdf, Substance, table};
 use crate::bvh::Ray;
 use crate::camera::RayCamera;
 use crate::light::Lights;
-use crate::sampler::{PixelSeed, Sampler};
-use crate::vec3::{Rgb, Vec3, max, min};
-use crate::world::{Cone, World};
+use crate::real::{Int, Mask, Real, at_least, at_most, inverse};
+use crate::sampler::{Sampler, pixel_seed};
+use crate::vec3::{Basis, Rgb, Vec3};
+use crate::world::World;
 
 /// A light is seen if nothing is closer by more than this share of its distance: lamps may lie flat on a ceiling.
 const TOUCHING: f32 = 1e-4;
@@ -40,6 +47,8 @@ pub(crate) struct Settings {
     /// Largest luminance that one connection to a light may bring by scattering, nits.
     pub clamp: f32,
     pub strategy: Strategy,
+    /// Whether paths are computed one at a time though the processor can do eight; tests compare them.
+    pub one_lane: bool,
 }
 
 /// What was traced.
@@ -54,7 +63,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Sums two counts.
+    /// Adds other counts.
     pub fn add(&mut self, other: &Self) {
         self.paths += other.paths;
         self.rays += other.rays;
@@ -64,138 +73,334 @@ impl Statistics {
 
 /// A view of a scene, ready to trace.
 pub(crate) struct PathTracer<'a> {
-    pub world: &'a World,
-    pub lights: &'a Lights,
-    pub camera: &'a RayCamera,
-    pub settings: Settings,
-    /// Seed of the picture.
-    pub seed: u64,
+    world: &'a World,
+    lights: &'a Lights,
+    camera: &'a RayCamera,
+    settings: Settings,
+    seed: u64,
+    /// Width of a camera ray's cone, metres a metre.
+    spread: f32,
 }
 
-impl PathTracer<'_> {
-    /// Mean radiance over a pixel's area, nits.
-    pub fn pixel(&self, x: u32, y: u32, statistics: &mut Statistics) -> [f32; 3] {
-        let seed = PixelSeed::new(self.seed, x, y);
-        let mut sum = [0.0_f64; 3];
-        for sample in 0..self.settings.samples {
-            let mut sampler = seed.sample(sample);
-            let [u, v] = sampler.pair();
-            let ray = self.camera.ray(f64::from(x) + f64::from(u), f64::from(y) + f64::from(v));
-            let radiance =
-                self.trace(Vec3::from(ray.origin), Vec3::from(ray.direction).normalized(), sampler, statistics);
-            for (sum, value) in sum.iter_mut().zip(radiance.array()) {
-                *sum += f64::from(value);
-            }
-        }
-        sum.map(|value| (value / f64::from(self.settings.samples.max(1))) as f32)
-    }
+/// Whose turn it is: pixels of a tile, row by row, and their samples.
+struct Turn {
+    pixel: usize,
+    sample: u32,
+}
 
-    /// Radiance that arrives along a ray.
-    pub fn trace(&self, origin: Vec3, direction: Vec3, mut sampler: Sampler, statistics: &mut Statistics) -> Rgb {
-        let Settings { samples, max_bounces, roulette_from, clamp, strategy } = self.settings;
-        let (mut origin, mut direction) = (origin, direction);
-        let (mut radiance, mut throughput) = (Rgb::ZERO, Rgb::ONE);
-        // Normal and density of the last scattering; none for the camera.
-        let mut last: Option<(Vec3, f32)> = None;
+impl<'a> PathTracer<'a> {
+    /// `seed` is the picture's.
+    pub fn new(world: &'a World, lights: &'a Lights, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
         // Samples of a pixel share its area, so that each may see finer than it.
-        let sharpness = max(1.0 / (samples as f32).sqrt(), 0.25);
-        let mut cone = Cone { width: 0.0, spread: self.camera.pixel_angle * sharpness };
-        statistics.paths += 1;
-
-        for bounce in 0..=max_bounces {
-            statistics.rays += 1;
-            let ray = Ray { origin: origin.array(), direction: direction.array() };
-            let hit = self.world.closest(&ray, f32::INFINITY);
-            let reach = hit.map_or(f32::INFINITY, |hit| hit.t * (1.0 + TOUCHING));
-            if let Some(light) = self.lights.intersect(origin, direction, reach) {
-                let weight = match (last, strategy) {
-                    (None, _) => 1.0,
-                    (Some((normal, pdf)), Strategy::Combined) => {
-                        heuristic(pdf, self.lights.pdf(origin, normal, &light))
-                    }
-                    #[cfg(test)]
-                    (Some(_), Strategy::Scattering) => 1.0,
-                    #[cfg(test)]
-                    (Some(_), Strategy::Lights) => 0.0,
-                };
-                let limit = if last.is_some() { clamp } else { f32::INFINITY };
-                radiance += limited(throughput * light.radiance * weight, limit);
-                break;
-            }
-            let Some(hit) = hit else { break };
-
-            cone.width += cone.spread * hit.t;
-            let surface = self.world.surface(&hit, origin, direction, hit.t, cone.width);
-            if !surface.emission.is_black() {
-                let limit = if last.is_some() { clamp } else { f32::INFINITY };
-                radiance += limited(throughput * surface.emission, limit);
-            }
-            if bounce == max_bounces {
-                break;
-            }
-            let Some(bsdf) = surface.bsdf(-direction) else { break };
-            let normal = surface.shading.z;
-            origin = surface.departure();
-
-            if let Some(light) = self.lights.sample(origin, normal, sampler.pair()) {
-                let wi = surface.shading.to_local(light.direction);
-                if wi.z > 1e-6 && light.direction.dot(surface.face) > 0.0 {
-                    let (value, pdf) = bsdf.evaluate(wi);
-                    let weight = match strategy {
-                        Strategy::Combined => heuristic(light.pdf, pdf),
-                        #[cfg(test)]
-                        Strategy::Lights => 1.0,
-                        #[cfg(test)]
-                        Strategy::Scattering => 0.0,
-                    };
-                    let factor = surface.terminator(light.direction) * weight / light.pdf;
-                    let contribution = limited(throughput * value * light.radiance * factor, clamp);
-                    if contribution.max_component() > 0.0 && !self.lights.hide(origin, light.direction, light.distance)
-                    {
-                        statistics.shadow_rays += 1;
-                        let ray = Ray { origin: origin.array(), direction: light.direction.array() };
-                        if !self.world.occluded(&ray, light.distance * (1.0 - TOUCHING)) {
-                            radiance += contribution;
-                        }
-                    }
-                }
-            }
-
-            let Some(scattered) = bsdf.sample(sampler.pair()) else { break };
-            direction = surface.shading.to_world(scattered.wi);
-            if direction.dot(surface.face) <= 0.0 {
-                break;
-            }
-            throughput *= scattered.weight * surface.terminator(direction);
-            if bounce + 1 >= roulette_from {
-                let survival = min(throughput.max_component(), 0.95);
-                if sampler.coin(1) >= survival {
-                    break;
-                }
-                throughput *= 1.0 / survival;
-            }
-            last = Some((normal, scattered.pdf));
-            let rough = surface.substance.roughness;
-            cone.spread += if scattered.specular { rough * rough * DIFFUSE_SPREAD } else { DIFFUSE_SPREAD };
-        }
-        radiance
+        let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
+        Self { world, lights, camera, settings, seed, spread: camera.pixel_angle * sharpness }
     }
+
+    /// Mean radiance over the area of every pixel of a tile [left, top, right, bottom], row by row, nits.
+    pub fn tile(&self, area: [u32; 4], statistics: &mut Statistics) -> Vec<[f32; 3]> {
+        #[cfg(target_arch = "x86_64")]
+        {
+            /// # Safety
+            /// The processor has AVX2.
+            #[target_feature(enable = "avx2")]
+            unsafe fn eight(tracer: &PathTracer, area: [u32; 4], statistics: &mut Statistics) -> Vec<[f32; 3]> {
+                tracer.tile_in_lanes::<crate::real::Eight>(area, statistics)
+            }
+            if crate::real::has_eight() && !self.settings.one_lane {
+                // SAFETY: just asked.
+                return unsafe { eight(self, area, statistics) };
+            }
+        }
+        self.tile_in_lanes::<f32>(area, statistics)
+    }
+
+    #[inline(always)]
+    fn tile_in_lanes<T: Real>(&self, area: [u32; 4], statistics: &mut Statistics) -> Vec<[f32; 3]> {
+        let [left, top, right, bottom] = area;
+        let samples = self.settings.samples;
+        let mut sums = vec![[0.0_f64; 3]; ((right - left) * (bottom - top)) as usize];
+        let mut batch = Batch::new();
+        let mut turn = Turn { pixel: 0, sample: 0 };
+        while turn.pixel < sums.len() {
+            let first = Turn { ..turn };
+            let count = self.start::<T>(&mut batch, area, &mut turn, sums.len());
+            statistics.paths += count as u64;
+            self.trace::<T>(&mut batch, count, statistics);
+            // In the order of the samples, whatever the batches.
+            let (mut pixel, mut sample) = (first.pixel, first.sample);
+            for radiance in &batch.radiance[..count] {
+                for (sum, &value) in sums[pixel].iter_mut().zip(radiance) {
+                    *sum += f64::from(value);
+                }
+                sample += 1;
+                if sample == samples {
+                    (pixel, sample) = (pixel + 1, 0);
+                }
+            }
+        }
+        sums.iter().map(|sum| sum.map(|value| (value / f64::from(samples)) as f32)).collect()
+    }
+
+    /// Fills a batch with camera rays; gives their number.
+    #[inline(always)]
+    fn start<T: Real>(&self, batch: &mut Batch, area: [u32; 4], turn: &mut Turn, pixels: usize) -> usize {
+        let [left, top, right, _] = area;
+        let columns = (right - left) as usize;
+        let paths = &mut batch.paths;
+        let mut count = 0;
+        while count < BATCH && turn.pixel < pixels {
+            let (x, y) = (left + (turn.pixel % columns) as u32, top + (turn.pixel / columns) as u32);
+            let corner = self.camera.ray(f64::from(x), f64::from(y));
+            let seed = pixel_seed(self.seed, x, y);
+            let more = ((self.settings.samples - turn.sample) as usize).min(BATCH - count);
+            for i in count..count + more {
+                set(&mut paths.origin, i, corner.origin.into());
+                set(&mut paths.direction, i, corner.direction.into());
+                paths.seed[i] = seed;
+                paths.index[i] = turn.sample + (i - count) as u32;
+                paths.slot[i] = i as u32;
+                batch.radiance[i] = [0.0; 3];
+            }
+            count += more;
+            turn.sample += more as u32;
+            if turn.sample == self.settings.samples {
+                *turn = Turn { pixel: turn.pixel + 1, sample: 0 };
+            }
+        }
+        let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
+        for at in (0..count).step_by(T::WIDTH) {
+            let [u, v] =
+                Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) }.pair(0);
+            let direction = load::<T>(&paths.direction, at) + along_u * u + along_v * v;
+            store(direction.normalized(), &mut paths.direction, at);
+            store(Vec3::all(T::splat(1.0)), &mut paths.throughput, at);
+            T::splat(0.0).store(&mut paths.width[at..]);
+            T::splat(self.spread).store(&mut paths.spread[at..]);
+        }
+        count
+    }
+
+    /// Traces a batch to its end.
+    #[inline(always)]
+    fn trace<T: Real>(&self, batch: &mut Batch, count: usize, statistics: &mut Statistics) {
+        let mut alive = count;
+        for bounce in 0..=self.settings.max_bounces {
+            statistics.rays += alive as u64;
+            for i in 0..alive {
+                let ray = Ray {
+                    origin: get(&batch.paths.origin, i).array(),
+                    direction: get(&batch.paths.direction, i).array(),
+                };
+                batch.hits.set(i, self.world.closest(&ray, f32::INFINITY));
+            }
+            alive = self.meet_lights::<T>(batch, alive, bounce);
+            self.look_up(batch, alive, bounce);
+            if bounce == self.settings.max_bounces || alive == 0 {
+                return;
+            }
+            let shadows;
+            (alive, shadows) = self.scatter::<T>(batch, alive, bounce);
+            statistics.shadow_rays += shadows as u64;
+            for i in 0..shadows {
+                let shadow = &batch.shadows;
+                let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
+                if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING)) {
+                    deposit(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
+                }
+            }
+        }
+    }
+
+    /// Ends the paths that meet a light or nothing; gives the number of those that meet a body.
+    #[inline(always)]
+    fn meet_lights<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> usize {
+        let mut kept = 0;
+        for at in (0..alive).step_by(T::WIDTH) {
+            let active = T::load(&batch.numbers[at..]).lt(T::splat(alive as f32));
+            let t = T::load(&batch.hits.t[at..]);
+            let mut keep = active & t.lt(T::splat(f32::INFINITY));
+            if !self.lights.is_empty() {
+                let (origin, direction) = (load::<T>(&batch.paths.origin, at), load(&batch.paths.direction, at));
+                let mut hit = self.lights.intersect(origin, direction, t * (1.0_f32 + TOUCHING));
+                hit.met = hit.met & active;
+                if hit.met.any() {
+                    let normal = load(&batch.paths.normal, at);
+                    let (pdf, radiance) = self.lights.pdf(origin, normal, &hit);
+                    let weight = match self.settings.strategy {
+                        _ if bounce == 0 => T::splat(1.0),
+                        Strategy::Combined => heuristic(T::load(&batch.paths.pdf[at..]), pdf),
+                        #[cfg(test)]
+                        Strategy::Scattering => T::splat(1.0),
+                        #[cfg(test)]
+                        Strategy::Lights => T::splat(0.0),
+                    };
+                    let found = load(&batch.paths.throughput, at) * radiance * weight;
+                    let found = if bounce == 0 { found } else { self.limited(found) };
+                    let sound = hit.met & is_light(found);
+                    let (mut lanes, mut slots) = ([[0.0; 8]; 3], [0; 8]);
+                    found.x.store(&mut lanes[0]);
+                    found.y.store(&mut lanes[1]);
+                    found.z.store(&mut lanes[2]);
+                    T::Int::load(&batch.paths.slot[at..]).store(&mut slots);
+                    let mut left = sound.to_bits();
+                    while left != 0 {
+                        let lane = left.trailing_zeros() as usize & 7;
+                        left &= left - 1;
+                        let found = Vec3::from(lanes.map(|row| row[lane]));
+                        deposit(&mut batch.radiance, slots[lane], found);
+                    }
+                    keep = keep & !hit.met;
+                }
+            }
+            batch.paths.keep::<T>(keep, at, kept);
+            batch.hits.keep::<T>(keep, at, kept);
+            kept += keep.to_bits().count_ones() as usize;
+        }
+        kept
+    }
+
+    /// Looks the surfaces at the hits up, and takes the light that they emit.
+    #[inline(always)]
+    fn look_up(&self, batch: &mut Batch, alive: usize, bounce: u32) {
+        let paths = &mut batch.paths;
+        for i in 0..alive {
+            let hit = batch.hits.get(i);
+            let width = paths.width[i] + paths.spread[i] * hit.t;
+            paths.width[i] = width;
+            let surface = self.world.surface(&hit, get(&paths.origin, i), get(&paths.direction, i), hit.t, width);
+            batch.surfaces.set(i, &surface);
+            if !surface.emission.is_black() {
+                let found = get(&paths.throughput, i) * surface.emission;
+                let found = if bounce == 0 { found } else { self.limited(found) };
+                deposit(&mut batch.radiance, paths.slot[i], found);
+            }
+        }
+    }
+
+    /// Samples lights and scattered directions; gives the numbers of paths that go on and of shadow rays.
+    #[inline(always)]
+    fn scatter<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
+        let (paths, surfaces, shadows) = (&mut batch.paths, &batch.surfaces, &mut batch.shadows);
+        let zero = T::splat(0.0);
+        let (mut next, mut cast) = (0, 0);
+        for at in (0..alive).step_by(T::WIDTH) {
+            let active = T::load(&batch.numbers[at..]).lt(T::splat(alive as f32));
+            let sampler = Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) };
+            let slot = T::Int::load(&paths.slot[at..]);
+            let throughput: Rgb<T> = load(&paths.throughput, at);
+
+            let (face, normal) = (load(&surfaces.face, at), load(&surfaces.normal, at));
+            let shading = Basis::around(normal);
+            let bent = T::load(&surfaces.bent[at..]).gt(zero);
+            let mut wo = shading.to_local(-load::<T>(&paths.direction, at));
+            let active = active & wo.z.gt(T::splat(1e-5));
+            wo.z = at_least(wo.z, 1e-5);
+            let substance = Substance {
+                base_color: load(&surfaces.base_color, at),
+                roughness: T::load(&surfaces.roughness[at..]),
+                metallic: T::load(&surfaces.metallic[at..]),
+                dielectric_f0: T::load(&surfaces.dielectric_f0[at..]),
+            };
+            let bsdf = Bsdf::new(&substance, wo, table());
+            let origin = departure(load(&surfaces.position, at), face);
+
+            if !self.lights.is_empty() {
+                let (light, radiance) = self.lights.sample(origin, normal, sampler.pair(1 + 2 * bounce));
+                let wi = shading.to_local(light.direction);
+                let (value, pdf) = bsdf.evaluate(wi);
+                let weight = match self.settings.strategy {
+                    Strategy::Combined => heuristic(light.pdf, pdf),
+                    #[cfg(test)]
+                    Strategy::Lights => T::splat(1.0),
+                    #[cfg(test)]
+                    Strategy::Scattering => zero,
+                };
+                let factor = terminator(face, normal, bent, light.direction) * weight * inverse(light.pdf);
+                let contribution = self.limited(throughput * value * radiance * factor);
+                let above = wi.z.gt(T::splat(1e-6)) & light.direction.dot(face).gt(zero);
+                let seen = !self.lights.hide(origin, light.direction, light.distance);
+                let chosen = active & light.valid & above & is_light(contribution) & seen;
+                compress(origin, chosen, &mut shadows.origin, cast);
+                compress(light.direction, chosen, &mut shadows.direction, cast);
+                compress(contribution, chosen, &mut shadows.contribution, cast);
+                light.distance.compress(chosen, &mut shadows.distance[cast..]);
+                slot.compress(chosen, &mut shadows.slot[cast..]);
+                cast += chosen.to_bits().count_ones() as usize;
+            }
+
+            let scattered = bsdf.sample(sampler.pair(2 + 2 * bounce));
+            let direction = shading.to_world(scattered.wi);
+            let mut throughput = throughput * scattered.weight * terminator(face, normal, bent, direction);
+            let mut going = active & scattered.valid & direction.dot(face).gt(zero) & is_light(throughput);
+            if bounce + 1 >= self.settings.roulette_from {
+                let survival = at_most(throughput.max_component(), 0.95);
+                going = going & sampler.coin(bounce).lt(survival);
+                throughput = throughput * inverse(survival);
+            }
+            let rough = T::pick(scattered.specular, substance.roughness * substance.roughness, T::splat(1.0));
+            let spread = T::load(&paths.spread[at..]) + rough * DIFFUSE_SPREAD;
+            let width = T::load(&paths.width[at..]);
+
+            compress(origin, going, &mut paths.origin, next);
+            compress(direction, going, &mut paths.direction, next);
+            compress(throughput, going, &mut paths.throughput, next);
+            compress(normal, going, &mut paths.normal, next);
+            scattered.pdf.compress(going, &mut paths.pdf[next..]);
+            width.compress(going, &mut paths.width[next..]);
+            spread.compress(going, &mut paths.spread[next..]);
+            sampler.seed.compress(going, &mut paths.seed[next..]);
+            sampler.index.compress(going, &mut paths.index[next..]);
+            slot.compress(going, &mut paths.slot[next..]);
+            next += going.to_bits().count_ones() as usize;
+        }
+        (next, cast)
+    }
+
+    /// A colour with its luminance limited.
+    #[inline(always)]
+    fn limited<T: Real>(&self, color: Rgb<T>) -> Rgb<T> {
+        let limit = self.settings.clamp;
+        if limit == f32::INFINITY {
+            return color;
+        }
+        color * at_most(T::splat(limit) / at_least(color.luminance(), 1e-30), 1.0)
+    }
+}
+
+/// Adds light to a path's sum.
+#[inline(always)]
+fn deposit(radiance: &mut [[f32; 3]; BATCH], slot: u32, found: Vec3) {
+    let sum = &mut radiance[slot as usize % BATCH];
+    *sum = [sum[0] + found.x, sum[1] + found.y, sum[2] + found.z];
+}
+
+/// Whether a colour is more than black, and a number.
+#[inline(always)]
+fn is_light<T: Real>(color: Rgb<T>) -> T::Mask {
+    let sum = color.x + color.y + color.z;
+    sum.gt(T::splat(0.0)) & sum.lt(T::splat(f32::INFINITY))
 }
 
 /// Power heuristic with exponent two.
 #[inline(always)]
-fn heuristic(own: f32, other: f32) -> f32 {
+fn heuristic<T: Real>(own: T, other: T) -> T {
     // As a quotient, so that squares of large densities cannot overflow.
     let ratio = other / own;
-    1.0 / (1.0 + ratio * ratio)
+    inverse(ratio * ratio + 1.0_f32)
 }
 
-/// A colour with its luminance limited.
+/// How much of the light from `wi` a bent normal lets through: softens the edge where the faces of a smooth mesh turn
+/// away from a light that their normals still see (Chiang, Li and Burley, SIGGRAPH 2019 talks).
 #[inline(always)]
-fn limited(color: Rgb, limit: f32) -> Rgb {
-    if limit == f32::INFINITY {
-        return color;
-    }
-    let luminance = color.luminance();
-    if luminance > limit { color * (limit / luminance) } else { color }
+fn terminator<T: Real>(face: Vec3<T>, normal: Vec3<T>, bent: T::Mask, wi: Vec3<T>) -> T {
+    let g = face.dot(wi) * inverse(at_least(normal.dot(wi) * normal.dot(face), 1e-6));
+    let g = at_most(g, 1.0);
+    T::pick(bent, g * (g + 1.0_f32 - g * g), T::splat(1.0))
+}
+
+/// Where scattered rays start: off the surface by more than rounding errors, on its side.
+#[inline(always)]
+fn departure<T: Real>(position: Vec3<T>, face: Vec3<T>) -> Vec3<T> {
+    let largest = position.map(Real::abs).max_component();
+    position + face * ((largest + 0.5_f32) * 4e-6_f32)
 }

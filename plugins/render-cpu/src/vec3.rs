@@ -1,21 +1,22 @@
 //! Small `f32` vectors: points, directions and linear Rec. 709 colours.
 
-use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub};
+use crate::real::Real;
+use std::ops::{Add, Mul, Neg, Sub};
 
 /// Three numbers: a point or direction in metres, or a linear Rec. 709 colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Vec3 {
-    pub x: f32,
-    pub y: f32,
-    pub z: f32,
+pub(crate) struct Vec3<T = f32> {
+    pub x: T,
+    pub y: T,
+    pub z: T,
 }
 
 /// A linear Rec. 709 colour: radiance in nits, or a reflectance.
-pub(crate) type Rgb = Vec3;
+pub(crate) type Rgb<T = f32> = Vec3<T>;
 
 /// Shorthand for a [`Vec3`].
 #[inline(always)]
-pub(crate) const fn vec3(x: f32, y: f32, z: f32) -> Vec3 {
+pub(crate) const fn vec3<T: Copy>(x: T, y: T, z: T) -> Vec3<T> {
     Vec3 { x, y, z }
 }
 
@@ -24,29 +25,8 @@ impl Vec3 {
     pub const ONE: Self = vec3(1.0, 1.0, 1.0);
 
     #[inline(always)]
-    pub const fn splat(v: f32) -> Self {
-        vec3(v, v, v)
-    }
-
-    #[inline(always)]
-    pub fn dot(self, o: Self) -> f32 {
-        self.x * o.x + self.y * o.y + self.z * o.z
-    }
-
-    #[inline(always)]
-    pub fn cross(self, o: Self) -> Self {
-        vec3(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
-    }
-
-    #[inline(always)]
-    pub fn length(self) -> f32 {
-        self.dot(self).sqrt()
-    }
-
-    /// Unit length; the vector must not be zero.
-    #[inline(always)]
-    pub fn normalized(self) -> Self {
-        self * (1.0 / self.length())
+    pub const fn array(self) -> [f32; 3] {
+        [self.x, self.y, self.z]
     }
 
     /// Unit length, or `other` if the vector is too short to have a direction.
@@ -57,34 +37,69 @@ impl Vec3 {
     }
 
     #[inline(always)]
-    pub fn max_component(self) -> f32 {
-        max(self.x, max(self.y, self.z))
+    pub fn is_black(self) -> bool {
+        self.x == 0.0 && self.y == 0.0 && self.z == 0.0
+    }
+}
+
+impl<T: Real> Vec3<T> {
+    /// The same vector in every lane.
+    #[inline(always)]
+    pub fn broadcast(v: Vec3) -> Self {
+        vec3(T::splat(v.x), T::splat(v.y), T::splat(v.z))
     }
 
     #[inline(always)]
-    pub fn is_black(self) -> bool {
-        self.x == 0.0 && self.y == 0.0 && self.z == 0.0
+    pub fn all(v: T) -> Self {
+        vec3(v, v, v)
+    }
+
+    /// By lane, `yes` where the mask is true.
+    #[inline(always)]
+    pub fn pick(mask: T::Mask, yes: Self, no: Self) -> Self {
+        vec3(T::pick(mask, yes.x, no.x), T::pick(mask, yes.y, no.y), T::pick(mask, yes.z, no.z))
+    }
+
+    #[inline(always)]
+    pub fn dot(self, o: Self) -> T {
+        self.x * o.x + self.y * o.y + self.z * o.z
+    }
+
+    #[inline(always)]
+    pub fn cross(self, o: Self) -> Self {
+        vec3(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
+    }
+
+    #[inline(always)]
+    pub fn length(self) -> T {
+        self.dot(self).sqrt()
+    }
+
+    /// Unit length; the vector must not be zero.
+    #[inline(always)]
+    pub fn normalized(self) -> Self {
+        self * (T::splat(1.0) / self.length())
+    }
+
+    #[inline(always)]
+    pub fn max_component(self) -> T {
+        self.x.larger(self.y.larger(self.z))
     }
 
     /// Luminance of a linear Rec. 709 colour.
     #[inline(always)]
-    pub fn luminance(self) -> f32 {
-        0.2126 * self.x + 0.7152 * self.y + 0.0722 * self.z
+    pub fn luminance(self) -> T {
+        self.x * 0.2126_f32 + self.y * 0.7152_f32 + self.z * 0.0722_f32
     }
 
     #[inline(always)]
-    pub fn lerp(self, to: Self, t: f32) -> Self {
+    pub fn lerp(self, to: Self, t: T) -> Self {
         self + (to - self) * t
     }
 
     #[inline(always)]
-    pub fn map(self, f: impl Fn(f32) -> f32) -> Self {
+    pub fn map(self, f: impl Fn(T) -> T) -> Self {
         vec3(f(self.x), f(self.y), f(self.z))
-    }
-
-    #[inline(always)]
-    pub const fn array(self) -> [f32; 3] {
-        [self.x, self.y, self.z]
     }
 }
 
@@ -97,7 +112,7 @@ impl From<[f32; 3]> for Vec3 {
 
 macro_rules! componentwise {
     ($($trait:ident $method:ident $op:tt),*) => {$(
-        impl $trait for Vec3 {
+        impl<T: Real> $trait for Vec3<T> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, o: Self) -> Self {
@@ -106,17 +121,17 @@ macro_rules! componentwise {
         }
     )*};
 }
-componentwise!(Add add +, Sub sub -, Mul mul *, Div div /);
+componentwise!(Add add +, Sub sub -, Mul mul *);
 
-impl Mul<f32> for Vec3 {
+impl<T: Real> Mul<T> for Vec3<T> {
     type Output = Self;
     #[inline(always)]
-    fn mul(self, s: f32) -> Self {
+    fn mul(self, s: T) -> Self {
         vec3(self.x * s, self.y * s, self.z * s)
     }
 }
 
-impl Neg for Vec3 {
+impl<T: Real> Neg for Vec3<T> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -124,64 +139,35 @@ impl Neg for Vec3 {
     }
 }
 
-impl AddAssign for Vec3 {
-    #[inline(always)]
-    fn add_assign(&mut self, o: Self) {
-        *self = *self + o;
-    }
-}
-
-impl MulAssign for Vec3 {
-    #[inline(always)]
-    fn mul_assign(&mut self, o: Self) {
-        *self = *self * o;
-    }
-}
-
-impl MulAssign<f32> for Vec3 {
-    #[inline(always)]
-    fn mul_assign(&mut self, s: f32) {
-        *self = *self * s;
-    }
-}
-
-/// The larger number; the second if one is NaN. One instruction, unlike `f32::max`.
-#[inline(always)]
-pub(crate) fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The smaller number; the second if one is NaN.
-#[inline(always)]
-pub(crate) fn min(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
 /// A right-handed orthonormal frame around a direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Basis {
-    pub x: Vec3,
-    pub y: Vec3,
-    pub z: Vec3,
+pub(crate) struct Basis<T = f32> {
+    pub x: Vec3<T>,
+    pub y: Vec3<T>,
+    pub z: Vec3<T>,
 }
 
-impl Basis {
+impl<T: Real> Basis<T> {
     /// Around a unit vector, without branches (Duff et al., JCGT 2017).
     #[inline(always)]
-    pub fn around(z: Vec3) -> Self {
-        let sign = 1.0_f32.copysign(z.z);
-        let a = -1.0 / (sign + z.z);
+    pub fn around(z: Vec3<T>) -> Self {
+        let sign = T::splat(1.0).copysign(z.z);
+        let a = T::splat(-1.0) / (sign + z.z);
         let b = z.x * z.y * a;
-        Self { x: vec3(1.0 + sign * z.x * z.x * a, sign * b, -sign * z.x), y: vec3(b, sign + z.y * z.y * a, -z.y), z }
+        Self {
+            x: vec3(sign * z.x * z.x * a + 1.0_f32, sign * b, -sign * z.x),
+            y: vec3(b, sign + z.y * z.y * a, -z.y),
+            z,
+        }
     }
 
     #[inline(always)]
-    pub fn to_local(self, v: Vec3) -> Vec3 {
+    pub fn to_local(self, v: Vec3<T>) -> Vec3<T> {
         vec3(v.dot(self.x), v.dot(self.y), v.dot(self.z))
     }
 
     #[inline(always)]
-    pub fn to_world(self, v: Vec3) -> Vec3 {
+    pub fn to_world(self, v: Vec3<T>) -> Vec3<T> {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
 }

@@ -1,11 +1,12 @@
 //! A scene made ready: trees, surfaces and materials of every body, and what a ray finds at a hit.
 
-use crate::bsdf::{Bsdf, Substance};
+use crate::bsdf::Substance;
 use crate::bvh::{Affine, Hit, Instance, Ray, SceneBvh};
 use crate::cache::SceneCache;
 use crate::material::{Coordinates, Mapping, Material, box_axes};
 use crate::mesh::{TracedMesh, Triangle, unpack};
-use crate::vec3::{Basis, Rgb, Vec3, max, vec3};
+use crate::real::{max, min};
+use crate::vec3::{Rgb, Vec3, vec3};
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_model::context::Workers;
 use syntable_model::geometry::Pose;
@@ -35,13 +36,6 @@ struct TracedBody {
     has_cutouts: bool,
 }
 
-/// The width of what a ray sees, for choosing texture levels: a cone, metres and metres a metre.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cone {
-    pub width: f32,
-    pub spread: f32,
-}
-
 /// What a ray finds where it meets a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
@@ -49,9 +43,9 @@ pub(crate) struct Surface {
     pub position: Vec3,
     /// Unit normal of the triangle, towards the ray's origin.
     pub face: Vec3,
-    /// Frame of the shading normal, on the same side as `face`, with the ray's origin above its horizon.
-    pub shading: Basis,
-    /// Whether `shading` is bent away from `face`.
+    /// Unit shading normal, on the same side as `face`, with the ray's origin above its horizon.
+    pub normal: Vec3,
+    /// Whether `normal` is bent away from `face`.
     pub bent: bool,
     pub substance: Substance,
     /// Emitted radiance towards the ray, nits.
@@ -171,7 +165,7 @@ impl World {
         let outward = body.to_world(triangle.normal);
         let mut position = origin + along * t;
         // Back onto the triangle's plane, so that what is left of the error does not grow with the distance.
-        position += outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
+        position = position + outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
         let side = if outward.dot(along) > 0.0 { -1.0 } else { 1.0 };
         let face = outward * side;
 
@@ -207,7 +201,7 @@ impl World {
         Surface {
             position,
             face,
-            shading: Basis::around(normal),
+            normal,
             bent,
             substance: material.substance(at, tint),
             emission: material.emission(at),
@@ -274,7 +268,7 @@ fn above_horizon(normal: Vec3, face: Vec3, wo: Vec3) -> Vec3 {
     }
     let height = n.dot(wo);
     // Never steeper than the face itself allows.
-    let least = crate::vec3::min(0.02, 0.9 * face.dot(wo));
+    let least = min(0.02, 0.9 * face.dot(wo));
     if height < least {
         n = (n + (wo - n * height).normalized_or(Vec3::ZERO) * (least - height + 1e-4)).normalized_or(face);
         if n.dot(wo) <= 0.0 || n.dot(face) <= 0.0 {
@@ -282,34 +276,6 @@ fn above_horizon(normal: Vec3, face: Vec3, wo: Vec3) -> Vec3 {
         }
     }
     n
-}
-
-impl Surface {
-    /// The scattering towards a direction `wo` in the world, unit length; none if it grazes too closely to be computed.
-    #[inline]
-    pub fn bsdf(&self, wo: Vec3) -> Option<Bsdf> {
-        let local = self.shading.to_local(wo);
-        (local.z > 1e-5).then(|| Bsdf::new(&self.substance, local))
-    }
-
-    /// How much of the light from `wi` a bent normal lets through: softens the edge where the faces of a smooth mesh
-    /// turn away from a light that their normals still see (Chiang, Li and Burley, SIGGRAPH 2019 talks).
-    #[inline(always)]
-    pub fn terminator(&self, wi: Vec3) -> f32 {
-        if !self.bent {
-            return 1.0;
-        }
-        let n = self.shading.z;
-        let g = self.face.dot(wi) / max(n.dot(wi) * n.dot(self.face), 1e-6);
-        if g >= 1.0 { 1.0 } else { g * (1.0 + g - g * g) }
-    }
-
-    /// Where rays towards `wi` start: off the surface by more than rounding errors, on its side.
-    #[inline(always)]
-    pub fn departure(&self) -> Vec3 {
-        let largest = self.position.map(f32::abs).max_component();
-        self.position + self.face * (4e-6 * (largest + 0.5))
-    }
 }
 
 /// A body's materials by slot, laid on it.

@@ -2,67 +2,92 @@
 //! the shading normal.
 
 use crate::approx::sin_cos_turns;
-use crate::vec3::{Vec3, max, vec3};
+use crate::real::{Real, at_least, complement, inverse};
+use crate::vec3::{Vec3, vec3};
 use std::f32::consts::PI;
 
 /// Smallest α: rougher than a mirror by an angle too small to see, but within the range of `f32`.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
 
-/// Cosines below this count as this, to keep quotients finite.
-const MIN_COS: f32 = 1e-6;
+/// Quotients' divisors below this count as this.
+const SMALL: f32 = 1e-6;
 
-/// Density of microfacet normals, per steradian and projected area.
-#[inline(always)]
-pub(super) fn density(alpha2: f32, h: Vec3) -> f32 {
-    let d = h.x * h.x + h.y * h.y + alpha2 * h.z * h.z;
-    alpha2 / max(PI * d * d, 1e-30)
+/// The distribution at one roughness, with what all incoming directions share for one outgoing direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ggx<T> {
+    wo: Vec3<T>,
+    alpha: T,
+    alpha2: T,
+    /// √(α² + (1 − α²) μₒ²): what masking is made of.
+    stretch: T,
+    /// Share of the cap of visible normals below the horizon that can reflect upwards.
+    bound: T,
+    /// Factor of the density that makes it that of sampled directions.
+    per_density: T,
 }
 
-/// √(α² + (1 − α²) μ²): what masking is made of.
-#[inline(always)]
-pub(super) fn stretch(alpha2: f32, mu: f32) -> f32 {
-    (alpha2 + (1.0 - alpha2) * mu * mu).sqrt()
+impl<T: Real> Ggx<T> {
+    /// `wo` is unit length with z > 0.
+    #[inline(always)]
+    pub fn new(alpha: T, wo: Vec3<T>) -> Self {
+        let alpha2 = alpha * alpha;
+        let stretch = stretch(alpha2, wo.z);
+        // Eto and Tokuyoshi, SIGGRAPH Asia 2023.
+        let s = (wo.x * wo.x + wo.y * wo.y).sqrt() + 1.0_f32;
+        let s2 = s * s;
+        let bound = complement(alpha2) * s2 / (s2 + alpha2 * wo.z * wo.z);
+        let per_density = inverse(at_least((bound * wo.z + stretch) * 2.0_f32, SMALL));
+        Self { wo, alpha, alpha2, stretch, bound, per_density }
+    }
+
+    /// Density of microfacet normals at `h`, per steradian and projected area.
+    #[inline(always)]
+    pub fn density(&self, h: Vec3<T>) -> T {
+        let d = h.x * h.x + h.y * h.y + self.alpha2 * h.z * h.z;
+        self.alpha2 / at_least(d * d * PI, 1e-30)
+    }
+
+    /// Masking and shadowing over 4 μₒ μᵢ (Heitz, JCGT 2014), so that `density · visibility · Fresnel` is the BRDF.
+    #[inline(always)]
+    pub fn visibility(&self, mu_i: T) -> T {
+        T::splat(0.5) / at_least(mu_i * self.stretch + self.wo.z * stretch(self.alpha2, mu_i), SMALL)
+    }
+
+    /// Samples a reflected direction from the visible normals, bounded to those that reflect upwards (Dupuy and
+    /// Benyoub, HPG 2023). May still point below the horizon.
+    #[inline(always)]
+    pub fn sample(&self, [u, v]: [T; 2]) -> Vec3<T> {
+        let standard = vec3(self.wo.x * self.alpha, self.wo.y * self.alpha, self.wo.z).normalized();
+        let bound = self.bound * standard.z;
+        let z = complement(v) * (bound + 1.0_f32) - bound;
+        let r = at_least(complement(z * z), 0.0).sqrt();
+        let (sin, cos) = sin_cos_turns(u);
+        let h = vec3(r * cos + standard.x, r * sin + standard.y, z + standard.z);
+        let h = vec3(h.x * self.alpha, h.y * self.alpha, h.z);
+        // The cap's edge gives no normal at all: then straight up.
+        let square = h.dot(h);
+        let sound = square.gt(T::splat(1e-30));
+        let h = h * inverse(T::pick(sound, square, T::splat(1.0)).sqrt());
+        let h = Vec3::pick(sound, h, Vec3::broadcast(vec3(0.0, 0.0, 1.0)));
+        h * (self.wo.dot(h) * 2.0_f32) - self.wo
+    }
+
+    /// Density of [`Self::sample`] per steradian, given the density at the half vector.
+    #[inline(always)]
+    pub fn pdf(&self, density: T) -> T {
+        density * self.per_density
+    }
 }
 
-/// Masking and shadowing over 4 μₒ μᵢ (Heitz, JCGT 2014), so that `density · visibility · Fresnel` is the BRDF.
 #[inline(always)]
-pub(super) fn visibility(alpha2: f32, mu_o: f32, mu_i: f32) -> f32 {
-    0.5 / max(mu_i * stretch(alpha2, mu_o) + mu_o * stretch(alpha2, mu_i), MIN_COS)
+fn stretch<T: Real>(alpha2: T, mu: T) -> T {
+    (alpha2 + complement(alpha2) * mu * mu).sqrt()
 }
 
 /// Schlick's rise towards grazing angles, (1 − cos)⁵.
 #[inline(always)]
-pub(super) fn schlick(cosine: f32) -> f32 {
-    let m = 1.0 - cosine;
+pub(super) fn schlick<T: Real>(cosine: T) -> T {
+    let m = complement(cosine);
     let m2 = m * m;
     m2 * m2 * m
-}
-
-/// Samples a reflected direction from the visible normals, bounded to those that reflect upwards (Dupuy and Benyoub,
-/// HPG 2023; Eto and Tokuyoshi, SIGGRAPH Asia 2023). May still point below the horizon.
-#[inline(always)]
-pub(super) fn sample(alpha: f32, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
-    let standard = vec3(wo.x * alpha, wo.y * alpha, wo.z).normalized();
-    let bound = cap_bound(alpha, wo) * standard.z;
-    let z = (1.0 - v) * (1.0 + bound) - bound;
-    let r = max(1.0 - z * z, 0.0).sqrt();
-    let (sin, cos) = sin_cos_turns(u);
-    let h = vec3(r * cos + standard.x, r * sin + standard.y, z + standard.z);
-    let h = vec3(h.x * alpha, h.y * alpha, h.z).normalized_or(vec3(0.0, 0.0, 1.0));
-    h * (2.0 * wo.dot(h)) - wo
-}
-
-/// Density of [`sample`] per steradian, given the distribution's density at the half vector.
-#[inline(always)]
-pub(super) fn pdf(alpha: f32, wo: Vec3, density: f32) -> f32 {
-    let t = stretch(alpha * alpha, wo.z);
-    density / max(2.0 * (cap_bound(alpha, wo) * wo.z + t), MIN_COS)
-}
-
-/// Share of the spherical cap below the horizon that can reflect upwards.
-#[inline(always)]
-fn cap_bound(alpha: f32, wo: Vec3) -> f32 {
-    let s = 1.0 + (wo.x * wo.x + wo.y * wo.y).sqrt();
-    let (a2, s2) = (alpha * alpha, s * s);
-    (1.0 - a2) * s2 / (s2 + a2 * wo.z * wo.z)
 }

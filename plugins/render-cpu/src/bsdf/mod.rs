@@ -16,11 +16,13 @@ mod ggx;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use albedo::prepare;
+pub(crate) use albedo::{Table, table};
 
 use crate::approx::sin_cos_turns;
-use crate::vec3::{Rgb, Vec3, max, min, vec3};
+use crate::real::{Real, at_least, at_most, complement, inverse, max, min};
+use crate::vec3::{Rgb, Vec3, vec3};
 use albedo::{Albedo, Row};
+use ggx::Ggx;
 use std::f32::consts::FRAC_1_PI;
 
 /// Cosine-weighted mean of Schlick's rise.
@@ -28,150 +30,147 @@ const SCHLICK_MEAN: f32 = 1.0 / 21.0;
 
 /// What a material is at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Substance {
+pub(crate) struct Substance<T = f32> {
     /// Diffuse albedo of the dielectric, reflectance of the metal at normal incidence.
-    pub base_color: Rgb,
+    pub base_color: Rgb<T>,
     /// Perceptual roughness in [0, 1]; α is its square.
-    pub roughness: f32,
+    pub roughness: T,
     /// 0 dielectric … 1 metal.
-    pub metallic: f32,
+    pub metallic: T,
     /// Reflectance of the dielectric at normal incidence.
-    pub dielectric_f0: f32,
+    pub dielectric_f0: T,
 }
 
 /// Scattering at a point, for one outgoing direction. Directions are local: z along the shading normal, away from the
 /// surface on both sides.
-#[derive(Clone, Debug)]
-pub(crate) struct Bsdf {
-    wo: Vec3,
-    alpha: f32,
-    f0: Rgb,
-    f90: f32,
-    row: Row<'static>,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bsdf<T: Real = f32> {
+    table: &'static Table,
+    wo: Vec3<T>,
+    ggx: Ggx<T>,
+    row: Row<T>,
+    f0: Rgb<T>,
+    f90: T,
     /// Factor of the multiple-scattering lobe, (1 − E(μₒ)) included.
-    multiple: Rgb,
+    multiple: Rgb<T>,
     /// Factor of the diffuse lobe, (1 − Eₛ(μₒ)) included.
-    diffuse: Rgb,
-    dielectric: Interface,
+    diffuse: Rgb<T>,
+    dielectric: Interface<T>,
     /// Probability of sampling the specular lobe.
-    specular_share: f32,
+    specular_share: T,
 }
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Scattered {
-    pub wi: Vec3,
+pub(crate) struct Scattered<T: Real> {
+    /// Whether there is one: none points into the surface.
+    pub valid: T::Mask,
+    pub wi: Vec3<T>,
     /// BSDF times cosine over density.
-    pub weight: Rgb,
+    pub weight: Rgb<T>,
     /// Density per steradian.
-    pub pdf: f32,
+    pub pdf: T,
     /// Whether the specular lobe was sampled.
-    pub specular: bool,
+    pub specular: T::Mask,
 }
 
 /// Reflection at a dielectric's surface: at normal incidence, at grazing incidence, after more than one bounce.
 #[derive(Clone, Copy, Debug)]
-struct Interface {
-    f0: f32,
-    f90: f32,
-    multiple: f32,
+struct Interface<T> {
+    f0: T,
+    f90: T,
+    multiple: T,
 }
 
-impl Interface {
+impl<T: Real> Interface<T> {
     /// Albedo, multiple scattering included.
     #[inline(always)]
-    fn albedo(&self, lobe: Albedo) -> f32 {
-        self.f0 * lobe.facing + self.f90 * lobe.grazing + self.multiple * max(1.0 - lobe.white(), 0.0)
+    fn albedo(&self, lobe: Albedo<T>) -> T {
+        self.f0 * lobe.facing + self.f90 * lobe.grazing + self.multiple * at_least(complement(lobe.white()), 0.0)
     }
 }
 
 /// Share of the light that leaves after more than one bounce, of that which Smith's model loses (Kulla and Conty).
 #[inline(always)]
-fn multiple_reflectance(f0: f32, f90: f32, albedo_mean: f32) -> f32 {
+fn multiple_reflectance<T: Real>(f0: T, f90: T, albedo_mean: T) -> T {
     let fresnel_mean = f0 + (f90 - f0) * SCHLICK_MEAN;
-    fresnel_mean * fresnel_mean * albedo_mean / max(1.0 - fresnel_mean * (1.0 - albedo_mean), 1e-6)
+    fresnel_mean * fresnel_mean * albedo_mean / at_least(complement(fresnel_mean * complement(albedo_mean)), 1e-6)
 }
 
-impl Bsdf {
+impl<T: Real> Bsdf<T> {
     /// `wo` is unit length with z > 0.
-    #[inline]
-    pub fn new(substance: &Substance, wo: Vec3) -> Self {
+    #[inline(always)]
+    pub fn new(substance: &Substance<T>, wo: Vec3<T>, table: &'static Table) -> Self {
         let Substance { base_color, roughness, metallic, dielectric_f0 } = *substance;
-        let (row, mean) = albedo::at_roughness(roughness);
-        let own = row.at(wo.z);
-        let lost = max(1.0 - own.white(), 0.0);
-        let lost_mean = max(1.0 - mean.white(), 1e-4);
+        let row = Row::new(roughness);
+        let (own, mean) = (row.at(table, wo.z), row.mean(table));
+        let lost = at_least(complement(own.white()), 0.0);
+        let lost_mean = at_least(complement(mean.white()), 1e-4);
 
         let dielectric = {
-            let f90 = min(50.0 * dielectric_f0, 1.0);
+            let f90 = at_most(dielectric_f0 * 50.0_f32, 1.0);
             Interface { f0: dielectric_f0, f90, multiple: multiple_reflectance(dielectric_f0, f90, mean.white()) }
         };
-        let f0 = Rgb::splat(dielectric_f0).lerp(base_color, metallic);
-        let f90 = dielectric.f90 + (1.0 - dielectric.f90) * metallic;
-        let per_lost = FRAC_1_PI / lost_mean;
-        let metal = base_color.map(|f0| multiple_reflectance(f0, 1.0, mean.white()));
-        let multiple_full = Rgb::splat(dielectric.multiple).lerp(metal, metallic);
+        let f0 = Rgb::all(dielectric_f0).lerp(base_color, metallic);
+        let f90 = dielectric.f90 + complement(dielectric.f90) * metallic;
+        let one = T::splat(1.0);
+        let metal = vec3(
+            multiple_reflectance(base_color.x, one, mean.white()),
+            multiple_reflectance(base_color.y, one, mean.white()),
+            multiple_reflectance(base_color.z, one, mean.white()),
+        );
+        let multiple = Rgb::all(dielectric.multiple).lerp(metal, metallic);
 
-        let through_mean = max(1.0 - dielectric.albedo(mean), 1e-4);
-        let body = base_color * ((1.0 - metallic) * max(1.0 - dielectric.albedo(own), 0.0));
+        let through_mean = at_least(complement(dielectric.albedo(mean)), 1e-4);
+        let body = base_color * (complement(metallic) * at_least(complement(dielectric.albedo(own)), 0.0));
 
         let specular = (f0 * own.facing).luminance() + f90 * own.grazing;
-        let rest = body.luminance() + multiple_full.luminance() * lost;
-        let share = specular / max(specular + rest, 1e-6);
+        let rest = body.luminance() + multiple.luminance() * lost;
+        let share = min(at_least(specular / at_least(specular + rest, 1e-6), 0.05), T::splat(0.95));
+        let share = T::pick(specular.le(T::splat(0.0)), T::splat(0.0), share);
         Self {
+            table,
             wo,
-            alpha: max(roughness * roughness, ggx::MIN_ALPHA),
+            ggx: Ggx::new(at_least(roughness * roughness, ggx::MIN_ALPHA), wo),
+            row,
             f0,
             f90,
-            row,
-            multiple: multiple_full * (lost * per_lost),
-            diffuse: body * (FRAC_1_PI / through_mean),
+            multiple: multiple * (lost * (T::splat(FRAC_1_PI) / lost_mean)),
+            diffuse: body * (T::splat(FRAC_1_PI) / through_mean),
             dielectric,
-            specular_share: if rest <= 1e-4 {
-                1.0
-            } else if specular <= 0.0 {
-                0.0
-            } else {
-                min(max(share, 0.05), 0.95)
-            },
+            specular_share: T::pick(rest.le(T::splat(1e-4)), one, share),
         }
     }
 
     /// BSDF times the cosine of `wi`, and the density of sampling it. `wi` is unit length with z > 0.
-    #[inline]
-    pub fn evaluate(&self, wi: Vec3) -> (Rgb, f32) {
-        let h = (self.wo + wi).normalized();
-        let alpha2 = self.alpha * self.alpha;
-        let density = ggx::density(alpha2, h);
+    #[inline(always)]
+    pub fn evaluate(&self, wi: Vec3<T>) -> (Rgb<T>, T) {
+        let h = self.wo + wi;
+        let h = h * inverse(max(h.dot(h), T::splat(1e-20)).sqrt());
+        let density = self.ggx.density(h);
         let rise = ggx::schlick(self.wo.dot(h));
-        let fresnel = self.f0 + (Rgb::splat(self.f90) - self.f0) * rise;
-        let specular = fresnel * (density * ggx::visibility(alpha2, self.wo.z, wi.z));
-        let albedo = self.row.at(wi.z);
-        let multiple = self.multiple * max(1.0 - albedo.white(), 0.0);
-        let through = 1.0 - self.dielectric.albedo(albedo);
-        let diffuse = self.diffuse * max(through, 0.0);
-        let pdf = self.specular_share * ggx::pdf(self.alpha, self.wo, density)
-            + (1.0 - self.specular_share) * wi.z * FRAC_1_PI;
+        let fresnel = self.f0 + (Rgb::all(self.f90) - self.f0) * rise;
+        let specular = fresnel * (density * self.ggx.visibility(wi.z));
+        let albedo = self.row.at(self.table, wi.z);
+        let multiple = self.multiple * at_least(complement(albedo.white()), 0.0);
+        let diffuse = self.diffuse * at_least(complement(self.dielectric.albedo(albedo)), 0.0);
+        let pdf = self.specular_share * self.ggx.pdf(density) + complement(self.specular_share) * wi.z * FRAC_1_PI;
         ((specular + multiple + diffuse) * wi.z, pdf)
     }
 
-    /// Samples a direction; none if it points into the surface.
-    #[inline]
-    pub fn sample(&self, [u, v]: [f32; 2]) -> Option<Scattered> {
+    /// Samples a direction.
+    #[inline(always)]
+    pub fn sample(&self, [u, v]: [T; 2]) -> Scattered<T> {
         let share = self.specular_share;
-        let specular = u < share;
-        let wi = if specular {
-            ggx::sample(self.alpha, self.wo, [u / share, v])
-        } else {
-            let r2 = (u - share) / (1.0 - share);
-            let (sin, cos) = sin_cos_turns(v);
-            let r = r2.sqrt();
-            vec3(r * cos, r * sin, max(1.0 - r2, 0.0).sqrt())
-        };
-        if wi.z < 1e-6 || wi.z.is_nan() {
-            return None;
-        }
+        let specular = u.lt(share);
+        let glossy = self.ggx.sample([u / at_least(share, 1e-6), v]);
+        let r2 = (u - share) / at_least(complement(share), 1e-6);
+        let (sin, cos) = sin_cos_turns(v);
+        let r = at_least(r2, 0.0).sqrt();
+        let matte = vec3(r * cos, r * sin, at_least(complement(r2), 0.0).sqrt());
+        let wi = Vec3::pick(specular, glossy, matte);
         let (value, pdf) = self.evaluate(wi);
-        (pdf > 0.0 && pdf < f32::INFINITY).then(|| Scattered { wi, weight: value * (1.0 / pdf), pdf, specular })
+        let valid = wi.z.gt(T::splat(1e-6)) & pdf.gt(T::splat(0.0)) & pdf.lt(T::splat(f32::INFINITY));
+        Scattered { valid, wi, weight: value * inverse(pdf), pdf, specular }
     }
 }

@@ -4,7 +4,11 @@ use super::*;
 use syntable_model::random::Stream;
 
 fn substance(base: f32, roughness: f32, metallic: f32) -> Substance {
-    Substance { base_color: Rgb::splat(base), roughness, metallic, dielectric_f0: 0.04 }
+    Substance { base_color: Rgb::all(base), roughness, metallic, dielectric_f0: 0.04 }
+}
+
+fn bsdf(substance: &Substance, wo: Vec3) -> Bsdf {
+    Bsdf::new(substance, wo, table())
 }
 
 fn towards(mu: f32, turn: f32) -> Vec3 {
@@ -21,7 +25,8 @@ fn albedo(bsdf: &Bsdf, n: u32) -> f64 {
     let mut sum = 0.0;
     for i in 0..n {
         let u = [(i as f32 + 0.5) / n as f32, (i.reverse_bits() >> 8) as f32 / (1 << 24) as f32];
-        sum += bsdf.sample(u).map_or(0.0, |s| f64::from(s.weight.x));
+        let scattered = bsdf.sample(u);
+        sum += if scattered.valid { f64::from(scattered.weight.x) } else { 0.0 };
     }
     sum / f64::from(n)
 }
@@ -31,7 +36,7 @@ fn white_furnace() {
     for roughness in ROUGHNESSES {
         for metallic in [0.0, 0.5, 1.0] {
             for mu in COSINES {
-                let bsdf = Bsdf::new(&substance(1.0, roughness, metallic), towards(mu, 0.3));
+                let bsdf = bsdf(&substance(1.0, roughness, metallic), towards(mu, 0.3));
                 let got = albedo(&bsdf, 16384);
                 assert!((got - 1.0).abs() < 0.008, "roughness {roughness} metallic {metallic} cos {mu}: {got}");
             }
@@ -43,7 +48,7 @@ fn white_furnace() {
 fn a_black_dielectric_reflects_fresnel_alone() {
     // Smooth: Schlick's formula itself.
     for mu in [0.3, 0.6, 1.0] {
-        let bsdf = Bsdf::new(&substance(0.0, 0.0, 0.0), towards(mu, 0.0));
+        let bsdf = bsdf(&substance(0.0, 0.0, 0.0), towards(mu, 0.0));
         let want = f64::from(0.04 + 0.96 * (1.0 - mu).powi(5));
         assert!((albedo(&bsdf, 4096) - want).abs() < 3e-3, "cos {mu}");
     }
@@ -56,8 +61,8 @@ fn reciprocity() {
         let mut unit = || stream.unit() as f32;
         let s = substance(unit(), unit(), unit());
         let (a, b) = (towards(0.02 + 0.98 * unit(), unit()), towards(0.02 + 0.98 * unit(), unit()));
-        let there = Bsdf::new(&s, a).evaluate(b).0.x / b.z;
-        let back = Bsdf::new(&s, b).evaluate(a).0.x / a.z;
+        let there = bsdf(&s, a).evaluate(b).0.x / b.z;
+        let back = bsdf(&s, b).evaluate(a).0.x / a.z;
         assert!((there - back).abs() <= 2e-4 * there.max(1e-3), "{s:?} {a:?} {b:?}: {there} {back}");
     }
 }
@@ -69,18 +74,18 @@ fn samples_follow_their_density() {
     for (roughness, metallic, mu) in
         [(0.3, 0.0, 0.3), (0.45, 1.0, 0.9), (0.6, 0.5, 0.1), (0.8, 1.0, 0.5), (1.0, 0.0, 0.7), (1.0, 1.0, 0.15)]
     {
-        let bsdf = Bsdf::new(&substance(0.6, roughness, metallic), towards(mu, 0.6));
+        let bsdf = bsdf(&substance(0.6, roughness, metallic), towards(mu, 0.6));
         let mut stream = Stream::root(11);
         let mut counts = vec![0_u32; rows * columns];
         let mut below = 0;
         for _ in 0..n {
-            match bsdf.sample([stream.unit() as f32, stream.unit() as f32]) {
-                Some(s) => {
-                    let turn = (f64::from(s.wi.y).atan2(f64::from(s.wi.x)) / std::f64::consts::TAU).rem_euclid(1.0);
-                    let row = ((s.wi.z * rows as f32) as usize).min(rows - 1);
-                    counts[row * columns + ((turn * columns as f64) as usize).min(columns - 1)] += 1;
-                }
-                None => below += 1,
+            let s = bsdf.sample([stream.unit() as f32, stream.unit() as f32]);
+            if s.valid {
+                let turn = (f64::from(s.wi.y).atan2(f64::from(s.wi.x)) / std::f64::consts::TAU).rem_euclid(1.0);
+                let row = ((s.wi.z * rows as f32) as usize).min(rows - 1);
+                counts[row * columns + ((turn * columns as f64) as usize).min(columns - 1)] += 1;
+            } else {
+                below += 1;
             }
         }
         let fine = 8;
@@ -123,11 +128,11 @@ fn narrow_lobes_have_unit_density() {
         for mu in [0.2, 0.7, 1.0] {
             let s = Substance { base_color: Rgb::ONE, roughness, metallic: 1.0, dielectric_f0: 0.04 };
             let wo = towards(mu, 0.0);
-            let bsdf = Bsdf::new(&s, wo);
+            let bsdf = bsdf(&s, wo);
             assert!(bsdf.specular_share > 0.9);
             // Over half vectors in polar coordinates of the slope, where the lobe is wide.
             let (mut sum, n) = (0.0_f64, 400);
-            let alpha = f64::from(bsdf.alpha);
+            let alpha = f64::from(roughness * roughness).max(1e-3);
             for i in 0..n {
                 // tan θ = α √(u / (1 - u)) spreads D evenly.
                 let u = (f64::from(i) + 0.5) / f64::from(n);
@@ -139,8 +144,8 @@ fn narrow_lobes_have_unit_density() {
                     let h = vec3(sin * c, sin * s, cos as f32);
                     let wi = h * (2.0 * wo.dot(h)) - wo;
                     if wi.z > 0.0 && wo.dot(h) > 0.0 {
-                        let d = f64::from(ggx::density(bsdf.alpha * bsdf.alpha, h));
-                        let pdf = f64::from(ggx::pdf(bsdf.alpha, wo, d as f32));
+                        let d = f64::from(bsdf.ggx.density(h));
+                        let pdf = f64::from(bsdf.ggx.pdf(d as f32));
                         // dωᵢ = 4 (wo·h) dωₕ, and u is uniform under D cos θ dωₕ.
                         sum += pdf * 4.0 * f64::from(wo.dot(h)) / (d * cos);
                     }
@@ -156,7 +161,7 @@ fn narrow_lobes_have_unit_density() {
 fn index_one_is_lamberts_law() {
     let s = Substance { dielectric_f0: 0.0, ..substance(0.7, 0.5, 0.0) };
     for (o, i) in [(1.0, 1.0), (0.1, 0.9), (0.3, 0.02)] {
-        let (value, pdf) = Bsdf::new(&s, towards(o, 0.0)).evaluate(towards(i, 0.4));
+        let (value, pdf) = bsdf(&s, towards(o, 0.0)).evaluate(towards(i, 0.4));
         assert!(
             (value.x / i - 0.7 * FRAC_1_PI).abs() < 1e-5 && (pdf / i - FRAC_1_PI).abs() < 1e-6,
             "{o} {i}: {value:?}"

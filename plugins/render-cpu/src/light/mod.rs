@@ -8,6 +8,7 @@ mod sphere;
 #[cfg(test)]
 mod tests;
 
+use crate::real::{Int as _, Mask, Real, inverse};
 use crate::vec3::{Rgb, Vec3};
 use rect::Rect;
 use sphere::Sphere;
@@ -16,24 +17,26 @@ use syntable_model::scene;
 
 /// A direction towards a light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sampled {
+pub(crate) struct Towards<T: Real> {
     /// Unit length.
-    pub direction: Vec3,
+    pub direction: Vec3<T>,
     /// To the light's surface, metres.
-    pub distance: f32,
+    pub distance: T,
     /// Density per steradian.
-    pub pdf: f32,
-    /// Towards the point, nits.
-    pub radiance: Rgb,
+    pub pdf: T,
+    /// Whether there is such a direction.
+    pub valid: T::Mask,
 }
 
 /// Where a ray meets a light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LightHit {
+pub(crate) struct LightHit<T: Real> {
+    /// Whether it does.
+    pub met: T::Mask,
     /// Metres.
-    pub distance: f32,
-    pub radiance: Rgb,
-    index: usize,
+    pub distance: T,
+    /// Number of the light.
+    index: T::Int,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +62,15 @@ impl Lights {
                             .help("give it a finite place and a radius above 0"));
                     }
                     let (centre, radius) = (vector(sphere.centre.coords.as_ref()), sphere.radius as f32);
-                    (Shape::Sphere(Sphere { centre, radius, radiance: color(sphere.radiance) }), sphere.radiance)
+                    (
+                        Shape::Sphere(Sphere {
+                            centre,
+                            radius,
+                            radiance: color(sphere.radiance),
+                            luminance: color(sphere.radiance).luminance(),
+                        }),
+                        sphere.radiance,
+                    )
                 }
                 scene::Light::Rect(rect) => {
                     let (u, v) = (rect.half_u.norm(), rect.half_v.norm());
@@ -78,6 +89,7 @@ impl Lights {
                         normal: vector(rect.normal().as_ref()),
                         half: [u as f32, v as f32],
                         radiance: color(rect.radiance),
+                        luminance: color(rect.radiance).luminance(),
                     };
                     (Shape::Rect(shape), rect.radiance)
                 }
@@ -94,59 +106,95 @@ impl Lights {
         Ok(Self(shapes))
     }
 
-    /// Samples a light for a point with unit normal `n`, in proportion to what it could give there unshadowed.
-    #[inline]
-    pub fn sample(&self, p: Vec3, n: Vec3, [mut u, v]: [f32; 2]) -> Option<Sampled> {
-        let mut total = 0.0;
-        let mut chosen = (None, 0.0);
-        for shape in &self.0 {
-            let importance = shape.importance(p, n);
-            if importance > 0.0 {
+    /// Samples a light for a point with unit normal `n`, in proportion to what it could give there unshadowed. Also
+    /// gives the light's radiance.
+    #[inline(always)]
+    pub fn sample<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, [mut u, v]: [T; 2]) -> (Towards<T>, Rgb<T>) {
+        let zero = T::splat(0.0);
+        let (mut total, mut importance, mut chosen) = (zero, zero, T::Int::splat(u32::MAX));
+        if let [_] = self.0[..] {
+            (total, importance, chosen) = (T::splat(1.0), T::splat(1.0), T::Int::splat(0));
+        } else {
+            for (index, shape) in self.0.iter().enumerate() {
                 // One pass: the newcomer takes over with its share of the total so far, and `u` stays uniform.
-                total += importance;
-                let share = importance / total;
-                if u < share {
-                    chosen = (Some(shape), importance);
-                    u /= share;
-                } else {
-                    u = (u - share) / (1.0 - share);
-                }
+                let own = shape.importance(p, n);
+                let shines = own.gt(zero);
+                total = total + own;
+                let share = own / total;
+                let taken = shines & u.lt(share);
+                let rescaled = T::pick(taken, u / share, (u - share) / (T::splat(1.0) - share));
+                u = T::pick(shines, rescaled, u);
+                importance = T::pick(taken, own, importance);
+                chosen = T::Int::pick(taken, T::Int::splat(index as u32), chosen);
+            }
+            u = u.smaller(T::splat(1.0 - f32::EPSILON));
+        }
+        let mut sampled = Towards { direction: n, distance: zero, pdf: T::splat(1.0), valid: T::Mask::splat(false) };
+        let mut radiance = Vec3::all(zero);
+        for (index, shape) in self.0.iter().enumerate() {
+            let mine = chosen.equals(T::Int::splat(index as u32));
+            if mine.any() {
+                let own = shape.sample(p, [u, v]);
+                sampled = Towards {
+                    direction: Vec3::pick(mine, own.direction, sampled.direction),
+                    distance: T::pick(mine, own.distance, sampled.distance),
+                    pdf: T::pick(mine, own.pdf, sampled.pdf),
+                    valid: mine & own.valid | sampled.valid,
+                };
+                radiance = Vec3::pick(mine, Vec3::broadcast(shape.radiance()), radiance);
             }
         }
-        let u = if u < 1.0 { u } else { 1.0 - f32::EPSILON };
-        let mut sampled = chosen.0?.sample(p, [u, v])?;
-        sampled.pdf *= chosen.1 / total;
-        Some(sampled)
+        sampled.pdf = sampled.pdf * (importance / total.larger(T::splat(f32::MIN_POSITIVE)));
+        sampled.valid = sampled.valid & sampled.pdf.gt(zero) & sampled.pdf.lt(T::splat(f32::INFINITY));
+        (sampled, radiance)
     }
 
-    /// Density with which [`Self::sample`] finds the direction of a hit.
-    #[inline]
-    pub fn pdf(&self, p: Vec3, n: Vec3, hit: &LightHit) -> f32 {
-        let total: f32 = self.0.iter().map(|shape| shape.importance(p, n)).sum();
-        let Some(shape) = self.0.get(hit.index) else { return 0.0 };
-        let importance = shape.importance(p, n);
-        if importance > 0.0 { shape.pdf(p, hit.distance) * (importance / total) } else { 0.0 }
+    /// Density with which [`Self::sample`] finds the direction of a hit. Also gives the light's radiance.
+    #[inline(always)]
+    pub fn pdf<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, hit: &LightHit<T>) -> (T, Rgb<T>) {
+        let zero = T::splat(0.0);
+        let (mut total, mut pdf, mut radiance) = (zero, zero, Vec3::all(zero));
+        for (index, shape) in self.0.iter().enumerate() {
+            let mine = hit.met & hit.index.equals(T::Int::splat(index as u32));
+            let own = if self.0.len() == 1 { T::splat(1.0) } else { shape.importance(p, n) };
+            total = total + own;
+            if mine.any() {
+                pdf = T::pick(mine, own * shape.pdf(p, hit.distance), pdf);
+                radiance = Vec3::pick(mine, Vec3::broadcast(shape.radiance()), radiance);
+            }
+        }
+        (pdf * inverse(total.larger(T::splat(f32::MIN_POSITIVE))), radiance)
     }
 
     /// The first light that a ray with a unit direction meets closer than `to`.
-    #[inline]
-    pub fn intersect(&self, origin: Vec3, direction: Vec3, to: f32) -> Option<LightHit> {
-        let mut first: Option<LightHit> = None;
+    #[inline(always)]
+    pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> LightHit<T> {
+        let mut first = LightHit { met: T::Mask::splat(false), distance: to, index: T::Int::splat(u32::MAX) };
         for (index, shape) in self.0.iter().enumerate() {
-            let limit = first.map_or(to, |hit| hit.distance);
-            if let Some(distance) = shape.intersect(origin, direction)
-                && distance < limit
-            {
-                first = Some(LightHit { distance, radiance: shape.radiance(), index });
-            }
+            let distance = shape.intersect(origin, direction);
+            let nearer = distance.lt(first.distance);
+            first = LightHit {
+                met: first.met | nearer,
+                distance: T::pick(nearer, distance, first.distance),
+                index: T::Int::pick(nearer, T::Int::splat(index as u32), first.index),
+            };
         }
         first
     }
 
     /// Whether a light hides what lies at distance `to`, which may be a light itself.
-    #[inline]
-    pub fn hide(&self, origin: Vec3, direction: Vec3, to: f32) -> bool {
-        self.0.len() > 1 && self.intersect(origin, direction, to * (1.0 - 1e-4)).is_some()
+    #[inline(always)]
+    pub fn hide<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> T::Mask {
+        if self.0.len() > 1 {
+            self.intersect(origin, direction, to * (1.0_f32 - 1e-4)).met
+        } else {
+            T::Mask::splat(false)
+        }
+    }
+
+    /// Whether there is no light.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 }
 
@@ -160,7 +208,7 @@ impl Shape {
     }
 
     #[inline(always)]
-    fn importance(&self, p: Vec3, n: Vec3) -> f32 {
+    fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
         match self {
             Self::Sphere(sphere) => sphere.importance(p, n),
             Self::Rect(rect) => rect.importance(p, n),
@@ -168,7 +216,7 @@ impl Shape {
     }
 
     #[inline(always)]
-    fn sample(&self, p: Vec3, uv: [f32; 2]) -> Option<Sampled> {
+    fn sample<T: Real>(&self, p: Vec3<T>, uv: [T; 2]) -> Towards<T> {
         match self {
             Self::Sphere(sphere) => sphere.sample(p, uv),
             Self::Rect(rect) => rect.sample(p, uv),
@@ -176,15 +224,16 @@ impl Shape {
     }
 
     #[inline(always)]
-    fn pdf(&self, p: Vec3, distance: f32) -> f32 {
+    fn pdf<T: Real>(&self, p: Vec3<T>, distance: T) -> T {
         match self {
             Self::Sphere(sphere) => sphere.pdf(p),
             Self::Rect(rect) => rect.pdf(p, distance),
         }
     }
 
+    /// Distance to the lit surface; infinite if the ray misses it.
     #[inline(always)]
-    fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+    fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
         match self {
             Self::Sphere(sphere) => sphere.intersect(origin, direction),
             Self::Rect(rect) => rect.intersect(origin, direction),

@@ -1,8 +1,9 @@
 //! Rectangle lights: near ones sampled uniformly in solid angle (Ureña, Fajardo and King, EGSR 2013), far ones by area.
 
-use super::Sampled;
+use super::Towards;
 use crate::approx::{acos, sin_cos_turns};
-use crate::vec3::{Rgb, Vec3, max, min};
+use crate::real::{Mask as _, Real, at_least, at_most, complement, inverse, max, min};
+use crate::vec3::{Rgb, Vec3, vec3};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// A one-sided rectangle that shines evenly.
@@ -16,6 +17,8 @@ pub(super) struct Rect {
     /// Half lengths of the edges.
     pub half: [f32; 2],
     pub radiance: Rgb,
+    /// Luminance of the radiance.
+    pub luminance: f32,
 }
 
 /// From this squared distance, in squared diagonals, the rectangle is sampled by area: its solid angle is then small
@@ -23,31 +26,29 @@ pub(super) struct Rect {
 const FAR: f32 = 6.0;
 
 /// The rectangle seen from a point, projected on the unit sphere around it.
-struct Spherical {
-    x0: f32,
-    x1: f32,
-    y0: f32,
-    y1: f32,
+struct Spherical<T> {
+    x: [T; 2],
+    y: [T; 2],
     /// Negative: minus the distance to the plane.
-    z0: f32,
-    b0: f32,
-    b1: f32,
-    k: f32,
-    solid_angle: f32,
+    z: T,
+    b0: T,
+    b1: T,
+    k: T,
+    solid_angle: T,
 }
 
 impl Rect {
     /// Coordinates of `p - centre` along the edges, and its height over the lit side.
     #[inline(always)]
-    fn local(&self, p: Vec3) -> Vec3 {
-        let d = p - self.centre;
-        Vec3 { x: d.dot(self.x), y: d.dot(self.y), z: d.dot(self.normal) }
+    fn local<T: Real>(&self, p: Vec3<T>) -> Vec3<T> {
+        let d = p - Vec3::broadcast(self.centre);
+        vec3(d.dot(Vec3::broadcast(self.x)), d.dot(Vec3::broadcast(self.y)), d.dot(Vec3::broadcast(self.normal)))
     }
 
     #[inline(always)]
-    fn is_far(&self, local: Vec3) -> bool {
+    fn is_far<T: Real>(&self, local: Vec3<T>) -> T::Mask {
         let [a, b] = self.half;
-        local.dot(local) > FAR * 4.0 * (a * a + b * b)
+        local.dot(local).gt(T::splat(FAR * 4.0 * (a * a + b * b)))
     }
 
     #[inline(always)]
@@ -56,100 +57,102 @@ impl Rect {
     }
 
     #[inline(always)]
-    fn spherical(&self, local: Vec3) -> Spherical {
+    fn spherical<T: Real>(&self, local: Vec3<T>) -> Spherical<T> {
         let [a, b] = self.half;
-        let (x0, x1, y0, y1, z0) = (-a - local.x, a - local.x, -b - local.y, b - local.y, -local.z);
+        let x = [-local.x - a, -local.x + a];
+        let y = [-local.y - b, -local.y + b];
+        let z = -local.z;
         // Edge planes' normals have two components each, so that the angles between them are products.
-        let z2 = z0 * z0;
-        let inverse = |c: f32| 1.0 / (z2 + c * c).sqrt();
-        let (sy0, sx1, sy1, sx0) = (y0 * inverse(y0), x1 * inverse(x1), y1 * inverse(y1), x0 * inverse(x0));
-        let (g0, g1) = (acos(sy0 * sx1), acos(-sx1 * sy1));
-        let (g2, g3) = (acos(sy1 * sx0), acos(-sx0 * sy0));
-        let k = 2.0 * PI - g2 - g3;
-        Spherical { x0, x1, y0, y1, z0, b0: -sy0, b1: sy1, k, solid_angle: max(g0 + g1 - k, 1e-6) }
+        let z2 = z * z;
+        let sine = |c: T| c * inverse((z2 + c * c).sqrt());
+        let (sx, sy) = ([sine(x[0]), sine(x[1])], [sine(y[0]), sine(y[1])]);
+        let (g0, g1) = (acos(sy[0] * sx[1]), acos(-sx[1] * sy[1]));
+        let (g2, g3) = (acos(sy[1] * sx[0]), acos(-sx[0] * sy[0]));
+        let k = T::splat(2.0 * PI) - g2 - g3;
+        Spherical { x, y, z, b0: -sy[0], b1: sy[1], k, solid_angle: at_least(g0 + g1 - k, 1e-6) }
     }
 
-    #[inline]
-    pub fn sample(&self, p: Vec3, [u, v]: [f32; 2]) -> Option<Sampled> {
+    #[inline(always)]
+    pub fn sample<T: Real>(&self, p: Vec3<T>, [u, v]: [T; 2]) -> Towards<T> {
         let local = self.local(p);
-        if local.z <= 0.0 {
-            return None;
+        let far = self.is_far(local);
+        let [a, b] = self.half;
+        let mut to = vec3((u * 2.0_f32 - 1.0_f32) * a - local.x, (v * 2.0_f32 - 1.0_f32) * b - local.y, -local.z);
+        let mut solid_angle = T::splat(1.0);
+        if (!far).any() {
+            let spherical = self.spherical(local);
+            to = Vec3::pick(far, to, spherical.point(u, v));
+            solid_angle = spherical.solid_angle;
         }
-        let (to, pdf) = if self.is_far(local) {
-            let [a, b] = self.half;
-            let to = Vec3 { x: a * (2.0 * u - 1.0) - local.x, y: b * (2.0 * v - 1.0) - local.y, z: -local.z };
-            let d2 = to.dot(to);
-            (to, d2 * d2.sqrt() / (local.z * self.area()))
-        } else {
-            let s = self.spherical(local);
-            (s.point(u, v), 1.0 / s.solid_angle)
-        };
-        let distance = to.length();
-        let direction = (self.x * to.x + self.y * to.y + self.normal * to.z) * (1.0 / distance);
-        Some(Sampled { direction, distance, pdf, radiance: self.radiance })
+        let distance2 = to.dot(to);
+        let distance = distance2.sqrt();
+        let by_area = distance2 * distance / at_least(local.z * self.area(), 1e-30);
+        let direction =
+            Vec3::broadcast(self.x) * to.x + Vec3::broadcast(self.y) * to.y + Vec3::broadcast(self.normal) * to.z;
+        Towards {
+            direction: direction * inverse(distance),
+            distance,
+            pdf: T::pick(far, by_area, inverse(solid_angle)),
+            valid: local.z.gt(T::splat(0.0)),
+        }
     }
 
     /// Density of [`Self::sample`] for a direction that meets the lit side at a distance.
-    #[inline]
-    pub fn pdf(&self, p: Vec3, distance: f32) -> f32 {
+    #[inline(always)]
+    pub fn pdf<T: Real>(&self, p: Vec3<T>, distance: T) -> T {
         let local = self.local(p);
-        if local.z <= 0.0 {
-            return 0.0;
+        let far = self.is_far(local);
+        let mut pdf = distance * distance * distance / at_least(local.z * self.area(), 1e-30);
+        if (!far).any() {
+            pdf = T::pick(far, pdf, inverse(self.spherical(local).solid_angle));
         }
-        if self.is_far(local) {
-            distance * distance * distance / (local.z * self.area())
-        } else {
-            1.0 / self.spherical(local).solid_angle
-        }
+        T::pick(local.z.gt(T::splat(0.0)), pdf, T::splat(0.0))
     }
 
-    /// Distance to the lit side.
-    #[inline]
-    pub fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        let falling = -direction.dot(self.normal);
+    /// Distance to the lit side; infinite if the ray misses it.
+    #[inline(always)]
+    pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
+        let falling = -direction.dot(Vec3::broadcast(self.normal));
         let local = self.local(origin);
-        if falling <= 0.0 || local.z <= 0.0 {
-            return None;
-        }
         let t = local.z / falling;
-        let inside = (local.x + t * direction.dot(self.x)).abs() <= self.half[0]
-            && (local.y + t * direction.dot(self.y)).abs() <= self.half[1];
-        inside.then_some(t)
+        let x = (local.x + t * direction.dot(Vec3::broadcast(self.x))).abs();
+        let y = (local.y + t * direction.dot(Vec3::broadcast(self.y))).abs();
+        let zero = T::splat(0.0);
+        let met = falling.gt(zero) & local.z.gt(zero) & x.le(T::splat(self.half[0])) & y.le(T::splat(self.half[1]));
+        T::pick(met, t, T::splat(f32::INFINITY))
     }
 
     /// An upper estimate of the irradiance at a point, unshadowed, up to a factor.
-    #[inline]
-    pub fn importance(&self, p: Vec3, n: Vec3) -> f32 {
-        let to = self.centre - p;
-        let height = -to.dot(self.normal);
-        if height <= 0.0 {
-            return 0.0;
-        }
-        let d2 = to.dot(to);
+    #[inline(always)]
+    pub fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
+        let to = Vec3::broadcast(self.centre) - p;
+        let height = -to.dot(Vec3::broadcast(self.normal));
+        let distance2 = at_least(to.dot(to), 1e-20);
         let [a, b] = self.half;
         let reach = (a * a + b * b).sqrt();
-        let distance = d2.sqrt();
-        let lift = max(min((n.dot(to) + reach) / distance, 1.0), 0.0);
+        let per_distance = inverse(distance2.sqrt());
+        let lift = at_least(at_most((n.dot(to) + reach) * per_distance, 1.0), 0.0);
         // Area times cosine over squared distance; close up, no more than the whole hemisphere.
-        let share = min(self.area() * height * FRAC_1_PI / (distance * d2), 1.0);
-        self.radiance.luminance() * PI * share * lift
+        let share = at_most(height * (self.area() * FRAC_1_PI) * per_distance / distance2, 1.0);
+        at_least(share, 0.0) * lift * (PI * self.luminance)
     }
 }
 
-impl Spherical {
+impl<T: Real> Spherical<T> {
     /// A point of the rectangle, relative to the eye, in the rectangle's axes.
     #[inline(always)]
-    fn point(&self, u: f32, v: f32) -> Vec3 {
+    fn point(&self, u: T, v: T) -> Vec3<T> {
         let (sin, cos) = sin_cos_turns((u * self.solid_angle + self.k) * (0.5 * FRAC_1_PI));
-        let f = (cos * self.b0 - self.b1) / if sin.abs() > 1e-7 { sin } else { 1e-7_f32.copysign(sin) };
-        let c = (1.0 / (f * f + self.b0 * self.b0).sqrt()).copysign(f).clamp(-1.0, 1.0);
-        let x = (-(c * self.z0) / max(1.0 - c * c, 1e-12).sqrt()).clamp(self.x0, self.x1);
-        let d2 = x * x + self.z0 * self.z0;
-        let h0 = self.y0 / (d2 + self.y0 * self.y0).sqrt();
-        let h1 = self.y1 / (d2 + self.y1 * self.y1).sqrt();
+        let f = (cos * self.b0 - self.b1) / at_least(sin.abs(), 1e-7).copysign(sin);
+        let c = at_most(inverse((f * f + self.b0 * self.b0).sqrt()), 1.0).copysign(f);
+        let clamp = |x: T, [low, high]: [T; 2]| min(max(x, low), high);
+        let x = clamp(-(c * self.z) / at_least(complement(c * c), 1e-12).sqrt(), self.x);
+        let d2 = x * x + self.z * self.z;
+        let h0 = self.y[0] / (d2 + self.y[0] * self.y[0]).sqrt();
+        let h1 = self.y[1] / (d2 + self.y[1] * self.y[1]).sqrt();
         let h = h0 + v * (h1 - h0);
         let h2 = h * h;
-        let y = if h2 < 1.0 - 1e-6 { (h * (d2 / (1.0 - h2)).sqrt()).clamp(self.y0, self.y1) } else { self.y1 };
-        Vec3 { x, y, z: self.z0 }
+        let y = clamp(h * (d2 / at_least(complement(h2), 1e-6)).sqrt(), self.y);
+        vec3(x, T::pick(h2.lt(T::splat(1.0 - 1e-6)), y, self.y[1]), self.z)
     }
 }

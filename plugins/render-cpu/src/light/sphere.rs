@@ -1,8 +1,9 @@
 //! Sphere lights, sampled uniformly in the cone they fill.
 
-use super::Sampled;
+use super::Towards;
 use crate::approx::sin_cos_turns;
-use crate::vec3::{Basis, Rgb, Vec3, max, min, vec3};
+use crate::real::{Mask, Real, at_least, at_most, complement, inverse};
+use crate::vec3::{Basis, Rgb, Vec3, vec3};
 use std::f32::consts::{PI, TAU};
 
 /// A sphere that shines evenly, seen from outside and from within.
@@ -11,89 +12,85 @@ pub(super) struct Sphere {
     pub centre: Vec3,
     pub radius: f32,
     pub radiance: Rgb,
+    /// Luminance of the radiance.
+    pub luminance: f32,
 }
 
 /// What a point sees of a sphere.
-struct Cone {
+struct Cone<T: Real> {
     /// Unit vector to the centre.
-    axis: Vec3,
-    distance: f32,
+    axis: Vec3<T>,
+    distance2: T,
+    distance: T,
     /// 1 − cos of the half angle; 2 if the point is inside.
-    height: f32,
+    height: T,
+    inside: T::Mask,
 }
 
 impl Sphere {
     #[inline(always)]
-    fn cone(&self, p: Vec3) -> Cone {
-        let to_centre = self.centre - p;
-        let d2 = to_centre.dot(to_centre);
+    fn cone<T: Real>(&self, p: Vec3<T>) -> Cone<T> {
+        let to_centre = Vec3::broadcast(self.centre) - p;
+        let distance2 = to_centre.dot(to_centre);
         let r2 = self.radius * self.radius;
-        let distance = d2.sqrt();
-        if d2 > r2 * 1.0001 {
-            let sin2 = r2 / d2;
-            let cos = max(1.0 - sin2, 0.0).sqrt();
-            Cone { axis: to_centre * (1.0 / distance), distance, height: sin2 / (1.0 + cos) }
-        } else {
-            Cone { axis: vec3(0.0, 0.0, 1.0), distance, height: 2.0 }
-        }
+        let inside = distance2.le(T::splat(r2 * 1.0001));
+        let distance = distance2.sqrt();
+        let axis = to_centre * inverse(at_least(distance, 1e-20));
+        let sin2 = T::splat(r2) / at_least(distance2, 1e-30);
+        let cos = at_least(complement(sin2), 0.0).sqrt();
+        let height = T::pick(inside, T::splat(2.0), sin2 / (cos + 1.0_f32));
+        let axis = Vec3::pick(inside, Vec3::broadcast(vec3(0.0, 0.0, 1.0)), axis);
+        Cone { axis, distance2, distance, height, inside }
     }
 
-    /// Solid angle, sr.
     #[inline(always)]
-    fn solid_angle(cone: &Cone) -> f32 {
-        TAU * cone.height
-    }
-
-    #[inline]
-    pub fn sample(&self, p: Vec3, [u, v]: [f32; 2]) -> Option<Sampled> {
+    pub fn sample<T: Real>(&self, p: Vec3<T>, [u, v]: [T; 2]) -> Towards<T> {
         let cone = self.cone(p);
         let t = u * cone.height;
-        let cos = 1.0 - t;
-        let sin2 = max(t * (2.0 - t), 0.0);
+        let cos = complement(t);
+        let sin2 = at_least(t * (T::splat(2.0) - t), 0.0);
         let (s, c) = sin_cos_turns(v);
         let sin = sin2.sqrt();
         let direction = Basis::around(cone.axis).to_world(vec3(sin * c, sin * s, cos));
-        let distance = if cone.height < 2.0 {
-            let r2 = self.radius * self.radius;
-            cone.distance * cos - max(r2 - cone.distance * cone.distance * sin2, 0.0).sqrt()
-        } else {
-            self.intersect(p, direction)?
-        };
-        Some(Sampled { direction, distance, pdf: 1.0 / Self::solid_angle(&cone), radiance: self.radiance })
+        let half2 = at_least(T::splat(self.radius * self.radius) - cone.distance2 * sin2, 0.0);
+        let mut distance = cone.distance * cos - half2.sqrt();
+        if cone.inside.any() {
+            distance = T::pick(cone.inside, self.intersect(p, direction), distance);
+        }
+        Towards { direction, distance, pdf: inverse(cone.height * TAU), valid: T::Mask::splat(true) }
     }
 
     /// Density of [`Self::sample`] for any direction that meets the sphere.
-    #[inline]
-    pub fn pdf(&self, p: Vec3) -> f32 {
-        1.0 / Self::solid_angle(&self.cone(p))
+    #[inline(always)]
+    pub fn pdf<T: Real>(&self, p: Vec3<T>) -> T {
+        inverse(self.cone(p).height * TAU)
     }
 
-    /// Distance to the surface, from outside or from within.
-    #[inline]
-    pub fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        let to_centre = self.centre - origin;
+    /// Distance to the surface, from outside or from within; infinite if there is none.
+    #[inline(always)]
+    pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
+        let to_centre = Vec3::broadcast(self.centre) - origin;
         let along = to_centre.dot(direction);
         let across = to_centre - direction * along;
-        let half2 = self.radius * self.radius - across.dot(across);
-        if half2 < 0.0 {
-            return None;
-        }
-        let half = half2.sqrt();
-        let near = along - half;
-        let t = if near > 0.0 { near } else { along + half };
-        (t > 0.0).then_some(t)
+        let half2 = T::splat(self.radius * self.radius) - across.dot(across);
+        let half = at_least(half2, 0.0).sqrt();
+        let (near, far) = (along - half, along + half);
+        let zero = T::splat(0.0);
+        let t = T::pick(near.gt(zero), near, far);
+        T::pick(half2.ge(zero) & t.gt(zero), t, T::splat(f32::INFINITY))
     }
 
     /// An upper estimate of the irradiance at a point, unshadowed, up to a factor.
-    #[inline]
-    pub fn importance(&self, p: Vec3, n: Vec3) -> f32 {
-        let cone = self.cone(p);
-        if cone.height >= 2.0 {
-            return self.radiance.luminance() * PI;
-        }
-        let sin = min(self.radius / cone.distance, 1.0);
+    #[inline(always)]
+    pub fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
+        let to_centre = Vec3::broadcast(self.centre) - p;
+        let distance2 = to_centre.dot(to_centre);
+        let r2 = self.radius * self.radius;
+        let per_distance = inverse(at_least(distance2, 1e-30).sqrt());
+        let sin = at_most(per_distance * self.radius, 1.0);
         // The part above the horizon of a ball whose centre is at this height over its distance.
-        let lift = max(min(n.dot(cone.axis) + sin, 1.0), 0.0);
-        self.radiance.luminance() * PI * sin * sin * lift
+        let lift = at_least(at_most(n.dot(to_centre) * per_distance + sin, 1.0), 0.0);
+        let full = T::splat(PI * self.luminance);
+        T::pick(distance2.le(T::splat(r2 * 1.0001)), full, sin * sin * lift * full)
     }
 }

@@ -21,9 +21,9 @@ fn illuminance(lights: &Lights, p: Vec3, n: Vec3) -> (f64, f64) {
     let (mut sum, mut square, count) = (0.0, 0.0, 20_000);
     let mut stream = Stream::root(3);
     for _ in 0..count {
-        let e = lights
-            .sample(p, n, [stream.unit() as f32, stream.unit() as f32])
-            .map_or(0.0, |s| f64::from(s.radiance.x) * f64::from(n.dot(s.direction).max(0.0)) / f64::from(s.pdf));
+        let (s, radiance) = lights.sample(p, n, [stream.unit() as f32, stream.unit() as f32]);
+        let e = f64::from(radiance.x) * f64::from(n.dot(s.direction).max(0.0)) / f64::from(s.pdf);
+        let e = if s.valid { e } else { 0.0 };
         sum += e;
         square += e * e;
     }
@@ -87,16 +87,18 @@ fn densities_belong_to_the_samples() {
     let (p, n) = (vec3(0.1, 0.0, 0.0), vec3(0.1, -0.5, 0.8).normalized());
     let mut seen = [0; 4];
     for _ in 0..4000 {
-        let s = lights.sample(p, n, [stream.unit() as f32, stream.unit() as f32]).expect("all shine here");
-        let hits = (0..4).filter_map(|i| {
-            let distance = lights.0[i].intersect(p, s.direction)?;
-            Some(LightHit { distance, radiance: lights.0[i].radiance(), index: i })
+        let (s, _) = lights.sample(p, n, [stream.unit() as f32, stream.unit() as f32]);
+        assert!(s.valid, "all shine here");
+        let hits = (0..4_u32).map(|index| {
+            let distance = lights.0[index as usize].intersect(p, s.direction);
+            LightHit { met: distance.is_finite(), distance, index }
         });
         let near = hits.min_by(|a, b| (a.distance - s.distance).abs().total_cmp(&(b.distance - s.distance).abs()));
         // Rounding may lose a sample on the very edge.
         let Some(hit) = near.filter(|hit| (hit.distance - s.distance).abs() < 1e-2 * s.distance) else { continue };
-        seen[hit.index] += 1;
-        let pdf = lights.pdf(p, n, &hit);
+        seen[hit.index as usize] += 1;
+        let (pdf, radiance) = lights.pdf(p, n, &hit);
+        assert_eq!(radiance, lights.0[hit.index as usize].radiance());
         assert!((pdf - s.pdf).abs() < 2e-3 * s.pdf, "light {}: {pdf} {}", hit.index, s.pdf);
     }
     assert!(seen.iter().sum::<i32>() > 3990 && seen.iter().all(|&count| count > 30), "{seen:?}");
@@ -110,7 +112,10 @@ fn one_sided_and_opaque() {
     ]);
     let lights = lights.expect("sound");
     let (up, down) = (vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0));
-    let first = |o, d| lights.intersect(o, d, 100.0).map(|hit| (hit.radiance.x, hit.distance));
+    let first = |o: Vec3, d: Vec3| {
+        let hit = lights.intersect(o, d, 100.0);
+        hit.met.then(|| (lights.0[hit.index as usize].radiance().x, hit.distance))
+    };
     assert_eq!(first(Vec3::ZERO, up), Some((9.0, 0.4)));
     assert_eq!(first(vec3(0.5, 0.0, 0.0), up), Some((7.0, 1.0)));
     assert_eq!(first(vec3(0.5, 0.0, 2.0), down), None);

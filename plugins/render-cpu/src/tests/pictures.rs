@@ -103,6 +103,19 @@ fn any_number_of_workers_gives_the_same_bits() {
 }
 
 #[test]
+fn any_number_of_lanes_gives_the_same_bits() {
+    let (scene, view) = busy_scene();
+    let many = render(options(5, 4), &scene, &view, &[RADIANCE.id()]);
+    let mut session = crate::CpuPathRenderer::new(options(5, 4)).expect("sound").session().one_lane();
+    session.load(&scene, &Serial).expect("loads");
+    let mut one = Frame::new();
+    let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(7), workers: &Serial };
+    session.render(&request, &mut one).expect("renders");
+    let (a, b) = (many.get(RADIANCE).expect("made"), one.get(RADIANCE).expect("made"));
+    assert!(bits(a) == bits(b), "{}", keep("lanes", &[("many", a), ("one", b)]));
+}
+
+#[test]
 fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
     let (scene, view) = busy_scene();
     let all = render(options(2, 2), &scene, &view, &ALL);

@@ -1,0 +1,222 @@
+//! The paths that are traced together, field by field in rows, so that lanes load and store whole registers.
+
+use crate::bvh::Hit;
+use crate::real::{Int, Real};
+use crate::vec3::Vec3;
+use crate::world::Surface;
+
+/// Paths in a batch; a multiple of every number of lanes. Many, so that few lanes are idle when most paths have ended;
+/// few, so that the rows stay in the nearest caches.
+pub(crate) const BATCH: usize = 256;
+
+/// One number of every path.
+pub(crate) type Row = [f32; BATCH];
+
+/// One whole number of every path.
+pub(crate) type IntRow = [u32; BATCH];
+
+/// Three numbers of every path.
+pub(crate) type Rows = [Row; 3];
+
+/// What a path carries from bounce to bounce.
+pub(crate) struct Paths {
+    pub origin: Rows,
+    pub direction: Rows,
+    pub throughput: Rows,
+    /// Shading normal of the last scattering.
+    pub normal: Rows,
+    /// Density of the last scattered direction, per steradian.
+    pub pdf: Row,
+    /// Width of what the path sees, metres, and how fast it grows, metres a metre.
+    pub width: Row,
+    pub spread: Row,
+    /// Of the sampler.
+    pub seed: IntRow,
+    pub index: IntRow,
+    /// Where in the batch's sums the path's light belongs.
+    pub slot: IntRow,
+}
+
+/// First hits.
+pub(crate) struct Hits {
+    /// Infinite where there is none.
+    pub t: Row,
+    pub u: Row,
+    pub v: Row,
+    pub primitive: IntRow,
+    pub instance: IntRow,
+}
+
+/// Surfaces at the hits.
+pub(crate) struct Surfaces {
+    pub position: Rows,
+    pub face: Rows,
+    pub normal: Rows,
+    /// Above zero where `normal` is bent away from `face`.
+    pub bent: Row,
+    pub base_color: Rows,
+    pub roughness: Row,
+    pub metallic: Row,
+    pub dielectric_f0: Row,
+}
+
+/// Shadow rays, and what they bring if nothing is in the way.
+pub(crate) struct Shadows {
+    pub origin: Rows,
+    pub direction: Rows,
+    pub distance: Row,
+    pub contribution: Rows,
+    pub slot: IntRow,
+}
+
+/// A batch and its working space.
+pub(crate) struct Batch {
+    pub paths: Paths,
+    pub hits: Hits,
+    pub surfaces: Surfaces,
+    pub shadows: Shadows,
+    /// Light found so far, by slot.
+    pub radiance: [[f32; 3]; BATCH],
+    /// 0, 1, 2, …
+    pub numbers: Row,
+}
+
+const ROW: Row = [0.0; BATCH];
+const ROWS: Rows = [ROW; 3];
+const INTS: IntRow = [0; BATCH];
+
+impl Batch {
+    pub fn new() -> Box<Self> {
+        let mut numbers = ROW;
+        for (i, number) in numbers.iter_mut().enumerate() {
+            *number = i as f32;
+        }
+        Box::new(Self {
+            paths: Paths {
+                origin: ROWS,
+                direction: ROWS,
+                throughput: ROWS,
+                normal: ROWS,
+                pdf: ROW,
+                width: ROW,
+                spread: ROW,
+                seed: INTS,
+                index: INTS,
+                slot: INTS,
+            },
+            hits: Hits { t: ROW, u: ROW, v: ROW, primitive: INTS, instance: INTS },
+            surfaces: Surfaces {
+                position: ROWS,
+                face: ROWS,
+                normal: ROWS,
+                bent: ROW,
+                base_color: ROWS,
+                roughness: ROW,
+                metallic: ROW,
+                dielectric_f0: ROW,
+            },
+            shadows: Shadows { origin: ROWS, direction: ROWS, distance: ROW, contribution: ROWS, slot: INTS },
+            radiance: [[0.0; 3]; BATCH],
+            numbers,
+        })
+    }
+}
+
+/// The vectors of the paths from `at` on.
+#[inline(always)]
+pub(crate) fn load<T: Real>(rows: &Rows, at: usize) -> Vec3<T> {
+    Vec3 { x: T::load(&rows[0][at..]), y: T::load(&rows[1][at..]), z: T::load(&rows[2][at..]) }
+}
+
+/// Puts vectors in the paths from `at` on.
+#[inline(always)]
+pub(crate) fn store<T: Real>(v: Vec3<T>, rows: &mut Rows, at: usize) {
+    v.x.store(&mut rows[0][at..]);
+    v.y.store(&mut rows[1][at..]);
+    v.z.store(&mut rows[2][at..]);
+}
+
+/// Puts the vectors of chosen lanes in the paths from `at` on.
+#[inline(always)]
+pub(crate) fn compress<T: Real>(v: Vec3<T>, mask: T::Mask, rows: &mut Rows, at: usize) {
+    v.x.compress(mask, &mut rows[0][at..]);
+    v.y.compress(mask, &mut rows[1][at..]);
+    v.z.compress(mask, &mut rows[2][at..]);
+}
+
+/// The vector of one path.
+#[inline(always)]
+pub(crate) fn get(rows: &Rows, i: usize) -> Vec3 {
+    Vec3 { x: rows[0][i], y: rows[1][i], z: rows[2][i] }
+}
+
+/// Sets the vector of one path.
+#[inline(always)]
+pub(crate) fn set(rows: &mut Rows, i: usize, v: Vec3) {
+    rows[0][i] = v.x;
+    rows[1][i] = v.y;
+    rows[2][i] = v.z;
+}
+
+impl Paths {
+    /// Moves the chosen of the paths from `from` on to where `to` is, which must not be further.
+    #[inline(always)]
+    pub fn keep<T: Real>(&mut self, mask: T::Mask, from: usize, to: usize) {
+        for rows in [&mut self.origin, &mut self.direction, &mut self.throughput, &mut self.normal] {
+            compress(load::<T>(rows, from), mask, rows, to);
+        }
+        for row in [&mut self.pdf, &mut self.width, &mut self.spread] {
+            T::load(&row[from..]).compress(mask, &mut row[to..]);
+        }
+        for row in [&mut self.seed, &mut self.index, &mut self.slot] {
+            T::Int::load(&row[from..]).compress(mask, &mut row[to..]);
+        }
+    }
+}
+
+impl Hits {
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, hit: Option<Hit>) {
+        match hit {
+            Some(hit) => {
+                self.t[i] = hit.t;
+                self.u[i] = hit.u;
+                self.v[i] = hit.v;
+                self.primitive[i] = hit.primitive;
+                self.instance[i] = hit.instance;
+            }
+            None => self.t[i] = f32::INFINITY,
+        }
+    }
+
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Hit {
+        let (primitive, instance) = (self.primitive[i], self.instance[i]);
+        Hit { t: self.t[i], u: self.u[i], v: self.v[i], primitive, instance }
+    }
+
+    /// As [`Paths::keep`].
+    #[inline(always)]
+    pub fn keep<T: Real>(&mut self, mask: T::Mask, from: usize, to: usize) {
+        for row in [&mut self.t, &mut self.u, &mut self.v] {
+            T::load(&row[from..]).compress(mask, &mut row[to..]);
+        }
+        for row in [&mut self.primitive, &mut self.instance] {
+            T::Int::load(&row[from..]).compress(mask, &mut row[to..]);
+        }
+    }
+}
+
+impl Surfaces {
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, surface: &Surface) {
+        set(&mut self.position, i, surface.position);
+        set(&mut self.face, i, surface.face);
+        set(&mut self.normal, i, surface.normal);
+        self.bent[i] = if surface.bent { 1.0 } else { 0.0 };
+        set(&mut self.base_color, i, surface.substance.base_color);
+        self.roughness[i] = surface.substance.roughness;
+        self.metallic[i] = surface.substance.metallic;
+        self.dielectric_f0[i] = surface.substance.dielectric_f0;
+    }
+}
