@@ -108,7 +108,7 @@ class Checker:
                         f"{image['file_name']}: {rgb.format} {rgb.mode} {rgb.size}")
             rgb.load()
         with Image.open(self.root / image["depth_file_name"]) as depth:
-            self.expect(depth.format == "PNG" and depth.mode == "I;16" and depth.size == size,
+            self.expect(depth.format == "PNG" and depth.mode in ("I;16", "I") and depth.size == size,
                         f"{image['depth_file_name']}: {depth.format} {depth.mode} {depth.size}")
             depth_mm = np.array(depth, dtype=np.int64)
         stem = pathlib.PurePosixPath(image["file_name"]).stem

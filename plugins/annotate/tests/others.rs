@@ -18,17 +18,34 @@ fn json(frame: &Frame, name: &str) -> serde_json::Value {
 }
 
 #[test]
-fn every_example_builds() {
+fn every_kind_conforms() {
     use syntable_annotate as _;
+    use syntable_testing::conformance;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
     assert_eq!(kinds, ["boxes", "camera", "develop", "lights", "masks", "object_info", "settle_report"]);
-    for kind in kinds {
-        let entry = registry.find(syntable_model::registry::Slot::Annotate, kind).expect("there");
-        entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{kind}: {error:?}"));
-        let scopes: Vec<_> = annotator(kind, "").provides().iter().map(|key| key.scope).collect();
-        assert!(scopes.iter().all(|scope| *scope == scopes[0]), "{kind}");
+    let world = World::new(2);
+    let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
+    let make_frame = || {
+        let mut frame = Frame::new();
+        frame.put(INSTANCE, rays.instance()).expect("first");
+        frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
+        frame.put(COVERAGE_WIDE, rays.coverage(false, true)).expect("first");
+        frame.put(RADIANCE, Plane::from_fn(8, 6, |x, y| [x as f32, y as f32, 1.0])).expect("first");
+        frame
+    };
+    for entry in registry.entries() {
+        conformance::entry(entry);
+        let of_masks = matches!(entry.kind, "boxes" | "object_info");
+        conformance::annotator(&*annotator(entry.kind, ""), &world.site(), || {
+            let mut frame = make_frame();
+            if of_masks {
+                run(&world, "masks", "", &mut frame);
+            }
+            frame
+        });
     }
+    conformance::annotator(&*annotator("masks", "image_frame = \"extend\""), &world.site(), make_frame);
     assert!(registry.entries()[4].construct_str("max_occlusion_rate = 1.5").is_err());
 }
 

@@ -2,6 +2,7 @@
 
 use crate::files::image::{Picture, Rounding, Samples, depth_units};
 use crate::files::{products, view, view_name};
+use std::sync::LazyLock;
 use syntable_model::prelude::*;
 use syntable_model::product::{DType, Tensor};
 
@@ -143,11 +144,31 @@ fn normal_code([x, y, z]: [f32; 3]) -> [u8; 3] {
     [x, -y, -z].map(|v| (v * 127.0 + 128.0).round() as u8)
 }
 
-/// 8-bit code of a linear value, sRGB-encoded (IEC 61966-2-1).
+/// 8-bit code of a linear value, sRGB-encoded (IEC 61966-2-1): the nearest, found among the levels between codes.
 fn srgb_code(x: f32) -> u8 {
-    let x = f64::from(x).clamp(0.0, 1.0);
-    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (encoded * 255.0).round() as u8
+    static LEVELS: LazyLock<[f32; 255]> = LazyLock::new(|| {
+        std::array::from_fn(|code| {
+            let encoded = (code as f64 + 0.5) / 255.0;
+            let linear = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+            linear as f32
+        })
+    });
+    LEVELS.partition_point(|&level| level <= x) as u8
 }
 
 register!(Png);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn previews_are_encoded() {
+        // sRGB codes of 0.1 %, 18 % and 50 % by the standard: 3.3, 117.6, 187.5.
+        assert_eq!([-1.0, 0.0, 0.001, 0.18, 0.5, 1.0, 9.0].map(srgb_code), [0, 0, 3, 118, 188, 255, 255]);
+        assert_eq!(normal_code([0.0, 0.0, -1.0]), [128, 128, 255]);
+        assert_eq!(normal_code([1.0, 0.0, 0.0]), [255, 128, 128]);
+        assert_eq!(normal_code([0.0, 1.0, 0.0]), [128, 1, 128]);
+        assert_eq!(normal_code([0.0; 3]), [0; 3]);
+    }
+}

@@ -21,18 +21,20 @@ fn len(value: &Json) -> usize {
 }
 
 #[test]
-fn every_example_builds() {
+fn every_kind_conforms() {
+    use syntable_model::registry::Stage;
+    use syntable_testing::conformance;
     use syntable_write as _;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
     assert_eq!(kinds, ["contact_sheet", "jsonl", "npy", "png", "syntable", "template"]);
+    let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
+    let (view, frame) = &take.views[0];
+    let site = Site { dataset: &dataset, scene: &take.scene, view: Some(view) };
     for entry in registry.entries() {
-        let constructed =
-            entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{}: {error:?}", entry.kind));
-        // What is written back gives the same stage.
-        let text = toml::to_string(&constructed.options).expect("TOML");
-        let again = entry.construct_str(&text).unwrap_or_else(|error| panic!("{}: {error:?}\n{text}", entry.kind));
-        assert_eq!(again.options, constructed.options);
+        let folder = tempfile::tempdir().expect("a folder");
+        let Stage::Write(writer) = conformance::entry(entry).stage else { panic!("a writer") };
+        assert!(!conformance::writer(&*writer, &site, frame, folder.path()).is_empty(), "{}", entry.kind);
     }
 }
 

@@ -14,16 +14,17 @@ const METER_K: f64 = 12.5;
 const TAIL: f64 = 0.1;
 /// The share of pixels that may burn out before the meter stops down.
 const BURNT: f64 = 0.01;
-/// How far it stops down at most, so that a lamp in the picture does not make the rest black.
+/// How far it stops down at most. What is brighter still is a lamp, which no exposure would save.
 const GUARD_EV: f64 = 2.0;
 /// The exposure of a picture without light.
 const DARK_EV100: f64 = 0.0;
 
 /// The exposure value for ISO 100 that an automatic camera chooses for a picture in nits.
 ///
-/// The log-average luminance of the pixels between the 10th and the 90th percentile goes through the meter's equation;
-/// then, if the 99th percentile would be above white, white is raised to it, by two stops at most. Pixels without
-/// light, or that are not finite, do not count; a picture without light has EV 0.
+/// The log-average luminance of the pixels between the 10th and the 90th percentile goes through the meter's equation.
+/// Then white is raised so that 99 % of the pixels are not above it, by two stops at most; pixels that two stops would
+/// not save, such as a lamp in the picture, do not count in this. Pixels without light, or that are not finite, never
+/// count; a picture without light has EV 0.
 pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
     let lit: Vec<f32> = radiance
         .iter()
@@ -35,21 +36,24 @@ pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
     }
     let mut sorted = lit.clone();
     let rank = |share: f64| ((lit.len() - 1) as f64 * share).round() as usize;
-    let (low, high, burnt) = (rank(TAIL), rank(1.0 - TAIL), rank(1.0 - BURNT));
-    // Each selection leaves the smaller values in front of the selected one.
-    let burnt_nits = *sorted.select_nth_unstable_by(burnt, f32::total_cmp).1;
-    let high_nits = *sorted[..=burnt].select_nth_unstable_by(high, f32::total_cmp).1;
+    let (low, high) = (rank(TAIL), rank(1.0 - TAIL));
+    // A selection leaves the smaller values in front of the selected one.
+    let high_nits = *sorted.select_nth_unstable_by(high, f32::total_cmp).1;
     let low_nits = *sorted[..=high].select_nth_unstable_by(low, f32::total_cmp).1;
     // Summed in image order: the same on every machine.
     let (mut sum_ln, mut count) = (0.0, 0);
-    for y in lit.into_iter().filter(|y| (low_nits..=high_nits).contains(y)) {
+    for y in lit.iter().copied().filter(|y| (low_nits..=high_nits).contains(y)) {
         sum_ln += f64::from(y).ln();
         count += 1;
     }
     let mean_ln = sum_ln / f64::from(count);
     let metered = (mean_ln.exp() * 100.0 / METER_K).log2();
-    let guarded = (f64::from(burnt_nits) / white_nits(0.0)).log2();
-    guarded.clamp(metered, metered + GUARD_EV)
+    let saved_nits = white_nits(metered + GUARD_EV) as f32;
+    let mut saved: Vec<f32> = lit.into_iter().filter(|y| *y <= saved_nits).collect();
+    // The middle pixels are far below what is saved, so that there is at least one.
+    let bright = ((saved.len() - 1) as f64 * (1.0 - BURNT)).round() as usize;
+    let bright_nits = *saved.select_nth_unstable_by(bright, f32::total_cmp).1;
+    (f64::from(bright_nits) / white_nits(0.0)).log2().clamp(metered, metered + GUARD_EV)
 }
 
 #[cfg(test)]
@@ -94,7 +98,10 @@ mod tests {
         };
         close(ev100_of(&with(50, 2.4)), 1.0);
         close(ev100_of(&with(50, 1.0)), 0.0);
-        close(ev100_of(&with(50, 1e6)), GUARD_EV);
+        close(ev100_of(&with(50, 4.8)), 2.0);
+        // A lamp cannot be saved, and does not make the rest dark.
+        close(ev100_of(&with(50, 5.0)), 0.0);
+        close(ev100_of(&with(50, 1e6)), 0.0);
         close(ev100_of(&with(5, 1e6)), 0.0);
     }
 }
