@@ -18,10 +18,10 @@ const WITHOUT_CEILING_M: f64 = 3.0;
 ///
 /// The lights hang level in a grid over the table, `spacing_m` apart, just below the room's ceiling or at `height_m`.
 /// All have one luminance. Their brightness is the illuminance in lux that all of them together would give, with
-/// nothing in between, at the middle of the tabletop on a level plane, by Lambert's formula for polygons. With several
-/// tables or rooms of differing height the light on the table is thus the same.
+/// nothing in between, at the middle of the tabletop on a plane that faces the middle of the lights, by Lambert's
+/// formula for polygons. In rooms of differing height the light on the table is thus the same.
 ///
-/// The released program uses `size_m = [15, 15]`, `height_m = 5`, `temperature_k = 6500` and
+/// The released program uses `size_m = [15, 15]`, `height_m = 5`, `shift_m = 0`, `temperature_k = 6500` and
 /// `luminance_nits = { uniform = [100, 1500] }`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -39,12 +39,14 @@ pub struct CeilingLight {
     /// Distance between the middles of neighbouring lights, metres.
     #[schemars(range(min = 0.0, max = 1000.0))]
     spacing_m: f64,
-    /// Position of the middle of all lights, along world x and y from the middle of the table, metres.
-    offset_m: [Dist; 2],
+    /// How far the middle of all lights may lie from above the table's middle, along x and y, metres: drawn uniformly to
+    /// both sides.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    shift_m: f64,
     /// Colour temperature, kelvin.
     temperature_k: Dist,
-    /// Illuminance that all lights together give at the middle of the tabletop on a level plane, lux. With 0 lx there
-    /// is no light.
+    /// Illuminance that all lights together give at the middle of the tabletop on a plane facing them, lux. With 0 lx
+    /// there is no light.
     illuminance_lx: Dist,
     /// Luminance of the lights' surface, nits (cd/m²); takes the place of `illuminance_lx` if given.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,10 +57,10 @@ impl Default for CeilingLight {
     fn default() -> Self {
         Self {
             count: IntDist::Constant(1),
-            size_m: [4.0, 4.0],
+            size_m: [2.0, 2.0],
             height_m: None,
-            spacing_m: 5.0,
-            offset_m: [Dist::Constant(0.0), Dist::Constant(0.0)],
+            spacing_m: 3.0,
+            shift_m: 0.5,
             temperature_k: Dist::Uniform(2000.0, 6500.0),
             illuminance_lx: Dist::Uniform(100.0, 2000.0),
             luminance_nits: None,
@@ -70,7 +72,7 @@ impl Config for CeilingLight {
     type Stage = dyn LightSampler;
     const KIND: &'static str = "ceiling_light";
     const EXAMPLE: &'static str =
-        "size_m = [4.0, 4.0]\ntemperature_k = { uniform = [2000, 6500] }\nilluminance_lx = { uniform = [100, 2000] }";
+        "size_m = [2.0, 2.0]\ntemperature_k = { uniform = [2000, 6500] }\nilluminance_lx = { uniform = [100, 2000] }";
 
     fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
         self.count.within("count", 0, 1000)?;
@@ -81,9 +83,7 @@ impl Config for CeilingLight {
         if let Some(height) = self.height_m {
             check_bounds("height_m", "height_m", [height; 2], 0.1)?;
         }
-        for (i, offset) in self.offset_m.iter().enumerate() {
-            offset.within(&format!("offset_m.{i}"), -1000.0, 1000.0)?;
-        }
+        check_bounds("shift_m", "shift_m", [self.shift_m; 2], 0.0)?;
         check_light(&self.temperature_k, &self.illuminance_lx, self.luminance_nits.as_ref())?;
         Ok(Box::new(self))
     }
@@ -94,8 +94,8 @@ impl LightSampler for CeilingLight {
     fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let stream = &context.stream;
         let count = self.count.draw(&mut stream.child("count")).max(0) as usize;
-        let mut offsets = stream.child("offset");
-        let [x, y] = [0, 1].map(|axis: usize| self.offset_m[axis].draw(&mut offsets));
+        let mut shift = stream.child("shift");
+        let [x, y] = [0, 1].map(|_| shift.uniform(-self.shift_m, self.shift_m));
         let tabletop = scene.tabletop.centre();
         let height = self.height(scene);
         if height <= tabletop.z + 0.01 {
@@ -118,8 +118,9 @@ impl LightSampler for CeilingLight {
         let luminance = match &self.luminance_nits {
             Some(nits) => nits.draw(&mut brightness),
             None => {
+                let facing = (middle - tabletop).normalize();
                 let per_nit: f64 =
-                    lights.iter().map(|light| polygon_illuminance(&light.corners(), tabletop, Vector3::z())).sum();
+                    lights.iter().map(|light| polygon_illuminance(&light.corners(), tabletop, facing)).sum();
                 self.illuminance_lx.draw(&mut brightness) / per_nit.max(1e-12)
             }
         };

@@ -8,7 +8,7 @@ use syntable_model::scene::{Tabletop, ViewId};
 
 /// Views that are listed, the same in every scene: view `i` takes entry `i`, and there are as many views as entries.
 ///
-/// An entry is either `{ eye = [x, y, z], target = [x, y, z] }` with optional `up` and `roll_deg`, or
+/// An entry is either `{ eye_m = [x, y, z], target_m = [x, y, z] }` with optional `up` and `roll_deg`, or
 /// `{ world_from_camera = [[..], [..], [..], [..]] }`, a 4 × 4 matrix row by row whose columns are the camera's right,
 /// down and forward axes and its position. Metres.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -39,10 +39,10 @@ enum Origin {
 struct PoseEntry {
     /// Where the camera is, metres.
     #[serde(skip_serializing_if = "Option::is_none")]
-    eye: Option<[f64; 3]>,
+    eye_m: Option<[f64; 3]>,
     /// What it looks at, metres; the origin by default.
     #[serde(skip_serializing_if = "Option::is_none")]
-    target: Option<[f64; 3]>,
+    target_m: Option<[f64; 3]>,
     /// What points up in the picture; z by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     up: Option<[f64; 3]>,
@@ -57,8 +57,8 @@ struct PoseEntry {
 impl Config for FixedPoses {
     type Stage = dyn ViewSampler;
     const KIND: &'static str = "fixed_poses";
-    const EXAMPLE: &'static str = "poses = [\n    { eye = [0.9, 0.0, 0.7], target = [0.0, 0.0, 0.05] },\n    \
-        { eye = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0] },\n]";
+    const EXAMPLE: &'static str = "poses = [\n    { eye_m = [0.9, 0.0, 0.7], target_m = [0.0, 0.0, 0.05] },\n    \
+        { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0] },\n]";
 
     fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
         if self.poses.is_empty() {
@@ -77,16 +77,16 @@ register!(FixedPoses);
 
 impl PoseEntry {
     fn pose(&self) -> Result<Pose, String> {
-        let points = [self.eye, self.target, self.up];
+        let points = [self.eye_m, self.target_m, self.up];
         if !points.iter().flatten().flatten().chain(&self.roll_deg).all(|x| x.is_finite()) {
             return Err("a pose needs finite numbers".into());
         }
-        match (self.eye, self.world_from_camera) {
+        match (self.eye_m, self.world_from_camera) {
             (Some(eye), None) => {
-                let (eye, target) = (Point3::from(eye), Point3::from(self.target.unwrap_or_default()));
+                let (eye, target) = (Point3::from(eye), Point3::from(self.target_m.unwrap_or_default()));
                 let up = Vector3::from(self.up.unwrap_or([0.0, 0.0, 1.0]));
                 if (target - eye).norm() < 1e-9 {
-                    return Err(format!("`eye` and `target` are the same point, {:?}", eye.coords.as_slice()));
+                    return Err(format!("`eye_m` and `target_m` are the same point, {:?}", eye.coords.as_slice()));
                 }
                 if (target - eye).cross(&up).norm() < 1e-9 {
                     return Err("`up` is parallel to the direction of view; name another axis".into());
@@ -94,8 +94,8 @@ impl PoseEntry {
                 Ok(rolled(look_at(eye, target, up), self.roll_deg.unwrap_or(0.0)))
             }
             (None, Some(matrix)) if points == [None; 3] && self.roll_deg.is_none() => from_matrix(matrix),
-            (None, None) => Err("a pose needs `eye`, or `world_from_camera`".into()),
-            _ => Err("`world_from_camera` stands alone, without `eye`, `target`, `up` and `roll_deg`".into()),
+            (None, None) => Err("a pose needs `eye_m`, or `world_from_camera`".into()),
+            _ => Err("`world_from_camera` stands alone, without `eye_m`, `target_m`, `up` and `roll_deg`".into()),
         }
     }
 }

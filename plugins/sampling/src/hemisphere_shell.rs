@@ -3,9 +3,9 @@
 use crate::radius::{ViewRadius, check_bounds};
 use crate::shell::{HEMISPHERE_DEG, centre, direction};
 use nalgebra::{Point3, Vector3};
-use syntable_model::geometry::look_at;
+use syntable_model::geometry::{Aabb, look_at};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Tabletop, ViewId};
+use syntable_model::scene::ViewId;
 
 /// Views from a hemispherical shell above the table (SynTable, "viewpoints"): uniform in direction and in distance,
 /// looking at the middle of the tabletop.
@@ -34,21 +34,32 @@ pub struct HemisphereShell {
 
 /// What a camera looks at.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
 pub enum LookAt {
     /// The middle of the tabletop, (0, 0, h).
     #[default]
-    TabletopCentre,
+    #[serde(rename = "tabletop_centre")]
+    Tabletop,
     /// The middle of the shell, `centre_offset_m` above the tabletop.
-    ShellCentre,
+    #[serde(rename = "shell_centre")]
+    Shell,
+    /// The middle of the box around all objects.
+    #[serde(rename = "objects_centre")]
+    Objects,
 }
 
 impl LookAt {
     /// The point.
-    pub fn point(self, tabletop: &Tabletop, centre_offset_m: f64) -> Point3<f64> {
+    pub fn point(self, scene: &Scene, centre_offset_m: f64) -> Point3<f64> {
         match self {
-            Self::TabletopCentre => tabletop.centre(),
-            Self::ShellCentre => centre(tabletop, centre_offset_m),
+            Self::Tabletop => scene.tabletop.centre(),
+            Self::Shell => centre(&scene.tabletop, centre_offset_m),
+            Self::Objects => {
+                let corners = scene
+                    .objects()
+                    .iter()
+                    .flat_map(|body| body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
+                Aabb::of(corners).centre()
+            }
         }
     }
 }
@@ -59,7 +70,7 @@ impl Default for HemisphereShell {
             radius: ViewRadius::OfTable([1.0, 1.7]),
             centre_offset_m: 0.2,
             elevation_deg: HEMISPHERE_DEG,
-            look_at: LookAt::TabletopCentre,
+            look_at: LookAt::Tabletop,
             roll_deg: Dist::Constant(0.0),
         }
     }
@@ -89,7 +100,7 @@ impl ViewSampler for HemisphereShell {
         let r = context.stream.child("radius").uniform(low, high);
         let direction = direction(self.elevation_deg, &mut context.stream.child("direction"));
         let eye = centre(&scene.tabletop, self.centre_offset_m) + r * direction;
-        let target = self.look_at.point(&scene.tabletop, self.centre_offset_m);
+        let target = self.look_at.point(scene, self.centre_offset_m);
         let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
         Ok(rolled(look_at(eye, target, Vector3::z()), roll))
     }

@@ -37,7 +37,7 @@ impl Default for Orbit {
             elevation_deg: 40.0,
             start_deg: 0.0,
             step_deg: 30.0,
-            look_at: LookAt::TabletopCentre,
+            look_at: LookAt::Tabletop,
         }
     }
 }
@@ -73,7 +73,7 @@ impl ViewSampler for Orbit {
         let (sin, cos) = self.elevation_deg.to_radians().sin_cos();
         let direction = Vector3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin);
         let eye = centre(&scene.tabletop, self.centre_offset_m) + r * direction;
-        Ok(look_at(eye, self.look_at.point(&scene.tabletop, self.centre_offset_m), Vector3::z()))
+        Ok(look_at(eye, self.look_at.point(scene, self.centre_offset_m), Vector3::z()))
     }
 
     fn shell(&self, scene: &Scene) -> Shell {

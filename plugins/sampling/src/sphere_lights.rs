@@ -13,7 +13,7 @@ use syntable_model::scene::{Camera, Light, SphereLight};
 /// it alone would give, with nothing in between, at the middle of the tabletop on a plane that faces it; by
 /// E = π L (r/d)² that fixes the luminance L of its surface, whatever its distance d and radius r.
 ///
-/// The released program uses `sphere_radius_m = { uniform = [0.3, 0.7] }`, `temperature_k = 6500`,
+/// The released program uses `size_m = { uniform = [0.3, 0.7] }`, `temperature_k = 6500`,
 /// `luminance_nits = { uniform = [0, 30000] }` and mostly `count = 1`. Such large spheres can reach in among the
 /// cameras; with the default radii they never do.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -30,8 +30,8 @@ pub struct SphereLights {
     /// Elevations above the horizon of the shell's middle, degrees: smallest and largest.
     #[schemars(inner(range(min = 0.0, max = 90.0)))]
     elevation_deg: [f64; 2],
-    /// Radius of a sphere, metres; larger ones cast softer shadows.
-    sphere_radius_m: Dist,
+    /// Radius of each sphere, metres; larger ones cast softer shadows.
+    size_m: Dist,
     /// Colour temperature, kelvin.
     temperature_k: Dist,
     /// Illuminance that each light alone gives at the middle of the tabletop on a plane facing it, lux. A light of
@@ -49,7 +49,7 @@ impl Default for SphereLights {
             radius: LightRadius::BeyondViewsM([0.1, 1.1]),
             centre_offset_m: 0.2,
             elevation_deg: HEMISPHERE_DEG,
-            sphere_radius_m: Dist::Uniform(0.04, 0.1),
+            size_m: Dist::Uniform(0.04, 0.1),
             temperature_k: Dist::Uniform(2000.0, 6500.0),
             illuminance_lx: Dist::Uniform(100.0, 20_000.0),
             luminance_nits: None,
@@ -71,7 +71,7 @@ impl Config for SphereLights {
         if self.elevation_deg[1] > 90.0 {
             return Err(Invalid::new("elevation_deg", format!("`elevation_deg = {:?}` passes 90", self.elevation_deg)));
         }
-        self.sphere_radius_m.within("sphere_radius_m", 1e-3, 100.0)?;
+        self.size_m.within("size_m", 1e-3, 100.0)?;
         check_light(&self.temperature_k, &self.illuminance_lx, self.luminance_nits.as_ref())?;
         Ok(Box::new(self))
     }
@@ -96,12 +96,12 @@ impl LightSampler for SphereLights {
             let r = stream.child("distance").uniform(low, high);
             let direction = direction(self.elevation_deg, &mut stream.child("direction"));
             let position = centre(&scene.tabletop, self.centre_offset_m) + r * direction;
-            let radius = self.sphere_radius_m.draw(&mut stream.child("radius"));
+            let radius = self.size_m.draw(&mut stream.child("radius"));
             let distance = (position - tabletop).norm();
             if radius >= 0.99 * distance {
                 let message =
                     format!("a sphere light of radius {radius:.3} m reaches the tabletop's middle at {distance:.3} m");
-                return Err(Error::new(message).help("make `radius` larger or `sphere_radius_m` smaller"));
+                return Err(Error::new(message).help("make `radius` larger or `size_m` smaller"));
             }
             let mut brightness = stream.child("brightness");
             let luminance = match &self.luminance_nits {

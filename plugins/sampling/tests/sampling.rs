@@ -209,6 +209,11 @@ fn views_follow_their_options() {
     }
     let d = kolmogorov_smirnov(sines);
     assert!(d < bound(2000), "{d}");
+    // The one object of the scene is a triangle in a box of 0.2 m from (-0.05, -0.05), at 0.8 m.
+    let objects = views("hemisphere_shell", "look_at = \"objects_centre\"");
+    let pose = with_context(1, |context| objects.pose(&scene, ViewId(0), context)).expect("a pose");
+    let seen = pose.inverse_transform_point(&Point3::new(0.05, 0.05, 0.8));
+    assert!(seen.z > 0.0 && seen.x.abs() < 1e-6 && seen.y.abs() < 1e-6, "{seen}");
     let released = views("hemisphere_shell", "radius = { of_table = [0.8, 1.36] }");
     let [low, high] = released.shell(&scene).radius;
     assert!((low - 0.8 * 0.7).abs() < 1e-12 && (high - 1.7 * 0.8 * 0.7).abs() < 1e-12);
@@ -244,8 +249,8 @@ fn an_orbit_goes_round() {
 fn listed_poses_are_taken_as_they_are() {
     let scene = scene(None);
     let options = "poses = [
-        { eye = [1.0, 0.0, 0.5] },
-        { eye = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0], roll_deg = 180 },
+        { eye_m = [1.0, 0.0, 0.5] },
+        { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0], roll_deg = 180 },
         { world_from_camera = [[0, 0, -1, 2], [1, 0, 0, 3], [0, -1, 0, 4], [0, 0, 0, 1]] },
     ]";
     let sampler = views("fixed_poses", options);
@@ -269,14 +274,15 @@ fn listed_poses_are_taken_as_they_are() {
     );
     let error = pose(&*sampler, 3).expect_err("no fourth").to_string();
     assert!(error.contains("view 3 has no pose; 3 are listed"), "{error}");
-    let world = views("fixed_poses", "relative_to = \"world\"\nposes = [{ eye = [1, 0, 2], target = [0, 0, 0.7] }]");
+    let world =
+        views("fixed_poses", "relative_to = \"world\"\nposes = [{ eye_m = [1, 0, 2], target_m = [0, 0, 0.7] }]");
     assert!((pose(&*world, 0).expect("a pose").translation.vector.z - 2.0).abs() < 1e-12);
     for (options, want) in [
         ("", "poses"),
         ("poses = []", "lists no view"),
-        ("poses = [{ target = [0, 0, 0] }]", "needs `eye`"),
-        ("poses = [{ eye = [0, 0, 1] }]", "parallel"),
-        ("poses = [{ eye = [0, 0, 0] }]", "same point"),
+        ("poses = [{ target_m = [0, 0, 0] }]", "needs `eye_m`"),
+        ("poses = [{ eye_m = [0, 0, 1] }]", "parallel"),
+        ("poses = [{ eye_m = [0, 0, 0] }]", "same point"),
         (
             "poses = [{ world_from_camera = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
             "no rigid motion",
@@ -286,7 +292,7 @@ fn listed_poses_are_taken_as_they_are() {
             "no rigid motion",
         ),
         (
-            "poses = [{ eye = [1, 0, 0], world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
+            "poses = [{ eye_m = [1, 0, 0], world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
             "stands alone",
         ),
     ] {
@@ -348,8 +354,7 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
 #[test]
 fn sphere_lights_give_the_lux_that_was_asked_for() {
     let scene = scene(None);
-    let sampler =
-        lights("sphere_lights", "count = 1\nilluminance_lx = 800\nsphere_radius_m = { uniform = [0.2, 0.6] }");
+    let sampler = lights("sphere_lights", "count = 1\nilluminance_lx = 800\nsize_m = { uniform = [0.2, 0.6] }");
     for seed in 0..4 {
         let lights = draw(&*sampler, &scene, seed).expect("lights");
         let [light @ Light::Sphere(sphere)] = &lights[..] else { panic!("{lights:?}") };
@@ -364,17 +369,22 @@ fn ceiling_lights_give_the_lux_that_was_asked_for() {
     for (options, ceiling, count, height) in [
         ("illuminance_lx = 500", Some(15.0), 1, 14.99),
         ("illuminance_lx = 500\nsize_m = [1.5, 0.4]\nheight_m = 2.4", Some(3.0), 1, 2.4),
-        ("illuminance_lx = 500\ncount = 5\nsize_m = [0.6, 0.6]\nspacing_m = 1.2\nheight_m = 9", Some(2.6), 5, 2.59),
-        ("illuminance_lx = 500\noffset_m = [1.0, -0.5]", None, 1, 3.75),
+        ("illuminance_lx = 500\ncount = 4\nsize_m = [0.6, 0.6]\nspacing_m = 1.2\nheight_m = 9", Some(2.6), 4, 2.59),
+        ("illuminance_lx = 500\nshift_m = 1.5", None, 1, 3.75),
     ] {
         let scene = scene(ceiling);
         let lights = draw(&*lights("ceiling_light", options), &scene, 3).expect("lights");
         assert_eq!(lights.len(), count, "{options}");
+        let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
+            Light::Rect(rect) => sum + rect.centre.coords / lights.len() as f64,
+            Light::Sphere(_) => sum,
+        });
+        let facing = (middle - scene.tabletop.centre().coords).normalize();
         let mut sum = 0.0;
         for light in &lights {
             let Light::Rect(rect) = light else { panic!("{light:?}") };
             assert!((rect.centre.z - height).abs() < 1e-9 && rect.normal().z < -0.999, "{rect:?}");
-            sum += illuminance(light, scene.tabletop.centre(), Vector3::z());
+            sum += illuminance(light, scene.tabletop.centre(), facing);
         }
         assert!((sum / 500.0 - 1.0).abs() < 0.01, "{options}: {sum} lx");
     }
@@ -418,7 +428,7 @@ fn the_released_lights_can_be_asked_for() {
     let scene = scene(Some(15.0));
     let spheres = lights(
         "sphere_lights",
-        "count = 1\nsphere_radius_m = { uniform = [0.3, 0.7] }\ntemperature_k = 6500\nluminance_nits = { uniform = [0, 30000] }",
+        "count = 1\nsize_m = { uniform = [0.3, 0.7] }\ntemperature_k = 6500\nluminance_nits = { uniform = [0, 30000] }",
     );
     let ceiling = lights(
         "ceiling_light",
@@ -434,7 +444,7 @@ fn the_released_lights_can_be_asked_for() {
     }
     let none = lights("sphere_lights", "count = 2\nilluminance_lx = 0");
     assert!(draw(&*none, &scene, 1).expect("lights").is_empty(), "a light of 0 lx is none");
-    let engulfing = lights("sphere_lights", "count = 1\nsphere_radius_m = 5");
+    let engulfing = lights("sphere_lights", "count = 1\nsize_m = 5");
     let error = draw(&*engulfing, &scene, 1).expect_err("too large").to_string();
     assert!(error.contains("reaches the tabletop's middle"), "{error}");
 }
@@ -445,9 +455,10 @@ fn light_options_are_checked_and_examples_build() {
         ("sphere_lights", "count = -1", "can become -1"),
         ("sphere_lights", "radius = { metres = [2, 1] }", "smaller bound first"),
         ("sphere_lights", "temperature_k = 100", "outside 1000 to 40000"),
-        ("sphere_lights", "sphere_radius_m = 0", "can become 0"),
+        ("sphere_lights", "size_m = 0", "can become 0"),
         ("sphere_lights", "illuminance_lx = { uniform = [-1, 5] }", "can become -1"),
         ("ceiling_light", "size_m = [0, 1]", "at least"),
+        ("ceiling_light", "shift_m = -1", "at least"),
         ("ceiling_light", "luminance_nits = -1", "can become -1"),
     ] {
         let error = refused(Slot::Lights, kind, options);
