@@ -1,0 +1,289 @@
+//! Materials: glTF's metallic-roughness model is the program's own, so that little is translated.
+//!
+//! Factors and textures of the core and of `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here.
+//! Further material extensions belong into [`Materials::build`]: their JSON is in `extensions.others`.
+
+use super::buffers::Buffers;
+use super::get;
+use crate::files::formats::{default_material, within};
+use crate::files::plain::untextured;
+use crate::files::seal::seal;
+use gltf::json::extensions::texture::{TextureTransform, TextureTransformOffset};
+use gltf::json::material::AlphaMode;
+use gltf::json::texture::{Info, WrappingMode};
+use gltf::json::validation::Checked;
+use gltf::json::{self, Index, Root};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{
+    Alpha, Color, Encoding, Material, NormalMap, Scalar, Texture, TextureRef, UvTransform, Wrap,
+};
+
+type JsonMaterial = json::Material;
+
+/// Materials by slot, in the order in which primitives name them.
+pub struct Materials<'a> {
+    document: &'a Root,
+    path: &'a Path,
+    log: &'a dyn Log,
+    /// Material, whether its faces have texture coordinates, and how many they are.
+    slots: Vec<(Option<Index<JsonMaterial>>, bool, usize)>,
+    warned: Vec<String>,
+    textures: BTreeMap<(usize, bool, [u8; 2]), Option<Arc<Texture>>>,
+}
+
+/// A use of a texture, alike for all places that have one.
+#[derive(Clone)]
+struct Use {
+    texture: Index<json::Texture>,
+    set: u32,
+    transform: UvTransform,
+}
+
+impl<'a> Materials<'a> {
+    /// Materials of a document; the path is for messages.
+    pub fn new(document: &'a Root, path: &'a Path, log: &'a dyn Log) -> Self {
+        Self { document, path, log, slots: Vec::new(), warned: Vec::new(), textures: BTreeMap::new() }
+    }
+
+    /// Warns once.
+    pub fn warn(&mut self, message: &str) {
+        if !self.warned.iter().any(|warned| warned == message) {
+            self.warned.push(message.to_owned());
+            self.log.warn(&Error::new(message).in_file(self.path));
+        }
+    }
+
+    /// The slot of a material for faces with or without texture coordinates.
+    pub fn slot(&mut self, material: Option<Index<JsonMaterial>>, uvs: bool, triangles: usize) -> Result<u16> {
+        let same = |slot: &(Option<Index<JsonMaterial>>, bool, usize)| {
+            (slot.0.map(|index| index.value()), slot.1) == (material.map(|index| index.value()), uvs)
+        };
+        let slot = match self.slots.iter().position(same) {
+            Some(slot) => slot,
+            None => {
+                self.slots.push((material, uvs, 0));
+                self.slots.len() - 1
+            }
+        };
+        self.slots[slot].2 += triangles;
+        u16::try_from(slot).map_err(|_| Error::new("more than 65536 materials"))
+    }
+
+    /// The set of texture coordinates that a material uses; none if it has no texture. Where textures use several sets,
+    /// that of the base colour counts, after a warning.
+    pub fn uv_set(&mut self, material: Option<Index<JsonMaterial>>) -> Result<Option<u32>> {
+        let Some(index) = material else {
+            return Ok(None);
+        };
+        let material = get(&self.document.materials, index, "material")?;
+        let pbr = &material.pbr_metallic_roughness;
+        let infos = [&pbr.base_color_texture, &pbr.metallic_roughness_texture, &material.emissive_texture];
+        let mut sets: Vec<u32> = infos.into_iter().flatten().map(|info| of_info(info).set).collect();
+        if let Some(normal) = &material.normal_texture {
+            sets.push(of_normal(normal)?.set);
+        }
+        if sets.iter().any(|set| *set != sets[0]) {
+            self.warn(&format!(
+                "material {} uses several sets of texture coordinates; set {} is used for all",
+                index.value(),
+                sets[0]
+            ));
+        }
+        Ok(sets.first().copied())
+    }
+
+    /// Builds the materials of all slots.
+    pub fn into_slots(mut self, buffers: &mut Buffers<'_>) -> Result<Vec<Material>> {
+        let slots = std::mem::take(&mut self.slots);
+        let mut built = Vec::with_capacity(slots.len());
+        for (index, uvs, triangles) in slots {
+            let Some(index) = index else {
+                // The default material of glTF is white and metallic; ours is easier to look at.
+                built.push(default_material(false));
+                continue;
+            };
+            let json = get(&self.document.materials, index, "material")?;
+            let material = self
+                .build(json, index.value(), buffers)
+                .map_err(|error| within(error, format!("material {}", index.value())))?;
+            built.push(match untextured(&material) {
+                Some(plain) if !uvs => {
+                    self.warn(&format!(
+                        "{triangles} faces have no texture coordinates; the mean colour of the texture is used for them"
+                    ));
+                    plain
+                }
+                _ => material,
+            });
+        }
+        Ok(built)
+    }
+
+    fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut Buffers<'_>) -> Result<Material> {
+        let pbr = &json.pbr_metallic_roughness;
+        let [r, g, b, alpha] = pbr.base_color_factor.0;
+        let name = json.name.clone().unwrap_or_else(|| format!("material {index}"));
+        let mut material = Material::plain(name, [r, g, b].map(unit), unit(pbr.roughness_factor.0));
+        material.base_color.texture = self.info(&pbr.base_color_texture, Encoding::Srgb, buffers)?;
+        material.metallic = Scalar::constant(unit(pbr.metallic_factor.0));
+        if let Some(texture) = self.info(&pbr.metallic_roughness_texture, Encoding::Linear, buffers)? {
+            material.roughness.texture = Some((texture.clone(), 1));
+            material.metallic.texture = Some((texture, 2));
+        }
+        if let Some(normal) = &json.normal_texture
+            && let Some(map) = self.texture(&of_normal(normal)?, Encoding::Linear, buffers)?
+        {
+            material.normal = Some(NormalMap { map, strength: normal.scale });
+        }
+        let extensions = json.extensions.as_ref();
+        let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
+        material.emission = Color {
+            factor: json.emissive_factor.0.map(|x| (x * strength).max(0.0)),
+            texture: self.info(&json.emissive_texture, Encoding::Srgb, buffers)?,
+        };
+        if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()).map(|e| e.ior.0).filter(|ior| *ior >= 1.0) {
+            material.ior = ior;
+        }
+        material.alpha = match json.alpha_mode {
+            Checked::Valid(AlphaMode::Mask) => {
+                let cutoff = json.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
+                // The factor belongs to alpha; without it the cutoff grows.
+                Alpha::Mask { cutoff: if alpha > 0.0 { (cutoff / alpha).clamp(0.0, 1.0) } else { 1.0 } }
+            }
+            Checked::Valid(AlphaMode::Blend) if material.base_color.texture.is_some() => {
+                self.warn("blended alpha is cut at one half: labels need a surface that is there or not");
+                Alpha::Mask { cutoff: 0.5 }
+            }
+            Checked::Valid(AlphaMode::Blend) => {
+                self.warn("blended alpha without a texture is taken as opaque");
+                Alpha::Opaque
+            }
+            _ => Alpha::Opaque,
+        };
+        Ok(seal(material))
+    }
+
+    fn info(
+        &mut self,
+        info: &Option<Info>,
+        encoding: Encoding,
+        buffers: &mut Buffers<'_>,
+    ) -> Result<Option<TextureRef>> {
+        match info {
+            Some(info) => self.texture(&of_info(info), encoding, buffers),
+            None => Ok(None),
+        }
+    }
+
+    /// A texture; none, after a warning, if its file is missing.
+    fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut Buffers<'_>) -> Result<Option<TextureRef>> {
+        let texture = get(&self.document.textures, used.texture, "texture")?;
+        if texture.source.value() == u32::MAX as usize {
+            return Err(Error::new(format!("texture {} has no PNG or JPEG source", used.texture.value()))
+                .help("KTX2 and WebP are not read; save the picture as PNG beside them"));
+        }
+        let wrap = match texture.sampler {
+            Some(sampler) => {
+                let sampler = get(&self.document.samplers, sampler, "sampler")?;
+                [wrap(sampler.wrap_s)?, wrap(sampler.wrap_t)?]
+            }
+            None => [Wrap::Repeat; 2],
+        };
+        let key = (texture.source.value(), encoding == Encoding::Srgb, wrap.map(|wrap| wrap as u8));
+        if !self.textures.contains_key(&key) {
+            let picture = buffers.picture(texture.source)?;
+            if picture.is_none() {
+                let image = get(&self.document.images, texture.source, "image")?;
+                let name = image.uri.as_deref().unwrap_or_default();
+                self.warn(&format!("no texture `{name}`; a plain colour is used"));
+            }
+            self.textures.insert(key, picture.map(|picture| Arc::new(picture.into_texture(encoding, wrap))));
+        }
+        let texture = self.textures.get(&key).cloned().flatten();
+        Ok(texture.map(|texture| TextureRef { texture, transform: used.transform }))
+    }
+}
+
+fn of_info(info: &Info) -> Use {
+    let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
+    of(info.index, info.tex_coord, transform)
+}
+
+/// The library parses the transform of all textures but the normal map's.
+fn of_normal(normal: &json::material::NormalTexture) -> Result<Use> {
+    let json = normal.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+    let transform: Option<TextureTransform> = json
+        .map(|json| serde_json::from_value(json.clone()))
+        .transpose()
+        .map_err(|error| Error::new(format!("KHR_texture_transform of the normal map: {error}")))?;
+    Ok(of(normal.index, normal.tex_coord, transform.as_ref()))
+}
+
+fn of(texture: Index<json::Texture>, set: u32, transform: Option<&TextureTransform>) -> Use {
+    let Some(transform) = transform else {
+        return Use { texture, set, transform: UvTransform::default() };
+    };
+    let TextureTransformOffset(offset) = transform.offset;
+    Use {
+        texture,
+        set: transform.tex_coord.unwrap_or(set),
+        transform: v_up(offset, transform.rotation.0, transform.scale.0),
+    }
+}
+
+/// A transform of KHR_texture_transform, where v points down, as one where v points up.
+///
+/// There `u' = c·sx·u + s·sy·v + ox` and `v' = -s·sx·u + c·sy·v + oy`, counter-clockwise as the picture is looked at;
+/// with `v = 1 - V` the same rotation stays, and the offset becomes `(ox + s·sy, 1 - oy - c·sy)`.
+fn v_up([ox, oy]: [f32; 2], rotation: f32, [sx, sy]: [f32; 2]) -> UvTransform {
+    let (s, c) = rotation.sin_cos();
+    UvTransform { scale: [sx, sy], rotation, offset: [ox + s * sy, 1.0 - oy - c * sy] }
+}
+
+fn wrap(mode: Checked<WrappingMode>) -> Result<Wrap> {
+    match mode {
+        Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
+        Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::Mirror),
+        Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
+        Checked::Invalid => Err(Error::new("a sampler with an unknown wrap mode")),
+    }
+}
+
+fn unit(x: f32) -> f32 {
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn transforms_agree_with_the_extension_when_v_is_turned_over() {
+        for (offset, rotation, scale) in
+            [([0.0, 0.0], 0.0, [3.0, 3.0]), ([0.0, 1.0], 1.570_796_4, [0.5, 0.5]), ([0.2, -0.3], 0.7, [2.0, -1.5])]
+        {
+            let ours = v_up(offset, rotation, scale);
+            let (s, c) = rotation.sin_cos();
+            for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.3, 0.8)] {
+                let want_u = c * scale[0] * u + s * scale[1] * v + offset[0];
+                let want_v = -s * scale[0] * u + c * scale[1] * v + offset[1];
+                let (x, y) = (u * ours.scale[0], (1.0 - v) * ours.scale[1]);
+                let got_u = c * x - s * y + ours.offset[0];
+                let got_v = 1.0 - (s * x + c * y + ours.offset[1]);
+                assert!((got_u - want_u).abs() < 1e-5 && (got_v - want_v).abs() < 1e-5, "{u} {v}");
+            }
+        }
+        // The extension's own example: the lower left quarter of the picture.
+        let quarter = v_up([0.0, 1.0], 1.570_796_4, [0.5, 0.5]);
+        let (s, c) = quarter.rotation.sin_cos();
+        for (u, v) in [(0.1, 0.1), (0.9, 0.2), (0.5, 0.9)] {
+            let (x, y) = (u * 0.5, v * 0.5);
+            let at = [c * x - s * y + quarter.offset[0], s * x + c * y + quarter.offset[1]];
+            assert!(at.iter().all(|x| (0.0..=0.5).contains(x)), "{at:?}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! The collection of bad and odd inputs: each behaves as its name says, for the reason that its index gives.
+
+use crate::common::{assets, fact, look, peak};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// What the error or a warning must say, by the name of the input.
+const SAYS: [(&str, &str); 76] = [
+    ("reject_accessor_count_bomb.gltf", "400000000 elements need 800000000 bytes, but the buffer view has 72"),
+    ("reject_buffer_beyond_file.gltf", "declares 1000000000 bytes, but `short.bin` has 168"),
+    ("reject_buffer_path_traversal.gltf", "leaves the asset's folder"),
+    ("reject_bufferview_beyond_buffer.gltf", "over 99999 bytes, but buffer 0 has 168"),
+    ("reject_chunk_length_bomb.glb", "not a valid GLB: a chunk of"),
+    ("reject_cyclic_nodes.gltf", "cycle"),
+    ("reject_deep_json.gltf", "nested more than"),
+    ("reject_dimension_bomb.hdr", "400000 x 200000 pixels are more than the limit"),
+    ("reject_empty.exr", "empty"),
+    ("reject_empty.glb", "empty"),
+    ("reject_empty.gltf", "empty"),
+    ("reject_empty.hdr", "empty"),
+    ("reject_empty.json", "empty"),
+    ("reject_empty.obj", "empty"),
+    ("reject_empty.ply", "empty"),
+    ("reject_empty.png", "empty"),
+    ("reject_face_index_out_of_range.ply", ":18: face 0 has index 300, but there are 8 vertices"),
+    ("reject_face_with_two_vertices", "model.obj:2753: a face with 2 corners"),
+    ("reject_flat_planar", "one plane"),
+    ("reject_garbage.glb", "not a valid GLB"),
+    ("reject_garbage.hdr", "not an environment map"),
+    ("reject_garbage.obj", "not text"),
+    ("reject_garbage.ply", "not a PLY file"),
+    ("reject_huge_coordinates", "object extent 1.000e29 m is outside the allowed range"),
+    ("reject_index_negative_out_of_range", "model.obj:5355: vertex index -"),
+    ("reject_index_out_of_range", "model.obj:5355: vertex index"),
+    ("reject_index_out_of_range.gltf", "index 60000, but there are 8 vertices"),
+    ("reject_index_zero", "model.obj:5355: vertex index 0"),
+    ("reject_inf_vertices", "model.obj:14: non-finite vertex: `inf`"),
+    ("reject_list_count_bomb.ply", "a list of 4294967295 items"),
+    ("reject_malformed.gltf", "line 32 column"),
+    ("reject_material_without_albedo", "no colour map"),
+    (
+        "reject_millimetres",
+        "object extent 221.907 m is outside the allowed range of 0.0005 m to 10 m (set `scale = 0.001`",
+    ),
+    ("reject_missing_buffer_file.gltf", "no file `not_there.bin`"),
+    ("reject_models_info_malformed", "models_info.json:1: not sound JSON"),
+    ("reject_models_info_missing_model", "obj_000077.ply"),
+    ("reject_nan_vertices", "model.obj:14: non-finite vertex: `nan`"),
+    ("reject_negative_count.ply", "`-8` is not a number of rows"),
+    ("reject_negative_dims.hdr", "`-Y -5 +X 10` is not a resolution"),
+    ("reject_no_end_header.ply", "end_header"),
+    ("reject_no_faces", "no faces"),
+    ("reject_no_vertices", "vertex index 1 in `1`, but there are 0"),
+    ("reject_not_a_number_token", "model.obj:2753: `"),
+    ("reject_png_bad_crc", "texture.png: not a sound PNG"),
+    ("reject_png_decompression_bomb", "texture.png: 65000 x 65000 pixels are more than the limit"),
+    ("reject_png_zero_size", "texture.png"),
+    ("reject_remote_buffer.gltf", "is an address, which is never opened"),
+    ("reject_required_extension.gltf", "`EXT_not_real`"),
+    ("reject_texture_backslash_traversal", "model.mtl:2: `..\\..\\..\\x.png` has backslashes"),
+    ("reject_texture_is_directory", "texture.png: is a directory"),
+    ("reject_texture_is_text", "texture.png: not an image"),
+    ("reject_texture_path_traversal", "model.mtl:2: `../../../x.png` leaves the asset's folder"),
+    ("reject_tiny_object", "object extent 1.000e-7 m is outside"),
+    ("reject_truncated.exr", "not a sound OpenEXR"),
+    ("reject_truncated.glb", "its header says 952 bytes, but the file has 892"),
+    ("reject_truncated.hdr", "row 22 of 512"),
+    ("reject_truncated_binary.ply", "need at least 269152 bytes, but 240883 are left"),
+    ("reject_truncated_obj_mid_face", "model.obj:4288: `84/` is not a face corner"),
+    ("reject_truncated_obj_mid_vertices", "model.obj:1111: a vertex"),
+    ("reject_truncated_png", "texture.png: not a sound PNG"),
+    ("reject_uv_index_out_of_range", "model.obj:5355: texture coordinate index"),
+    ("reject_version_1.gltf", "glTF version `1.0`"),
+    ("reject_vertex_count_bomb.ply", "4000000000 rows of element `vertex`"),
+    ("reject_zero_area_faces_only", "no face with area"),
+    ("warn_duplicate_faces", "2608 of 5216 faces are duplicates"),
+    ("warn_inverted_winding", "inwards"),
+    ("warn_material_sizes_differ", "64 x 64, roughness 32 x 32, normal (OpenGL) 48 x 16"),
+    ("warn_missing_mtl", "no material library `model.mtl`"),
+    ("warn_missing_texture", "model.mtl:9: no texture `texture.png`"),
+    ("warn_no_uv", "no texture coordinates"),
+    ("warn_non_manifold", "1 edges of more than two faces"),
+    ("warn_open_mesh", "open, with 106 boundary edges"),
+    ("warn_some_zero_area_faces", "40 of "),
+    ("warn_texture_missing.ply", "no texture `not_there.png`"),
+    ("warn_three_instances_in_one_model", "3 separate parts"),
+    ("warn_unknown_material_name", "no material `does_not_exist`"),
+];
+
+/// No input of this collection is larger than half a megabyte; a mesh and its textures take a few times that.
+const MOST_BYTES: usize = 24 << 20;
+
+#[test]
+fn every_input_behaves_as_its_name_says() {
+    let Some(folder) = assets("broken") else { return };
+    let mut names: Vec<String> = std::fs::read_dir(&folder)
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name().into_string().expect("UTF-8"))
+        .filter(|name| ["reject_", "warn_", "accept_"].iter().any(|word| name.starts_with(word)))
+        .collect();
+    names.sort();
+    assert_eq!(names.len(), 99, "{names:?}");
+    let mut wrong = Vec::new();
+    for name in &names {
+        let path = folder.join(name);
+        let (outcome, bytes) = peak(|| catch_unwind(AssertUnwindSafe(|| look(&path))));
+        let Ok((found, warnings)) = outcome else {
+            wrong.push(format!("{name}: PANIC"));
+            continue;
+        };
+        let (word, _) = name.split_once('_').expect("a word");
+        let said = match &found {
+            Ok(_) => format!("accepted with {warnings:?}"),
+            Err(error) => error.to_string(),
+        };
+        let must_say = SAYS.iter().find(|(known, _)| known == name).map(|(_, says)| *says);
+        let good = match (word, &found) {
+            // The error is one line, and names the asset or a file in it.
+            ("reject", Err(_)) => {
+                !said.contains('\n') && said.contains(name) && must_say.is_some_and(|says| said.contains(says))
+            }
+            ("warn", Ok(_)) => {
+                warnings.iter().all(|warning| warning.contains(name))
+                    && warnings.iter().any(|warning| must_say.is_some_and(|says| warning.contains(says)))
+            }
+            ("accept", Ok(_)) => warnings.is_empty(),
+            _ => false,
+        };
+        if !good || bytes > MOST_BYTES {
+            wrong.push(format!("{name} ({bytes} bytes): {said}, wanted {must_say:?}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {} are wrong:\n{}", wrong.len(), names.len(), wrong.join("\n"));
+}
+
+#[test]
+fn odd_inputs_load_as_what_they_are() {
+    let Some(folder) = assets("broken") else { return };
+    let look = |name: &str| look(&folder.join(name)).0.expect(name);
+    // The plate in four spellings; the box in five formats, where z is up in all.
+    for name in ["accept_bom_crlf", "accept_negative_indices", "warn_duplicate_faces", "warn_inverted_winding"] {
+        assert_eq!(fact(&look(name), "triangles"), "2608", "{name}");
+        assert_eq!(fact(&look(name), "volume"), fact(&look("accept_png_1x1"), "volume"), "{name}");
+    }
+    for name in ["accept_box.glb", "accept_embedded_box.gltf"] {
+        assert_eq!(fact(&look(name), "size"), "0.0600 x 0.1000 x 0.0800 m", "{name}");
+    }
+    for name in
+        ["accept_big_endian.ply", "accept_extra_properties.ply", "accept_quads_and_ngons", "accept_line_continuation"]
+    {
+        assert_eq!(fact(&look(name), "size"), "0.0600 x 0.0800 x 0.1000 m", "{name}");
+        assert_eq!(fact(&look(name), "volume"), "0.4800 litre", "{name}");
+        assert_eq!(fact(&look(name), "closed"), "yes", "{name}");
+    }
+    for name in ["accept_extra_properties.ply", "accept_obj_vertex_colours"] {
+        assert_eq!(fact(&look(name), "vertex colours"), "yes", "{name}");
+    }
+    assert_eq!(fact(&look("warn_non_manifold"), "volume"), "0.4800 litre");
+    // An extra texture is found only where the name with blanks was understood.
+    assert_eq!(fact(&look("accept_texture_name_with_spaces"), "textures"), "1");
+    assert_eq!(fact(&look("warn_missing_texture"), "textures"), "0");
+}
+
+#[test]
+fn odd_pictures_have_the_right_colours() {
+    use syntable_assets::files::formats::picture::Picture;
+    let Some(folder) = assets("broken") else { return };
+    let mean = |name: &str| {
+        let picture = Picture::read(&folder.join(name).join("materials/textures/texture.png")).expect(name);
+        picture.mean().map(|x| x * 255.0)
+    };
+    // Means computed with Pillow 11, CMYK converted by its `convert("RGB")`.
+    for (name, want) in [
+        ("accept_jpeg_cmyk", [53.82, 70.96, 72.42, 255.0]),
+        ("accept_png_palette_alpha", [52.89, 70.73, 72.23, 246.28]),
+    ] {
+        let got = mean(name);
+        assert!(got.iter().zip(want).all(|(got, want)| (got - want).abs() < 1.5), "{name}: {got:?}, Pillow {want:?}");
+    }
+}
