@@ -7,23 +7,28 @@ use super::wide::{Bounds, Link, MAX_DEPTH, Node, Nodes, WIDTH};
 
 /// Cost of testing a leaf's triangles, in units of testing a node's eight boxes. From 0.5 to 2
 /// the speed does not change measurably; the tree is smallest near 0.5.
-const LEAF_COST: f64 = 1.0;
+const LEAF_COST: f64 = 0.5;
 
-/// Builds a tree over boxes. `emit` stores the items of one leaf (at most `leaf_size`, ascending)
-/// and returns the leaf's number.
-pub(super) fn build(boxes: &[Bounds], leaf_size: usize, mut emit: impl FnMut(&[u32]) -> usize) -> Nodes {
+/// Builds a tree over boxes. `emit` stores the items of one leaf (at most `leaf_size`, ascending),
+/// in the tree or elsewhere, and returns its place.
+pub(super) fn build(boxes: &[Bounds], leaf_size: usize, mut emit: impl FnMut(&mut Nodes, &[u32]) -> usize) -> Nodes {
     let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
     if boxes.len() <= leaf_size {
         let all: Vec<u32> = (0..boxes.len() as u32).collect();
-        let root = if all.is_empty() { Link::NONE } else { Link::leaf(emit(&all)) };
-        return Nodes { list: Vec::new(), root, bounds };
+        let mut nodes = Nodes { blocks: Vec::new(), root: Link::NONE, bounds };
+        if !all.is_empty() {
+            nodes.root = Link::leaf(emit(&mut nodes, &all));
+        }
+        return nodes;
     }
     let mut plan = Plan::new(Binary::by_area(boxes), leaf_size);
     if plan.depth() > MAX_DEPTH {
         plan = Plan::new(Binary::by_halves(boxes), leaf_size);
     }
-    let list = plan.write(&mut emit);
-    Nodes { list, root: Link::node(0), bounds }
+    let mut nodes = Nodes { blocks: Vec::new(), root: Link::node(0), bounds };
+    plan.write(&mut nodes, &mut emit);
+    nodes.blocks.shrink_to_fit();
+    nodes
 }
 
 /// A binary tree over boxes; node 0 is the root and children come after their parents.
@@ -212,23 +217,23 @@ impl Plan {
         items
     }
 
-    /// Writes the nodes in depth-first order, the children of a node side by side.
-    fn write(&self, emit: &mut impl FnMut(&[u32]) -> usize) -> Vec<Node> {
-        let mut list = vec![Node::EMPTY];
-        let mut pending = vec![(0, 0)];
+    /// Writes the nodes in depth-first order, the children of a node side by side. Leaves take the
+    /// first slots: a walk content with any hit comes to them first.
+    fn write(&self, nodes: &mut Nodes, emit: &mut impl FnMut(&mut Nodes, &[u32]) -> usize) {
+        let mut pending = vec![(0, nodes.push(Node::EMPTY))];
         while let Some((number, place)) = pending.pop() {
-            for (slot, child) in self.children(number).into_iter().enumerate() {
-                let link = if self.choices[child].leaf {
-                    Link::leaf(emit(&self.items(child)))
-                } else {
-                    pending.push((child, list.len()));
-                    list.push(Node::EMPTY);
-                    Link::node(list.len() - 1)
-                };
-                list[place].set(slot, &self.binary.nodes[child].bounds, link);
+            let (leaves, inner): (Vec<usize>, Vec<usize>) =
+                self.children(number).into_iter().partition(|&child| self.choices[child].leaf);
+            for (slot, &child) in (leaves.len()..).zip(&inner) {
+                let below = nodes.push(Node::EMPTY);
+                pending.push((child, below));
+                nodes.get_mut::<Node>(place).set(slot, &self.binary.nodes[child].bounds, Link::node(below));
+            }
+            for (slot, &child) in leaves.iter().enumerate() {
+                let link = Link::leaf(emit(nodes, &self.items(child)));
+                nodes.get_mut::<Node>(place).set(slot, &self.binary.nodes[child].bounds, link);
             }
         }
-        list
     }
 }
 

@@ -4,7 +4,7 @@
 //! `mul_add` is called, so both kinds give the same bits. `min` and `max` follow the x86 rule: the second operand wins
 //! unless the comparison holds, so a NaN in either gives the second.
 
-use super::wide::{Column, WIDTH};
+use super::wide::{Block, Column, WIDTH};
 
 /// One way to compute on eight lanes.
 ///
@@ -17,12 +17,18 @@ pub(super) unsafe trait Lanes: Copy {
     unsafe fn load(column: &Column) -> Self::V;
     unsafe fn store(v: Self::V) -> Column;
     unsafe fn splat(x: f32) -> Self::V;
+    /// Four numbers in memory, twice.
+    unsafe fn twice(p: *const f32) -> Self::V;
+    /// Moves lanes within each half: lane `i` of a half takes its lane `ORDER >> 2 i & 3`.
+    unsafe fn shuffle<const ORDER: i32>(v: Self::V) -> Self::V;
     unsafe fn add(a: Self::V, b: Self::V) -> Self::V;
     unsafe fn sub(a: Self::V, b: Self::V) -> Self::V;
     unsafe fn mul(a: Self::V, b: Self::V) -> Self::V;
     unsafe fn div(a: Self::V, b: Self::V) -> Self::V;
     /// `a * b + c`, rounded once.
     unsafe fn mul_add(a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// `c - a * b`, rounded once.
+    unsafe fn neg_mul_add(a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `a < b ? a : b`.
     unsafe fn min(a: Self::V, b: Self::V) -> Self::V;
     /// `a > b ? a : b`.
@@ -35,6 +41,8 @@ pub(super) unsafe trait Lanes: Copy {
     unsafe fn or(a: Self::V, b: Self::V) -> Self::V;
     /// Bit `i` set iff mask lane `i` is.
     unsafe fn bits(mask: Self::V) -> u32;
+    /// Hints that the node or leaf there will be needed; any address will do.
+    unsafe fn prefetch(block: *const Block);
 }
 
 /// Plain Rust, for every CPU; slow on x86 CPUs older than FMA, where `mul_add` is a library call.
@@ -77,6 +85,20 @@ unsafe impl Lanes for Portable {
         [x; WIDTH]
     }
     #[inline(always)]
+    unsafe fn twice(p: *const f32) -> Self::V {
+        // SAFETY: the caller's promise.
+        let [x, y, z, w] = unsafe { *p.cast::<[f32; 4]>() };
+        [x, y, z, w, x, y, z, w]
+    }
+    #[inline(always)]
+    unsafe fn shuffle<const ORDER: i32>(v: Self::V) -> Self::V {
+        let mut out = v;
+        for i in 0..WIDTH {
+            out[i] = v[(i & 4) + (ORDER >> (2 * (i & 3)) & 3) as usize];
+        }
+        out
+    }
+    #[inline(always)]
     unsafe fn add(a: Self::V, b: Self::V) -> Self::V {
         zip(a, b, |a, b| a + b)
     }
@@ -97,6 +119,14 @@ unsafe impl Lanes for Portable {
         let mut out = c;
         for i in 0..WIDTH {
             out[i] = a[i].mul_add(b[i], c[i]);
+        }
+        out
+    }
+    #[inline(always)]
+    unsafe fn neg_mul_add(a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        let mut out = c;
+        for i in 0..WIDTH {
+            out[i] = (-a[i]).mul_add(b[i], c[i]);
         }
         out
     }
@@ -128,6 +158,8 @@ unsafe impl Lanes for Portable {
     unsafe fn bits(mask: Self::V) -> u32 {
         (0..WIDTH).fold(0, |bits, i| bits | (mask[i].to_bits() >> 31) << i)
     }
+    #[inline(always)]
+    unsafe fn prefetch(_: *const Block) {}
 }
 
 /// AVX2 and FMA, which the caller must have detected. The methods carry no `target_feature` of their own:
@@ -140,7 +172,7 @@ pub(super) struct Avx2;
 mod avx2 {
     use std::arch::x86_64::*;
 
-    use super::{Avx2, Column, Lanes};
+    use super::{Avx2, Block, Column, Lanes};
 
     // SAFETY: the trait asks callers for a CPU with AVX2 and FMA, which is all these intrinsics need, and
     // a `Column` is 32-byte aligned.
@@ -163,6 +195,19 @@ mod avx2 {
         unsafe fn splat(x: f32) -> __m256 {
             // SAFETY: as above.
             unsafe { _mm256_set1_ps(x) }
+        }
+        #[inline(always)]
+        unsafe fn twice(p: *const f32) -> __m256 {
+            // SAFETY: as above; the caller vouches for the address, which may be unaligned.
+            unsafe {
+                let half = _mm_loadu_ps(p);
+                _mm256_set_m128(half, half)
+            }
+        }
+        #[inline(always)]
+        unsafe fn shuffle<const ORDER: i32>(v: __m256) -> __m256 {
+            // SAFETY: as above.
+            unsafe { _mm256_permute_ps::<ORDER>(v) }
         }
         #[inline(always)]
         unsafe fn add(a: __m256, b: __m256) -> __m256 {
@@ -188,6 +233,11 @@ mod avx2 {
         unsafe fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
             // SAFETY: as above.
             unsafe { _mm256_fmadd_ps(a, b, c) }
+        }
+        #[inline(always)]
+        unsafe fn neg_mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
+            // SAFETY: as above.
+            unsafe { _mm256_fnmadd_ps(a, b, c) }
         }
         #[inline(always)]
         unsafe fn min(a: __m256, b: __m256) -> __m256 {
@@ -223,6 +273,16 @@ mod avx2 {
         unsafe fn bits(mask: __m256) -> u32 {
             // SAFETY: as above.
             unsafe { _mm256_movemask_ps(mask) as u32 }
+        }
+        #[inline(always)]
+        unsafe fn prefetch(block: *const Block) {
+            // SAFETY: a prefetch of whatever address has no effect but on speed.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(block.cast());
+                _mm_prefetch::<_MM_HINT_T0>(block.wrapping_add(1).cast());
+                _mm_prefetch::<_MM_HINT_T0>(block.wrapping_add(2).cast());
+                _mm_prefetch::<_MM_HINT_T0>(block.wrapping_add(3).cast());
+            }
         }
     }
 }

@@ -1,12 +1,11 @@
 //! The tree of one mesh, built once and shared by every instance of it.
 
 use super::{
-    Ray,
     build::build,
     lanes::Lanes,
-    ray::{BAND, Shear, Slab},
+    ray::{BAND, Line, Shear},
     walk::{self, Sink, Visit},
-    wide::{Bounds, Leaf, Nodes, WIDTH},
+    wide::{Block, Bounds, Leaf, Nodes, WIDTH},
 };
 
 /// An 8-wide tree over the triangles of a mesh, in the mesh's own frame.
@@ -16,7 +15,6 @@ use super::{
 #[derive(Clone, Debug)]
 pub struct MeshBvh {
     nodes: Nodes,
-    leaves: Vec<Leaf>,
     /// Largest absolute coordinate.
     reach: f32,
 }
@@ -39,28 +37,26 @@ impl MeshBvh {
                 kept.push((number as u32, corners));
             }
         }
-        let mut leaves = Vec::new();
-        let nodes = build(&boxes, WIDTH, |items| {
+        let nodes = build(&boxes, WIDTH, |nodes, items| {
             let mut leaf = Leaf::EMPTY;
             for (lane, &item) in items.iter().enumerate() {
                 let (number, corners) = &kept[item as usize];
                 leaf.set(lane, corners, *number);
             }
-            leaves.push(leaf);
-            leaves.len() - 1
+            nodes.push(leaf)
         });
         let reach = nodes.bounds.reach();
-        Self { nodes, leaves, reach }
+        Self { nodes, reach }
     }
 
     /// Bytes held by the tree.
     pub fn size(&self) -> usize {
-        size_of_val(&self.nodes.list[..]) + size_of_val(&self.leaves[..])
+        size_of_val(&self.nodes.blocks[..])
     }
 
     /// Boxes that together hold the mesh, tighter than one: those of the root's children.
     pub(super) fn outline(&self) -> Vec<Bounds> {
-        match self.nodes.list.first() {
+        match self.nodes.top() {
             Some(root) => (0..WIDTH).map(|s| root.bounds(s)).filter(|b| !b.is_empty()).collect(),
             None if self.nodes.bounds.is_empty() => Vec::new(),
             None => vec![self.nodes.bounds],
@@ -75,15 +71,17 @@ impl MeshBvh {
     #[inline(always)]
     pub(super) unsafe fn walk<L: Lanes, const SORT: bool, S: Sink>(
         &self,
-        ray: &Ray,
+        line: &Line<L>,
         from: f32,
         near: f32,
         sink: &mut S,
     ) -> bool {
-        let Some(slab) = Slab::new(ray, self.reach, BAND) else { return false };
-        let mut visit = Triangles { leaves: &self.leaves, shear: Shear::new(ray), from, sink };
         // SAFETY: the caller vouches for the CPU, `build` for the tree.
-        unsafe { walk::leaves::<L, SORT>(&self.nodes, &slab, near, &mut visit) }
+        unsafe {
+            let Some((slabs, shear)) = line.aim(self.reach, BAND) else { return false };
+            let mut visit = Triangles { blocks: self.nodes.blocks.as_ptr(), shear, from, sink };
+            walk::leaves::<L, _, SORT>(&self.nodes, &slabs, near, &mut visit)
+        }
     }
 
     /// Checks that every finite triangle sits in exactly one leaf, inside that leaf's box.
@@ -92,8 +90,8 @@ impl MeshBvh {
     /// If it does not, or the nodes are malformed.
     pub fn validate(&self) {
         let mut primitives = Vec::new();
-        self.nodes.validate(self.leaves.len(), |leaf, bounds| {
-            let leaf = &self.leaves[leaf];
+        self.nodes.validate(|leaf, bounds| {
+            let leaf: &Leaf = self.nodes.get(leaf);
             assert!(bounds.contains(&leaf.bounds()), "triangles stick out of {bounds:?}");
             let used = leaf.primitives.iter().take_while(|&&p| p != u32::MAX);
             primitives.extend(used.copied());
@@ -108,23 +106,25 @@ impl MeshBvh {
 
 /// Tests the triangles of each leaf.
 struct Triangles<'a, S> {
-    leaves: &'a [Leaf],
+    blocks: *const Block,
     shear: Shear,
     from: f32,
     sink: &'a mut S,
 }
 
-impl<S: Sink> Visit for Triangles<'_, S> {
+impl<L: Lanes, S: Sink> Visit<L> for Triangles<'_, S> {
+    const AMONG_NODES: bool = true;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.sink.limit()
     }
 
     #[inline(always)]
-    unsafe fn leaf<L: Lanes>(&mut self, leaf: usize, near: f32) -> bool {
-        // SAFETY: leaf numbers of a mesh are in range; the caller vouches for the CPU.
+    unsafe fn leaf(&mut self, leaf: usize, near: f32) -> bool {
+        // SAFETY: a mesh's leaves lie in its blocks; the caller vouches for the CPU.
         unsafe {
-            let leaf = self.leaves.get_unchecked(leaf);
+            let leaf = &*self.blocks.add(leaf).cast::<Leaf>();
             walk::leaf::<L>(leaf, &self.shear, self.from, near, self.sink)
         }
     }

@@ -25,6 +25,7 @@ pub use scene::{Instance, SceneBvh};
 
 /// A half-line. The direction need not have unit length; distances are in units of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct Ray {
     /// Where it starts, metres.
     pub origin: [f32; 3],

@@ -5,7 +5,7 @@ use super::{
     frustum::Frustum,
     kernel::Task,
     lanes::Lanes,
-    ray::{PLACED_BAND, Slab, transform_ray},
+    ray::{Line, PLACED_BAND},
     scene::SceneBvh,
     walk::{self, Candidate, Sink, Visit},
     wide::{Link, Node, WIDTH},
@@ -26,11 +26,10 @@ impl<F: Fn(&Hit) -> bool> Task for Closest<'_, F> {
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> Option<Hit> {
         let Self { scene, ray, from, to, keep } = self;
-        let slab = Slab::new(ray, scene.reach, PLACED_BAND)?;
-        let mut visit = Instances::<_, true> { scene, ray, from, sink: Nearest::new(to, keep) };
-        // SAFETY: the caller vouches for the CPU, `SceneBvh::build` for the tree.
-        unsafe { walk::leaves::<L, true>(&scene.nodes, &slab, from, &mut visit) };
-        visit.sink.found()
+        let mut sink = Nearest::new(to, keep);
+        // SAFETY: the caller vouches for the CPU.
+        unsafe { walk_scene::<L, true, _>(scene, ray, from, &mut sink) };
+        sink.found()
     }
 }
 
@@ -49,35 +48,59 @@ impl<F: Fn(&Hit) -> bool> Task for Any<'_, F> {
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> bool {
         let Self { scene, ray, from, to, keep } = self;
-        let Some(slab) = Slab::new(ray, scene.reach, PLACED_BAND) else { return false };
-        let mut visit = Instances::<_, false> { scene, ray, from, sink: First { to, instance: 0, keep } };
         // SAFETY: as in `Closest`.
-        unsafe { walk::leaves::<L, false>(&scene.nodes, &slab, from, &mut visit) }
+        unsafe { walk_scene::<L, false, _>(scene, ray, from, &mut First { to, instance: 0, keep }) }
+    }
+}
+
+/// Offers to `sink` what the ray meets, in any instance; true if the sink ended it.
+///
+/// # Safety
+/// The CPU has the features of `L`.
+#[inline(always)]
+unsafe fn walk_scene<L: Lanes, const SORT: bool, S: SceneSink>(
+    scene: &SceneBvh,
+    ray: &Ray,
+    from: f32,
+    sink: &mut S,
+) -> bool {
+    // SAFETY: the caller vouches for the CPU, `SceneBvh::build` for the tree.
+    unsafe {
+        let line = Line::<L>::new(ray);
+        let mut visit = Instances::<L, S, SORT> { scene, line, from, sink };
+        if scene.nodes.root.is_leaf() {
+            // No instance or one: its mesh has its own box.
+            return scene.nodes.root != Link::NONE && visit.leaf(scene.nodes.root.index(), from);
+        }
+        let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { return false };
+        walk::leaves::<L, _, SORT>(&scene.nodes, &slabs, from, &mut visit)
     }
 }
 
 /// Walks every instance met, all into one sink.
-struct Instances<'a, S, const SORT: bool> {
+struct Instances<'a, L: Lanes, S, const SORT: bool> {
     scene: &'a SceneBvh,
-    ray: &'a Ray,
+    line: Line<L>,
     from: f32,
-    sink: S,
+    sink: &'a mut S,
 }
 
-impl<S: SceneSink, const SORT: bool> Visit for Instances<'_, S, SORT> {
+impl<L: Lanes, S: SceneSink, const SORT: bool> Visit<L> for Instances<'_, L, S, SORT> {
+    const AMONG_NODES: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.sink.limit()
     }
 
     #[inline(always)]
-    unsafe fn leaf<L: Lanes>(&mut self, instance: usize, near: f32) -> bool {
+    unsafe fn leaf(&mut self, instance: usize, near: f32) -> bool {
         self.sink.enter(instance as u32);
         // SAFETY: leaves of the top level are instances; the caller vouches for the CPU.
         unsafe {
             let placed = self.scene.instances.get_unchecked(instance);
-            let ray = transform_ray(&placed.object_from_world, self.ray);
-            placed.mesh.walk::<L, SORT, S>(&ray, self.from, near, &mut self.sink)
+            let line = self.line.seen_from(&placed.object_from_world);
+            placed.mesh.walk::<L, SORT, S>(&line, self.from, near, self.sink)
         }
     }
 }
@@ -96,23 +119,37 @@ impl<F: FnMut(Hit)> Task for All<'_, F> {
 
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
-        let Some(slab) = Slab::new(self.ray, self.scene.reach, PLACED_BAND) else { return };
-        let (nodes, from) = (&self.scene.nodes, self.from);
+        let Self { scene, ray, from, to, visit } = self;
         // SAFETY: as in `Closest`.
-        unsafe { walk::leaves::<L, false>(nodes, &slab, from, &mut { self }) };
+        unsafe {
+            let line = Line::<L>::new(ray);
+            let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { return };
+            walk::leaves::<L, _, true>(&scene.nodes, &slabs, from, &mut Each { scene, line, from, to, visit });
+        }
     }
 }
 
-impl<F: FnMut(Hit)> Visit for All<'_, F> {
+/// Walks every instance met, each for itself.
+struct Each<'a, L: Lanes, F> {
+    scene: &'a SceneBvh,
+    line: Line<L>,
+    from: f32,
+    to: f32,
+    visit: F,
+}
+
+impl<L: Lanes, F: FnMut(Hit)> Visit<L> for Each<'_, L, F> {
+    const AMONG_NODES: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f32 {
         self.to
     }
 
     #[inline(always)]
-    unsafe fn leaf<L: Lanes>(&mut self, instance: usize, near: f32) -> bool {
+    unsafe fn leaf(&mut self, instance: usize, near: f32) -> bool {
         // SAFETY: as in `Instances`.
-        let hit = unsafe { within::<L>(self.scene, instance, self.ray, self.from, self.to, near) };
+        let hit = unsafe { within::<L>(self.scene, instance, &self.line, self.from, self.to, near) };
         if let Some(hit) = hit {
             (self.visit)(hit);
         }
@@ -161,18 +198,20 @@ impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
             return;
         }
         for (number, ray) in rays.iter().enumerate() {
-            let Some(slab) = Slab::new(ray, scene.reach, PLACED_BAND) else { continue };
             // SAFETY: the caller vouches for the CPU.
-            let slabs = unsafe { walk::Slabs::<L>::new(&slab, from) };
+            let (line, start) = unsafe { (Line::<L>::new(ray), L::splat(from)) };
+            // SAFETY: as above.
+            let Some((slabs, _)) = (unsafe { line.aim(scene.reach, PLACED_BAND) }) else { continue };
             for node in &nodes {
                 // SAFETY: as above; a link that a ray meets is an instance.
                 unsafe {
-                    let (mut hits, near) = slabs.test(node, to);
+                    let (mut hits, near) = slabs.test(node, start, to);
+                    let near = L::store(near);
                     while hits != 0 {
                         let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
                         hits &= hits - 1;
                         let instance = node.links[slot].index();
-                        let hit = within::<L>(scene, instance, ray, from, to, near.0[slot]);
+                        let hit = within::<L>(scene, instance, &line, from, to, near.0[slot]);
                         if let Some(hit) = hit {
                             visit(number, hit);
                         }
@@ -188,14 +227,21 @@ impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
 /// # Safety
 /// The CPU has the features of `L`; `instance` is in range.
 #[inline(always)]
-unsafe fn within<L: Lanes>(scene: &SceneBvh, instance: usize, ray: &Ray, from: f32, to: f32, near: f32) -> Option<Hit> {
+unsafe fn within<L: Lanes>(
+    scene: &SceneBvh,
+    instance: usize,
+    line: &Line<L>,
+    from: f32,
+    to: f32,
+    near: f32,
+) -> Option<Hit> {
     let mut nearest = Nearest::new(to, |_: &Hit| true);
     nearest.instance = instance as u32;
     // SAFETY: the caller's promises.
     unsafe {
         let placed = scene.instances.get_unchecked(instance);
-        let ray = transform_ray(&placed.object_from_world, ray);
-        placed.mesh.walk::<L, true, _>(&ray, from, near, &mut nearest);
+        let line = line.seen_from(&placed.object_from_world);
+        placed.mesh.walk::<L, true, _>(&line, from, near, &mut nearest);
     }
     nearest.found()
 }

@@ -1,6 +1,11 @@
 //! What a walk precomputes about a ray, once per frame of reference.
 
-use super::{Ray, walk::each_axis, wide::Bounds};
+use super::{
+    Ray,
+    lanes::Lanes,
+    walk::each_axis,
+    wide::{Bounds, Column},
+};
 
 /// Half-width of the error band put around every box, as a multiple of the largest coordinate in
 /// play. Shearing a corner in [`super::walk`] errs by less than `2 ε` of it and the slab test by
@@ -17,76 +22,128 @@ const FLATTEST: f32 = 1e-12;
 /// Directions whose every component is below this count as zero; keeps reciprocals finite.
 const SHORTEST: f32 = 1e-24;
 
-/// A ray ready to be tested against boxes, in one frame.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Slab {
+/// Orders for [`Lanes::shuffle`]: one of x, y and z everywhere, and the three moved round by one
+/// and by two.
+const X: i32 = 0b00_00_00_00;
+const Y: i32 = 0b01_01_01_01;
+const Z: i32 = 0b10_10_10_10;
+const ROUND: i32 = 0b11_00_10_01;
+const ROUND_TWICE: i32 = 0b11_01_00_10;
+
+/// A ray in some frame. Both halves of the lanes hold x, y, z and something finite.
+#[derive(Clone, Copy)]
+pub(super) struct Line<L: Lanes> {
+    origin: L::V,
+    direction: L::V,
+}
+
+impl<L: Lanes> Line<L> {
+    /// # Safety
+    /// The CPU has the features of `L`.
+    #[inline(always)]
+    pub unsafe fn new(ray: &Ray) -> Self {
+        let numbers: *const f32 = std::ptr::from_ref(ray).cast();
+        // SAFETY: a ray is six numbers in a row; the caller vouches for the CPU.
+        unsafe {
+            let direction = L::twice(numbers.add(2));
+            Self { origin: L::twice(numbers), direction: L::shuffle::<0b00_11_10_01>(direction) }
+        }
+    }
+
+    /// The ray seen from another frame. The direction keeps its length there, so distances along the
+    /// ray mean the same in both. `m` holds the columns of a 3×4 matrix.
+    ///
+    /// # Safety
+    /// The CPU has the features of `L`.
+    #[inline(always)]
+    pub unsafe fn seen_from(&self, m: &[Column; 4]) -> Self {
+        // SAFETY: the caller's promise.
+        unsafe {
+            let (x, y, z, shift) = (L::load(&m[0]), L::load(&m[1]), L::load(&m[2]), L::load(&m[3]));
+            let (o, d) = (self.origin, self.direction);
+            let origin = L::mul_add(z, L::shuffle::<Z>(o), shift);
+            let origin = L::mul_add(y, L::shuffle::<Y>(o), origin);
+            let direction = L::mul_add(y, L::shuffle::<Y>(d), L::mul(z, L::shuffle::<Z>(d)));
+            Self {
+                origin: L::mul_add(x, L::shuffle::<X>(o), origin),
+                direction: L::mul_add(x, L::shuffle::<X>(d), direction),
+            }
+        }
+    }
+
+    /// Readies the ray for boxes and triangles whose largest absolute coordinate is `reach`, with one
+    /// of the bands. `None` if the direction is zero or anything is not finite: such a ray hits nothing.
+    ///
+    /// # Safety
+    /// The CPU has the features of `L`.
+    #[inline(always)]
+    pub unsafe fn aim(&self, reach: f32, band: f32) -> Option<(Slabs<L>, Shear)> {
+        let (o, d) = (self.origin, self.direction);
+        // SAFETY: the caller's promise.
+        unsafe {
+            let (sign, rest) = (L::splat(-0.0), L::splat(f32::from_bits(0x7fff_ffff)));
+            let (size, distance) = (L::and(d, rest), L::and(o, rest));
+            let (largest, farthest) = (widest::<L>(size), widest::<L>(distance));
+            let most = L::splat(f32::MAX);
+            let finite = L::and(L::le(size, most), L::le(distance, most));
+            let sound = L::bits(L::and(finite, L::le(L::splat(SHORTEST), largest)));
+            if sound & 7 != 7 {
+                return None;
+            }
+            let flattest = L::mul(largest, L::splat(FLATTEST));
+            let steepness = L::div(L::splat(1.0), L::max(size, flattest));
+            let inverse = L::or(steepness, L::and(d, sign));
+            let band = L::mul(L::mul(L::add(farthest, L::splat(reach)), L::splat(band)), steepness);
+            let near_shift = L::neg_mul_add(o, inverse, L::or(band, sign));
+            let far_shift = L::neg_mul_add(o, inverse, band);
+            let negative = L::bits(d) as usize;
+            let slabs = Slabs {
+                inverse: spread::<L>(inverse),
+                near_shift: spread::<L>(near_shift),
+                far_shift: spread::<L>(far_shift),
+                near: each_axis!(a => size_of::<Column>() * (2 * a + (negative >> a & 1))),
+            };
+            let along = L::bits(L::le(largest, size)).trailing_zeros() as usize % 4;
+            let shear = Shear { origin: L::store(o), direction: L::store(d), inverse: L::store(inverse), along };
+            Some((slabs, shear))
+        }
+    }
+}
+
+/// The largest of x, y and z, in the places of all three.
+#[inline(always)]
+unsafe fn widest<L: Lanes>(v: L::V) -> L::V {
+    // SAFETY: the caller vouches for the CPU.
+    unsafe { L::max(L::max(v, L::shuffle::<ROUND>(v)), L::shuffle::<ROUND_TWICE>(v)) }
+}
+
+/// x, y and z, each in all lanes.
+#[inline(always)]
+unsafe fn spread<L: Lanes>(v: L::V) -> [L::V; 3] {
+    // SAFETY: the caller vouches for the CPU.
+    unsafe { [L::shuffle::<X>(v), L::shuffle::<Y>(v), L::shuffle::<Z>(v)] }
+}
+
+/// A ray ready to be tested against boxes.
+pub(super) struct Slabs<L: Lanes> {
     /// 1 / direction, finite.
-    pub inverse: [f32; 3],
+    pub inverse: [L::V; 3],
     /// A plane at `p` is met at `p · inverse + shift`. The shifts for near and far planes differ by
     /// the error band, so that boxes grow.
-    pub near_shift: [f32; 3],
-    pub far_shift: [f32; 3],
-    /// 1 where the direction is negative, so that the high plane is the near one; else 0.
-    pub negative: [usize; 3],
+    pub near_shift: [L::V; 3],
+    pub far_shift: [L::V; 3],
+    /// Byte offsets of the near planes in a node; those of the far ones differ in one bit.
+    pub near: [usize; 3],
 }
 
-impl Slab {
-    /// `None` if the direction is zero or anything is not finite: such a ray hits nothing.
-    /// `reach` is the largest absolute coordinate of what will be tested, `band` one of the bands.
-    #[inline(always)]
-    pub fn new(ray: &Ray, reach: f32, band: f32) -> Option<Self> {
-        let (o, d) = (ray.origin, ray.direction);
-        let size = each_axis!(a => d[a].abs());
-        let largest = max(max(size[0], size[1]), size[2]);
-        let farthest = max(max(o[0].abs(), o[1].abs()), o[2].abs());
-        let band = (farthest + reach) * band;
-        // Negated so that a NaN fails it too; the sum bounds every number used below.
-        let sum = (size[0] + size[1] + size[2]) + (o[0].abs() + o[1].abs() + o[2].abs()) + band;
-        if !(largest >= SHORTEST && sum <= f32::MAX) {
-            return None;
-        }
-        let flattest = largest * FLATTEST;
-        let sign = each_axis!(a => band.copysign(d[a]));
-        let inverse = each_axis!(a => 1.0 / max(size[a], flattest).copysign(d[a]));
-        Some(Self {
-            inverse,
-            near_shift: each_axis!(a => -(o[a] + sign[a]) * inverse[a]),
-            far_shift: each_axis!(a => (sign[a] - o[a]) * inverse[a]),
-            negative: each_axis!(a => (d[a].to_bits() >> 31) as usize),
-        })
-    }
-}
-
-/// A ray ready to be tested against triangles: the frame in which it runs along z.
+/// A ray ready to be tested against triangles, in the frame in which it runs along an axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shear {
-    pub origin: [f32; 3],
-    /// Axes of the sheared frame, each below 3; the last is the direction's largest.
-    pub axes: [usize; 3],
-    /// Minus x and y per unit of z along the ray, and ray parameter per unit of z.
-    pub shear: [f32; 3],
-}
-
-impl Shear {
-    /// For a ray of which a [`Slab`] could be made.
-    #[inline(always)]
-    pub fn new(ray: &Ray) -> Self {
-        let d = &ray.direction;
-        let size = each_axis!(a => d[a].abs());
-        let first = usize::from(size[1] > size[0]);
-        let z = if size[2] > max(size[0], size[1]) { 2 } else { first };
-        // The next two axes, looked up in the bits of two small tables.
-        let (x, y) = (0b00_10_01 >> (2 * z) & 3, 0b01_00_10 >> (2 * z) & 3);
-        // SAFETY: z is at most 2, and the tables hold nothing above it.
-        let [dx, dy, dz] = unsafe { [*d.get_unchecked(x), *d.get_unchecked(y), *d.get_unchecked(z)] };
-        let along = 1.0 / dz;
-        Self { origin: ray.origin, axes: [x, y, z], shear: [-dx * along, -dy * along, along] }
-    }
-}
-
-#[inline(always)]
-fn max(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
+    pub origin: Column,
+    pub direction: Column,
+    pub inverse: Column,
+    /// Axis of the direction's largest component, below 3.
+    pub along: usize,
 }
 
 /// A rigid or affine placement: rows of a 3×4 matrix, translation in the last column.
@@ -95,21 +152,16 @@ pub type Affine = [[f32; 4]; 3];
 /// The identity placement.
 pub const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-#[inline(always)]
 pub(super) fn transform_point(m: &Affine, p: [f32; 3]) -> [f32; 3] {
     each_axis!(r => m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3])
 }
 
-#[inline(always)]
-pub(super) fn transform_vector(m: &Affine, v: [f32; 3]) -> [f32; 3] {
-    each_axis!(r => m[r][0] * v[0] + m[r][1] * v[1] + m[r][2] * v[2])
-}
-
-/// The ray seen from another frame. The direction keeps its length there, so distances along the
-/// ray mean the same in both.
-#[inline(always)]
-pub(super) fn transform_ray(m: &Affine, ray: &Ray) -> Ray {
-    Ray { origin: transform_point(m, ray.origin), direction: transform_vector(m, ray.direction) }
+/// The columns of a matrix, as [`Line::seen_from`] wants them.
+pub(super) fn columns(m: &Affine) -> [Column; 4] {
+    [0, 1, 2, 3].map(|c| {
+        let [x, y, z] = [m[0][c], m[1][c], m[2][c]];
+        Column([x, y, z, 0.0, x, y, z, 0.0])
+    })
 }
 
 /// The box of a transformed box.

@@ -8,8 +8,8 @@ use super::{
     kernel::Kernel,
     mesh::MeshBvh,
     query::{All, Any, Closest, Tile},
-    ray::{Affine, IDENTITY, invert, transform_bounds},
-    wide::{Bounds, Nodes},
+    ray::{Affine, IDENTITY, columns, invert, transform_bounds},
+    wide::{Bounds, Column, Nodes},
 };
 
 /// One placed mesh.
@@ -26,7 +26,7 @@ pub struct Instance {
 /// An instance as rays see it.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    pub object_from_world: Affine,
+    pub object_from_world: [Column; 4],
     /// World box; empty if nothing can be hit.
     pub bounds: Bounds,
     pub mesh: Arc<MeshBvh>,
@@ -59,7 +59,7 @@ impl SceneBvh {
             .filter(|(_, placed)| !placed.bounds.is_empty())
             .map(|(number, placed)| (number, placed.bounds))
             .unzip();
-        let nodes = build(&boxes, 1, |items| numbers[items[0] as usize]);
+        let nodes = build(&boxes, 1, |_, items| numbers[items[0] as usize]);
         let reach = nodes.bounds.reach();
         Self { nodes, instances, reach, kernel: Kernel::detect() }
     }
@@ -129,7 +129,7 @@ impl SceneBvh {
     /// If one does not hold.
     pub fn validate(&self) {
         let mut reached = 0;
-        self.nodes.validate(self.instances.len(), |instance, bounds| {
+        self.nodes.validate(|instance, bounds| {
             assert_eq!(*bounds, self.instances[instance].bounds);
             reached += 1;
         });
@@ -151,8 +151,8 @@ fn place(instance: Instance) -> Placed {
     let bounds = boxes.fold(Bounds::EMPTY, |all, b| all.union(&b));
     match invert(&world_from_object) {
         Some(object_from_world) if bounds.lo.iter().chain(&bounds.hi).all(|x| x.is_finite()) => {
-            Placed { object_from_world, bounds, mesh, id }
+            Placed { object_from_world: columns(&object_from_world), bounds, mesh, id }
         }
-        _ => Placed { object_from_world: IDENTITY, bounds: Bounds::EMPTY, mesh, id },
+        _ => Placed { object_from_world: columns(&IDENTITY), bounds: Bounds::EMPTY, mesh, id },
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{
     Affine, Hit, IDENTITY, Instance, MeshBvh, Ray, SceneBvh,
     lanes::Portable,
-    ray::{Shear, invert, transform_ray},
+    ray::{BAND, Line, columns, invert},
     walk::{self, Candidate, Sink},
     wide::{Leaf, MAX_DEPTH},
 };
@@ -105,8 +105,8 @@ impl Sink for Best {
 
 /// The nearest triangle of one instance, by the same triangle test and no tree.
 fn brute(soup: &Soup, place: &Affine, ray: &Ray, from: f32) -> Option<Candidate> {
-    let ray = transform_ray(&invert(place)?, ray);
-    let shear = Shear::new(&ray);
+    // SAFETY: portable lanes need no feature.
+    let (_, shear) = unsafe { Line::<Portable>::new(ray).seen_from(&columns(&invert(place)?)).aim(0.0, BAND) }?;
     let mut best = Best(None);
     for (number, triangle) in soup.triangles.iter().enumerate() {
         let mut leaf = Leaf::EMPTY;

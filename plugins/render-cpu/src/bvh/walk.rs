@@ -12,7 +12,7 @@
 
 use super::{
     lanes::Lanes,
-    ray::{Shear, Slab},
+    ray::{Shear, Slabs},
     wide::{Column, Leaf, Link, Node, Nodes, STACK, WIDTH},
 };
 
@@ -55,42 +55,14 @@ pub(super) trait Sink {
     fn offer(&mut self, candidate: Candidate) -> bool;
 }
 
-/// A ray spread over the lanes, ready to be tested against the boxes of nodes.
-pub(super) struct Slabs<L: Lanes> {
-    inverse: [L::V; 3],
-    near_shift: [L::V; 3],
-    far_shift: [L::V; 3],
-    from: L::V,
-    /// Byte offsets of the near and far planes in a node.
-    near: [usize; 3],
-    far: [usize; 3],
-}
-
 impl<L: Lanes> Slabs<L> {
-    /// # Safety
-    /// The CPU has the features of `L`.
-    #[inline(always)]
-    pub unsafe fn new(slab: &Slab, from: f32) -> Self {
-        const PLANE: usize = size_of::<Column>();
-        // SAFETY: the caller's promise.
-        unsafe {
-            Self {
-                inverse: each_axis!(a => L::splat(slab.inverse[a])),
-                near_shift: each_axis!(a => L::splat(slab.near_shift[a])),
-                far_shift: each_axis!(a => L::splat(slab.far_shift[a])),
-                from: L::splat(from),
-                near: each_axis!(a => (2 * a + slab.negative[a]) * PLANE),
-                far: each_axis!(a => (2 * a + 1 - slab.negative[a]) * PLANE),
-            }
-        }
-    }
-
     /// Which of the node's boxes the ray meets in `[from, to]`, as bits, and where it enters them.
     ///
     /// # Safety
     /// The CPU has the features of `L`.
     #[inline(always)]
-    pub unsafe fn test(&self, node: &Node, to: f32) -> (u32, Column) {
+    pub unsafe fn test(&self, node: &Node, from: L::V, to: f32) -> (u32, L::V) {
+        const FAR: usize = size_of::<Column>();
         let planes: *const Column = node.planes.as_ptr();
         // SAFETY: the caller's promise; the offsets are those of the node's six planes.
         unsafe {
@@ -99,19 +71,22 @@ impl<L: Lanes> Slabs<L> {
                 L::mul_add(plane, self.inverse[a], self.near_shift[a])
             });
             let far = each_axis!(a => {
-                let plane = L::load(&*planes.byte_add(self.far[a]));
+                let plane = L::load(&*planes.byte_add(self.near[a] ^ FAR));
                 L::mul_add(plane, self.inverse[a], self.far_shift[a])
             });
-            let enter = L::max(L::max(near[0], near[1]), L::max(near[2], self.from));
+            let enter = L::max(L::max(near[0], near[1]), L::max(near[2], from));
             let leave = L::min(L::min(far[0], far[1]), L::min(far[2], L::splat(to)));
-            (L::bits(L::le(enter, leave)), L::store(enter))
+            (L::bits(L::le(enter, leave)), enter)
         }
     }
 }
 
 /// Does something with the leaves that a walk comes to. A trait rather than closures: a closure
 /// would be compiled without the CPU features of the function around it.
-pub(super) trait Visit {
+pub(super) trait Visit<L: Lanes> {
+    /// Whether leaves lie in the blocks of the tree, and not elsewhere.
+    const AMONG_NODES: bool;
+
     /// Boxes farther than this are of no interest; equal ones are.
     fn limit(&self) -> f32;
 
@@ -120,77 +95,93 @@ pub(super) trait Visit {
     ///
     /// # Safety
     /// The CPU has the features of `L`; the leaf is one of the tree the visitor was made for.
-    unsafe fn leaf<L: Lanes>(&mut self, leaf: usize, near: f32) -> bool;
+    unsafe fn leaf(&mut self, leaf: usize, near: f32) -> bool;
 }
 
-/// Visits the leaves of `nodes` that the ray meets in `[from, limit]`, near ones first if `SORT`;
-/// true if the visitor ended the walk.
+/// Visits the leaves of `nodes` that the ray meets in `[from, limit]`; true if the visitor ended the
+/// walk. If `SORT`, near ones come first and with the near distance of their box, else in any order
+/// and with `from`.
 ///
 /// # Safety
 /// The CPU has the features of `L`, `nodes` is as [`Nodes::validate`] wants it, and `visit` was
 /// made for them.
 #[inline(always)]
-pub(super) unsafe fn leaves<L: Lanes, const SORT: bool>(
+pub(super) unsafe fn leaves<L: Lanes, V: Visit<L>, const SORT: bool>(
     nodes: &Nodes,
-    slab: &Slab,
+    slabs: &Slabs<L>,
     from: f32,
-    visit: &mut impl Visit,
+    visit: &mut V,
 ) -> bool {
     if nodes.root == Link::NONE {
         return false;
     }
-    // SAFETY: the caller vouches for the CPU.
-    let slabs = unsafe { Slabs::<L>::new(slab, from) };
-    // An entry is the near distance in the upper half and the link in the lower; near distances
-    // are at least 0, so entries compare like them.
+    // Entries are links, under their near distances if `SORT`; near distances are at least 0, so
+    // entries compare like them. SAFETY of all uses: a walk holds at most STACK entries, see
+    // there, and those below `height` are written.
     let mut stack = [const { std::mem::MaybeUninit::<u64>::uninit() }; STACK];
     let mut height = 0;
-    let (mut link, mut near) = (nodes.root, from);
+    let blocks = nodes.blocks.as_ptr();
+    // SAFETY: the caller vouches for the CPU.
+    let start = unsafe { L::splat(from) };
+    let (mut link, mut near) = (nodes.root, from.to_bits());
     loop {
         if link.is_leaf() {
+            let near = if SORT { f32::from_bits(near) } else { from };
             // SAFETY: the caller's promises.
-            if unsafe { visit.leaf::<L>(link.index(), near) } {
+            if unsafe { visit.leaf(link.index(), near) } {
                 return true;
             }
         } else {
-            // SAFETY: links are in range by the tree's invariants; the caller vouches for the CPU.
-            let node: &Node = unsafe { nodes.list.get_unchecked(link.index()) };
-            // SAFETY: the caller vouches for the CPU.
-            let (mut hits, distances) = unsafe { slabs.test(node, visit.limit()) };
+            // SAFETY: links lead to nodes by the tree's invariants; the caller vouches for the CPU.
+            let (node, (mut hits, enter)) = unsafe {
+                let node = &*blocks.add(link.0 as usize).cast::<Node>();
+                (node, slabs.test(node, start, visit.limit()))
+            };
             if hits != 0 {
+                // SAFETY: the caller vouches for the CPU.
+                let enter = if SORT { unsafe { L::store(enter) } } else { Column([0.0; WIDTH]) };
                 let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
                 hits &= hits - 1;
+                (link, near) = (node.links[slot], enter.0[slot].to_bits());
+                if V::AMONG_NODES {
+                    // SAFETY: the caller vouches for the CPU.
+                    unsafe { L::prefetch(blocks.wrapping_add(link.index())) };
+                }
                 if hits == 0 {
-                    (link, near) = (node.links[slot], distances.0[slot]);
                     continue;
                 }
-                let entry = |slot: usize| u64::from(distances.0[slot].to_bits()) << 32 | u64::from(node.links[slot].0);
-                let mut nearest = entry(slot);
+                let entry = |near: u32, link: Link| if SORT { u64::from(near) << 32 } else { 0 } | u64::from(link.0);
+                let mut nearest = entry(near, link);
                 let base = height;
                 while hits != 0 {
-                    let mut next = entry(hits.trailing_zeros() as usize & (WIDTH - 1));
+                    let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
                     hits &= hits - 1;
-                    if SORT && next < nearest {
-                        std::mem::swap(&mut next, &mut nearest);
+                    let link = node.links[slot];
+                    if V::AMONG_NODES {
+                        // SAFETY: the caller vouches for the CPU.
+                        unsafe { L::prefetch(blocks.wrapping_add(link.index())) };
                     }
-                    // Insert below the nearer ones of this node's entries.
-                    // SAFETY: a walk holds at most STACK entries, see there; all below `height`
-                    // are written.
+                    let mut other = entry(enter.0[slot].to_bits(), link);
+                    if SORT {
+                        (nearest, other) = (nearest.min(other), nearest.max(other));
+                    }
+                    // SAFETY: see above.
                     unsafe {
                         let mut at = height;
+                        // Insert below the nearer ones of this node's entries.
                         while SORT && at > base {
                             let below = stack.get_unchecked(at - 1).assume_init();
-                            if below >= next {
+                            if below >= other {
                                 break;
                             }
                             stack.get_unchecked_mut(at).write(below);
                             at -= 1;
                         }
-                        stack.get_unchecked_mut(at).write(next);
+                        stack.get_unchecked_mut(at).write(other);
                     }
                     height += 1;
                 }
-                (link, near) = (Link(nearest as u32), f32::from_bits((nearest >> 32) as u32));
+                (link, near) = (Link(nearest as u32), (nearest >> 32) as u32);
                 continue;
             }
         }
@@ -199,10 +190,10 @@ pub(super) unsafe fn leaves<L: Lanes, const SORT: bool>(
                 return false;
             }
             height -= 1;
-            // SAFETY: entries below the old height are written.
+            // SAFETY: see above.
             let entry = unsafe { stack.get_unchecked(height).assume_init() };
-            (link, near) = (Link(entry as u32), f32::from_bits((entry >> 32) as u32));
-            if near <= visit.limit() {
+            (link, near) = (Link(entry as u32), (entry >> 32) as u32);
+            if !SORT || f32::from_bits(near) <= visit.limit() {
                 break;
             }
         }
@@ -216,17 +207,24 @@ pub(super) unsafe fn leaves<L: Lanes, const SORT: bool>(
 /// The CPU has the features of `L`.
 #[inline(always)]
 pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink: &mut impl Sink) -> bool {
-    // SAFETY: the caller vouches for the CPU; `Shear::axes` are below 3.
+    /// Axes of the sheared frame by the last one's.
+    const AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
+    // SAFETY: the caller vouches for the CPU; axes are below 3.
     unsafe {
-        let origin = each_axis!(a => L::splat(*ray.origin.get_unchecked(ray.axes[a])));
-        let shear = each_axis!(a => L::splat(ray.shear[a]));
+        let axes = AXES[ray.along & 3];
+        let origin = each_axis!(a => L::splat(*ray.origin.0.get_unchecked(axes[a])));
+        // Per unit of z along the ray, with the sign that corners seen backwards need.
+        let along = L::sub(L::splat(-0.0), L::splat(*ray.inverse.0.get_unchecked(axes[2])));
+        let shear_x = L::mul(L::splat(*ray.direction.0.get_unchecked(axes[0])), along);
+        let shear_y = L::mul(L::splat(*ray.direction.0.get_unchecked(axes[1])), along);
+        // Seen from the corners: all signs are turned, products of two are the same.
         let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = each_axis!(corner => {
             let p = each_axis!(a => {
-                let column = leaf.corners[corner].get_unchecked(ray.axes[a]);
-                L::sub(L::load(column), origin[a])
+                let column = leaf.corners[corner].get_unchecked(axes[a]);
+                L::sub(origin[a], L::load(column))
             });
-            let x = L::mul_add(shear[0], p[2], p[0]);
-            let y = L::mul_add(shear[1], p[2], p[1]);
+            let x = L::mul_add(shear_x, p[2], p[0]);
+            let y = L::mul_add(shear_y, p[2], p[1]);
             [x, y, p[2]]
         });
         // Twice the signed areas opposite each corner.
@@ -247,7 +245,7 @@ pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Shear, from: f32, near: f
             if on_edge == 0 { 0 } else { outside_exactly(on_edge, &[ax, ay, bx, by, cx, cy].map(|v| L::store(v))) };
         let scale = L::div(L::splat(1.0), sum);
         let depth = L::mul_add(wc, cz, L::mul_add(wb, bz, L::mul(wa, az)));
-        let t = L::mul(L::mul(depth, scale), shear[2]);
+        let t = L::mul(L::mul(depth, scale), along);
         let in_range = L::and(L::le(L::splat(from), t), L::le(t, L::splat(sink.limit())));
         let mut hits = L::bits(L::and(inside, in_range)) & !outside;
         if hits == 0 {

@@ -65,7 +65,7 @@ impl Bounds {
     }
 }
 
-/// Where a child slot leads: a node, a leaf (or an instance, in the top-level tree), or nowhere.
+/// Where a child slot leads: to a node, to a leaf (or an instance, in the top-level tree), or nowhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Link(pub u32);
 
@@ -75,12 +75,12 @@ impl Link {
     const LEAF: u32 = 1 << 31;
 
     pub fn node(index: usize) -> Self {
-        assert!(index < Self::LEAF as usize, "tree has 2^31 nodes");
+        assert!(index < Self::LEAF as usize, "tree has 2^31 blocks");
         Self(index as u32)
     }
 
     pub fn leaf(index: usize) -> Self {
-        assert!(index < (u32::MAX ^ Self::LEAF) as usize, "tree has 2^31 leaves");
+        assert!(index < (u32::MAX ^ Self::LEAF) as usize, "tree has 2^31 blocks");
         Self(index as u32 | Self::LEAF)
     }
 
@@ -89,7 +89,7 @@ impl Link {
         self.0 & Self::LEAF != 0
     }
 
-    /// Position in the node list or in the leaf list.
+    /// The node's or leaf's first block; in the top-level tree, the instance's number.
     #[inline(always)]
     pub fn index(self) -> usize {
         (self.0 & !Self::LEAF) as usize
@@ -163,40 +163,80 @@ impl Leaf {
     }
 }
 
-/// Nodes of a tree. Invariants, which [`Nodes::validate`] checks and the walks rely on:
-/// every link is in range, no node is reached twice, no node is deeper than [`MAX_DEPTH`],
-/// and a child's box lies inside its parent's.
+/// A cache line of a tree.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Block([u8; 64]);
+
+/// What can lie in blocks.
+///
+/// # Safety
+/// A multiple of the size of a [`Block`], no more aligned, without padding, and any bits are a value.
+pub(super) unsafe trait Blocks: Sized {
+    const COUNT: usize = size_of::<Self>() / size_of::<Block>();
+}
+
+// SAFETY: columns of numbers.
+unsafe impl Blocks for Node {}
+// SAFETY: columns of numbers.
+unsafe impl Blocks for Leaf {}
+
+/// Nodes and leaves, close to where they are needed. Invariants, which [`Nodes::validate`] checks
+/// and the walks rely on: every link leads to a whole node or leaf, none is reached twice, no node
+/// is deeper than [`MAX_DEPTH`], and a child's box lies inside its parent's.
 #[derive(Clone, Debug)]
 pub(super) struct Nodes {
-    pub list: Vec<Node>,
+    pub blocks: Vec<Block>,
     /// Where every walk begins; [`Link::NONE`] for the tree of nothing.
     pub root: Link,
     pub bounds: Bounds,
 }
 
 impl Nodes {
+    /// Makes room for one more node or leaf and returns its place.
+    pub fn push<T: Blocks>(&mut self, value: T) -> usize {
+        let place = self.blocks.len();
+        self.blocks.extend((0..T::COUNT).map(|_| Block([0; 64])));
+        *self.get_mut(place) = value;
+        place
+    }
+
+    pub fn get<T: Blocks>(&self, place: usize) -> &T {
+        let blocks = &self.blocks[place..place + T::COUNT];
+        // SAFETY: long and aligned enough, and any bits will do.
+        unsafe { &*blocks.as_ptr().cast() }
+    }
+
+    pub fn get_mut<T: Blocks>(&mut self, place: usize) -> &mut T {
+        let blocks = &mut self.blocks[place..place + T::COUNT];
+        // SAFETY: as above.
+        unsafe { &mut *blocks.as_mut_ptr().cast() }
+    }
+
+    /// The root, if it is a node.
+    pub fn top(&self) -> Option<&Node> {
+        (!self.root.is_leaf()).then(|| self.get(self.root.index()))
+    }
+
     /// Checks the invariants and calls `leaf` with every leaf reached and the box it was given.
-    /// That all leaves are reached is for the caller to check.
     ///
     /// # Panics
-    /// If an invariant does not hold, or a leaf is at or past `leaves`.
-    pub fn validate(&self, leaves: usize, mut leaf: impl FnMut(usize, &Bounds)) {
+    /// If an invariant does not hold.
+    pub fn validate(&self, mut leaf: impl FnMut(usize, &Bounds)) {
         if self.root == Link::NONE {
-            assert!(self.list.is_empty() && self.bounds.is_empty());
+            assert!(self.blocks.is_empty() && self.bounds.is_empty());
             return;
         }
-        let mut seen_nodes = vec![false; self.list.len()];
-        let mut seen_leaves = vec![false; leaves];
+        let mut seen = std::collections::BTreeSet::new();
         let mut pending = vec![(self.root, self.bounds, 1)];
         while let Some((link, bounds, depth)) = pending.pop() {
-            let seen = if link.is_leaf() { &mut seen_leaves } else { &mut seen_nodes };
-            assert!(!std::mem::replace(&mut seen[link.index()], true), "{link:?} reached twice");
+            assert!(seen.insert(link.0), "{link:?} reached twice");
             if link.is_leaf() {
                 leaf(link.index(), &bounds);
                 continue;
             }
             assert!(depth <= MAX_DEPTH, "node {} at depth {depth}", link.index());
-            let node = &self.list[link.index()];
+            let node: &Node = self.get(link.index());
             for slot in 0..WIDTH {
                 let child = node.bounds(slot);
                 if node.links[slot] == Link::NONE {
@@ -207,6 +247,5 @@ impl Nodes {
                 }
             }
         }
-        assert!(seen_nodes.iter().all(|&seen| seen), "unreachable node");
     }
 }
