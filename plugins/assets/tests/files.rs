@@ -2,10 +2,20 @@
 
 #[path = "files/broken.rs"]
 mod broken;
+#[path = "files/collections.rs"]
+mod collections;
 #[path = "files/common.rs"]
 mod common;
-#[path = "files/made.rs"]
-mod made;
+#[path = "files/damage.rs"]
+mod damage;
+#[path = "files/details.rs"]
+mod details;
+#[path = "files/inputs.rs"]
+mod inputs;
+#[path = "files/meshes.rs"]
+mod meshes;
+#[path = "files/objects.rs"]
+mod objects;
 #[path = "files/real.rs"]
 mod real;
 

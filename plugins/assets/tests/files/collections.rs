@@ -1,0 +1,191 @@
+//! Sources: material folders, BOP datasets, environment maps, digests, wrong roots.
+
+use crate::common::{fact, look, source_of};
+use crate::inputs::*;
+use image::{DynamicImage, ImageFormat, RgbImage};
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+use syntable_model::context::Collected;
+use tempfile::TempDir;
+
+#[test]
+fn digests_follow_the_content() {
+    let folder = TempDir::new().expect("temp folder");
+    gso(folder.path(), "a");
+    gso(folder.path(), "b");
+    let source = source_of("google_scanned_objects", folder.path(), "");
+    let digest = |name: &str| source.load(name, &Collected::default()).expect(name).digest();
+    let before = digest("a");
+    assert_eq!(before, digest("b"));
+    let mut seen = vec![before];
+    for (path, bytes) in [
+        ("a/materials/textures/texture.png", encode(RgbImage::new(8, 8).into(), ImageFormat::Png)),
+        ("a/meshes/model.mtl", MTL.replace("Kd 1 1 1", "Kd 1 1 0.5").into_bytes()),
+        ("a/meshes/model.mtl", MTL.replace("map_Kd", "map_Kd -s 2 2").into_bytes()),
+        ("a/meshes/model.obj", obj(1.1).into_bytes()),
+        ("a/meshes/model.obj", obj(1.0).replace("vt 1 1", "vt 1 0.5").into_bytes()),
+    ] {
+        write(folder.path(), path, bytes);
+        let digest = digest("a");
+        assert!(!seen.contains(&digest), "{path}");
+        seen.push(digest);
+    }
+}
+
+#[test]
+fn environment_maps() {
+    let hdr = |resolution: &str, body: &[u8]| {
+        [format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{resolution}\n").as_bytes(), body].concat()
+    };
+    check_file("x.hdr", hdr("-Y 4 +X 8", &[128; 128]), "flat", Accept);
+    check_file("x.hdr", hdr("-Y 4 +X 8", &[128; 100]), "cut short", Reject("x.hdr at byte"));
+    check_file("x.hdr", hdr("-Y 4 +X 8", &[128; 100]), "cut short", Reject("row 3 of 4 ends with the file"));
+    check_file("x.hdr", hdr("-Y 30000 +X 4000", &[128; 100]), "rows bomb", Reject("row 0 of 30000"));
+    check_file("x.hdr", hdr("-Y 400000 +X 200000", &[128; 100]), "pixel bomb", Reject("more than the limit"));
+    check_file("x.hdr", hdr("-Y -5 +X 10", &[]), "negative", Reject("is not a resolution"));
+    check_file("x.hdr", "", "empty", Reject("empty"));
+    check_file("x.exr", "", "empty", Reject("empty"));
+    check_file("x.hdr", [7; 99], "garbage", Reject("not an environment map"));
+
+    let folder = TempDir::new().expect("temp folder");
+    let path = folder.path().join("x.exr");
+    exr::prelude::write_rgb_file(&path, 64, 32, |x, y| (x as f32, y as f32, 0.25_f32)).expect("writes");
+    let (found, _) = look(&path);
+    let found = found.expect("sound");
+    assert_eq!((fact(&found, "size"), fact(&found, "largest radiance")), ("64 x 32", "63.0"));
+    // Means of 0…63, 0…31 and one quarter.
+    assert_eq!(fact(&found, "mean radiance"), format!("{:.3}", (31.5 + 15.5 + 0.25) / 3.0));
+    let bytes = fs::read(&path).expect("reads");
+    check_file("x.exr", &bytes[..bytes.len() / 2], "cut short", Reject("not a sound OpenEXR"));
+    exr::prelude::write_rgb_file(&path, 4, 2, |x, _| (f32::INFINITY * x as f32, 0.0, 0.0)).expect("writes");
+    check(folder.path(), "x.exr", "not finite", &Reject("non-finite radiance"));
+}
+
+#[test]
+fn radiance_files_agree_with_the_image_library() {
+    use image::codecs::hdr::{HdrDecoder, HdrEncoder};
+    let (width, height) = (37, 9);
+    let pixels: Vec<image::Rgb<f32>> = (0..width * height)
+        .map(|i| image::Rgb([i as f32 * 0.01, if i % 5 < 3 { 2.0 } else { 1e-3 }, (i % 7) as f32 * 1e4]))
+        .collect();
+    let mut bytes = Vec::new();
+    HdrEncoder::new(&mut bytes).encode(&pixels, width, height).expect("encodes");
+    let ours = syntable_assets::files::formats::environment::RadianceMap::decode(&bytes).expect("sound");
+    let decoder = HdrDecoder::new(Cursor::new(&bytes)).expect("sound");
+    let theirs = DynamicImage::from_decoder(decoder).expect("sound").into_rgb32f();
+    for (ours, theirs) in ours.texels().iter().zip(theirs.pixels()) {
+        for (a, b) in ours.iter().zip(theirs.0) {
+            assert!((a - b).abs() <= 1e-6 * b.abs(), "{ours:?} {theirs:?}");
+        }
+    }
+}
+
+#[test]
+fn material_folders() {
+    let picture = |side: u32| encode(RgbImage::new(side, side).into(), ImageFormat::Jpeg);
+    let folder = TempDir::new().expect("temp folder");
+    let root = folder.path();
+    write(root, "Only/Only_1K-JPG_Color.jpg", picture(8));
+    write(root, "Mix/Mix_1K-JPG_Color.jpg", picture(8));
+    write(root, "Mix/Mix_1K-JPG_Roughness.jpg", picture(4));
+    write(root, "Bare/Bare_1K-JPG_Roughness.jpg", picture(4));
+    write(root, "packed/textures/packed_diff_1k.jpg", picture(8));
+    write(root, "packed/textures/packed_arm_1k.jpg", picture(8));
+    let dx = RgbImage::from_pixel(8, 8, image::Rgb([128, 200, 255]));
+    write(root, "packed/textures/packed_nor_dx_1k.png", encode(dx.into(), ImageFormat::Png));
+    check(root, "Only", "colour alone", &Accept);
+    check(root, "Mix", "two sizes", &Warn("colour 8 x 8, roughness 4 x 4"));
+    check(root, "Bare", "no colour", &Reject("Bare: no colour map; there is only: roughness"));
+    check(root, "packed", "packed", &Accept);
+    let source = source_of("pbr_folder", root, "tile_m = 0.7");
+    let names: Vec<String> =
+        source.catalog(&Collected::default()).expect("a catalogue").entries.into_iter().map(|e| e.name).collect();
+    assert_eq!(names, ["Bare", "Mix", "Only", "packed"]);
+    let load = |name: &str| source.load(name, &Collected::default()).expect(name).into_material().expect("a material");
+    let only = load("Only");
+    assert!(
+        only.roughness.texture.is_none() && only.normal.is_none() && only.roughness.factor == 0.5 && only.tile_m == 0.7
+    );
+    let packed = load("packed");
+    let channels =
+        [&packed.roughness, &packed.metallic].map(|scalar| scalar.texture.as_ref().map(|(_, channel)| *channel));
+    assert_eq!(channels, [Some(1), Some(2)]);
+    // DirectX's green points down: 200 becomes 55.
+    assert_eq!(packed.normal.expect("a map").map.texture.texels[..4], [128, 55, 255, 255]);
+}
+
+#[test]
+fn bop_folders() {
+    let info = |id: u32, size: f32| {
+        format!(
+            r#"{{"{id}": {{"diameter": 141.4, "min_x": -30, "min_y": -40, "min_z": 0, "size_x": 60, "size_y": 80, "size_z": {size}}}}}"#
+        )
+    };
+    let millimetres = ply_ascii().replace("0.03", "30").replace("0.04", "40").replace("0.1", "100");
+    let folder = TempDir::new().expect("temp folder");
+    let models = folder.path().join("set/models");
+    write(&models, "obj_000001.ply", &millimetres);
+    write(&models, "models_info.json", info(1, 100.0));
+    check(folder.path(), "set", "a dataset", &Accept);
+    check(&models, "models_info.json", "the file", &Accept);
+    let source = source_of("bop_models", folder.path(), "");
+    let log = Collected::default();
+    assert_eq!(source.catalog(&log).expect("a catalogue").entries[0].name, "set/obj_000001");
+    let object = source.load("set/obj_000001", &log).expect("loads").into_object().expect("an object");
+    assert!((object.mesh.bounds().size() - syntable_model::geometry::Vector3::new(0.06, 0.08, 0.1)).norm() < 1e-6);
+    assert!(log.warnings().is_empty(), "{:?}", log.warnings());
+    assert!(source.load("set/../set/obj_000001", &log).is_err() && source.load("other/obj_000001", &log).is_err());
+
+    write(&models, "models_info.json", info(1, 0.1));
+    check(
+        folder.path(),
+        "set",
+        "another size",
+        &Warn("the mesh is 60.0 x 80.0 x 100.0 mm, but models_info.json says 60.0 x 80.0 x 0.1 mm"),
+    );
+    write(&models, "models_info.json", info(77, 100.0));
+    check(folder.path(), "set", "no such model", &Reject("obj_000077.ply"));
+    source.catalog(&log).expect("a catalogue");
+    assert!(log.warnings().iter().any(|warning| warning.to_string().contains("obj_000077.ply")));
+    for (text, says) in [
+        (r#"{"1": {"diameter": 172.06, "min_x":"#, "models_info.json:1: not sound JSON"),
+        ("[]", "not a table of objects"),
+        (r#"{"one": {}}"#, "`one` is not an object's number"),
+        (r#"{"1": {"diameter": "wide"}}"#, "object 1 has no number `diameter`"),
+        ("", "empty"),
+    ] {
+        write(&models, "models_info.json", text);
+        check(folder.path(), "set", text, &Reject(says));
+        assert!(source.catalog(&log).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn roots_that_are_wrong_say_so() {
+    let folder = TempDir::new().expect("temp folder");
+    write(folder.path(), "file", "x");
+    for kind in ["google_scanned_objects", "ycb", "bop_models", "mesh_folder", "pbr_folder"] {
+        let error = |path: &Path| source_of(kind, path, "").catalog(&Collected::default()).expect_err(kind);
+        assert!(
+            error(&folder.path().join("none")).to_string().contains("none: no such folder (check `root`"),
+            "{kind}"
+        );
+        assert!(error(&folder.path().join("file")).to_string().contains("not a folder"), "{kind}");
+        let empty = error(folder.path()).to_string();
+        assert!(empty.contains("in this folder (check `root`)"), "{kind}: {empty}");
+    }
+    assert!(crate::common::source("bop_models", "root = \"x\"\nmodels_folder = \"../models\"").is_err());
+    assert!(crate::common::source("mesh_folder", "root = \"x\"\nup = \"x\"").is_err());
+    assert!(crate::common::source("ycb", "").is_err(), "a root is needed");
+}
+
+#[test]
+fn examples_build() {
+    let registry = syntable_model::registry::Registry::linked().expect("unique kinds");
+    for kind in ["google_scanned_objects", "ycb", "bop_models", "mesh_folder", "pbr_folder"] {
+        let entry = registry.find(syntable_model::registry::Slot::Assets, kind).expect(kind);
+        assert!(entry.construct_str(entry.example).is_ok(), "{kind}");
+        crate::common::source(kind, entry.example).expect(kind);
+    }
+}
