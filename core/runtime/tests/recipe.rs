@@ -213,7 +213,6 @@ fn overrides_reach_everywhere() {
         ("dataset.name", "bare word"),
         ("place[1].count", "{ integers = [2, 4] }"),
         ("place.drop_box_2.count", "7"),
-        ("render.kind", "cpu_path"),
         ("render.samples_per_pixel", "5"),
         ("place.room.material.walls", "materials"),
         ("write.png.include[0]", "depth"),
@@ -291,9 +290,12 @@ root = "tables"
 radius_m = { choice = [1, 2] }
 
 [set]
-"place.drop_box.count" = 9
+place.drop_box.count = 9
+"place[1]".clearance_m = 0.5
 "place.room.material" = { floor = "more" }
-"place.drop_box_2.from" = ["objects", "materials"]
+
+[set.place.drop_box_2]
+from = ["objects", "materials"]
 
 [assets.more]
 kind = "pbr_folder"
@@ -313,6 +315,7 @@ root = "m"
         "views_per_scene = 3",
         "radius_m = { choice = [1.0, 2.0] }",
         "count = 9",
+        "clearance_m = 0.5",
         &format!("root = \"{at}/../base/gso\""),
         &format!("exclude_list = \"{at}/bad.txt\""),
         &format!("root = \"{at}/tables\""),

@@ -7,7 +7,7 @@
 //! - a stage table to which the child gives another `kind` is replaced as a whole, since its options are others;
 //! - `[[place]]` and `[[lights]]` are replaced as a whole when the child gives any;
 //! - `remove = ["write.npy"]` takes inherited values away, before the child's own are added;
-//! - `[set]` reaches anywhere, by paths as in `--set`: `"place.objects.count" = 5`.
+//! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
 
 use super::code::Code;
 use super::diagnostic::Draft;
@@ -178,7 +178,7 @@ impl Graph {
             let (path, value) = (path.clone(), value.clone());
             let at = |range: &Range<usize>| file.start() + range.start;
             let set = parse::parse_value(&file.text()[value.clone()], at(&value))
-                .and_then(|parsed| set(&mut tree, &file.text()[path.clone()], at(&path), parsed));
+                .and_then(|parsed| set(&mut tree, &read_path(&file.text()[path.clone()], at(&path))?, parsed));
             drafts.extend(set.err());
         }
         (tree, damage)
@@ -196,17 +196,42 @@ impl Graph {
         }
         tree = merge(tree, own);
         match sets.map(|sets| (sets.span(), sets.into_inner())) {
-            Some((_, DeValue::Table(sets))) => {
-                for (path, value) in sets {
-                    // A quoted key starts a byte before its text; a bare key cannot hold a path of several steps.
-                    let quote = usize::from(path.span().len() > path.get_ref().len());
-                    drafts.extend(set(&mut tree, path.get_ref(), path.span().start + quote, value).err());
-                }
-            }
+            Some((_, DeValue::Table(sets))) => self.put(&mut tree, index, &[], sets, drafts),
             Some((span, _)) => drafts.push(wrong_type(span, "set", "a table of paths and values")),
             None => {}
         }
         tree
+    }
+
+    /// Puts the values of `[set]` into a tree. Their paths are quoted keys, dotted keys, or both.
+    fn put<'a>(
+        &'a self,
+        tree: &mut DeTable<'a>,
+        node: usize,
+        way: &[(Step, Span)],
+        sets: DeTable<'a>,
+        drafts: &mut Vec<Draft>,
+    ) {
+        let file = &self.nodes[node].file;
+        for (key, value) in sets {
+            let span = key.span();
+            // A quoted key starts a byte before its text.
+            let quote = usize::from(span.len() > key.get_ref().len());
+            let steps = match read_path(key.get_ref(), span.start + quote) {
+                Ok(steps) => way.iter().cloned().chain(steps).collect::<Vec<_>>(),
+                Err(draft) => {
+                    drafts.push(draft);
+                    continue;
+                }
+            };
+            // A table in braces is a value; one that dots or a header made is a part of the path.
+            let value_span = value.span();
+            let inline = file.text()[value_span.start - file.start()..].starts_with('{');
+            match value.into_inner() {
+                DeValue::Table(inner) if !inline => self.put(tree, node, &steps, inner, drafts),
+                other => drafts.extend(set(tree, &steps, Spanned::new(value_span, other)).err()),
+            }
+        }
     }
 }
 
@@ -343,9 +368,8 @@ pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {
         .collect()
 }
 
-/// Puts a value at a path whose text starts at byte `at` of the common space; tables on the way are made.
-fn set<'a>(root: &mut DeTable<'a>, path: &str, at: usize, value: RecipeValue<'a>) -> Result<(), Draft> {
-    let steps = read_path(path, at)?;
+/// Puts a value at a path; tables on the way are made.
+fn set<'a>(root: &mut DeTable<'a>, steps: &[(Step, Span)], value: RecipeValue<'a>) -> Result<(), Draft> {
     let (last, way) = steps.split_last().expect("a path has a step");
     let mut here = Here::Root(root);
     for (done, (step, span)) in way.iter().enumerate() {

@@ -28,8 +28,9 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
     let mut sources = Sources::default();
     let mut drafts = Vec::new();
     let graph = extend::gather(source, overrides, &mut sources, &mut drafts);
+    let incomplete = !drafts.is_empty();
     let (mut tree, mut damage) = graph.merge(&mut drafts);
-    damage.lossy |= drafts.iter().any(|draft| draft.code == Code::Extends);
+    damage.lossy |= incomplete;
 
     let schemas = Schemas::of(registry);
     unknown_sections(&tree, &mut drafts);

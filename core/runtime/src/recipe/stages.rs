@@ -3,7 +3,7 @@
 use super::check::{Checker, Reference};
 use super::code::Code;
 use super::diagnostic::Draft;
-use super::extend::list_ids;
+use super::extend::{SET, list_ids};
 use super::key_path::{self, Shown, Step, is_bare};
 use super::overrides::Overrides;
 use super::pool::PoolOptions;
@@ -208,22 +208,25 @@ impl<'l> Loader<'l> {
         }
     }
 
+    /// The kinds that a slot has when a recipe leaves it out.
+    fn default_kinds(&self, slot: Slot) -> impl Iterator<Item = &'static str> {
+        let kinds = DEFAULT_KINDS.iter().find(|(of, _)| *of == slot).map_or(&[][..], |(_, kinds)| kinds);
+        let usable =
+            move |kind: &&str| self.registry.find(slot, kind).is_some_and(|entry| entry.construct_str("").is_ok());
+        kinds.iter().copied().filter(usable)
+    }
+
     /// What stands for a section that is not there.
     fn missing<'a>(&self, slot: Slot, drafts: &mut Vec<Draft>) -> Option<Vec<StageTable<'a>>> {
         if matches!(slot, Slot::Assets | Slot::Annotate) {
             return Some(Vec::new());
         }
-        let defaults = DEFAULT_KINDS.iter().find(|(of, _)| *of == slot).map_or(&[][..], |(_, kinds)| kinds);
-        let tables: Vec<StageTable> = defaults
-            .iter()
-            .filter(|kind| self.registry.find(slot, kind).is_some_and(|entry| entry.construct_str("").is_ok()))
+        let tables: Vec<StageTable> = self
+            .default_kinds(slot)
             .map(|kind| {
                 let mut table = DeTable::new();
-                table.insert(
-                    Spanned::new(NOWHERE, "kind".into()),
-                    Spanned::new(NOWHERE, DeValue::String((*kind).into())),
-                );
-                let id = if slot.shape() == Shape::One { slot.name() } else { *kind };
+                table.insert(Spanned::new(NOWHERE, "kind".into()), Spanned::new(NOWHERE, DeValue::String(kind.into())));
+                let id = if slot.shape() == Shape::One { slot.name() } else { kind };
                 StageTable { slot, id: id.to_owned(), id_span: None, header: NOWHERE, table }
             })
             .collect();
@@ -266,7 +269,7 @@ impl<'l> Loader<'l> {
         let found =
             Checker { definitions: &self.schemas.definitions }.options(entry.kind, &given.table, &given.header, schema);
         let mut ok = found.drafts.is_empty();
-        drafts.extend(found.drafts);
+        drafts.extend(found.drafts.into_iter().map(|draft| self.of_other_kind(draft, &given, entry)));
         let said: Vec<(Vec<Step>, String)> =
             found.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
         let header_span = given.header.clone();
@@ -342,6 +345,20 @@ impl<'l> Loader<'l> {
         ok
     }
 
+    /// Says of an unknown option which kind has it, if the same slot has such a kind.
+    fn of_other_kind(&self, draft: Draft, given: &StageTable, entry: &Entry) -> Draft {
+        if draft.code != Code::UnknownKey || !draft.marks[0].1.is_empty() {
+            return draft;
+        }
+        let Some(key) = given.table.keys().find(|key| key.span() == *draft.span()) else { return draft };
+        let of_slot = self.schemas.kinds.iter().filter(|(slot, kind, _)| *slot == given.slot && *kind != entry.kind);
+        let mut having = of_slot.filter(|(_, _, schema)| schema["properties"].get(key.get_ref().as_ref()).is_some());
+        match having.next() {
+            Some((_, kind, _)) => draft.label(format!("this is an option of the kind `{kind}`")),
+            None => draft,
+        }
+    }
+
     /// The names among a stage's defaults, which are nowhere in the recipe: they are told of at the table's header.
     fn implied(
         &self,
@@ -377,6 +394,12 @@ impl<'l> Loader<'l> {
                 }
             },
             None if keyed => (given.id.clone(), given.id_span.clone().unwrap_or_else(|| given.header.clone())),
+            None if self.sources.file_of(&given.header).is_some_and(|file| file.name() == SET)
+                && self.default_kinds(slot).next().is_some() =>
+            {
+                // Only an override speaks of this section, which is there with its default kind all the same.
+                (self.default_kinds(slot).next().unwrap_or_default().to_owned(), given.header.clone())
+            }
             None => {
                 let header = if slot.shape() == Shape::List { format!("[[{slot}]]") } else { format!("[{slot}]") };
                 let draft = Draft::error(Code::MissingKey, given.header.clone(), format!("`{header}` needs a `kind`"));
@@ -424,7 +447,12 @@ impl<'l> Loader<'l> {
         let resolved = variables::resolve(&reference.text, &reference.span, file, folder, variable);
         let resolved = resolved.map_err(|draft| drafts.push(draft)).ok()?;
         let value = recipe_at_mut(table, &reference.path)?;
-        *value.get_mut() = DeValue::String(resolved.path.to_str()?.to_owned().into());
+        let Some(text) = resolved.path.to_str() else {
+            let message = format!("the path {} is not UTF-8 text", resolved.path.display());
+            drafts.push(Draft::error(Code::InvalidValue, reference.span.clone(), message));
+            return None;
+        };
+        *value.get_mut() = DeValue::String(text.to_owned().into());
         Some(resolved)
     }
 
