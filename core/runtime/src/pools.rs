@@ -11,7 +11,7 @@ use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, Material,
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
-const KEEP_BYTES: usize = 1 << 30;
+const KEEP_BYTES: usize = 256 << 20;
 
 /// Density and limits of mass of an object that was scaled and whose mass nobody states: hollow household things.
 const DENSITY_KG_M3: f64 = 400.0;

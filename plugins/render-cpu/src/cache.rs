@@ -8,7 +8,7 @@ use syntable_model::digest::Digest;
 use syntable_model::scene::{Object, Texture};
 
 /// Bytes of meshes and, apart, of textures that are kept though no scene uses them.
-const CAPACITY: usize = 512 << 20;
+const CAPACITY: usize = 256 << 20;
 
 /// The cache of a renderer; its sessions share it.
 #[derive(Debug)]

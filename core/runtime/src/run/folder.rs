@@ -174,7 +174,7 @@ impl Folder {
 }
 
 /// A resolved recipe without the digests that are added when a run ends.
-fn without_digests(recipe: &str) -> &str {
+pub fn without_digests(recipe: &str) -> &str {
     recipe.find("\n[lock.assets]").map_or(recipe, |end| &recipe[..end]).trim_end()
 }
 

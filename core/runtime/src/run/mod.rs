@@ -130,7 +130,7 @@ fn make_scenes(
                             failure
                                 .lock()
                                 .unwrap_or_else(|poisoned| poisoned.into_inner())
-                                .get_or_insert(error.context(format!("scene {scene}")));
+                                .get_or_insert_with(|| stopping(error).context(format!("scene {scene}")));
                         }
                     }
                 });
@@ -140,6 +140,15 @@ fn make_scenes(
     match failure.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()) {
         None => Ok(()),
         Some(error) => Err(error),
+    }
+}
+
+/// An error that ends the run. One of the file system can be mended from outside.
+fn stopping(error: Error) -> Error {
+    if error.is_io() {
+        error.help("the dataset so far is whole: make room or mend the folder, then run the same command")
+    } else {
+        error
     }
 }
 
@@ -180,7 +189,7 @@ fn dataset_info(recipe: &Recipe) -> DatasetInfo {
         seed: recipe.dataset.seed,
         scenes: recipe.dataset.scenes,
         views_per_scene: recipe.dataset.views_per_scene,
-        recipe: recipe.resolved.clone(),
+        recipe: folder::without_digests(&recipe.resolved).to_owned() + "\n",
         program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
     }
 }

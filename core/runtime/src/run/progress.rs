@@ -99,12 +99,12 @@ impl Reporter for JsonLines {
     fn event(&self, event: &Event) {
         #[derive(Serialize)]
         struct Timed<'a> {
-            seconds: f64,
+            elapsed_s: f64,
             #[serde(flatten)]
             event: &'a Event,
         }
-        let seconds = (self.0.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
-        let line = serde_json::to_string(&Timed { seconds, event }).expect("events are plain data");
+        let elapsed_s = (self.0.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
+        let line = serde_json::to_string(&Timed { elapsed_s, event }).expect("events are plain data");
         // A closed pipe must not end the run.
         let _ = writeln!(std::io::stderr(), "{line}");
     }

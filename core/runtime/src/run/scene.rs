@@ -183,14 +183,10 @@ impl Maker<'_> {
     }
 }
 
+/// A file system that fails stops the run; anything else that a writer complains of is the scene's fault.
 fn write_failure(id: &str, error: Error) -> Failure {
-    let io = error.is_io();
-    let error = error.context(format!("write.{id}"));
-    if io {
-        Failure::Run(error.help("the dataset so far is whole: make room or mend the folder, then run the same command"))
-    } else {
-        Failure::Scene(error)
-    }
+    let fail = if error.is_io() { Failure::Run } else { Failure::Scene };
+    fail(error.context(format!("write.{id}")))
 }
 
 thread_local! {
