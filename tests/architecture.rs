@@ -16,7 +16,10 @@ fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
             let table: toml::Table = fs::read_to_string(&manifest).expect("a manifest").parse().expect("TOML");
             let name = table["package"]["name"].as_str().expect("named").to_owned();
             let of = |key: &str| -> Vec<String> {
-                table.get(key).and_then(toml::Value::as_table).map_or(Vec::new(), |table| table.keys().cloned().collect())
+                table
+                    .get(key)
+                    .and_then(toml::Value::as_table)
+                    .map_or(Vec::new(), |table| table.keys().cloned().collect())
             };
             crates.insert(name, (of("dependencies"), of("dev-dependencies")));
         }
@@ -33,14 +36,19 @@ fn plugins_depend_on_the_model_alone() {
     for (name, (normal, tests)) in &crates {
         let allowed: Vec<&str> = match name.as_str() {
             "syntable-model" => vec![],
-            "syntable-standard" => crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect(),
+            "syntable-standard" => {
+                crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
+            }
             _ => vec!["syntable-model"],
         };
         for dependency in ours(normal) {
             assert!(allowed.contains(&dependency.as_str()), "{name} must not depend on {dependency}");
         }
         for dependency in ours(tests) {
-            assert!(["syntable-model", "syntable-testing"].contains(&dependency.as_str()), "{name} tests with {dependency}");
+            assert!(
+                ["syntable-model", "syntable-testing"].contains(&dependency.as_str()),
+                "{name} tests with {dependency}"
+            );
         }
     }
 }
@@ -72,7 +80,17 @@ fn the_top_level_is_what_the_card_says() {
         .collect();
     found.sort();
     let expected = [
-        "Cargo.lock", "Cargo.toml", "LICENSE-APACHE", "LICENSE-MIT", "README.md", "book", "core", "plugins", "recipes", "schemas", "tests",
+        "Cargo.lock",
+        "Cargo.toml",
+        "LICENSE-APACHE",
+        "LICENSE-MIT",
+        "README.md",
+        "book",
+        "core",
+        "plugins",
+        "recipes",
+        "schemas",
+        "tests",
     ];
     assert_eq!(found, expected);
 }
@@ -92,7 +110,9 @@ fn every_annotator_works_with_its_defaults() {
     for slot in [Slot::Annotate, Slot::Render, Slot::Views, Slot::Lights, Slot::Camera, Slot::Settle] {
         for entry in registry.of_slot(slot) {
             if entry.kind != "fixed_poses" {
-                entry.construct_str("").unwrap_or_else(|error| panic!("{slot}.{} has no defaults: {error:?}", entry.kind));
+                entry
+                    .construct_str("")
+                    .unwrap_or_else(|error| panic!("{slot}.{} has no defaults: {error:?}", entry.kind));
             }
         }
     }
@@ -105,7 +125,10 @@ fn paths_named_in_the_book_exist() {
     let mut seen = 0;
     for word in page.split('`').skip(1).step_by(2) {
         let top = word.split('/').next().unwrap_or_default();
-        if word.contains('/') && ["core", "plugins", "tests", "recipes", "schemas", "book"].contains(&top) && !word.contains(['*', '{', '<']) {
+        if word.contains('/')
+            && ["core", "plugins", "tests", "recipes", "schemas", "book"].contains(&top)
+            && !word.contains(['*', '{', '<'])
+        {
             seen += 1;
             assert!(root().join(word).exists(), "the architecture page names {word}, which does not exist");
         }

@@ -59,7 +59,8 @@ fn a_full_disk_leaves_a_folder_that_resumes() {
     let (disk, whole) = (folder.path().join("disk"), folder.path().join("whole"));
     std::fs::create_dir(&disk).expect("writable");
     let mount = |options: &str| {
-        let done = std::process::Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(&disk).output();
+        let done =
+            std::process::Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(&disk).output();
         done.is_ok_and(|output| output.status.success())
     };
     if !mount("size=100k") {

@@ -53,7 +53,12 @@ fn real_objects_give_right_datasets() {
     for recipe in ["train", "val", "release"] {
         let out = folder.path().join(recipe);
         let file = format!("recipes/syntable-sim/{recipe}.toml");
-        let set = ["dataset.scenes=1", "dataset.views_per_scene=2", "render.samples_per_pixel=1", "camera.resolution=[160, 120]"];
+        let set = [
+            "dataset.scenes=1",
+            "dataset.views_per_scene=2",
+            "render.samples_per_pixel=1",
+            "camera.resolution=[160, 120]",
+        ];
         let mut run = syntable();
         run.args(["run", &file, "--out"]).arg(&out).env("ASSETS", &assets);
         run.args(set.iter().flat_map(|set| ["--set", set]));

@@ -142,7 +142,12 @@ fn a_broken_promise_is_named() {
 fn an_empty_table_fails_the_scene_only() {
     let folder = tempfile::tempdir().expect("a folder");
     // After a twentieth of a second everything still falls, and what moves is taken out.
-    let set = [("place[2].count", "1"), ("settle.on_violation", "remove"), ("settle.max_speed_m_s", "0.0001"), ("settle.duration_s", "0.05")];
+    let set = [
+        ("place[2].count", "1"),
+        ("settle.on_violation", "remove"),
+        ("settle.max_speed_m_s", "0.0001"),
+        ("settle.duration_s", "0.05"),
+    ];
     let (outcome, _) = small(folder.path(), &set);
     assert_eq!((outcome.scenes, outcome.failed), (0, 4));
 }

@@ -56,7 +56,8 @@ fn generated_files_are_fresh() {
     );
 }
 
-const MADE: &str = "<!-- Made from the registry: UPDATE=1 cargo test --release --package syntable-tests --test generated -->\n\n";
+const MADE: &str =
+    "<!-- Made from the registry: UPDATE=1 cargo test --release --package syntable-tests --test generated -->\n\n";
 
 fn slot_page(registry: &Registry, slot: Slot) -> String {
     let header = match slot.shape() {
@@ -90,8 +91,7 @@ fn kind_section(entry: &Entry) -> String {
     if !options.is_empty() {
         section += "\n| option | type | default | meaning |\n|---|---|---|---|\n";
     }
-    let required: Vec<&str> =
-        schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let required: Vec<&str> = schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
     for (name, option) in &options {
         let default = match option.get("default") {
             _ if required.contains(&name.as_str()) => "required".to_owned(),
@@ -136,11 +136,19 @@ fn type_of(schema: &Value, definitions: &Map<String, Value>) -> String {
         return format!("`{}`", toml_like(constant));
     }
     if let Some(values) = schema["enum"].as_array() {
-        return values.iter().filter(|v| !v.is_null()).map(|v| format!("`{}`", toml_like(v))).collect::<Vec<_>>().join(" or ");
+        return values
+            .iter()
+            .filter(|v| !v.is_null())
+            .map(|v| format!("`{}`", toml_like(v)))
+            .collect::<Vec<_>>()
+            .join(" or ");
     }
     if let Some(choices) = schema["anyOf"].as_array().or(schema["oneOf"].as_array()) {
-        let mut names: Vec<String> =
-            choices.iter().filter(|choice| choice["type"] != "null").map(|choice| type_of(choice, definitions)).collect();
+        let mut names: Vec<String> = choices
+            .iter()
+            .filter(|choice| choice["type"] != "null")
+            .map(|choice| type_of(choice, definitions))
+            .collect();
         names.dedup();
         return names.join(" or ");
     }
@@ -160,7 +168,9 @@ fn type_of(schema: &Value, definitions: &Map<String, Value>) -> String {
         .map(|name| match name {
             "array" => format!("list of {}", type_of(&schema["items"], definitions)),
             "object" => match schema["properties"].as_object() {
-                Some(fields) => format!("table of {}", fields.keys().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", ")),
+                Some(fields) => {
+                    format!("table of {}", fields.keys().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(", "))
+                }
                 None => "table".to_owned(),
             },
             "integer" => format!("whole number{range}"),

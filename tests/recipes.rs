@@ -105,7 +105,11 @@ fn tombi_agrees() {
         // The schema is the one beside the recipe's own `#:schema` line, wherever the file lies.
         let body = std::fs::read_to_string(recipe).expect("readable");
         let body: Vec<&str> = body.lines().filter(|line| !line.starts_with("#:schema")).collect();
-        let copy = std::env::temp_dir().join(format!("tombi-{}-{}", std::process::id(), recipe.file_name().expect("named").to_string_lossy()));
+        let copy = std::env::temp_dir().join(format!(
+            "tombi-{}-{}",
+            std::process::id(),
+            recipe.file_name().expect("named").to_string_lossy()
+        ));
         std::fs::write(&copy, format!("#:schema {}\n{}\n", schema.display(), body.join("\n"))).expect("writable");
         let mut tombi = Command::new("tombi");
         tombi.args(["lint", "--offline"]).arg(copy);

@@ -18,7 +18,10 @@ pub fn assets() -> Option<PathBuf> {
 
 /// Whether a tool that a test needs may be missing.
 pub fn skip(what: &str) {
-    assert!(std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none(), "{what} is missing, and SYNTABLE_REQUIRE_TOOLS is set");
+    assert!(
+        std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none(),
+        "{what} is missing, and SYNTABLE_REQUIRE_TOOLS is set"
+    );
     eprintln!("skipped: {what} is missing");
 }
 

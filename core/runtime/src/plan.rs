@@ -109,8 +109,7 @@ impl Plan {
 
 /// Columns aligned by their widest cell.
 pub fn table<const N: usize>(rows: &[[String; N]]) -> String {
-    let widths: [usize; N] =
-        std::array::from_fn(|i| rows.iter().map(|row| row[i].chars().count()).max().unwrap_or(0));
+    let widths: [usize; N] = std::array::from_fn(|i| rows.iter().map(|row| row[i].chars().count()).max().unwrap_or(0));
     rows.iter().fold(String::new(), |mut out, row| {
         let line: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}")).collect();
         let _ = writeln!(out, "{}", line.join("  ").trim_end());
@@ -143,8 +142,7 @@ impl Planner {
         }
         let offered = self.offers.iter().find(|key| key.name == name).copied();
         let of_name = |candidate: &Candidate| candidate.provides.iter().any(|key| key.name == name);
-        let found: Vec<usize> =
-            (0..self.candidates.len()).filter(|&i| of_name(&self.candidates[i])).collect();
+        let found: Vec<usize> = (0..self.candidates.len()).filter(|&i| of_name(&self.candidates[i])).collect();
         match (offered, found.as_slice()) {
             (Some(key), []) => self.lines.push(Line { key, provider: "render".into(), wanted_by: vec![by.into()] }),
             (None, &[index]) => self.provide(index, name, by, path),
@@ -241,7 +239,8 @@ impl Planner {
                 }
             }
         }
-        for candidate in self.candidates.iter().filter(|candidate| candidate.explicit && candidate.annotator.is_some()) {
+        for candidate in self.candidates.iter().filter(|candidate| candidate.explicit && candidate.annotator.is_some())
+        {
             let names: Vec<&str> = candidate.provides.iter().map(|key| key.name).collect();
             plan.notes.push(
                 Error::new(format!("annotate.{} is not computed: no writer wants it", candidate.id))
@@ -317,11 +316,8 @@ mod tests {
 
     #[test]
     fn providers_run_before_readers_and_only_if_wanted() {
-        let all: &[(&str, &[KeyId], &[KeyId])] = &[
-            ("second", &[A.id()], &[B.id()]),
-            ("first", &[PIXELS.id()], &[A.id()]),
-            ("scene", &[], &[S.id()]),
-        ];
+        let all: &[(&str, &[KeyId], &[KeyId])] =
+            &[("second", &[A.id()], &[B.id()]), ("first", &[PIXELS.id()], &[A.id()]), ("scene", &[], &[S.id()])];
         check(all, &["b"], Ok(&["first", "second"]));
         check(all, &["b", "s"], Ok(&["scene", "first", "second"]));
         check(all, &["pixels"], Ok(&[]));

@@ -151,8 +151,9 @@ impl<'a> Library<'a> {
         if let Some(locked) = self.locked.get(&asset.to_string())
             && *locked != digest
         {
-            let error = Error::new(format!("asset {asset} has digest {digest}, but the recipe was resolved with {locked}"))
-                .help("restore the asset, or take it out of [lock.assets] to accept the new one");
+            let error =
+                Error::new(format!("asset {asset} has digest {digest}, but the recipe was resolved with {locked}"))
+                    .help("restore the asset, or take it out of [lock.assets] to accept the new one");
             self.refuse(error.clone());
             return Err(error);
         }
@@ -296,9 +297,7 @@ impl Pool<'_> {
         };
         let mass = match (options.mass_kg, options.density_kg_m3) {
             (Some(mass), _) => mass,
-            (None, Some(density)) => {
-                (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4)
-            }
+            (None, Some(density)) => (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4),
             (None, None) if scale == 1.0 => object.mass_kg,
             (None, None) => {
                 let volume = Topology::of(&object.mesh).solid_volume() * scale.powi(3);
@@ -306,11 +305,7 @@ impl Pool<'_> {
             }
         };
         let untouched = scale == 1.0 && offset.norm() == 0.0;
-        let mesh = if untouched {
-            Arc::clone(&object.mesh)
-        } else {
-            Arc::new(object.mesh.transformed(offset, scale)?)
-        };
+        let mesh = if untouched { Arc::clone(&object.mesh) } else { Arc::new(object.mesh.transformed(offset, scale)?) };
         let collision = object.collision.as_ref().map(|parts| {
             let moved = |p: &[f32; 3]| std::array::from_fn(|i| ((f64::from(p[i]) + offset[i]) * scale) as f32);
             Arc::new(parts.iter().map(|part| part.iter().map(moved).collect()).collect())

@@ -25,10 +25,8 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     let works = cache.get("doctor", probe).is_some();
     let advice = if works { "" } else { " (cannot be written: set SYNTABLE_CACHE to a folder that can)" };
     line("cache", format!("{}{advice}", cache.root().display()));
-    let kinds: Vec<String> = Slot::ALL
-        .into_iter()
-        .map(|slot| format!("{slot} {}", registry.of_slot(slot).count()))
-        .collect();
+    let kinds: Vec<String> =
+        Slot::ALL.into_iter().map(|slot| format!("{slot} {}", registry.of_slot(slot).count())).collect();
     line("kinds", kinds.join(", "));
     line("products", products(registry).len().to_string());
     line("assets", inspectors().iter().map(|inspector| inspector.name).collect::<Vec<_>>().join(", "));

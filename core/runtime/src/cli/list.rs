@@ -25,7 +25,9 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> R
     }
     let mut rows = vec![["slot", "kind", "crate", "version", "what it does"].map(str::to_owned)];
     for entry in slots.into_iter().flat_map(|slot| registry.of_slot(slot)) {
-        rows.push([entry.slot.name(), entry.kind, entry.crate_name, entry.crate_version, &summary(entry)].map(str::to_owned));
+        rows.push(
+            [entry.slot.name(), entry.kind, entry.crate_name, entry.crate_version, &summary(entry)].map(str::to_owned),
+        );
     }
     let mut out = table(&rows);
     if what.is_none() {

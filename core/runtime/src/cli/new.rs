@@ -53,7 +53,9 @@ pub(super) fn new(console: &Console, args: &NewArgs) -> Result<(), Exit> {
             let folder = path.clone().unwrap_or_else(|| PathBuf::from(name));
             plugin(name, &folder, syntable.as_deref())?;
             let folder = folder.display();
-            console.print(&format!("wrote {folder}\nnext: cd {folder} && cargo run --release -- run recipe.toml --out data\n"))
+            console.print(&format!(
+                "wrote {folder}\nnext: cd {folder} && cargo run --release -- run recipe.toml --out data\n"
+            ))
         }
     }
 }

@@ -63,8 +63,8 @@ impl Scenes {
 }
 
 pub(super) fn planned(console: &Console, registry: &Registry, recipe: &mut Recipe) -> Result<Plan, Exit> {
-    let plan = Plan::new(registry, recipe)
-        .map_err(|errors| Exit(2, errors.iter().map(ToString::to_string).collect()))?;
+    let plan =
+        Plan::new(registry, recipe).map_err(|errors| Exit(2, errors.iter().map(ToString::to_string).collect()))?;
     for note in &plan.notes {
         console.warn(note);
     }

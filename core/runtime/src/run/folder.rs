@@ -28,9 +28,8 @@ impl Folder {
     /// Opens a folder for the dataset of a resolved recipe: a new or empty one, or one in which a run of the same
     /// recipe was begun. With `overwrite`, a dataset that is there is deleted first.
     pub fn open(root: &Path, resolved: &str, overwrite: bool) -> Result<Self> {
-        let fail = |error: std::io::Error| {
-            Error::io(root, &error).help("choose a folder that can be written with --out")
-        };
+        let fail =
+            |error: std::io::Error| Error::io(root, &error).help("choose a folder that can be written with --out");
         fs::create_dir_all(root).map_err(fail)?;
         let empty = fs::read_dir(root).map_err(fail)?.next().is_none();
         if !empty && !root.join(MARK).is_dir() {

@@ -66,9 +66,8 @@ impl Maker<'_> {
         session: &mut dyn RenderSession,
     ) -> Result<SceneRecord, Failure> {
         let drawn = Drawn::new(self.library);
-        let stream = |stage: &str| {
-            Stream::root(self.dataset.seed).child(stage).at(u64::from(id.0)).at(u64::from(attempt))
-        };
+        let stream =
+            |stage: &str| Stream::root(self.dataset.seed).child(stage).at(u64::from(id.0)).at(u64::from(attempt));
         let context = |stage: &str, stream: Stream| {
             running(stage);
             Context { stream, assets: &drawn, cache: self.cache, workers: self.workers, log: self.log }
@@ -174,8 +173,9 @@ impl Maker<'_> {
             done.map_err(|error| error.context(stage()))?;
             for key in step.annotator.provides() {
                 if !frame.contains(key.name) {
-                    return Err(Error::new(format!("it declares to provide `{}` but did not", key.name))
-                        .context(stage()));
+                    return Err(
+                        Error::new(format!("it declares to provide `{}` but did not", key.name)).context(stage())
+                    );
                 }
             }
         }
