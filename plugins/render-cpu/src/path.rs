@@ -191,7 +191,11 @@ impl<'a> PathTracer<'a> {
                     origin: get(&batch.paths.origin, i).array(),
                     direction: get(&batch.paths.direction, i).array(),
                 };
-                batch.hits.set(i, self.world.closest(&ray, f32::INFINITY));
+                let hit = self.world.closest(&ray, f32::INFINITY);
+                if let Some(hit) = &hit {
+                    self.world.prefetch(hit);
+                }
+                batch.hits.set(i, hit);
             }
             alive = self.meet_lights::<T>(batch, alive, bounce);
             self.look_up(batch, alive, bounce);
@@ -211,10 +215,11 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Ends the paths that meet a light or nothing; gives the number of those that meet a body.
+    /// Ends the paths that meet a light or nothing: their hits become infinite, and if they are many they are squeezed
+    /// out. Gives the number of paths that are left, ended ones included.
     #[inline(always)]
     fn meet_lights<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> usize {
-        let mut kept = 0;
+        let mut left = 0;
         for at in (0..alive).step_by(T::WIDTH) {
             let active = T::load(&batch.numbers[at..]).lt(T::splat(alive as f32));
             let t = T::load(&batch.hits.t[at..]);
@@ -242,16 +247,25 @@ impl<'a> PathTracer<'a> {
                     found.y.store(&mut lanes[1]);
                     found.z.store(&mut lanes[2]);
                     T::Int::load(&batch.paths.slot[at..]).store(&mut slots);
-                    let mut left = sound.to_bits();
-                    while left != 0 {
-                        let lane = left.trailing_zeros() as usize & 7;
-                        left &= left - 1;
+                    let mut lanes_left = sound.to_bits();
+                    while lanes_left != 0 {
+                        let lane = lanes_left.trailing_zeros() as usize & 7;
+                        lanes_left &= lanes_left - 1;
                         let found = Vec3::from(lanes.map(|row| row[lane]));
                         deposit(&mut batch.radiance, slots[lane], found);
                     }
                     keep = keep & !hit.met;
                 }
             }
+            T::pick(keep, t, T::splat(f32::INFINITY)).store(&mut batch.hits.t[at..]);
+            left += keep.to_bits().count_ones() as usize;
+        }
+        if left * 4 > alive * 3 {
+            return alive;
+        }
+        let mut kept = 0;
+        for at in (0..alive).step_by(T::WIDTH) {
+            let keep = T::load(&batch.hits.t[at..]).lt(T::splat(f32::INFINITY));
             batch.paths.keep::<T>(keep, at, kept);
             batch.hits.keep::<T>(keep, at, kept);
             kept += keep.to_bits().count_ones() as usize;
@@ -265,6 +279,9 @@ impl<'a> PathTracer<'a> {
         let paths = &mut batch.paths;
         for i in 0..alive {
             let hit = batch.hits.get(i);
+            if hit.t == f32::INFINITY {
+                continue;
+            }
             let width = paths.width[i] + paths.spread[i] * hit.t;
             paths.width[i] = width;
             let surface = self.world.surface(&hit, get(&paths.origin, i), get(&paths.direction, i), hit.t, width);
@@ -280,11 +297,12 @@ impl<'a> PathTracer<'a> {
     /// Samples lights and scattered directions; gives the numbers of paths that go on and of shadow rays.
     #[inline(always)]
     fn scatter<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
-        let (paths, surfaces, shadows) = (&mut batch.paths, &batch.surfaces, &mut batch.shadows);
+        let Batch { paths, hits, surfaces, shadows, numbers, .. } = batch;
         let zero = T::splat(0.0);
         let (mut next, mut cast) = (0, 0);
         for at in (0..alive).step_by(T::WIDTH) {
-            let active = T::load(&batch.numbers[at..]).lt(T::splat(alive as f32));
+            let active = T::load(&numbers[at..]).lt(T::splat(alive as f32));
+            let active = active & T::load(&hits.t[at..]).lt(T::splat(f32::INFINITY));
             let sampler = Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) };
             let slot = T::Int::load(&paths.slot[at..]);
             let throughput: Rgb<T> = load(&paths.throughput, at);

@@ -128,6 +128,20 @@ impl World {
         }
     }
 
+    /// Asks for what [`Self::surface`] will read of a hit.
+    #[inline(always)]
+    pub fn prefetch(&self, hit: &Hit) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let triangle = &self.bodies[hit.instance as usize].mesh.triangles[hit.primitive as usize];
+            // SAFETY: SSE is part of x86-64, and a prefetch reads nothing.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(triangle).cast()) };
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = hit;
+    }
+
     /// Whether a surface is in the way.
     #[inline]
     pub fn occluded(&self, ray: &Ray, to: f32) -> bool {
@@ -156,7 +170,7 @@ impl World {
     }
 
     /// The surface at a hit. `along` is the ray's unit direction, `width` how wide the ray is there, metres.
-    #[inline]
+    #[inline(always)]
     pub fn surface(&self, hit: &Hit, origin: Vec3, along: Vec3, t: f32, width: f32) -> Surface {
         let body = &self.bodies[hit.instance as usize];
         let triangle = &body.mesh.triangles[hit.primitive as usize];

@@ -9,8 +9,8 @@ use crate::real::{Int, Real, at_least, at_most};
 use crate::vec3::vec3;
 use std::sync::LazyLock;
 
-/// Cells along the cosine and along the roughness.
-const SIZE: usize = 32;
+/// Cells along the cosine and along the roughness; few, so that the table leaves room in the nearest cache.
+const CELLS: usize = 20;
 
 /// Samples of every table entry.
 const SAMPLES: u32 = 512;
@@ -38,20 +38,13 @@ impl<T: Real> Albedo<T> {
             grazing: self.grazing + (to.grazing - self.grazing) * t,
         }
     }
-
-    /// The entries at an index, and at the next along the cosine, blended.
-    #[inline(always)]
-    fn read(entries: &[f32], index: T::Int, weight: T) -> Self {
-        let at = |offset: u32| T::lookup(entries, index.plus(T::Int::splat(offset)));
-        Self { facing: at(0), grazing: at(1) }.lerp(Self { facing: at(2), grazing: at(3) }, weight)
-    }
 }
 
 /// The albedo at one roughness, by cosine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row<T: Real> {
-    /// Where the row below the roughness starts.
-    start: T::Int,
+    /// Number of the cell's row.
+    row: T::Int,
     weight: T,
 }
 
@@ -59,33 +52,34 @@ impl<T: Real> Row<T> {
     #[inline(always)]
     pub fn new(roughness: T) -> Self {
         let (row, weight) = cell(roughness);
-        Self { start: row.times(T::Int::splat(2 * SIZE as u32)), weight }
+        Self { row, weight }
     }
 
     #[inline(always)]
     pub fn at(&self, table: &Table, mu: T) -> Albedo<T> {
         let (column, weight) = cell(mu);
-        let index = self.start.plus(column << 1);
-        let lower = Albedo::read(&table.directional, index, weight);
-        let upper = Albedo::read(&table.directional, index.plus(T::Int::splat(2 * SIZE as u32)), weight);
+        let index = self.row.times(T::Int::splat(CELLS as u32)).plus(column);
+        let [a, b, c, d, e, f, g, h] = T::lookup(&table.directional, index);
+        let lower = Albedo { facing: a, grazing: b }.lerp(Albedo { facing: c, grazing: d }, weight);
+        let upper = Albedo { facing: e, grazing: f }.lerp(Albedo { facing: g, grazing: h }, weight);
         lower.lerp(upper, self.weight)
     }
 
     /// The cosine-weighted mean.
     #[inline(always)]
     pub fn mean(&self, table: &Table) -> Albedo<T> {
-        // Rows are 2 · SIZE numbers long, means 2.
-        let shift = (SIZE as u32).trailing_zeros();
-        Albedo::read(&table.mean, self.start >> shift, self.weight)
+        let [a, b, c, d, ..] = T::lookup(&table.mean, self.row);
+        Albedo { facing: a, grazing: b }.lerp(Albedo { facing: c, grazing: d }, self.weight)
     }
 }
 
-/// Pairs (facing, grazing) of the directional albedo by roughness and by cosine, both over [0, 1], and the means of the
-/// rows, exact for the interpolated table.
+/// Directional albedo by roughness and by cosine, both over [0, 1], and the means of the rows, exact for the
+/// interpolated table. Every cell holds (facing, grazing) at its corners: at the lower cosine, at the higher; both again
+/// at the higher roughness.
 #[derive(Debug)]
 pub(crate) struct Table {
-    directional: Vec<f32>,
-    mean: Vec<f32>,
+    directional: Vec<[f32; 8]>,
+    mean: Vec<[f32; 8]>,
 }
 
 /// The table, made at first use.
@@ -97,35 +91,42 @@ pub(crate) fn table() -> &'static Table {
 /// Number of the cell and place in it, of a number in [0, 1].
 #[inline(always)]
 fn cell<T: Real>(x: T) -> (T::Int, T) {
-    let x = at_most(at_least(x, 0.0), 1.0) * (SIZE - 1) as f32;
+    let x = at_most(at_least(x, 0.0), 1.0) * CELLS as f32;
     // The last cell holds the end too.
-    let i = at_most(x, (SIZE - 2) as f32).truncate();
+    let i = at_most(x, (CELLS - 1) as f32).truncate();
     (i, x - i.signed_to_real())
 }
 
 impl Table {
     fn new() -> Self {
-        let grid = |i: usize| i as f32 / (SIZE - 1) as f32;
-        let (mut directional, mut mean) = (Vec::new(), Vec::new());
-        for r in 0..SIZE {
-            let alpha = at_least(grid(r) * grid(r), ggx::MIN_ALPHA);
-            let row: Vec<Albedo> = (0..SIZE).map(|m| integrate(alpha, at_least(grid(m), 1e-3))).collect();
-            // 2 ∫ E(μ) μ dμ over every cell of the piecewise linear E.
-            let h = 1.0 / (SIZE - 1) as f32;
-            let mut sum = [0.0; 2];
-            for i in 0..SIZE - 1 {
-                let (left, right) = (h * (grid(i) + h / 3.0), h * (grid(i) + 2.0 * h / 3.0));
-                sum[0] += left * row[i].facing + right * row[i + 1].facing;
-                sum[1] += left * row[i].grazing + right * row[i + 1].grazing;
-            }
-            directional.extend(row.iter().flat_map(|a| [a.facing, a.grazing]));
-            mean.extend(sum);
+        let grid = |i: usize| i as f32 / CELLS as f32;
+        let alpha = |r: usize| at_least(grid(r) * grid(r), ggx::MIN_ALPHA);
+        let rows: Vec<Vec<[f32; 2]>> =
+            (0..=CELLS).map(|r| (0..=CELLS).map(|m| integrate(alpha(r), at_least(grid(m), 1e-3))).collect()).collect();
+        // 2 ∫ E(μ) μ dμ over every cell of the piecewise linear E.
+        let step = 1.0 / CELLS as f32;
+        let mean = |row: &[[f32; 2]]| {
+            [0, 1].map(|i| {
+                let cell = |m: usize| {
+                    let (left, right) = (grid(m) + step / 3.0, grid(m) + 2.0 * step / 3.0);
+                    step * (left * row[m][i] + right * row[m + 1][i])
+                };
+                (0..CELLS).map(cell).sum::<f32>()
+            })
+        };
+        let means: Vec<[f32; 2]> = rows.iter().map(|row| mean(row)).collect();
+        let corners =
+            |a: [f32; 2], b: [f32; 2], c: [f32; 2], d: [f32; 2]| [a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1]];
+        let cell = |r: usize, m: usize| corners(rows[r][m], rows[r][m + 1], rows[r + 1][m], rows[r + 1][m + 1]);
+        Self {
+            directional: (0..CELLS * CELLS).map(|i| cell(i / CELLS, i % CELLS)).collect(),
+            mean: (0..CELLS).map(|r| corners(means[r], means[r + 1], [0.0; 2], [0.0; 2])).collect(),
         }
-        Self { directional, mean }
     }
 }
 
-fn integrate(alpha: f32, mu: f32) -> Albedo {
+/// Albedo of the lobe: what multiplies the reflectance at normal incidence, and what is added.
+fn integrate(alpha: f32, mu: f32) -> [f32; 2] {
     let wo = vec3(at_least(1.0 - mu * mu, 0.0).sqrt(), 0.0, mu);
     let ggx = Ggx::new(alpha, wo);
     let (mut facing, mut grazing) = (0.0_f64, 0.0_f64);
@@ -143,7 +144,7 @@ fn integrate(alpha: f32, mu: f32) -> Albedo {
         }
     }
     let n = f64::from(SAMPLES);
-    Albedo { facing: (facing / n) as f32, grazing: (grazing / n) as f32 }
+    [(facing / n) as f32, (grazing / n) as f32]
 }
 
 #[cfg(test)]

@@ -192,14 +192,35 @@ impl Real for Eight {
         unsafe { EightInts(_mm256_cvttps_epi32(self.0)) }
     }
     #[inline(always)]
-    fn lookup(table: &[f32], index: EightInts) -> Self {
+    fn lookup(table: &[[f32; 8]], index: EightInts) -> [Self; 8] {
         let mut at = [0; 8];
         index.store(&mut at);
-        let mut found = [0.0; 8];
-        for (found, at) in found.iter_mut().zip(at) {
-            *found = table[at as usize];
+        // SAFETY: of the module; the table's rows hold eight numbers.
+        unsafe {
+            let row = |lane: usize| _mm256_loadu_ps(table[at[lane] as usize].as_ptr());
+            // Lanes and numbers change places, as in a transposed matrix.
+            let (a, b, c, d) = (row(0), row(1), row(2), row(3));
+            let (e, f, g, h) = (row(4), row(5), row(6), row(7));
+            let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+            let (ef, gh) = (_mm256_unpacklo_ps(e, f), _mm256_unpacklo_ps(g, h));
+            let (ab2, cd2) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+            let (ef2, gh2) = (_mm256_unpackhi_ps(e, f), _mm256_unpackhi_ps(g, h));
+            let left = [
+                _mm256_shuffle_ps::<0x44>(ab, cd),
+                _mm256_shuffle_ps::<0xee>(ab, cd),
+                _mm256_shuffle_ps::<0x44>(ab2, cd2),
+                _mm256_shuffle_ps::<0xee>(ab2, cd2),
+            ];
+            let right = [
+                _mm256_shuffle_ps::<0x44>(ef, gh),
+                _mm256_shuffle_ps::<0xee>(ef, gh),
+                _mm256_shuffle_ps::<0x44>(ef2, gh2),
+                _mm256_shuffle_ps::<0xee>(ef2, gh2),
+            ];
+            let low = |i: usize| Self(_mm256_permute2f128_ps::<0x20>(left[i], right[i]));
+            let high = |i: usize| Self(_mm256_permute2f128_ps::<0x31>(left[i], right[i]));
+            [low(0), low(1), low(2), low(3), high(0), high(1), high(2), high(3)]
         }
-        Self::load(&found)
     }
 }
 
@@ -392,9 +413,14 @@ mod tests {
     #[test]
     fn tables_are_looked_up_by_lane() {
         if super::super::has_eight() {
-            let mut out = [0.0; 8];
-            Eight::lookup(&[5.0, 6.0, 7.0], EightInts::load(&[2, 1, 0, 0, 1, 2, 2, 1])).store(&mut out);
-            assert_eq!(out, [7.0, 6.0, 5.0, 5.0, 6.0, 7.0, 7.0, 6.0]);
+            let table: Vec<[f32; 8]> = (0..5).map(|row| std::array::from_fn(|i| (row * 8 + i) as f32)).collect();
+            let rows = [2, 1, 0, 4, 1, 3, 2, 1];
+            let found = Eight::lookup(&table, EightInts::load(&rows));
+            for (i, numbers) in found.into_iter().enumerate() {
+                let mut out = [0.0; 8];
+                numbers.store(&mut out);
+                assert_eq!(out, rows.map(|row| f32::lookup(&table, row)[i]));
+            }
         }
     }
 }

@@ -65,8 +65,8 @@ pub(crate) trait Real:
     fn from_bits(bits: Self::Int) -> Self;
     /// Towards zero; for |x| < 2³¹.
     fn truncate(self) -> Self::Int;
-    /// Looks every lane's index up, which must be within the table.
-    fn lookup(table: &[f32], index: Self::Int) -> Self;
+    /// Looks every lane's index up, which must be within the table: eight numbers a lane.
+    fn lookup(table: &[[f32; 8]], index: Self::Int) -> [Self; 8];
 }
 
 /// Lanes of `u32`, wrapping.

@@ -68,7 +68,7 @@ impl Real for f32 {
         self as i32 as u32
     }
     #[inline(always)]
-    fn lookup(table: &[f32], index: u32) -> Self {
+    fn lookup(table: &[[f32; 8]], index: u32) -> [Self; 8] {
         table[index as usize]
     }
 }
