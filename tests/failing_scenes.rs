@@ -69,7 +69,7 @@ impl Reporter for Events {
 
 fn small(out: &Path, set: &[(&str, &str)]) -> (Outcome, Vec<Event>) {
     let registry = Registry::linked().expect("no clash");
-    let source = Source::read(&root().join("recipes/quickstart.toml")).expect("there");
+    let source = Source::read(root().join("recipes/quickstart.toml")).expect("there");
     let mut changes: Vec<(String, String)> = SMALL
         .chunks(2)
         .map(|pair| pair[1].split_once('=').expect("key=value"))

@@ -35,9 +35,12 @@ pub(crate) fn is_bare(key: &str) -> bool {
     !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }
 
+/// A step of a path with its bytes.
+type Located = (Step, Range<usize>);
+
 /// Reads a path. Steps come with their bytes; an error says what is wrong and at which bytes.
-pub(crate) fn parse(text: &str) -> Result<Vec<(Step, Range<usize>)>, (String, Range<usize>)> {
-    let mut steps: Vec<(Step, Range<usize>)> = Vec::new();
+pub(crate) fn parse(text: &str) -> Result<Vec<Located>, (String, Range<usize>)> {
+    let mut steps: Vec<Located> = Vec::new();
     let mut at = 0;
     let wrong = |message: &str, range: Range<usize>| Err((message.to_owned(), range));
     loop {
