@@ -6,12 +6,13 @@
 //! - A support becomes convex parts as objects do. Where its top is flat, a slab below the outline of the top stands in
 //!   for whatever thin boards are there: a body that is pressed into it always finds the nearest way out upwards.
 
-use crate::engine::{friction, to_engine};
+use crate::engine::friction;
 use crate::hull::Hull;
 use crate::shape::CollisionShape;
+use crate::units;
 use parry3d::math::{Pose as EnginePose, Rotation, Vector};
-use parry3d::shape::{Compound, Cuboid, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
-use syntable_model::geometry::{Point3, Vector3};
+use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
+use syntable_model::geometry::{Aabb, Point3, Vector3};
 use syntable_model::scene::{BodyDraft, Tabletop};
 
 /// A room part is flat if one side is at most this fraction of the next longer.
@@ -72,28 +73,29 @@ pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<Fixed> {
             }
         }
         // Objects on both sides: a wall of finite size.
-        let half: [f32; 3] = std::array::from_fn(|i| (size[i].max(WALL_M) / 2.0) as f32);
-        let shape = SharedShape::new(Cuboid::new(Vector::from(half)));
-        let middle = pose * syntable_model::geometry::Translation3::from(centre.coords);
-        return Some(Fixed { pose: to_engine(&middle), whole: shape, friction });
+        let half = Vector3::from_fn(|i, _| size[i].max(WALL_M) / 2.0);
+        let corners = Aabb { min: centre - half, max: centre + half }.corners();
+        let points: Vec<[f32; 3]> = corners.iter().map(|p| <[f64; 3]>::from(*p).map(|x| x as f32)).collect();
+        let wall = Hull::around(&points)?.polyhedron(units::PER_METRE)?;
+        return Some(Fixed { pose: units::pose(&pose), whole: SharedShape::new(wall), friction });
     }
     // Something else, perhaps a whole room in one mesh: its faces, as they are.
     let data = body.object.mesh.data();
-    let points = data.positions.iter().map(|&p| Vector::from(p)).collect();
+    let points = data.positions.iter().map(|&p| Vector::from(p) * units::PER_METRE).collect();
     let mesh = TriMesh::with_flags(points, data.triangles.clone(), TriMeshFlags::DELETE_DEGENERATE_TRIANGLES).ok()?;
-    Some(Fixed { pose: to_engine(&pose), whole: SharedShape::new(mesh), friction })
+    Some(Fixed { pose: units::pose(&pose), whole: SharedShape::new(mesh), friction })
 }
 
 /// A support with its collision shape: the slab under its top, if that is flat, and its parts.
 pub fn support(body: &BodyDraft, shape: &CollisionShape, tabletop: Option<&Tabletop>) -> Vec<Fixed> {
     let friction = friction(body.object.friction);
-    let pose = to_engine(&body.world_from_body);
+    let pose = units::pose(&body.world_from_body);
     let slab = tabletop.and_then(|tabletop| slab(body, tabletop));
     let mut parts: Vec<SharedShape> = shape.parts.clone();
     let mut fixed = Vec::new();
     if let Some(slab) = slab {
         parts = parts.into_iter().filter_map(|part| below_slab(part, &pose, &slab)).collect();
-        if let Some(shape) = slab.polyhedron() {
+        if let Some(shape) = slab.polyhedron(units::PER_METRE) {
             fixed.push(Fixed { pose: EnginePose::IDENTITY, whole: SharedShape::new(shape), friction });
         }
     }
@@ -105,10 +107,9 @@ pub fn support(body: &BodyDraft, shape: &CollisionShape, tabletop: Option<&Table
 }
 
 fn half_space(point: Point3<f64>, normal: Vector3<f64>, friction: f32) -> Fixed {
-    let [x, y, z]: [f64; 3] = point.coords.into();
     let [i, j, k]: [f64; 3] = normal.normalize().into();
     Fixed {
-        pose: EnginePose::from_parts(Vector::new(x as f32, y as f32, z as f32), Rotation::IDENTITY),
+        pose: EnginePose::from_parts(units::point(&point), Rotation::IDENTITY),
         whole: SharedShape::new(HalfSpace::new(Vector::new(i as f32, j as f32, k as f32).normalize())),
         friction,
     }
@@ -143,7 +144,7 @@ fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Hull) -> Option<Share
     let top = slab.points.iter().map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
     // The slab's sides reach down without end here, so that only its outline counts.
     let lowered = |p: [f32; 3]| [p[0], p[1], top - SLAB_M / 2.0];
-    let world: Vec<[f32; 3]> = hull.points().iter().map(|p| (*pose * *p).to_array()).collect();
+    let world: Vec<[f32; 3]> = hull.points().iter().map(|p| (*pose * *p / units::PER_METRE).to_array()).collect();
     let within = |p: &[f32; 3]| slab.outside(lowered(*p)) <= 0.002;
     if world.iter().all(|p| within(p) && p[2] >= top - SLAB_M - 0.002) {
         return None;
@@ -152,9 +153,10 @@ fn below_slab(part: SharedShape, pose: &EnginePose, slab: &Hull) -> Option<Share
         // A leg: it ends inside the slab instead of level with the top.
         let points: Vec<[f32; 3]> = world
             .iter()
-            .map(|p| (pose.inverse() * Vector::new(p[0], p[1], p[2].min(top - SLAB_M / 2.0))).to_array())
+            .map(|p| Vector::new(p[0], p[1], p[2].min(top - SLAB_M / 2.0)) * units::PER_METRE)
+            .map(|p| (pose.inverse() * p / units::PER_METRE).to_array())
             .collect();
-        return Some(SharedShape::new(Hull::around(&points)?.polyhedron()?));
+        return Some(SharedShape::new(Hull::around(&points)?.polyhedron(units::PER_METRE)?));
     }
     Some(part)
 }

@@ -2,12 +2,12 @@
 
 use crate::config::{OnViolation, Rapier, Remove};
 use crate::engine::{Engine, Overlap};
-use syntable_model::geometry::{Pose, Translation3};
+use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, Vector3};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Role, SettleReport, Tabletop};
 
 /// A body that is dropped again starts this far above whatever lies under it, metres.
-const DROP_M: f32 = 0.03;
+const DROP_M: f64 = 0.03;
 
 /// After this many times the duration, no body gets another try.
 const PATIENCE: f64 = 10.0;
@@ -185,34 +185,30 @@ impl<'a> Gate<'a> {
         let rotation = stream.rotation();
         let turned = Pose::from_parts(Translation3::identity(), rotation);
         let bounds = self.engine.bounds_at(item, &turned);
-        let (size, centre) = (bounds.extents(), bounds.center());
-        let area = self.drop_area();
+        let (size, centre, area) = (bounds.size(), bounds.centre(), self.drop_area());
         let mut along = |axis: usize| {
-            let [low, high] = area[axis];
-            let room = ((high - low) - f64::from(size[axis])).max(0.0);
-            stream.uniform(-0.5, 0.5) * room + (low + high) / 2.0 - f64::from(centre[axis])
+            let room = (area.size()[axis] - size[axis]).max(0.0);
+            stream.uniform(-0.5, 0.5) * room + area.centre()[axis] - centre[axis]
         };
-        let (x, y) = (along(0), along(1));
-        let reach = |axis: usize, shift: f64| [bounds.mins[axis] + shift as f32, bounds.maxs[axis] + shift as f32];
-        let (own_x, own_y) = (reach(0, x), reach(1, y));
-        let below = self.engine.present().map(|other| self.engine.bounds(other)).filter(|other| {
-            other.mins.x < own_x[1] && other.maxs.x > own_x[0] && other.mins.y < own_y[1] && other.maxs.y > own_y[0]
-        });
-        let top = below.map(|other| other.maxs.z).fold(area[2][0] as f32, f32::max);
-        let z = f64::from(top + DROP_M - bounds.mins.z);
-        Pose::from_parts(Translation3::new(x, y, z), rotation)
+        let shift = Vector3::new(along(0), along(1), 0.0);
+        let (min, max) = (bounds.min + shift, bounds.max + shift);
+        let below = self
+            .engine
+            .present()
+            .map(|other| self.engine.bounds(other))
+            .filter(|other| (0..2).all(|axis| other.min[axis] < max[axis] && other.max[axis] > min[axis]));
+        let top = below.map(|other| other.max.z).fold(area.min.z, f64::max);
+        Pose::from_parts(Translation3::new(shift.x, shift.y, top + DROP_M - min.z), rotation)
     }
 
-    /// Ranges along x and y to drop into, and the height of the ground there: the tabletop's, or that of what is there.
-    fn drop_area(&self) -> [[f64; 2]; 3] {
+    /// Box to drop into: over the tabletop, or over what is there; its floor is what there is to land on.
+    fn drop_area(&self) -> Aabb {
         if let Some(tabletop) = self.tabletop {
-            let [x, y, z] = tabletop.centre;
-            let [w, l] = tabletop.size.map(|side| side / 2.0);
-            return [[x - w, x + w], [y - l, y + l], [z, z]];
+            let half = Vector3::new(tabletop.size[0] / 2.0, tabletop.size[1] / 2.0, 0.0);
+            return Aabb { min: tabletop.centre() - half, max: tabletop.centre() + half };
         }
-        let boxes = self.engine.present().map(|item| self.engine.bounds(item));
-        let all = boxes.reduce(|a, b| parry3d::bounding_volume::BoundingVolume::merged(&a, &b));
-        all.map_or([[0.0; 2]; 3], |all| [0, 1, 2].map(|axis| [f64::from(all.mins[axis]), f64::from(all.maxs[axis])]))
+        let all = self.engine.present().map(|item| self.engine.bounds(item)).reduce(Aabb::union);
+        all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })
     }
 
     fn objects(&self) -> impl Iterator<Item = usize> + '_ {

@@ -19,7 +19,7 @@
 //! parts are read back bit by bit. Whatever the input, the loop of the gate ends: every round uses up one of a body's
 //! tries or takes a body out.
 //!
-//! **Units.** Metres, kilograms, seconds; f32 inside the engine, f64 outside.
+//! **Units.** Metres, kilograms, seconds, in f64; inside the engine eighths of metres, in f32 (see [`units`]).
 
 mod codec;
 mod config;
@@ -30,8 +30,11 @@ mod fixed;
 mod gate;
 mod hull;
 mod library;
+mod manifold;
 mod settle;
 mod shape;
+mod solid;
+mod units;
 
 pub use config::{Collision, Mass, OnViolation, Rapier, Remove};
 

@@ -126,6 +126,7 @@ impl Library {
         hasher
             .number(f64::from(hull::MIN_THICKNESS_M))
             .number(f64::from(hull::TOLERANCE_M))
+            .number(f64::from(hull::GRID_M))
             .number(hull::MAX_VERTICES as f64)
             .floats(positions.into_iter())
             .bytes(&triangles)

@@ -1,6 +1,7 @@
-//! The collision shape of one object, ready for the engine.
+//! The collision shape of one object, ready for the engine, in its units.
 
 use crate::hull::Hull;
+use crate::units;
 use parry3d::mass_properties::MassProperties;
 use parry3d::math::Pose;
 use parry3d::shape::{Compound, SharedShape};
@@ -20,7 +21,7 @@ impl CollisionShape {
     /// Builds the shape.
     pub fn new(hulls: &[Hull]) -> Result<Self> {
         let parts: Vec<SharedShape> =
-            hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron()?))).collect();
+            hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METRE)?))).collect();
         let whole = match &parts[..] {
             [] => {
                 return Err(
@@ -30,7 +31,7 @@ impl CollisionShape {
             [one] => one.clone(),
             many => SharedShape::new(Compound::new(many.iter().map(|part| (Pose::IDENTITY, part.clone())).collect())),
         };
-        let water = whole.mass_properties(1000.0);
+        let water = whole.mass_properties(1000.0 / units::PER_METRE.powi(3));
         let sound = water.mass() > 0.0
             && water.mass().is_finite()
             && water.local_com.is_finite()
