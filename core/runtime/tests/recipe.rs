@@ -195,6 +195,31 @@ kind = "npy"
     assert!(good(GOOD).resolved.contains("root = \"${ASSETS}/gso\""));
 }
 
+/// The annotators that run with their defaults are named, and only those that somebody wants.
+#[test]
+fn the_resolved_text_names_what_runs_with_defaults() {
+    let resolved = good(GOOD).resolved;
+    assert!(resolved.contains("[annotate.masks]\nkind = \"masks\"\nkeep_hidden = false\n"), "{resolved}");
+    assert!(!resolved.contains("[annotate.rate]"), "{resolved}");
+    let own = good(&format!("{GOOD}\n[annotate.mine]\nkind = \"masks\"\n"));
+    assert!(own.resolved.contains("[annotate.mine]") && !own.resolved.contains("[annotate.masks]"), "{}", own.resolved);
+    assert_eq!(own.annotate.len(), 1);
+    let rates = good(&GOOD.replace("amodal_mask", "occlusion_rate"));
+    assert!(rates.resolved.contains("[annotate.masks]") && rates.resolved.contains("[annotate.rate]"));
+    assert!(rates.annotate.is_empty());
+}
+
+/// A source may have an option of pools itself: it then gets it, and the pool does not.
+#[test]
+fn an_option_of_the_source_is_its_own() {
+    let recipe = good(&GOOD.replace("root = \"/data/materials\"", "root = \"/data/materials\"\nlicence = \"CC0-1.0\""));
+    assert_eq!(recipe.assets["materials"].options.licence, None);
+    assert!(recipe.resolved.contains("licence = \"CC0-1.0\""), "{}", recipe.resolved);
+    assert_eq!(good(&recipe.resolved).resolved, recipe.resolved);
+    let recipe = good(&GOOD.replace("gso\"", "gso\"\nlicence = \"MIT\""));
+    assert_eq!(recipe.assets["objects"].options.licence.as_deref(), Some("MIT"));
+}
+
 #[test]
 fn options_of_objects_are_not_written_for_materials() {
     let resolved = good(GOOD).resolved;

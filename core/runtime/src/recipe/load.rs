@@ -14,6 +14,7 @@ use super::suggest::{did_you_mean, listing};
 use super::{Recipe, Source};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::product::KeyId;
 use syntable_model::registry::{Registry, Slot, Stage};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
@@ -48,7 +49,9 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
         return Err(Report { diagnostics });
     }
     let dataset = dataset.map(|(_, table)| DatasetTable { views_per_scene: views, ..table });
-    match dataset.and_then(|dataset| assemble(dataset, built, lock.map(|lock| lock.0).unwrap_or_default(), &sources)) {
+    match dataset
+        .and_then(|dataset| assemble(dataset, built, lock.map(|lock| lock.0).unwrap_or_default(), registry, &sources))
+    {
         Some(recipe) => Ok((recipe, diagnostics)),
         None => {
             // Only a text that was lost to a syntax error leaves a recipe without a part and without an error of its own.
@@ -218,12 +221,65 @@ fn finish(sources: &Sources, mut drafts: Vec<Draft>, damage: &Damage) -> Vec<Dia
     diagnostics
 }
 
-fn assemble(dataset: DatasetTable, built: Built, lock: LockTable, sources: &Sources) -> Option<Recipe> {
+/// The annotators that provide what the writers want without being in the recipe: a resolved recipe names them.
+fn implied_annotators(built: &Built, registry: &Registry) -> Vec<ResolvedStage> {
+    let mut offered: Vec<&str> = Vec::new();
+    let mut explicit = Vec::new();
+    let mut wanted: Vec<String> = Vec::new();
+    for stage in &built.stages {
+        match &stage.stage {
+            Stage::Render(renderer) => offered.extend(renderer.offers().iter().map(|key| key.name)),
+            Stage::Annotate(annotator) => explicit.push((annotator.provides(), annotator.reads())),
+            Stage::Write(writer) => wanted.extend(writer.reads()),
+            _ => {}
+        }
+    }
+    // An annotator of the recipe replaces the defaults of every kind that provides the same.
+    let taken = |key: &KeyId| explicit.iter().any(|(provides, _)| provides.iter().any(|other| other.name == key.name));
+    let defaults: Vec<_> = registry
+        .of_slot(Slot::Annotate)
+        .filter_map(|entry| {
+            let constructed = entry.construct_str("").ok()?;
+            let Stage::Annotate(annotator) = constructed.stage else { return None };
+            let (provides, reads) = (annotator.provides(), annotator.reads());
+            (!provides.iter().any(taken)).then_some((entry, constructed.options, provides, reads))
+        })
+        .collect();
+    let (mut seen, mut needed) = (BTreeSet::new(), BTreeMap::new());
+    while let Some(name) = wanted.pop() {
+        if offered.contains(&name.as_str()) || !seen.insert(name.clone()) {
+            continue;
+        }
+        let provides = |keys: &[KeyId]| keys.iter().any(|key| key.name == name);
+        for (_, reads) in explicit.iter().filter(|(keys, _)| provides(keys)) {
+            wanted.extend(reads.iter().map(|key| key.name.to_owned()));
+        }
+        for (entry, options, _, reads) in defaults.iter().filter(|(_, _, keys, _)| provides(keys)) {
+            wanted.extend(reads.iter().map(|key| key.name.to_owned()));
+            needed.entry(entry.kind).or_insert_with(|| ResolvedStage {
+                slot: Slot::Annotate,
+                id: entry.kind.to_owned(),
+                kind: entry.kind,
+                options: options.clone(),
+                plugin: (entry.crate_name, entry.crate_version),
+            });
+        }
+    }
+    needed.into_values().collect()
+}
+
+fn assemble(
+    dataset: DatasetTable,
+    built: Built,
+    lock: LockTable,
+    registry: &Registry,
+    sources: &Sources,
+) -> Option<Recipe> {
     let dataset_options = toml::Table::try_from(&dataset).ok()?;
     let (mut assets, mut place, mut lights) = (BTreeMap::new(), Vec::new(), Vec::new());
     let (mut annotate, mut write) = (Vec::new(), Vec::new());
     let (mut settle, mut camera, mut views, mut render) = (None, None, None, None);
-    let mut resolved = Vec::new();
+    let mut resolved = implied_annotators(&built, registry);
     let mut origins = BTreeMap::new();
     let mut pools = built.pools;
     for stage in built.stages {

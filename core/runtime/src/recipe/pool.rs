@@ -22,7 +22,8 @@ pub struct Pool {
     pub options: PoolOptions,
 }
 
-/// Options of every `[assets.<id>]` table, beside those of its kind.
+/// Options of every `[assets.<id>]` table, beside those of its kind. An option that a kind has itself by the same name
+/// is the kind's own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoolOptions {

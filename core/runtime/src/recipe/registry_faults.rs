@@ -115,7 +115,10 @@ fn options(
             continue;
         }
         if slot == Slot::Assets && prefix.is_empty() && pool.is_some_and(|pool| pool.contains_key(name)) {
-            fault(format!("`{name}` is an option of every pool; call it otherwise"));
+            let type_of = |option: &Json| resolved(option, checker).get("type").cloned();
+            if pool.and_then(|pool| type_of(&pool[name])) != type_of(option) {
+                fault(format!("`{name}` is an option of every pool, of another type; call it otherwise"));
+            }
         }
         let whole = format!("{prefix}{name}");
         let reserved =

@@ -13,6 +13,7 @@ use super::pool::PoolOptions;
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value as Json, json};
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 
@@ -29,6 +30,8 @@ pub(crate) struct Schemas {
     pub lock: Json,
     /// Options of every pool.
     pub pool: Json,
+    /// Options of pools that a kind of source has itself, and which are its own affair then.
+    own_pool_options: BTreeMap<&'static str, BTreeSet<String>>,
     /// Options of each kind, without `kind`; those of pools are among the sources' own.
     pub kinds: Vec<(Slot, &'static str, Json)>,
 }
@@ -40,6 +43,7 @@ impl Schemas {
         let dataset = options_of::<DatasetTable>(&mut generator);
         let lock = options_of::<LockTable>(&mut generator);
         let pool = options_of::<PoolOptions>(&mut generator);
+        let mut own_pool_options = BTreeMap::new();
         let kinds = registry
             .entries()
             .iter()
@@ -49,7 +53,7 @@ impl Schemas {
                 let mut options = options.to_value();
                 toml_only(&mut options);
                 if entry.slot == Slot::Assets {
-                    add_pool_options(&mut options, &pool);
+                    own_pool_options.insert(entry.kind, add_pool_options(&mut options, &pool));
                 }
                 (entry.slot, entry.kind, options)
             })
@@ -57,7 +61,14 @@ impl Schemas {
         let mut definitions = generator.take_definitions(true);
         definitions.values_mut().for_each(toml_only);
         definitions.sort_keys();
-        Self { definitions, dataset, lock, pool, kinds }
+        Self { definitions, dataset, lock, pool, own_pool_options, kinds }
+    }
+
+    /// The options that the pool takes of a table of this kind of source, and not the source.
+    pub fn pool_options(&self, kind: &str) -> impl Iterator<Item = &str> {
+        let own = self.own_pool_options.get(kind);
+        let all = self.pool["properties"].as_object().into_iter().flat_map(|properties| properties.keys());
+        all.map(String::as_str).filter(move |name| !own.is_some_and(|own| own.contains(*name)))
     }
 
     /// The schema of a kind's options.
@@ -138,11 +149,18 @@ fn merge_words(schema: &mut Map<String, Json>) {
     schema.insert("description".into(), description.trim().into());
 }
 
-fn add_pool_options(options: &mut Json, pool: &Json) {
-    let Some(properties) = object_at(options, "properties") else { return };
+/// Adds the options of pools to those of a source. Gives the names that the source has itself, which are left alone.
+fn add_pool_options(options: &mut Json, pool: &Json) -> BTreeSet<String> {
+    let mut own = BTreeSet::new();
+    let Some(properties) = object_at(options, "properties") else { return own };
     for (name, option) in pool["properties"].as_object().into_iter().flatten() {
-        properties.entry(name.clone()).or_insert_with(|| option.clone());
+        if properties.contains_key(name) {
+            own.insert(name.clone());
+        } else {
+            properties.insert(name.clone(), option.clone());
+        }
     }
+    own
 }
 
 /// The object under a key, made if need be.
@@ -164,7 +182,7 @@ pub fn schema(registry: &Registry) -> Json {
     let mut definitions = std::mem::take(&mut schemas.definitions);
     for entry in registry.entries() {
         let Some(options) = schemas.kind(entry.slot, entry.kind) else { continue };
-        definitions.insert(definition_name(entry), definition(entry, options));
+        definitions.insert(definition_name(entry), definition(entry, options, &schemas));
     }
     let mut properties = Map::new();
     properties.insert(
@@ -235,9 +253,10 @@ fn without_required(mut schema: Json) -> Json {
 }
 
 /// The closed definition of one kind, which knows `kind` and `id`.
-fn definition(entry: &Entry, options: &Json) -> Json {
+fn definition(entry: &Entry, options: &Json, schemas: &Schemas) -> Json {
     let mut definition = without_required(options.clone());
     let class = (entry.slot == Slot::Assets).then(|| class_of(entry)).flatten();
+    let of_pool = |option: &str| schemas.pool_options(entry.kind).any(|name| name == option);
     let mut properties = Map::new();
     properties
         .insert("kind".into(), json!({ "description": "The kind of stage.", "type": "string", "const": entry.kind }));
@@ -245,7 +264,7 @@ fn definition(entry: &Entry, options: &Json) -> Json {
         properties.insert("id".into(), id_schema());
     }
     if let Some(own) = object_at(&mut definition, "properties") {
-        own.retain(|option, _| class.is_none_or(|class| PoolOptions::applies(option, class)));
+        own.retain(|option, _| class.is_none_or(|class| !of_pool(option) || PoolOptions::applies(option, class)));
         properties.append(own);
         *own = properties;
     }

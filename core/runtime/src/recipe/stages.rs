@@ -291,10 +291,15 @@ impl<'l> Loader<'l> {
                 }
             }
         }
+        let for_objects = |name: &str| {
+            slot == Slot::Assets
+                && !PoolOptions::applies(name, AssetClass::Material)
+                && self.schemas.pool_options(entry.kind).any(|option| option == name)
+        };
         let object_only: Vec<(String, Span)> = given
             .table
             .keys()
-            .filter(|key| slot == Slot::Assets && PoolOptions::FOR_OBJECTS.contains(&key.get_ref().as_ref()))
+            .filter(|key| for_objects(key.get_ref()))
             .map(|key| (key.get_ref().clone().into_owned(), key.span()))
             .collect();
         let constructed = if ok { self.construct(entry, &given, built, drafts) } else { None };
@@ -323,7 +328,8 @@ impl<'l> Loader<'l> {
         {
             let pool = toml::Table::try_from(pool).unwrap_or_default();
             let class = class.unwrap_or(AssetClass::Object);
-            options.extend(pool.into_iter().filter(|(option, _)| PoolOptions::applies(option, class)));
+            let of_pool = |name: &str| self.schemas.pool_options(entry.kind).any(|option| option == name);
+            options.extend(pool.into_iter().filter(|(name, _)| of_pool(name) && PoolOptions::applies(name, class)));
         }
         for reference in self.implied(entry, &options, schema, &said, &header_span) {
             if reference.what == "product" {
@@ -469,9 +475,8 @@ impl<'l> Loader<'l> {
         let mut ok = true;
         if given.slot == Slot::Assets {
             let mut own = DeTable::new();
-            for name in self.schemas.pool["properties"].as_object().into_iter().flat_map(|properties| properties.keys())
-            {
-                if let Some((key, value)) = table.remove_entry(name.as_str()) {
+            for name in self.schemas.pool_options(entry.kind) {
+                if let Some((key, value)) = table.remove_entry(name) {
                     own.insert(key, value);
                 }
             }

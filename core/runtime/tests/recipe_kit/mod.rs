@@ -73,6 +73,9 @@ impl AssetSource for MeshFolder {
 pub struct PbrFolder {
     /// Folder of the materials.
     root: AssetPath,
+    /// Licence of the materials.
+    #[serde(default)]
+    licence: String,
 }
 impl PbrFolder {
     fn validate(&self) -> Result<(), Invalid> {
@@ -402,7 +405,7 @@ pub struct Masks {
 pub struct Rate {}
 
 macro_rules! annotator {
-    ($($name:ident, $kind:literal => $($key:expr),*;)*) => {$(
+    ($($name:ident, $kind:literal, [$($read:expr),*] => $($key:expr),*;)*) => {$(
         impl $name {
             fn validate(&self) -> Result<(), Invalid> {
                 Ok(())
@@ -411,7 +414,8 @@ macro_rules! annotator {
         config!($name => Annotator, $kind, "");
         impl Annotator for $name {
             fn reads(&self) -> Vec<KeyId> {
-                Vec::new()
+                let reads: &[KeyId] = &[$($read.id()),*];
+                reads.to_vec()
             }
             fn provides(&self) -> Vec<KeyId> {
                 keys![$($key),*]
@@ -422,7 +426,7 @@ macro_rules! annotator {
         }
     )*};
 }
-annotator! { Masks, "masks" => VISIBLE_MASK, AMODAL_MASK; Rate, "rate" => OCCLUSION_RATE; }
+annotator! { Masks, "masks", [INSTANCE] => VISIBLE_MASK, AMODAL_MASK; Rate, "rate", [AMODAL_MASK] => OCCLUSION_RATE; }
 
 /// Pictures as PNG files.
 #[derive(Serialize, Deserialize, JsonSchema)]
