@@ -303,7 +303,7 @@ mod tests {
         let ball = ball
             .iter()
             .skip(1)
-            .fold(Outline::at(0.0, -1.0), |o, a| o.to(if *a > 3.14 { 0.0 } else { a.sin() }, -a.cos(), paint));
+            .fold(Outline::at(0.0, -1.0), |o, a| o.to(if *a > PI - 1e-3 { 0.0 } else { a.sin() }, -a.cos(), paint));
         check("ball", &Lathe::new(&ball).segments(120).solid(), 4.0 / 3.0 * PI, 2e-3);
         let ring = Outline::at(2.0, 0.0).to(3.0, 0.0, paint).to(3.0, 1.0, paint).to(2.0, 1.0, paint).closed(paint);
         check("ring", &Lathe::new(&ring).segments(200).solid(), PI * 5.0, 1e-3);
