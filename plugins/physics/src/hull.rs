@@ -15,7 +15,7 @@ pub const MIN_THICKNESS_M: f32 = 0.001;
 pub const TOLERANCE_M: f32 = 0.0003;
 
 /// A hull has at most this many vertices.
-pub const MAX_VERTICES: usize = 128;
+pub const MAX_VERTICES: usize = 192;
 
 /// Pitch of the grid, metres: a power of two, so that grid points are exact in f32.
 pub const GRID_M: f32 = 1.0 / 131_072.0;
