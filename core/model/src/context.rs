@@ -2,9 +2,9 @@
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
-use crate::names::{MaterialPool, ObjectPool};
+use crate::names::{EnvironmentPool, MaterialPool, ObjectPool};
 use crate::random::Stream;
-use crate::scene::{AssetRef, CatalogEntry, Material, Object};
+use crate::scene::{AssetRef, CatalogEntry, EnvironmentMap, Material, Object};
 use std::sync::Arc;
 
 /// Everything lent to a stage for one call. There is no clock, no global and no environment.
@@ -29,6 +29,8 @@ pub trait Assets: Send + Sync {
     fn object(&self, asset: &AssetRef) -> Result<Arc<Object>>;
     /// A material. An error means that the asset is bad; it was reported.
     fn material(&self, asset: &AssetRef) -> Result<Arc<Material>>;
+    /// An environment map. An error means that the asset is bad; it was reported.
+    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>>;
 }
 
 impl dyn Assets + '_ {
@@ -41,6 +43,16 @@ impl dyn Assets + '_ {
     /// Draws a material, uniformly over the entries of a pool. A bad asset is passed over.
     pub fn draw_material(&self, pool: &MaterialPool, stream: &mut Stream) -> Result<(AssetRef, Arc<Material>)> {
         self.draw(&[pool.as_str()], stream, |asset| self.material(asset))
+    }
+
+    /// Draws an environment map, uniformly over the entries of some pools taken together. A bad one is passed over.
+    pub fn draw_environment(
+        &self,
+        pools: &[EnvironmentPool],
+        stream: &mut Stream,
+    ) -> Result<(AssetRef, Arc<EnvironmentMap>)> {
+        let pools: Vec<&str> = pools.iter().map(EnvironmentPool::as_str).collect();
+        self.draw(&pools, stream, |asset| self.environment(asset))
     }
 
     fn draw<T>(

@@ -4,7 +4,8 @@
 //! slots:
 //!
 //! ```text
-//! asset sources → placers → settler → [ per view: camera, view sampler, light samplers, renderer ] → annotators → writers
+//! asset sources → placers → settler → [ per view: view sampler, camera, light samplers, renderer, denoiser ]
+//!   → sensors → annotators → writers
 //! ```
 //!
 //! Everything after the settled [`Scene`](scene::Scene) is a [product](product): a typed value under a [`Key`].

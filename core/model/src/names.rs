@@ -53,6 +53,12 @@ name!(
     "Id of an [assets.<id>] table that gives materials."
 );
 name!(
+    /// Id of an `[assets.<id>]` table that gives environment maps.
+    EnvironmentPool,
+    "pool:environment",
+    "Id of an [assets.<id>] table that gives environment maps."
+);
+name!(
     /// Name of a product that a writer wants.
     ProductName,
     "product",

@@ -4,7 +4,11 @@
 //! checks them. Every function of the program takes `&Registry`, so that tests can build theirs by hand.
 
 use crate::error::Invalid;
-use crate::stage::{Annotator, AssetSource, CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler, Writer};
+use crate::product::KeyId;
+use crate::product::standard::{DENOISER, RADIANCE_NOISY};
+use crate::stage::{
+    Annotator, AssetSource, CameraModel, Denoiser, LightSampler, Placer, Renderer, Sensor, Settler, ViewSampler, Writer,
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -42,6 +46,10 @@ pub enum Slot {
     Lights,
     /// `[render]`
     Render,
+    /// `[denoise]`
+    Denoise,
+    /// `[sensor.<id>]`
+    Sensor,
     /// `[annotate.<id>]`
     Annotate,
     /// `[write.<id>]`
@@ -61,7 +69,7 @@ pub enum Shape {
 
 impl Slot {
     /// All slots, in pipeline order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Assets,
         Self::Place,
         Self::Settle,
@@ -69,6 +77,8 @@ impl Slot {
         Self::Views,
         Self::Lights,
         Self::Render,
+        Self::Denoise,
+        Self::Sensor,
         Self::Annotate,
         Self::Write,
     ];
@@ -83,6 +93,8 @@ impl Slot {
             Self::Views => "views",
             Self::Lights => "lights",
             Self::Render => "render",
+            Self::Denoise => "denoise",
+            Self::Sensor => "sensor",
             Self::Annotate => "annotate",
             Self::Write => "write",
         }
@@ -91,13 +103,17 @@ impl Slot {
     /// What its stages do.
     pub fn doc(self) -> &'static str {
         match self {
-            Self::Assets => "Pools of objects and materials, drawn from by name.",
+            Self::Assets => "Pools of objects, materials and environment maps, drawn from by name.",
             Self::Place => "Puts bodies into the scene; steps run in order.",
             Self::Settle => "Lets the bodies come to rest.",
-            Self::Camera => "Intrinsics and exposure.",
+            Self::Camera => "Intrinsics, lens and exposure.",
             Self::Views => "Where the camera stands, anew for every view.",
             Self::Lights => "Lights, anew for every view.",
             Self::Render => "Makes pictures and per-pixel labels.",
+            Self::Denoise => "Takes sampling noise out of pictures; left out, nothing is denoised.",
+            Self::Sensor => {
+                "Makes what a real camera would give of a perfect picture; a table is needed only to set options."
+            }
             Self::Annotate => "Makes annotations; a table is needed only to set options.",
             Self::Write => "Writes files; what a writer includes is what gets computed.",
         }
@@ -106,9 +122,9 @@ impl Slot {
     /// How often it occurs.
     pub fn shape(self) -> Shape {
         match self {
-            Self::Assets | Self::Annotate | Self::Write => Shape::Keyed,
+            Self::Assets | Self::Sensor | Self::Annotate | Self::Write => Shape::Keyed,
             Self::Place | Self::Lights => Shape::List,
-            Self::Settle | Self::Camera | Self::Views | Self::Render => Shape::One,
+            Self::Settle | Self::Camera | Self::Views | Self::Render | Self::Denoise => Shape::One,
         }
     }
 }
@@ -135,10 +151,27 @@ pub enum Stage {
     Lights(Box<dyn LightSampler>),
     /// Of `[render]`.
     Render(Box<dyn Renderer>),
+    /// Of `[denoise]`.
+    Denoise(Box<dyn Denoiser>),
+    /// Of `[sensor.<id>]`.
+    Sensor(Box<dyn Sensor>),
     /// Of `[annotate.<id>]`.
     Annotate(Box<dyn Annotator>),
     /// Of `[write.<id>]`.
     Write(Box<dyn Writer>),
+}
+
+impl Stage {
+    /// The products that it can make, if it makes products.
+    pub fn provides(&self) -> Vec<KeyId> {
+        match self {
+            Self::Render(renderer) => renderer.offers(),
+            Self::Denoise(_) => vec![RADIANCE_NOISY.id(), DENOISER.id()],
+            Self::Sensor(sensor) => sensor.provides(),
+            Self::Annotate(annotator) => annotator.provides(),
+            _ => Vec::new(),
+        }
+    }
 }
 
 /// A stage trait and the slot that its stages take.
@@ -161,7 +194,8 @@ macro_rules! in_slot {
 }
 in_slot! {
     AssetSource => Assets, Placer => Place, Settler => Settle, CameraModel => Camera, ViewSampler => Views,
-    LightSampler => Lights, Renderer => Render, Annotator => Annotate, Writer => Write,
+    LightSampler => Lights, Renderer => Render, Denoiser => Denoise, Sensor => Sensor, Annotator => Annotate,
+    Writer => Write,
 }
 
 /// A spanned value of a recipe, as the TOML parser gives it.

@@ -7,7 +7,7 @@ use syntable_model::context::{Assets, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, Material, Object, Topology};
+use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Topology};
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
@@ -38,6 +38,7 @@ struct Pool<'a> {
 enum Shared {
     Object(Arc<Object>),
     Material(Arc<Material>),
+    Environment(Arc<EnvironmentMap>),
 }
 
 #[derive(Default)]
@@ -146,6 +147,7 @@ impl<'a> Library<'a> {
         let shared = match pool.source.load(&asset.name, &log)? {
             Asset::Object(object) => Shared::Object(Arc::new(pool.normalise(object)?)),
             Asset::Material(material) => Shared::Material(Arc::new(material)),
+            Asset::Environment(map) => Shared::Environment(Arc::new(map)),
         };
         let digest = shared.digest().to_string();
         if let Some(locked) = self.locked.get(&asset.to_string())
@@ -187,14 +189,21 @@ impl Assets for Library<'_> {
     fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
         match self.get(asset)? {
             Shared::Object(object) => Ok(object),
-            Shared::Material(_) => Err(Error::new(format!("{asset} is a material, not an object"))),
+            other => Err(other.is_not(asset, AssetClass::Object)),
         }
     }
 
     fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
         match self.get(asset)? {
             Shared::Material(material) => Ok(material),
-            Shared::Object(_) => Err(Error::new(format!("{asset} is an object, not a material"))),
+            other => Err(other.is_not(asset, AssetClass::Material)),
+        }
+    }
+
+    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
+        match self.get(asset)? {
+            Shared::Environment(map) => Ok(map),
+            other => Err(other.is_not(asset, AssetClass::Environment)),
         }
     }
 }
@@ -238,6 +247,12 @@ impl Assets for Drawn<'_> {
         self.note(asset, material.digest);
         Ok(material)
     }
+
+    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
+        let map = self.library.environment(asset)?;
+        self.note(asset, map.digest);
+        Ok(map)
+    }
 }
 
 impl Shared {
@@ -245,13 +260,24 @@ impl Shared {
         match self {
             Self::Object(object) => object.digest,
             Self::Material(material) => material.digest,
+            Self::Environment(map) => map.digest,
         }
+    }
+
+    fn is_not(&self, asset: &AssetRef, wanted: AssetClass) -> Error {
+        let class = match self {
+            Self::Object(_) => AssetClass::Object,
+            Self::Material(_) => AssetClass::Material,
+            Self::Environment(_) => AssetClass::Environment,
+        };
+        Error::new(format!("{asset} is of class `{class}`, not `{wanted}`"))
     }
 
     /// About how much memory it takes.
     fn bytes(&self) -> usize {
         match self {
             Self::Material(material) => material_bytes(material),
+            Self::Environment(map) => map.texels().len() * 12,
             Self::Object(object) => {
                 let data = object.mesh.data();
                 data.positions.len() * 24
@@ -265,14 +291,7 @@ impl Shared {
 }
 
 fn material_bytes(material: &Material) -> usize {
-    let textures = [
-        material.base_color.texture.as_ref(),
-        material.roughness.texture.as_ref().map(|(texture, _)| texture),
-        material.metallic.texture.as_ref().map(|(texture, _)| texture),
-        material.normal.as_ref().map(|normal| &normal.map),
-        material.emission.texture.as_ref(),
-    ];
-    textures.into_iter().flatten().map(|texture| texture.texture.texels.len()).sum::<usize>() + 256
+    material.textures().map(|used| used.texture.texels.len()).sum::<usize>() + 256
 }
 
 impl Pool<'_> {

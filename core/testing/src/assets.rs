@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::Assets;
 use syntable_model::error::{Error, Result};
-use syntable_model::scene::{AssetRef, CatalogEntry, Material, Object};
+use syntable_model::scene::{AssetRef, CatalogEntry, EnvironmentMap, Material, Object};
 
 /// No pool at all.
 #[derive(Debug, Default, Clone, Copy)]
@@ -20,6 +20,9 @@ impl Assets for NoAssets {
     fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
         Err(Error::new(format!("there is no {asset}")))
     }
+    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
+        Err(Error::new(format!("there is no {asset}")))
+    }
 }
 
 /// Pools that are held in memory.
@@ -28,6 +31,7 @@ pub struct Pools {
     entries: BTreeMap<String, Vec<CatalogEntry>>,
     objects: BTreeMap<AssetRef, Arc<Object>>,
     materials: BTreeMap<AssetRef, Arc<Material>>,
+    environments: BTreeMap<AssetRef, Arc<EnvironmentMap>>,
 }
 
 impl Pools {
@@ -42,6 +46,13 @@ impl Pools {
     pub fn material(mut self, pool: &str, material: Material) -> Self {
         let asset = self.enter(pool, &material.name, "material");
         self.materials.insert(asset, Arc::new(material));
+        self
+    }
+
+    /// Adds an environment map to a pool, under its own name.
+    pub fn environment(mut self, pool: &str, map: EnvironmentMap) -> Self {
+        let asset = self.enter(pool, &map.name, "environment");
+        self.environments.insert(asset, Arc::new(map));
         self
     }
 
@@ -62,5 +73,8 @@ impl Assets for Pools {
     }
     fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
         self.materials.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no material {asset}")))
+    }
+    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
+        self.environments.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no environment {asset}")))
     }
 }

@@ -87,7 +87,7 @@ pub fn view(eye: [f64; 3], target: [f64; 3], size: [u32; 2], fov_deg: f64) -> Vi
     let world_from_camera = look_at(Point3::from(eye), Point3::from(target), Vector3::z());
     View {
         id: ViewId(0),
-        camera: Camera { intrinsics, world_from_camera },
+        camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },
         lights: vec![Light::Sphere(SphereLight {
             centre: Point3::new(0.5, -1.0, 3.0),

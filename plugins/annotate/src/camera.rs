@@ -32,7 +32,7 @@ impl Annotator for Camera {
     fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
         let camera = &view(site)?.camera;
         let k = &camera.intrinsics;
-        let record = Value::record([
+        let mut record = vec![
             ("width", k.width.into()),
             ("height", k.height.into()),
             ("K", matrix(k.matrix())),
@@ -42,8 +42,16 @@ impl Annotator for Camera {
             ("world_axes", "right-handed, z up".into()),
             ("length_unit", "m".into()),
             ("pixel_centres", "half-integers: the image's top-left corner is (0, 0)".into()),
-        ]);
-        frame.put(CAMERA, record)
+        ];
+        if let Some(distortion) = &camera.distortion {
+            let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
+            record.push(("distortion_k1_k2_p1_p2_k3", Value::from([k1, k2, p1, p2, k3])));
+        }
+        if let Some(lens) = &camera.lens {
+            record.push(("aperture_radius_m", lens.aperture_radius_m.into()));
+            record.push(("focus_distance_m", lens.focus_distance_m.into()));
+        }
+        frame.put(CAMERA, Value::record(record))
     }
 }
 

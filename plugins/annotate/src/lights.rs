@@ -54,6 +54,25 @@ fn describe(light: &Light) -> Value {
             ("normal_world", vector(&light.normal())),
             ("radiance_nits", light.radiance.into()),
         ]),
+        Light::Disk(light) => Value::record([
+            ("shape", "disk".into()),
+            ("centre_world_m", point(&light.centre)),
+            ("normal_world", vector(&light.normal)),
+            ("radius_m", light.radius.into()),
+            ("radiance_nits", light.radiance.into()),
+        ]),
+        Light::Directional(light) => Value::record([
+            ("shape", "directional".into()),
+            ("towards_world", vector(&light.towards)),
+            ("half_angle_deg", light.half_angle.to_degrees().into()),
+            ("irradiance_lx", light.irradiance.into()),
+        ]),
+        Light::Environment(light) => Value::record([
+            ("shape", "environment".into()),
+            ("map", light.map.name.as_str().into()),
+            ("scale_nits", light.scale.into()),
+            ("rotation_deg", light.rotation.to_degrees().into()),
+        ]),
     }
 }
 

@@ -40,10 +40,10 @@ impl Settler for Settle {
         let bodies: Vec<(BodyHandle, BodyDraft)> =
             scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
         for (_, body) in &bodies {
-            check(body, self.config.mass).map_err(|error| error.context(format!("{}", body.asset)))?;
+            check(body, self.config.mass).map_err(|error| error.context(body.asset.to_string()))?;
         }
-        let is_flat = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
-        let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_flat(body)).collect();
+        let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
+        let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
         let objects: Vec<&Object> = shaped.iter().map(|(_, body)| &*body.object).collect();
         let shapes = self.library.shapes(&objects, context.cache, context.workers);
 
@@ -54,14 +54,19 @@ impl Settler for Settle {
             .map(|(_, body)| body.world_bounds().centre())
             .chain(tabletop.map(|tabletop| tabletop.centre()))
             .collect();
-        let mut still: Vec<fixed::Fixed> = bodies
-            .iter()
-            .filter(|(_, body)| is_flat(body))
-            .filter_map(|(_, body)| fixed::room_part(body, &inside))
-            .collect();
+        let mut still = Vec::new();
+        for (_, body) in bodies.iter().filter(|(_, body)| is_room(body)) {
+            match fixed::room_part(body, &inside) {
+                Some(part) => still.push(part),
+                None => context.log.warn(
+                    &Error::new("no collision shape can be made of its mesh, so that objects pass through it")
+                        .context(body.asset.to_string()),
+                ),
+            }
+        }
         let mut falling = Vec::new();
         for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
-            let shape = shape.map_err(|error| error.context(format!("{}", body.asset)))?;
+            let shape = shape.map_err(|error| error.context(body.asset.to_string()))?;
             match body.motion {
                 Motion::Fixed => still.extend(fixed::support(body, &shape, tabletop.as_ref())),
                 Motion::Dynamic => falling.push((*handle, body, shape)),

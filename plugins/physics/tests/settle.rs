@@ -356,3 +356,81 @@ fn a_bowl_holds_a_ball_unless_it_is_a_hull() {
     check("", true);
     check("collision = \"convex_hull\"\nduration_s = 0.5\non_violation = \"keep\"", false);
 }
+
+#[test]
+fn real_tables_carry() {
+    let Some(root) = assets() else {
+        return println!("skipped: no folder of real assets; set SYNTABLE_ASSETS");
+    };
+    let entries = std::fs::read_dir(root.join("tables")).into_iter().flatten().flatten();
+    let mut files: Vec<_> = entries
+        .flat_map(|folder| std::fs::read_dir(folder.path()).into_iter().flatten().flatten())
+        .map(|file| file.path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "obj"))
+        .collect();
+    files.sort();
+    assert!(files.len() >= 2, "{files:?}");
+    for path in files {
+        let table = object("table", read_obj(&path), 20.0);
+        let bounds = table.mesh.bounds();
+        let (size, centre) = (bounds.size(), bounds.centre());
+        let mut scene = SceneBuilder::default();
+        let pose = at(-centre.x, -centre.y, -bounds.min.z);
+        scene.add(draft(&table, pose, Role::Support, Motion::Fixed));
+        scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, size.z], size: [size.x, size.y] });
+        let places = [(0.0, 0.0), (0.3, 0.3), (-0.3, 0.3), (0.3, -0.3), (-0.3, -0.3), (0.0, 0.35)];
+        for (object, (x, y)) in kit_objects().iter().zip(places) {
+            scene.add(dynamic(object, at(x * size.x, y * size.y, size.z + 0.1)));
+        }
+        let report = settle("", &mut scene);
+        println!("{}: {:.3} m high, {report:?}", path.display(), size.z);
+        assert_eq!(objects(&scene).count(), 6, "{}: {report:?}", path.display());
+        for body in objects(&scene) {
+            let (low, _) = reach(body);
+            assert!((low - size.z).abs() < 0.004, "{}: {} at {}", path.display(), body.object.name, low - size.z);
+        }
+    }
+}
+
+#[test]
+fn rooms_of_any_make_hold_what_is_in_them() {
+    let ball = object("ball", sphere(0.04), 0.1);
+    let rolling = |scene: &mut SceneBuilder| {
+        // Ramps send two balls against the walls, one to either side.
+        for (sign, y) in [(1.0, 0.0), (-1.0, 0.5)] {
+            let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), sign * 0.5);
+            let ramp = object("ramp", cuboid([0.0; 3], [0.8, 0.2, 0.02]), 1.0);
+            let pose = Pose::from_parts(Translation3::new(0.0, y, 0.25), tilt);
+            scene.add(draft(&ramp, pose, Role::Support, Motion::Fixed));
+            let start = pose.translation.vector + tilt * Vector3::new(-0.3 * sign, 0.0, 0.06);
+            scene.add(dynamic(&ball, at(start.x, start.y, start.z)));
+        }
+    };
+    let options = "remove = \"keep\"\non_violation = \"keep\"\nduration_s = 3.0\nangular_damping_per_s = 0.0";
+    let ends =
+        |scene: &SceneBuilder| -> Vec<f64> { objects(scene).map(|body| body.world_from_body.translation.x).collect() };
+
+    let mut open = SceneBuilder::default();
+    rolling(&mut open);
+    settle(options, &mut open);
+    assert!(ends(&open).iter().all(|x| x.abs() > 0.9), "without walls they roll away: {:?}", ends(&open));
+
+    // One mesh for floor, walls and ceiling, its faces towards the inside.
+    let shell = cuboid([0.0, 0.0, 0.5], [1.6, 3.0, 1.0]);
+    let inward = MeshData { triangles: shell.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..shell };
+    let mut closed = SceneBuilder::default();
+    closed.add(draft(&object("shell", inward, 1.0), at(0.0, 0.0, 0.0), Role::Room, Motion::Fixed));
+    rolling(&mut closed);
+    settle(options, &mut closed);
+    assert!(ends(&closed).iter().all(|x| x.abs() < 0.8), "{:?}", ends(&closed));
+
+    // A screen with objects on both sides is a wall for both, and swallows none.
+    let mut parted = SceneBuilder::default();
+    let screen = object("screen", cuboid([0.0; 3], [0.0, 3.0, 0.3]), 1.0);
+    parted.add(draft(&screen, at(0.7, 0.0, 0.15), Role::Room, Motion::Fixed));
+    parted.add(dynamic(&ball, at(1.2, 1.0, 0.05)));
+    rolling(&mut parted);
+    settle(options, &mut parted);
+    let [behind, right, left] = ends(&parted)[..] else { panic!("three balls") };
+    assert!(behind > 0.74 && right < 0.66 && left < -0.9, "{behind} {right} {left}");
+}

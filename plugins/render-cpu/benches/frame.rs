@@ -138,7 +138,7 @@ fn view() -> View {
     let globe = SphereLight { centre: Point3::new(-1.0, -0.4, 1.9), radius: 0.1, radiance: [9000.0, 6500.0, 4000.0] };
     View {
         id: ViewId(0),
-        camera: Camera { intrinsics, world_from_camera },
+        camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },
         lights: vec![Light::Rect(panel), Light::Sphere(globe)],
     }

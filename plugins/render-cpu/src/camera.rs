@@ -67,7 +67,7 @@ mod tests {
     fn a_ray_through_a_projection_meets_the_point() {
         let intrinsics = Intrinsics { width: 640, height: 480, fx: 457.0, fy: 461.0, cx: 311.5, cy: 240.0 };
         let world_from_camera = look_at(Point3::new(1.0, -2.0, 1.5), Point3::new(0.1, 0.2, 0.7), Vector3::z());
-        let camera = Camera { intrinsics, world_from_camera };
+        let camera = Camera::pinhole(intrinsics, world_from_camera);
         let p = Point3::new(0.15, 0.05, 0.9);
         let p_camera = world_from_camera.inverse_transform_point(&p);
         let [u, v] = intrinsics.project(&p_camera);

@@ -1,8 +1,9 @@
 //! The pinhole camera.
 
 use crate::exposure::ExposureOption;
+use syntable_model::geometry::Pose;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Exposure, Intrinsics};
+use syntable_model::scene::{Exposure, Intrinsics, Optics};
 
 /// Focal length of a RealSense L515's colour camera as SynTable uses it, millimetres.
 const L515_FOCAL_MM: f64 = 1.88;
@@ -148,7 +149,7 @@ struct Camera {
 }
 
 impl CameraModel for Camera {
-    fn camera(&self, _: &Context) -> Result<(Intrinsics, Exposure)> {
-        Ok((self.intrinsics, self.exposure))
+    fn optics(&self, _: &Scene, _: &Pose, _: &Context) -> Result<Optics> {
+        Ok(Optics { intrinsics: self.intrinsics, distortion: None, lens: None, exposure: self.exposure })
     }
 }

@@ -2,16 +2,17 @@
 
 use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
-use syntable_model::context::{Assets, Collected, NoCache, Serial};
+use syntable_model::context::{Collected, NoCache, Serial};
 use syntable_model::digest::Digest;
 use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, CatalogEntry, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object,
-    Role, SceneId, SettleReport, Tabletop, ViewId,
+    BodyDraft, Camera, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object, Optics, Role, SceneId,
+    SettleReport, Tabletop, ViewId,
 };
 use syntable_sampling as _;
+use syntable_testing::assets::NoAssets;
 
 fn stage(slot: Slot, kind: &str, options: &str) -> Stage {
     let registry = Registry::linked().expect("no clash");
@@ -36,19 +37,6 @@ fn lights(kind: &str, options: &str) -> Box<dyn LightSampler> {
     match stage(Slot::Lights, kind, options) {
         Stage::Lights(lights) => lights,
         _ => panic!("{kind}"),
-    }
-}
-
-struct NoAssets;
-impl Assets for NoAssets {
-    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        Err(Error::new(pool))
-    }
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
-        Err(Error::new(asset.to_string()))
-    }
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        Err(Error::new(asset.to_string()))
     }
 }
 
@@ -94,11 +82,18 @@ fn scene(ceiling: Option<f64>) -> Scene {
     scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen")
 }
 
-fn intrinsics(options: &str) -> (Intrinsics, Exposure) {
+fn optics(options: &str) -> Optics {
     match stage(Slot::Camera, "pinhole", options) {
-        Stage::Camera(camera) => with_context(1, |context| camera.camera(context)).expect("a camera"),
+        Stage::Camera(camera) => {
+            with_context(1, |context| camera.optics(&scene(None), &Pose::identity(), context)).expect("a camera")
+        }
         _ => panic!("no camera"),
     }
+}
+
+fn intrinsics(options: &str) -> (Intrinsics, Exposure) {
+    let Optics { intrinsics, exposure, .. } = optics(options);
+    (intrinsics, exposure)
 }
 
 #[test]
@@ -303,7 +298,7 @@ fn listed_poses_are_taken_as_they_are() {
 
 fn draw(sampler: &dyn LightSampler, scene: &Scene, seed: u64) -> Result<Vec<Light>> {
     let (intrinsics, _) = intrinsics("");
-    let camera = Camera { intrinsics, world_from_camera: Pose::identity() };
+    let camera = Camera::pinhole(intrinsics, Pose::identity());
     let shell = views("hemisphere_shell", "").shell(scene);
     with_context(seed, |context| sampler.lights(scene, &camera, &shell, context))
 }
@@ -343,6 +338,7 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
             let inside = |half: Vector3<f64>| at.dot(&half).abs() <= half.norm_squared();
             t > 0.0 && ray.dot(&normal) < 0.0 && inside(rect.half_u) && inside(rect.half_v)
         }
+        other => panic!("{other:?}"),
     };
     match light {
         Light::Sphere(sphere) if hit => sphere.radiance,
@@ -377,7 +373,7 @@ fn ceiling_lights_give_the_lux_that_was_asked_for() {
         assert_eq!(lights.len(), count, "{options}");
         let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
             Light::Rect(rect) => sum + rect.centre.coords / lights.len() as f64,
-            Light::Sphere(_) => sum,
+            other => panic!("{other:?}"),
         });
         let facing = (middle - scene.tabletop.centre().coords).normalize();
         let mut sum = 0.0;

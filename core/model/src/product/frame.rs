@@ -49,6 +49,18 @@ impl Frame {
         }
     }
 
+    /// Gives a product another key of the same type, under which it must not be there yet.
+    pub fn rename<T: Product>(&mut self, from: Key<T>, to: Key<T>) -> Result<()> {
+        self.get(from)?;
+        if self.products.contains_key(to.name()) {
+            return Err(Error::new(format!("product `{}` was made twice", to.name())));
+        }
+        if let Some(slot) = self.products.remove(from.name()) {
+            self.products.insert(to.name(), Slot { key: to.id(), ..slot });
+        }
+        Ok(())
+    }
+
     /// A product. The error says whether it is missing, undeclared, or of another type.
     pub fn get<T: Product>(&self, key: Key<T>) -> Result<&T> {
         let slot = self.slot(key.name())?;

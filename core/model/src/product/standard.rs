@@ -38,6 +38,43 @@ pub const NORMAL: Key<Plane<[f32; 3]>> = Key::view("normal", "unit shading norma
 /// Base colour at the pixel's centre, linear Rec. 709; zero where there is no surface.
 pub const ALBEDO: Key<Plane<[f32; 3]>> = Key::view("albedo", "base colour at the pixel centre, linear Rec. 709");
 
+/// Base colour averaged over the pixel's area, as [`RADIANCE`] is: a guide for denoisers. What a mirror or a glass shows
+/// counts in its place. White where there is no surface.
+pub const ALBEDO_MEAN: Key<Plane<[f32; 3]>> =
+    Key::view("albedo_mean", "base colour averaged over the pixel, mirrors and glass seen through");
+
+/// Shading normal averaged over the pixel's area, camera frame: a guide for denoisers. Shorter than one at edges.
+pub const NORMAL_MEAN: Key<Plane<[f32; 3]>> =
+    Key::view("normal_mean", "shading normal averaged over the pixel, camera frame");
+
+/// Estimated variance of [`RADIANCE`]'s luminance at a pixel, nits²: the samples' variance over their number. Infinite
+/// for a single sample.
+pub const RADIANCE_VARIANCE: Key<Plane<f32>> =
+    Key::view("radiance_variance", "estimated variance of the radiance's luminance, nits²");
+
+/// What rendering took and how noisy it was: paths, rays, samples a pixel, fireflies and clamped light.
+pub const RENDER_REPORT: Key<Value> = Key::view("render_report", "paths, rays, samples a pixel, fireflies");
+
+// ---- Provided by the denoiser ------------------------------------------------------------------------------------
+
+/// The picture as it was rendered, where [`RADIANCE`] is a denoised one.
+pub const RADIANCE_NOISY: Key<Plane<[f32; 3]>> =
+    Key::view("radiance_noisy", "light reaching the camera before denoising, linear Rec. 709, nits");
+
+/// Which denoiser made [`RADIANCE`]: `name`, `none` if none did, and its settings.
+pub const DENOISER: Key<Value> = Key::view("denoiser", "which denoiser ran and how; `none` if none did");
+
+// ---- Provided by sensors -----------------------------------------------------------------------------------------
+// RGB and EXPOSURE are a sensor's too.
+
+/// Depth as a depth camera would measure it, metres along the optical axis; zero where there is no measurement, as the
+/// cameras' own drivers have it.
+pub const DEPTH_SENSED: Key<Plane<f32>> =
+    Key::view("depth_sensed", "depth as a depth camera measures it, m; 0 where it has no return");
+
+/// Which depth camera made [`DEPTH_SENSED`], and with which noise model.
+pub const DEPTH_SENSOR: Key<Value> = Key::view("depth_sensor", "depth camera and noise model of depth_sensed");
+
 // ---- Provided by annotators --------------------------------------------------------------------------------------
 
 /// The developed picture: exposed, tone-mapped, sRGB-encoded, 8 bits.

@@ -31,7 +31,7 @@ pub enum Value {
 
 impl Value {
     /// A record from its fields.
-    pub fn record<const N: usize>(fields: [(&str, Value); N]) -> Self {
+    pub fn record<'a>(fields: impl IntoIterator<Item = (&'a str, Value)>) -> Self {
         Self::Record(fields.into_iter().map(|(name, value)| (name.to_owned(), value)).collect())
     }
 }

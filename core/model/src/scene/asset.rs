@@ -1,6 +1,6 @@
 //! Assets: what sources load and pools hand out.
 
-use super::{Material, Mesh};
+use super::{EnvironmentMap, Material, Mesh};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use schemars::JsonSchema;
@@ -16,6 +16,8 @@ pub enum AssetClass {
     Object,
     /// Surface materials.
     Material,
+    /// Pictures of light from all around.
+    Environment,
 }
 
 impl fmt::Display for AssetClass {
@@ -23,6 +25,7 @@ impl fmt::Display for AssetClass {
         f.write_str(match self {
             Self::Object => "object",
             Self::Material => "material",
+            Self::Environment => "environment",
         })
     }
 }
@@ -71,6 +74,8 @@ pub enum Asset {
     Object(Object),
     /// A surface material.
     Material(Material),
+    /// A picture of light from all around.
+    Environment(EnvironmentMap),
 }
 
 impl Asset {
@@ -79,6 +84,7 @@ impl Asset {
         match self {
             Self::Object(_) => AssetClass::Object,
             Self::Material(_) => AssetClass::Material,
+            Self::Environment(_) => AssetClass::Environment,
         }
     }
 
@@ -87,6 +93,7 @@ impl Asset {
         match self {
             Self::Object(object) => object.digest,
             Self::Material(material) => material.digest,
+            Self::Environment(map) => map.digest,
         }
     }
 
@@ -94,7 +101,7 @@ impl Asset {
     pub fn into_object(self) -> Result<Object> {
         match self {
             Self::Object(object) => Ok(object),
-            Self::Material(_) => Err(Error::new("a material where an object is wanted")),
+            other => Err(other.is_not(AssetClass::Object)),
         }
     }
 
@@ -102,8 +109,20 @@ impl Asset {
     pub fn into_material(self) -> Result<Material> {
         match self {
             Self::Material(material) => Ok(material),
-            Self::Object(_) => Err(Error::new("an object where a material is wanted")),
+            other => Err(other.is_not(AssetClass::Material)),
         }
+    }
+
+    /// The environment map, or an error naming the class.
+    pub fn into_environment(self) -> Result<EnvironmentMap> {
+        match self {
+            Self::Environment(map) => Ok(map),
+            other => Err(other.is_not(AssetClass::Environment)),
+        }
+    }
+
+    fn is_not(&self, wanted: AssetClass) -> Error {
+        Error::new(format!("class `{}` where `{wanted}` is wanted", self.class()))
     }
 }
 

@@ -37,13 +37,128 @@ impl Intrinsics {
     }
 }
 
-/// Intrinsics and pose.
+/// Lens distortion after Brown and Conrady, with the coefficients' names and order of OpenCV.
+///
+/// A point at `(x, y) = (X/Z, Y/Z)` with `r² = x² + y²` is seen where an undistorted camera would see
+/// `x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)` and
+/// `y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Distortion {
+    /// Radial coefficients `k1`, `k2`, `k3`.
+    pub radial: [f64; 3],
+    /// Tangential coefficients `p1`, `p2`.
+    pub tangential: [f64; 2],
+}
+
+impl Distortion {
+    /// Where an undistorted point of the plane z = 1 is seen.
+    pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let ([k1, k2, k3], [p1, p2]) = (self.radial, self.tangential);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ]
+    }
+
+    /// The derivatives `[[∂x'/∂x, ∂x'/∂y], [∂y'/∂x, ∂y'/∂y]]`.
+    fn slope(&self, [x, y]: [f64; 2]) -> [[f64; 2]; 2] {
+        let ([k1, k2, k3], [p1, p2]) = (self.radial, self.tangential);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let growth = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3));
+        let cross = x * y * growth + 2.0 * (p1 * x + p2 * y);
+        [
+            [radial + x * x * growth + 2.0 * p1 * y + 6.0 * p2 * x, cross],
+            [cross, radial + y * y * growth + 6.0 * p1 * y + 2.0 * p2 * x],
+        ]
+    }
+
+    /// The point that is seen at `(x', y')`: Newton's method on [`distort`](Self::distort), from the middle outwards,
+    /// so that it finds the branch that goes through the middle. None where the lens folds the picture over.
+    pub fn undistort(&self, seen: [f64; 2]) -> Option<[f64; 2]> {
+        const STEPS: i32 = 8;
+        let mut at = [0.0; 2];
+        for step in 1..=STEPS {
+            let goal = seen.map(|x| x * f64::from(step) / f64::from(STEPS));
+            for _ in 0..if step == STEPS { 12 } else { 2 } {
+                let [x, y] = self.distort(at);
+                let [[a, b], [c, d]] = self.slope(at);
+                let determinant = a * d - b * c;
+                if determinant <= 1e-3 {
+                    return None;
+                }
+                let (dx, dy) = (goal[0] - x, goal[1] - y);
+                at = [at[0] + (d * dx - b * dy) / determinant, at[1] + (a * dy - c * dx) / determinant];
+            }
+        }
+        let [x, y] = self.distort(at);
+        ((x - seen[0]).abs() + (y - seen[1]).abs() < 1e-9).then_some(at)
+    }
+}
+
+/// A lens of finite aperture: what lies off the plane of focus is blurred. Labels are those of its centre.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ThinLens {
+    /// Radius of the aperture, metres: focal length over twice the f-number.
+    pub aperture_radius_m: f64,
+    /// Distance of the plane of focus along the optical axis, metres.
+    pub focus_distance_m: f64,
+}
+
+/// What a camera model gives for a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Optics {
+    /// How directions become pixels.
+    pub intrinsics: Intrinsics,
+    /// Lens distortion, if any.
+    pub distortion: Option<Distortion>,
+    /// Depth of field; a pinhole without.
+    pub lens: Option<ThinLens>,
+    /// How scene light becomes a picture.
+    pub exposure: Exposure,
+}
+
+/// A camera in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// How directions become pixels.
     pub intrinsics: Intrinsics,
+    /// Lens distortion, if any.
+    pub distortion: Option<Distortion>,
+    /// Depth of field; a pinhole without.
+    pub lens: Option<ThinLens>,
     /// Pose of the camera frame: x right, y down, z forward.
     pub world_from_camera: Pose,
+}
+
+impl Camera {
+    /// A pinhole camera without distortion.
+    pub fn pinhole(intrinsics: Intrinsics, world_from_camera: Pose) -> Self {
+        Self { intrinsics, distortion: None, lens: None, world_from_camera }
+    }
+
+    /// Projects a point of the camera frame to (u, v), px, distortion included. The point must be in front: z > 0.
+    pub fn project(&self, p_camera: &Point3<f64>) -> [f64; 2] {
+        match &self.distortion {
+            None => self.intrinsics.project(p_camera),
+            Some(distortion) => {
+                let [x, y] = distortion.distort([p_camera.x / p_camera.z, p_camera.y / p_camera.z]);
+                self.intrinsics.project(&Point3::new(x, y, 1.0))
+            }
+        }
+    }
+
+    /// The direction that is seen at (u, v), in the camera frame with z = 1, so that depth is the ray parameter. None
+    /// where the distortion has no inverse: such pixels see nothing.
+    pub fn unproject(&self, u: f64, v: f64) -> Option<Vector3<f64>> {
+        let straight = self.intrinsics.unproject(u, v);
+        match &self.distortion {
+            None => Some(straight),
+            Some(distortion) => distortion.undistort([straight.x, straight.y]).map(|[x, y]| Vector3::new(x, y, 1.0)),
+        }
+    }
 }
 
 /// How a picture in nits becomes an 8-bit one.
@@ -72,5 +187,28 @@ mod tests {
         let [u, v] = k.project(&p);
         assert!((u - 100.5).abs() < 1e-9 && (v - 400.25).abs() < 1e-9);
         assert_eq!(k.project(&Point3::new(0.0, 0.0, 2.0)), [320.0, 240.0]);
+    }
+
+    #[test]
+    fn distortion_is_that_of_opencv_and_is_undone() {
+        let lens = Distortion { radial: [-0.28, 0.09, -0.01], tangential: [0.001, -0.0007] };
+        // cv::projectPoints of (0.3, -0.2, 1) with these coefficients and an identity K, by its documentation.
+        let (x, y, r2) = (0.3_f64, -0.2_f64, 0.13_f64);
+        let radial = 1.0 - 0.28 * r2 + 0.09 * r2.powi(2) - 0.01 * r2.powi(3);
+        let want = [
+            x * radial + 2.0 * 0.001 * x * y - 0.0007 * (r2 + 2.0 * x * x),
+            y * radial + 0.001 * (r2 + 2.0 * y * y) - 2.0 * 0.0007 * x * y,
+        ];
+        let got = lens.distort([x, y]);
+        assert!((got[0] - want[0]).abs() < 1e-12 && (got[1] - want[1]).abs() < 1e-12, "{got:?} {want:?}");
+        for x in [-0.7, 0.0, 0.45] {
+            for y in [-0.5, 0.1, 0.6] {
+                let back = lens.undistort(lens.distort([x, y])).expect("within the picture");
+                assert!((back[0] - x).abs() < 1e-9 && (back[1] - y).abs() < 1e-9, "{x} {y}: {back:?}");
+            }
+        }
+        // A barrel that folds: nothing is seen beyond the fold.
+        let folded = Distortion { radial: [-0.5, 0.0, 0.0], tangential: [0.0; 2] };
+        assert_eq!(folded.undistort([1.5, 0.0]), None);
     }
 }

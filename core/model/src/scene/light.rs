@@ -1,14 +1,23 @@
 //! Lights: emitters with shape. Radiance is linear Rec. 709 with luminance in nits (see [`crate::photometry`]).
 
+use super::EnvironmentMap;
 use crate::geometry::{Point3, Vector3};
+use std::sync::Arc;
 
-/// A light of a view or scene. Lights are seen by the camera, but are no bodies: label rays pass through them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A light of a view or scene. Lights are seen by the camera, but are no bodies: label rays pass through them. Bodies
+/// that glow are lights too, but are found in the scene by the renderer.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Light {
     /// A glowing ball.
     Sphere(SphereLight),
     /// A glowing rectangle, one-sided.
     Rect(RectLight),
+    /// A glowing disk, one-sided.
+    Disk(DiskLight),
+    /// Light from far away, such as the sun's.
+    Directional(DirectionalLight),
+    /// Light from all around, where no body is in the way.
+    Environment(EnvironmentLight),
 }
 
 /// A sphere that emits the same radiance everywhere.
@@ -46,4 +55,47 @@ impl RectLight {
     pub fn normal(&self) -> Vector3<f64> {
         self.half_u.cross(&self.half_v).normalize()
     }
+}
+
+/// A disk that emits the same radiance everywhere on one side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DiskLight {
+    /// Centre, world, metres.
+    pub centre: Point3<f64>,
+    /// Unit normal of the emitting side.
+    pub normal: Vector3<f64>,
+    /// Radius, metres.
+    pub radius: f64,
+    /// Emitted radiance, nits.
+    pub radiance: [f64; 3],
+}
+
+/// Light from a small round patch of the sky, infinitely far away.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DirectionalLight {
+    /// Unit vector from the scene towards the middle of the light.
+    pub towards: Vector3<f64>,
+    /// Half of the angle under which the light is seen, radians: 0.00465 for the sun.
+    pub half_angle: f64,
+    /// Illuminance on a plane that faces the light, lux.
+    pub irradiance: [f64; 3],
+}
+
+impl DirectionalLight {
+    /// Radiance of the patch, nits: `E = π L sin² a`.
+    pub fn radiance(&self) -> [f64; 3] {
+        let sin = self.half_angle.sin();
+        self.irradiance.map(|e| e / (std::f64::consts::PI * sin * sin))
+    }
+}
+
+/// Light from all around.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EnvironmentLight {
+    /// The picture of it.
+    pub map: Arc<EnvironmentMap>,
+    /// Nits of a texel of one.
+    pub scale: [f64; 3],
+    /// Turn of the map about world z, counter-clockwise seen from above, radians.
+    pub rotation: f64,
 }

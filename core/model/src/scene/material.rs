@@ -1,78 +1,10 @@
-//! Surface materials after glTF 2.0's metallic-roughness model (appendix B), as plain data.
+//! Surface materials after glTF 2.0's metallic-roughness model (appendix B) and its ratified extensions, as plain data.
 //!
 //! Every quantity is a constant factor times an optional texture, as in glTF.
 
-use crate::digest::Digest;
+use super::{Texture, TextureRef, UvTransform};
+use crate::digest::{Digest, Hasher};
 use std::sync::Arc;
-
-/// A picture that colours a surface: 8-bit RGBA, row 0 at the top.
-#[derive(Debug, Clone)]
-pub struct Texture {
-    /// Width, texels.
-    pub width: u32,
-    /// Height, texels.
-    pub height: u32,
-    /// RGBA, row-major `[height, width, 4]`.
-    pub texels: Vec<u8>,
-    /// Whether the colour channels are sRGB-encoded or linear. Alpha is always linear.
-    pub encoding: Encoding,
-    /// What lies beyond the edges, along u and v.
-    pub wrap: [Wrap; 2],
-    /// Digest of the content.
-    pub digest: Digest,
-}
-
-/// Meaning of colour texels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Encoding {
-    /// IEC 61966-2-1; decoded before filtering.
-    Srgb,
-    /// Used as they are.
-    Linear,
-}
-
-/// Continuation of a texture beyond its edges.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Wrap {
-    /// Tiles.
-    Repeat,
-    /// Tiles, every second one mirrored.
-    Mirror,
-    /// The edge texel goes on.
-    Clamp,
-}
-
-/// A texture as a material uses it.
-#[derive(Debug, Clone)]
-pub struct TextureRef {
-    /// The picture, shared between materials and instances.
-    pub texture: Arc<Texture>,
-    /// Moves texture coordinates before the look-up.
-    pub transform: UvTransform,
-}
-
-impl From<Arc<Texture>> for TextureRef {
-    fn from(texture: Arc<Texture>) -> Self {
-        Self { texture, transform: UvTransform::default() }
-    }
-}
-
-/// `uv ↦ rotate(uv · scale, rotation) + offset`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UvTransform {
-    /// Factor on u and v; 2 shows the picture twice.
-    pub scale: [f32; 2],
-    /// Counter-clockwise rotation in the (u, v) plane, v upwards, radians.
-    pub rotation: f32,
-    /// Added last.
-    pub offset: [f32; 2],
-}
-
-impl Default for UvTransform {
-    fn default() -> Self {
-        Self { scale: [1.0; 2], rotation: 0.0, offset: [0.0; 2] }
-    }
-}
 
 /// A colour: factor times texture. Linear Rec. 709 in [0, 1].
 #[derive(Debug, Clone)]
@@ -135,6 +67,50 @@ pub enum Alpha {
         /// Cutoff in [0, 1].
         cutoff: f32,
     },
+    /// The surface covers that share of what lies behind it: light meets it with this probability. Labels need a
+    /// surface that is there or not: for them it is there from one half on.
+    Blend {
+        /// Multiplies the texture's alpha.
+        factor: f32,
+    },
+}
+
+/// A clear varnish over everything else (KHR_materials_clearcoat): a smooth dielectric of index 1.5.
+#[derive(Debug, Clone)]
+pub struct Clearcoat {
+    /// Share of the surface that is varnished.
+    pub strength: Scalar,
+    /// Perceptual roughness of the varnish.
+    pub roughness: Scalar,
+    /// Surface detail of the varnish; without it, it is even whatever lies below.
+    pub normal: Option<NormalMap>,
+}
+
+/// Fibres that stand off a cloth and catch light at grazing angles (KHR_materials_sheen).
+#[derive(Debug, Clone)]
+pub struct Sheen {
+    /// Reflectance of the fibres.
+    pub color: Color,
+    /// Perceptual roughness of the fibres' directions.
+    pub roughness: Scalar,
+}
+
+/// Light that passes the surface rather than being scattered below it (KHR_materials_transmission).
+#[derive(Debug, Clone)]
+pub struct Transmission {
+    /// Share of the light that enters the surface and passes; the base colour tints it.
+    pub share: Scalar,
+    /// What fills the body. Without it the surface is a thin sheet: light goes straight on.
+    pub volume: Option<Volume>,
+}
+
+/// A clear medium that fills a closed mesh (KHR_materials_volume); light is refracted by the material's index.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volume {
+    /// Share of light left after [`attenuation_distance_m`](Self::attenuation_distance_m), linear Rec. 709.
+    pub attenuation_color: [f32; 3],
+    /// Distance after which light has that colour, metres; infinite for a clear medium.
+    pub attenuation_distance_m: f32,
 }
 
 /// A surface material. Surfaces are two-sided.
@@ -156,6 +132,12 @@ pub struct Material {
     pub ior: f32,
     /// Cut-outs.
     pub alpha: Alpha,
+    /// Varnish.
+    pub clearcoat: Option<Clearcoat>,
+    /// Fibres.
+    pub sheen: Option<Sheen>,
+    /// Glass and the like.
+    pub transmission: Option<Transmission>,
     /// Edge length of one tile of the textures when they are laid by metres rather than by uv, metres.
     pub tile_m: f32,
     /// Licence as an SPDX expression or name; empty if unknown.
@@ -165,12 +147,8 @@ pub struct Material {
 }
 
 impl Material {
-    /// A smooth-coloured dielectric.
+    /// A dielectric of one colour.
     pub fn plain(name: impl Into<String>, color: [f32; 3], roughness: f32) -> Self {
-        let digest = crate::digest::Hasher::new("plain material")
-            .floats(color.into_iter())
-            .number(f64::from(roughness))
-            .finish();
         Self {
             name: name.into(),
             base_color: Color::constant(color),
@@ -180,11 +158,90 @@ impl Material {
             emission: Color::constant([0.0; 3]),
             ior: 1.5,
             alpha: Alpha::Opaque,
+            clearcoat: None,
+            sheen: None,
+            transmission: None,
             tile_m: 1.0,
             licence: String::new(),
-            digest,
+            digest: Digest::of(&[]),
         }
+        .sealed()
     }
+}
+
+impl Material {
+    /// The same with its digest set from everything but name and licence.
+    pub fn sealed(mut self) -> Self {
+        let color = |hasher: Hasher, color: &Color| {
+            lay(hasher.floats(color.factor.into_iter()), color.texture.as_ref().map(|texture| (texture, 0)))
+        };
+        let scalar = |hasher: Hasher, scalar: &Scalar| {
+            let texture = scalar.texture.as_ref().map(|(texture, channel)| (texture, *channel));
+            lay(hasher.number(scalar.factor.into()), texture)
+        };
+        let normal = |hasher: Hasher, normal: &Option<NormalMap>| match normal {
+            Some(normal) => lay(hasher.number(normal.strength.into()), Some((&normal.map, 0))),
+            None => hasher.text("even"),
+        };
+        let mut hasher = color(Hasher::new("material"), &self.base_color);
+        hasher = scalar(hasher, &self.roughness);
+        hasher = scalar(hasher, &self.metallic);
+        hasher = normal(hasher, &self.normal);
+        hasher = color(hasher, &self.emission).number(self.ior.into()).number(self.tile_m.into());
+        hasher = match self.alpha {
+            Alpha::Opaque => hasher.text("opaque"),
+            Alpha::Mask { cutoff } => hasher.text("mask").number(cutoff.into()),
+            Alpha::Blend { factor } => hasher.text("blend").number(factor.into()),
+        };
+        if let Some(coat) = &self.clearcoat {
+            hasher = scalar(scalar(hasher.text("clearcoat"), &coat.strength), &coat.roughness);
+            hasher = normal(hasher, &coat.normal);
+        }
+        if let Some(sheen) = &self.sheen {
+            hasher = scalar(color(hasher.text("sheen"), &sheen.color), &sheen.roughness);
+        }
+        if let Some(transmission) = &self.transmission {
+            hasher = scalar(hasher.text("transmission"), &transmission.share);
+            if let Some(volume) = transmission.volume {
+                hasher = hasher.text("volume").floats(volume.attenuation_color.into_iter());
+                hasher = hasher.number(volume.attenuation_distance_m.into());
+            }
+        }
+        self.digest = hasher.finish();
+        self
+    }
+
+    /// All textures that it uses, some perhaps more than once.
+    pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
+        fn of_scalar(scalar: &Scalar) -> Option<&TextureRef> {
+            scalar.texture.as_ref().map(|(texture, _)| texture)
+        }
+        let coat = self.clearcoat.as_ref();
+        let coat_normal = coat.and_then(|coat| coat.normal.as_ref());
+        let sheen = self.sheen.as_ref();
+        [
+            self.base_color.texture.as_ref(),
+            of_scalar(&self.roughness),
+            of_scalar(&self.metallic),
+            self.normal.as_ref().map(|normal| &normal.map),
+            self.emission.texture.as_ref(),
+            coat.and_then(|coat| of_scalar(&coat.strength)),
+            coat.and_then(|coat| of_scalar(&coat.roughness)),
+            coat_normal.map(|normal| &normal.map),
+            sheen.and_then(|sheen| sheen.color.texture.as_ref()),
+            sheen.and_then(|sheen| of_scalar(&sheen.roughness)),
+            self.transmission.as_ref().and_then(|transmission| of_scalar(&transmission.share)),
+        ]
+        .into_iter()
+        .flatten()
+    }
+}
+
+/// Adds a texture and how it is laid.
+fn lay(hasher: Hasher, used: Option<(&TextureRef, u8)>) -> Hasher {
+    let Some((TextureRef { texture, transform }, channel)) = used else { return hasher.text("constant") };
+    let ([a, b], [c, d]) = (transform.scale, transform.offset);
+    hasher.digest(texture.digest).bytes(&[channel]).floats([a, b, transform.rotation, c, d].into_iter())
 }
 
 /// A material laid over a whole body, in place of its own.

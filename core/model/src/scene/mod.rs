@@ -7,20 +7,23 @@
 mod asset;
 mod body;
 mod camera;
+mod environment;
 mod light;
 mod material;
 mod mesh;
+mod texture;
 mod topology;
 
 pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Object};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
-pub use camera::{Camera, Exposure, Intrinsics};
-pub use light::{Light, RectLight, SphereLight};
+pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, ThinLens};
+pub use environment::EnvironmentMap;
+pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight};
 pub use material::{
-    Alpha, Color, Encoding, Material, NormalMap, Scalar, Surface, Texture, TextureMapping, TextureRef, UvTransform,
-    Wrap,
+    Alpha, Clearcoat, Color, Material, NormalMap, Scalar, Sheen, Surface, TextureMapping, Transmission, Volume,
 };
 pub use mesh::{Mesh, MeshData};
+pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};

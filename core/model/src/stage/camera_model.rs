@@ -2,10 +2,11 @@
 
 use crate::context::Context;
 use crate::error::Result;
-use crate::scene::{Exposure, Intrinsics};
+use crate::geometry::Pose;
+use crate::scene::{Optics, Scene};
 
-/// Gives a view's intrinsics and exposure.
+/// Gives a view's optics.
 pub trait CameraModel: Send + Sync {
-    /// Intrinsics and exposure of one view.
-    fn camera(&self, context: &Context) -> Result<(Intrinsics, Exposure)>;
+    /// Intrinsics, distortion, lens and exposure of one view, whose camera stands at `world_from_camera`.
+    fn optics(&self, scene: &Scene, world_from_camera: &Pose, context: &Context) -> Result<Optics>;
 }

@@ -1,6 +1,7 @@
 //! The stages of the pipeline, one trait a file.
 //!
-//! asset sources → placers → settler → per view: camera, view sampler, light samplers, renderer → annotators → writers.
+//! asset sources → placers → settler → per view: view sampler, camera, light samplers, renderer, denoiser → sensors →
+//! annotators → writers.
 //!
 //! All traits are object-safe and take `&self`: a stage never changes after it was built, and what a run needs to
 //! remember lives in values that it returns. Randomness is handed in.
@@ -8,9 +9,11 @@
 mod annotator;
 mod asset_source;
 mod camera_model;
+mod denoiser;
 mod light_sampler;
 mod placer;
 mod renderer;
+mod sensor;
 mod settler;
 mod view_sampler;
 mod writer;
@@ -18,9 +21,11 @@ mod writer;
 pub use annotator::Annotator;
 pub use asset_source::AssetSource;
 pub use camera_model::CameraModel;
+pub use denoiser::{Denoised, Denoiser};
 pub use light_sampler::LightSampler;
 pub use placer::Placer;
 pub use renderer::{RenderRequest, RenderSession, Renderer};
+pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
 pub use writer::{Finish, Output, SceneWriter, Writer};

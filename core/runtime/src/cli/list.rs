@@ -5,7 +5,7 @@ use crate::plan::table;
 use clap::Args;
 use std::collections::BTreeMap;
 use syntable_model::product::{KeyId, Scope};
-use syntable_model::registry::{Entry, Registry, Slot, Stage};
+use syntable_model::registry::{Entry, Registry, Slot};
 
 #[derive(Args)]
 pub(super) struct ListArgs {
@@ -47,14 +47,9 @@ pub fn summary(entry: &Entry) -> String {
 /// All products of the linked plugins with their default options, and who makes them.
 pub fn products(registry: &Registry) -> Vec<(KeyId, String)> {
     let mut products = BTreeMap::new();
-    for entry in registry.of_slot(Slot::Render).chain(registry.of_slot(Slot::Annotate)) {
+    for entry in registry.entries() {
         let Ok(constructed) = entry.construct_str("") else { continue };
-        let keys = match constructed.stage {
-            Stage::Render(renderer) => renderer.offers(),
-            Stage::Annotate(annotator) => annotator.provides(),
-            _ => Vec::new(),
-        };
-        for key in keys {
+        for key in constructed.stage.provides() {
             let (_, providers): &mut (KeyId, Vec<String>) =
                 products.entry(key.name).or_insert_with(|| (key, Vec::new()));
             providers.push(format!("{}.{}", entry.slot, entry.kind));

@@ -15,6 +15,7 @@ use super::{Recipe, Source};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::product::KeyId;
+use syntable_model::product::standard::{DENOISER, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot, Stage};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
@@ -221,27 +222,27 @@ fn finish(sources: &Sources, mut drafts: Vec<Draft>, damage: &Damage) -> Vec<Dia
     diagnostics
 }
 
-/// The annotators that provide what the writers want without being in the recipe: a resolved recipe names them.
-fn implied_annotators(built: &Built, registry: &Registry) -> Vec<ResolvedStage> {
-    let mut offered: Vec<&str> = Vec::new();
+/// The sensors and annotators that provide what the writers want without being in the recipe: a resolved recipe names
+/// them.
+fn implied_makers(built: &Built, registry: &Registry) -> Vec<ResolvedStage> {
+    let mut offered: Vec<&str> = vec![DENOISER.name(), RADIANCE_NOISY.name()];
     let mut explicit = Vec::new();
     let mut wanted: Vec<String> = Vec::new();
     for stage in &built.stages {
         match &stage.stage {
             Stage::Render(renderer) => offered.extend(renderer.offers().iter().map(|key| key.name)),
-            Stage::Annotate(annotator) => explicit.push((annotator.provides(), annotator.reads())),
             Stage::Write(writer) => wanted.extend(writer.reads()),
-            _ => {}
+            other => explicit.extend(makes(other)),
         }
     }
-    // An annotator of the recipe replaces the defaults of every kind that provides the same.
+    // What the recipe sets up replaces the defaults of every kind that provides the same.
     let taken = |key: &KeyId| explicit.iter().any(|(provides, _)| provides.iter().any(|other| other.name == key.name));
     let defaults: Vec<_> = registry
-        .of_slot(Slot::Annotate)
+        .of_slot(Slot::Sensor)
+        .chain(registry.of_slot(Slot::Annotate))
         .filter_map(|entry| {
             let constructed = entry.construct_str("").ok()?;
-            let Stage::Annotate(annotator) = constructed.stage else { return None };
-            let (provides, reads) = (annotator.provides(), annotator.reads());
+            let (provides, reads) = makes(&constructed.stage)?;
             (!provides.iter().any(taken)).then_some((entry, constructed.options, provides, reads))
         })
         .collect();
@@ -256,8 +257,8 @@ fn implied_annotators(built: &Built, registry: &Registry) -> Vec<ResolvedStage> 
         }
         for (entry, options, _, reads) in defaults.iter().filter(|(_, _, keys, _)| provides(keys)) {
             wanted.extend(reads.iter().map(|key| key.name.to_owned()));
-            needed.entry(entry.kind).or_insert_with(|| ResolvedStage {
-                slot: Slot::Annotate,
+            needed.entry((entry.slot, entry.kind)).or_insert_with(|| ResolvedStage {
+                slot: entry.slot,
                 id: entry.kind.to_owned(),
                 kind: entry.kind,
                 options: options.clone(),
@@ -266,6 +267,15 @@ fn implied_annotators(built: &Built, registry: &Registry) -> Vec<ResolvedStage> 
         }
     }
     needed.into_values().collect()
+}
+
+/// What a sensor or annotator provides and reads.
+fn makes(stage: &Stage) -> Option<(Vec<KeyId>, Vec<KeyId>)> {
+    match stage {
+        Stage::Sensor(sensor) => Some((sensor.provides(), sensor.reads())),
+        Stage::Annotate(annotator) => Some((annotator.provides(), annotator.reads())),
+        _ => None,
+    }
 }
 
 fn assemble(
@@ -277,9 +287,9 @@ fn assemble(
 ) -> Option<Recipe> {
     let dataset_options = toml::Table::try_from(&dataset).ok()?;
     let (mut assets, mut place, mut lights) = (BTreeMap::new(), Vec::new(), Vec::new());
-    let (mut annotate, mut write) = (Vec::new(), Vec::new());
-    let (mut settle, mut camera, mut views, mut render) = (None, None, None, None);
-    let mut resolved = implied_annotators(&built, registry);
+    let (mut sensor, mut annotate, mut write) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut settle, mut camera, mut views, mut render, mut denoise) = (None, None, None, None, None);
+    let mut resolved = implied_makers(&built, registry);
     let mut origins = BTreeMap::new();
     let mut pools = built.pools;
     for stage in built.stages {
@@ -302,6 +312,8 @@ fn assemble(
             Stage::Views(sampler) => views = Some(sampler),
             Stage::Lights(sampler) => lights.push((stage.id.clone(), sampler)),
             Stage::Render(renderer) => render = Some(renderer),
+            Stage::Denoise(denoiser) => denoise = Some(denoiser),
+            Stage::Sensor(stage_sensor) => sensor.push((stage.id.clone(), stage_sensor)),
             Stage::Annotate(annotator) => annotate.push((stage.id.clone(), annotator)),
             Stage::Write(writer) => write.push((stage.id.clone(), writer)),
         }
@@ -313,6 +325,7 @@ fn assemble(
             plugin: (stage.entry.crate_name, stage.entry.crate_version),
         });
     }
+    sensor.sort_by(|(a, _), (b, _)| a.cmp(b));
     annotate.sort_by(|(a, _), (b, _)| a.cmp(b));
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
     Some(Recipe {
@@ -332,6 +345,8 @@ fn assemble(
         views: views?,
         lights,
         render: render?,
+        denoise,
+        sensor,
         annotate,
         write,
         locked: lock.assets,

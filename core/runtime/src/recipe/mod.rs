@@ -46,7 +46,9 @@ pub use source::SourceFile;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
-use syntable_model::stage::{Annotator, CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler, Writer};
+use syntable_model::stage::{
+    Annotator, CameraModel, Denoiser, LightSampler, Placer, Renderer, Sensor, Settler, ViewSampler, Writer,
+};
 
 /// The text of a recipe, and where it is from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -100,6 +102,10 @@ pub struct Recipe {
     pub lights: Vec<(String, Box<dyn LightSampler>)>,
     /// The renderer.
     pub render: Box<dyn Renderer>,
+    /// The denoiser, if there is one.
+    pub denoise: Option<Box<dyn Denoiser>>,
+    /// The sensors that the recipe sets up, by id.
+    pub sensor: Vec<(String, Box<dyn Sensor>)>,
     /// The annotators that the recipe sets up, by id.
     pub annotate: Vec<(String, Box<dyn Annotator>)>,
     /// The writers, by id.

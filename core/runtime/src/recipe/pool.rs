@@ -152,7 +152,7 @@ impl Split {
 }
 
 impl PoolOptions {
-    /// The options that speak of objects and have no meaning for materials.
+    /// The options that speak of objects and have no meaning for materials and environment maps.
     pub const FOR_OBJECTS: [&'static str; 6] =
         ["scale", "longest_side_m", "centre", "density_kg_m3", "mass_kg", "single_part_only"];
 

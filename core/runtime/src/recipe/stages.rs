@@ -14,6 +14,7 @@ use super::variables;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::Invalid;
+use syntable_model::product::standard::DENOISER;
 use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 use toml::Spanned;
@@ -218,7 +219,7 @@ impl<'l> Loader<'l> {
 
     /// What stands for a section that is not there.
     fn missing<'a>(&self, slot: Slot, drafts: &mut Vec<Draft>) -> Option<Vec<StageTable<'a>>> {
-        if matches!(slot, Slot::Assets | Slot::Annotate) {
+        if matches!(slot, Slot::Assets | Slot::Denoise | Slot::Sensor | Slot::Annotate) {
             return Some(Vec::new());
         }
         let tables: Vec<StageTable> = self
@@ -313,12 +314,12 @@ impl<'l> Loader<'l> {
         {
             pool.0 = class;
         }
-        if class == Some(AssetClass::Material) {
+        if let Some(class) = class.filter(|class| *class != AssetClass::Object) {
             for (option, span) in &object_only {
                 ok = false;
                 drafts.push(
                     Draft::error(Code::WrongClass, span.clone(), format!("`{option}` applies to objects only"))
-                        .label(format!("`{}` gives materials", entry.kind)),
+                        .label(format!("`{}` gives {class}s", entry.kind)),
                 );
             }
         }
@@ -559,26 +560,16 @@ impl<'l> Loader<'l> {
         let mut known = BTreeSet::new();
         // Products of renderers that the recipe does not use.
         let mut elsewhere: BTreeMap<&str, &str> = BTreeMap::new();
+        known.insert(DENOISER.name());
         for stage in &built.stages {
-            match &stage.stage {
-                Stage::Annotate(annotator) => known.extend(annotator.provides().into_iter().map(|key| key.name)),
-                Stage::Render(renderer) => known.extend(renderer.offers().into_iter().map(|key| key.name)),
-                _ => {}
-            }
+            known.extend(stage.stage.provides().into_iter().map(|key| key.name));
         }
         for entry in self.registry.entries() {
             let stages = ["", entry.example].into_iter().filter_map(|text| Some(entry.construct_str(text).ok()?.stage));
+            let products = stages.flat_map(|stage| stage.provides());
             match entry.slot {
-                Slot::Annotate => stages.for_each(|stage| {
-                    if let Stage::Annotate(annotator) = stage {
-                        known.extend(annotator.provides().into_iter().map(|key| key.name));
-                    }
-                }),
-                Slot::Render => stages.for_each(|stage| {
-                    if let Stage::Render(renderer) = stage {
-                        elsewhere.extend(renderer.offers().into_iter().map(|key| (key.name, entry.kind)));
-                    }
-                }),
+                Slot::Sensor | Slot::Annotate => known.extend(products.map(|key| key.name)),
+                Slot::Render => elsewhere.extend(products.map(|key| (key.name, entry.kind))),
                 _ => {}
             }
         }

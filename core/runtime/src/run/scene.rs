@@ -3,7 +3,7 @@
 use super::folder::Folder;
 use super::journal::SceneRecord;
 use super::progress::{Event, Reporter};
-use crate::plan::Plan;
+use crate::plan::{Maker as ProductMaker, Plan, Step};
 use crate::pools::{Drawn, Library};
 use crate::recipe::Recipe;
 use std::cell::RefCell;
@@ -13,8 +13,10 @@ use std::sync::Arc;
 use syntable_model::context::{Cache, Context, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Frame;
+use syntable_model::product::Value;
+use syntable_model::product::standard::{DENOISER, RADIANCE, RADIANCE_NOISY};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Camera, Scene, SceneBuilder, SceneId, View, ViewId};
+use syntable_model::scene::{Camera, Optics, Scene, SceneBuilder, SceneId, View, ViewId};
 use syntable_model::stage::{DatasetInfo, Output, RenderRequest, RenderSession, SceneWriter, Site};
 
 /// Makes scenes.
@@ -80,7 +82,8 @@ impl Maker<'_> {
 
         let mut scene_frame = Frame::new();
         let site = Site { dataset: self.dataset, scene: &scene, view: None };
-        self.annotate(&self.plan.per_scene, &site, &mut scene_frame).map_err(Failure::Scene)?;
+        let nothing_sensed = |stage: &str| context(stage, stream(stage));
+        self.fill(&self.plan.per_scene, &site, &mut scene_frame, &nothing_sensed).map_err(Failure::Scene)?;
         let scene_frame = Arc::new(scene_frame);
         let mut writers: Vec<(&str, Box<dyn SceneWriter>)> = Vec::new();
         for (writer_id, writer) in &self.recipe.write {
@@ -91,6 +94,7 @@ impl Maker<'_> {
         for number in 0..self.dataset.views_per_scene {
             let view = self.view(&scene, ViewId(number), &stream, &context).map_err(Failure::Scene)?;
             let site = Site { view: Some(&view), ..site };
+            let sensing = |stage: &str| context(stage, stream(stage).at(u64::from(number)));
             let mut frame = Frame::of_view(Arc::clone(&scene_frame));
             running("render");
             let request = RenderRequest {
@@ -100,7 +104,8 @@ impl Maker<'_> {
                 workers: self.workers,
             };
             session.render(&request, &mut frame).map_err(|error| Failure::Scene(error.context("render")))?;
-            self.annotate(&self.plan.per_view, &site, &mut frame).map_err(Failure::Scene)?;
+            self.denoise(&mut frame).map_err(|error| Failure::Scene(error.context("denoise")))?;
+            self.fill(&self.plan.per_view, &site, &mut frame, &sensing).map_err(Failure::Scene)?;
             for (writer_id, writer) in &mut writers {
                 running(writer_id);
                 writer.view(&site, &frame).map_err(|error| write_failure(writer_id, error))?;
@@ -148,11 +153,14 @@ impl Maker<'_> {
         context: &dyn Fn(&str, Stream) -> Context<'c>,
     ) -> Result<View> {
         let at = |stage: &str| context(stage, stream(stage).at(u64::from(id.0)));
-        let (intrinsics, exposure) =
-            self.recipe.camera.camera(&at("camera")).map_err(|error| error.context("camera"))?;
         let world_from_camera =
             self.recipe.views.pose(scene, id, &at("views")).map_err(|error| error.context("views"))?;
-        let camera = Camera { intrinsics, world_from_camera };
+        let Optics { intrinsics, distortion, lens, exposure } = self
+            .recipe
+            .camera
+            .optics(scene, &world_from_camera, &at("camera"))
+            .map_err(|error| error.context("camera"))?;
+        let camera = Camera { intrinsics, distortion, lens, world_from_camera };
         let shell = self.recipe.views.shell(scene);
         let mut lights = scene.lights.clone();
         for (light_id, sampler) in &self.recipe.lights {
@@ -163,19 +171,41 @@ impl Maker<'_> {
         Ok(View { id, camera, exposure, lights })
     }
 
-    fn annotate(&self, steps: &[crate::plan::Step], site: &Site, frame: &mut Frame) -> Result<()> {
-        for step in steps {
-            running(&step.id);
-            frame.guard(&step.annotator.reads());
-            let done = step.annotator.annotate(site, frame);
+    /// Denoises what was rendered, if the plan says so, and tells what did it.
+    fn denoise(&self, frame: &mut Frame) -> Result<()> {
+        let mut report = Value::record([("name", "none".into())]);
+        if self.plan.denoised
+            && let Some(denoiser) = &self.recipe.denoise
+        {
+            running("denoise");
+            let denoised = denoiser.denoise(frame, self.workers)?;
+            frame.rename(RADIANCE, RADIANCE_NOISY)?;
+            frame.put(RADIANCE, denoised.radiance)?;
+            report = denoised.report;
+        }
+        if self.plan.denoiser_wanted { frame.put(DENOISER, report) } else { Ok(()) }
+    }
+
+    /// Runs sensors and annotators.
+    fn fill<'c>(
+        &self,
+        steps: &[Step],
+        site: &Site,
+        frame: &mut Frame,
+        context: &dyn Fn(&str) -> Context<'c>,
+    ) -> Result<()> {
+        for Step { stage, maker, .. } in steps {
+            running(stage);
+            frame.guard(&maker.reads());
+            let done = match maker {
+                ProductMaker::Sensor(sensor) => sensor.sense(site, &context(stage), frame),
+                ProductMaker::Annotator(annotator) => annotator.annotate(site, frame),
+            };
             frame.unguard();
-            let stage = || format!("annotate.{}", step.id);
-            done.map_err(|error| error.context(stage()))?;
-            for key in step.annotator.provides() {
+            done.map_err(|error| error.context(stage))?;
+            for key in maker.provides() {
                 if !frame.contains(key.name) {
-                    return Err(
-                        Error::new(format!("it declares to provide `{}` but did not", key.name)).context(stage())
-                    );
+                    return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).context(stage));
                 }
             }
         }

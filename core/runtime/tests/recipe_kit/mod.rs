@@ -4,9 +4,7 @@ use std::path::Path;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, INSTANCE, OCCLUSION_RATE, RADIANCE, VISIBLE_MASK};
 use syntable_model::registry::{Entry, Registry};
-use syntable_model::scene::{
-    Asset, AssetClass, Camera, Catalog, Exposure, Intrinsics, Light, SceneBuilder, SettleReport, ViewId,
-};
+use syntable_model::scene::{Asset, AssetClass, Camera, Catalog, Light, Optics, SceneBuilder, SettleReport, ViewId};
 use syntable_runtime::recipe::{self, Diagnostic, Overrides, Recipe, Report, Source};
 
 fn nothing<T>() -> Result<T> {
@@ -266,7 +264,7 @@ impl Pinhole {
 }
 config!(Pinhole => CameraModel, "pinhole", "resolution = [320, 240]");
 impl CameraModel for Pinhole {
-    fn camera(&self, _: &Context) -> Result<(Intrinsics, Exposure)> {
+    fn optics(&self, _: &Scene, _: &Pose, _: &Context) -> Result<Optics> {
         nothing()
     }
 }

@@ -65,10 +65,10 @@ impl World {
         let eye = Point3::new(1.0, 0.0, 1.5);
         let view = View {
             id: ViewId(2),
-            camera: Camera {
-                intrinsics: Intrinsics { width: 8, height: 6, fx: 7.0, fy: 7.5, cx: 4.0, cy: 3.0 },
-                world_from_camera: look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z()),
-            },
+            camera: Camera::pinhole(
+                Intrinsics { width: 8, height: 6, fx: 7.0, fy: 7.5, cx: 4.0, cy: 3.0 },
+                look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z()),
+            ),
             exposure: Exposure::Auto { compensation_ev: 0.0 },
             lights: Vec::new(),
         };

@@ -2,7 +2,7 @@
 
 use crate::files::formats::Model;
 use crate::files::hygiene::clean;
-use crate::files::seal::mesh_digest;
+use crate::files::mesh_digest::mesh_digest;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::Log;

@@ -1,7 +1,6 @@
 //! Materials without their textures, for faces that have no texture coordinates.
 
 use crate::files::colour::srgb_to_linear;
-use crate::files::seal::seal;
 use syntable_model::scene::{Alpha, Encoding, Material, Texture};
 
 /// The material with every texture replaced by its mean; none if it has no texture.
@@ -28,7 +27,7 @@ pub fn untextured(material: &Material) -> Option<Material> {
     }
     plain.normal = None;
     plain.alpha = Alpha::Opaque;
-    Some(seal(plain))
+    Some(plain.sealed())
 }
 
 /// Mean of the colour channels, linear.

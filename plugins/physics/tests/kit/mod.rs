@@ -5,14 +5,15 @@ use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-use syntable_model::context::{Assets, Cache, Collected, Context, NoCache, Serial};
+use syntable_model::context::{Cache, Collected, Context, NoCache, Serial};
 use syntable_model::digest::{Digest, Hasher};
-use syntable_model::error::{Error, Result};
+use syntable_model::error::Result;
 use syntable_model::geometry::{Aabb, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;
 use syntable_model::registry::{Config, Entry, Stage};
 use syntable_model::scene::*;
 use syntable_model::stage::Settler;
+use syntable_testing::assets::NoAssets;
 
 // ---- Meshes ------------------------------------------------------------------------------------
 
@@ -275,21 +276,6 @@ fn build<C: Config>(options: &str) -> Box<dyn Settler> {
         Ok(Stage::Settle(settler)) => settler,
         Ok(_) => panic!("not a settler"),
         Err(error) => panic!("{options}: {error:?}"),
-    }
-}
-
-/// There are no pools.
-pub struct NoAssets;
-
-impl Assets for NoAssets {
-    fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        Err(Error::new(format!("no pool `{pool}`")))
-    }
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
-        Err(Error::new(format!("no object {asset}")))
-    }
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        Err(Error::new(format!("no material {asset}")))
     }
 }
 

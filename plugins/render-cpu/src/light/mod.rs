@@ -93,6 +93,7 @@ impl Lights {
                     };
                     (Shape::Rect(shape), rect.radiance)
                 }
+                other => return Err(name(format!("{other:?} is not rendered"))),
             };
             if !radiance.iter().all(|&x| x >= 0.0 && (x as f32).is_finite()) {
                 return Err(

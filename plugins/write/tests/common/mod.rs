@@ -122,7 +122,7 @@ fn view(number: u32) -> View {
     let world_from_camera = look_at(eye, Point3::new(0.0, 0.0, 0.7), Vector3::z());
     View {
         id: ViewId(number),
-        camera: Camera { intrinsics, world_from_camera },
+        camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Fixed { ev100: 1.0 },
         lights: Vec::new(),
     }

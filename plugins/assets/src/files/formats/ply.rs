@@ -8,7 +8,6 @@ use super::polygon::triangulate;
 use super::{MAX_TRIANGLES, Model, default_material, too_many_triangles};
 use crate::files::colour::srgb_to_linear;
 use crate::files::root::{AssetRoot, read_file};
-use crate::files::seal::seal;
 use body::Rows;
 use header::{Element, Header};
 use std::collections::HashMap;
@@ -39,7 +38,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
             Some(picture) => {
                 let texture = Picture::read(&picture)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
                 material.base_color = Color::texture(Arc::new(texture));
-                material = seal(material);
+                material = material.sealed();
             }
             None => log.warn(&at(Error::new(format!("no texture `{name}`; a plain colour is used")))),
         }

@@ -4,7 +4,6 @@ use super::nothing_found;
 use crate::files::formats::picture::Picture;
 use crate::files::root::AssetRoot;
 use crate::files::scan::{extension, list, root_name};
-use crate::files::seal::seal;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -77,7 +76,7 @@ impl AssetSource for PbrFolder {
         let mut material = read(&AssetRoot::open(&folder)?, name, log)?;
         material.tile_m = self.tile_m as f32;
         material.licence.clone_from(&self.licence);
-        Ok(Asset::Material(seal(material)))
+        Ok(Asset::Material(material.sealed()))
     }
 }
 
@@ -218,7 +217,7 @@ pub(crate) fn read(root: &AssetRoot, name: &str, log: &dyn Log) -> Result<Materi
                 .in_file(folder),
         );
     }
-    Ok(seal(material))
+    Ok(material.sealed())
 }
 
 /// `Fabric04` is a `fabric`, `concrete_wall_001` a `concrete_wall`.

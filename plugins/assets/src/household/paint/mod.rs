@@ -23,10 +23,8 @@ pub use sheet::Sheet;
 pub use surface::SurfaceFamily;
 
 use std::sync::Arc;
-use syntable_model::digest::{Digest, Hasher};
-use syntable_model::scene::{
-    Alpha, Color, Encoding, Material, NormalMap, Scalar, Texture, TextureRef, UvTransform, Wrap,
-};
+use syntable_model::digest::Hasher;
+use syntable_model::scene::{Color, Encoding, Material, NormalMap, Scalar, Texture, Wrap};
 
 /// Licence of everything that is made here.
 pub const LICENCE: &str = "CC0-1.0";
@@ -129,44 +127,18 @@ impl Finish {
 
     /// The material.
     pub fn named(self, name: &str) -> Material {
-        let mut material = Material {
-            name: name.to_owned(),
+        Material {
             base_color: self.base_color,
             roughness: self.roughness,
             metallic: Scalar::constant(self.metallic),
             normal: self.normal,
-            emission: Color::constant([0.0; 3]),
             ior: self.ior,
-            alpha: Alpha::Opaque,
             tile_m: self.tile_m,
             licence: LICENCE.to_owned(),
-            digest: Digest::of(&[]),
-        };
-        material.digest = digest(&material);
-        material
-    }
-}
-
-/// Digest of everything but the name.
-fn digest(material: &Material) -> Digest {
-    let reference = |hasher: Hasher, texture: Option<&TextureRef>| match texture {
-        None => hasher.text("none"),
-        Some(TextureRef { texture, transform: UvTransform { scale, rotation, offset } }) => {
-            hasher.digest(texture.digest).floats([scale[0], scale[1], *rotation, offset[0], offset[1]].into_iter())
+            ..Material::plain(name, [1.0; 3], 1.0)
         }
-    };
-    let scalar = |hasher: Hasher, scalar: &Scalar| {
-        let hasher = hasher.number(scalar.factor.into());
-        let channel = scalar.texture.as_ref().map_or(255, |(_, channel)| *channel);
-        reference(hasher.number(channel.into()), scalar.texture.as_ref().map(|(texture, _)| texture))
-    };
-    let mut hasher = Hasher::new("procedural material");
-    hasher = reference(hasher.floats(material.base_color.factor.into_iter()), material.base_color.texture.as_ref());
-    hasher = scalar(scalar(hasher, &material.roughness), &material.metallic);
-    if let Some(normal) = &material.normal {
-        hasher = reference(hasher.number(normal.strength.into()), Some(&normal.map));
+        .sealed()
     }
-    hasher.number(material.ior.into()).number(material.tile_m.into()).text(&material.licence).finish()
 }
 
 /// A number in [0, 1] as a byte.

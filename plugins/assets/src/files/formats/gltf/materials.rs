@@ -7,7 +7,6 @@ use super::buffers::Buffers;
 use super::get;
 use crate::files::formats::{default_material, within};
 use crate::files::plain::untextured;
-use crate::files::seal::seal;
 use gltf::json::extensions::texture::{TextureTransform, TextureTransformOffset};
 use gltf::json::material::AlphaMode;
 use gltf::json::texture::{Info, WrappingMode};
@@ -164,7 +163,7 @@ impl<'a> Materials<'a> {
             }
             _ => Alpha::Opaque,
         };
-        Ok(seal(material))
+        Ok(material.sealed())
     }
 
     fn info(

@@ -6,7 +6,6 @@ use crate::files::formats::picture::Picture;
 use crate::files::formats::{Model, default_material};
 use crate::files::plain::{mean, untextured};
 use crate::files::root::{AssetRoot, read_file};
-use crate::files::seal::seal;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -118,7 +117,7 @@ impl Loader<'_> {
         let texture = self.texture(&path, Encoding::Srgb, false)?;
         let mut material = default_material(false);
         material.base_color = Color::texture(texture);
-        Ok(Some(seal(material)))
+        Ok(Some(material.sealed()))
     }
 
     fn material(&mut self, from: &MtlMaterial, library: &Path) -> Result<Material> {
@@ -176,7 +175,7 @@ impl Loader<'_> {
                 }
             }
         }
-        Ok(seal(material))
+        Ok(material.sealed())
     }
 
     /// A texture; none, after a warning, if its file is missing.

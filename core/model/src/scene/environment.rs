@@ -1,0 +1,129 @@
+//! Pictures of light from all around.
+
+use crate::digest::{Digest, Hasher};
+use crate::error::{Error, Result};
+use crate::geometry::Vector3;
+use std::f64::consts::{FRAC_1_PI, PI, TAU};
+
+/// Radiance by direction, equirectangular: row 0 looks up the world's z, the last row down; the middle column looks
+/// along +x, and columns go round clockwise seen from above, so that the picture is not mirrored seen from inside.
+#[derive(Debug, Clone)]
+pub struct EnvironmentMap {
+    /// Name within its source.
+    pub name: String,
+    /// Width, texels.
+    width: u32,
+    /// Height, texels.
+    height: u32,
+    texels: Vec<[f32; 3]>,
+    /// Licence as an SPDX expression or name; empty if unknown.
+    pub licence: String,
+    /// Digest of size and texels.
+    pub digest: Digest,
+}
+
+impl PartialEq for EnvironmentMap {
+    fn eq(&self, other: &Self) -> bool {
+        self.digest == other.digest
+    }
+}
+
+impl EnvironmentMap {
+    /// A map of linear radiance, Rec. 709, row-major `[height, width]`. Negative texels, which resampling leaves behind,
+    /// become zero; one that is not finite is an error that names its place.
+    pub fn new(name: impl Into<String>, width: u32, height: u32, mut texels: Vec<[f32; 3]>) -> Result<Self> {
+        if width == 0 || height == 0 || texels.len() != width as usize * height as usize {
+            return Err(Error::new(format!("{} texels for {width} x {height}", texels.len())));
+        }
+        let mut hasher = Hasher::new("environment map").number(f64::from(width)).number(f64::from(height));
+        for (i, texel) in texels.iter_mut().enumerate() {
+            if !texel.iter().all(|x| x.is_finite()) {
+                let (column, row) = (i % width as usize, i / width as usize);
+                return Err(Error::new(format!("non-finite radiance {texel:?} at column {column}, row {row}")));
+            }
+            *texel = texel.map(|x| x.max(0.0));
+        }
+        for row in texels.chunks(width as usize) {
+            let bytes: Vec<u8> = row.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+            hasher = hasher.bytes(&bytes);
+        }
+        Ok(Self { name: name.into(), width, height, texels, licence: String::new(), digest: hasher.finish() })
+    }
+
+    /// The same radiance from everywhere.
+    pub fn constant(radiance: [f32; 3]) -> Self {
+        let radiance = radiance.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
+        let digest = Hasher::new("constant environment").floats(radiance.into_iter()).finish();
+        Self { name: "constant".into(), width: 1, height: 1, texels: vec![radiance], licence: String::new(), digest }
+    }
+
+    /// Width, texels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height, texels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Radiance, row-major `[height, width]`.
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
+    /// Mean over all directions, each weighted by its solid angle.
+    pub fn mean(&self) -> [f64; 3] {
+        let (mut sum, mut weights) = ([0.0; 3], 0.0);
+        for (row, texels) in self.texels.chunks(self.width as usize).enumerate() {
+            let edge = |row: usize| (PI * row as f64 / f64::from(self.height)).cos();
+            let weight = (edge(row) - edge(row + 1)) / f64::from(self.width);
+            for texel in texels {
+                for (sum, &value) in sum.iter_mut().zip(texel) {
+                    *sum += weight * f64::from(value);
+                }
+                weights += weight;
+            }
+        }
+        sum.map(|sum| sum / weights)
+    }
+
+    /// Coordinates in [0, 1)² of a unit direction in the map's frame: `u` to the right, `v` downwards.
+    pub fn coordinates(direction: &Vector3<f64>) -> [f64; 2] {
+        let u = 0.5 - direction.y.atan2(direction.x) / TAU;
+        [u - u.floor(), direction.z.clamp(-1.0, 1.0).acos() * FRAC_1_PI]
+    }
+
+    /// The unit direction in the map's frame at coordinates in [0, 1]².
+    pub fn direction([u, v]: [f64; 2]) -> Vector3<f64> {
+        let (phi, theta) = (TAU * (0.5 - u), PI * v);
+        Vector3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_and_coordinates_agree() {
+        for uv in [[0.5, 0.5], [0.1, 0.2], [0.9, 0.7], [0.25, 0.5]] {
+            let back = EnvironmentMap::coordinates(&EnvironmentMap::direction(uv));
+            assert!((back[0] - uv[0]).abs() < 1e-12 && (back[1] - uv[1]).abs() < 1e-12, "{uv:?} {back:?}");
+        }
+        assert!((EnvironmentMap::direction([0.5, 0.5]) - Vector3::x()).norm() < 1e-12);
+        assert!((EnvironmentMap::direction([0.3, 0.0]) - Vector3::z()).norm() < 1e-12);
+        // To the right of +x, seen from inside with z up, is -y.
+        assert!((EnvironmentMap::direction([0.75, 0.5]) + Vector3::y()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_mean_is_by_solid_angle() {
+        let mut texels = vec![[0.0; 3]; 8 * 4];
+        texels[..16].fill([1.0, 2.0, 4.0]);
+        let map = EnvironmentMap::new("half", 8, 4, texels).expect("sound");
+        let mean = map.mean();
+        assert!((mean[0] - 0.5).abs() < 1e-12 && (mean[2] - 2.0).abs() < 1e-12, "{mean:?}");
+        assert!(EnvironmentMap::new("bad", 2, 1, vec![[0.0; 3], [f32::NAN; 3]]).is_err());
+    }
+}
