@@ -8,7 +8,7 @@ use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, CatalogEntry, Material, Mesh, MeshData, Motion, Object, Role, TextureMapping,
+    AssetRef, BodyDraft, CatalogEntry, EnvironmentMap, Material, Mesh, MeshData, Motion, Object, Role, TextureMapping,
 };
 use syntable_placement as _;
 
@@ -78,6 +78,9 @@ impl Assets for Pools {
     }
     fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
         Ok(Arc::new(Material::plain(&asset.name, [0.5; 3], 0.5)))
+    }
+    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
+        Err(Error::new(format!("there is no {asset}")))
     }
 }
 

@@ -8,7 +8,7 @@ use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    BodyDraft, Camera, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object, Optics, Role, SceneId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object, Optics, Role, SceneId,
     SettleReport, Tabletop, ViewId,
 };
 use syntable_sampling as _;
