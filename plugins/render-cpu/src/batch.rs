@@ -30,6 +30,8 @@ pub(crate) struct Paths {
     /// Width of what the path sees, metres, and how fast it grows, metres a metre.
     pub width: Row,
     pub spread: Row,
+    /// Least roughness of what comes.
+    pub roughen: Row,
     /// Of the sampler.
     pub seed: IntRow,
     pub index: IntRow,
@@ -69,12 +71,50 @@ pub(crate) struct Shadows {
     pub slot: IntRow,
 }
 
+/// What guides denoisers, by slot: the first surface that is no mirror.
+pub(crate) struct Guides {
+    pub albedo: [[f32; 3]; BATCH],
+    /// World.
+    pub normal: [[f32; 3]; BATCH],
+    /// Colour of the mirrors so far.
+    tint: [Vec3; BATCH],
+    pending: [bool; BATCH],
+}
+
+impl Guides {
+    /// A path that has met nothing yet: white, as lamps and sky stay.
+    #[inline(always)]
+    pub fn clear(&mut self, slot: usize) {
+        self.albedo[slot] = [1.0; 3];
+        self.normal[slot] = [0.0; 3];
+        self.tint[slot] = Vec3::ONE;
+        self.pending[slot] = true;
+    }
+
+    /// A surface on the way; `last` if none after it counts.
+    #[inline(always)]
+    pub fn meet(&mut self, slot: usize, surface: &Surface, last: bool) {
+        if !self.pending[slot] {
+            return;
+        }
+        let albedo = surface.substance.base_color * self.tint[slot];
+        if surface.is_mirror() && !last {
+            self.tint[slot] = albedo;
+        } else {
+            self.pending[slot] = false;
+            self.normal[slot] = surface.normal.array();
+        }
+        self.albedo[slot] = albedo.array();
+    }
+}
+
 /// A batch and its working space.
 pub(crate) struct Batch {
     pub paths: Paths,
     pub hits: Hits,
     pub surfaces: Surfaces,
     pub shadows: Shadows,
+    pub guides: Guides,
     /// Light found so far, by slot.
     pub radiance: [[f32; 3]; BATCH],
     /// 0, 1, 2, …
@@ -100,6 +140,7 @@ impl Batch {
                 pdf: ROW,
                 width: ROW,
                 spread: ROW,
+                roughen: ROW,
                 seed: INTS,
                 index: INTS,
                 slot: INTS,
@@ -116,6 +157,12 @@ impl Batch {
                 dielectric_f0: ROW,
             },
             shadows: Shadows { origin: ROWS, direction: ROWS, distance: ROW, contribution: ROWS, slot: INTS },
+            guides: Guides {
+                albedo: [[0.0; 3]; BATCH],
+                normal: [[0.0; 3]; BATCH],
+                tint: [Vec3::ZERO; BATCH],
+                pending: [false; BATCH],
+            },
             radiance: [[0.0; 3]; BATCH],
             numbers,
         })
@@ -165,7 +212,7 @@ impl Paths {
         for rows in [&mut self.origin, &mut self.direction, &mut self.throughput, &mut self.normal] {
             compress(load::<T>(rows, from), mask, rows, to);
         }
-        for row in [&mut self.pdf, &mut self.width, &mut self.spread] {
+        for row in [&mut self.pdf, &mut self.width, &mut self.spread, &mut self.roughen] {
             T::load(&row[from..]).compress(mask, &mut row[to..]);
         }
         for row in [&mut self.seed, &mut self.index, &mut self.slot] {

@@ -4,19 +4,17 @@ use crate::cache::SceneCache;
 use crate::camera::RayCamera;
 use crate::labels::{LabelCaster, Labels};
 use crate::light::Lights;
-use crate::path::{PathTracer, Settings, Statistics, Strategy};
+use crate::path::{PathTracer, PixelSums, Settings, Statistics, Strategy};
+use crate::picture::{Budget, Picture};
 use crate::world::World;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DEPTH, INSTANCE, NORMAL,
-    RADIANCE,
+    ALBEDO, ALBEDO_MEAN, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DEPTH,
+    INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
-
-/// Edge of the squares of pixels that are one job.
-const TILE: u32 = 16;
 
 /// Path tracing on the processor: soft shadows, light that bounces, glossy surfaces. Unbiased, and the same picture on
 /// any number of threads. Needs no GPU.
@@ -37,11 +35,36 @@ pub struct CpuPath {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub clamp_nits: Option<f64>,
+    /// Least perceptual roughness of surfaces that light meets on its way to a rough one (Kaplanyan and Dachsbacher,
+    /// "Path Space Regularization", 2013). Bright specks come from lamps that a rough surface sees in a smooth one; with
+    /// 0.3 or so, such caustics are blurred rather than speckled, and nothing is lost. What the camera sees directly or
+    /// in mirrors stays as it is. 0 leaves all as it is.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub roughen: f64,
+    /// Noise at which a square of 16 × 16 pixels gets no more samples: the standard error over the luminance, such as
+    /// 0.02. `samples_per_pixel` is then the most that a pixel gets. Without it, all get as many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub noise: Option<f64>,
+    /// Seconds that a picture may take; `samples_per_pixel` is then the most that a pixel gets. How many fit depends on
+    /// the machine and on what else it does, so that such pictures are not the same twice; `render_report` tells how
+    /// many they were.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub time_s: Option<f64>,
 }
 
 impl Default for CpuPath {
     fn default() -> Self {
-        Self { samples_per_pixel: 64, max_bounces: 8, russian_roulette_from: 3, clamp_nits: None }
+        Self {
+            samples_per_pixel: 64,
+            max_bounces: 8,
+            russian_roulette_from: 3,
+            clamp_nits: None,
+            roughen: 0.0,
+            noise: None,
+            time_s: None,
+        }
     }
 }
 
@@ -59,12 +82,14 @@ impl Config for CpuPath {
 pub struct CpuPathRenderer {
     options: CpuPath,
     settings: Settings,
+    budget: Budget,
     cache: Arc<SceneCache>,
 }
 
 /// A session of [`CpuPathRenderer`].
 pub struct CpuPathSession {
     settings: Settings,
+    budget: Budget,
     cache: Arc<SceneCache>,
     world: Option<World>,
     statistics: Statistics,
@@ -85,21 +110,33 @@ impl CpuPathRenderer {
             return Err(Invalid::new("samples_per_pixel", "`samples_per_pixel = 0` makes no picture")
                 .help("give at least 1; leave `radiance` and `rgb` out of the writers to render labels alone"));
         }
+        for (key, value) in [("noise", options.noise), ("time_s", options.time_s)] {
+            if let Some(value) = value.filter(|value| *value <= 0.0 || !value.is_finite()) {
+                return Err(Invalid::new(key, format!("`{key} = {value}` is never reached"))
+                    .help(format!("give a number above 0, or leave `{key}` out")));
+            }
+        }
+        if !(0.0..=1.0).contains(&options.roughen) {
+            return Err(Invalid::new("roughen", format!("`roughen = {}` is outside 0 to 1", options.roughen)));
+        }
+        let budget = Budget { samples: options.samples_per_pixel, noise: options.noise, seconds: options.time_s };
         let settings = Settings {
             samples: options.samples_per_pixel,
             max_bounces: options.max_bounces,
             roulette_from: options.russian_roulette_from.max(1),
             clamp,
+            roughen: options.roughen as f32,
             strategy: Strategy::Combined,
             one_lane: false,
         };
-        Ok(Self { options, settings, cache: Arc::new(SceneCache::new()) })
+        Ok(Self { options, settings, budget, cache: Arc::new(SceneCache::new()) })
     }
 
     /// Opens a session of the concrete type.
     pub fn session(&self) -> CpuPathSession {
         CpuPathSession {
             settings: self.settings,
+            budget: self.budget,
             cache: self.cache.clone(),
             world: None,
             statistics: Statistics::default(),
@@ -118,7 +155,11 @@ impl Renderer for CpuPathRenderer {
             COVERAGE_WIDE,
             COVERAGE_BEFORE_SUPPORT_WIDE,
             NORMAL,
-            ALBEDO
+            ALBEDO,
+            NORMAL_MEAN,
+            ALBEDO_MEAN,
+            RADIANCE_VARIANCE,
+            RENDER_REPORT
         ]
     }
 
@@ -152,28 +193,32 @@ impl CpuPathSession {
         self
     }
 
-    fn radiance(&mut self, request: &RenderRequest, camera: &RayCamera) -> Result<Plane<[f32; 3]>> {
+    /// Traces paths for whatever they are wanted for.
+    fn picture(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Frame) -> Result<()> {
         let lights = Lights::new(&request.view.lights)?;
         let Some(world) = &self.world else { return Err(not_loaded()) };
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
         let (width, height) = size(request);
-        let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let done = Mutex::new((Plane::from_fn(width, height, |_, _| [0.0; 3]), Statistics::default()));
-        request.workers.run(columns as usize * rows as usize, &|tile| {
-            let (left, top) = (tile as u32 % columns * TILE, tile as u32 / columns * TILE);
-            let (right, bottom) = ((left + TILE).min(width), (top + TILE).min(height));
-            let mut statistics = Statistics::default();
-            let pixels = tracer.tile([left, top, right, bottom], &mut statistics);
-            let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
-            done.1.add(&statistics);
-            for (row, y) in pixels.chunks((right - left) as usize).zip(top..) {
-                let start = y as usize * width as usize + left as usize;
-                done.0.data_mut()[start..start + row.len()].copy_from_slice(row);
+        let picture = Picture::trace(&tracer, width, height, &self.budget, request.workers);
+        self.statistics.add(&picture.statistics);
+        for &want in request.wants {
+            if want == RADIANCE.id() {
+                frame.put(RADIANCE, picture.radiance())?;
+            } else if want == RADIANCE_VARIANCE.id() {
+                frame.put(RADIANCE_VARIANCE, picture.plane(0.0, |sums| sums.variance() as f32))?;
+            } else if want == ALBEDO_MEAN.id() {
+                let mean = |sums: &PixelSums| sums.albedo.map(|x| x / sums.samples.max(1) as f32);
+                frame.put(ALBEDO_MEAN, picture.plane([0.0; 3], mean))?;
+            } else if want == NORMAL_MEAN.id() {
+                let mean = |sums: &PixelSums| {
+                    camera.turned(sums.normal.map(|x| x / sums.samples.max(1) as f32).into()).array()
+                };
+                frame.put(NORMAL_MEAN, picture.plane([0.0; 3], mean))?;
+            } else if want == RENDER_REPORT.id() {
+                frame.put(RENDER_REPORT, picture.report())?;
             }
-        });
-        let (plane, statistics) = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-        self.statistics.add(&statistics);
-        Ok(plane)
+        }
+        Ok(())
     }
 }
 
@@ -211,10 +256,8 @@ impl RenderSession for CpuPathSession {
             }
             labels.put(frame)?;
         }
-        if wants(RADIANCE.id()) {
-            frame.put(RADIANCE, self.radiance(request, &camera)?)?;
-        }
-        Ok(())
+        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), ALBEDO_MEAN.id(), NORMAL_MEAN.id(), RENDER_REPORT.id()];
+        if of_paths.into_iter().any(wants) { self.picture(request, &camera, frame) } else { Ok(()) }
     }
 }
 

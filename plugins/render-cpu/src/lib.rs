@@ -22,6 +22,7 @@ mod light;
 mod material;
 mod mesh;
 mod path;
+mod picture;
 mod real;
 mod sampler;
 #[cfg(test)]

@@ -12,10 +12,12 @@ use crate::bsdf::{Bsdf, Substance, table};
 use crate::bvh::Ray;
 use crate::camera::RayCamera;
 use crate::light::Lights;
-use crate::real::{Int, Mask, Real, at_least, at_most, inverse};
+use crate::real::{Int, Mask, Real, at_least, at_most, inverse, max};
 use crate::sampler::{Sampler, pixel_seed};
 use crate::vec3::{Basis, Rgb, Vec3};
 use crate::world::World;
+use std::ops::Range;
+use syntable_model::photometry::luminance;
 
 /// A light is seen if nothing is closer by more than this share of its distance: lamps may lie flat on a ceiling.
 const TOUCHING: f32 = 1e-4;
@@ -23,6 +25,12 @@ const TOUCHING: f32 = 1e-4;
 /// How fast the cone of a path widens after a diffuse bounce, metres a metre: textures seen by bounced light are
 /// read coarsely, which leaves their mean and takes their noise.
 const DIFFUSE_SPREAD: f32 = 0.25;
+
+/// A scattering counts as rough from this α on.
+const ROUGH: f32 = 0.1;
+
+/// How many mirrors and panes guides for denoisers look through.
+const GUIDE_BOUNCES: u32 = 2;
 
 /// Which estimates of direct light are used; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,12 +48,15 @@ pub(crate) enum Strategy {
 /// Options of a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
+    /// Samples a pixel that are planned, so that textures are read as finely as they can show.
     pub samples: u32,
     pub max_bounces: u32,
     /// Bounces after which paths may be ended at random.
     pub roulette_from: u32,
     /// Largest luminance that one connection to a light may bring by scattering, nits.
     pub clamp: f32,
+    /// Least perceptual roughness of what a path meets after it was scattered by something rough.
+    pub roughen: f32,
     pub strategy: Strategy,
     /// Whether paths are computed one at a time though the processor can do eight; tests compare them.
     pub one_lane: bool,
@@ -82,7 +93,29 @@ pub(crate) struct PathTracer<'a> {
     spread: f32,
 }
 
+/// What was found of a pixel so far: sums over its samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PixelSums {
+    pub samples: u32,
+    pub radiance: [f64; 3],
+    /// Of the luminance's square.
+    pub square: f64,
+    pub albedo: [f32; 3],
+    /// World.
+    pub normal: [f32; 3],
+}
+
+impl PixelSums {
+    /// Estimated variance of the mean luminance, nits².
+    pub fn variance(&self) -> f64 {
+        let n = f64::from(self.samples);
+        let mean = luminance(self.radiance) / n;
+        if self.samples > 1 { (self.square / n - mean * mean).max(0.0) / (n - 1.0) } else { f64::INFINITY }
+    }
+}
+
 /// Whose turn it is: pixels of a tile, row by row, and their samples.
+#[derive(Clone, Copy)]
 struct Turn {
     pixel: usize,
     sample: u32,
@@ -96,54 +129,75 @@ impl<'a> PathTracer<'a> {
         Self { world, lights, camera, settings, seed, spread: camera.pixel_angle * sharpness }
     }
 
-    /// Mean radiance over the area of every pixel of a tile [left, top, right, bottom], row by row, nits.
-    pub fn tile(&self, area: [u32; 4], statistics: &mut Statistics) -> Vec<[f32; 3]> {
+    /// Adds samples of every pixel of a tile [left, top, right, bottom], row by row.
+    pub fn tile(&self, area: [u32; 4], samples: Range<u32>, sums: &mut [PixelSums], statistics: &mut Statistics) {
         #[cfg(target_arch = "x86_64")]
         {
             /// # Safety
             /// The processor has AVX2.
             #[target_feature(enable = "avx2")]
-            unsafe fn eight(tracer: &PathTracer, area: [u32; 4], statistics: &mut Statistics) -> Vec<[f32; 3]> {
-                tracer.tile_in_lanes::<crate::real::Eight>(area, statistics)
+            unsafe fn eight(
+                tracer: &PathTracer,
+                area: [u32; 4],
+                samples: Range<u32>,
+                sums: &mut [PixelSums],
+                statistics: &mut Statistics,
+            ) {
+                tracer.tile_in_lanes::<crate::real::Eight>(area, samples, sums, statistics);
             }
             if crate::real::has_eight() && !self.settings.one_lane {
                 // SAFETY: just asked.
-                return unsafe { eight(self, area, statistics) };
+                return unsafe { eight(self, area, samples, sums, statistics) };
             }
         }
-        self.tile_in_lanes::<f32>(area, statistics)
+        self.tile_in_lanes::<f32>(area, samples, sums, statistics);
     }
 
     #[inline(always)]
-    fn tile_in_lanes<T: Real>(&self, area: [u32; 4], statistics: &mut Statistics) -> Vec<[f32; 3]> {
-        let [left, top, right, bottom] = area;
-        let samples = self.settings.samples;
-        let mut sums = vec![[0.0_f64; 3]; ((right - left) * (bottom - top)) as usize];
+    fn tile_in_lanes<T: Real>(
+        &self,
+        area: [u32; 4],
+        samples: Range<u32>,
+        sums: &mut [PixelSums],
+        statistics: &mut Statistics,
+    ) {
         let mut batch = Batch::new();
-        let mut turn = Turn { pixel: 0, sample: 0 };
+        let mut turn = Turn { pixel: 0, sample: samples.start };
         while turn.pixel < sums.len() {
-            let first = Turn { ..turn };
-            let count = self.start::<T>(&mut batch, area, &mut turn, sums.len());
+            let first = turn;
+            let count = self.start::<T>(&mut batch, area, &samples, &mut turn, sums.len());
             statistics.paths += count as u64;
             self.trace::<T>(&mut batch, count, statistics);
             // In the order of the samples, whatever the batches.
             let (mut pixel, mut sample) = (first.pixel, first.sample);
-            for radiance in &batch.radiance[..count] {
-                for (sum, &value) in sums[pixel].iter_mut().zip(radiance) {
-                    *sum += f64::from(value);
+            for slot in 0..count {
+                let (sum, radiance) = (&mut sums[pixel], batch.radiance[slot].map(f64::from));
+                sum.samples += 1;
+                let y = luminance(radiance);
+                sum.square += y * y;
+                for c in 0..3 {
+                    sum.radiance[c] += radiance[c];
+                    sum.albedo[c] += batch.guides.albedo[slot][c];
+                    sum.normal[c] += batch.guides.normal[slot][c];
                 }
                 sample += 1;
-                if sample == samples {
-                    (pixel, sample) = (pixel + 1, 0);
+                if sample == samples.end {
+                    (pixel, sample) = (pixel + 1, samples.start);
                 }
             }
         }
-        sums.iter().map(|sum| sum.map(|value| (value / f64::from(samples)) as f32)).collect()
     }
 
     /// Fills a batch with camera rays; gives their number.
     #[inline(always)]
-    fn start<T: Real>(&self, batch: &mut Batch, area: [u32; 4], turn: &mut Turn, pixels: usize) -> usize {
+    fn start<T: Real>(
+        &self,
+        batch: &mut Batch,
+        area: [u32; 4],
+        samples: &Range<u32>,
+        turn: &mut Turn,
+        pixels: usize,
+    ) -> usize {
         let [left, top, right, _] = area;
         let columns = (right - left) as usize;
         let paths = &mut batch.paths;
@@ -152,7 +206,7 @@ impl<'a> PathTracer<'a> {
             let (x, y) = (left + (turn.pixel % columns) as u32, top + (turn.pixel / columns) as u32);
             let corner = self.camera.ray(f64::from(x), f64::from(y));
             let seed = pixel_seed(self.seed, x, y);
-            let more = ((self.settings.samples - turn.sample) as usize).min(BATCH - count);
+            let more = ((samples.end - turn.sample) as usize).min(BATCH - count);
             for i in count..count + more {
                 set(&mut paths.origin, i, corner.origin.into());
                 set(&mut paths.direction, i, corner.direction.into());
@@ -160,11 +214,12 @@ impl<'a> PathTracer<'a> {
                 paths.index[i] = turn.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
                 batch.radiance[i] = [0.0; 3];
+                batch.guides.clear(i);
             }
             count += more;
             turn.sample += more as u32;
-            if turn.sample == self.settings.samples {
-                *turn = Turn { pixel: turn.pixel + 1, sample: 0 };
+            if turn.sample == samples.end {
+                *turn = Turn { pixel: turn.pixel + 1, sample: samples.start };
             }
         }
         let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
@@ -176,6 +231,7 @@ impl<'a> PathTracer<'a> {
             store(Vec3::all(T::splat(1.0)), &mut paths.throughput, at);
             T::splat(0.0).store(&mut paths.width[at..]);
             T::splat(self.spread).store(&mut paths.spread[at..]);
+            T::splat(0.0).store(&mut paths.roughen[at..]);
         }
         count
     }
@@ -284,7 +340,11 @@ impl<'a> PathTracer<'a> {
             }
             let width = paths.width[i] + paths.spread[i] * hit.t;
             paths.width[i] = width;
-            let surface = self.world.surface(&hit, get(&paths.origin, i), get(&paths.direction, i), hit.t, width);
+            let mut surface = self.world.surface(&hit, get(&paths.origin, i), get(&paths.direction, i), hit.t, width);
+            if bounce <= GUIDE_BOUNCES {
+                batch.guides.meet(paths.slot[i] as usize, &surface, bounce == GUIDE_BOUNCES);
+            }
+            surface.substance.roughness = max(surface.substance.roughness, paths.roughen[i]);
             batch.surfaces.set(i, &surface);
             if !surface.emission.is_black() {
                 let found = get(&paths.throughput, i) * surface.emission;
@@ -357,6 +417,9 @@ impl<'a> PathTracer<'a> {
             }
             let rough = T::pick(scattered.specular, substance.roughness * substance.roughness, T::splat(1.0));
             let spread = T::load(&paths.spread[at..]) + rough * DIFFUSE_SPREAD;
+            // From a rough scattering on, nothing is smoother than the option says.
+            let roughen = T::load(&paths.roughen[at..]);
+            let roughen = T::pick(rough.gt(T::splat(ROUGH)), T::splat(self.settings.roughen), roughen);
             let width = T::load(&paths.width[at..]);
 
             compress(origin, going, &mut paths.origin, next);
@@ -366,6 +429,7 @@ impl<'a> PathTracer<'a> {
             scattered.pdf.compress(going, &mut paths.pdf[next..]);
             width.compress(going, &mut paths.width[next..]);
             spread.compress(going, &mut paths.spread[next..]);
+            roughen.compress(going, &mut paths.roughen[next..]);
             sampler.seed.compress(going, &mut paths.seed[next..]);
             sampler.index.compress(going, &mut paths.index[next..]);
             slot.compress(going, &mut paths.slot[next..]);

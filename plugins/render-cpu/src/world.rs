@@ -52,6 +52,14 @@ pub(crate) struct Surface {
     pub emission: Rgb,
 }
 
+impl Surface {
+    /// Whether it shows other surfaces rather than its own colour.
+    #[inline(always)]
+    pub fn is_mirror(&self) -> bool {
+        self.substance.roughness < 0.15 && self.substance.metallic > 0.9
+    }
+}
+
 impl World {
     /// Makes a scene ready, body by body over the workers.
     pub fn new(scene: &Scene, cache: &SceneCache, workers: &dyn Workers) -> Self {

@@ -1,6 +1,7 @@
 //! Properties of pictures as a whole.
 
 use super::support::*;
+use crate::CpuPath;
 use crate::path::Strategy;
 use std::sync::Arc;
 use syntable_model::context::Serial;
@@ -66,7 +67,7 @@ fn busy_scene() -> (Arc<Scene>, View) {
     (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
 }
 
-const ALL: [KeyId; 9] = [
+const ALL: [KeyId; 13] = [
     RADIANCE.id(),
     DEPTH.id(),
     INSTANCE.id(),
@@ -76,6 +77,10 @@ const ALL: [KeyId; 9] = [
     COVERAGE_BEFORE_SUPPORT_WIDE.id(),
     NORMAL.id(),
     ALBEDO.id(),
+    NORMAL_MEAN.id(),
+    ALBEDO_MEAN.id(),
+    RADIANCE_VARIANCE.id(),
+    RENDER_REPORT.id(),
 ];
 
 fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
@@ -239,4 +244,33 @@ fn options_are_checked_and_the_example_builds() {
     for wrong in ["clamp_nits = 0", "clamp_nits = nan", "samples_per_pixel = 0"] {
         assert!(entry.construct_str(wrong).is_err(), "{wrong}");
     }
+}
+
+#[test]
+fn rounds_give_the_same_picture_as_one_go_and_quiet_tiles_stop_early() {
+    let (scene, view) = busy_scene();
+    let wants = [RADIANCE.id(), ALBEDO_MEAN.id(), NORMAL_MEAN.id(), RENDER_REPORT.id()];
+    let whole = render(options(40, 4), &scene, &view, &wants);
+    let never = CpuPath { noise: Some(1e-9), ..options(40, 4) };
+    let rounds = render(never, &scene, &view, &wants);
+    for key in [RADIANCE, ALBEDO_MEAN, NORMAL_MEAN] {
+        assert_eq!(whole.get(key).expect("made"), rounds.get(key).expect("made"), "{}", key.name());
+    }
+    let samples = |frame: &Frame| {
+        let Value::Record(fields) = frame.get(RENDER_REPORT).expect("made").clone() else { panic!("a record") };
+        let field = |name: &str| fields.iter().find(|(key, _)| key == name).expect("there").1.clone();
+        (field("samples_min"), field("samples_max"))
+    };
+    assert_eq!(samples(&rounds), (40_u32.into(), 40_u32.into()));
+    let early = render(CpuPath { noise: Some(0.08), ..options(256, 4) }, &scene, &view, &wants);
+    let (fewest, most) = samples(&early);
+    assert_eq!(fewest, 16_u32.into(), "the plain background needs no more");
+    assert_ne!(most, 16_u32.into(), "the objects do");
+    // The promised noise is that of another picture's difference.
+    let other = render(CpuPath { noise: Some(1e-9), ..options(2048, 4) }, &scene, &view, &wants);
+    let (a, b) = (early.get(RADIANCE).expect("made"), other.get(RADIANCE).expect("made"));
+    let mean = b.data().iter().map(|p| f64::from(p[1])).sum::<f64>() / b.data().len() as f64;
+    let error = |(a, b): (&[f32; 3], &[f32; 3])| f64::from((a[1] - b[1]).abs()) / (f64::from(b[1]) + 0.1 * mean);
+    let error = a.data().iter().zip(b.data()).map(error).sum::<f64>() / a.data().len() as f64;
+    assert!(error < 0.08, "{error}");
 }

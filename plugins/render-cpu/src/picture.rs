@@ -1,0 +1,202 @@
+//! A picture in rounds: which tiles get how many samples, and what is told of the result.
+
+use crate::path::{PathTracer, PixelSums, Statistics};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+use syntable_model::context::Workers;
+use syntable_model::photometry::luminance;
+use syntable_model::product::{Plane, Value};
+
+/// Edge of the squares of pixels that are one job, and that stop together.
+const TILE: u32 = 16;
+
+/// Samples of the first round where tiles may stop early: enough to know how noisy they are.
+const FIRST_ROUND: u32 = 16;
+
+/// A pixel is a firefly if it is brighter than all its neighbours by this factor.
+const FIREFLY: f64 = 8.0;
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Budget {
+    /// Most samples a pixel.
+    pub samples: u32,
+    /// Tiles whose relative error is below this stop early.
+    pub noise: Option<f64>,
+    /// No round starts that would end later than this many seconds after the start, as the last one took.
+    pub seconds: Option<f64>,
+}
+
+/// A picture in the making.
+pub(crate) struct Picture {
+    width: u32,
+    height: u32,
+    tiles: Vec<Mutex<Tile>>,
+    pub statistics: Statistics,
+}
+
+struct Tile {
+    /// Left, top, right, bottom.
+    area: [u32; 4],
+    sums: Vec<PixelSums>,
+    done: bool,
+}
+
+impl Picture {
+    /// Makes a picture.
+    pub fn trace(tracer: &PathTracer, width: u32, height: u32, budget: &Budget, workers: &dyn Workers) -> Self {
+        let tile = |left: u32, top: u32| {
+            let area = [left, top, (left + TILE).min(width), (top + TILE).min(height)];
+            let pixels = (area[2] - left) * (area[3] - top);
+            Mutex::new(Tile { area, sums: vec![PixelSums::default(); pixels as usize], done: false })
+        };
+        let steps = |to: u32| (0..to).step_by(TILE as usize);
+        let tiles = steps(height).flat_map(|top| steps(width).map(move |left| (left, top)));
+        let tiles = tiles.map(|(left, top)| tile(left, top)).collect();
+        let mut picture = Self { width, height, tiles, statistics: Statistics::default() };
+        let whole = budget.noise.is_none() && budget.seconds.is_none();
+        let (started, mut from) = (Instant::now(), 0);
+        while from < budget.samples {
+            let to = match (whole, from) {
+                (true, _) => budget.samples,
+                (_, 0) if budget.seconds.is_some() => 1,
+                (_, 0) => FIRST_ROUND.min(budget.samples),
+                _ => (2 * from).min(budget.samples),
+            };
+            // What is left of the time decides; the clock is asked for nothing else.
+            let elapsed = started.elapsed().as_secs_f64();
+            let predicted = if from == 0 { 0.0 } else { elapsed * f64::from(to) / f64::from(from) };
+            let to = match budget.seconds {
+                Some(limit) if from > 0 && predicted > limit => {
+                    let fitting = f64::from(from) * limit / elapsed.max(1e-9);
+                    if fitting < f64::from(from) + 1.0 {
+                        break;
+                    }
+                    (fitting as u32).min(to)
+                }
+                _ => to,
+            };
+            picture.round(tracer, from..to, workers);
+            if let Some(noise) = budget.noise
+                && picture.stop_quiet_tiles(noise)
+            {
+                break;
+            }
+            from = to;
+        }
+        picture
+    }
+
+    fn round(&mut self, tracer: &PathTracer, samples: std::ops::Range<u32>, workers: &dyn Workers) {
+        let total = Mutex::new(self.statistics);
+        workers.run(self.tiles.len(), &|number| {
+            let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
+            if tile.done {
+                return;
+            }
+            let (area, mut statistics) = (tile.area, Statistics::default());
+            tracer.tile(area, samples.clone(), &mut tile.sums, &mut statistics);
+            total.lock().unwrap_or_else(PoisonError::into_inner).add(&statistics);
+        });
+        self.statistics = total.into_inner().unwrap_or_else(PoisonError::into_inner);
+    }
+
+    /// Marks the tiles whose error is small as done; true if all are.
+    ///
+    /// The error of a tile is the mean over its pixels of the luminance's standard error over the luminance, where a
+    /// tenth of the picture's mean is added to the latter, so that darkness need not be cleaner than it can be seen.
+    fn stop_quiet_tiles(&mut self, noise: f64) -> bool {
+        let mean_of = |sums: &PixelSums| luminance(sums.radiance) / f64::from(sums.samples.max(1));
+        let (mut total, mut pixels) = (0.0, 0.0);
+        for tile in &mut self.tiles {
+            let tile = tile.get_mut().unwrap_or_else(PoisonError::into_inner);
+            total += tile.sums.iter().map(mean_of).sum::<f64>();
+            pixels += tile.sums.len() as f64;
+        }
+        let floor = (0.1 * total / pixels).max(1e-9);
+        let mut all = true;
+        for tile in &mut self.tiles {
+            let tile = tile.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let error: f64 = tile.sums.iter().map(|sums| sums.variance().sqrt() / (mean_of(sums) + floor)).sum();
+            tile.done = tile.done || error < noise * tile.sums.len() as f64;
+            all &= tile.done;
+        }
+        all
+    }
+
+    /// A value of every pixel.
+    pub fn plane<T: Copy>(&self, zero: T, value: impl Fn(&PixelSums) -> T) -> Plane<T> {
+        let mut plane = Plane::from_fn(self.width, self.height, |_, _| zero);
+        for tile in &self.tiles {
+            let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+            let [left, top, right, _] = tile.area;
+            for (row, y) in tile.sums.chunks((right - left) as usize).zip(top..) {
+                let start = y as usize * self.width as usize + left as usize;
+                for (pixel, sums) in plane.data_mut()[start..].iter_mut().zip(row) {
+                    *pixel = value(sums);
+                }
+            }
+        }
+        plane
+    }
+
+    /// Mean radiance over the area of every pixel, nits.
+    pub fn radiance(&self) -> Plane<[f32; 3]> {
+        self.plane([0.0; 3], |sums| sums.radiance.map(|x| (x / f64::from(sums.samples.max(1))) as f32))
+    }
+
+    /// What was traced and how noisy it is.
+    pub fn report(&self) -> Value {
+        let radiance = self.radiance();
+        let samples = self.plane(0_u32, |sums| sums.samples);
+        let Statistics { paths, rays, shadow_rays } = self.statistics;
+        let error = self.plane(0.0_f64, |sums| sums.variance().sqrt());
+        let total: f64 = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).sum();
+        let relative = if total > 0.0 { error.data().iter().sum::<f64>() / total } else { 0.0 };
+        let mut record = vec![
+            ("paths", (paths as i64).into()),
+            ("rays", (rays as i64).into()),
+            ("shadow_rays", (shadow_rays as i64).into()),
+            ("samples_min", samples.data().iter().copied().min().unwrap_or(0).into()),
+            ("samples_max", samples.data().iter().copied().max().unwrap_or(0).into()),
+            ("fireflies", fireflies(&radiance).into()),
+        ];
+        // A single sample says nothing of its error.
+        if relative.is_finite() {
+            record.push(("relative_error", relative.into()));
+        }
+        Value::record(record)
+    }
+}
+
+/// Pixels that are far brighter than everything around them.
+pub(crate) fn fireflies(radiance: &Plane<[f32; 3]>) -> u32 {
+    let (width, height) = (radiance.width() as usize, radiance.height() as usize);
+    let y: Vec<f64> = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).collect();
+    let mut found = 0;
+    for row in 0..height {
+        for column in 0..width {
+            let rows = row.saturating_sub(1)..(row + 2).min(height);
+            let around = rows.flat_map(|r| (column.saturating_sub(1)..(column + 2).min(width)).map(move |c| (r, c)));
+            let around = around.filter(|&at| at != (row, column)).map(|(r, c)| y[r * width + c]);
+            let brightest = around.fold(0.0, f64::max);
+            found += u32::from(brightest > 0.0 && y[row * width + column] > FIREFLY * brightest);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fireflies_are_lonely() {
+        let at = |bright: &[(u32, u32)]| {
+            Plane::from_fn(9, 7, |x, y| if bright.contains(&(x, y)) { [90.0; 3] } else { [1.0; 3] })
+        };
+        assert_eq!(fireflies(&at(&[(0, 0), (4, 3)])), 2);
+        assert_eq!(fireflies(&at(&[(4, 3), (5, 3)])), 0, "a lamp of two pixels is none");
+        assert_eq!(fireflies(&at(&[])), 0);
+    }
+}
