@@ -73,6 +73,26 @@ impl Aabb {
     }
 }
 
+/// The free space between boxes around a point: the widest box that ends, along each axis, at the first box that the
+/// axis-parallel line through the point meets. Infinite where there is none; boxes that hold the point do not count.
+///
+/// Of the parts of a room and a point inside, it is the inside of the room.
+pub fn space_around(point: &Point3<f64>, boxes: impl IntoIterator<Item = Aabb>) -> Aabb {
+    let mut space = Aabb { min: Point3::from([f64::NEG_INFINITY; 3]), max: Point3::from([f64::INFINITY; 3]) };
+    for aabb in boxes {
+        for axis in 0..3 {
+            let beside = (0..3).any(|k| k != axis && !(aabb.min[k] <= point[k] && point[k] <= aabb.max[k]));
+            if !beside && aabb.min[axis] > point[axis] {
+                space.max[axis] = space.max[axis].min(aabb.min[axis]);
+            }
+            if !beside && aabb.max[axis] < point[axis] {
+                space.min[axis] = space.min[axis].max(aabb.max[axis]);
+            }
+        }
+    }
+    space
+}
+
 /// A camera's `world_from_camera` at `eye`, looking at `target`, with `up` towards the top of the image.
 ///
 /// When the direction is parallel to `up`, the image's top points along world y.
@@ -114,5 +134,23 @@ mod tests {
         assert_eq!(a.union(Aabb::empty()), a);
         assert!(Aabb::empty().is_empty() && !a.is_empty());
         assert!(a.corners().contains(&Point3::new(1.0, 0.0, 3.0)));
+    }
+
+    #[test]
+    fn the_space_in_a_room_is_its_inside() {
+        let slab = |min: [f64; 3], max: [f64; 3]| Aabb { min: min.into(), max: max.into() };
+        let parts = [
+            slab([-3.1, -2.1, -0.1], [3.1, 2.1, 0.0]),
+            slab([3.0, -2.0, 0.0], [3.1, 2.0, 2.5]),
+            slab([-3.1, -2.0, 0.0], [-3.0, 2.0, 2.5]),
+            slab([-3.0, 2.0, 0.0], [3.0, 2.1, 2.5]),
+            // A second wall behind, a pillar aside, and a box around the point do not count.
+            slab([4.0, -2.0, 0.0], [4.1, 2.0, 2.5]),
+            slab([1.0, 1.0, 0.0], [1.2, 1.2, 2.5]),
+            slab([-9.0, -9.0, -9.0], [9.0, 9.0, 9.0]),
+        ];
+        let space = space_around(&Point3::new(0.2, 0.1, 0.7), parts);
+        assert_eq!(space.min, Point3::new(-3.0, f64::NEG_INFINITY, 0.0));
+        assert_eq!(space.max, Point3::new(3.0, 2.0, f64::INFINITY));
     }
 }

@@ -5,7 +5,8 @@
 //! irradiance triple has Y in lux. A rendered picture is therefore in nits, and camera exposure follows from it.
 
 use crate::geometry::{Point3, Vector3};
-use std::f64::consts::PI;
+use crate::scene::EnvironmentMap;
+use std::f64::consts::{PI, TAU};
 
 /// Luminance of a linear Rec. 709 colour.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
@@ -87,6 +88,125 @@ pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: 
     (0.5 * sum).abs()
 }
 
+/// Illuminance (lux) per nit of a one-sided disk, at a point on a plane with unit `normal`.
+///
+/// The light vector of a disk of radius a, seen from height h above its plane and from ρ beside its axis: with
+/// `w = √((h² + ρ² + a²)² - 4 a² ρ²)` it has `π/2 (1 - (h² + ρ² - a²) / w)` towards the disk's plane, along its axis, and
+/// `π h / 2ρ ((h² + ρ² + a²) / w - 1)` towards the axis (Howell's catalogue of configuration factors, B-12 and its
+/// perpendicular case). Exact while the whole disk is above the plane; one that the plane cuts is taken as a polygon
+/// of 512 corners and equal area.
+pub fn disk_illuminance(
+    centre: Point3<f64>,
+    axis: Vector3<f64>,
+    radius: f64,
+    point: Point3<f64>,
+    normal: Vector3<f64>,
+) -> f64 {
+    let to_centre = centre - point;
+    let height = -to_centre.dot(&axis);
+    if height <= 0.0 {
+        return 0.0;
+    }
+    let sideways = to_centre + axis * height;
+    let beside = sideways.norm();
+    let along = axis.dot(&normal);
+    // How far the disk reaches above and below its centre, as the plane sees heights.
+    let reach = radius * (1.0 - along * along).max(0.0).sqrt();
+    let above = to_centre.dot(&normal);
+    if above <= -reach {
+        return 0.0;
+    }
+    if above < reach {
+        return cut_disk_illuminance(centre, axis, radius, point, normal);
+    }
+    let (h2, p2, a2) = (height * height, beside * beside, radius * radius);
+    let root = ((h2 + p2 + a2) * (h2 + p2 + a2) - 4.0 * a2 * p2).sqrt();
+    let straight = PI / 2.0 * (1.0 - (h2 + p2 - a2) / root);
+    // Near the axis the sideways part vanishes, in proportion to the distance from it.
+    let tilted = if beside < 1e-6 * (height + radius) {
+        Vector3::zeros()
+    } else {
+        sideways / beside * (PI * height / (2.0 * beside) * ((h2 + p2 + a2) / root - 1.0))
+    };
+    (tilted - axis * straight).dot(&normal).max(0.0)
+}
+
+fn cut_disk_illuminance(
+    centre: Point3<f64>,
+    axis: Vector3<f64>,
+    radius: f64,
+    point: Point3<f64>,
+    normal: Vector3<f64>,
+) -> f64 {
+    const CORNERS: u32 = 512;
+    let other = if axis.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };
+    let u = axis.cross(&other).normalize();
+    let v = axis.cross(&u);
+    let step = TAU / f64::from(CORNERS);
+    let radius = radius * (step / step.sin()).sqrt();
+    let corners: Vec<Point3<f64>> = (0..CORNERS)
+        .map(|i| {
+            let (sin, cos) = (step * f64::from(i)).sin_cos();
+            centre + (u * cos + v * sin) * radius
+        })
+        .collect();
+    polygon_illuminance(&corners, point, normal)
+}
+
+/// Irradiance that a map alone gives on a level plane without obstacles, in units of its texels; its luminance is an
+/// illuminance. Exact for texels of even radiance: a row between polar angles a and b has the weight
+/// `(sin² b - sin² a) / 2`.
+pub fn level_irradiance(map: &EnvironmentMap) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for (row, texels) in map.texels().chunks(map.width() as usize).enumerate() {
+        let squared_sine = |row: usize| {
+            let polar = (PI * row as f64 / f64::from(map.height())).min(PI / 2.0);
+            polar.sin() * polar.sin()
+        };
+        let weight = (squared_sine(row + 1) - squared_sine(row)) / 2.0 * TAU / f64::from(map.width());
+        if weight <= 0.0 {
+            break;
+        }
+        for texel in texels {
+            for (sum, &value) in sum.iter_mut().zip(texel) {
+                *sum += weight * f64::from(value);
+            }
+        }
+    }
+    sum
+}
+
+/// Luminance (nits) of a surface of `area_m2` that gives off `flux_lm` lumens on one side, alike from everywhere and
+/// after Lambert's law: `Φ = π L A`. For a sphere the area is `4π r²`.
+pub fn flux_luminance(flux_lm: f64, area_m2: f64) -> f64 {
+    flux_lm / (PI * area_m2)
+}
+
+/// Luminous flux (lumens) of a surface after Lambert's law: `Φ = π L A`.
+pub fn lambertian_flux(luminance_nits: f64, area_m2: f64) -> f64 {
+    PI * luminance_nits * area_m2
+}
+
+/// Luminous intensity (candela) of a glowing sphere, the same in all directions: `I = π r² L`.
+pub fn sphere_intensity(luminance_nits: f64, radius_m: f64) -> f64 {
+    PI * radius_m * radius_m * luminance_nits
+}
+
+/// Luminous flux (lumens) of a source that has `intensity_cd` candela in all directions: `Φ = 4π I`.
+pub fn isotropic_flux(intensity_cd: f64) -> f64 {
+    4.0 * PI * intensity_cd
+}
+
+/// Luminous intensity (candela) of a source that gives off `flux_lm` lumens alike in all directions: `I = Φ / 4π`.
+pub fn isotropic_intensity(flux_lm: f64) -> f64 {
+    flux_lm / (4.0 * PI)
+}
+
+/// Illuminance (lux) of a small source on a plane that faces it: `E = I / d²`.
+pub fn point_illuminance(intensity_cd: f64, distance_m: f64) -> f64 {
+    intensity_cd / (distance_m * distance_m)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,5 +254,94 @@ mod tests {
         let (d, r) = (2.0, 0.5);
         let l = sphere_luminance(800.0, d, r);
         assert!((PI * l * (r / d).powi(2) - 800.0).abs() < 1e-9);
+    }
+
+    /// Illuminance of a disk by a sum over small pieces of it.
+    fn summed(centre: Point3<f64>, axis: Vector3<f64>, radius: f64, normal: Vector3<f64>) -> f64 {
+        let u = axis.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize();
+        let v = axis.cross(&u);
+        let (rings, around) = (400, 400);
+        let mut sum = 0.0;
+        for i in 0..rings {
+            let r = radius * (f64::from(i) + 0.5) / f64::from(rings);
+            let area = TAU * r * radius / f64::from(rings * around);
+            for j in 0..around {
+                let (sin, cos) = (TAU * (f64::from(j) + 0.5) / f64::from(around)).sin_cos();
+                let at = centre.coords + (u * cos + v * sin) * r;
+                let d2 = at.norm_squared();
+                let (emitted, received) = (-at.dot(&axis), at.dot(&normal));
+                sum += area * emitted.max(0.0) * received.max(0.0) / (d2 * d2);
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn a_disk_lights_as_the_sum_of_its_pieces() {
+        // On the axis: E = π L a² / (a² + h²).
+        let on_axis = disk_illuminance(Point3::new(0.0, 0.0, 2.0), -Vector3::z(), 0.5, Point3::origin(), Vector3::z());
+        assert!((on_axis / (PI * 0.25 / 4.25) - 1.0).abs() < 1e-12, "{on_axis}");
+        let tilted = Vector3::new(0.4, -0.2, -1.0).normalize();
+        for (centre, axis, radius, normal) in [
+            ([0.0, 0.0, 2.0], -Vector3::z(), 0.5, Vector3::z()),
+            ([1.5, -0.7, 2.0], -Vector3::z(), 1.2, Vector3::z()),
+            ([1.5, 0.3, 1.0], -Vector3::z(), 0.6, Vector3::new(0.5, 0.1, 0.8).normalize()),
+            ([-1.0, 0.5, 1.0], tilted, 0.4, Vector3::new(-0.5, 0.3, 0.7).normalize()),
+            // Cut by the horizon, mostly above and mostly below.
+            ([2.0, 0.0, 0.2], -Vector3::x(), 0.7, Vector3::z()),
+            ([2.0, 0.0, -0.3], -Vector3::x(), 0.7, Vector3::z()),
+        ] {
+            let centre = Point3::from(centre);
+            let got = disk_illuminance(centre, axis, radius, Point3::origin(), normal);
+            let want = summed(centre, axis, radius, normal);
+            assert!((got / want - 1.0).abs() < 1e-3, "{centre} {axis} {radius}: {got} {want}");
+        }
+        let behind = disk_illuminance(Point3::new(0.0, 0.0, 2.0), Vector3::z(), 0.5, Point3::origin(), Vector3::z());
+        assert_eq!(behind, 0.0);
+    }
+
+    #[test]
+    fn photometric_units_agree_with_each_other() {
+        // A sphere of 1 m² of surface and π nits: its flux by surface and by intensity, its illuminance by both ways.
+        let radius = (1.0 / (4.0 * PI)).sqrt();
+        let nits = 1000.0;
+        let intensity = sphere_intensity(nits, radius);
+        assert!((lambertian_flux(nits, 1.0) - isotropic_flux(intensity)).abs() < 1e-9);
+        assert!((flux_luminance(lambertian_flux(nits, 1.0), 1.0) - nits).abs() < 1e-9);
+        assert!((isotropic_intensity(isotropic_flux(intensity)) - intensity).abs() < 1e-9);
+        let lux = point_illuminance(intensity, 3.0);
+        assert!((sphere_luminance(lux, 3.0, radius) - nits).abs() < 1e-9);
+        // A candela is a lumen per steradian: a lamp of 4π lm gives 1 lx at 1 m.
+        assert!((point_illuminance(isotropic_intensity(4.0 * PI), 1.0) - 1.0).abs() < 1e-12);
+        // A large panel of 3000 lm and 0.36 m² seen from 10 m: E = L A / d², within the panel's size.
+        let panel = flux_luminance(3000.0, 0.36);
+        let far = polygon_illuminance(
+            &[[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]].map(|[x, y]| Point3::new(x, y, 10.0)),
+            Point3::origin(),
+            Vector3::z(),
+        );
+        assert!((panel * far / (3000.0 / (PI * 100.0)) - 1.0).abs() < 2e-3);
+    }
+
+    #[test]
+    fn a_map_gives_its_closed_form_on_a_level_plane() {
+        // Even radiance from above: E = π L, whatever is below.
+        let mut texels = vec![[2.0, 1.0, 0.5]; 16 * 8];
+        texels[64..].fill([100.0; 3]);
+        let even = level_irradiance(&EnvironmentMap::new("even", 16, 8, texels).expect("sound"));
+        assert!((even[0] / TAU - 1.0).abs() < 1e-12 && (even[2] / (PI / 2.0) - 1.0).abs() < 1e-12, "{even:?}");
+        // An odd number of rows: half of the middle one counts. L = cos θ gives 2π/3.
+        let (width, height) = (4, 255);
+        let texels = (0..height)
+            .flat_map(|row| {
+                let radiance = (PI * (f64::from(row) + 0.5) / f64::from(height)).cos() as f32;
+                vec![[radiance.max(0.0); 3]; width as usize]
+            })
+            .collect();
+        let cosine = level_irradiance(&EnvironmentMap::new("cosine", width, height as u32, texels).expect("sound"));
+        assert!((cosine[1] / (TAU / 3.0) - 1.0).abs() < 1e-3, "{cosine:?}");
+        // A constant map has a single row.
+        let constant = level_irradiance(&EnvironmentMap::constant([1.0; 3]));
+        assert!((constant[0] - PI).abs() < 1e-12, "{constant:?}");
     }
 }

@@ -25,6 +25,11 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
     const KIND: &'static str;
     /// Body of a recipe table with this kind's usual options, valid TOML, for help and tests.
     const EXAMPLE: &'static str;
+    /// Sets options that were left out and whose defaults depend on others, and drops those that others override. The
+    /// resolved recipe shows the result.
+    fn completed(self) -> Self {
+        self
+    }
     /// Builds the stage. Checks what ranges cannot say. Does no input or output, so that `check` is quick.
     fn build(self) -> Result<Box<Self::Stage>, Invalid>;
 }
@@ -268,7 +273,7 @@ impl Entry {
 }
 
 fn construct<C: Config>(table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
-    let config = C::deserialize(toml::de::ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
+    let config = C::deserialize(toml::de::ValueDeserializer::from(table)).map_err(ConstructError::Form)?.completed();
     let options = toml::Table::try_from(&config).map_err(|error| {
         ConstructError::Invalid(Invalid::new("", format!("the options cannot be written back: {error}")))
     })?;

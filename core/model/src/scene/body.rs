@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
 
-/// Number of a body in a frozen scene. 0 is the background, objects are 1..=M, then supports and room parts.
+/// Number of a body in a frozen scene. 0 is the background, objects are 1..=M, then distractors, then
+/// supports and room parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub struct InstanceId(pub u16);
 
@@ -27,6 +28,8 @@ impl fmt::Display for InstanceId {
 pub enum Role {
     /// A thing to segment; annotated.
     Object,
+    /// A thing that may hide objects and lie among them, but that no label speaks of.
+    Distractor,
     /// A thing that objects lie on: the table.
     Support,
     /// Floor, wall or ceiling.

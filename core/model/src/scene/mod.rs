@@ -153,7 +153,11 @@ impl SceneBuilder {
     pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
         let tabletop = self.tabletop()?;
         let mut bodies: Vec<BodyDraft> = self.bodies.into_iter().flatten().collect();
-        bodies.sort_by_key(|body| body.role != Role::Object);
+        bodies.sort_by_key(|body| match body.role {
+            Role::Object => 0,
+            Role::Distractor => 1,
+            Role::Support | Role::Room => 2,
+        });
         if bodies.len() > usize::from(u16::MAX) {
             return Err(Error::new(format!("{} bodies are more than {} ids", bodies.len(), u16::MAX)));
         }
@@ -196,6 +200,13 @@ impl Scene {
     /// The objects, ids 1..=M.
     pub fn objects(&self) -> &[Body] {
         let count = self.bodies.iter().take_while(|body| body.role == Role::Object).count();
+        &self.bodies[..count]
+    }
+
+    /// The objects and distractors: everything but the table and the room. They come first.
+    pub fn things(&self) -> &[Body] {
+        let furniture = |body: &Body| matches!(body.role, Role::Support | Role::Room);
+        let count = self.bodies.iter().take_while(|body| !furniture(body)).count();
         &self.bodies[..count]
     }
 

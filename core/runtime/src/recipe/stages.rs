@@ -98,7 +98,7 @@ impl<'l> Loader<'l> {
         let mut failed = BTreeSet::new();
         for slot in Slot::ALL {
             let Some(tables) = self.tables(slot, tree, drafts) else {
-                names.unread |= slot == Slot::Place;
+                names.unread |= matches!(slot, Slot::Place | Slot::Lights);
                 failed.insert(slot);
                 continue;
             };
