@@ -1,12 +1,13 @@
-//! Glowing rectangles under the ceiling.
+//! Glowing rectangles and disks under the ceiling.
 
+use crate::brightness::{Brightness, check_temperature, complete};
 use crate::radius::check_bounds;
-use crate::sphere_lights::check_light;
+use crate::room::inside;
 use nalgebra::{Point3, Vector3};
-use syntable_model::geometry::Aabb;
-use syntable_model::photometry::{blackbody, polygon_illuminance};
+use std::f64::consts::PI;
+use syntable_model::photometry::{blackbody, disk_illuminance, flux_luminance, polygon_illuminance};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Camera, Light, RectLight, Role};
+use syntable_model::scene::{Camera, DiskLight, Light, RectLight};
 
 /// Free space between a light and the ceiling, metres.
 const BELOW_CEILING_M: f64 = 0.01;
@@ -14,7 +15,8 @@ const BELOW_CEILING_M: f64 = 0.01;
 /// Height above the tabletop where there is no ceiling and no `height_m`, metres.
 const WITHOUT_CEILING_M: f64 = 3.0;
 
-/// Rectangular lights that shine down from the ceiling, drawn anew for every view.
+/// Rectangular or round lights that shine down from the ceiling, drawn anew for every view: one large panel, a few
+/// smaller ones, or a grid of down-lights.
 ///
 /// The lights hang level in a grid over the table, `spacing_m` apart, just below the room's ceiling or at `height_m`.
 /// All have one luminance. Their brightness is the illuminance in lux that all of them together would give, with
@@ -28,7 +30,9 @@ const WITHOUT_CEILING_M: f64 = 3.0;
 pub struct CeilingLight {
     /// How many lights there are, drawn for each view.
     count: IntDist,
-    /// Extent of each light along world x and y, metres.
+    /// Whether the lights are rectangles or disks.
+    shape: CeilingShape,
+    /// Extent of each light along world x and y, metres; of a disk, both are its diameter.
     #[schemars(inner(range(min = 0.01, max = 1000.0)))]
     size_m: [f64; 2],
     /// Height above the floor, metres; just below the ceiling if it is left out, and never above that. Without a
@@ -46,24 +50,41 @@ pub struct CeilingLight {
     /// Colour temperature, kelvin.
     temperature_k: Dist,
     /// Illuminance that all lights together give at the middle of the tabletop on a plane facing them, lux. With 0 lx
-    /// there is no light.
-    illuminance_lx: Dist,
+    /// there is no light. Uniform in 100 to 2000 lx unless brightness is given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    illuminance_lx: Option<Dist>,
     /// Luminance of the lights' surface, nits (cd/m²); takes the place of `illuminance_lx` if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     luminance_nits: Option<Dist>,
+    /// Luminous flux of each light, lumens, as on a lamp's box; in place of the above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    luminous_flux_lm: Option<Dist>,
+}
+
+/// Outline of ceiling lights.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CeilingShape {
+    /// Rectangles.
+    #[default]
+    Rect,
+    /// Disks.
+    Disk,
 }
 
 impl Default for CeilingLight {
     fn default() -> Self {
         Self {
             count: IntDist::Constant(1),
+            shape: CeilingShape::Rect,
             size_m: [2.0, 2.0],
             height_m: None,
             spacing_m: 3.0,
             shift_m: 0.5,
             temperature_k: Dist::Uniform(2000.0, 6500.0),
-            illuminance_lx: Dist::Uniform(100.0, 2000.0),
+            illuminance_lx: None,
             luminance_nits: None,
+            luminous_flux_lm: None,
         }
     }
 }
@@ -74,18 +95,30 @@ impl Config for CeilingLight {
     const EXAMPLE: &'static str =
         "size_m = [2.0, 2.0]\ntemperature_k = { uniform = [2000, 6500] }\nilluminance_lx = { uniform = [100, 2000] }";
 
+    fn completed(mut self) -> Self {
+        let usual = Dist::Uniform(100.0, 2000.0);
+        complete(&mut self.illuminance_lx, &self.luminance_nits, &self.luminous_flux_lm, usual);
+        self
+    }
+
     fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
         self.count.within("count", 0, 1000)?;
         for edge in self.size_m {
             check_bounds("size_m", "size_m", [edge, edge], 0.01)?;
+        }
+        if self.shape == CeilingShape::Disk && self.size_m[0] != self.size_m[1] {
+            let message = format!("a disk of `size_m = {:?}` would be an ellipse", self.size_m);
+            return Err(Invalid::new("size_m", message).help("write its diameter twice"));
         }
         check_bounds("spacing_m", "spacing_m", [self.spacing_m; 2], 0.0)?;
         if let Some(height) = self.height_m {
             check_bounds("height_m", "height_m", [height; 2], 0.1)?;
         }
         check_bounds("shift_m", "shift_m", [self.shift_m; 2], 0.0)?;
-        check_light(&self.temperature_k, &self.illuminance_lx, self.luminance_nits.as_ref())?;
-        Ok(Box::new(self))
+        check_temperature(&self.temperature_k)?;
+        let light = self.completed();
+        light.brightness().check()?;
+        Ok(Box::new(light))
     }
 }
 register!(CeilingLight);
@@ -104,47 +137,68 @@ impl LightSampler for CeilingLight {
             return Err(Error::new(message).help("make `height_m` or the room's `height_m` larger"));
         }
         let middle = Point3::new(tabletop.x + x, tabletop.y + y, height);
-        let mut lights: Vec<RectLight> = grid(count, self.spacing_m)
-            .into_iter()
-            .map(|[dx, dy]| RectLight {
-                centre: middle + Vector3::new(dx, dy, 0.0),
-                // u × v points down.
-                half_u: Vector3::new(self.size_m[0] / 2.0, 0.0, 0.0),
-                half_v: Vector3::new(0.0, -self.size_m[1] / 2.0, 0.0),
-                radiance: [0.0; 3],
-            })
-            .collect();
-        let mut brightness = stream.child("brightness");
-        let luminance = match &self.luminance_nits {
-            Some(nits) => nits.draw(&mut brightness),
-            None => {
+        let places: Vec<Point3<f64>> =
+            grid(count, self.spacing_m).into_iter().map(|[dx, dy]| middle + Vector3::new(dx, dy, 0.0)).collect();
+        let luminance = self.brightness().draw(
+            &mut stream.child("brightness"),
+            |lux| {
                 let facing = (middle - tabletop).normalize();
-                let per_nit: f64 =
-                    lights.iter().map(|light| polygon_illuminance(&light.corners(), tabletop, facing)).sum();
-                self.illuminance_lx.draw(&mut brightness) / per_nit.max(1e-12)
+                let per_nit: f64 = places.iter().map(|&place| self.illuminance(place, tabletop, facing)).sum();
+                lux / per_nit.max(1e-12)
+            },
+            |lumens| flux_luminance(lumens, self.area()),
+        );
+        let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
+        let radiance = color.map(|channel| channel * luminance);
+        let light = |place: &Point3<f64>| match self.shape {
+            CeilingShape::Rect => Light::Rect(RectLight { radiance, ..self.rect(*place) }),
+            CeilingShape::Disk => {
+                let radius = self.size_m[0] / 2.0;
+                Light::Disk(DiskLight { centre: *place, normal: -Vector3::z(), radius, radiance })
             }
         };
-        let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
-        for light in &mut lights {
-            light.radiance = color.map(|channel| channel * luminance);
-        }
-        Ok(if luminance > 0.0 { lights.into_iter().map(Light::Rect).collect() } else { Vec::new() })
+        Ok(if luminance > 0.0 { places.iter().map(light).collect() } else { Vec::new() })
     }
 }
 
 impl CeilingLight {
+    fn brightness(&self) -> Brightness<'_> {
+        Brightness {
+            illuminance_lx: self.illuminance_lx.as_ref(),
+            luminance_nits: self.luminance_nits.as_ref(),
+            luminous_flux_lm: self.luminous_flux_lm.as_ref(),
+        }
+    }
+
+    /// A rectangle around a place, dark.
+    fn rect(&self, centre: Point3<f64>) -> RectLight {
+        // u × v points down.
+        let (half_u, half_v) =
+            (Vector3::new(self.size_m[0] / 2.0, 0.0, 0.0), Vector3::new(0.0, -self.size_m[1] / 2.0, 0.0));
+        RectLight { centre, half_u, half_v, radiance: [0.0; 3] }
+    }
+
+    /// Area of one light, m².
+    fn area(&self) -> f64 {
+        match self.shape {
+            CeilingShape::Rect => self.size_m[0] * self.size_m[1],
+            CeilingShape::Disk => PI / 4.0 * self.size_m[0] * self.size_m[0],
+        }
+    }
+
+    /// Illuminance per nit of one light at a point on a plane, lux.
+    fn illuminance(&self, place: Point3<f64>, point: Point3<f64>, normal: Vector3<f64>) -> f64 {
+        match self.shape {
+            CeilingShape::Rect => polygon_illuminance(&self.rect(place).corners(), point, normal),
+            CeilingShape::Disk => disk_illuminance(place, -Vector3::z(), self.size_m[0] / 2.0, point, normal),
+        }
+    }
+
     /// Height of the lights above the floor.
     fn height(&self, scene: &Scene) -> f64 {
         let tabletop = scene.tabletop.centre();
         // The ceiling is the lowest part of the room over the table's middle.
-        let ceiling = scene
-            .bodies()
-            .iter()
-            .filter(|body| body.role == Role::Room)
-            .map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)))
-            .filter(|b| (0..2).all(|k| b.min[k] <= tabletop[k] && tabletop[k] <= b.max[k]) && b.min.z > tabletop.z)
-            .map(|b| b.min.z - BELOW_CEILING_M)
-            .reduce(f64::min);
+        let ceiling = Some(inside(scene).max.z - BELOW_CEILING_M).filter(|height| height.is_finite());
         match (self.height_m, ceiling) {
             (Some(height), Some(ceiling)) => height.min(ceiling),
             (Some(height), None) => height,

@@ -1,16 +1,17 @@
-//! The pinhole camera.
+//! The pinhole camera, with a lens if one is wanted.
 
 use crate::exposure::ExposureOption;
+use crate::lens::{DistortionOptions, FocalLength, Lens, LensOptions};
 use syntable_model::geometry::Pose;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Exposure, Intrinsics, Optics};
+use syntable_model::scene::{Camera, Distortion, Exposure, Intrinsics, Optics};
 
 /// Focal length of a RealSense L515's colour camera as SynTable uses it, millimetres.
 const L515_FOCAL_MM: f64 = 1.88;
 /// Its apertures, horizontal and vertical, millimetres.
 const L515_APERTURE_MM: [f64; 2] = [2.63, 1.96];
 
-/// A pinhole camera without distortion. Intrinsics are given in one way: by `focal_length_mm` and `aperture_mm`, by
+/// A pinhole camera; on request with the distortion and the depth of field of a real lens. Intrinsics are given in one way: by `focal_length_mm` and `aperture_mm`, by
 /// the matrix `k`, or by the field of view `fov_deg`; without any, they are those of a RealSense L515.
 ///
 /// Focal lengths in pixels are fx = width · f / aperture[0] and fy = height · f / aperture[1]: with both apertures
@@ -38,6 +39,14 @@ pub struct Pinhole {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.1, max = 179.0))]
     fov_deg: Option<f64>,
+    /// Lens distortion after Brown and Conrady, with OpenCV's coefficients, such as `{ k1 = -0.2, k2 = 0.05 }`. Pictures,
+    /// labels and depth are all seen through it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    distortion: Option<DistortionOptions>,
+    /// Depth of field, such as `{ f_number = 2.8, focus = "tabletop" }`; a pinhole without. Labels are those of the
+    /// lens's centre and never blurred.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lens: Option<LensOptions>,
     /// How scene light becomes a picture.
     exposure: ExposureOption,
 }
@@ -50,6 +59,8 @@ impl Default for Pinhole {
             aperture_mm: None,
             k: None,
             fov_deg: None,
+            distortion: None,
+            lens: None,
             exposure: ExposureOption::default(),
         }
     }
@@ -63,7 +74,14 @@ impl Config for Pinhole {
 
     fn build(self) -> Result<Box<dyn CameraModel>, Invalid> {
         let intrinsics = self.intrinsics()?;
-        Ok(Box::new(Camera { intrinsics, exposure: self.exposure.0 }))
+        let distortion = self.distortion.map(|options| options.distortion(intrinsics)).transpose()?;
+        let focal_length = match (self.focal_length_mm, self.k.is_some() || self.fov_deg.is_some()) {
+            (Some(length), _) => FocalLength::Given(length),
+            (None, true) => FocalLength::Unknown,
+            (None, false) => FocalLength::Usual(L515_FOCAL_MM),
+        };
+        let lens = self.lens.map(|lens| lens.lens(focal_length)).transpose()?;
+        Ok(Box::new(Model { intrinsics, distortion, lens, exposure: self.exposure.0 }))
     }
 }
 register!(Pinhole);
@@ -143,13 +161,18 @@ fn from_matrix(k: [[f64; 3]; 3], width: u32, height: u32) -> Result<Intrinsics, 
     Ok(Intrinsics { width, height, fx, fy, cx, cy })
 }
 
-struct Camera {
+struct Model {
     intrinsics: Intrinsics,
+    distortion: Option<Distortion>,
+    lens: Option<Lens>,
     exposure: Exposure,
 }
 
-impl CameraModel for Camera {
-    fn optics(&self, _: &Scene, _: &Pose, _: &Context) -> Result<Optics> {
-        Ok(Optics { intrinsics: self.intrinsics, distortion: None, lens: None, exposure: self.exposure })
+impl CameraModel for Model {
+    fn optics(&self, scene: &Scene, world_from_camera: &Pose, context: &Context) -> Result<Optics> {
+        let Self { intrinsics, distortion, exposure, .. } = *self;
+        let camera = Camera { intrinsics, distortion, lens: None, world_from_camera: *world_from_camera };
+        let lens = self.lens.as_ref().map(|lens| lens.focused(scene, &camera, context)).transpose()?;
+        Ok(Optics { intrinsics, distortion, lens, exposure })
     }
 }

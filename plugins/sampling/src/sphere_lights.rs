@@ -1,8 +1,10 @@
 //! The paper's lights: glowing balls in a hemispherical shell beyond the cameras.
 
+use crate::brightness::{Brightness, check_temperature, complete};
 use crate::radius::{LightRadius, check_bounds};
 use crate::shell::{HEMISPHERE_DEG, centre, direction};
-use syntable_model::photometry::{blackbody, sphere_luminance};
+use std::f64::consts::PI;
+use syntable_model::photometry::{blackbody, flux_luminance, sphere_luminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, Light, SphereLight};
 
@@ -35,11 +37,15 @@ pub struct SphereLights {
     /// Colour temperature, kelvin.
     temperature_k: Dist,
     /// Illuminance that each light alone gives at the middle of the tabletop on a plane facing it, lux. A light of
-    /// 0 lx is left out.
-    illuminance_lx: Dist,
+    /// 0 lx is left out. Uniform in 100 to 20,000 lx unless brightness is given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    illuminance_lx: Option<Dist>,
     /// Luminance of the spheres' surface, nits (cd/m²); takes the place of `illuminance_lx` if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     luminance_nits: Option<Dist>,
+    /// Luminous flux of each light, lumens, as on a lamp's box; in place of the above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    luminous_flux_lm: Option<Dist>,
 }
 
 impl Default for SphereLights {
@@ -51,8 +57,9 @@ impl Default for SphereLights {
             elevation_deg: HEMISPHERE_DEG,
             size_m: Dist::Uniform(0.04, 0.1),
             temperature_k: Dist::Uniform(2000.0, 6500.0),
-            illuminance_lx: Dist::Uniform(100.0, 20_000.0),
+            illuminance_lx: None,
             luminance_nits: None,
+            luminous_flux_lm: None,
         }
     }
 }
@@ -63,6 +70,12 @@ impl Config for SphereLights {
     const EXAMPLE: &'static str = "count = { integers = [0, 2] }\nradius = { beyond_views_m = [0.1, 1.1] }\n\
         temperature_k = { uniform = [2000, 6500] }\nilluminance_lx = { uniform = [100, 20000] }";
 
+    fn completed(mut self) -> Self {
+        let usual = Dist::Uniform(100.0, 20_000.0);
+        complete(&mut self.illuminance_lx, &self.luminance_nits, &self.luminous_flux_lm, usual);
+        self
+    }
+
     fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
         self.count.within("count", 0, 1000)?;
         self.radius.check("radius")?;
@@ -72,17 +85,22 @@ impl Config for SphereLights {
             return Err(Invalid::new("elevation_deg", format!("`elevation_deg = {:?}` passes 90", self.elevation_deg)));
         }
         self.size_m.within("size_m", 1e-3, 100.0)?;
-        check_light(&self.temperature_k, &self.illuminance_lx, self.luminance_nits.as_ref())?;
-        Ok(Box::new(self))
+        check_temperature(&self.temperature_k)?;
+        let light = self.completed();
+        light.brightness().check()?;
+        Ok(Box::new(light))
     }
 }
 register!(SphereLights);
 
-/// Refuses temperatures and brightnesses that no lamp has.
-pub fn check_light(temperature_k: &Dist, illuminance_lx: &Dist, luminance_nits: Option<&Dist>) -> Result<(), Invalid> {
-    temperature_k.within("temperature_k", 1000.0, 40_000.0)?;
-    illuminance_lx.within("illuminance_lx", 0.0, 1e7)?;
-    luminance_nits.map_or(Ok(()), |nits| nits.within("luminance_nits", 0.0, 1e10))
+impl SphereLights {
+    fn brightness(&self) -> Brightness<'_> {
+        Brightness {
+            illuminance_lx: self.illuminance_lx.as_ref(),
+            luminance_nits: self.luminance_nits.as_ref(),
+            luminous_flux_lm: self.luminous_flux_lm.as_ref(),
+        }
+    }
 }
 
 impl LightSampler for SphereLights {
@@ -103,11 +121,11 @@ impl LightSampler for SphereLights {
                     format!("a sphere light of radius {radius:.3} m reaches the tabletop's middle at {distance:.3} m");
                 return Err(Error::new(message).help("make `radius` larger or `size_m` smaller"));
             }
-            let mut brightness = stream.child("brightness");
-            let luminance = match &self.luminance_nits {
-                Some(nits) => nits.draw(&mut brightness),
-                None => sphere_luminance(self.illuminance_lx.draw(&mut brightness), distance, radius),
-            };
+            let luminance = self.brightness().draw(
+                &mut stream.child("brightness"),
+                |lux| sphere_luminance(lux, distance, radius),
+                |lumens| flux_luminance(lumens, 4.0 * PI * radius * radius),
+            );
             let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
             if luminance > 0.0 {
                 lights.push(Light::Sphere(SphereLight {

@@ -1,5 +1,8 @@
 //! Cameras, views and lights against the paper's numbers, closed forms and brute force.
 
+mod lens;
+mod lights;
+
 use nalgebra::{Point3, Vector3};
 use std::sync::Arc;
 use syntable_model::context::{Collected, NoCache, Serial};
@@ -8,8 +11,8 @@ use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object, Optics, Role, SceneId,
-    SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object,
+    Optics, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
@@ -338,11 +341,26 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
             let inside = |half: Vector3<f64>| at.dot(&half).abs() <= half.norm_squared();
             t > 0.0 && ray.dot(&normal) < 0.0 && inside(rect.half_u) && inside(rect.half_v)
         }
-        other => panic!("{other:?}"),
+        Light::Disk(disk) => {
+            let t = (disk.centre - origin).dot(&disk.normal) / ray.dot(&disk.normal);
+            t > 0.0 && ray.dot(&disk.normal) < 0.0 && (origin + ray * t - disk.centre).norm() < disk.radius
+        }
+        Light::Directional(sun) => ray.dot(&sun.towards) > sun.half_angle.cos(),
+        Light::Environment(_) => true,
     };
     match light {
         Light::Sphere(sphere) if hit => sphere.radiance,
         Light::Rect(rect) if hit => rect.radiance,
+        Light::Disk(disk) if hit => disk.radiance,
+        Light::Directional(sun) if hit => sun.radiance(),
+        Light::Environment(sky) => {
+            let turned = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -sky.rotation) * ray;
+            let [u, v] = EnvironmentMap::coordinates(&turned);
+            let (width, height) = (sky.map.width() as usize, sky.map.height() as usize);
+            let (x, y) = ((u * width as f64) as usize % width, ((v * height as f64) as usize).min(height - 1));
+            let texel = sky.map.texels()[y * width + x];
+            std::array::from_fn(|k| sky.scale[k] * f64::from(texel[k]))
+        }
         _ => [0.0; 3],
     }
 }
@@ -461,7 +479,7 @@ fn light_options_are_checked_and_examples_build() {
         assert!(error.contains(want), "{options}: {error}");
     }
     let registry = Registry::linked().expect("no clash");
-    assert_eq!(registry.entries().len(), 6);
+    assert_eq!(registry.entries().len(), 9);
     for entry in registry.entries() {
         let built = entry.construct_str(entry.example).unwrap_or_else(|error| panic!("{}: {error:?}", entry.kind));
         let text = built.options.to_string();

@@ -1,0 +1,206 @@
+//! Windows, skies, suns and down-lights, and the units of brightness.
+
+use super::*;
+use std::f64::consts::{PI, TAU};
+use syntable_testing::assets::Pools;
+use syntable_testing::scenes;
+
+fn total(lights: &[Light], point: Point3<f64>, normal: Vector3<f64>) -> f64 {
+    lights.iter().map(|light| illuminance(light, point, normal)).sum()
+}
+
+#[test]
+fn down_lights_give_the_lux_that_was_asked_for() {
+    let scene = scene(Some(2.5));
+    for options in [
+        "shape = \"disk\"\nsize_m = [0.3, 0.3]\ncount = 9\nspacing_m = 0.8\nilluminance_lx = 400",
+        "shape = \"disk\"\nsize_m = [2.0, 2.0]\ncount = 1\nshift_m = 1.0\nilluminance_lx = 400",
+    ] {
+        let lights = draw(&*lights("ceiling_light", options), &scene, 5).expect("lights");
+        let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
+            Light::Disk(disk) => sum + disk.centre.coords / lights.len() as f64,
+            other => panic!("{other:?}"),
+        });
+        let facing = (middle - scene.tabletop.centre().coords).normalize();
+        let got = total(&lights, scene.tabletop.centre(), facing);
+        assert!((got / 400.0 - 1.0).abs() < 0.02, "{options}: {got} lx from {lights:?}");
+    }
+    let refusal = refused(Slot::Lights, "ceiling_light", "shape = \"disk\"\nsize_m = [1.0, 2.0]");
+    assert!(refusal.contains("an ellipse"), "{refusal}");
+}
+
+#[test]
+fn lumens_become_nits() {
+    let scene = scene(Some(2.5));
+    let nits = |light: &Light| match light {
+        Light::Sphere(sphere) => luminance(sphere.radiance),
+        Light::Rect(rect) => luminance(rect.radiance),
+        Light::Disk(disk) => luminance(disk.radiance),
+        other => panic!("{other:?}"),
+    };
+    // A bulb of 806 lm (an old 60 W one) and radius 3 cm has Φ = 4π² r² L.
+    let bulb = draw(&*lights("sphere_lights", "count = 1\nsize_m = 0.03\nluminous_flux_lm = 806"), &scene, 1);
+    assert!((nits(&bulb.expect("a bulb")[0]) / (806.0 / (4.0 * PI * PI * 9e-4)) - 1.0).abs() < 1e-9);
+    let panels = "count = 2\nsize_m = [0.6, 1.2]\nluminous_flux_lm = 3600";
+    let panels = draw(&*lights("ceiling_light", panels), &scene, 1).expect("panels");
+    assert!(panels.iter().all(|panel| (nits(panel) / (3600.0 / (PI * 0.72)) - 1.0).abs() < 1e-9));
+    let spots = "shape = \"disk\"\nsize_m = [0.1, 0.1]\nluminous_flux_lm = 500";
+    let spots = draw(&*lights("ceiling_light", spots), &scene, 1).expect("spots");
+    assert!((nits(&spots[0]) / (500.0 / (PI * PI * 0.0025)) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_resolved_recipe_shows_the_brightness_in_use() {
+    let registry = Registry::linked().expect("no clash");
+    let shown = |kind: &str, options: &str| {
+        let options = registry.find(Slot::Lights, kind).expect(kind).construct_str(options).expect(options).options;
+        let keys = ["illuminance_lx", "luminance_nits", "luminous_flux_lm", "luminance_scale", "temperature_k"];
+        keys.into_iter().filter(|key| options.contains_key(*key)).collect::<Vec<_>>()
+    };
+    assert_eq!(shown("ceiling_light", ""), ["illuminance_lx", "temperature_k"]);
+    assert_eq!(shown("ceiling_light", "luminous_flux_lm = 900"), ["luminous_flux_lm", "temperature_k"]);
+    // Resolved recipes of old have both.
+    assert_eq!(shown("sphere_lights", "illuminance_lx = 5\nluminance_nits = 7"), ["luminance_nits", "temperature_k"]);
+    assert_eq!(shown("window_light", "luminance_nits = 7"), ["luminance_nits", "temperature_k"]);
+    assert_eq!(shown("environment", "from = [\"skies\"]\nluminance_scale = 1"), ["luminance_scale"]);
+    assert_eq!(shown("environment", ""), ["illuminance_lx", "temperature_k"]);
+    for (kind, options, want) in [
+        ("sphere_lights", "luminous_flux_lm = 5\nilluminance_lx = 7", "keep one of"),
+        ("ceiling_light", "luminous_flux_lm = 5\nluminance_nits = 7", "keep one of"),
+        ("ceiling_light", "luminous_flux_lm = -1", "can become -1"),
+        ("environment", "illuminance_lx = 5\nluminance_scale = 7", "keep one of"),
+        ("environment", "from = [\"skies\"]\ntemperature_k = 5000", "their own colours"),
+        ("environment", "temperature_k = 5", "outside 1000 to 40000"),
+        ("sun", "elevation_deg = 100", "outside -90 to 90"),
+        ("sun", "angular_diameter_deg = 0", "can become 0"),
+        ("window_light", "walls = 5", "can become 5"),
+        ("window_light", "width_m = 0", "at least"),
+    ] {
+        let error = refused(Slot::Lights, kind, options);
+        assert!(error.contains(want), "{options}: {error}");
+    }
+}
+
+/// The scene of the other tests in a room of some inner size, of slabs.
+fn room(size: [f32; 3]) -> Scene {
+    let [x, y, z] = size.map(f64::from);
+    let mut scene = SceneBuilder::default();
+    scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    let thing = scenes::object("thing", scenes::box_mesh([0.1; 3]), [0.5; 3]);
+    scene.add(scenes::body(thing, [0.0, 0.0, 0.8], Role::Object));
+    for (at, edges) in [
+        ([0.0, 0.0, -0.05], [size[0], size[1], 0.1]),
+        ([0.0, 0.0, z + 0.05], [size[0], size[1], 0.1]),
+        ([x / 2.0 + 0.05, 0.0, z / 2.0], [0.1, size[1], size[2]]),
+        ([-x / 2.0 - 0.05, 0.0, z / 2.0], [0.1, size[1], size[2]]),
+        ([0.0, y / 2.0 + 0.05, z / 2.0], [size[0], 0.1, size[2]]),
+        ([0.0, -y / 2.0 - 0.05, z / 2.0], [size[0], 0.1, size[2]]),
+    ] {
+        scene.add(scenes::body(scenes::object("slab", scenes::box_mesh(edges), [0.5; 3]), at, Role::Room));
+    }
+    scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen")
+}
+
+#[test]
+fn windows_stand_in_the_walls_and_give_the_lux_that_was_asked_for() {
+    let scene = room([6.0, 4.0, 2.6]);
+    let inner = [3.0, 2.0, 2.6];
+    let mut sides = [0; 4];
+    for seed in 0..60 {
+        let options = "walls = { integers = [1, 2] }\nilluminance_lx = 600";
+        let windows = draw(&*lights("window_light", options), &scene, seed).expect("windows");
+        assert!((1..=6).contains(&windows.len()), "{windows:?}");
+        for window in &windows {
+            let Light::Rect(rect) = window else { panic!("{window:?}") };
+            for corner in rect.corners() {
+                assert!((0..2).all(|k| corner[k].abs() < inner[k]) && (0.05..2.55).contains(&corner.z), "{corner}");
+            }
+            // One centimetre before its wall, facing the room.
+            let normal = rect.normal();
+            let axis = if normal.x.abs() > 0.5 { 0 } else { 1 };
+            assert!((rect.centre[axis].abs() - (inner[axis] - 0.01)).abs() < 1e-6, "{rect:?}");
+            assert!(normal[axis] * rect.centre[axis] < 0.0 && normal.z.abs() < 1e-12);
+            sides[2 * axis + usize::from(normal[axis] > 0.0)] += 1;
+        }
+        if seed < 4 {
+            let got = total(&windows, scene.tabletop.centre(), Vector3::z());
+            assert!((got / 600.0 - 1.0).abs() < 0.02, "{got} lx from {windows:?}");
+        }
+    }
+    assert!(sides.iter().all(|count| *count > 10), "{sides:?}");
+    // Windows that do not fit are fewer, lower, smaller.
+    let many = "count = 40\nwidth_m = 1.5\nheight_m = 9\nspacing_m = 0.5";
+    let windows = draw(&*lights("window_light", many), &scene, 1).expect("windows");
+    assert!((2..=3).contains(&windows.len()), "{windows:?}");
+    let low = draw(&*lights("window_light", "sill_m = 0\nheight_m = 0.3"), &scene, 1).expect_err("low").to_string();
+    assert!(low.contains("no window reaches above the tabletop"), "{low}");
+    let none = draw(&*lights("window_light", ""), &super::scene(None), 1).expect_err("no wall").to_string();
+    assert!(none.contains("no wall") && none.contains("environment"), "{none}");
+    assert!(draw(&*lights("window_light", "walls = 0"), &scene, 1).expect("none").is_empty());
+}
+
+fn sky(name: &str) -> EnvironmentMap {
+    let (width, height) = (64, 32);
+    let mut stream = Stream::root(7).child(name);
+    let texels = (0..width * height).map(|_| std::array::from_fn(|_| stream.unit().powi(4) as f32)).collect();
+    EnvironmentMap::new(name, width, height, texels).expect("sound")
+}
+
+fn under_skies(options: &str, seed: u64) -> Result<Vec<Light>> {
+    let dark = EnvironmentMap::constant([0.0; 3]);
+    let pools = Pools::default().environment("skies", sky("a")).environment("skies", sky("b"));
+    let pools = pools.environment("dark", dark);
+    let log = Collected::default();
+    let stream = Stream::root(seed);
+    let context = Context { stream, assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
+    let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
+    let scene = scene(None);
+    lights("environment", options).lights(&scene, &camera, &views("hemisphere_shell", "").shell(&scene), &context)
+}
+
+#[test]
+fn skies_give_the_lux_that_was_asked_for() {
+    let (mut names, mut turns) = (std::collections::BTreeMap::<String, u32>::new(), Vec::new());
+    for seed in 0..400 {
+        let lights = under_skies("from = [\"skies\"]\nilluminance_lx = 5000", seed).expect("a sky");
+        let [Light::Environment(sky)] = &lights[..] else { panic!("{lights:?}") };
+        *names.entry(sky.map.name.clone()).or_default() += 1;
+        turns.push(sky.rotation / TAU);
+        if seed < 4 {
+            let got = illuminance(&lights[0], Point3::origin(), Vector3::z());
+            assert!((got / 5000.0 - 1.0).abs() < 0.01, "{got} lx");
+            assert!(sky.scale[0] == sky.scale[1] && sky.scale[1] == sky.scale[2], "colours stay");
+        }
+    }
+    // 200 ± 4 standard deviations of a binomial.
+    assert!(names.len() == 2 && names.values().all(|count| (160..=240).contains(count)), "{names:?}");
+    assert!(kolmogorov_smirnov(turns) < bound(400));
+    let raw = under_skies("from = [\"skies\"]\nluminance_scale = 3\nrotation_deg = 90", 1).expect("a sky");
+    let Light::Environment(sky) = &raw[0] else { panic!("{raw:?}") };
+    assert_eq!((sky.scale, sky.rotation), ([3.0; 3], PI / 2.0));
+    // Even light: E = π L.
+    let even = under_skies("illuminance_lx = 1000\ntemperature_k = 3000", 1).expect("a sky");
+    let Light::Environment(light) = &even[0] else { panic!("{even:?}") };
+    assert!((luminance(light.scale) - 1000.0 / PI).abs() < 1e-6 && light.scale[0] > light.scale[2]);
+    let error = under_skies("from = [\"dark\"]", 1).expect_err("dark").to_string();
+    assert!(error.contains("no light from above"), "{error}");
+    assert!(under_skies("illuminance_lx = 0", 1).expect("none").is_empty());
+}
+
+#[test]
+fn the_sun_stands_where_it_should() {
+    let scene = scene(None);
+    let options = "elevation_deg = 30\nazimuth_deg = 90\nilluminance_lx = 50000\nangular_diameter_deg = 20";
+    let drawn = draw(&*lights("sun", options), &scene, 1).expect("a sun");
+    let [Light::Directional(sun)] = &drawn[..] else { panic!("{drawn:?}") };
+    assert!((sun.towards - Vector3::new(0.0, 0.75_f64.sqrt(), 0.5)).norm() < 1e-12, "{sun:?}");
+    let facing = illuminance(&drawn[0], Point3::origin(), sun.towards);
+    assert!((facing / 50_000.0 - 1.0).abs() < 0.01, "{facing} lx");
+    let level = illuminance(&drawn[0], Point3::origin(), Vector3::z());
+    assert!((level / 25_000.0 - 1.0).abs() < 0.02, "{level} lx");
+    let usual = draw(&*lights("sun", ""), &scene, 3).expect("a sun");
+    let [Light::Directional(sun)] = usual[..] else { panic!("{usual:?}") };
+    assert!(
+        (sun.half_angle - 0.00465).abs() < 5e-5 && sun.towards.z > 0.25 && (sun.towards.norm() - 1.0).abs() < 1e-12
+    );
+}
