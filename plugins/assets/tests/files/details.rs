@@ -5,7 +5,7 @@ use crate::inputs::{base64, encode, load, write};
 use image::{ImageFormat, RgbImage};
 use serde_json::{Value, json};
 use syntable_model::context::Collected;
-use syntable_model::scene::{Alpha, Encoding, Object, Wrap};
+use syntable_model::scene::{Alpha, Encoding, Object, Scalar, Volume, Wrap};
 use tempfile::TempDir;
 
 /// A tetrahedron of 0.1 m with texture coordinates and colours, as arrays: y up, v down, as glTF has them.
@@ -241,6 +241,147 @@ fn gltf_materials() {
     let normal = material.normal.as_ref().expect("a normal map");
     assert_eq!((normal.strength, normal.map.transform.scale), (0.5, [2.0, 3.0]));
     assert_eq!(material.emission.factor, [40.0, 20.0, 0.0]);
+}
+
+/// A tetrahedron with texture coordinates, whose material has these extensions and alpha.
+fn layered(extensions: &Value, more: Value) -> Object {
+    let mut builder = Builder::default();
+    let (position, uv) = (builder.floats(&POSITIONS), builder.floats(&UVS));
+    let index = builder.indices(FACES.as_flattened());
+    let primitive =
+        json!({ "attributes": { "POSITION": position, "TEXCOORD_0": uv }, "indices": index, "material": 0 });
+    let mut material = json!({ "extensions": extensions });
+    if let (Some(material), Value::Object(more)) = (material.as_object_mut(), more) {
+        material.extend(more);
+    }
+    let used: Vec<&String> = extensions.as_object().expect("a table").keys().collect();
+    object(&builder.document(
+        &primitive,
+        json!({
+            "extensionsUsed": used, "images": [{ "uri": picture() }], "textures": [{ "source": 0 }],
+            "materials": [material],
+        }),
+    ))
+}
+
+#[test]
+fn gltf_layers() {
+    let half = json!({ "index": 0, "extensions": { "KHR_texture_transform": { "scale": [2, 3] } } });
+    let object = layered(
+        &json!({
+            "KHR_materials_clearcoat": {
+                "clearcoatFactor": 0.5, "clearcoatTexture": { "index": 0 }, "clearcoatRoughnessFactor": 0.25,
+                "clearcoatRoughnessTexture": half, "clearcoatNormalTexture": { "index": 0, "scale": 0.5 },
+            },
+            "KHR_materials_sheen": {
+                "sheenColorFactor": [0.25, 0.5, 1], "sheenColorTexture": half, "sheenRoughnessFactor": 0.75,
+                "sheenRoughnessTexture": { "index": 0 },
+            },
+            "KHR_materials_transmission": { "transmissionFactor": 0.875, "transmissionTexture": { "index": 0 } },
+            "KHR_materials_volume": {
+                "thicknessFactor": 0.1, "attenuationDistance": 0.02, "attenuationColor": [0.5, 0.25, 1],
+            },
+        }),
+        json!({}),
+    );
+    let material = &object.materials[0];
+    let check = |scalar: &Scalar, factor: f32, channel: u8, encoding: Encoding, scale: [f32; 2]| {
+        let (texture, at) = scalar.texture.as_ref().expect("a texture");
+        assert_eq!((scalar.factor, *at, texture.texture.encoding), (factor, channel, encoding));
+        assert_eq!(texture.transform.scale, scale);
+    };
+    let coat = material.clearcoat.as_ref().expect("varnish");
+    check(&coat.strength, 0.5, 0, Encoding::Linear, [1.0; 2]);
+    check(&coat.roughness, 0.25, 1, Encoding::Linear, [2.0, 3.0]);
+    assert_eq!(coat.normal.as_ref().expect("a normal map").strength, 0.5);
+    let sheen = material.sheen.as_ref().expect("fibres");
+    assert_eq!(sheen.color.factor, [0.25, 0.5, 1.0]);
+    let colour = sheen.color.texture.as_ref().expect("a texture");
+    assert_eq!((colour.texture.encoding, colour.transform.scale), (Encoding::Srgb, [2.0, 3.0]));
+    check(&sheen.roughness, 0.75, 3, Encoding::Srgb, [1.0; 2]);
+    let glass = material.transmission.as_ref().expect("glass");
+    check(&glass.share, 0.875, 0, Encoding::Linear, [1.0; 2]);
+    assert_eq!(glass.volume, Some(Volume { attenuation_color: [0.5, 0.25, 1.0], attenuation_distance_m: 0.02 }));
+    assert_eq!(material.alpha, Alpha::Opaque);
+}
+
+#[test]
+fn thin_walls_and_layers_of_nothing() {
+    let glass = json!({ "transmissionFactor": 1.0 });
+    for (volume, want) in [
+        (json!({ "thicknessFactor": 0.0, "attenuationDistance": 1.0 }), None),
+        (json!({ "attenuationDistance": 1.0 }), None),
+        (json!({ "thicknessFactor": 2.0 }), Some(f32::INFINITY)),
+    ] {
+        let with = layered(&json!({ "KHR_materials_transmission": glass, "KHR_materials_volume": volume }), json!({}));
+        let got = with.materials[0].transmission.as_ref().expect("glass").volume;
+        assert_eq!(got.map(|volume| volume.attenuation_distance_m), want, "{volume}");
+    }
+    let none = layered(
+        &json!({
+            "KHR_materials_clearcoat": { "clearcoatRoughnessFactor": 0.5 }, "KHR_materials_sheen": {},
+            "KHR_materials_transmission": {}, "KHR_materials_volume": { "thicknessFactor": 1.0 },
+        }),
+        json!({}),
+    );
+    let material = &none.materials[0];
+    assert!(material.clearcoat.is_none() && material.sheen.is_none() && material.transmission.is_none());
+    assert_eq!(material.digest, layered(&json!({}), json!({})).materials[0].digest);
+}
+
+#[test]
+fn blended_alpha() {
+    let alpha = |factor: f32, texture: bool| {
+        let mut base = json!({ "baseColorFactor": [1, 1, 1, factor] });
+        if texture {
+            base["baseColorTexture"] = json!({ "index": 0 });
+        }
+        layered(&json!({}), json!({ "alphaMode": "BLEND", "pbrMetallicRoughness": base })).materials[0].alpha
+    };
+    assert_eq!(alpha(0.25, false), Alpha::Blend { factor: 0.25 });
+    assert_eq!(alpha(0.25, true), Alpha::Blend { factor: 0.25 });
+    // The picture has no alpha: nothing is to be seen through.
+    assert_eq!([alpha(1.0, false), alpha(1.0, true)], [Alpha::Opaque; 2]);
+}
+
+#[test]
+fn wrong_extensions_are_named() {
+    let folder = TempDir::new().expect("temp folder");
+    let mut builder = Builder::default();
+    let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
+    let primitive = json!({ "attributes": { "POSITION": position }, "indices": index, "material": 0 });
+    let sheen = json!({ "sheenColorFactor": [1, 2] });
+    let text =
+        builder.document(&primitive, json!({ "materials": [{ "extensions": { "KHR_materials_sheen": sheen } }] }));
+    write(folder.path(), "x.gltf", text);
+    let source = source_of("mesh_folder", folder.path(), "");
+    let error = source.load("x", &Collected::default()).expect_err("two numbers").to_string();
+    assert!(error.contains("x.gltf: ") && error.contains("KHR_materials_sheen: invalid length 2"), "{error}");
+}
+
+#[test]
+fn obj_transparency() {
+    let load_with = |statements: &str| {
+        let folder = TempDir::new().expect("temp folder");
+        let faces = FACES.map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1)).concat();
+        let vertices = POSITIONS.map(|[x, y, z]| format!("v {x} {y} {z}\n")).concat();
+        write(folder.path(), "x.obj", format!("mtllib x.mtl\nusemtl a\n{vertices}{faces}"));
+        write(folder.path(), "x.mtl", format!("newmtl a\n{statements}\n"));
+        let log = Collected::default();
+        let asset = source_of("mesh_folder", folder.path(), "").load("x", &log).expect("loads");
+        (asset.into_object().expect("an object").materials[0].alpha, log.warnings().len())
+    };
+    for (statements, alpha, warnings) in [
+        ("d 1\nTr 0", Alpha::Opaque, 0),
+        ("d 0.25", Alpha::Blend { factor: 0.25 }, 0),
+        ("Tr 0.75", Alpha::Blend { factor: 0.25 }, 0),
+        // Programs that write the opacity as `Tr`.
+        ("d 1\nTr 1", Alpha::Opaque, 0),
+        ("Tr 1", Alpha::Opaque, 1),
+        ("d 0", Alpha::Opaque, 1),
+    ] {
+        assert_eq!(load_with(statements), (alpha, warnings), "{statements}");
+    }
 }
 
 #[test]

@@ -20,16 +20,21 @@ use syntable_model::scene::MeshData;
 mod accessor;
 mod buffers;
 mod container;
+mod layers;
 mod materials;
 mod nodes;
 mod primitive;
 
 /// Extensions that are read, or that change nothing here.
-const READ: [&str; 10] = [
+const READ: [&str; 14] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_clearcoat",
+    "KHR_materials_sheen",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
     // A picture that is also there as PNG or JPEG; that one is read.
     "KHR_texture_basisu",
     "EXT_texture_webp",

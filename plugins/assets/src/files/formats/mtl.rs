@@ -1,6 +1,6 @@
 //! Wavefront material libraries (MTL), with the metallic-roughness keys that exporters agree on.
 //!
-//! Read are `Kd`, `Ke`, `Ns`, `Ni`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`, `bump` and `map_d`, and
+//! Read are `Kd`, `Ke`, `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`, `bump` and `map_d`, and
 //! of the texture options `-s`, `-o`, `-clamp`, `-bm` and `-imfchan`. The rest belongs to other shading models and is
 //! passed over.
 
@@ -20,6 +20,10 @@ pub struct MtlMaterial {
     pub shininess: Option<f32>,
     /// `Ni`, the index of refraction.
     pub ior: Option<f32>,
+    /// `d`, the share of light that the surface stops, and the line.
+    pub opacity: Option<(f32, usize)>,
+    /// `Tr`, one minus that, and the line. Where both stand, `d` counts: programs disagree on `Tr`.
+    pub transparency: Option<(f32, usize)>,
     /// `Pr`, perceptual roughness.
     pub roughness: Option<f32>,
     /// `Pm`.
@@ -90,6 +94,8 @@ fn statement(line: &Line<'_>, materials: &mut Vec<MtlMaterial>) -> Result<()> {
         "ke" => material.emission = colour(rest)?,
         "ns" => material.shininess = Some(number(rest)?),
         "ni" => material.ior = Some(number(rest)?),
+        "d" => material.opacity = Some((number(rest.trim_start_matches("-halo").trim())?, line.number)),
+        "tr" => material.transparency = Some((number(rest)?, line.number)),
         "pr" => material.roughness = Some(number(rest)?),
         "pm" => material.metallic = Some(number(rest)?),
         "map_kd" => material.diffuse_map = Some(map(rest, line.number)?),
@@ -213,6 +219,8 @@ mod tests {
         assert_eq!(material.diffuse, Some([0.1, 0.2, 0.3]));
         assert_eq!((material.roughness, material.metallic, material.shininess), (Some(0.4), Some(1.0), Some(60.0)));
         assert_eq!((material.emission, material.ior), (Some([2.0; 3]), Some(1.45)));
+        let clear = one("d -halo 0.3\nTr 0.6");
+        assert_eq!((clear.opacity, clear.transparency), (Some((0.3, 2)), Some((0.6, 3))));
     }
 
     #[test]

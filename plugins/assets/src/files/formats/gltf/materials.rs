@@ -1,10 +1,11 @@
 //! Materials: glTF's metallic-roughness model is the program's own, so that little is translated.
 //!
-//! Factors and textures of the core and of `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here.
-//! Further material extensions belong into [`Materials::build`]: their JSON is in `extensions.others`.
+//! The core, `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here, other extensions in [`layers`](
+//! super::layers).
 
 use super::buffers::Buffers;
 use super::get;
+use super::layers::Layers;
 use crate::files::formats::{default_material, within};
 use crate::files::plain::untextured;
 use gltf::json::extensions::texture::{TextureTransform, TextureTransformOffset};
@@ -18,7 +19,8 @@ use std::sync::Arc;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{
-    Alpha, Color, Encoding, Material, NormalMap, Scalar, Texture, TextureRef, UvTransform, Wrap,
+    Alpha, Clearcoat, Color, Encoding, Material, NormalMap, Scalar, Sheen, Texture, TextureRef, Transmission,
+    UvTransform, Wrap,
 };
 
 type JsonMaterial = json::Material;
@@ -36,7 +38,7 @@ pub struct Materials<'a> {
 
 /// A use of a texture, alike for all places that have one.
 #[derive(Clone)]
-struct Use {
+pub struct Use {
     texture: Index<json::Texture>,
     set: u32,
     transform: UvTransform,
@@ -85,6 +87,7 @@ impl<'a> Materials<'a> {
         if let Some(normal) = &material.normal_texture {
             sets.push(of_normal(normal)?.set);
         }
+        sets.extend(Layers::of(material)?.uses()?.iter().map(|used| used.set));
         if sets.iter().any(|set| *set != sets[0]) {
             self.warn(&format!(
                 "material {} uses several sets of texture coordinates; set {} is used for all",
@@ -133,11 +136,7 @@ impl<'a> Materials<'a> {
             material.roughness.texture = Some((texture.clone(), 1));
             material.metallic.texture = Some((texture, 2));
         }
-        if let Some(normal) = &json.normal_texture
-            && let Some(map) = self.texture(&of_normal(normal)?, Encoding::Linear, buffers)?
-        {
-            material.normal = Some(NormalMap { map, strength: normal.scale });
-        }
+        material.normal = self.normal(&json.normal_texture, buffers)?;
         let extensions = json.extensions.as_ref();
         let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
         material.emission = Color {
@@ -153,17 +152,73 @@ impl<'a> Materials<'a> {
                 // The factor belongs to alpha; without it the cutoff grows.
                 Alpha::Mask { cutoff: if alpha > 0.0 { (cutoff / alpha).clamp(0.0, 1.0) } else { 1.0 } }
             }
-            Checked::Valid(AlphaMode::Blend) if material.base_color.texture.is_some() => {
-                self.warn("blended alpha is cut at one half: labels need a surface that is there or not");
-                Alpha::Mask { cutoff: 0.5 }
-            }
-            Checked::Valid(AlphaMode::Blend) => {
-                self.warn("blended alpha without a texture is taken as opaque");
-                Alpha::Opaque
+            // Many files are marked as blended where nothing is transparent.
+            Checked::Valid(AlphaMode::Blend) if alpha < 1.0 || has_alpha(&material.base_color.texture) => {
+                Alpha::Blend { factor: unit(alpha) }
             }
             _ => Alpha::Opaque,
         };
+        self.layers(&mut material, &Layers::of(json)?, buffers)?;
         Ok(material.sealed())
+    }
+
+    fn layers(&mut self, material: &mut Material, layers: &Layers, buffers: &mut Buffers<'_>) -> Result<()> {
+        if let Some(coat) = layers.clearcoat.as_ref().filter(|coat| coat.clearcoat_factor > 0.0) {
+            material.clearcoat = Some(Clearcoat {
+                strength: self.scalar(coat.clearcoat_factor, &coat.clearcoat_texture, 0, buffers)?,
+                roughness: self.scalar(
+                    coat.clearcoat_roughness_factor,
+                    &coat.clearcoat_roughness_texture,
+                    1,
+                    buffers,
+                )?,
+                normal: self.normal(&coat.clearcoat_normal_texture, buffers)?,
+            });
+        }
+        if let Some(sheen) = layers.sheen.as_ref().filter(|sheen| sheen.sheen_color_factor.iter().any(|&x| x > 0.0)) {
+            material.sheen = Some(Sheen {
+                color: Color {
+                    factor: sheen.sheen_color_factor.map(unit),
+                    texture: self.info(&sheen.sheen_color_texture, Encoding::Srgb, buffers)?,
+                },
+                // Colour and roughness usually share a picture; alpha is linear in either encoding.
+                roughness: Scalar {
+                    factor: unit(sheen.sheen_roughness_factor),
+                    texture: self
+                        .info(&sheen.sheen_roughness_texture, Encoding::Srgb, buffers)?
+                        .map(|texture| (texture, 3)),
+                },
+            });
+        }
+        if let Some(glass) = layers.transmission.as_ref().filter(|glass| glass.transmission_factor > 0.0) {
+            material.transmission = Some(Transmission {
+                share: self.scalar(glass.transmission_factor, &glass.transmission_texture, 0, buffers)?,
+                volume: layers.medium(),
+            });
+        }
+        Ok(())
+    }
+
+    /// A factor and one channel of a linear picture.
+    fn scalar(
+        &mut self,
+        factor: f32,
+        texture: &Option<Info>,
+        channel: u8,
+        buffers: &mut Buffers<'_>,
+    ) -> Result<Scalar> {
+        let texture = self.info(texture, Encoding::Linear, buffers)?;
+        Ok(Scalar { factor: unit(factor), texture: texture.map(|texture| (texture, channel)) })
+    }
+
+    fn normal(
+        &mut self,
+        normal: &Option<json::material::NormalTexture>,
+        buffers: &mut Buffers<'_>,
+    ) -> Result<Option<NormalMap>> {
+        let Some(normal) = normal else { return Ok(None) };
+        let map = self.texture(&of_normal(normal)?, Encoding::Linear, buffers)?;
+        Ok(map.map(|map| NormalMap { map, strength: normal.scale }))
     }
 
     fn info(
@@ -207,13 +262,19 @@ impl<'a> Materials<'a> {
     }
 }
 
-fn of_info(info: &Info) -> Use {
+/// Whether some texel of a picture is not opaque.
+fn has_alpha(texture: &Option<TextureRef>) -> bool {
+    texture.as_ref().is_some_and(|used| used.texture.texels.chunks_exact(4).any(|texel| texel[3] != 255))
+}
+
+/// How a texture is used.
+pub fn of_info(info: &Info) -> Use {
     let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
     of(info.index, info.tex_coord, transform)
 }
 
-/// The library parses the transform of all textures but the normal map's.
-fn of_normal(normal: &json::material::NormalTexture) -> Result<Use> {
+/// How a normal map is used: the library parses the transform of all textures but the normal map's.
+pub fn of_normal(normal: &json::material::NormalTexture) -> Result<Use> {
     let json = normal.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
     let transform: Option<TextureTransform> = json
         .map(|json| serde_json::from_value(json.clone()))
@@ -252,7 +313,8 @@ fn wrap(mode: Checked<WrappingMode>) -> Result<Wrap> {
     }
 }
 
-fn unit(x: f32) -> f32 {
+/// Into [0, 1]; NaN counts as 0.
+pub fn unit(x: f32) -> f32 {
     if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
 

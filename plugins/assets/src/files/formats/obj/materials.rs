@@ -143,6 +143,7 @@ impl Loader<'_> {
                 }
             }
         }
+        self.blend(&mut material, from, library);
         if let Some(map) = &from.emission_map {
             material.emission.texture = self.map(map, library, Encoding::Srgb)?;
             if from.emission.is_none() && material.emission.texture.is_some() {
@@ -176,6 +177,19 @@ impl Loader<'_> {
             }
         }
         Ok(material.sealed())
+    }
+
+    /// Opacity below one lets light through. A surface that nothing is to be seen of is a mistake: some programs write
+    /// the opacity under `Tr`, or 0 where they know none.
+    fn blend(&self, material: &mut Material, from: &MtlMaterial, library: &Path) {
+        let opacity = from.opacity.or(from.transparency.map(|(tr, line)| (1.0 - tr, line)));
+        let Some((opacity, line)) = opacity.filter(|(opacity, _)| *opacity < 1.0) else { return };
+        if opacity > 0.0 {
+            material.alpha = Alpha::Blend { factor: opacity };
+        } else {
+            let what = format!("material `{}` would be invisible; it is taken as opaque", from.name);
+            self.warn(what, library, line);
+        }
     }
 
     /// A texture; none, after a warning, if its file is missing.
