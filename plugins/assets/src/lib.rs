@@ -1,5 +1,6 @@
-//! Asset sources: files of many formats ([`files`]), and procedural objects, tables and materials that need no
-//! download ([`household`]).
+//! Asset sources: files of many formats ([`files`]), and procedural objects, tables and materials ([`household`]) and
+//! environment maps ([`environments`]) that need no download.
 
+pub mod environments;
 pub mod files;
 pub mod household;

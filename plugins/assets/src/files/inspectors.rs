@@ -2,7 +2,7 @@
 //!
 //! An inspector loads its asset as a source would, checks the extent with no scale applied, and says what it found.
 
-use crate::files::formats::environment::RadianceMap;
+use crate::files::formats::environment;
 use crate::files::formats::picture::Picture;
 use crate::files::formats::ply;
 use crate::files::object::{Identity, finish};
@@ -156,12 +156,7 @@ fn describe(object: &Object, topology: &Topology) -> Inspection {
 }
 
 fn textures_of(material: &Material) -> Vec<String> {
-    let colours = [&material.base_color, &material.emission].map(|color| color.texture.as_ref());
-    let scalars =
-        [&material.roughness, &material.metallic].map(|scalar| scalar.texture.as_ref().map(|(texture, _)| texture));
-    let normal = material.normal.as_ref().map(|normal| &normal.map);
-    let all = colours.into_iter().chain(scalars).chain([normal]).flatten();
-    all.map(|reference| reference.texture.digest.to_string()).collect()
+    material.textures().map(|reference| reference.texture.digest.to_string()).collect()
 }
 
 fn inspect_material(path: &Path, log: &dyn Log) -> Result<Inspection> {
@@ -221,11 +216,15 @@ fn inspect_picture(path: &Path, _: &dyn Log) -> Result<Inspection> {
 }
 
 fn inspect_environment(path: &Path, _: &dyn Log) -> Result<Inspection> {
-    let map = RadianceMap::read(path)?;
+    let map = environment::read(path)?;
+    // Every texel and channel counted alike, as other programs do.
+    let channels = map.texels().as_flattened();
+    let mean = channels.iter().map(|&x| f64::from(x)).sum::<f64>() / channels.len() as f64;
     Ok(Inspection::default()
         .fact("size", format!("{} x {}", map.width(), map.height()))
-        .fact("mean radiance", format!("{:.3}", map.mean()))
-        .fact("largest radiance", format!("{:.1}", map.max())))
+        .fact("mean radiance", format!("{mean:.3}"))
+        .fact("largest radiance", format!("{:.1}", channels.iter().fold(0.0, |max: f32, &x| max.max(x))))
+        .fact("digest", map.digest))
 }
 
 fn inspect_json(path: &Path, _: &dyn Log) -> Result<Inspection> {

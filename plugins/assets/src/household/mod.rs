@@ -20,7 +20,7 @@ use syntable_model::prelude::*;
 use syntable_model::scene::{Catalog, CatalogEntry};
 
 /// The catalogue of some families with equally many variants.
-fn variant_entries(families: impl Iterator<Item = &'static str>, variants: u32) -> Catalog {
+pub(crate) fn variant_entries(families: impl Iterator<Item = &'static str>, variants: u32) -> Catalog {
     let mut entries: Vec<CatalogEntry> = families
         .flat_map(|family| {
             (0..variants).map(move |i| CatalogEntry { name: format!("{family}_{i:04}"), category: family.to_owned() })
@@ -31,7 +31,10 @@ fn variant_entries(families: impl Iterator<Item = &'static str>, variants: u32) 
 }
 
 /// Sorts families; one named twice is refused, since it would be drawn twice as often.
-fn check_families<F: Copy + Ord>(families: &mut [F], name: impl Fn(F) -> &'static str) -> Result<(), Invalid> {
+pub(crate) fn check_families<F: Copy + Ord>(
+    families: &mut [F],
+    name: impl Fn(F) -> &'static str,
+) -> Result<(), Invalid> {
     if families.is_empty() {
         return Err(Invalid::new("families", "`families = []` offers nothing").help("leave it out to have all"));
     }
@@ -43,7 +46,7 @@ fn check_families<F: Copy + Ord>(families: &mut [F], name: impl Fn(F) -> &'stati
 }
 
 /// Family and number of a name such as `mug_0007`.
-fn parse_name<F: Copy>(
+pub(crate) fn parse_name<F: Copy>(
     text: &str,
     families: &[F],
     name: impl Fn(F) -> &'static str,

@@ -63,6 +63,35 @@ fn environment_maps() {
 }
 
 #[test]
+fn environment_folders() {
+    let folder = TempDir::new().expect("temp folder");
+    let hdr = |value: u8| {
+        let body: Vec<u8> = [value, value, value, 129].repeat(8);
+        [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n", body.as_slice()].concat()
+    };
+    write(folder.path(), "studio.hdr", hdr(64));
+    write(folder.path(), "out/field.hdr", hdr(128));
+    exr::prelude::write_rgb_file(folder.path().join("out/field.exr"), 4, 2, |_, _| (2.0_f32, 3.0_f32, 4.0_f32))
+        .expect("writes");
+    write(folder.path(), "out/bad.hdr", "no map");
+    write(folder.path(), "notes.txt", "x");
+    let source = source_of("environment_folder", folder.path(), "licence = \"CC0-1.0\"");
+    let log = Collected::default();
+    let entries = source.catalog(&log).expect("a catalogue").entries;
+    let names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+    assert_eq!(names, ["out/bad", "out/field", "studio"]);
+    assert_eq!(entries[1].category, "out");
+    assert!(log.warnings()[0].to_string().contains("field.hdr: `out/field` is there twice"), "{:?}", log.warnings());
+    let load = |name: &str| source.load(name, &log).map(|asset| asset.into_environment().expect("a map"));
+    let field = load("out/field").expect("loads");
+    assert_eq!((field.name.as_str(), field.licence.as_str()), ("out/field", "CC0-1.0"));
+    assert_eq!((field.width(), field.height(), field.texels()[0]), (4, 2, [2.0, 3.0, 4.0]));
+    assert_eq!(load("studio").expect("loads").texels()[3], [0.5; 3]);
+    assert!(load("out/bad").expect_err("garbage").to_string().contains("bad.hdr: not an environment map"));
+    assert!(load("none").expect_err("unknown").to_string().contains("no environment map `none`"));
+}
+
+#[test]
 fn radiance_files_agree_with_the_image_library() {
     use image::codecs::hdr::{HdrDecoder, HdrEncoder};
     let (width, height) = (37, 9);
@@ -71,7 +100,7 @@ fn radiance_files_agree_with_the_image_library() {
         .collect();
     let mut bytes = Vec::new();
     HdrEncoder::new(&mut bytes).encode(&pixels, width, height).expect("encodes");
-    let ours = syntable_assets::files::formats::environment::RadianceMap::decode(&bytes).expect("sound");
+    let ours = syntable_assets::files::formats::environment::decode(&bytes).expect("sound");
     let decoder = HdrDecoder::new(Cursor::new(&bytes)).expect("sound");
     let theirs = DynamicImage::from_decoder(decoder).expect("sound").into_rgb32f();
     for (ours, theirs) in ours.texels().iter().zip(theirs.pixels()) {
@@ -165,7 +194,7 @@ fn bop_folders() {
 fn roots_that_are_wrong_say_so() {
     let folder = TempDir::new().expect("temp folder");
     write(folder.path(), "file", "x");
-    for kind in ["google_scanned_objects", "ycb", "bop_models", "mesh_folder", "pbr_folder"] {
+    for kind in ["google_scanned_objects", "ycb", "bop_models", "mesh_folder", "pbr_folder", "environment_folder"] {
         let error = |path: &Path| source_of(kind, path, "").catalog(&Collected::default()).expect_err(kind);
         assert!(
             error(&folder.path().join("none")).to_string().contains("none: no such folder (check `root`"),
@@ -183,7 +212,7 @@ fn roots_that_are_wrong_say_so() {
 #[test]
 fn examples_build() {
     let registry = syntable_model::registry::Registry::linked().expect("unique kinds");
-    for kind in ["google_scanned_objects", "ycb", "bop_models", "mesh_folder", "pbr_folder"] {
+    for kind in ["google_scanned_objects", "ycb", "bop_models", "mesh_folder", "pbr_folder", "environment_folder"] {
         let entry = registry.find(syntable_model::registry::Slot::Assets, kind).expect(kind);
         assert!(entry.construct_str(entry.example).is_ok(), "{kind}");
         crate::common::source(kind, entry.example).expect(kind);

@@ -2,7 +2,7 @@
 
 use crate::common::{assets, fact, look, source_of};
 use syntable_model::context::Collected;
-use syntable_model::scene::{Object, Topology};
+use syntable_model::scene::{Alpha, Object, Topology, Volume};
 use syntable_model::stage::AssetSource;
 
 /// Rows of the table after a heading of the index, cells trimmed, without its head.
@@ -134,8 +134,8 @@ fn gltf_files_agree_with_the_index() {
             row[5].split([' ', ',', ';']).filter(|word| word.starts_with("KHR_materials")).collect();
         for extension in extensions {
             assert!(
-                warnings.iter().any(|warning| warning.contains(extension)),
-                "{name}: {extension} is told: {warnings:?}"
+                !warnings.iter().any(|warning| warning.contains(extension)),
+                "{name}: {extension} is read: {warnings:?}"
             );
         }
         let images: usize = row[6].parse().expect("a count");
@@ -157,6 +157,25 @@ fn gltf_materials_are_those_of_the_file() {
     assert_eq!((colour.transform.scale, fabric.base_color.factor), ([3.0, 3.0], [0.15; 3]));
     assert!(named("ToyCar").emission.texture.is_some());
     assert_eq!((named("Glass").base_color.factor, named("Glass").roughness.factor), ([0.3, 0.8, 0.3], 0.0));
+    let glass = named("Glass").transmission.as_ref().expect("glass");
+    assert_eq!((glass.share.factor, glass.volume), (1.0, None));
+    let sheen = fabric.sheen.as_ref().expect("fibres");
+    assert_eq!((sheen.color.factor, sheen.roughness.factor), ([1.0, 0.0, 0.0], 0.5));
+    let coat = named("ToyCar").clearcoat.as_ref().expect("varnish");
+    assert_eq!((coat.strength.factor, coat.roughness.factor), (1.0, 0.0));
+    assert_eq!(coat.strength.texture.as_ref().map(|(_, channel)| *channel), Some(0));
+    let (wicker, _) = load(&*source, "ClearcoatWicker");
+    let coat = wicker.materials[0].clearcoat.as_ref().expect("varnish");
+    assert!(coat.normal.is_some() && coat.roughness.factor == 0.1);
+    let (holder, _) = load(&*source, "GlassHurricaneCandleHolder");
+    let volumes: Vec<_> =
+        holder.materials.iter().filter_map(|material| material.transmission.as_ref()?.volume).collect();
+    assert_eq!(volumes, [Volume { attenuation_color: [0.8, 0.95, 1.0], attenuation_distance_m: 0.001 }]);
+    let (vase, _) = load(&*source, "GlassVaseFlowers");
+    let blended = vase.materials.iter().find(|material| material.name == "GlassAlpha").expect("blended glass");
+    assert_eq!(blended.alpha, Alpha::Blend { factor: 0.3 });
+    let clear = vase.materials.iter().find_map(|material| material.transmission.as_ref()?.volume).expect("glass");
+    assert_eq!(clear.attenuation_distance_m, f32::INFINITY);
     let (spheres, _) = load(&*source, "MetalRoughSpheresNoTextures");
     let second = spheres.materials.iter().find(|material| material.name == "mat_1").expect("a material");
     assert!((second.roughness.factor - 1.0 / 6.0).abs() < 1e-6);
@@ -237,5 +256,14 @@ fn environment_maps_agree_with_the_index() {
             let [got, want]: [f64; 2] = [fact(&found, name), cell].map(|text| text.parse().expect(text));
             assert!((got - want).abs() <= 2e-3 * want + 1e-3, "{}: {name} {got}, index {want}", row[0]);
         }
+    }
+    let source = source_of("environment_folder", &root, "");
+    let catalog = source.catalog(&Collected::default()).expect("a catalogue");
+    assert_eq!(catalog.entries.len(), rows.len());
+    for entry in catalog.entries {
+        let map = source.load(&entry.name, &Collected::default()).expect("loads").into_environment().expect("a map");
+        assert_eq!(map.width(), 2 * map.height());
+        // Indoors by day: the ceiling is not black and no direction is negative.
+        assert!(map.mean().iter().all(|&x| x > 0.0), "{}", entry.name);
     }
 }

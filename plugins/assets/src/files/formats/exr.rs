@@ -1,11 +1,12 @@
 //! OpenEXR environment maps, through the `exr` crate, with sizes checked before it allocates.
 
-use super::environment::{RadianceMap, check_size};
+use super::environment::{check_size, map};
 use exr::image::{AnyChannels, FlatSamples};
 use exr::meta::MetaData;
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use std::io::Cursor;
 use syntable_model::error::{Error, Result};
+use syntable_model::scene::EnvironmentMap;
 
 /// First bytes of every OpenEXR file.
 pub const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
@@ -14,7 +15,7 @@ pub const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 const MAX_CHANNELS: usize = 32;
 
 /// Decodes a file in memory: the first layer with R, G and B, or with Y alone.
-pub fn decode(bytes: &[u8]) -> Result<RadianceMap> {
+pub fn decode(bytes: &[u8]) -> Result<EnvironmentMap> {
     let broken = |error: exr::error::Error| Error::new(format!("not a sound OpenEXR: {error}"));
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     for header in &meta.headers {
@@ -45,7 +46,7 @@ pub fn decode(bytes: &[u8]) -> Result<RadianceMap> {
     let (width, height) = (layer.size.width(), layer.size.height());
     let planes = colour_planes(&layer.channel_data, width * height)?;
     let texels = (0..width * height).map(|i| planes.map(|plane| sample(plane, i))).collect();
-    RadianceMap::new(width, height, texels)
+    map(width, height, texels)
 }
 
 fn colour_planes(channels: &AnyChannels<FlatSamples>, texels: usize) -> Result<[&FlatSamples; 3]> {

@@ -1,11 +1,12 @@
 //! Radiance HDR (RGBE), after Ward, "Real Pixels", Graphics Gems II: flat, old and new run-length coding.
 
-use super::environment::{RadianceMap, check_size};
+use super::environment::{check_size, map};
 use super::text::shorten;
 use syntable_model::error::{Error, Result};
+use syntable_model::scene::EnvironmentMap;
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8]) -> Result<RadianceMap> {
+pub fn decode(bytes: &[u8]) -> Result<EnvironmentMap> {
     let mut input = Input { bytes, at: 0 };
     let header = Header::read(&mut input)?;
     let Header { width, height, .. } = header;
@@ -28,7 +29,7 @@ pub fn decode(bytes: &[u8]) -> Result<RadianceMap> {
     if header.right_to_left {
         texels.chunks_mut(width).for_each(<[_]>::reverse);
     }
-    RadianceMap::new(width, height, texels)
+    map(width, height, texels)
 }
 
 /// Shared exponent: the mantissas are in 1/256, a zero exponent is black.

@@ -129,7 +129,7 @@ fn find(root: &AssetRoot, log: &dyn Log) -> Result<BTreeMap<String, PathBuf>> {
 }
 
 /// The folder above a name, or the root.
-fn category(name: &str, root: &Path) -> String {
+pub(super) fn category(name: &str, root: &Path) -> String {
     match name.rsplit('/').nth(1) {
         Some(folder) => folder.to_owned(),
         None => root_name(root),

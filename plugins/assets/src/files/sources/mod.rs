@@ -3,6 +3,7 @@
 //! All of them find their assets by a cheap scan, sorted by name, and read one only when it is drawn.
 
 pub mod bop_models;
+pub mod environment_folder;
 pub mod google_scanned_objects;
 pub mod mesh_folder;
 pub mod pbr_folder;
