@@ -59,7 +59,7 @@ fn heavy_packages_stay_in_their_rooms() {
         ("rapier3d", &["syntable-physics"]),
         ("parry3d", &["syntable-physics"]),
         ("obvhs", &["syntable-render-cpu"]),
-        ("image", &["syntable-assets"]),
+        ("image", &["syntable-assets", "syntable-sensor"]),
         ("gltf", &["syntable-assets"]),
         ("tera", &["syntable-write"]),
         ("clap", &["syntable-runtime"]),
@@ -107,7 +107,7 @@ fn every_kind_keeps_the_house_rules() {
 #[test]
 fn every_annotator_works_with_its_defaults() {
     let registry = Registry::linked().expect("no clash");
-    for slot in [Slot::Annotate, Slot::Render, Slot::Views, Slot::Lights, Slot::Camera, Slot::Settle] {
+    for slot in [Slot::Sensor, Slot::Annotate, Slot::Render, Slot::Views, Slot::Lights, Slot::Camera, Slot::Settle] {
         for entry in registry.of_slot(slot) {
             if entry.kind != "fixed_poses" {
                 entry

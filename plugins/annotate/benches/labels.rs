@@ -1,7 +1,6 @@
-//! What labels and pictures of a 640 × 480 view cost.
+//! What labels of a 640 × 480 view cost.
 
 use divan::{Bencher, black_box};
-use syntable_annotate::develop::{Curve, Tone, ev100_of, white_nits};
 use syntable_annotate::masks::{area_outside, sweep};
 use syntable_model::prelude::*;
 use syntable_model::product::{BitPlane, Plane};
@@ -64,15 +63,4 @@ fn masks_order_and_coco(bencher: Bencher, objects: usize) {
 fn areas_outside(bencher: Bencher, objects: usize) {
     let (_, wide) = discs(objects, SIZE);
     bencher.bench(|| area_outside(black_box(&wide)));
-}
-
-/// Metering and developing a noisy picture.
-#[divan::bench]
-fn develop(bencher: Bencher) {
-    let mut stream = Stream::root(1);
-    let radiance = Plane::from_fn(SIZE[0], SIZE[1], |_, _| [0.0; 3].map(|_: f64| stream.unit() as f32 * 100.0));
-    bencher.bench(|| {
-        let curve = Curve::new(Tone::Filmic, white_nits(ev100_of(radiance.data())));
-        black_box(&radiance).map(|pixel| pixel.map(|nits| curve.code(nits)))
-    });
 }

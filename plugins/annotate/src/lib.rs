@@ -8,14 +8,12 @@
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
 //! | [`settle_report`] | how the scene came to rest |
-//! | [`develop`] | the 8-bit picture and its exposure |
 //!
 //! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
 //! products of a view speak of the same instances: those that [`masks`] annotates.
 
 pub mod boxes;
 pub mod camera;
-pub mod develop;
 pub mod lights;
 pub mod masks;
 mod matrix;

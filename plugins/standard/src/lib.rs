@@ -6,4 +6,5 @@ use syntable_physics as _;
 use syntable_placement as _;
 use syntable_render_cpu as _;
 use syntable_sampling as _;
+use syntable_sensor as _;
 use syntable_write as _;

@@ -9,9 +9,9 @@ use syntable_model::product::{DType, Tensor};
 /// PNG files: `{id}/{product}/{scene:06}_{view:04}.png`, and for a product of every instance
 /// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`.
 ///
-/// `rgb` is 8-bit; `depth` is 16-bit in units of `depth_scale_mm`, rounded, 0 where there is none; `instance` is
-/// 16-bit ids; masks are 0 and 255. `normal` (x right, y up, z towards the viewer; 128 is zero) and `albedo`
-/// (sRGB-encoded) are 8-bit previews: `npy` writes their values.
+/// `rgb` is 8-bit; `depth` and `depth_sensed` are 16-bit in units of `depth_scale_mm`, rounded, 0 where there is none;
+/// `instance` is 16-bit ids; masks are 0 and 255. `normal` (x right, y up, z towards the viewer; 128 is zero) and
+/// `albedo` (sRGB-encoded) are 8-bit previews: `npy` writes their values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Png {
@@ -117,7 +117,7 @@ fn samples(name: &str, tensor: &Tensor, channels: Option<usize>, depth_scale_mm:
         (DType::U16, None | Some(1)) => {
             Samples::Gray16(bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect())
         }
-        (DType::F32, None) if name == "depth" => {
+        (DType::F32, None) if matches!(name, "depth" | "depth_sensed") => {
             Samples::Gray16(floats().map(|depth| depth_units(depth, depth_scale_mm, Rounding::Nearest)).collect())
         }
         (DType::F32, Some(3)) if name == "normal" => {

@@ -1,5 +1,6 @@
 //! Tone curves and the sRGB encoding, as a table of decision levels.
 
+use super::agx::{self, Agx};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +15,9 @@ pub enum Tone {
     Srgb,
     /// Proportional up to white, not encoded: code = 255 · luminance / white.
     Linear,
+    /// Middle tones as a meter wants them; bright colours fade to white instead of burning out. White is not reached
+    /// before three stops above the white of the other curves.
+    Agx,
 }
 
 impl Tone {
@@ -23,21 +27,23 @@ impl Tone {
             Self::Filmic => "filmic",
             Self::Srgb => "srgb",
             Self::Linear => "linear",
+            Self::Agx => "agx",
         }
     }
 
-    /// The brightness in [0, 1] of `x` = luminance / white.
+    /// The brightness in [0, 1] of a grey of `x` = luminance / white.
     pub fn brightness(self, x: f64) -> f64 {
         match self {
             Self::Filmic => srgb_encode(shoulder(GAIN * x.min(1.0))),
             Self::Srgb => srgb_encode(x.min(1.0)),
             Self::Linear => x.min(1.0),
+            Self::Agx => agx::sigmoid(GAIN * x),
         }
     }
 }
 
 /// Gain of the filmic curve: a metered grey, `12.5 / 100 · 2^EV` nits of `1.2 · 2^EV`, comes out as 18 %.
-const GAIN: f64 = 0.18 * 1.2 * 100.0 / 12.5;
+pub(super) const GAIN: f64 = 0.18 * 1.2 * 100.0 / 12.5;
 /// Where the filmic curve leaves the straight line.
 const KNEE: f64 = 0.4;
 
@@ -52,14 +58,41 @@ fn shoulder(x: f64) -> f64 {
 }
 
 /// The sRGB encoding (IEC 61966-2-1) of a linear value in [0, 1].
-fn srgb_encode(x: f64) -> f64 {
+pub(super) fn srgb_encode(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// What turns light into codes, for a given white.
+pub enum Developer {
+    /// A curve for every channel by itself.
+    Curve(Curve),
+    /// A curve in a smaller gamut.
+    Agx(Box<Agx>),
+}
+
+impl Developer {
+    /// The developer of a tone, for a white in nits.
+    pub fn new(tone: Tone, white: f64) -> Self {
+        match tone {
+            Tone::Agx => Self::Agx(Box::new(Agx::new(white))),
+            tone => Self::Curve(Curve::new(tone, white)),
+        }
+    }
+
+    /// The codes of a colour in nits.
+    pub fn code(&self, nits: [f32; 3]) -> [u8; 3] {
+        match self {
+            Self::Curve(curve) => nits.map(|nits| curve.code(nits)),
+            Self::Agx(agx) => agx.code(nits),
+        }
+    }
 }
 
 /// How many equal bins of [0, white] are looked up.
 const BINS: usize = 4096;
 
-/// A tone curve for a given white, as a table: exact to the rounding of `255 · brightness`, and quick.
+/// A curve for every channel by itself and a given white, as a table: exact to the rounding of `255 · brightness`, and
+/// quick.
 pub struct Curve {
     /// The smallest luminance of every code above 0, nits; code `n` begins at `levels[n - 1]`.
     levels: [f32; 255],
@@ -69,8 +102,8 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// The curve that takes `white` nits to 255.
-    pub fn new(tone: Tone, white: f64) -> Self {
+    /// The curve that takes `white` nits to 255; not for [`Tone::Agx`].
+    pub(super) fn new(tone: Tone, white: f64) -> Self {
         let levels = std::array::from_fn(|code| (white * level(tone, (code as f64 + 0.5) / 255.0)) as f32);
         let bins_per_nit = (BINS as f64 / white) as f32;
         // One bin too low is allowed: the search below only goes up.
@@ -95,7 +128,7 @@ impl Curve {
     }
 }
 
-/// The least `x` whose brightness is at least `brightness`, by bisection: every curve is increasing on [0, 1].
+/// The least `x` whose brightness is at least `brightness`, by bisection: every such curve is increasing on [0, 1].
 fn level(tone: Tone, brightness: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
