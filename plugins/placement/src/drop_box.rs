@@ -1,6 +1,7 @@
 //! Objects that start in a box above the table, to be dropped.
 
 use crate::oriented_box::OrientedBox;
+use crate::surface::OtherMaterial;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
@@ -53,6 +54,13 @@ pub struct DropBox {
     #[serde(default = "tries")]
     #[schemars(range(min = 1, max = 100000))]
     max_tries: u32,
+    /// Another material for some objects, whose shape and mass stay, such as `{ from = "materials", probability = 0.2 }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    material: Option<OtherMaterial>,
+    /// Whether labels speak of the objects. Without, they are distractors: they fall, lie among the others and hide
+    /// them; what falls off the table lies on the floor.
+    #[serde(default = "yes")]
+    annotated: bool,
 }
 
 /// How objects are turned at the start.
@@ -98,7 +106,7 @@ impl Config for DropBox {
         if self.from.is_empty() {
             return Err(Invalid::new("from", "`from = []` names no pool of objects"));
         }
-        self.count.within("count", 1, 10_000)?;
+        self.count.within("count", i64::from(self.annotated), 10_000)?;
         for (key, value) in
             [("clearance_m", self.clearance_m), ("height_m", self.height_m), ("width_factor", self.width_factor)]
         {
@@ -106,6 +114,7 @@ impl Config for DropBox {
                 return Err(Invalid::new(key, format!("`{key} = {value}` is outside 0 to 100")));
             }
         }
+        self.material.as_ref().map_or(Ok(()), OtherMaterial::check)?;
         Ok(Box::new(self))
     }
 }
@@ -134,7 +143,12 @@ impl Placer for DropBox {
             } else {
                 pose_at(&object, rotation, space.draw(&mut stream.child("place")))
             };
-            scene.add(BodyDraft::new(asset, object, pose, Role::Object, Motion::Dynamic));
+            let surface = match &self.material {
+                Some(other) => other.draw(context.assets, &stream.child("surface"))?,
+                None => None,
+            };
+            let role = if self.annotated { Role::Object } else { Role::Distractor };
+            scene.add(BodyDraft::new(asset, object, pose, role, Motion::Dynamic).with_surface(surface));
         }
         Ok(())
     }

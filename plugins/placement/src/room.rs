@@ -1,6 +1,6 @@
 //! The room: floor, four walls and a ceiling.
 
-use crate::{any_angle_deg, drawn_surface};
+use crate::surface::{any_angle_deg, check_scale, drawn_surface, real_size};
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
@@ -12,8 +12,8 @@ const THICKNESS_M: f64 = 0.1;
 
 /// A closed room around the origin: the floor's surface at z = 0, four walls and a ceiling.
 ///
-/// Each of the six surfaces draws its own material from the pool named for it; without a pool it is plain. Cameras and
-/// lights are not kept inside: with the default size and tables below 2 m they always are.
+/// Each of the six surfaces draws its own material from the pool named for it; without a pool it is plain. With
+/// `floor_only` there is open country instead: a floor under the light kinds `environment` and `sun`. Cameras and lights are not kept inside: with the default size and tables below 2 m they always are.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
@@ -23,8 +23,14 @@ pub struct Room {
     height_m: Dist,
     /// Pools that the surfaces' materials are drawn from.
     material: RoomMaterials,
+    /// Whether all four walls have one material, laid alike, as in most rooms.
+    walls_alike: bool,
+    /// Whether there is a floor alone, without walls and ceiling.
+    floor_only: bool,
     /// Rotation of the textures, degrees, drawn for each surface.
     texture_rotation_deg: Dist,
+    /// Size of the textures against their real size, drawn for each surface.
+    texture_scale: Dist,
 }
 
 /// Pools of materials for the surfaces of a room; a surface without one is plain.
@@ -34,7 +40,7 @@ struct RoomMaterials {
     /// For the floor.
     #[serde(skip_serializing_if = "Option::is_none")]
     floor: Option<MaterialPool>,
-    /// For the walls; each draws its own material.
+    /// For the walls; each draws its own material unless `walls_alike` is set.
     #[serde(skip_serializing_if = "Option::is_none")]
     walls: Option<MaterialPool>,
     /// For the ceiling.
@@ -48,7 +54,10 @@ impl Default for Room {
             size_m: Dist::Constant(15.0),
             height_m: Dist::Constant(15.0),
             material: RoomMaterials::default(),
+            walls_alike: false,
+            floor_only: false,
             texture_rotation_deg: any_angle_deg(),
+            texture_scale: real_size(),
         }
     }
 }
@@ -62,6 +71,7 @@ impl Config for Room {
     fn build(self) -> Result<Box<dyn Placer>, Invalid> {
         self.size_m.within("size_m", 1.0, 1000.0)?;
         self.height_m.within("height_m", 1.0, 1000.0)?;
+        check_scale("texture_scale", &self.texture_scale)?;
         Ok(Box::new(self))
     }
 }
@@ -71,16 +81,16 @@ impl Placer for Room {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;
         let height = self.height_m.draw(&mut context.stream.child("height"));
-        for part in parts(half, height) {
-            let (pool, gray) = match part.name {
-                "floor" => (&self.material.floor, 0.45),
-                "ceiling" => (&self.material.ceiling, 0.8),
-                _ => (&self.material.walls, 0.7),
+        for part in parts(half, height).into_iter().take(if self.floor_only { 1 } else { 6 }) {
+            let (pool, gray, stream) = match part.name {
+                "floor" => (&self.material.floor, 0.45, part.name),
+                "ceiling" => (&self.material.ceiling, 0.8, part.name),
+                _ => (&self.material.walls, 0.7, if self.walls_alike { "walls" } else { part.name }),
             };
-            let stream = context.stream.child(part.name);
+            let (rotation, scale) = (&self.texture_rotation_deg, &self.texture_scale);
             let surface = pool
                 .as_ref()
-                .map(|pool| drawn_surface(pool, &self.texture_rotation_deg, context.assets, &stream))
+                .map(|pool| drawn_surface(pool, rotation, scale, context.assets, &context.stream.child(stream)))
                 .transpose()?;
             let middle = part.bounds.centre().coords;
             let asset = AssetRef { pool: "room".into(), name: part.name.into() };
@@ -104,7 +114,7 @@ struct Part {
     bounds: Aabb,
 }
 
-/// The six parts around an inner box of half edge `half`; they touch and do not overlap.
+/// The six parts, the floor first, around an inner box of half edge `half`; they touch and do not overlap.
 fn parts(half: f64, height: f64) -> [Part; 6] {
     let outer = half + THICKNESS_M;
     let part = |name, low: [f64; 3], high: [f64; 3]| Part {

@@ -1,6 +1,6 @@
 //! The table that objects are dropped on.
 
-use crate::{any_angle_deg, drawn_surface};
+use crate::surface::{always, any_angle_deg, check_probability, check_scale, drawn_surface, real_size};
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Mesh, Motion, Role, Tabletop};
@@ -26,13 +26,12 @@ pub struct Table {
     /// Rotation of a drawn material's textures, degrees.
     #[serde(default = "any_angle_deg")]
     texture_rotation_deg: Dist,
+    /// Size of a drawn material's textures against their real size.
+    #[serde(default = "real_size")]
+    texture_scale: Dist,
     /// Rotation of the table about the vertical, degrees.
     #[serde(default = "unturned")]
     yaw_deg: Dist,
-}
-
-fn always() -> f64 {
-    1.0
 }
 
 fn unturned() -> Dist {
@@ -48,10 +47,8 @@ impl Config for Table {
         if self.from.is_empty() {
             return Err(Invalid::new("from", "`from = []` names no pool of tables"));
         }
-        if !(0.0..=1.0).contains(&self.material_probability) {
-            let message = format!("`material_probability = {}` is outside 0 to 1", self.material_probability);
-            return Err(Invalid::new("material_probability", message));
-        }
+        check_probability("material_probability", self.material_probability)?;
+        check_scale("texture_scale", &self.texture_scale)?;
         Ok(Box::new(self))
     }
 }
@@ -73,7 +70,9 @@ impl Placer for Table {
         }
         let material = match &self.material {
             Some(pool) if context.stream.child("keep").chance(self.material_probability) => {
-                Some(drawn_surface(pool, &self.texture_rotation_deg, context.assets, &context.stream.child("surface"))?)
+                let (rotation, scale, stream) =
+                    (&self.texture_rotation_deg, &self.texture_scale, context.stream.child("surface"));
+                Some(drawn_surface(pool, rotation, scale, context.assets, &stream)?)
             }
             _ => None,
         };
@@ -84,7 +83,7 @@ impl Placer for Table {
 }
 
 /// Bounding box of a turned mesh, exact over its vertices.
-fn turned_bounds(mesh: &Mesh, rotation: &UnitQuaternion<f64>) -> Aabb {
+pub fn turned_bounds(mesh: &Mesh, rotation: &UnitQuaternion<f64>) -> Aabb {
     if rotation.angle() == 0.0 {
         return mesh.bounds();
     }

@@ -1,5 +1,7 @@
 //! Room, table and drop box on hand-made pools.
 
+mod randomisation;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Assets, Collected, NoCache, Serial};
@@ -359,6 +361,11 @@ fn options_are_checked() {
         ("drop_box", "from = [\"small\"]\nrotation = \"uniform\"", "uniform_so3"),
         ("drop_box", "from = [\"small\"]\nclearance_m = -1", "outside"),
         ("room", "size_m = { uniform = [0, 4] }", "can become 0"),
+        ("room", "texture_scale = 0", "can become 0"),
+        ("drop_box", "from = [\"small\"]\nmaterial = { from = \"materials\", probability = 2 }", "outside 0 to 1"),
+        ("distractors", "from = []", "no pool"),
+        ("distractors", "from = [\"small\"]\ndistance_m = [2, 1]", "the smaller first"),
+        ("distractors", "from = [\"small\"]\nlying_probability = 2", "outside 0 to 1"),
         ("room", "material = { roof = \"materials\" }", "roof"),
     ] {
         let error = refused(kind, options);

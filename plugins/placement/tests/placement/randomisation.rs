@@ -1,0 +1,127 @@
+//! Materials at random, open country, and distractors.
+
+use super::*;
+use syntable_model::scene::{SceneId, SettleReport};
+
+fn bodies(scene: &SceneBuilder) -> Vec<&BodyDraft> {
+    scene.bodies().map(|(_, body)| body).collect()
+}
+
+#[test]
+fn walls_alike_have_one_material_laid_alike() {
+    let options = "material = { floor = \"materials\", walls = \"materials\", ceiling = \"materials\" }";
+    let room = placer("room", &format!("{options}\nwalls_alike = true\ntexture_scale = {{ uniform = [0.5, 2] }}"));
+    let apart = placer("room", options);
+    let mut same_as_floor = 0;
+    for seed in 0..80 {
+        let (scene, _) = place(&[&*room], seed).expect("placed");
+        let surfaces: Vec<_> = bodies(&scene).iter().map(|body| body.surface.clone().expect("a surface")).collect();
+        for wall in &surfaces[2..5] {
+            assert_eq!(wall.material.digest, surfaces[1].material.digest);
+            assert_eq!(wall.mapping, surfaces[1].mapping);
+        }
+        same_as_floor += usize::from(surfaces[0].material.name == surfaces[1].material.name);
+        // The pool's materials have tiles of a metre.
+        assert!(surfaces.iter().all(|surface| (0.5..2.0).contains(&surface.material.tile_m)));
+        assert!(surfaces[0].material.tile_m != surfaces[1].material.tile_m);
+        // Floor and ceiling are those of a room whose walls differ.
+        let (other, _) = place(&[&*apart], seed).expect("placed");
+        for i in [0, 5] {
+            let other = bodies(&other)[i].surface.clone().expect("a surface");
+            assert_eq!((&other.material.name, other.mapping), (&surfaces[i].material.name, surfaces[i].mapping));
+            assert_eq!(other.material.tile_m, 1.0);
+        }
+    }
+    // 10 of 80 with a standard deviation of 3.
+    assert!(same_as_floor < 25, "{same_as_floor}");
+}
+
+#[test]
+fn open_country_is_a_floor() {
+    let (scene, _) = place(&[&*placer("room", "floor_only = true\nsize_m = 40")], 1).expect("placed");
+    let bodies = bodies(&scene);
+    assert_eq!(bodies.len(), 1);
+    let bounds = bodies[0].world_bounds();
+    assert!((bounds.max - Point3::new(20.1, 20.1, 0.0)).norm() < 1e-5, "{bounds:?}");
+}
+
+#[test]
+fn some_objects_get_another_material_and_nothing_else_changes() {
+    let (table, plain) = (table(), placer("drop_box", "from = [\"small\"]\ncount = 20"));
+    let other = placer(
+        "drop_box",
+        "from = [\"small\"]\ncount = 20\nmaterial = { from = \"materials\", probability = 0.3, texture_scale = 0.5 }",
+    );
+    let mut replaced = 0;
+    for seed in 0..100 {
+        let (a, _) = place(&[&*table, &*plain], seed).expect("placed");
+        let (b, _) = place(&[&*table, &*other], seed).expect("placed");
+        for (a, b) in objects(&a).iter().zip(objects(&b)) {
+            assert_eq!(
+                (&a.asset, a.world_from_body, a.object.mass_kg),
+                (&b.asset, b.world_from_body, b.object.mass_kg)
+            );
+            assert!(a.surface.is_none());
+            replaced += usize::from(b.surface.as_ref().is_some_and(|surface| surface.material.tile_m == 0.5));
+        }
+    }
+    // 600 ± 4 standard deviations of a binomial.
+    assert!((518..=682).contains(&replaced), "{replaced} of 2000");
+}
+
+#[test]
+fn distractors_lie_on_the_floor_around_the_table() {
+    let (room, table) = (placer("room", "size_m = 4\nheight_m = 3"), table());
+    let options = "from = [\"small\", \"big\"]\ncount = 30\ndistance_m = [0.2, 0.9]";
+    let clutter = placer("distractors", options);
+    let (mut lying, mut all) = (0, 0);
+    for seed in 0..12 {
+        let (scene, _) = place(&[&*room, &*table, &*clutter], seed).expect("placed");
+        let bodies = bodies(&scene);
+        let things: Vec<&BodyDraft> = bodies.iter().copied().filter(|b| b.role == Role::Distractor).collect();
+        assert!(things.len() > 15, "{}", things.len());
+        let apart: Vec<&BodyDraft> = bodies.iter().copied().filter(|b| b.role != Role::Room).collect();
+        assert_apart(&apart);
+        for body in things {
+            assert_eq!(body.motion, Motion::Fixed);
+            // Exact over the vertices, which are those of the box.
+            let bounds = body.world_bounds();
+            assert!(bounds.min.z.abs() < 1e-6, "{bounds:?}");
+            assert!((0..2).all(|k| bounds.min[k] > -2.0 && bounds.max[k] < 2.0), "{bounds:?}");
+            let gap = |k: usize, half: f64| (bounds.min[k] - half).max(-half - bounds.max[k]).max(0.0);
+            let distance = gap(0, 0.6).hypot(gap(1, 0.4));
+            assert!((0.2 - 1e-6..=0.9 + 1e-6).contains(&distance), "{distance}");
+            all += 1;
+            lying += usize::from((body.world_from_body.rotation * Vector3::z()).z < 0.5);
+        }
+    }
+    let expected = 0.4 * f64::from(all);
+    assert!((lying as f64 - expected).abs() < 4.0 * (expected * 0.6).sqrt(), "{lying} of {all}");
+    // Sizes: only the smallest assets pass, and where none passes none is there.
+    let names = |options: &str| {
+        let clutter = placer("distractors", &format!("{options}\nfrom = [\"small\", \"big\"]\ncount = 9"));
+        let (scene, _) = place(&[&*table, &*clutter], 3).expect("placed");
+        let things = scene.bodies().filter(|(_, body)| body.role == Role::Distractor);
+        things.map(|(_, body)| body.asset.name.clone()).collect::<std::collections::BTreeSet<_>>()
+    };
+    assert_eq!(names("size_m = [0.01, 0.06]").into_iter().collect::<Vec<_>>(), ["30x40x50"]);
+    assert!(names("size_m = [0.5, 0.6]").is_empty());
+    let alone = place(&[&*clutter], 1).expect_err("no table").to_string();
+    assert!(alone.contains("no tabletop"), "{alone}");
+}
+
+#[test]
+fn distractors_come_after_objects_and_before_the_table() {
+    let (room, table) = (placer("room", ""), table());
+    let unlabelled = placer("drop_box", "from = [\"small\"]\ncount = 3\nannotated = false");
+    let floor = placer("distractors", "from = [\"small\"]\ncount = 4");
+    let drop = placer("drop_box", "from = [\"small\"]\ncount = 5");
+    let (scene, _) = place(&[&*room, &*table, &*unlabelled, &*floor, &*drop], 2).expect("placed");
+    assert_eq!(objects(&scene).iter().map(|body| body.spawn).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    let scene = scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
+    assert_eq!((scene.objects().len(), scene.things().len(), scene.bodies().len()), (5, 12, 19));
+    let roles: Vec<Role> = scene.bodies().iter().map(|body| body.role).collect();
+    assert_eq!(roles[5..12], [Role::Distractor; 7]);
+    let moving = scene.things()[5..].iter().filter(|body| body.motion == Motion::Dynamic).count();
+    assert_eq!(moving, 3);
+}
