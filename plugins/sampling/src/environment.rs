@@ -1,11 +1,13 @@
 //! Light from all around: a map, or the same from everywhere.
 
 use crate::brightness::check_temperature;
+use std::f64::consts::PI;
 use std::sync::Arc;
+use syntable_model::geometry::{Rotation3, Vector3};
 use syntable_model::names::EnvironmentPool;
 use syntable_model::photometry::{blackbody, level_irradiance, luminance};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Camera, EnvironmentLight, EnvironmentMap, Light};
+use syntable_model::scene::{Camera, DirectionalLight, EnvironmentLight, EnvironmentMap, Light};
 
 /// Light from all around, drawn anew for every view: an environment map, turned about the vertical at random, or an
 /// even sky. It shines where no body is in the way, and is what the camera sees there: with a closed room it is
@@ -30,6 +32,32 @@ pub struct Environment {
     /// Colour temperature of even light, kelvin, without `from`; 5000 to 8000 K by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     temperature_k: Option<Dist>,
+    /// A sun where the map is brightest above the horizon, for maps without its disc, such as `{ ratio = 4 }`. It turns
+    /// with the map. For skies that show where the sun is: not for overcast ones, nor for photographs of sunny days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sun: Option<SunInSky>,
+}
+
+/// The sun of a map that does not show its disc.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct SunInSky {
+    /// Illuminance on a plane that faces the sun against that of the map on a level plane: 1 in haze, 6 in a clear sky.
+    ratio: Dist,
+    /// Angle under which it is seen, degrees.
+    angular_diameter_deg: Dist,
+    /// Colour temperature, kelvin.
+    temperature_k: Dist,
+}
+
+impl Default for SunInSky {
+    fn default() -> Self {
+        Self {
+            ratio: Dist::Uniform(1.0, 6.0),
+            angular_diameter_deg: Dist::Constant(0.53),
+            temperature_k: Dist::Uniform(4000.0, 5800.0),
+        }
+    }
 }
 
 impl Config for Environment {
@@ -64,6 +92,15 @@ impl Config for Environment {
         }
         light.illuminance_lx.as_ref().map_or(Ok(()), |lux| lux.within("illuminance_lx", 0.0, 1e7))?;
         light.luminance_scale.as_ref().map_or(Ok(()), |scale| scale.within("luminance_scale", 0.0, 1e9))?;
+        if let Some(sun) = &light.sun {
+            if light.from.is_empty() {
+                return Err(Invalid::new("sun", "even light from everywhere has no place for a sun")
+                    .help("name a pool of maps in `from`, or add [[lights]] kind = \"sun\""));
+            }
+            sun.ratio.within("sun.ratio", 0.0, 1000.0)?;
+            sun.angular_diameter_deg.within("sun.angular_diameter_deg", 0.01, 90.0)?;
+            sun.temperature_k.within("sun.temperature_k", 1000.0, 40_000.0)?;
+        }
         light.rotation_deg.as_ref().map_or(Ok(()), |turn| turn.within("rotation_deg", -3600.0, 3600.0))?;
         Ok(Box::new(light))
     }
@@ -93,7 +130,40 @@ impl LightSampler for Environment {
             None => draw("brightness", &self.luminance_scale).unwrap_or(0.0),
         };
         let rotation = draw("rotation", &self.rotation_deg).unwrap_or(0.0).to_radians();
-        let light = EnvironmentLight { map, scale: color.map(|channel| channel * nits), rotation };
-        Ok(if nits > 0.0 { vec![Light::Environment(light)] } else { Vec::new() })
+        if nits <= 0.0 {
+            return Ok(Vec::new());
+        }
+        let mut lights = Vec::new();
+        if let Some(sun) = &self.sun {
+            let stream = context.stream.child("sun");
+            let facing = sun.ratio.draw(&mut stream.child("ratio")) * nits * luminance(level_irradiance(&map));
+            let color = blackbody(sun.temperature_k.draw(&mut stream.child("temperature")));
+            if facing > 0.0 {
+                lights.push(Light::Directional(DirectionalLight {
+                    towards: Rotation3::from_axis_angle(&Vector3::z_axis(), rotation) * brightest(&map),
+                    half_angle: sun.angular_diameter_deg.draw(&mut stream.child("diameter")).to_radians() / 2.0,
+                    irradiance: color.map(|channel| channel * facing),
+                }));
+            }
+        }
+        let scale = color.map(|channel| channel * nits);
+        lights.push(Light::Environment(EnvironmentLight { map, scale, rotation }));
+        Ok(lights)
     }
+}
+
+/// The direction above the horizon in which a map is brightest: the mean of all texels within 1 % of the brightest, so
+/// that a wide bright patch has its sun in the middle.
+fn brightest(map: &EnvironmentMap) -> Vector3<f64> {
+    let (width, height) = (map.width() as usize, map.height() as usize);
+    let above = || map.texels().iter().take(width * (height / 2).max(1)).enumerate();
+    let value = |texel: &[f32; 3]| luminance(texel.map(f64::from));
+    let most = above().map(|(_, texel)| value(texel)).fold(0.0, f64::max);
+    let mut sum = Vector3::zeros();
+    for (i, _) in above().filter(|(_, texel)| value(texel) >= 0.99 * most) {
+        let middle = |at: usize, count: usize| (at as f64 + 0.5) / count as f64;
+        let solid_angle = (PI * middle(i / width, height)).sin();
+        sum += EnvironmentMap::direction([middle(i % width, width), middle(i / width, height)]) * solid_angle;
+    }
+    sum.try_normalize(1e-12).unwrap_or_else(Vector3::z)
 }

@@ -188,6 +188,35 @@ fn skies_give_the_lux_that_was_asked_for() {
 }
 
 #[test]
+fn a_sky_has_its_sun_where_it_is_brightest() {
+    // A bright patch of 4 × 4 texels around 33.75° of elevation, to the left of +x; the rest is even.
+    let (width, height) = (64_usize, 32_usize);
+    let mut texels = vec![[1.0; 3]; width * height];
+    for (row, column) in (8..12).flat_map(|row| (20..24).map(move |column| (row, column))) {
+        texels[row * width + column] = [50.0; 3];
+    }
+    let map = EnvironmentMap::new("sunny", width as u32, height as u32, texels).expect("sound");
+    let pools = Pools::default().environment("skies", map);
+    let log = Collected::default();
+    let context = Context { stream: Stream::root(1), assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
+    let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
+    let scene = scene(None);
+    let options = "from = [\"skies\"]\nilluminance_lx = 1000\nrotation_deg = 90\nsun = { ratio = 3 }";
+    let shell = views("hemisphere_shell", "").shell(&scene);
+    let drawn = lights("environment", options).lights(&scene, &camera, &shell, &context).expect("lights");
+    let [sun @ Light::Directional(disc), sky @ Light::Environment(_)] = &drawn[..] else { panic!("{drawn:?}") };
+    assert!((illuminance(sun, Point3::origin(), disc.towards) / 3000.0 - 1.0).abs() < 0.05, "{disc:?}");
+    assert!((luminance(disc.irradiance) - 3000.0).abs() < 1e-6);
+    // The sky is bright just where its sun is.
+    let at = luminance(seen(sky, Point3::origin(), disc.towards));
+    let aside = luminance(seen(sky, Point3::origin(), Vector3::new(0.6, -0.6, 0.5).normalize()));
+    assert!((at / aside - 50.0).abs() < 1e-3, "{at} {aside}");
+    assert!((disc.towards.z - 33.75_f64.to_radians().sin()).abs() < 0.01, "{disc:?}");
+    let refusal = refused(Slot::Lights, "environment", "sun = { ratio = 2 }");
+    assert!(refusal.contains("no place for a sun"), "{refusal}");
+}
+
+#[test]
 fn the_sun_stands_where_it_should() {
     let scene = scene(None);
     let options = "elevation_deg = 30\nazimuth_deg = 90\nilluminance_lx = 50000\nangular_diameter_deg = 20";
