@@ -85,6 +85,32 @@ fn surfaces_are_plausible() {
 }
 
 #[test]
+fn varnish_and_fibres_are_where_they_belong() {
+    for family in SurfaceFamily::ALL {
+        let baked: Vec<Material> = (0..24).map(|i| family.bake(&Stream::root(5).at(i), 64, "m")).collect();
+        let coated = baked.iter().filter(|material| material.clearcoat.is_some()).count();
+        let fibrous = baked.iter().filter(|material| material.sheen.is_some()).count();
+        match family {
+            SurfaceFamily::Ceramic | SurfaceFamily::Lacquer => assert_eq!((coated, fibrous), (24, 0), "{family:?}"),
+            SurfaceFamily::Timber | SurfaceFamily::Wood | SurfaceFamily::Leather => {
+                assert!((1..24).contains(&coated) && fibrous == 0, "{family:?}: {coated}");
+            }
+            SurfaceFamily::Fabric | SurfaceFamily::Carpet | SurfaceFamily::Velvet => {
+                assert_eq!((coated, fibrous), (0, 24), "{family:?}");
+                for sheen in baked.iter().filter_map(|material| material.sheen.as_ref()) {
+                    assert!(sheen.color.factor.iter().all(|x| (0.0..=1.0).contains(x)), "{sheen:?}");
+                    assert!(sheen.color.factor.iter().any(|x| *x > 0.01), "{sheen:?}");
+                }
+            }
+            _ => assert_eq!((coated, fibrous), (0, 0), "{family:?}"),
+        }
+        for material in &baked {
+            assert_eq!(material.clone().sealed().digest, material.digest, "the digest speaks of everything");
+        }
+    }
+}
+
+#[test]
 fn variants_differ_and_repeat() {
     let mut seen = BTreeSet::<Digest>::new();
     for family in SurfaceFamily::ALL {

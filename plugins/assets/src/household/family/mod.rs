@@ -2,6 +2,7 @@
 
 mod cutlery;
 mod food;
+mod glass;
 mod home;
 mod packaging;
 mod tools;
@@ -30,7 +31,7 @@ pub enum ObjectFamily {
     Block,
     /// Closed books, lying.
     Book,
-    /// Bottles of drink, sauce or soap.
+    /// Bottles of drink, sauce or soap; some of glass.
     Bottle,
     /// Bowls.
     Bowl,
@@ -42,6 +43,8 @@ pub enum ObjectFamily {
     Cup,
     /// Table forks.
     Fork,
+    /// Drinking glasses: tumblers and wine glasses.
+    Glass,
     /// Hammers.
     Hammer,
     /// Jars with a lid.
@@ -74,7 +77,7 @@ pub enum ObjectFamily {
 
 impl ObjectFamily {
     /// All families, sorted by name.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::Apple,
         Self::Ball,
         Self::Banana,
@@ -86,6 +89,7 @@ impl ObjectFamily {
         Self::Can,
         Self::Cup,
         Self::Fork,
+        Self::Glass,
         Self::Hammer,
         Self::Jar,
         Self::Knife,
@@ -116,6 +120,7 @@ impl ObjectFamily {
             Self::Can => "can",
             Self::Cup => "cup",
             Self::Fork => "fork",
+            Self::Glass => "glass",
             Self::Hammer => "hammer",
             Self::Jar => "jar",
             Self::Knife => "knife",
@@ -148,6 +153,7 @@ impl ObjectFamily {
             Self::Can => packaging::can(draw),
             Self::Cup => vessel::cup(draw),
             Self::Fork => cutlery::fork(draw),
+            Self::Glass => glass::drinking_glass(draw),
             Self::Hammer => tools::hammer(draw),
             Self::Jar => packaging::jar(draw),
             Self::Knife => cutlery::knife(draw),
@@ -241,6 +247,7 @@ impl Draw<'_> {
 mod density {
     pub const STEEL: f64 = 7850.0;
     pub const CERAMIC: f64 = 2350.0;
+    pub const GLASS: f64 = 2500.0;
     pub const PLASTIC: f64 = 1050.0;
     pub const RUBBER: f64 = 1150.0;
     pub const WOOD: f64 = 680.0;

@@ -1,7 +1,8 @@
 //! Packages: cartons, cans, bottles, jars, tubes. All are closed and full, or partly so.
 
-use super::super::paint::{carton as carton_print, hsv, label, shade, vivid};
+use super::super::paint::{carton as carton_print, hsv, label, mix, shade, vivid};
 use super::super::shape::{Lathe, Outline, Paint, loft, rounded_box};
+use super::glass::clear_solid;
 use super::{Draw, Model};
 use nalgebra::Point3;
 use std::f64::consts::TAU;
@@ -102,8 +103,16 @@ pub fn bottle(draw: &mut Draw) -> Model {
     let texture = label(&mut draw.paint, TAU * r / (high - low));
     let cap_color = vivid(&mut draw.paint);
     let gloss = draw.paint.uniform(0.06, 0.35);
-    let materials =
-        vec![draw.printed(texture, [0.2, 0.5]), draw.plain("bottle", color, gloss), draw.plastic_of("cap", cap_color)];
+    let print = draw.printed(texture, [0.2, 0.5]);
+    let mut filling = draw.paint.child("glass");
+    let body = if filling.chance(0.3) {
+        // Glass and drink bend light nearly alike: a full bottle is as good as solid.
+        let tint = mix(color, [1.0; 3], filling.uniform(0.2, 0.9) as f32);
+        clear_solid("bottle", tint, filling.uniform(1.34, 1.5), filling.uniform(0.0, 0.04))
+    } else {
+        draw.plain("bottle", color, gloss)
+    };
+    let materials = vec![print, body, draw.plastic_of("cap", cap_color)];
     // From nearly empty to full.
     let mass = shape.volume() * draw.uniform(130.0, 1000.0);
     Model::new(shape, materials, mass).friction(0.35)

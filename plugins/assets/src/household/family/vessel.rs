@@ -1,6 +1,6 @@
 //! Crockery and pans: hollow solids, open at the top. Their collision parts leave the hollow free.
 
-use super::super::paint::{SurfaceFamily, bands, hsv, shade, vivid};
+use super::super::paint::{Finish, SurfaceFamily, bands, hsv, shade, vivid};
 use super::super::shape::{Cell, Lathe, Outline, Paint, Shape, Sweep, sweep};
 use super::{Draw, Model, density, ellipse};
 use nalgebra::{Point3, Vector3};
@@ -8,21 +8,24 @@ use std::sync::Arc;
 use syntable_model::scene::Material;
 
 /// A wall of even thickness around a hollow, on a flat bottom.
-struct Hollow {
+pub(super) struct Hollow {
     /// The outside from the foot's edge at z = 0 up to the rim, (radius, height).
-    outside: Vec<[f64; 2]>,
-    wall: f64,
-    bottom: f64,
+    pub(super) outside: Vec<[f64; 2]>,
+    pub(super) wall: f64,
+    pub(super) bottom: f64,
     /// How many convex cells the wall is cut into along its height, and around.
-    cells: usize,
-    sectors: usize,
+    pub(super) cells: usize,
+    pub(super) sectors: usize,
 }
+
+/// Roughness of what lies under a glaze.
+const BODY: f64 = 0.5;
 
 const OUTSIDE: Paint = Paint::fit(0);
 const INSIDE: Paint = Paint::fit(1);
 
 impl Hollow {
-    fn shape(&self) -> Shape {
+    pub(super) fn shape(&self) -> Shape {
         let inside = self.inside();
         let mut outline = Outline::at(0.0, 0.0).to(self.outside[0][0], 0.0, INSIDE).round(0.35 * self.wall);
         for (i, p) in self.outside.iter().enumerate().skip(1) {
@@ -71,7 +74,7 @@ impl Hollow {
 }
 
 /// A cubic Bézier curve of `steps` segments.
-fn curve(p: [[f64; 2]; 4], steps: usize) -> Vec<[f64; 2]> {
+pub(super) fn curve(p: [[f64; 2]; 4], steps: usize) -> Vec<[f64; 2]> {
     (0..=steps)
         .map(|i| {
             let t = i as f64 / steps as f64;
@@ -91,7 +94,7 @@ fn glazed(draw: &mut Draw) -> Vec<Arc<Material>> {
         _ => hsv(0.1, 0.12, draw.paint.uniform(0.5, 0.9)),
     };
     let gloss = draw.paint.uniform(0.06, 0.25);
-    vec![outside, draw.plain("glaze", inside, gloss)]
+    vec![outside, Arc::new(Finish::plain(inside, BODY, 0.0).glazed(gloss).named("glaze"))]
 }
 
 impl Draw<'_> {
@@ -100,7 +103,8 @@ impl Draw<'_> {
             return self.surface(SurfaceFamily::Ceramic);
         }
         let texture = bands(&mut self.paint);
-        self.printed(texture, [0.06, 0.25])
+        let gloss = self.paint.uniform(0.06, 0.25);
+        Arc::new(Finish::printed(texture, BODY).glazed(gloss).named("print"))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Metal, plastic, board and glaze.
+//! Metal, plastic, lacquer, board, paper and glaze.
 
 use super::Bake;
 use super::color::{Rgb, hsv, mix, shade};
@@ -112,7 +112,8 @@ pub fn ceramic(stream: &mut Stream, size: usize) -> Bake {
     let ink = hsv(0.07, 0.5, 0.25);
     let [near, _, id] = Field::cells(size, size / 12, 1.0, stream);
     let clouds = Field::fractal(size, [3, 3], 4, 0.5, stream);
-    let gloss = stream.uniform(0.05, 0.2) as f32;
+    // The glaze is the coat; what shines through it is the body.
+    let gloss = stream.uniform(0.35, 0.6) as f32;
     let color = (0..size * size).map(|i| {
         let number = id.values()[i];
         let dot =
@@ -125,5 +126,69 @@ pub fn ceramic(stream: &mut Stream, size: usize) -> Bake {
         height: clouds.map(|c| 1.2 * c),
         metallic: 0.0,
         tile_m: stream.uniform(0.15, 0.3) as f32,
+    }
+}
+
+/// Paint under lacquer, 0.2 to 0.4 m a tile: plain, or with flakes that each lean their own way.
+pub fn lacquer(stream: &mut Stream, size: usize) -> Bake {
+    let neutral = stream.chance(0.35);
+    let saturation = if neutral { stream.uniform(0.0, 0.06) } else { stream.uniform(0.5, 0.95) };
+    let base = hsv(stream.unit(), saturation, stream.uniform(if neutral { 0.06 } else { 0.25 }, 0.85));
+    let flakes = if stream.chance(0.5) { stream.uniform(0.4, 1.0) as f32 } else { 0.0 };
+    let peel = Field::fractal(size, [size / 16, size / 16], 2, 0.5, stream);
+    let [_, _, id] = Field::cells(size, size / 2, 1.0, stream);
+    let pale = mix(base, [0.95; 3], 0.35);
+    let gloss = stream.uniform(0.35, 0.5) as f32;
+    Bake {
+        color: id.values().iter().map(|&i| mix(base, pale, flakes * smoothstep(0.8, 1.0, i))).collect(),
+        roughness: id.clone().map(|i| gloss - 0.15 * flakes * i),
+        height: peel.zip(&id, |p, i| 0.15 * p + 0.5 * flakes * i),
+        metallic: 0.0,
+        tile_m: stream.uniform(0.2, 0.4) as f32,
+    }
+}
+
+/// Paper, 0.15 to 0.3 m a tile: white, tinted or brown; plain, with laid lines, ruled or squared.
+pub fn paper(stream: &mut Stream, size: usize) -> Bake {
+    let base = match stream.below(4) {
+        0 => hsv(stream.uniform(0.07, 0.1), stream.uniform(0.25, 0.45), stream.uniform(0.6, 0.8)),
+        1 => hsv(stream.unit(), stream.uniform(0.1, 0.5), stream.uniform(0.75, 0.93)),
+        _ => hsv(stream.uniform(0.08, 0.16), stream.uniform(0.0, 0.08), stream.uniform(0.86, 0.95)),
+    };
+    let tile = stream.uniform(0.15, 0.3);
+    let fibres = Field::fractal(size, [size / 4, size / 5], 2, 0.7, stream);
+    let clouds = Field::fractal(size, [6, 6], 4, 0.6, stream);
+    let crumple = Field::fractal(size, [5, 5], 3, 0.5, stream);
+    let folds = if stream.chance(0.4) { stream.uniform(1.0, 4.0) as f32 } else { 0.2 };
+    let style = stream.below(4);
+    // Rules 5 to 9 mm apart, a whole number of them to a tile.
+    let rules = (tile / stream.uniform(0.005, 0.009)).round() as f32;
+    let ink = hsv(stream.uniform(0.5, 0.7), 0.4, 0.6);
+    let width = (0.05_f32).max(1.2 * rules / size as f32);
+    let line = |x: f32| {
+        let t = (x * rules).fract();
+        1.0 - smoothstep(0.5 * width, width, t.min(1.0 - t))
+    };
+    let color = (0..size * size).map(|i| {
+        let (x, y) = (((i % size) as f32 + 0.5) / size as f32, ((i / size) as f32 + 0.5) / size as f32);
+        let mark = match style {
+            0 => line(y),
+            1 => line(y).max(line(x)),
+            _ => 0.0,
+        };
+        mix(shade(base, 1.0 + 0.02 * fibres.values()[i] + 0.015 * clouds.values()[i]), ink, 0.6 * mark)
+    });
+    let mut i = 0;
+    let height = Field::from_fn(size, |_, y| {
+        i += 1;
+        let laid = if style == 2 { 0.12 * (std::f32::consts::TAU * 4.0 * rules * y).sin() } else { 0.0 };
+        0.15 * fibres.values()[i - 1] + folds * crumple.values()[i - 1] + laid
+    });
+    Bake {
+        color: color.collect(),
+        roughness: clouds.map(|c| 0.88 + 0.04 * c),
+        height,
+        metallic: 0.0,
+        tile_m: tile as f32,
     }
 }

@@ -1,12 +1,13 @@
 //! Procedural surfaces and prints, baked to textures.
 //!
 //! A [`Bake`] holds colour, roughness and height on a grid that tiles; it becomes a material of two pictures: colour
-//! with roughness in the alpha channel, and a normal map. A [`Sheet`] is a print: a picture drawn from shapes.
+//! with roughness in the alpha channel, and a normal map; varnish and fibres lie over them. A [`Sheet`] is a print: a picture drawn from shapes.
 //!
 //! **Invariants.** All draws come from the stream handed in; equal streams give equal bytes. Colours are chosen and
 //! mixed in sRGB, as they are stored.
 
 mod built;
+mod coat;
 mod color;
 mod field;
 mod made;
@@ -80,6 +81,7 @@ impl Bake {
             normal: Some(NormalMap { map: normal.into(), strength: 1.0 }),
             tile_m: self.tile_m,
             ior: 1.5,
+            coat: None,
         }
         .named(name)
     }
@@ -99,6 +101,8 @@ pub struct Finish {
     pub tile_m: f32,
     /// Index of refraction.
     pub ior: f32,
+    /// Roughness of a glaze or varnish over it.
+    pub coat: Option<f64>,
 }
 
 impl Finish {
@@ -111,12 +115,18 @@ impl Finish {
             normal: None,
             tile_m: 1.0,
             ior: 1.5,
+            coat: None,
         }
     }
 
     /// A print.
     pub fn printed(texture: Arc<Texture>, roughness: f64) -> Self {
         Self { base_color: Color::texture(texture), ..Self::plain([1.0; 3], roughness, 0.0) }
+    }
+
+    /// The same under a glaze.
+    pub fn glazed(self, roughness: f64) -> Self {
+        Self { coat: Some(roughness), ..self }
     }
 
     /// The same with the detail of another material.
@@ -127,7 +137,7 @@ impl Finish {
 
     /// The material.
     pub fn named(self, name: &str) -> Material {
-        Material {
+        let mut material = Material {
             base_color: self.base_color,
             roughness: self.roughness,
             metallic: Scalar::constant(self.metallic),
@@ -136,8 +146,11 @@ impl Finish {
             tile_m: self.tile_m,
             licence: LICENCE.to_owned(),
             ..Material::plain(name, [1.0; 3], 1.0)
+        };
+        if let Some(roughness) = self.coat {
+            coat::varnish(&mut material, roughness, true);
         }
-        .sealed()
+        material.sealed()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The families of procedural surfaces.
 
-use super::{Bake, built, made, natural, woven};
+use super::{Bake, built, coat, made, natural, woven};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::random::Stream;
@@ -26,6 +26,8 @@ pub enum SurfaceFamily {
     Fabric,
     /// Granite grains.
     Granite,
+    /// Paint under clear lacquer, as cars and furniture have it; plain or with metallic flakes.
+    Lacquer,
     /// Grained leather.
     Leather,
     /// Marble with veins.
@@ -34,6 +36,8 @@ pub enum SurfaceFamily {
     Metal,
     /// Rolled wall paint.
     PaintedWall,
+    /// Paper: plain, laid, ruled or squared.
+    Paper,
     /// Trowelled plaster.
     Plaster,
     /// Plastic, smooth or finely grained.
@@ -42,13 +46,15 @@ pub enum SurfaceFamily {
     Tiles,
     /// One piece of wood, as furniture has it.
     Timber,
+    /// Velvet with a brushed pile.
+    Velvet,
     /// Floor boards.
     Wood,
 }
 
 impl SurfaceFamily {
     /// All families, sorted by name.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 20] = [
         Self::Brick,
         Self::BrushedMetal,
         Self::Cardboard,
@@ -57,14 +63,17 @@ impl SurfaceFamily {
         Self::Concrete,
         Self::Fabric,
         Self::Granite,
+        Self::Lacquer,
         Self::Leather,
         Self::Marble,
         Self::Metal,
         Self::PaintedWall,
+        Self::Paper,
         Self::Plaster,
         Self::Plastic,
         Self::Tiles,
         Self::Timber,
+        Self::Velvet,
         Self::Wood,
     ];
 
@@ -79,21 +88,23 @@ impl SurfaceFamily {
             Self::Concrete => "concrete",
             Self::Fabric => "fabric",
             Self::Granite => "granite",
+            Self::Lacquer => "lacquer",
             Self::Leather => "leather",
             Self::Marble => "marble",
             Self::Metal => "metal",
             Self::PaintedWall => "painted_wall",
+            Self::Paper => "paper",
             Self::Plaster => "plaster",
             Self::Plastic => "plastic",
             Self::Tiles => "tiles",
             Self::Timber => "timber",
+            Self::Velvet => "velvet",
             Self::Wood => "wood",
         }
     }
 
     /// Bakes one variant with textures of `size` texels.
     pub fn bake(self, stream: &Stream, size: usize, name: &str) -> Material {
-        let mut stream = stream.clone();
         let bake: fn(&mut Stream, usize) -> Bake = match self {
             Self::Brick => built::brick,
             Self::BrushedMetal => made::brushed_metal,
@@ -103,16 +114,21 @@ impl SurfaceFamily {
             Self::Concrete => built::concrete,
             Self::Fabric => woven::fabric,
             Self::Granite => natural::granite,
+            Self::Lacquer => made::lacquer,
             Self::Leather => natural::leather,
             Self::Marble => natural::marble,
             Self::Metal => made::metal,
             Self::PaintedWall => built::painted_wall,
+            Self::Paper => made::paper,
             Self::Plaster => built::plaster,
             Self::Plastic => made::plastic,
             Self::Tiles => built::tiles,
             Self::Timber => natural::timber,
+            Self::Velvet => woven::velvet,
             Self::Wood => natural::boards,
         };
-        bake(&mut stream, size).material(name)
+        let mut material = bake(&mut stream.clone(), size).material(name);
+        coat::finish(self, &mut material, &mut stream.child("coat"));
+        material.sealed()
     }
 }

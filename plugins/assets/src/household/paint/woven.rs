@@ -1,4 +1,4 @@
-//! Cloth and carpet.
+//! Cloth, velvet and carpet.
 
 use super::Bake;
 use super::color::{Rgb, hsv, mix, palette, shade};
@@ -104,5 +104,24 @@ pub fn carpet(stream: &mut Stream, size: usize) -> Bake {
         height: tuft.zip(&id, |t, i| 3.0 * t + 1.2 * i),
         metallic: 0.0,
         tile_m: stream.uniform(0.5, 1.0) as f32,
+    }
+}
+
+/// Velvet, 0.3 to 0.6 m a tile: dark below, its pile brushed this way and that.
+pub fn velvet(stream: &mut Stream, size: usize) -> Bake {
+    let base = hsv(stream.unit(), stream.uniform(0.3, 0.85), stream.uniform(0.12, 0.5));
+    let strokes = Field::fractal(size, [4, 9], 4, 0.55, stream);
+    let pile = Field::fractal(size, [size / 4, size / 4], 2, 0.6, stream);
+    Bake {
+        color: strokes
+            .values()
+            .iter()
+            .zip(pile.values())
+            .map(|(&s, &p)| shade(base, 1.0 + 0.18 * s + 0.08 * p))
+            .collect(),
+        roughness: Field::constant(size, stream.uniform(0.85, 1.0) as f32),
+        height: strokes.zip(&pile, |s, p| 3.0 * s + 0.6 * p),
+        metallic: 0.0,
+        tile_m: stream.uniform(0.3, 0.6) as f32,
     }
 }
