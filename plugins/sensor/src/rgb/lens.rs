@@ -13,8 +13,7 @@ use syntable_model::scene::Intrinsics;
 /// Light that a lens loses towards the corners.
 ///
 /// A pixel keeps `cos⁴θ · (1 − mechanical · r²) · (1 + a₁r² + a₂r⁴ + a₃r⁶)` of its light. θ is the angle between its
-/// ray and the optical axis, from the view's focal lengths; `cos⁴` is the natural law of a thin lens (Kang and Weiss,
-/// ECCV 2000, equation 2). r is the distance from the principal point over half the picture's diagonal.
+/// ray and the optical axis, from the view's focal lengths; `cos⁴` is the natural law of a thin lens (Kang and Weiss, ECCV 2000). r is the distance from the principal point over half the picture's diagonal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Vignetting {
@@ -23,7 +22,7 @@ pub struct Vignetting {
     pub natural: Dist,
     /// Light that the barrel takes away, as a share, at a corner half a diagonal from the principal point.
     pub mechanical: Dist,
-    /// Coefficients a₁, a₂, a₃ of a law fitted to a real lens (Goldman, PAMI 2010, equation 3); give `natural = 0`
+    /// Coefficients a₁, a₂, a₃ of a law fitted to a real lens (Goldman, PAMI 2010); give `natural = 0`
     /// beside it if the fit has the natural law in it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(inner(range(min = -10.0, max = 10.0)))]

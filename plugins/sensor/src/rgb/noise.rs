@@ -13,8 +13,7 @@ use syntable_model::random::Stream;
 ///
 /// With `x` the linear signal, 1 at white, a pixel collects `Poisson(W x)` electrons, `W = full_well_e · 100 / iso`,
 /// and its read-out adds a Gaussian of `read_noise_e` electrons. The noise of `x` has the variance `a x + b` with
-/// `a = 1 / W` and `b = (read_noise_e / W)²` (Foi et al., IEEE Trans. Image Processing 2008, equations 1–4; EMVA 1288
-/// states the same in electrons). Channels and pixels are independent: there is no colour filter array.
+/// `a = 1 / W` and `b = (read_noise_e / W)²` (Foi et al., IEEE Trans. Image Processing 17, 2008; EMVA 1288 states the same in electrons). Channels and pixels are independent: there is no colour filter array.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {
