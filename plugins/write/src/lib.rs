@@ -7,6 +7,7 @@
 //! | [`npy`] | any array |
 //! | [`jsonl`] | any product, a line per view or scene |
 //! | [`template`] | any text, by a Tera template |
+//! | [`gltf`] | the scene with materials, cameras and lights, for Blender and others |
 //! | [`contact_sheet`] | pictures, masks and occlusion side by side, to look at |
 //!
 //! Generic writers put their files into a folder named as the writer's id in the recipe and name them
@@ -17,6 +18,7 @@
 
 pub mod contact_sheet;
 pub mod files;
+pub mod gltf;
 pub mod jsonl;
 pub mod npy;
 pub mod png;

@@ -27,7 +27,7 @@ fn every_kind_conforms() {
     use syntable_write as _;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
-    assert_eq!(kinds, ["contact_sheet", "jsonl", "npy", "png", "syntable", "template"]);
+    assert_eq!(kinds, ["contact_sheet", "gltf", "jsonl", "npy", "png", "syntable", "template"]);
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
     let (view, frame) = &take.views[0];
     let site = Site { dataset: &dataset, scene: &take.scene, view: Some(view) };

@@ -1,0 +1,44 @@
+//! Cameras.
+//!
+//! A glTF camera looks along its -z with y up and has its principal point in the middle. The vertical field of view is
+//! that of the focal length; matrix, distortion, lens and exposure stand in `extras`.
+
+use super::document::{Camera as Json, Node, Perspective};
+use super::glb::Glb;
+use super::node;
+use serde_json::json;
+use syntable_model::scene::{Exposure, View};
+
+/// What is nearer to the camera is not seen, metres.
+const NEAR_M: f64 = 0.01;
+
+/// Adds a view's camera; gives its node.
+pub fn add(glb: &mut Glb, view: &View) -> Node {
+    let name = format!("view {}", view.id.0);
+    let k = &view.camera.intrinsics;
+    let (width, height) = (f64::from(k.width), f64::from(k.height));
+    let exposure = match view.exposure {
+        Exposure::Fixed { ev100 } => json!({ "ev100": ev100 }),
+        Exposure::Auto { compensation_ev } => json!({ "auto": true, "compensation_ev": compensation_ev }),
+    };
+    let mut extras = json!({
+        "view": view.id.0, "width": k.width, "height": k.height, "K": k.matrix(), "exposure": exposure,
+    });
+    if let Some(distortion) = view.camera.distortion {
+        extras["distortion"] = json!({ "radial": distortion.radial, "tangential": distortion.tangential });
+    }
+    if let Some(lens) = view.camera.lens {
+        extras["lens"] =
+            json!({ "aperture_radius_m": lens.aperture_radius_m, "focus_distance_m": lens.focus_distance_m });
+    }
+    let perspective = Perspective {
+        aspect_ratio: (width / k.fx) / (height / k.fy),
+        yfov: 2.0 * (height / (2.0 * k.fy)).atan(),
+        znear: NEAR_M,
+    };
+    glb.document.cameras.push(Json { name: name.clone(), kind: "perspective", perspective, extras });
+    let node = node(name, &view.camera.world_from_camera);
+    // From x right, y up, z backwards to x right, y down, z forward is half a turn about x: the product with (1, 0, 0, 0).
+    let rotation = node.rotation.map(|[x, y, z, w]| [w, z, -y, -x]);
+    Node { camera: Some(glb.document.cameras.len() - 1), rotation, ..node }
+}

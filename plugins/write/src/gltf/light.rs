@@ -1,0 +1,300 @@
+//! Lights: glowing geometry, or the point, spot and directional lights of KHR_lights_punctual.
+//!
+//! Geometry glows with the light's radiance, so that a path tracer sees the same light. It reflects nothing: black, with
+//! an index of refraction of one. Rectangles and disks shine to one side; a black back keeps the other dark. Spheres and
+//! disks are polyhedra whose size makes up for the missing roundness: a convex body's mean shadow is a quarter of its
+//! surface (Cauchy), so that spheres keep their surface, and disks their area.
+
+use super::document::{
+    Attributes, DocumentExtensions, EmissiveStrength, Index, Ior, Material, MaterialExtensions, Mesh, Node,
+    NodeExtensions, NodeLight, Pbr, Primitive, PunctualLight, Spot,
+};
+use super::glb::Glb;
+use super::node;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use syntable_model::geometry::{Matrix3, Point3, Pose, Rotation3, Translation3, UnitQuaternion, Vector3};
+use syntable_model::scene::Light;
+
+/// What becomes of lights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightMode {
+    /// Spheres, rectangles and disks become glowing geometry, right in path tracers; suns become directional lights.
+    Emissive,
+    /// Spheres become point lights, rectangles and disks spot lights, suns directional lights: for viewers.
+    Punctual,
+    /// No lights.
+    None,
+}
+
+/// Distance of a black back behind a glowing front, metres.
+const BACK_M: f32 = 1e-4;
+/// Corners of a disk; twice as many as rings of a sphere.
+const CORNERS: u32 = 48;
+
+/// The lights of a file.
+#[derive(Debug, Clone, Default)]
+pub struct Lights {
+    shapes: BTreeMap<&'static str, (Attributes, Index)>,
+    materials: BTreeMap<[u64; 4], Index>,
+}
+
+impl Lights {
+    /// Adds a light; gives its node. None for light from all around, which glTF has no word for.
+    pub fn add(&mut self, glb: &mut Glb, number: usize, light: &Light, mode: LightMode) -> Option<Node> {
+        let solid = mode == LightMode::Emissive;
+        let at = |centre: &Point3<f64>, turn| Pose::from_parts(Translation3::from(centre.coords), turn);
+        let named = |what: &str| format!("light {number} ({what})");
+        let extras = json!({ "light": number });
+        match light {
+            Light::Sphere(sphere) if solid => {
+                let mesh = self.body(glb, named("sphere"), &["sphere"], sphere.radiance);
+                let pose = at(&sphere.centre, UnitQuaternion::identity());
+                Some(glowing(named("sphere"), &pose, [sphere.radius; 3], mesh, extras))
+            }
+            Light::Rect(rect) => {
+                let (u, v) = (rect.half_u.norm(), rect.half_v.norm());
+                let axes = Matrix3::from_columns(&[rect.half_u / u, rect.half_v / v, rect.normal()]);
+                let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+                if !solid {
+                    return Some(spot(
+                        glb,
+                        named("rectangle"),
+                        &rect.centre,
+                        &rect.normal(),
+                        rect.radiance,
+                        4.0 * u * v,
+                    ));
+                }
+                let mesh = self.body(glb, named("rectangle"), &["square", "square's back"], rect.radiance);
+                Some(glowing(named("rectangle"), &at(&rect.centre, turn), [u, v, 1.0], mesh, extras))
+            }
+            Light::Disk(disk) => {
+                let area = PI * disk.radius * disk.radius;
+                if !solid {
+                    return Some(spot(glb, named("disk"), &disk.centre, &disk.normal, disk.radiance, area));
+                }
+                let mesh = self.body(glb, named("disk"), &["disk", "disk's back"], disk.radiance);
+                let pose = at(&disk.centre, facing(&disk.normal));
+                Some(glowing(named("disk"), &pose, [disk.radius, disk.radius, 1.0], mesh, extras))
+            }
+            Light::Sphere(sphere) => {
+                let area = PI * sphere.radius * sphere.radius;
+                let pose = at(&sphere.centre, UnitQuaternion::identity());
+                Some(punctual(glb, named("sphere"), &pose, "point", sphere.radiance, area, None))
+            }
+            Light::Directional(sun) => {
+                // A directional light shines along its -z.
+                let pose = at(&Point3::origin(), facing(&sun.towards));
+                let mut node = punctual(glb, named("sun"), &pose, "directional", sun.irradiance, 1.0, None);
+                node.extras = json!({ "light": number, "half_angle": sun.half_angle });
+                Some(node)
+            }
+            Light::Environment(_) => None,
+        }
+    }
+
+    /// A mesh of a glowing shape and, where it has one, its black back.
+    fn body(&mut self, glb: &mut Glb, name: String, shapes: &[&'static str], radiance: [f64; 3]) -> Index {
+        let mut primitives = Vec::new();
+        for (i, &shape) in shapes.iter().enumerate() {
+            let (attributes, indices) = self.shape(glb, shape);
+            let material = if i == 0 {
+                self.material(glb, radiance, shapes.len() == 1)
+            } else {
+                self.material(glb, [0.0; 3], true)
+            };
+            primitives.push(Primitive { attributes, indices, material });
+        }
+        glb.document.meshes.push(Mesh { name, primitives });
+        glb.document.meshes.len() - 1
+    }
+
+    fn shape(&mut self, glb: &mut Glb, shape: &'static str) -> (Attributes, Index) {
+        let write = || {
+            let (positions, normals, triangles) = match shape {
+                "sphere" => sphere(),
+                "square" => flat(square(), 0.0),
+                "square's back" => flat(square(), -BACK_M),
+                "disk" => flat(disk(), 0.0),
+                _ => flat(disk(), -BACK_M),
+            };
+            let attributes = Attributes {
+                position: glb.vectors(&positions, true),
+                normal: Some(glb.vectors(&normals, false)),
+                ..Attributes::default()
+            };
+            (attributes, glb.indices(&triangles, positions.len()))
+        };
+        self.shapes.entry(shape).or_insert_with(write).clone()
+    }
+
+    fn material(&mut self, glb: &mut Glb, radiance: [f64; 3], double_sided: bool) -> Index {
+        let [r, g, b] = radiance.map(f64::to_bits);
+        let write = || {
+            let brightest = radiance.into_iter().fold(0.0, f64::max);
+            let lit = brightest > 0.0;
+            glb.document.extensions_used.insert("KHR_materials_ior");
+            if lit {
+                glb.document.extensions_used.insert("KHR_materials_emissive_strength");
+            }
+            glb.document.materials.push(Material {
+                name: if lit { "light".into() } else { "back of a light".into() },
+                pbr_metallic_roughness: Pbr {
+                    base_color_factor: [0.0, 0.0, 0.0, 1.0],
+                    roughness_factor: 1.0,
+                    ..Pbr::default()
+                },
+                emissive_factor: lit.then(|| radiance.map(|x| (x / brightest) as f32)),
+                double_sided,
+                extensions: MaterialExtensions {
+                    ior: Some(Ior { ior: 1.0 }),
+                    emissive_strength: lit.then(|| EmissiveStrength { emissive_strength: brightest as f32 }),
+                    ..MaterialExtensions::default()
+                },
+                ..Material::default()
+            });
+            glb.document.materials.len() - 1
+        };
+        *self.materials.entry([r, g, b, double_sided.into()]).or_insert_with(write)
+    }
+}
+
+/// Where light comes from all around, for `extras`.
+pub fn environments(lights: &[Light]) -> Vec<Json> {
+    let describe = |light: &Light| match light {
+        Light::Environment(light) => Some(json!({
+            "name": light.map.name, "digest": light.map.digest, "licence": light.map.licence,
+            "scale_nits": light.scale, "rotation_rad": light.rotation,
+        })),
+        _ => None,
+    };
+    lights.iter().filter_map(describe).collect()
+}
+
+fn glowing(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> Node {
+    Node { mesh: Some(mesh), scale: Some(scale), extras, ..node(name, pose) }
+}
+
+/// A flat lamp as a spot light, which shines along its -z: as many candela along its axis, falling to nothing at the
+/// sides (with the square of the cosine in most viewers, where a flat lamp has the cosine).
+fn spot(
+    glb: &mut Glb,
+    name: String,
+    centre: &Point3<f64>,
+    normal: &Vector3<f64>,
+    radiance: [f64; 3],
+    area: f64,
+) -> Node {
+    let cone = Spot { inner_cone_angle: 0.0, outer_cone_angle: FRAC_PI_2 };
+    let pose = Pose::from_parts(Translation3::from(centre.coords), facing(&-normal));
+    punctual(glb, name, &pose, "spot", radiance, area, Some(cone))
+}
+
+/// Intensity is colour times candela, or lux for directional lights: `each` times `factor`.
+fn punctual(
+    glb: &mut Glb,
+    name: String,
+    pose: &Pose,
+    kind: &'static str,
+    each: [f64; 3],
+    factor: f64,
+    spot: Option<Spot>,
+) -> Node {
+    let brightest = each.into_iter().fold(0.0, f64::max);
+    let color = each.map(|x| if brightest > 0.0 { x / brightest } else { 1.0 });
+    glb.document.extensions_used.insert("KHR_lights_punctual");
+    let lights = &mut glb.document.extensions.get_or_insert_with(DocumentExtensions::default).lights_punctual.lights;
+    lights.push(PunctualLight { name: name.clone(), kind, color, intensity: brightest * factor, spot });
+    let light = NodeLight { light: lights.len() - 1 };
+    Node { extensions: Some(NodeExtensions { lights_punctual: light }), ..node(name, pose) }
+}
+
+/// A rotation that takes z to a direction.
+fn facing(direction: &Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between(&Vector3::z(), direction)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI))
+}
+
+type Shape = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<[u32; 3]>);
+
+fn square() -> Vec<[f64; 2]> {
+    vec![[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+}
+
+/// A regular polygon of area π.
+fn disk() -> Vec<[f64; 2]> {
+    let step = TAU / f64::from(CORNERS);
+    let radius = (TAU / (f64::from(CORNERS) * step.sin())).sqrt();
+    (0..CORNERS).map(|i| f64::from(i) * step).map(|angle| [radius * angle.cos(), radius * angle.sin()]).collect()
+}
+
+/// A convex polygon that looks along z.
+fn flat(outline: Vec<[f64; 2]>, z: f32) -> Shape {
+    let positions: Vec<_> = outline.iter().map(|&[x, y]| [x as f32, y as f32, z]).collect();
+    let triangles = (1..positions.len() as u32 - 1).map(|i| [0, i, i + 1]).collect();
+    (positions, vec![[0.0, 0.0, 1.0]; outline.len()], triangles)
+}
+
+/// Rings and sectors, with the surface 4π of a unit sphere.
+fn sphere() -> Shape {
+    let rings = CORNERS / 2;
+    let mut unit = vec![Vector3::z()];
+    for ring in 1..rings {
+        let polar = PI * f64::from(ring) / f64::from(rings);
+        for sector in 0..CORNERS {
+            let around = TAU * f64::from(sector) / f64::from(CORNERS);
+            unit.push(Vector3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos()));
+        }
+    }
+    unit.push(-Vector3::z());
+    let at = |ring: u32, sector: u32| match ring {
+        0 => 0,
+        ring if ring == rings => unit.len() as u32 - 1,
+        ring => 1 + (ring - 1) * CORNERS + sector % CORNERS,
+    };
+    let mut triangles = Vec::new();
+    for ring in 0..rings {
+        for sector in 0..CORNERS {
+            let [a, b] = [at(ring, sector), at(ring, sector + 1)];
+            let [c, d] = [at(ring + 1, sector), at(ring + 1, sector + 1)];
+            if ring > 0 {
+                triangles.push([a, c, b]);
+            }
+            if ring + 1 < rings {
+                triangles.push([b, c, d]);
+            }
+        }
+    }
+    let area = |&[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|i| unit[i as usize]);
+        (b - a).cross(&(c - a)).norm() / 2.0
+    };
+    let radius = (4.0 * PI / triangles.iter().map(area).sum::<f64>()).sqrt();
+    let floats = |v: Vector3<f64>| v.map(|x| x as f32).into();
+    (unit.iter().map(|v| floats(v * radius)).collect(), unit.iter().map(|&v| floats(v)).collect(), triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::scene::{Mesh, MeshData};
+
+    fn mesh((positions, normals, triangles): Shape) -> Mesh {
+        Mesh::new(MeshData { positions, normals, triangles, ..Default::default() }).expect("sound")
+    }
+
+    #[test]
+    fn shapes_are_as_large_as_what_they_stand_for() {
+        let ball = mesh(sphere());
+        assert!((ball.area() / (4.0 * PI) - 1.0).abs() < 1e-6, "{}", ball.area());
+        // Closed and outwards: nearly the volume of the ball.
+        assert!((ball.signed_volume() / (4.0 * PI / 3.0) - 1.0).abs() < 0.01, "{}", ball.signed_volume());
+        assert!((mesh(flat(disk(), 0.0)).area() / PI - 1.0).abs() < 1e-6);
+        assert!((mesh(flat(square(), 0.0)).area() - 4.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,145 @@
+//! Materials: the model's are glTF's own, so that little is translated.
+//!
+//! glTF wants roughness and metalness in green and blue of one picture, varnish in red and green, and so on; pictures
+//! that keep them elsewhere are packed anew. Roughness and metalness share their place, too: where they are laid
+//! differently, the metalness map gives way to its mean.
+
+use super::document::{
+    Clearcoat, EmissiveStrength, Index, Ior, Material as Json, MaterialExtensions, Pbr, Sheen, TextureInfo,
+    Transmission, Volume,
+};
+use super::glb::Glb;
+use super::texture::{Channel, Textures, mean};
+use std::collections::BTreeMap;
+use syntable_model::digest::Digest;
+use syntable_model::error::Result;
+use syntable_model::scene::{Alpha, Color, Encoding, Material, NormalMap, Scalar};
+
+/// Thickness of a body with a medium, metres: for viewers that do not trace rays. Path tracers see the real one.
+const THICKNESS_M: f32 = 0.01;
+
+/// All materials of a file.
+#[derive(Debug, Clone, Default)]
+pub struct Materials {
+    known: BTreeMap<Digest, Index>,
+    textures: Textures,
+}
+
+impl Materials {
+    /// The index of a material, written when it is first asked for.
+    pub fn get(&mut self, glb: &mut Glb, material: &Material) -> Result<Index> {
+        if let Some(&index) = self.known.get(&material.digest) {
+            return Ok(index);
+        }
+        let json = self.translate(glb, material)?;
+        glb.document.extensions_used.extend(json.extensions.names());
+        glb.document.materials.push(json);
+        let index = glb.document.materials.len() - 1;
+        self.known.insert(material.digest, index);
+        Ok(index)
+    }
+
+    fn translate(&mut self, glb: &mut Glb, material: &Material) -> Result<Json> {
+        let [r, g, b] = material.base_color.factor.map(share);
+        let (alpha_mode, alpha_cutoff, alpha) = match material.alpha {
+            // Without a texture there is nothing to cut out.
+            Alpha::Mask { cutoff } if material.base_color.texture.is_some() => (Some("MASK"), Some(share(cutoff)), 1.0),
+            Alpha::Blend { factor } => (Some("BLEND"), None, share(factor)),
+            _ => (None, None, 1.0),
+        };
+        let (rough, mut metal) = (channel(&material.roughness), channel(&material.metallic));
+        let mut metallic_factor = share(material.metallic.factor);
+        if let (Some((rough, _)), Some(used)) = (rough, metal)
+            && rough.transform != used.0.transform
+        {
+            metallic_factor *= mean(used);
+            metal = None;
+        }
+        let mut emission = material.emission.factor.map(|x| if x > 0.0 && x.is_finite() { x } else { 0.0 });
+        let brightest = emission.into_iter().fold(0.0, f32::max);
+        let glows = brightest > 0.0;
+        let mut extensions = MaterialExtensions::default();
+        if brightest > 1.0 {
+            emission = emission.map(|x| x / brightest);
+            extensions.emissive_strength = Some(EmissiveStrength { emissive_strength: brightest });
+        }
+        if material.ior != 1.5 && material.ior.is_finite() && material.ior >= 1.0 {
+            extensions.ior = Some(Ior { ior: material.ior });
+        }
+        self.layers(glb, material, &mut extensions)?;
+        Ok(Json {
+            name: material.name.clone(),
+            pbr_metallic_roughness: Pbr {
+                base_color_factor: [r, g, b, alpha],
+                base_color_texture: self.color(glb, &material.base_color)?,
+                metallic_factor,
+                roughness_factor: share(material.roughness.factor),
+                metallic_roughness_texture: self.textures.packed(glb, [None, rough, metal, None])?,
+            },
+            normal_texture: self.normal(glb, &material.normal)?,
+            emissive_texture: if glows { self.color(glb, &material.emission)? } else { None },
+            emissive_factor: glows.then_some(emission),
+            alpha_mode,
+            alpha_cutoff,
+            double_sided: true,
+            extensions,
+            extras: match material.licence.as_str() {
+                "" => serde_json::Value::Null,
+                licence => serde_json::json!({ "licence": licence }),
+            },
+        })
+    }
+
+    fn layers(&mut self, glb: &mut Glb, material: &Material, extensions: &mut MaterialExtensions) -> Result<()> {
+        if let Some(coat) = &material.clearcoat {
+            let (strength, rough) = (channel(&coat.strength), channel(&coat.roughness));
+            extensions.clearcoat = Some(Clearcoat {
+                clearcoat_factor: share(coat.strength.factor),
+                clearcoat_texture: self.textures.packed(glb, [strength, None, None, None])?,
+                clearcoat_roughness_factor: share(coat.roughness.factor),
+                clearcoat_roughness_texture: self.textures.packed(glb, [None, rough, None, None])?,
+                clearcoat_normal_texture: self.normal(glb, &coat.normal)?,
+            });
+        }
+        if let Some(sheen) = &material.sheen {
+            extensions.sheen = Some(Sheen {
+                sheen_color_factor: sheen.color.factor.map(share),
+                sheen_color_texture: self.color(glb, &sheen.color)?,
+                sheen_roughness_factor: share(sheen.roughness.factor),
+                sheen_roughness_texture: self.textures.packed(glb, [None, None, None, channel(&sheen.roughness)])?,
+            });
+        }
+        if let Some(transmission) = &material.transmission {
+            extensions.transmission = Some(Transmission {
+                transmission_factor: share(transmission.share.factor),
+                transmission_texture: self.textures.packed(glb, [channel(&transmission.share), None, None, None])?,
+            });
+            extensions.volume = transmission.volume.map(|volume| Volume {
+                thickness_factor: THICKNESS_M,
+                attenuation_color: volume.attenuation_color.map(share),
+                attenuation_distance: Some(volume.attenuation_distance_m).filter(|m| m.is_finite() && *m > 0.0),
+            });
+        }
+        Ok(())
+    }
+
+    fn color(&mut self, glb: &mut Glb, color: &Color) -> Result<Option<TextureInfo>> {
+        color.texture.as_ref().map(|used| self.textures.picture(glb, used, Encoding::Srgb)).transpose()
+    }
+
+    fn normal(&mut self, glb: &mut Glb, normal: &Option<NormalMap>) -> Result<Option<TextureInfo>> {
+        let Some(NormalMap { map, strength }) = normal else { return Ok(None) };
+        let info = self.textures.picture(glb, map, Encoding::Linear)?;
+        Ok(Some(TextureInfo { scale: Some(*strength).filter(|scale| scale.is_finite()), ..info }))
+    }
+}
+
+/// The channel of a texture that a number comes from.
+fn channel(scalar: &Scalar) -> Option<Channel<'_>> {
+    scalar.texture.as_ref().map(|(used, channel)| (used, *channel))
+}
+
+/// Into [0, 1]; NaN counts as 0.
+fn share(x: f32) -> f32 {
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
+}

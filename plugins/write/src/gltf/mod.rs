@@ -1,0 +1,262 @@
+//! Scenes as glTF 2.0, to be opened in Blender and other programs.
+//!
+//! | module | writes |
+//! | --- | --- |
+//! | [`geometry`] | meshes, once each |
+//! | [`material`], [`texture`] | materials, with pictures packed as glTF wants them |
+//! | [`light`], [`camera`] | what its name says |
+//! | [`document`], [`glb`] | JSON and container |
+//!
+//! **Frames.** glTF is y up. The root node turns its children from this program's z up, so that everything below has the
+//! coordinates of the world and of the body frames.
+
+mod camera;
+mod document;
+mod geometry;
+mod glb;
+mod light;
+mod material;
+mod texture;
+
+pub use light::LightMode;
+
+use crate::files::{view, view_name};
+use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
+use geometry::{Geometries, Laid};
+use glb::Glb;
+use light::Lights;
+use material::Materials;
+use serde_json::{Value as Json, json};
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::digest::Digest;
+use syntable_model::prelude::*;
+use syntable_model::scene::Body;
+
+/// The settled scene as binary glTF 2.0 (`.glb`), for Blender and other programs: `{id}/{scene:06}.glb`, or
+/// `{id}/{scene:06}_{view:04}.glb` for every view.
+///
+/// It holds all bodies with their materials and textures (clearcoat, sheen, transmission, volume, index of refraction,
+/// emissive strength, texture transforms), the cameras and the lights. Units are metres, nits, lux and candela. glTF is
+/// y up: the root node `world` turns everything; below it stand the coordinates of the dataset, z up. Bodies that share a
+/// mesh share it in the file. `extras` hold what glTF has no word for: instance ids, camera matrices, distortion, lens and
+/// exposure, environment maps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Gltf {
+    /// What becomes of lights. Environment maps are named in `extras` of the scene in any case.
+    pub lights: LightMode,
+    /// What a file is about.
+    pub per: FilePer,
+}
+
+/// What a file is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilePer {
+    /// One scene with the cameras of all its views and the lights of the first.
+    Scene,
+    /// One view with its camera and lights.
+    View,
+}
+
+impl Default for Gltf {
+    fn default() -> Self {
+        Self { lights: LightMode::Emissive, per: FilePer::Scene }
+    }
+}
+
+impl Config for Gltf {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "gltf";
+    const EXAMPLE: &'static str = "lights = \"emissive\"\nper = \"scene\"";
+    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Writer for Gltf {
+    fn reads(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(GltfScene {
+            config: self.clone(),
+            output,
+            export: Export::new(site)?,
+            id: site.scene.id,
+            views: 0,
+        }))
+    }
+}
+
+struct GltfScene {
+    config: Gltf,
+    output: Output,
+    export: Export,
+    id: syntable_model::scene::SceneId,
+    views: usize,
+}
+
+impl SceneWriter for GltfScene {
+    fn view(&mut self, site: &Site, _: &Frame) -> Result<()> {
+        let view = view(site)?;
+        match self.config.per {
+            FilePer::Scene => {
+                if self.views == 0 {
+                    self.export.lights(&view.lights, self.config.lights);
+                }
+                self.export.camera(view);
+            }
+            FilePer::View => {
+                let mut export = self.export.clone();
+                export.lights(&view.lights, self.config.lights);
+                export.camera(view);
+                let path = format!("{}/{}.glb", self.output.id(), view_name(site.scene.id, view.id));
+                self.output.write(&path, &export.into_bytes()?)?;
+            }
+        }
+        self.views += 1;
+        Ok(())
+    }
+
+    fn close(self: Box<Self>) -> Result<()> {
+        match self.config.per {
+            FilePer::View => Ok(()),
+            FilePer::Scene => {
+                let path = format!("{}/{:06}.glb", self.output.id(), self.id.0);
+                self.output.write(&path, &self.export.into_bytes()?)
+            }
+        }
+    }
+}
+
+/// A file being made.
+#[derive(Debug, Clone, Default)]
+struct Export {
+    glb: Glb,
+    geometries: Geometries,
+    materials: Materials,
+    /// Meshes by geometry and materials.
+    meshes: BTreeMap<(Digest, Vec<Index>), Index>,
+}
+
+/// (x, y, z) becomes (x, z, -y), column by column.
+const Y_UP_FROM_Z_UP: [f64; 16] = [1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 0., 0., 0., 0., 1.];
+
+impl Export {
+    /// The bodies of a scene.
+    fn new(site: &Site) -> Result<Self> {
+        let mut export = Self::default();
+        let licences: BTreeSet<&str> = site
+            .scene
+            .bodies()
+            .iter()
+            .flat_map(|body| {
+                let surface = body.surface.as_ref().map(|surface| surface.material.licence.as_str());
+                [Some(body.object.licence.as_str()), surface]
+            })
+            .flatten()
+            .filter(|licence| !licence.is_empty())
+            .collect();
+        let document = &mut export.glb.document;
+        document.asset = Asset {
+            version: "2.0",
+            generator: site.dataset.program.clone(),
+            copyright: licences.into_iter().collect::<Vec<_>>().join(", "),
+        };
+        document.nodes.push(Node { name: "world".into(), matrix: Some(Y_UP_FROM_Z_UP), ..Node::default() });
+        document.scenes.push(JsonScene {
+            name: format!("{} {:06}", site.dataset.name, site.scene.id.0),
+            nodes: vec![0],
+            extras: json!({ "dataset": site.dataset.name, "seed": site.dataset.seed, "scene": site.scene.id.0 }),
+        });
+        for body in site.scene.bodies() {
+            export.body(body).map_err(|error| error.context(format!("body {} ({})", body.id, body.asset)))?;
+        }
+        Ok(export)
+    }
+
+    fn body(&mut self, body: &Body) -> Result<()> {
+        let object = &body.object;
+        let used: Vec<&syntable_model::scene::Material> = match &body.surface {
+            Some(surface) => vec![&surface.material],
+            None => object.materials.iter().map(|material| &**material).collect(),
+        };
+        let laid = match &body.surface {
+            Some(surface) => Laid::Over { mapping: surface.mapping, tile_m: surface.material.tile_m },
+            None => Laid::Own,
+        };
+        let textured = used.iter().any(|material| material.textures().next().is_some());
+        let geometry = self.geometries.get(&mut self.glb, &object.mesh, laid, textured);
+        let mut materials = Vec::new();
+        for &(slot, _) in &geometry.parts {
+            let material = used.get(slot).or(used.last()).ok_or_else(|| Error::new("an object without materials"))?;
+            materials.push(self.materials.get(&mut self.glb, material)?);
+        }
+        let meshes = &mut self.glb.document.meshes;
+        let mesh = *self.meshes.entry((geometry.digest, materials.clone())).or_insert_with(|| {
+            let primitives = geometry.parts.iter().zip(&materials).map(|(&(_, indices), &material)| Primitive {
+                attributes: geometry.attributes.clone(),
+                indices,
+                material,
+            });
+            meshes.push(Mesh { name: body.asset.to_string(), primitives: primitives.collect() });
+            meshes.len() - 1
+        });
+        let mut extras = json!({
+            "instance_id": body.id, "asset": body.asset, "category": object.category, "role": body.role,
+        });
+        if !object.licence.is_empty() {
+            extras["licence"] = object.licence.as_str().into();
+        }
+        let name = format!("{} {}", body.id, body.asset);
+        self.child(Node { mesh: Some(mesh), extras, ..node(name, &body.world_from_body) });
+        Ok(())
+    }
+
+    fn camera(&mut self, view: &View) {
+        let node = camera::add(&mut self.glb, view);
+        self.child(node);
+    }
+
+    fn lights(&mut self, lights: &[syntable_model::scene::Light], mode: LightMode) {
+        let around = light::environments(lights);
+        if !around.is_empty() {
+            self.glb.document.scenes[0].extras["environments"] = Json::from(around);
+        }
+        if mode == LightMode::None {
+            return;
+        }
+        let mut written = Lights::default();
+        for (number, light) in lights.iter().enumerate() {
+            if let Some(node) = written.add(&mut self.glb, number, light, mode) {
+                self.child(node);
+            }
+        }
+    }
+
+    /// Adds a node below the root.
+    fn child(&mut self, node: Node) {
+        let nodes = &mut self.glb.document.nodes;
+        nodes.push(node);
+        let index = nodes.len() - 1;
+        nodes[0].children.push(index);
+    }
+
+    fn into_bytes(self) -> Result<Vec<u8>> {
+        self.glb.into_bytes()
+    }
+}
+
+/// A node at a pose.
+fn node(name: String, pose: &Pose) -> Node {
+    Node {
+        name,
+        translation: Some(pose.translation.vector.into()),
+        rotation: Some(pose.rotation.coords.into()),
+        ..Node::default()
+    }
+}
+
+register!(Gltf);
