@@ -1,6 +1,7 @@
 //! Glowing rectangles and disks under the ceiling.
 
 use crate::brightness::{Brightness, check_temperature, complete};
+use crate::per::Per;
 use crate::radius::check_bounds;
 use crate::room::inside;
 use nalgebra::{Point3, Vector3};
@@ -15,7 +16,7 @@ const BELOW_CEILING_M: f64 = 0.01;
 /// Height above the tabletop where there is no ceiling and no `height_m`, metres.
 const WITHOUT_CEILING_M: f64 = 3.0;
 
-/// Rectangular or round lights that shine down from the ceiling, drawn anew for every view: one large panel, a few
+/// Rectangular or round lights that shine down from the ceiling: one large panel, a few
 /// smaller ones, or a grid of down-lights.
 ///
 /// The lights hang level in a grid over the table, `spacing_m` apart, just below the room's ceiling or at `height_m`.
@@ -28,7 +29,9 @@ const WITHOUT_CEILING_M: f64 = 3.0;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CeilingLight {
-    /// How many lights there are, drawn for each view.
+    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    per: Per,
+    /// How many lights there are.
     count: IntDist,
     /// Whether the lights are rectangles or disks.
     shape: CeilingShape,
@@ -75,6 +78,7 @@ pub enum CeilingShape {
 impl Default for CeilingLight {
     fn default() -> Self {
         Self {
+            per: Per::default(),
             count: IntDist::Constant(1),
             shape: CeilingShape::Rect,
             size_m: [2.0, 2.0],
@@ -124,6 +128,10 @@ impl Config for CeilingLight {
 register!(CeilingLight);
 
 impl LightSampler for CeilingLight {
+    fn once_per_scene(&self) -> bool {
+        self.per == Per::Scene
+    }
+
     fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let stream = &context.stream;
         let count = self.count.draw(&mut stream.child("count")).max(0) as usize;

@@ -1,6 +1,7 @@
 //! Light from all around: a map, or the same from everywhere.
 
 use crate::brightness::check_temperature;
+use crate::per::Per;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use syntable_model::geometry::{Rotation3, Vector3};
@@ -9,12 +10,14 @@ use syntable_model::photometry::{blackbody, level_irradiance, luminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, DirectionalLight, EnvironmentLight, EnvironmentMap, Light};
 
-/// Light from all around, drawn anew for every view: an environment map, turned about the vertical at random, or an
+/// Light from all around: an environment map, turned about the vertical at random, or an
 /// even sky. It shines where no body is in the way, and is what the camera sees there: with a closed room it is
 /// outside; without one it is the background.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Environment {
+    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    per: Per,
     /// Pools that the map is drawn from, uniformly over all their entries. Without any, the same light comes from
     /// everywhere.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -108,6 +111,10 @@ impl Config for Environment {
 register!(Environment);
 
 impl LightSampler for Environment {
+    fn once_per_scene(&self) -> bool {
+        self.per == Per::Scene
+    }
+
     fn lights(&self, _: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let draw =
             |name: &str, dist: &Option<Dist>| dist.as_ref().map(|dist| dist.draw(&mut context.stream.child(name)));

@@ -16,6 +16,7 @@ mod fixed_poses;
 mod hemisphere_shell;
 mod lens;
 mod orbit;
+mod per;
 mod pinhole;
 mod radius;
 mod room;

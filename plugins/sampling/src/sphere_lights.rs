@@ -1,6 +1,7 @@
 //! The paper's lights: glowing balls in a hemispherical shell beyond the cameras.
 
 use crate::brightness::{Brightness, check_temperature, complete};
+use crate::per::Per;
 use crate::radius::{LightRadius, check_bounds};
 use crate::shell::{HEMISPHERE_DEG, centre, direction};
 use std::f64::consts::PI;
@@ -8,7 +9,7 @@ use syntable_model::photometry::{blackbody, flux_luminance, sphere_luminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, Light, SphereLight};
 
-/// Sphere lights, drawn anew for every view, in a hemispherical shell beyond the cameras (SynTable, "lighting").
+/// Sphere lights in a hemispherical shell beyond the cameras (SynTable, "lighting").
 ///
 /// A light's middle is drawn as the paper draws viewpoints: uniform in direction over the upper hemisphere around the
 /// point `centre_offset_m` above the tabletop, and uniform in distance. Its brightness is the illuminance in lux that
@@ -21,7 +22,9 @@ use syntable_model::scene::{Camera, Light, SphereLight};
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SphereLights {
-    /// How many lights there are, drawn for each view.
+    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    per: Per,
+    /// How many lights there are.
     count: IntDist,
     /// Distance from the shell's middle: `{ beyond_views_m = [0.1, 1.1] }`, metres beyond the farthest possible
     /// camera, or `{ metres = [1.5, 2.5] }`.
@@ -51,6 +54,7 @@ pub struct SphereLights {
 impl Default for SphereLights {
     fn default() -> Self {
         Self {
+            per: Per::default(),
             count: IntDist::Integers(0, 2),
             radius: LightRadius::BeyondViewsM([0.1, 1.1]),
             centre_offset_m: 0.2,
@@ -104,6 +108,10 @@ impl SphereLights {
 }
 
 impl LightSampler for SphereLights {
+    fn once_per_scene(&self) -> bool {
+        self.per == Per::Scene
+    }
+
     fn lights(&self, scene: &Scene, _: &Camera, shell: &Shell, context: &Context) -> Result<Vec<Light>> {
         let tabletop = scene.tabletop.centre();
         let [low, high] = self.radius.metres(shell);

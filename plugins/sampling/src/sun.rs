@@ -1,16 +1,19 @@
 //! The sun.
 
 use crate::brightness::check_temperature;
+use crate::per::Per;
 use nalgebra::Vector3;
 use syntable_model::photometry::blackbody;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, DirectionalLight, Light};
 
-/// The sun, or the moon: light from a small round patch of the sky, drawn anew for every view. It shines through
+/// The sun, or the moon: light from a small round patch of the sky. It shines through
 /// nothing: with a closed room it is outside.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sun {
+    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    per: Per,
     /// Elevation above the horizon, degrees.
     elevation_deg: Dist,
     /// Direction that it stands in, degrees from world x, anticlockwise seen from above.
@@ -26,6 +29,7 @@ pub struct Sun {
 impl Default for Sun {
     fn default() -> Self {
         Self {
+            per: Per::default(),
             elevation_deg: Dist::Uniform(15.0, 70.0),
             azimuth_deg: Dist::Uniform(0.0, 360.0),
             angular_diameter_deg: Dist::Constant(0.53),
@@ -53,6 +57,10 @@ impl Config for Sun {
 register!(Sun);
 
 impl LightSampler for Sun {
+    fn once_per_scene(&self) -> bool {
+        self.per == Per::Scene
+    }
+
     fn lights(&self, _: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let draw = |name: &str, dist: &Dist| dist.draw(&mut context.stream.child(name));
         let illuminance = draw("brightness", &self.illuminance_lx);

@@ -1,6 +1,7 @@
 //! Daylight through windows.
 
 use crate::brightness::{Brightness, check_temperature, complete};
+use crate::per::Per;
 use crate::radius::check_bounds;
 use crate::room::inside;
 use nalgebra::{Point3, Vector3};
@@ -15,7 +16,7 @@ const BEFORE_WALL_M: f64 = 0.01;
 /// Least distance of a window from the room's edges, metres.
 const MARGIN_M: f64 = 0.1;
 
-/// Daylight through windows: bright rectangles in a row just before a wall of the room, drawn anew for every view.
+/// Daylight through windows: bright rectangles in a row just before a wall of the room.
 ///
 /// All windows of a view have one size and one luminance, that of the sky which is seen through them. Their brightness
 /// is the illuminance in lux that all of them together would give, with nothing in between, at the middle of the
@@ -24,7 +25,9 @@ const MARGIN_M: f64 = 0.1;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindowLight {
-    /// How many walls have windows, drawn for each view; which ones is random.
+    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    per: Per,
+    /// How many walls have windows; which ones is random.
     walls: IntDist,
     /// How many windows a wall has, drawn for each wall.
     count: IntDist,
@@ -50,6 +53,7 @@ pub struct WindowLight {
 impl Default for WindowLight {
     fn default() -> Self {
         Self {
+            per: Per::default(),
             walls: IntDist::Constant(1),
             count: IntDist::Integers(1, 3),
             width_m: Dist::Uniform(0.8, 2.0),
@@ -95,6 +99,10 @@ impl Config for WindowLight {
 register!(WindowLight);
 
 impl LightSampler for WindowLight {
+    fn once_per_scene(&self) -> bool {
+        self.per == Per::Scene
+    }
+
     fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let stream = &context.stream;
         let draw = |name: &str, dist: &Dist| dist.draw(&mut stream.child(name));

@@ -5,8 +5,12 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::scene::{Camera, Light, Scene};
 
-/// Gives lights, anew for every view.
+/// Gives the lights of views, anew for each or the same for all views of a scene.
 pub trait LightSampler: Send + Sync {
     /// The lights of one view. `shell` is where the scene's cameras are.
     fn lights(&self, scene: &Scene, camera: &Camera, shell: &Shell, context: &Context) -> Result<Vec<Light>>;
+    /// Whether all views of a scene have the same lights: the context's stream is then the same for all of them.
+    fn once_per_scene(&self) -> bool {
+        false
+    }
 }

@@ -165,7 +165,8 @@ impl Maker<'_> {
         let mut lights = scene.lights.clone();
         for (light_id, sampler) in &self.recipe.lights {
             let stage = format!("lights.{light_id}");
-            let sampled = sampler.lights(scene, &camera, &shell, &at(&stage));
+            let lent = if sampler.once_per_scene() { context(&stage, stream(&stage)) } else { at(&stage) };
+            let sampled = sampler.lights(scene, &camera, &shell, &lent);
             lights.extend(sampled.map_err(|error| error.context(stage))?);
         }
         Ok(View { id, camera, exposure, lights })

@@ -30,6 +30,14 @@ fn down_lights_give_the_lux_that_was_asked_for() {
 }
 
 #[test]
+fn lights_are_drawn_for_every_view_or_once_a_scene() {
+    for kind in ["sphere_lights", "ceiling_light", "window_light", "environment", "sun"] {
+        assert!(!lights(kind, "").once_per_scene(), "{kind}");
+        assert!(lights(kind, "per = \"scene\"").once_per_scene(), "{kind}");
+    }
+}
+
+#[test]
 fn lumens_become_nits() {
     let scene = scene(Some(2.5));
     let nits = |light: &Light| match light {
