@@ -159,6 +159,8 @@ pub struct Attributes {
     pub position: Index,
     #[serde(rename = "NORMAL", skip_serializing_if = "Option::is_none")]
     pub normal: Option<Index>,
+    #[serde(rename = "TANGENT", skip_serializing_if = "Option::is_none")]
+    pub tangent: Option<Index>,
     #[serde(rename = "TEXCOORD_0", skip_serializing_if = "Option::is_none")]
     pub texcoord: Option<Index>,
     #[serde(rename = "COLOR_0", skip_serializing_if = "Option::is_none")]

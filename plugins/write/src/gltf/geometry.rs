@@ -5,7 +5,7 @@ use super::glb::Glb;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
-use syntable_model::geometry::Vector3;
+use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::{Mesh, TextureMapping, UvTransform};
 
 /// Arrays of a mesh and the triangles of every material slot.
@@ -27,6 +27,15 @@ pub enum Laid {
     Over { mapping: TextureMapping, tile_m: f32 },
 }
 
+/// What a body's materials look at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wants {
+    /// Texture coordinates.
+    pub uvs: bool,
+    /// Tangents, for normal maps.
+    pub tangents: bool,
+}
+
 /// All meshes of a file.
 #[derive(Debug, Clone, Default)]
 pub struct Geometries {
@@ -39,42 +48,39 @@ pub struct Geometries {
 }
 
 impl Geometries {
-    /// The arrays of a mesh, written when they are first asked for. `textured` says whether a material looks at the
-    /// texture coordinates.
-    pub fn get(&mut self, glb: &mut Glb, mesh: &Arc<Mesh>, laid: Laid, textured: bool) -> Geometry {
+    /// The arrays of a mesh, written when they are first asked for.
+    pub fn get(&mut self, glb: &mut Glb, mesh: &Arc<Mesh>, laid: Laid, wants: Wants) -> Geometry {
         let content = self.digest(mesh);
         let key = match laid {
-            Laid::Own => Hasher::new("own").digest(content).bytes(&[textured.into()]),
+            Laid::Own => Hasher::new("own"),
             // Without textures it does not matter how they are laid.
-            Laid::Over { .. } if !textured => Hasher::new("over").digest(content),
+            Laid::Over { .. } if !wants.uvs => Hasher::new("over"),
             Laid::Over { mapping: TextureMapping::Uv(UvTransform { scale, rotation, offset }), .. } => {
-                let numbers = [scale[0], scale[1], rotation, offset[0], offset[1]];
-                Hasher::new("uv").digest(content).floats(numbers.into_iter())
+                Hasher::new("uv").floats([scale[0], scale[1], rotation, offset[0], offset[1]].into_iter())
             }
             Laid::Over { mapping: TextureMapping::Box { rotation, offset }, tile_m } => {
-                let numbers = [rotation, offset[0], offset[1], tile_m];
-                Hasher::new("box").digest(content).floats(numbers.into_iter())
+                Hasher::new("box").floats([rotation, offset[0], offset[1], tile_m].into_iter())
             }
-        }
-        .finish();
+        };
+        let key = key.digest(content).bytes(&[wants.uvs.into(), wants.tangents.into()]).finish();
         if let Some(geometry) = self.geometries.get(&key) {
             return geometry.clone();
         }
-        let (attributes, parts) = match laid {
-            Laid::Over { mapping: TextureMapping::Box { rotation, offset }, tile_m } if textured => {
-                let boxed = Boxed::new(mesh, rotation, offset, tile_m);
-                let attributes = Attributes {
-                    position: glb.vectors(&boxed.positions, true),
-                    normal: (!boxed.normals.is_empty()).then(|| glb.vectors(&boxed.normals, false)),
-                    texcoord: Some(glb.vectors(&boxed.uvs, false)),
-                    color: (!boxed.colors.is_empty()).then(|| glb.vectors(&boxed.colors, false)),
-                };
-                (attributes, vec![(0, glb.indices(&boxed.triangles, boxed.positions.len()))])
+        let by_slot = matches!(laid, Laid::Own);
+        let split = match laid {
+            Laid::Over { mapping: TextureMapping::Box { rotation, offset }, tile_m } if wants.uvs => {
+                Some(Arrays::boxed(mesh, rotation, offset, tile_m))
             }
-            _ => {
+            _ if wants.tangents => Some(Arrays::own(mesh, texcoords(mesh, laid, wants.uvs), by_slot)),
+            _ => None,
+        };
+        let (attributes, parts) = match split {
+            Some(arrays) => arrays.write(glb, wants.tangents),
+            None => {
                 let mut attributes = self.arrays(glb, mesh, content);
-                attributes.texcoord = texcoords(glb, mesh, laid, textured);
-                (attributes, self.parts(glb, mesh, content, matches!(laid, Laid::Own)))
+                let uvs = texcoords(mesh, laid, wants.uvs);
+                attributes.texcoord = (!uvs.is_empty()).then(|| glb.vectors(&uvs, false));
+                (attributes, self.parts(glb, mesh, content, by_slot))
             }
         };
         let geometry = Geometry { attributes, parts, digest: key };
@@ -92,11 +98,11 @@ impl Geometries {
                     let normals: Vec<_> = data.normals.iter().map(|&n| unit(n)).collect();
                     glb.vectors(&normals, false)
                 }),
-                texcoord: None,
                 color: (!data.colors.is_empty()).then(|| {
                     let colors: Vec<_> = data.colors.iter().map(|&c| color(c)).collect();
                     glb.vectors(&colors, false)
                 }),
+                ..Attributes::default()
             }
         };
         self.arrays.entry(content).or_insert_with(write).clone()
@@ -104,16 +110,8 @@ impl Geometries {
 
     /// Indices of all triangles, parted by material slots or not.
     fn parts(&mut self, glb: &mut Glb, mesh: &Mesh, content: Digest, by_slot: bool) -> Vec<(usize, Index)> {
-        let write = || {
-            let data = mesh.data();
-            let mut triangles: BTreeMap<usize, Vec<[u32; 3]>> = BTreeMap::new();
-            for (t, &triangle) in data.triangles.iter().enumerate() {
-                let slot = if by_slot { mesh.slot(t) } else { 0 };
-                triangles.entry(slot).or_default().push(triangle);
-            }
-            let indices = |(&slot, part): (&usize, &Vec<[u32; 3]>)| (slot, glb.indices(part, data.positions.len()));
-            triangles.iter().map(indices).collect()
-        };
+        let (data, slots) = (mesh.data(), slots(mesh, by_slot));
+        let write = || write_parts(glb, &data.triangles, &slots, data.positions.len());
         self.parts.entry((content, by_slot)).or_insert_with(write).clone()
     }
 
@@ -136,17 +134,30 @@ impl Geometries {
     }
 }
 
-/// The mesh's own texture coordinates, moved if they are to be. A texture on a mesh without any shows one texel.
-fn texcoords(glb: &mut Glb, mesh: &Mesh, laid: Laid, textured: bool) -> Option<Index> {
+/// Slot of every triangle, or all zero.
+fn slots(mesh: &Mesh, by_slot: bool) -> Vec<usize> {
+    (0..mesh.data().triangles.len()).map(|t| if by_slot { mesh.slot(t) } else { 0 }).collect()
+}
+
+fn write_parts(glb: &mut Glb, triangles: &[[u32; 3]], slots: &[usize], vertices: usize) -> Vec<(usize, Index)> {
+    let mut parts: BTreeMap<usize, Vec<[u32; 3]>> = BTreeMap::new();
+    for (&triangle, &slot) in triangles.iter().zip(slots) {
+        parts.entry(slot).or_default().push(triangle);
+    }
+    parts.iter().map(|(&slot, part)| (slot, glb.indices(part, vertices))).collect()
+}
+
+/// The mesh's own texture coordinates, v downwards, moved if they are to be. A texture on a mesh without any shows one
+/// texel.
+fn texcoords(mesh: &Mesh, laid: Laid, wanted: bool) -> Vec<[f32; 2]> {
     let data = mesh.data();
-    let moved: Vec<[f32; 2]> = match laid {
-        _ if data.uvs.is_empty() && textured => vec![v_down([0.0; 2]); data.positions.len()],
-        Laid::Over { mapping: TextureMapping::Uv(transform), .. } if textured => {
+    match laid {
+        _ if data.uvs.is_empty() && wanted => vec![v_down([0.0; 2]); data.positions.len()],
+        Laid::Over { mapping: TextureMapping::Uv(transform), .. } if wanted => {
             data.uvs.iter().map(|&uv| v_down(apply(&transform, uv))).collect()
         }
         _ => data.uvs.iter().map(|&uv| v_down(uv)).collect(),
-    };
-    (!moved.is_empty()).then(|| glb.vectors(&moved, false))
+    }
 }
 
 /// glTF counts v downwards from the top of the picture.
@@ -171,49 +182,148 @@ fn color(color: [f32; 3]) -> [f32; 3] {
     color.map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 })
 }
 
-/// Arrays with texture coordinates by the body's axes: where faces that look another way meet, vertices are doubled.
-struct Boxed {
+/// Arrays of a mesh that is not written as it is: vertices are doubled where faces do not agree on them.
+struct Arrays {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
     colors: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
+    slots: Vec<usize>,
 }
 
-impl Boxed {
-    fn new(mesh: &Mesh, rotation: f32, offset: [f32; 2], tile_m: f32) -> Self {
+impl Arrays {
+    /// The mesh with the texture coordinates given.
+    fn own(mesh: &Mesh, uvs: Vec<[f32; 2]>, by_slot: bool) -> Self {
         let data = mesh.data();
+        Self {
+            positions: data.positions.clone(),
+            normals: data.normals.iter().map(|&n| unit(n)).collect(),
+            uvs,
+            colors: data.colors.iter().map(|&c| color(c)).collect(),
+            triangles: data.triangles.clone(),
+            slots: slots(mesh, by_slot),
+        }
+    }
+
+    /// The mesh with texture coordinates by the body's axes.
+    fn boxed(mesh: &Mesh, rotation: f32, offset: [f32; 2], tile_m: f32) -> Self {
         let tile = if tile_m > 1e-6 && tile_m.is_finite() { f64::from(tile_m) } else { 1.0 };
         let laid = UvTransform { scale: [1.0; 2], rotation, offset };
-        let mut boxed = Self {
-            positions: Vec::new(),
-            normals: Vec::new(),
-            uvs: Vec::new(),
-            colors: Vec::new(),
-            triangles: Vec::with_capacity(data.triangles.len()),
-        };
-        // New numbers of a vertex by the side that its face looks to.
-        let mut numbers = vec![[u32::MAX; 6]; data.positions.len()];
-        for (t, triangle) in data.triangles.iter().enumerate() {
-            let [a, b, c] = mesh.corners(t);
-            let (side, along_u, along_v) = box_axes((b - a).cross(&(c - a)));
-            boxed.triangles.push(triangle.map(|old| {
-                let i = old as usize;
-                let number = &mut numbers[i][side];
+        let sides: Vec<usize> = (0..mesh.data().triangles.len()).map(|t| box_axes(face(mesh.corners(t))).0).collect();
+        let (mut arrays, old) = Self::own(mesh, Vec::new(), false).split(&sides, 6);
+        // All faces at a vertex look to one side now.
+        arrays.uvs = vec![[0.0; 2]; arrays.positions.len()];
+        for (t, triangle) in arrays.triangles.iter().enumerate() {
+            let (_, along_u, along_v) = box_axes(face(mesh.corners(t)));
+            for &i in triangle {
+                let p = Vector3::from(mesh.data().positions[old[i as usize]].map(f64::from));
+                let uv = [along_u, along_v].map(|axis| (p.dot(&axis) / tile) as f32);
+                arrays.uvs[i as usize] = v_down(apply(&laid, uv));
+            }
+        }
+        arrays
+    }
+
+    /// Doubles vertices whose faces are of several classes; also gives the old number of every new vertex.
+    fn split(self, class: &[usize], classes: usize) -> (Self, Vec<usize>) {
+        let mut old = Vec::with_capacity(self.positions.len());
+        let mut numbers = vec![u32::MAX; self.positions.len() * classes];
+        let mut renumber = |(triangle, class): (&[u32; 3], &usize)| {
+            triangle.map(|i| {
+                let number = &mut numbers[i as usize * classes + class];
                 if *number == u32::MAX {
-                    *number = boxed.positions.len() as u32;
-                    let p = Vector3::from(data.positions[i].map(f64::from));
-                    let uv = [along_u, along_v].map(|axis| (p.dot(&axis) / tile) as f32);
-                    boxed.positions.push(data.positions[i]);
-                    boxed.uvs.push(v_down(apply(&laid, uv)));
-                    boxed.normals.extend(data.normals.get(i).map(|&n| unit(n)));
-                    boxed.colors.extend(data.colors.get(i).map(|&c| color(c)));
+                    *number = old.len() as u32;
+                    old.push(i as usize);
                 }
                 *number
-            }));
+            })
+        };
+        let triangles = self.triangles.iter().zip(class).map(&mut renumber).collect();
+        fn pick<T: Copy>(items: &[T], old: &[usize]) -> Vec<T> {
+            old.iter().filter_map(|&i| items.get(i).copied()).collect()
         }
-        boxed
+        let arrays = Self {
+            positions: pick(&self.positions, &old),
+            normals: pick(&self.normals, &old),
+            uvs: pick(&self.uvs, &old),
+            colors: pick(&self.colors, &old),
+            triangles,
+            slots: self.slots,
+        };
+        (arrays, old)
     }
+
+    /// Corners of a triangle.
+    fn corners(&self, triangle: [u32; 3]) -> [Point3<f64>; 3] {
+        triangle.map(|i| Point3::from(self.positions[i as usize].map(f64::from)))
+    }
+
+    /// Flat faces with normals of their own: three vertices each.
+    fn flat(self) -> Self {
+        let each: Vec<usize> = self.triangles.as_flattened().iter().map(|&i| i as usize).collect();
+        let normals = self.triangles.iter().flat_map(|&t| [unit(face(self.corners(t)).map(|x| x as f32).into()); 3]);
+        Self {
+            normals: normals.collect(),
+            positions: each.iter().map(|&i| self.positions[i]).collect(),
+            uvs: each.iter().filter_map(|&i| self.uvs.get(i).copied()).collect(),
+            colors: each.iter().filter_map(|&i| self.colors.get(i).copied()).collect(),
+            triangles: (0..self.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            slots: self.slots,
+        }
+    }
+
+    /// Tangents `[x, y, z, w]` along u: the faces' ones by area, at right angles to the normal; the bitangent
+    /// `w · normal × tangent` goes up the picture. Vertices are doubled where mirrored faces meet others.
+    fn with_tangents(self) -> (Self, Vec<[f32; 4]>) {
+        let smooth = if self.normals.is_empty() { self.flat() } else { self };
+        let slope = |arrays: &Self, triangle: [u32; 3]| {
+            let [a, b, c] = arrays.corners(triangle);
+            let [p, q, r] = triangle.map(|i| arrays.uvs[i as usize].map(f64::from));
+            let ([du1, dv1], [du2, dv2]) = ([q[0] - p[0], p[1] - q[1]], [r[0] - p[0], p[1] - r[1]]);
+            let determinant = du1 * dv2 - du2 * dv1;
+            let along = ((b - a) * dv2 - (c - a) * dv1) * determinant.signum();
+            let weight = face([a, b, c]).norm();
+            (determinant, along.try_normalize(0.0).unwrap_or_default() * weight)
+        };
+        let mirrored: Vec<usize> = smooth.triangles.iter().map(|&t| usize::from(slope(&smooth, t).0 < 0.0)).collect();
+        let (split, _) = smooth.split(&mirrored, 2);
+        let mut sums = vec![(Vector3::zeros(), 1.0); split.positions.len()];
+        for (&triangle, &mirrored) in split.triangles.iter().zip(&mirrored) {
+            let (_, along) = slope(&split, triangle);
+            for i in triangle {
+                let (sum, hand) = &mut sums[i as usize];
+                *sum += along;
+                *hand = if mirrored == 1 { -1.0 } else { 1.0 };
+            }
+        }
+        let tangents = sums.iter().zip(&split.normals).map(|((along, hand), normal)| {
+            let n = Vector3::from(normal.map(f64::from));
+            let level = |v: Vector3<f64>| (v - n * n.dot(&v)).try_normalize(1e-12);
+            let t = level(*along).or_else(|| level(Vector3::x())).or_else(|| level(Vector3::y())).unwrap_or_default();
+            [t.x as f32, t.y as f32, t.z as f32, *hand]
+        });
+        let tangents = tangents.collect();
+        (split, tangents)
+    }
+
+    fn write(self, glb: &mut Glb, tangents: bool) -> (Attributes, Vec<(usize, Index)>) {
+        let (arrays, tangents) = if tangents { self.with_tangents() } else { (self, Vec::new()) };
+        let vectors = |glb: &mut Glb, vectors: &[[f32; 3]]| (!vectors.is_empty()).then(|| glb.vectors(vectors, false));
+        let attributes = Attributes {
+            position: glb.vectors(&arrays.positions, true),
+            normal: vectors(glb, &arrays.normals),
+            tangent: (!tangents.is_empty()).then(|| glb.vectors(&tangents, false)),
+            texcoord: Some(glb.vectors(&arrays.uvs, false)),
+            color: vectors(glb, &arrays.colors),
+        };
+        (attributes, write_parts(glb, &arrays.triangles, &arrays.slots, arrays.positions.len()))
+    }
+}
+
+/// Normal of a triangle, twice as long as its area.
+fn face([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
+    (b - a).cross(&(c - a))
 }
 
 /// Which of six sides a face looks to, and the axes along u and v there, so that a picture is never mirrored seen from
@@ -260,7 +370,7 @@ mod tests {
             ..Default::default()
         };
         let mesh = Mesh::new(data).expect("sound");
-        let boxed = Boxed::new(&mesh, std::f32::consts::FRAC_PI_2, [0.125, 0.0], 0.25);
+        let boxed = Arrays::boxed(&mesh, std::f32::consts::FRAC_PI_2, [0.125, 0.0], 0.25);
         // Four of the top face, three of the one that looks along -y.
         assert_eq!(boxed.positions.len(), 7);
         // (0.5, 0.25) m are (2, 1) tiles; a quarter turn makes (-1, 2), shifted by an eighth; v downwards.
@@ -268,5 +378,32 @@ mod tests {
         assert_eq!(boxed.positions[at], [0.5, 0.25, 0.0]);
         let [u, v] = boxed.uvs[at];
         assert!((u + 0.875).abs() < 1e-6 && (v + 1.0).abs() < 1e-6, "{u} {v}");
+    }
+
+    #[test]
+    fn tangents_go_along_the_picture_and_mirrors_are_told() {
+        // Two triangles of a square; the second shows the picture mirrored, sharing two vertices and their coordinates.
+        let data = MeshData {
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+            uvs: vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]],
+            triangles: vec![[0, 1, 2], [1, 3, 2]],
+            ..Default::default()
+        };
+        let normals = vec![[0.0, 0.0, 1.0]; 4];
+        for data in [data.clone(), MeshData { normals, ..data }] {
+            let flat = data.normals.is_empty();
+            let mesh = Mesh::new(data).expect("sound");
+            let uvs = texcoords(&mesh, Laid::Own, true);
+            let (arrays, tangents) = Arrays::own(&mesh, uvs, true).with_tangents();
+            // Both middle vertices are doubled either way.
+            assert_eq!((arrays.positions.len(), flat), (6, flat));
+            for &i in &arrays.triangles[0] {
+                assert_eq!(tangents[i as usize], [1.0, 0.0, 0.0, 1.0]);
+            }
+            for &i in &arrays.triangles[1] {
+                // From (1, 1) to (1, 0) u grows: along -y; v grows from there to (0, 1): along -x.
+                assert_eq!(tangents[i as usize], [0.0, -1.0, 0.0, -1.0]);
+            }
+        }
     }
 }

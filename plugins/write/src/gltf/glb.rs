@@ -27,7 +27,7 @@ impl Glb {
         self.document.buffer_views.len() - 1
     }
 
-    /// Adds vectors of two or three numbers; `bounded` states their bounds, as positions need.
+    /// Adds vectors of two to four numbers; `bounded` states their bounds, as positions need.
     pub fn vectors<const N: usize>(&mut self, vectors: &[[f32; N]], bounded: bool) -> Index {
         let buffer_view = self.view(vectors.iter().flatten().flat_map(|x| x.to_le_bytes()), Some(ARRAY_BUFFER));
         let bound = |start: f32, pick: fn(f32, f32) -> f32| {
@@ -45,7 +45,7 @@ impl Glb {
             buffer_view,
             component_type: F32,
             count: vectors.len(),
-            kind: if N == 2 { "VEC2" } else { "VEC3" },
+            kind: ["VEC2", "VEC3", "VEC4"][N.clamp(2, 4) - 2],
             min: bound(f32::INFINITY, f32::min),
             max: bound(f32::NEG_INFINITY, f32::max),
         })

@@ -81,7 +81,8 @@ impl Materials {
             emissive_factor: glows.then_some(emission),
             alpha_mode,
             alpha_cutoff,
-            double_sided: true,
+            // The surfaces of a medium are closed: they have one side, and refract at it.
+            double_sided: extensions.volume.is_none(),
             extensions,
             extras: match material.licence.as_str() {
                 "" => serde_json::Value::Null,
@@ -132,6 +133,11 @@ impl Materials {
         let info = self.textures.picture(glb, map, Encoding::Linear)?;
         Ok(Some(TextureInfo { scale: Some(*strength).filter(|scale| scale.is_finite()), ..info }))
     }
+}
+
+/// Whether a material needs tangents.
+pub fn has_normal_map(material: &Material) -> bool {
+    material.normal.is_some() || material.clearcoat.as_ref().is_some_and(|coat| coat.normal.is_some())
 }
 
 /// The channel of a texture that a number comes from.

@@ -22,7 +22,7 @@ pub use light::LightMode;
 
 use crate::files::{view, view_name};
 use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
-use geometry::{Geometries, Laid};
+use geometry::{Geometries, Laid, Wants};
 use glb::Glb;
 use light::Lights;
 use material::Materials;
@@ -187,8 +187,11 @@ impl Export {
             Some(surface) => Laid::Over { mapping: surface.mapping, tile_m: surface.material.tile_m },
             None => Laid::Own,
         };
-        let textured = used.iter().any(|material| material.textures().next().is_some());
-        let geometry = self.geometries.get(&mut self.glb, &object.mesh, laid, textured);
+        let wants = Wants {
+            uvs: used.iter().any(|material| material.textures().next().is_some()),
+            tangents: used.iter().any(|material| material::has_normal_map(material)),
+        };
+        let geometry = self.geometries.get(&mut self.glb, &object.mesh, laid, wants);
         let mut materials = Vec::new();
         for &(slot, _) in &geometry.parts {
             let material = used.get(slot).or(used.last()).ok_or_else(|| Error::new("an object without materials"))?;
