@@ -3,8 +3,8 @@
 //! The standard library's `sin` and `acos` come from the platform's mathematics library, whose last bits differ from
 //! one system to the next. These give the same bits everywhere, to a few units in the last place, and are faster.
 
-use crate::real::{Int, Real, at_most};
-use std::f32::consts::{FRAC_PI_2, PI};
+use crate::real::{Int, Real, at_least, at_most};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// The whole number at or below, for |x| < 2³¹.
 #[inline(always)]
@@ -47,6 +47,63 @@ pub(crate) fn acos<T: Real>(x: T) -> T {
     T::pick(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle)
 }
 
+/// Angle of the point (x, y) in turns, in [-1/2, 1/2]; 0 for the origin. To about 1e-7.
+#[inline(always)]
+pub(crate) fn atan2_turns<T: Real>(y: T, x: T) -> T {
+    let (ax, ay) = (x.abs(), y.abs());
+    let steep = ay.gt(ax);
+    let (small, large) = (T::pick(steep, ax, ay), T::pick(steep, ay, ax));
+    let t = small / at_least(large, f32::MIN_POSITIVE);
+    // Beyond tan(π/8) by the angle's difference to π/4, so that the series is short.
+    let far = t.gt(T::splat(0.414_213_57));
+    let t = T::pick(far, (t - 1.0_f32) / (t + 1.0_f32), t);
+    let t2 = t * t;
+    let p = t2 * 8.053_744e-2_f32 - 1.387_768_6e-1_f32;
+    let p = p * t2 + 1.997_771_1e-1_f32;
+    let p = p * t2 - 3.333_294_9e-1_f32;
+    let angle = t + t * t2 * p;
+    let angle = T::pick(far, angle + FRAC_PI_4, angle);
+    let angle = T::pick(steep, T::splat(FRAC_PI_2) - angle, angle);
+    let angle = T::pick(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle);
+    (angle * (0.5 / PI)).copysign(y)
+}
+
+/// Base-2 logarithm of a positive normal number, to about 1e-7.
+#[inline(always)]
+pub(crate) fn log2<T: Real>(x: T) -> T {
+    let bits = x.bits();
+    let exponent = (bits >> 23).signed_to_real() - 127.0_f32;
+    let mantissa = T::from_bits(bits & T::Int::splat(0x007f_ffff) | T::Int::splat(0x3f80_0000));
+    let upper = mantissa.gt(T::splat(std::f32::consts::SQRT_2));
+    let exponent = T::pick(upper, exponent + 1.0_f32, exponent);
+    let m = T::pick(upper, mantissa * 0.5_f32, mantissa);
+    // The series of the inverse hyperbolic tangent.
+    let t = (m - 1.0_f32) / (m + 1.0_f32);
+    let t2 = t * t;
+    let series = ((t2 * (1.0_f32 / 7.0) + 0.2_f32) * t2 + (1.0_f32 / 3.0)) * t2 + 1.0_f32;
+    exponent + t * series * (2.0 * std::f32::consts::LOG2_E)
+}
+
+/// Two to the power of x, to about 2e-7 of the result; x is brought into ±126.
+#[inline(always)]
+pub(crate) fn exp2<T: Real>(x: T) -> T {
+    let x = at_most(at_least(x, -126.0), 126.0);
+    let whole = (x + T::splat(0.5).copysign(x)).truncate();
+    let f = (x - whole.signed_to_real()) * std::f32::consts::LN_2;
+    let p = f * (1.0_f32 / 720.0) + (1.0_f32 / 120.0);
+    let p = p * f + (1.0_f32 / 24.0);
+    let p = p * f + (1.0_f32 / 6.0);
+    let p = (p * f + 0.5_f32) * f + 1.0_f32;
+    let scale = T::from_bits(whole.plus(T::Int::splat(127)) << 23);
+    (p * f + 1.0_f32) * scale
+}
+
+/// A positive number to a power.
+#[inline(always)]
+pub(crate) fn pow<T: Real>(x: T, power: T) -> T {
+    exp2(log2(at_least(x, f32::MIN_POSITIVE)) * power)
+}
+
 /// Base-2 logarithm to about 0.01, for choosing texture levels. The argument must be positive and normal.
 #[inline(always)]
 pub(crate) fn log2_rough(x: f32) -> f32 {
@@ -72,6 +129,20 @@ mod tests {
             assert!((f64::from(acos(y)) - f64::from(y).acos()).abs() < 5e-7, "{y}");
             let (whole, part) = floor(x);
             assert_eq!((whole as f32, part), (x.floor(), x - x.floor()));
+        }
+        for i in 0..720 {
+            let turn = (i as f64 + 0.25) / 720.0 - 0.5;
+            let (s, c) = (turn * std::f64::consts::TAU).sin_cos();
+            let got = atan2_turns((s * 3.0) as f32, (c * 3.0) as f32);
+            assert!((f64::from(got) - turn).abs() < 1e-7, "{turn}: {got}");
+        }
+        assert_eq!(atan2_turns(0.0_f32, 0.0), 0.0);
+        for i in 1..2000 {
+            let x = i as f32 * 0.013;
+            assert!((log2(x) - x.log2()).abs() < 4e-7 * x.log2().abs().max(1.0), "{x}: {}", log2(x));
+            let y = (i as f32 - 1000.0) * 0.11;
+            assert!((f64::from(exp2(y)) / f64::from(y).exp2() - 1.0).abs() < 4e-7, "{y}: {}", exp2(y));
+            assert!((pow(x.min(1.0), 7.3) - x.min(1.0).powf(7.3)).abs() < 3e-6, "{x}");
         }
         for x in [1e-20_f32, 0.3, 1.0, 1.5, 2.0, 7.3, 1e9] {
             assert!((log2_rough(x) - x.log2()).abs() < 0.011, "{x}");

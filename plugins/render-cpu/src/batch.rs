@@ -1,6 +1,8 @@
 //! The paths that are traced together, field by field in rows, so that lanes load and store whole registers.
 
+use crate::bsdf::{Drawn, Layered, Layers, Lobe, Substance};
 use crate::bvh::Hit;
+use crate::material::Component;
 use crate::real::{Int, Real};
 use crate::vec3::Vec3;
 use crate::world::Surface;
@@ -60,6 +62,20 @@ pub(crate) struct Surfaces {
     pub roughness: Row,
     pub metallic: Row,
     pub dielectric_f0: Row,
+    /// What only layered materials need; written where a scene has any.
+    pub layers: LayerRows,
+}
+
+/// Of layered materials.
+pub(crate) struct LayerRows {
+    /// Number of the lobe.
+    pub lobe: Row,
+    pub coat: Row,
+    pub coat_roughness: Row,
+    pub sheen: Row,
+    pub sheen_roughness: Row,
+    /// Index of refraction beyond over that on this side.
+    pub eta: Row,
 }
 
 /// Shadow rays, and what they bring if nothing is in the way.
@@ -69,6 +85,8 @@ pub(crate) struct Shadows {
     pub distance: Row,
     pub contribution: Rows,
     pub slot: IntRow,
+    /// For surfaces that cover in part; written where a scene has any.
+    pub coin: IntRow,
 }
 
 /// What guides denoisers, by slot: the first surface that is no mirror.
@@ -97,7 +115,7 @@ impl Guides {
         if !self.pending[slot] {
             return;
         }
-        let albedo = surface.substance.base_color * self.tint[slot];
+        let albedo = surface.albedo * self.tint[slot];
         if surface.is_mirror() && !last {
             self.tint[slot] = albedo;
         } else {
@@ -155,8 +173,23 @@ impl Batch {
                 roughness: ROW,
                 metallic: ROW,
                 dielectric_f0: ROW,
+                layers: LayerRows {
+                    lobe: ROW,
+                    coat: ROW,
+                    coat_roughness: ROW,
+                    sheen: ROW,
+                    sheen_roughness: ROW,
+                    eta: ROW,
+                },
             },
-            shadows: Shadows { origin: ROWS, direction: ROWS, distance: ROW, contribution: ROWS, slot: INTS },
+            shadows: Shadows {
+                origin: ROWS,
+                direction: ROWS,
+                distance: ROW,
+                contribution: ROWS,
+                slot: INTS,
+                coin: INTS,
+            },
             guides: Guides {
                 albedo: [[0.0; 3]; BATCH],
                 normal: [[0.0; 3]; BATCH],
@@ -261,9 +294,37 @@ impl Surfaces {
         set(&mut self.face, i, surface.face);
         set(&mut self.normal, i, surface.normal);
         self.bent[i] = if surface.bent { 1.0 } else { 0.0 };
-        set(&mut self.base_color, i, surface.substance.base_color);
-        self.roughness[i] = surface.substance.roughness;
-        self.metallic[i] = surface.substance.metallic;
-        self.dielectric_f0[i] = surface.substance.dielectric_f0;
+        let substance = &surface.component.substance;
+        set(&mut self.base_color, i, substance.base_color);
+        self.roughness[i] = substance.roughness;
+        self.metallic[i] = substance.metallic;
+        self.dielectric_f0[i] = substance.dielectric_f0;
+    }
+
+    /// Scattering by the layers of the surfaces from `at` on.
+    #[inline(always)]
+    pub fn layered<T: Real>(&self, at: usize, substance: &Substance<T>, wo: Vec3<T>) -> Layered<T> {
+        let rows = &self.layers;
+        let above = Layers {
+            coat: T::load(&rows.coat[at..]),
+            coat_roughness: T::load(&rows.coat_roughness[at..]),
+            sheen: T::load(&rows.sheen[at..]),
+            sheen_roughness: T::load(&rows.sheen_roughness[at..]),
+        };
+        let drawn = Drawn { lobe: T::load(&rows.lobe[at..]), above, eta: T::load(&rows.eta[at..]) };
+        Layered::new(&drawn, substance, wo)
+    }
+
+    /// What [`Self::set`] leaves out.
+    #[inline(always)]
+    pub fn set_layers(&mut self, i: usize, surface: &Surface) {
+        let Component { lobe, above, ior, .. } = &surface.component;
+        let rows = &mut self.layers;
+        rows.lobe[i] = *lobe as u32 as f32;
+        rows.coat[i] = above.coat;
+        rows.coat_roughness[i] = above.coat_roughness;
+        rows.sheen[i] = above.sheen;
+        rows.sheen_roughness[i] = above.sheen_roughness;
+        rows.eta[i] = if surface.inside && *lobe == Lobe::Glass { 1.0 / ior } else { *ior };
     }
 }

@@ -1,13 +1,14 @@
 //! What scenes share: trees by object and pictures by texture, made once and forgotten when there are too many.
 
+use crate::light::Sky;
 use crate::mesh::TracedMesh;
 use crate::texture::MipTexture;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use syntable_model::digest::Digest;
-use syntable_model::scene::{Object, Texture};
+use syntable_model::scene::{EnvironmentMap, Object, Texture};
 
-/// Bytes of meshes and, apart, of textures that are kept though no scene uses them.
+/// Bytes of meshes and, apart, of textures and of skies that are kept though no scene uses them.
 const CAPACITY: usize = 256 << 20;
 
 /// The cache of a renderer; its sessions share it.
@@ -15,11 +16,17 @@ const CAPACITY: usize = 256 << 20;
 pub(crate) struct SceneCache {
     meshes: Shelf<TracedMesh>,
     textures: Shelf<MipTexture>,
+    skies: Shelf<Sky>,
 }
 
 impl SceneCache {
     pub fn new() -> Self {
-        Self { meshes: Shelf::new(CAPACITY), textures: Shelf::new(CAPACITY) }
+        Self { meshes: Shelf::new(CAPACITY), textures: Shelf::new(CAPACITY), skies: Shelf::new(CAPACITY) }
+    }
+
+    /// An environment map, ready to be sampled.
+    pub fn sky(&self, map: &Arc<EnvironmentMap>) -> Arc<Sky> {
+        self.skies.get(map.digest, || Sky::new(map), Sky::size)
     }
 
     /// The mesh of an object.

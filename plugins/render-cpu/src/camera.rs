@@ -1,12 +1,13 @@
-//! Rays of a pinhole camera.
+//! Rays of a camera.
 
 use crate::bvh::Ray;
 use crate::vec3::{Vec3, vec3};
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::Camera;
 
-/// A camera whose rays are affine in the pixel coordinates; computed in f64 and rounded once.
-#[derive(Clone, Copy, Debug)]
+/// A camera ready to give rays. Without distortion they are affine in the pixel coordinates; computed in f64 and
+/// rounded once.
+#[derive(Clone, Debug)]
 pub(crate) struct RayCamera {
     origin: Vec3,
     /// Direction at (u, v) = (0, 0), and its change with u and with v; world.
@@ -17,6 +18,28 @@ pub(crate) struct RayCamera {
     rows: [Vec3; 3],
     /// Angle that a pixel subtends in the middle of the picture, radians.
     pub pixel_angle: f32,
+    warp: Option<Box<Warp>>,
+    pub lens: Option<Lens>,
+}
+
+/// Distortion: the exact rays, and those through the pixels' corners, between which paths interpolate.
+#[derive(Clone, Debug)]
+struct Warp {
+    camera: Camera,
+    /// Direction in the camera's frame with z = 1 at every pixel's corners, row by row, one more than pixels a row.
+    /// Not a number where the lens sees nothing.
+    corners: Vec<[f32; 2]>,
+    columns: usize,
+}
+
+/// A lens of finite aperture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lens {
+    /// The aperture's radius along the picture's axes, world, metres.
+    pub right: Vec3,
+    pub down: Vec3,
+    /// Depth of the plane of focus, metres.
+    pub focus: f32,
 }
 
 impl RayCamera {
@@ -27,27 +50,72 @@ impl RayCamera {
         let rotation = pose.rotation.to_rotation_matrix();
         let eye = pose * Point3::origin();
         let row = |c: usize| vec3(rotation[(0, c)] as f32, rotation[(1, c)] as f32, rotation[(2, c)] as f32);
+        let rows = [row(0), row(1), row(2)];
         Self {
             origin: vec3(eye.x as f32, eye.y as f32, eye.z as f32),
             corner: rotation * corner,
             along_u: rotation * Vector3::new(1.0 / k.fx, 0.0, 0.0),
             along_v: rotation * Vector3::new(0.0, 1.0 / k.fy, 0.0),
-            rows: [row(0), row(1), row(2)],
+            rows,
             pixel_angle: (1.0 / (k.fx * k.fy).abs().sqrt()) as f32,
+            warp: camera.distortion.map(|_| Box::new(Warp::new(camera))),
+            lens: camera.lens.filter(|lens| lens.aperture_radius_m > 0.0).map(|lens| Lens {
+                right: rows[0] * lens.aperture_radius_m as f32,
+                down: rows[1] * lens.aperture_radius_m as f32,
+                focus: lens.focus_distance_m.max(1e-3) as f32,
+            }),
         }
     }
 
-    /// The ray through (u, v), px from the top-left corner of the picture. The direction advances one metre along the
-    /// optical axis, so that distances are depths.
+    /// The ray through (u, v), px from the top-left corner of the picture, from the lens's middle. The direction
+    /// advances one metre along the optical axis, so that distances are depths. None where the distortion has no
+    /// inverse.
     #[inline]
-    pub fn ray(&self, u: f64, v: f64) -> Ray {
-        let d = self.corner + self.along_u * u + self.along_v * v;
-        Ray { origin: self.origin.array(), direction: [d.x as f32, d.y as f32, d.z as f32] }
+    pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
+        let d = match &self.warp {
+            None => self.corner + self.along_u * u + self.along_v * v,
+            Some(warp) => warp.camera.world_from_camera.rotation * warp.camera.unproject(u, v)?,
+        };
+        Some(Ray { origin: self.origin.array(), direction: [d.x as f32, d.y as f32, d.z as f32] })
     }
 
-    /// How the direction of [`Self::ray`] changes with u and with v, a pixel.
+    /// Where rays start without a lens.
+    pub fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
+    /// Direction of [`Self::ray`] at a pixel's top-left corner, as if there were no distortion.
+    #[inline]
+    pub fn corner(&self, x: u32, y: u32) -> Vec3 {
+        let d = self.corner + self.along_u * f64::from(x) + self.along_v * f64::from(y);
+        vec3(d.x as f32, d.y as f32, d.z as f32)
+    }
+
+    /// How the direction of [`Self::ray`] changes with u and with v, a pixel, as if there were no distortion.
     pub fn slopes(&self) -> [Vec3; 2] {
         [self.along_u, self.along_v].map(|d| vec3(d.x as f32, d.y as f32, d.z as f32))
+    }
+
+    /// Whether rays are bent by distortion.
+    pub fn is_warped(&self) -> bool {
+        self.warp.is_some()
+    }
+
+    /// The distorted direction at a place within a pixel, between those of its corners; black where there is none.
+    #[inline]
+    pub fn warped(&self, x: u32, y: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
+        let warp = self.warp.as_ref()?;
+        let at = y as usize * warp.columns + x as usize;
+        let mix = |i: usize| {
+            let [a, b] = [at, at + warp.columns].map(|at| {
+                let [left, right] = [warp.corners[at][i], warp.corners[at + 1][i]];
+                left + (right - left) * u
+            });
+            a + (b - a) * v
+        };
+        let (x, y) = (mix(0), mix(1));
+        let [right, down, forward] = self.rows;
+        (x.is_finite() && y.is_finite()).then(|| right * x + down * y + forward)
     }
 
     /// A direction of the world in the camera's frame.
@@ -57,26 +125,50 @@ impl RayCamera {
     }
 }
 
+impl Warp {
+    fn new(camera: &Camera) -> Self {
+        let (columns, rows) = (camera.intrinsics.width as usize + 1, camera.intrinsics.height as usize + 1);
+        let corner = |i: usize| match camera.unproject((i % columns) as f64, (i / columns) as f64) {
+            Some(d) => [d.x as f32, d.y as f32],
+            None => [f32::NAN; 2],
+        };
+        Self { camera: *camera, corners: (0..columns * rows).map(corner).collect(), columns }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use syntable_model::geometry::look_at;
-    use syntable_model::scene::Intrinsics;
+    use syntable_model::scene::{Distortion, Intrinsics};
 
     #[test]
     fn a_ray_through_a_projection_meets_the_point() {
         let intrinsics = Intrinsics { width: 640, height: 480, fx: 457.0, fy: 461.0, cx: 311.5, cy: 240.0 };
         let world_from_camera = look_at(Point3::new(1.0, -2.0, 1.5), Point3::new(0.1, 0.2, 0.7), Vector3::z());
-        let camera = Camera::pinhole(intrinsics, world_from_camera);
-        let p = Point3::new(0.15, 0.05, 0.9);
-        let p_camera = world_from_camera.inverse_transform_point(&p);
-        let [u, v] = intrinsics.project(&p_camera);
-        let rays = RayCamera::new(&camera);
-        let ray = rays.ray(u, v);
-        let met = Vec3::from(ray.origin) + Vec3::from(ray.direction) * p_camera.z as f32;
-        assert!((met - vec3(p.x as f32, p.y as f32, p.z as f32)).length() < 1e-6, "{met:?}");
-        let forward = world_from_camera * Vector3::z();
-        let forward = rays.turned(vec3(forward.x as f32, forward.y as f32, forward.z as f32));
-        assert!((forward - vec3(0.0, 0.0, 1.0)).length() < 1e-6);
+        let straight = Camera::pinhole(intrinsics, world_from_camera);
+        let bent = Camera {
+            distortion: Some(Distortion { radial: [-0.2, 0.05, 0.0], tangential: [1e-3, -2e-3] }),
+            ..straight
+        };
+        for (camera, p) in [straight, bent].into_iter().flat_map(|camera| {
+            [[0.15, 0.05, 0.9], [-0.4, 0.3, 0.2], [0.5, 0.6, 1.0]].map(|p| (camera, Point3::from(p)))
+        }) {
+            let p_camera = world_from_camera.inverse_transform_point(&p);
+            let [u, v] = camera.project(&p_camera);
+            let rays = RayCamera::new(&camera);
+            let ray = rays.ray(u, v).expect("within");
+            let met = Vec3::from(ray.origin) + Vec3::from(ray.direction) * p_camera.z as f32;
+            assert!((met - vec3(p.x as f32, p.y as f32, p.z as f32)).length() < 1e-6, "{met:?}");
+            // Between corners, to a thousandth of a pixel.
+            if let Some(warped) = rays.warped(u as u32, v as u32, [u.fract() as f32, v.fract() as f32]) {
+                assert!((warped - Vec3::from(ray.direction)).length() < 1e-3 / 457.0, "{warped:?} {ray:?}");
+            } else {
+                assert!(camera.distortion.is_none());
+            }
+            let forward = world_from_camera * Vector3::z();
+            let forward = rays.turned(vec3(forward.x as f32, forward.y as f32, forward.z as f32));
+            assert!((forward - vec3(0.0, 0.0, 1.0)).length() < 1e-6);
+        }
     }
 }

@@ -195,8 +195,8 @@ impl CpuPathSession {
 
     /// Traces paths for whatever they are wanted for.
     fn picture(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Frame) -> Result<()> {
-        let lights = Lights::new(&request.view.lights)?;
         let Some(world) = &self.world else { return Err(not_loaded()) };
+        let lights = Lights::new(&request.view.lights, world, &self.cache)?;
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
         let (width, height) = size(request);
         let picture = Picture::trace(&tracer, width, height, &self.budget, request.workers);

@@ -16,6 +16,12 @@ use syntable_model::scene::InstanceId;
 /// Edge of the squares of pixels that are cast together.
 const TILE: i32 = 8;
 
+/// Where a surface covers in part, it is there for labels from one half on.
+const LABEL_ALPHA: f32 = 0.5 - f32::EPSILON;
+
+/// Draws the base of a layered material, whose normals labels show.
+const LAST_DRAW: f32 = 1.0 - f32::EPSILON;
+
 /// The planes to fill; those that are not wanted are none.
 #[derive(Debug, Default)]
 pub(crate) struct Labels {
@@ -90,15 +96,18 @@ impl<'a> LabelCaster<'a> {
         let place = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
         let pixels = place.map(|(x, y)| Pixel { x, y, first: None, support: f32::INFINITY });
         let mut tile = Tile { pixels: pixels.collect(), hits: Vec::new() };
-        let rays: Vec<Ray> = tile.pixels.iter().map(|pixel| self.ray(pixel)).collect();
+        // Pixels that see nothing have no ray; the others keep their order.
+        let seen: Vec<(usize, Ray)> =
+            tile.pixels.iter().enumerate().filter_map(|(number, pixel)| Some((number, self.ray(pixel)?))).collect();
+        let rays: Vec<Ray> = seen.iter().map(|(_, ray)| *ray).collect();
         self.world.bvh.all_instances_tile(&rays, 0.0, f32::INFINITY, |number, hit| {
             if !self.world.body_has_cutouts(hit.instance as usize) {
-                tile.hits.push((number as u32, hit));
+                tile.hits.push((seen[number].0 as u32, hit));
             }
         });
         for (instance, tree) in &self.cutouts {
-            for (number, ray) in rays.iter().enumerate() {
-                let solid = |hit: &Hit| self.world.is_solid(hit, ray, *instance);
+            for &(number, ref ray) in &seen {
+                let solid = |hit: &Hit| self.world.is_solid(hit, ray, *instance, LABEL_ALPHA);
                 if let Some(hit) = tree.closest_where(ray, 0.0, f32::INFINITY, solid) {
                     tile.hits.push((number as u32, Hit { instance: *instance, ..hit }));
                 }
@@ -116,7 +125,7 @@ impl<'a> LabelCaster<'a> {
         tile
     }
 
-    fn ray(&self, pixel: &Pixel) -> Ray {
+    fn ray(&self, pixel: &Pixel) -> Option<Ray> {
         self.camera.ray(f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5)
     }
 
@@ -128,12 +137,13 @@ impl<'a> LabelCaster<'a> {
     fn surface(&self, pixel: &Pixel, shaded: bool) -> [[f32; 3]; 2] {
         match pixel.first {
             Some(hit) if shaded && self.inside(pixel) => {
-                let ray = self.ray(pixel);
+                let Some(ray) = self.ray(pixel) else { return [[0.0; 3]; 2] };
                 let direction = Vec3::from(ray.direction);
                 let distance = hit.t * direction.length();
                 let width = self.camera.pixel_angle * distance;
-                let surface = self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width);
-                [self.camera.turned(surface.normal).array(), surface.substance.base_color.array()]
+                let surface =
+                    self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width, LAST_DRAW);
+                [self.camera.turned(surface.normal).array(), surface.albedo.array()]
             }
             _ => [[0.0; 3]; 2],
         }

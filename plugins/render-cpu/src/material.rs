@@ -1,30 +1,90 @@
 //! Materials laid out for look-ups: factors, textures and how they are laid on the body.
 
-use crate::approx::{log2_rough, sin_cos_turns};
-use crate::bsdf::Substance;
+use crate::approx::{exp2, log2, log2_rough, sin_cos_turns};
+use crate::bsdf::{COAT_F0, Layers, Lobe, Substance, coat_albedo, sheen_albedo, table};
 use crate::cache::SceneCache;
 use crate::real::max;
 use crate::texture::MipTexture;
 use crate::vec3::{Rgb, Vec3, vec3};
 use std::sync::Arc;
-use syntable_model::scene::{self, Alpha, TextureMapping, TextureRef, UvTransform};
+use syntable_model::scene::{self, TextureMapping, TextureRef, UvTransform};
 
 /// A material on a body.
 #[derive(Debug)]
 pub(crate) struct Material {
-    base_color: Rgb,
-    base_texture: Option<Laid>,
-    roughness: f32,
-    roughness_texture: Option<(Laid, u8)>,
-    metallic: f32,
-    metallic_texture: Option<(Laid, u8)>,
-    normal: Option<(Laid, f32)>,
-    emission: Rgb,
-    emission_texture: Option<Laid>,
+    base_color: Tint,
+    roughness: Number,
+    metallic: Number,
+    normal: Option<Bumps>,
+    emission: Tint,
     dielectric_f0: f32,
-    /// Alpha below which there is no surface.
-    pub cutoff: Option<f32>,
+    /// What few materials have.
+    layers: Option<Box<Extras>>,
+    pub alpha: Alpha,
     pub mapping: Mapping,
+}
+
+/// How alpha is understood; an opaque surface has none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Alpha {
+    Opaque,
+    /// Below the cutoff there is no surface.
+    Mask(f32),
+    /// There is a surface with this probability, times the texture's alpha.
+    Blend(f32),
+}
+
+/// Layers above the base, and passage through it.
+#[derive(Debug)]
+struct Extras {
+    coat: Option<Coat>,
+    sheen: Option<(Tint, Number)>,
+    transmission: Option<Number>,
+    /// Whether the body is filled, so that light is bent.
+    filled: bool,
+    /// What a metre of the filling takes, base e.
+    absorption: Rgb,
+    ior: f32,
+}
+
+#[derive(Debug)]
+struct Coat {
+    strength: Number,
+    roughness: Number,
+    normal: Option<Bumps>,
+}
+
+/// A colour: factor times texture.
+#[derive(Debug)]
+struct Tint {
+    factor: Rgb,
+    texture: Option<Laid>,
+}
+
+/// A number: factor times a channel of a texture.
+#[derive(Debug)]
+struct Number {
+    factor: f32,
+    texture: Option<(Laid, u8)>,
+}
+
+/// A normal map and its strength.
+#[derive(Debug)]
+struct Bumps(Laid, f32);
+
+/// The layer that a path meets, drawn at random.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Component {
+    pub lobe: Lobe,
+    pub substance: Substance,
+    /// One over the probability of the draw, times the layer's share.
+    pub weight: f32,
+    /// What lies above.
+    pub above: Layers,
+    /// Index of refraction of the inside.
+    pub ior: f32,
+    /// Whether the varnish was drawn, which may have bumps of its own.
+    pub is_coat: bool,
 }
 
 /// Where texture coordinates come from.
@@ -112,30 +172,105 @@ fn share(x: f32) -> f32 {
     if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
 
+impl Tint {
+    #[inline(always)]
+    fn at(&self, at: Coordinates) -> Rgb {
+        match &self.texture {
+            Some(texture) => self.factor * texture.color(at),
+            None => self.factor,
+        }
+    }
+}
+
+impl Number {
+    #[inline(always)]
+    fn at(&self, at: Coordinates) -> f32 {
+        match &self.texture {
+            Some((texture, channel)) => self.factor * texture.channel(at, *channel),
+            None => self.factor,
+        }
+    }
+}
+
+/// Lays textures on a body.
+struct Layer<'a>(&'a SceneCache);
+
+impl Layer<'_> {
+    fn tint(&self, color: &scene::Color) -> Tint {
+        let texture = color.texture.as_ref().map(|used| Laid::new(used, self.0));
+        Tint { factor: Rgb::from(color.factor.map(share)), texture }
+    }
+
+    fn number(&self, scalar: &scene::Scalar) -> Number {
+        let texture = scalar.texture.as_ref().map(|(used, channel)| (Laid::new(used, self.0), *channel));
+        Number { factor: share(scalar.factor), texture }
+    }
+
+    fn bumps(&self, normal: &Option<scene::NormalMap>) -> Option<Bumps> {
+        let normal = normal.as_ref()?;
+        let strength = if normal.strength.is_finite() { normal.strength } else { 1.0 };
+        Some(Bumps(Laid::new(&normal.map, self.0), strength))
+    }
+
+    fn extras(&self, material: &scene::Material, ior: f32) -> Option<Box<Extras>> {
+        let coat = material.clearcoat.as_ref().map(|coat| Coat {
+            strength: self.number(&coat.strength),
+            roughness: self.number(&coat.roughness),
+            normal: self.bumps(&coat.normal),
+        });
+        let sheen = material.sheen.as_ref().map(|sheen| (self.tint(&sheen.color), self.number(&sheen.roughness)));
+        let coat = coat.filter(|coat| coat.strength.factor > 0.0);
+        let sheen = sheen.filter(|(color, _)| !color.factor.is_black());
+        let transmission = material.transmission.as_ref().filter(|passing| passing.share.factor > 0.0);
+        if coat.is_none() && sheen.is_none() && transmission.is_none() {
+            return None;
+        }
+        let volume = transmission.and_then(|passing| passing.volume);
+        let absorption = volume.map_or(Rgb::ZERO, |volume| {
+            let distance = volume.attenuation_distance_m;
+            let of = |left: f32| {
+                if distance > 0.0 && distance.is_finite() {
+                    -log2(share(left).max(1e-6)) * std::f32::consts::LN_2 / distance
+                } else {
+                    0.0
+                }
+            };
+            Rgb::from(volume.attenuation_color.map(of))
+        });
+        Some(Box::new(Extras {
+            coat,
+            sheen,
+            transmission: transmission.map(|passing| self.number(&passing.share)),
+            filled: volume.is_some(),
+            absorption,
+            ior,
+        }))
+    }
+}
+
 impl Material {
     /// Lays a material on a body. Wild factors are brought into range.
     pub fn new(material: &scene::Material, mapping: TextureMapping, cache: &SceneCache) -> Self {
-        let laid = |texture: &Option<TextureRef>| texture.as_ref().map(|used| Laid::new(used, cache));
-        let scalar = |s: &scene::Scalar| s.texture.as_ref().map(|(used, channel)| (Laid::new(used, cache), *channel));
+        let layer = Layer(cache);
         let ior = if material.ior.is_finite() && material.ior >= 1.0 { material.ior } else { 1.5 };
         let emission = material.emission.factor.map(|x| if x > 0.0 && x.is_finite() { x } else { 0.0 });
+        let emission_texture = material.emission.texture.as_ref().filter(|_| emission != [0.0; 3]);
         Self {
-            base_color: Rgb::from(material.base_color.factor.map(share)),
-            base_texture: laid(&material.base_color.texture),
-            roughness: share(material.roughness.factor),
-            roughness_texture: scalar(&material.roughness),
-            metallic: share(material.metallic.factor),
-            metallic_texture: scalar(&material.metallic),
-            normal: material
-                .normal
-                .as_ref()
-                .map(|n| (Laid::new(&n.map, cache), if n.strength.is_finite() { n.strength } else { 1.0 })),
-            emission: Rgb::from(emission),
-            emission_texture: if emission == [0.0; 3] { None } else { laid(&material.emission.texture) },
+            base_color: layer.tint(&material.base_color),
+            roughness: layer.number(&material.roughness),
+            metallic: layer.number(&material.metallic),
+            normal: layer.bumps(&material.normal),
+            emission: Tint {
+                factor: Rgb::from(emission),
+                texture: emission_texture.map(|used| Laid::new(used, cache)),
+            },
             dielectric_f0: ((ior - 1.0) / (ior + 1.0)).powi(2),
-            cutoff: match (material.alpha, &material.base_color.texture) {
-                (Alpha::Mask { cutoff }, Some(_)) => Some(share(cutoff)),
-                _ => None,
+            layers: layer.extras(material, ior),
+            alpha: match (material.alpha, &material.base_color.texture) {
+                (scene::Alpha::Mask { cutoff }, Some(_)) => Alpha::Mask(share(cutoff)),
+                (scene::Alpha::Blend { factor }, None) if share(factor) == 1.0 => Alpha::Opaque,
+                (scene::Alpha::Blend { factor }, _) => Alpha::Blend(share(factor)),
+                _ => Alpha::Opaque,
             },
             mapping: match mapping {
                 TextureMapping::Uv(transform) => Mapping::Uv(Affine::new(&transform)),
@@ -152,60 +287,132 @@ impl Material {
     /// Whether nothing of it depends on texture coordinates.
     #[inline(always)]
     pub fn is_plain(&self) -> bool {
-        self.base_texture.is_none()
-            && self.roughness_texture.is_none()
-            && self.metallic_texture.is_none()
+        self.base_color.texture.is_none()
+            && self.roughness.texture.is_none()
+            && self.metallic.texture.is_none()
             && self.normal.is_none()
-            && self.emission_texture.is_none()
+            && self.emission.texture.is_none()
+            && self.layers.is_none()
     }
 
-    /// Whether it needs tangents.
+    /// Whether there are layers to draw from.
     #[inline(always)]
-    pub fn has_normal_map(&self) -> bool {
-        self.normal.is_some()
+    pub fn is_layered(&self) -> bool {
+        self.layers.is_some()
     }
 
-    /// The substance at a point; `tint` is the vertex colour.
+    /// Whether it has bumps, so that tangents are needed; the varnish's own count where it was drawn.
+    #[inline(always)]
+    pub fn has_bumps(&self, is_coat: bool) -> bool {
+        self.bumps(is_coat).is_some()
+    }
+
+    #[inline(always)]
+    fn bumps(&self, is_coat: bool) -> Option<&Bumps> {
+        match (&self.layers, is_coat) {
+            (Some(layers), true) => layers.coat.as_ref().and_then(|coat| coat.normal.as_ref()),
+            _ => self.normal.as_ref(),
+        }
+    }
+
+    /// The substance of the base at a point; `tint` is the vertex colour.
     #[inline]
     pub fn substance(&self, at: Coordinates, tint: Rgb) -> Substance {
-        let mut base_color = self.base_color * tint;
-        if let Some(texture) = &self.base_texture {
-            base_color = base_color * texture.color(at);
-        }
-        let scalar = |factor: f32, texture: &Option<(Laid, u8)>| match texture {
-            Some((texture, channel)) => factor * texture.channel(at, *channel),
-            None => factor,
-        };
         Substance {
-            base_color,
-            roughness: scalar(self.roughness, &self.roughness_texture),
-            metallic: scalar(self.metallic, &self.metallic_texture),
+            base_color: self.base_color.at(at) * tint,
+            roughness: self.roughness.at(at),
+            metallic: self.metallic.at(at),
             dielectric_f0: self.dielectric_f0,
         }
     }
 
-    /// Emitted radiance at a point, nits.
+    /// Draws the layer that a path meets, by a number in [0, 1); `mu` is the cosine of its direction.
     #[inline]
-    pub fn emission(&self, at: Coordinates) -> Rgb {
-        match &self.emission_texture {
-            Some(texture) => self.emission * texture.color(at),
-            None => self.emission,
+    pub fn component(&self, at: Coordinates, substance: Substance, mu: f32, mut u: f32) -> Component {
+        let mut drawn =
+            Component { lobe: Lobe::Base, substance, weight: 1.0, above: Layers::default(), ior: 1.0, is_coat: false };
+        let Some(layers) = &self.layers else { return drawn };
+        drawn.ior = layers.ior;
+        if let Some(coat) = &layers.coat {
+            let (strength, roughness) = (coat.strength.at(at), coat.roughness.at(at));
+            if strength > 0.0 {
+                let chance = (strength * coat_albedo(roughness, mu, table())).clamp(0.15, 0.85);
+                if u < chance {
+                    drawn.substance =
+                        Substance { base_color: Rgb::ZERO, roughness, metallic: 0.0, dielectric_f0: COAT_F0 };
+                    return Component { weight: strength / chance, is_coat: true, ..drawn };
+                }
+                u = (u - chance) / (1.0 - chance);
+                drawn.weight = 1.0 / (1.0 - chance);
+                (drawn.above.coat, drawn.above.coat_roughness) = (strength, roughness);
+            }
+        }
+        if let Some((color, roughness)) = &layers.sheen {
+            let (color, roughness) = (color.at(at), roughness.at(at));
+            let strength = color.x.max(color.y).max(color.z);
+            if strength > 0.0 {
+                let chance = (strength * sheen_albedo(roughness, mu)).clamp(0.15, 0.6);
+                if u < chance {
+                    let substance = Substance { base_color: color, roughness, metallic: 0.0, dielectric_f0: 0.0 };
+                    return Component { lobe: Lobe::Sheen, substance, weight: drawn.weight / chance, ..drawn };
+                }
+                u = (u - chance) / (1.0 - chance);
+                drawn.weight /= 1.0 - chance;
+                (drawn.above.sheen, drawn.above.sheen_roughness) = (strength, roughness);
+            }
+        }
+        if let Some(transmission) = &layers.transmission {
+            // Light passes where it would else be scattered below the surface, which metals do not do.
+            let passing = transmission.at(at) * (1.0 - substance.metallic);
+            if u < passing {
+                drawn.lobe = if layers.filled { Lobe::Glass } else { Lobe::Pane };
+            } else {
+                drawn.substance.metallic = (substance.metallic / (1.0 - passing)).min(1.0);
+            }
+        }
+        drawn
+    }
+
+    /// Share of the light that is left after a way through the filling, metres.
+    #[inline]
+    pub fn passage(&self, metres: f32) -> Rgb {
+        match &self.layers {
+            Some(layers) if !layers.absorption.is_black() => {
+                layers.absorption.map(|k| exp2(k * metres * -std::f32::consts::LOG2_E))
+            }
+            _ => Rgb::ONE,
         }
     }
 
-    /// Whether there is a surface at a point, by its finest texels.
+    /// Emitted radiance at a point, nits.
+    #[inline(always)]
+    pub fn emission(&self, at: Coordinates) -> Rgb {
+        self.emission.at(at)
+    }
+
+    /// Whether it glows.
+    pub fn glows(&self) -> bool {
+        !self.emission.factor.is_black()
+    }
+
+    /// Whether there is a surface at a point, by its finest texels; `u` in [0, 1) decides where it covers in part.
     #[inline]
-    pub fn is_solid(&self, uv: [f32; 2]) -> bool {
-        match (&self.base_texture, self.cutoff) {
-            (Some(texture), Some(cutoff)) => texture.channel(Coordinates { uv, log2_width: -100.0 }, 3) >= cutoff,
-            _ => true,
+    pub fn is_solid(&self, uv: [f32; 2], u: f32) -> bool {
+        let alpha = || match &self.base_color.texture {
+            Some(texture) => texture.channel(Coordinates { uv, log2_width: -100.0 }, 3),
+            None => 1.0,
+        };
+        match self.alpha {
+            Alpha::Opaque => true,
+            Alpha::Mask(cutoff) => alpha() >= cutoff,
+            Alpha::Blend(factor) => alpha() * factor > u,
         }
     }
 
     /// The normal of the map, given the frame of the mapping's coordinates around the unit normal `n`.
     #[inline]
-    pub fn mapped_normal(&self, at: Coordinates, tangent: Vec3, bitangent: Vec3, n: Vec3) -> Vec3 {
-        let Some((map, strength)) = &self.normal else { return n };
+    pub fn mapped_normal(&self, at: Coordinates, tangent: Vec3, bitangent: Vec3, n: Vec3, is_coat: bool) -> Vec3 {
+        let Some(Bumps(map, strength)) = self.bumps(is_coat) else { return n };
         let c = map.color(at);
         let [x, y] = [c.x, c.y].map(|c| (c * 2.0 - 1.0) * strength);
         let z = c.z * 2.0 - 1.0;

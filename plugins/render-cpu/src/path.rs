@@ -7,6 +7,7 @@
 //! computed in lanes, then all shadow rays traced; paths that ended are squeezed out after every step. A path's light
 //! depends on its pixel and sample alone, not on its batch.
 
+use crate::approx::sin_cos_turns;
 use crate::batch::{BATCH, Batch, compress, get, load, set, store};
 use crate::bsdf::{Bsdf, Substance, table};
 use crate::bvh::Ray;
@@ -28,6 +29,14 @@ const DIFFUSE_SPREAD: f32 = 0.25;
 
 /// A scattering counts as rough from this α on.
 const ROUGH: f32 = 0.1;
+
+/// Number of the pair that chooses a place in the aperture; pair 0 chooses one in the pixel, later ones lights and
+/// directions in turn.
+const LENS: u32 = 1;
+
+/// Numbers of the coins that draw layers, and that decide between reflection and passage; those of roulette are smaller.
+const DRAW: u32 = 0x1000;
+const PASSAGE: u32 = 0x2000;
 
 /// How many mirrors and panes guides for denoisers look through.
 const GUIDE_BOUNCES: u32 = 2;
@@ -85,7 +94,7 @@ impl Statistics {
 /// A view of a scene, ready to trace.
 pub(crate) struct PathTracer<'a> {
     world: &'a World,
-    lights: &'a Lights,
+    lights: &'a Lights<'a>,
     camera: &'a RayCamera,
     settings: Settings,
     seed: u64,
@@ -123,7 +132,7 @@ struct Turn {
 
 impl<'a> PathTracer<'a> {
     /// `seed` is the picture's.
-    pub fn new(world: &'a World, lights: &'a Lights, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
+    pub fn new(world: &'a World, lights: &'a Lights<'a>, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
         // Samples of a pixel share its area, so that each may see finer than it.
         let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
         Self { world, lights, camera, settings, seed, spread: camera.pixel_angle * sharpness }
@@ -200,16 +209,17 @@ impl<'a> PathTracer<'a> {
     ) -> usize {
         let [left, top, right, _] = area;
         let columns = (right - left) as usize;
+        let (first, per_pixel) = (*turn, samples.len());
         let paths = &mut batch.paths;
         let mut count = 0;
         while count < BATCH && turn.pixel < pixels {
             let (x, y) = (left + (turn.pixel % columns) as u32, top + (turn.pixel / columns) as u32);
-            let corner = self.camera.ray(f64::from(x), f64::from(y));
+            let corner = self.camera.corner(x, y);
             let seed = pixel_seed(self.seed, x, y);
             let more = ((samples.end - turn.sample) as usize).min(BATCH - count);
             for i in count..count + more {
-                set(&mut paths.origin, i, corner.origin.into());
-                set(&mut paths.direction, i, corner.direction.into());
+                set(&mut paths.origin, i, self.camera.origin());
+                set(&mut paths.direction, i, corner);
                 paths.seed[i] = seed;
                 paths.index[i] = turn.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
@@ -224,9 +234,31 @@ impl<'a> PathTracer<'a> {
         }
         let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
         for at in (0..count).step_by(T::WIDTH) {
-            let [u, v] =
-                Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) }.pair(0);
-            let direction = load::<T>(&paths.direction, at) + along_u * u + along_v * v;
+            let sampler = Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) };
+            let [u, v] = sampler.pair(0);
+            let mut direction = load::<T>(&paths.direction, at) + along_u * u + along_v * v;
+            if self.camera.is_warped() {
+                store(direction, &mut paths.direction, at);
+                let (mut us, mut vs) = ([0.0; 8], [0.0; 8]);
+                u.store(&mut us);
+                v.store(&mut vs);
+                for (lane, (u, v)) in us.into_iter().zip(vs).enumerate().take(T::WIDTH.min(count - at)) {
+                    let pixel = first.pixel + ((first.sample - samples.start) as usize + at + lane) / per_pixel;
+                    let (x, y) = (left + (pixel % columns) as u32, top + (pixel / columns) as u32);
+                    // Where the lens sees nothing, no surface is met.
+                    let seen = self.camera.warped(x, y, [u, v]).unwrap_or(Vec3::from([f32::NAN; 3]));
+                    set(&mut paths.direction, at + lane, seen);
+                }
+                direction = load(&paths.direction, at);
+            }
+            if let Some(lens) = &self.camera.lens {
+                let [r, turn] = sampler.pair(LENS);
+                let (sin, cos) = sin_cos_turns(turn);
+                let r = r.sqrt();
+                let aside = Vec3::broadcast(lens.right) * (r * cos) + Vec3::broadcast(lens.down) * (r * sin);
+                store(load::<T>(&paths.origin, at) + aside, &mut paths.origin, at);
+                direction = direction * T::splat(lens.focus) - aside;
+            }
             store(direction.normalized(), &mut paths.direction, at);
             store(Vec3::all(T::splat(1.0)), &mut paths.throughput, at);
             T::splat(0.0).store(&mut paths.width[at..]);
@@ -247,7 +279,8 @@ impl<'a> PathTracer<'a> {
                     origin: get(&batch.paths.origin, i).array(),
                     direction: get(&batch.paths.direction, i).array(),
                 };
-                let hit = self.world.closest(&ray, f32::INFINITY);
+                let coin = coin(batch.paths.seed[i], batch.paths.index[i], bounce);
+                let hit = self.world.closest(&ray, f32::INFINITY, coin);
                 if let Some(hit) = &hit {
                     self.world.prefetch(hit);
                 }
@@ -259,12 +292,15 @@ impl<'a> PathTracer<'a> {
                 return;
             }
             let shadows;
-            (alive, shadows) = self.scatter::<T>(batch, alive, bounce);
+            (alive, shadows) = match self.world.is_layered {
+                true => self.scatter::<T, true>(batch, alive, bounce),
+                false => self.scatter::<T, false>(batch, alive, bounce),
+            };
             statistics.shadow_rays += shadows as u64;
             for i in 0..shadows {
                 let shadow = &batch.shadows;
                 let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
-                if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING)) {
+                if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING), shadow.coin[i]) {
                     deposit(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
                 }
             }
@@ -280,21 +316,16 @@ impl<'a> PathTracer<'a> {
             let active = T::load(&batch.numbers[at..]).lt(T::splat(alive as f32));
             let t = T::load(&batch.hits.t[at..]);
             let mut keep = active & t.lt(T::splat(f32::INFINITY));
+            let mut met = T::Mask::splat(false);
             if !self.lights.is_empty() {
                 let (origin, direction) = (load::<T>(&batch.paths.origin, at), load(&batch.paths.direction, at));
                 let mut hit = self.lights.intersect(origin, direction, t * (1.0_f32 + TOUCHING));
                 hit.met = hit.met & active;
+                met = hit.met;
                 if hit.met.any() {
                     let normal = load(&batch.paths.normal, at);
                     let (pdf, radiance) = self.lights.pdf(origin, normal, &hit);
-                    let weight = match self.settings.strategy {
-                        _ if bounce == 0 => T::splat(1.0),
-                        Strategy::Combined => heuristic(T::load(&batch.paths.pdf[at..]), pdf),
-                        #[cfg(test)]
-                        Strategy::Scattering => T::splat(1.0),
-                        #[cfg(test)]
-                        Strategy::Lights => T::splat(0.0),
-                    };
+                    let weight = self.found_by_chance(T::load(&batch.paths.pdf[at..]), pdf, bounce);
                     let found = load(&batch.paths.throughput, at) * radiance * weight;
                     let found = if bounce == 0 { found } else { self.limited(found) };
                     let sound = hit.met & is_light(found);
@@ -314,6 +345,10 @@ impl<'a> PathTracer<'a> {
                 }
             }
             T::pick(keep, t, T::splat(f32::INFINITY)).store(&mut batch.hits.t[at..]);
+            if self.lights.has_distant() {
+                let away = active & t.ge(T::splat(f32::INFINITY)) & !met;
+                self.meet_distant(batch, at, away.to_bits(), bounce);
+            }
             left += keep.to_bits().count_ones() as usize;
         }
         if left * 4 > alive * 3 {
@@ -329,6 +364,37 @@ impl<'a> PathTracer<'a> {
         kept
     }
 
+    /// Weight of light that a scattered ray found, with the density of that and of sampling the light.
+    #[inline(always)]
+    fn found_by_chance<T: Real>(&self, scattered: T, sampled: T, bounce: u32) -> T {
+        match self.settings.strategy {
+            _ if bounce == 0 => T::splat(1.0),
+            Strategy::Combined => heuristic(scattered, sampled),
+            #[cfg(test)]
+            Strategy::Scattering => T::splat(1.0),
+            // What passed a surface can be found in no other way.
+            #[cfg(test)]
+            Strategy::Lights => T::pick(scattered.ge(T::splat(f32::INFINITY)), T::splat(1.0), T::splat(0.0)),
+        }
+    }
+
+    /// Takes the light of distant lights in the lanes that meet nothing.
+    #[inline(never)]
+    fn meet_distant(&self, batch: &mut Batch, at: usize, mut away: u32, bounce: u32) {
+        while away != 0 {
+            let i = at + away.trailing_zeros() as usize;
+            away &= away - 1;
+            let paths = &batch.paths;
+            let (origin, direction, normal) = (get(&paths.origin, i), get(&paths.direction, i), get(&paths.normal, i));
+            let weight = |sampled: f32| self.found_by_chance(paths.pdf[i], sampled, bounce);
+            let found = get(&paths.throughput, i) * self.lights.distant(origin, normal, direction, weight);
+            let found = if bounce == 0 { found } else { self.limited(found) };
+            if is_light(found) {
+                deposit(&mut batch.radiance, batch.paths.slot[i], found);
+            }
+        }
+    }
+
     /// Looks the surfaces at the hits up, and takes the light that they emit.
     #[inline(always)]
     fn look_up(&self, batch: &mut Batch, alive: usize, bounce: u32) {
@@ -340,14 +406,31 @@ impl<'a> PathTracer<'a> {
             }
             let width = paths.width[i] + paths.spread[i] * hit.t;
             paths.width[i] = width;
-            let mut surface = self.world.surface(&hit, get(&paths.origin, i), get(&paths.direction, i), hit.t, width);
+            let draw = match self.world.is_layered {
+                true => Sampler { seed: paths.seed[i], index: paths.index[i] }.coin(DRAW + bounce),
+                false => 0.0,
+            };
+            let (origin, direction) = (get(&paths.origin, i), get(&paths.direction, i));
+            let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, draw);
             if bounce <= GUIDE_BOUNCES {
                 batch.guides.meet(paths.slot[i] as usize, &surface, bounce == GUIDE_BOUNCES);
             }
-            surface.substance.roughness = max(surface.substance.roughness, paths.roughen[i]);
+            let roughness = &mut surface.component.substance.roughness;
+            *roughness = max(*roughness, paths.roughen[i]);
             batch.surfaces.set(i, &surface);
+            let mut throughput = get(&paths.throughput, i);
+            if self.world.is_layered {
+                batch.surfaces.set_layers(i, &surface);
+                throughput = throughput * surface.passage;
+                set(&mut paths.throughput, i, throughput * surface.component.weight);
+            }
             if !surface.emission.is_black() {
-                let found = get(&paths.throughput, i) * surface.emission;
+                let pdf = match bounce {
+                    0 => 0.0,
+                    _ => self.lights.body_pdf(origin, get(&paths.normal, i), &hit, surface.face.dot(direction)),
+                };
+                let weight = self.found_by_chance(paths.pdf[i], pdf, bounce);
+                let found = throughput * surface.emission * weight;
                 let found = if bounce == 0 { found } else { self.limited(found) };
                 deposit(&mut batch.radiance, paths.slot[i], found);
             }
@@ -356,7 +439,7 @@ impl<'a> PathTracer<'a> {
 
     /// Samples lights and scattered directions; gives the numbers of paths that go on and of shadow rays.
     #[inline(always)]
-    fn scatter<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
+    fn scatter<T: Real, const LAYERED: bool>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
         let Batch { paths, hits, surfaces, shadows, numbers, .. } = batch;
         let zero = T::splat(0.0);
         let (mut next, mut cast) = (0, 0);
@@ -380,12 +463,17 @@ impl<'a> PathTracer<'a> {
                 dielectric_f0: T::load(&surfaces.dielectric_f0[at..]),
             };
             let bsdf = Bsdf::new(&substance, wo, table());
-            let origin = departure(load(&surfaces.position, at), face);
+            let layered = LAYERED.then(|| surfaces.layered(at, &substance, wo));
+            let position = load(&surfaces.position, at);
+            let origin = departure(position, face);
 
             if !self.lights.is_empty() {
-                let (light, radiance) = self.lights.sample(origin, normal, sampler.pair(1 + 2 * bounce));
+                let (light, radiance) = self.lights.sample(origin, normal, sampler.pair(2 + 2 * bounce));
                 let wi = shading.to_local(light.direction);
-                let (value, pdf) = bsdf.evaluate(wi);
+                let (value, pdf) = match &layered {
+                    Some(layered) => layered.evaluate(&bsdf, wi),
+                    None => bsdf.evaluate(wi),
+                };
                 let weight = match self.settings.strategy {
                     Strategy::Combined => heuristic(light.pdf, pdf),
                     #[cfg(test)]
@@ -403,13 +491,28 @@ impl<'a> PathTracer<'a> {
                 compress(contribution, chosen, &mut shadows.contribution, cast);
                 light.distance.compress(chosen, &mut shadows.distance[cast..]);
                 slot.compress(chosen, &mut shadows.slot[cast..]);
+                if self.world.has_cutouts {
+                    let coins = shadow_coin(sampler.seed, sampler.index, bounce);
+                    coins.compress(chosen, &mut shadows.coin[cast..]);
+                }
                 cast += chosen.to_bits().count_ones() as usize;
             }
 
-            let scattered = bsdf.sample(sampler.pair(2 + 2 * bounce));
+            let uv = sampler.pair(3 + 2 * bounce);
+            let scattered = match &layered {
+                Some(layered) => layered.sample(&bsdf, uv, sampler.coin(PASSAGE + bounce)),
+                None => bsdf.sample(uv),
+            };
             let direction = shading.to_world(scattered.wi);
-            let mut throughput = throughput * scattered.weight * terminator(face, normal, bent, direction);
-            let mut going = active & scattered.valid & direction.dot(face).gt(zero) & is_light(throughput);
+            let passes = scattered.passes;
+            let bend = terminator(face, normal, bent & !passes, direction);
+            let mut throughput = throughput * scattered.weight * bend;
+            let ahead = T::pick(passes, -direction.dot(face), direction.dot(face));
+            let mut going = active & scattered.valid & ahead.gt(zero) & is_light(throughput);
+            let origin = match LAYERED {
+                true => Vec3::pick(passes, departure(position, -face), origin),
+                false => origin,
+            };
             if bounce + 1 >= self.settings.roulette_from {
                 let survival = at_most(throughput.max_component(), 0.95);
                 going = going & sampler.coin(bounce).lt(survival);
@@ -447,6 +550,18 @@ impl<'a> PathTracer<'a> {
         }
         color * at_most(T::splat(limit) / at_least(color.luminance(), 1e-30), 1.0)
     }
+}
+
+/// Seeds the numbers of a ray for surfaces that cover in part.
+#[inline(always)]
+fn coin<I: Int>(seed: I, index: I, bounce: u32) -> I {
+    seed ^ index.times(I::splat(0x9e37_79b1)) ^ I::splat((bounce + 1).wrapping_mul(0x85eb_ca77))
+}
+
+/// As [`coin`], for a ray to a light.
+#[inline(always)]
+fn shadow_coin<I: Int>(seed: I, index: I, bounce: u32) -> I {
+    coin(seed, index, bounce + 0x1000)
 }
 
 /// Adds light to a path's sum.

@@ -8,7 +8,7 @@
 use crate::real::Int;
 
 /// Pairs that are Sobol' points; later ones are hashes.
-const SOBOL_PAIRS: u32 = 11;
+const SOBOL_PAIRS: u32 = 12;
 
 /// What the samples of one pixel share.
 pub(crate) fn pixel_seed(seed: u64, x: u32, y: u32) -> u32 {

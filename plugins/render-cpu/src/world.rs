@@ -1,11 +1,13 @@
 //! A scene made ready: trees, surfaces and materials of every body, and what a ray finds at a hit.
 
-use crate::bsdf::Substance;
+use crate::bsdf::Lobe;
 use crate::bvh::{Affine, Hit, Instance, Ray, SceneBvh};
 use crate::cache::SceneCache;
-use crate::material::{Coordinates, Mapping, Material, box_axes};
+use crate::light::{Emitter, Glowing};
+use crate::material::{Alpha, Component, Coordinates, Mapping, Material, box_axes};
 use crate::mesh::{TracedMesh, Triangle, unpack};
 use crate::real::{max, min};
+use crate::sampler::Sampler;
 use crate::vec3::{Rgb, Vec3, vec3};
 use std::sync::{Arc, Mutex, PoisonError};
 use syntable_model::context::Workers;
@@ -21,6 +23,10 @@ pub(crate) struct World {
     pub objects: usize,
     /// Whether any body has cut-outs.
     pub has_cutouts: bool,
+    /// Whether any material has layers to draw from.
+    pub is_layered: bool,
+    /// Bodies that glow.
+    emitters: Vec<Emitter>,
 }
 
 /// A body as shading sees it.
@@ -47,7 +53,14 @@ pub(crate) struct Surface {
     pub normal: Vec3,
     /// Whether `normal` is bent away from `face`.
     pub bent: bool,
-    pub substance: Substance,
+    /// The layer that the path meets.
+    pub component: Component,
+    /// Whether the ray came through the body's filling.
+    pub inside: bool,
+    /// Share of the light that the filling left on the way.
+    pub passage: Rgb,
+    /// Colour of the base.
+    pub albedo: Rgb,
     /// Emitted radiance towards the ray, nits.
     pub emission: Rgb,
 }
@@ -56,7 +69,8 @@ impl Surface {
     /// Whether it shows other surfaces rather than its own colour.
     #[inline(always)]
     pub fn is_mirror(&self) -> bool {
-        self.substance.roughness < 0.15 && self.substance.metallic > 0.9
+        let Component { lobe, substance, .. } = &self.component;
+        substance.roughness < 0.15 && (substance.metallic > 0.9 || matches!(lobe, Lobe::Glass | Lobe::Pane))
     }
 }
 
@@ -77,19 +91,22 @@ impl World {
             materials: Vec::new(),
             objects: scene.objects().len(),
             has_cutouts: false,
+            is_layered: false,
+            emitters: Vec::new(),
         };
         let mut instances = Vec::with_capacity(bodies.len());
         for (body, part) in bodies.iter().zip(made) {
             let part = part.into_inner().unwrap_or_else(PoisonError::into_inner);
             let (mesh, materials) = part.unwrap_or_else(|| (cache.mesh(&body.object), self::materials(body, cache)));
             let (rotation, translation) = placement(&body.world_from_body);
-            let has_cutouts = materials.iter().any(|m| m.cutoff.is_some());
+            let has_cutouts = materials.iter().any(|m| m.alpha != Alpha::Opaque);
             instances.push(Instance {
                 world_from_object: affine(rotation, translation),
                 mesh: mesh.bvh.clone(),
                 id: u32::from(body.id.0),
             });
             world.has_cutouts |= has_cutouts;
+            world.is_layered |= materials.iter().any(Material::is_layered);
             world.bodies.push(TracedBody {
                 mesh,
                 rotation,
@@ -99,9 +116,50 @@ impl World {
                 has_cutouts,
             });
             world.materials.extend(materials);
+            world.emitters.extend(world.emitter(body, world.bodies.len() - 1));
         }
         world.bvh = SceneBvh::build(instances);
         world
+    }
+
+    /// The glowing triangles of a body.
+    fn emitter(&self, body: &Body, instance: usize) -> Option<Emitter> {
+        let traced = &self.bodies[instance];
+        let materials = &self.materials[traced.first_material as usize..];
+        if !materials.iter().any(Material::glows) {
+            return None;
+        }
+        let data = body.object.mesh.data();
+        let glowing = |(number, corners): (usize, &[u32; 3])| {
+            let triangle = &traced.mesh.triangles[number];
+            let material = self.material(traced, triangle.slot);
+            if !material.glows() {
+                return None;
+            }
+            let corners = corners.map(|i| traced.to_world(Vec3::from(data.positions[i as usize])) + traced.translation);
+            // The triangle as a whole, as far as its textures can tell.
+            let middle =
+                Hit { t: 0.0, u: 1.0 / 3.0, v: 1.0 / 3.0, primitive: number as u32, instance: instance as u32 };
+            let centre = (corners[0] + corners[1] + corners[2]) * (1.0 / 3.0);
+            let width = (corners[1] - corners[0]).length().max((corners[2] - corners[0]).length());
+            let at = coordinates(material, triangle, &middle, traced.point_to_body(centre), width);
+            Some(Glowing { primitive: number as u32, corners, radiance: material.emission(at) })
+        };
+        let triangles = data.triangles.iter().enumerate().filter_map(glowing).collect();
+        Emitter::new(instance as u32, triangles, data.triangles.len())
+    }
+
+    /// Bodies that glow.
+    pub fn emitters(&self) -> &[Emitter] {
+        &self.emitters
+    }
+
+    /// Radiance that a body emits at a point, nits.
+    pub fn emission(&self, hit: &Hit, position: Vec3) -> Rgb {
+        let body = &self.bodies[hit.instance as usize];
+        let triangle = &body.mesh.triangles[hit.primitive as usize];
+        let material = self.material(body, triangle.slot);
+        material.emission(coordinates(material, triangle, hit, body.point_to_body(position), 0.0))
     }
 
     /// Number of bodies.
@@ -126,11 +184,11 @@ impl World {
         &self.materials[body.first_material as usize + usize::from(slot.min(body.last_slot))]
     }
 
-    /// The first surface of a ray.
+    /// The first surface of a ray; `coin` decides where surfaces cover in part.
     #[inline]
-    pub fn closest(&self, ray: &Ray, to: f32) -> Option<Hit> {
+    pub fn closest(&self, ray: &Ray, to: f32, coin: u32) -> Option<Hit> {
         if self.has_cutouts {
-            self.bvh.closest_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance))
+            self.bvh.closest_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance, chance(coin, hit)))
         } else {
             self.bvh.closest(ray, 0.0, to)
         }
@@ -150,36 +208,37 @@ impl World {
         let _ = hit;
     }
 
-    /// Whether a surface is in the way.
+    /// Whether a surface is in the way; `coin` as for [`Self::closest`].
     #[inline]
-    pub fn occluded(&self, ray: &Ray, to: f32) -> bool {
+    pub fn occluded(&self, ray: &Ray, to: f32, coin: u32) -> bool {
         if self.has_cutouts {
-            self.bvh.any_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance))
+            self.bvh.any_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance, chance(coin, hit)))
         } else {
             self.bvh.any(ray, 0.0, to)
         }
     }
 
-    /// Whether there is a surface at a hit on a body, or a hole.
+    /// Whether there is a surface at a hit on a body, or a hole; where it covers in part, `u` in [0, 1) decides.
     #[inline]
-    pub fn is_solid(&self, hit: &Hit, ray: &Ray, instance: u32) -> bool {
+    pub fn is_solid(&self, hit: &Hit, ray: &Ray, instance: u32, u: f32) -> bool {
         let body = &self.bodies[instance as usize];
         if !body.has_cutouts {
             return true;
         }
         let triangle = &body.mesh.triangles[hit.primitive as usize];
         let material = self.material(body, triangle.slot);
-        if material.cutoff.is_none() {
+        if material.alpha == Alpha::Opaque {
             return true;
         }
         let p = Vec3::from(ray.origin) + Vec3::from(ray.direction) * hit.t;
         let at = coordinates(material, triangle, hit, body.point_to_body(p), 0.0);
-        material.is_solid(at.uv)
+        material.is_solid(at.uv, u)
     }
 
-    /// The surface at a hit. `along` is the ray's unit direction, `width` how wide the ray is there, metres.
+    /// The surface at a hit. `along` is the ray's unit direction, `width` how wide the ray is there, metres; `draw` in
+    /// [0, 1) draws one of its layers.
     #[inline(always)]
-    pub fn surface(&self, hit: &Hit, origin: Vec3, along: Vec3, t: f32, width: f32) -> Surface {
+    pub fn surface(&self, hit: &Hit, origin: Vec3, along: Vec3, t: f32, width: f32, draw: f32) -> Surface {
         let body = &self.bodies[hit.instance as usize];
         let triangle = &body.mesh.triangles[hit.primitive as usize];
         let material = self.material(body, triangle.slot);
@@ -209,14 +268,15 @@ impl World {
             Coordinates { uv: [0.0; 2], log2_width: 0.0 }
         } else {
             let width = width / max(face.dot(along).abs(), 0.05).sqrt();
-            let at = coordinates(material, triangle, hit, body.point_to_body(position), width);
-            if material.has_normal_map() {
-                let (u, v) = body.texture_frame(material, triangle, hit, side);
-                normal = material.mapped_normal(at, u, v, normal);
-                bent = true;
-            }
-            at
+            coordinates(material, triangle, hit, body.point_to_body(position), width)
         };
+        let base = material.substance(at, tint);
+        let component = material.component(at, base, normal.dot(along).abs(), draw);
+        if material.has_bumps(component.is_coat) {
+            let (u, v) = body.texture_frame(material, triangle, hit, side);
+            normal = material.mapped_normal(at, u, v, normal, component.is_coat);
+            bent = true;
+        }
         if bent {
             normal = above_horizon(normal, face, -along);
         }
@@ -225,10 +285,20 @@ impl World {
             face,
             normal,
             bent,
-            substance: material.substance(at, tint),
+            component,
+            inside: side < 0.0,
+            passage: if side < 0.0 { material.passage(t) } else { Rgb::ONE },
+            albedo: base.base_color,
             emission: material.emission(at),
         }
     }
+}
+
+/// A number in [0, 1) for a surface that covers in part: one for every ray and triangle.
+#[inline]
+fn chance(coin: u32, hit: &Hit) -> f32 {
+    let sampler = Sampler { seed: coin, index: hit.primitive };
+    sampler.coin(hit.instance)
 }
 
 impl TracedBody {

@@ -10,7 +10,7 @@ use crate::vec3::vec3;
 use std::sync::LazyLock;
 
 /// Cells along the cosine and along the roughness; few, so that the table leaves room in the nearest cache.
-const CELLS: usize = 20;
+pub(super) const CELLS: usize = 20;
 
 /// Samples of every table entry.
 const SAMPLES: u32 = 512;
@@ -90,7 +90,7 @@ pub(crate) fn table() -> &'static Table {
 
 /// Number of the cell and place in it, of a number in [0, 1].
 #[inline(always)]
-fn cell<T: Real>(x: T) -> (T::Int, T) {
+pub(super) fn cell<T: Real>(x: T) -> (T::Int, T) {
     let x = at_most(at_least(x, 0.0), 1.0) * CELLS as f32;
     // The last cell holds the end too.
     let i = at_most(x, (CELLS - 1) as f32).truncate();

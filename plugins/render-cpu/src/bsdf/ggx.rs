@@ -79,6 +79,7 @@ impl<T: Real> Ggx<T> {
     }
 }
 
+/// √(α² + (1 − α²) μ²).
 #[inline(always)]
 fn stretch<T: Real>(alpha2: T, mu: T) -> T {
     (alpha2 + complement(alpha2) * mu * mu).sqrt()

@@ -7,19 +7,32 @@
 //! - **diffuse**: Lambert's, weighted by what the dielectric interface lets in and out,
 //!   `(1 − Eₛ(μₒ)) (1 − Eₛ(μᵢ)) / (1 − Ēₛ)`, where Eₛ is the albedo of the two lobes above.
 //!
+//! Over these may lie [varnish](veil) and [fibres](sheen), and light may [pass](glass) instead of being scattered. A path
+//! meets one of these layers, drawn at random with a known probability: the others only say what is left for it.
+//!
 //! A white dielectric and a white metal of any roughness reflect all light, nothing more and nothing less. Reflectance
 //! rises to one at grazing angles, as Schlick has it, unless it is below 2 % at normal incidence: no real surface is,
 //! so it then fades with it (Lagarde and de Rousiers, 2014), and a dielectric with index 1 is purely diffuse.
 
 mod albedo;
 mod ggx;
+mod glass;
+mod layered;
+mod sheen;
 #[cfg(test)]
 mod tests;
+mod veil;
 
 pub(crate) use albedo::{Table, table};
+pub(crate) use layered::{Drawn, Layered, Lobe};
+pub(crate) use veil::{COAT_F0, Layers, coat_albedo, sheen_albedo};
+
+use glass::Glass;
+use sheen::Sheen;
+use veil::Veil;
 
 use crate::approx::sin_cos_turns;
-use crate::real::{Real, at_least, at_most, complement, inverse, max, min};
+use crate::real::{Mask as _, Real, at_least, at_most, complement, inverse, max, min};
 use crate::vec3::{Rgb, Vec3, vec3};
 use albedo::{Albedo, Row};
 use ggx::Ggx;
@@ -63,7 +76,7 @@ pub(crate) struct Bsdf<T: Real = f32> {
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scattered<T: Real> {
-    /// Whether there is one: none points into the surface.
+    /// Whether there is one.
     pub valid: T::Mask,
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
@@ -72,6 +85,8 @@ pub(crate) struct Scattered<T: Real> {
     pub pdf: T,
     /// Whether the specular lobe was sampled.
     pub specular: T::Mask,
+    /// Whether it goes on beyond the surface.
+    pub passes: T::Mask,
 }
 
 /// Reflection at a dielectric's surface: at normal incidence, at grazing incidence, after more than one bounce.
@@ -142,9 +157,10 @@ impl<T: Real> Bsdf<T> {
         }
     }
 
-    /// BSDF times the cosine of `wi`, and the density of sampling it. `wi` is unit length with z > 0.
+    /// BSDF times the cosine of `wi`: the glossy lobes and the matte one; and the density of sampling it. `wi` is unit
+    /// length with z > 0.
     #[inline(always)]
-    pub fn evaluate(&self, wi: Vec3<T>) -> (Rgb<T>, T) {
+    pub fn lobes(&self, wi: Vec3<T>) -> ([Rgb<T>; 2], T) {
         let h = self.wo + wi;
         let h = h * inverse(max(h.dot(h), T::splat(1e-20)).sqrt());
         let density = self.ggx.density(h);
@@ -155,12 +171,19 @@ impl<T: Real> Bsdf<T> {
         let multiple = self.multiple * at_least(complement(albedo.white()), 0.0);
         let diffuse = self.diffuse * at_least(complement(self.dielectric.albedo(albedo)), 0.0);
         let pdf = self.specular_share * self.ggx.pdf(density) + complement(self.specular_share) * wi.z * FRAC_1_PI;
-        ((specular + multiple + diffuse) * wi.z, pdf)
+        ([(specular + multiple) * wi.z, diffuse * wi.z], pdf)
     }
 
-    /// Samples a direction.
+    /// BSDF times the cosine of `wi`, and the density of sampling it. `wi` is unit length with z > 0.
     #[inline(always)]
-    pub fn sample(&self, [u, v]: [T; 2]) -> Scattered<T> {
+    pub fn evaluate(&self, wi: Vec3<T>) -> (Rgb<T>, T) {
+        let ([glossy, matte], pdf) = self.lobes(wi);
+        (glossy + matte, pdf)
+    }
+
+    /// Samples a direction, which may point into the surface; also gives whether the specular lobe was sampled.
+    #[inline(always)]
+    pub fn direction(&self, [u, v]: [T; 2]) -> (Vec3<T>, T::Mask) {
         let share = self.specular_share;
         let specular = u.lt(share);
         let glossy = self.ggx.sample([u / at_least(share, 1e-6), v]);
@@ -168,9 +191,15 @@ impl<T: Real> Bsdf<T> {
         let (sin, cos) = sin_cos_turns(v);
         let r = at_least(r2, 0.0).sqrt();
         let matte = vec3(r * cos, r * sin, at_least(complement(r2), 0.0).sqrt());
-        let wi = Vec3::pick(specular, glossy, matte);
+        (Vec3::pick(specular, glossy, matte), specular)
+    }
+
+    /// Samples a direction.
+    #[inline(always)]
+    pub fn sample(&self, uv: [T; 2]) -> Scattered<T> {
+        let (wi, specular) = self.direction(uv);
         let (value, pdf) = self.evaluate(wi);
         let valid = wi.z.gt(T::splat(1e-6)) & pdf.gt(T::splat(0.0)) & pdf.lt(T::splat(f32::INFINITY));
-        Scattered { valid, wi, weight: value * inverse(pdf), pdf, specular }
+        Scattered { valid, wi, weight: value * inverse(pdf), pdf, specular, passes: T::Mask::splat(false) }
     }
 }

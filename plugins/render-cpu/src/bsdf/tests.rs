@@ -168,3 +168,84 @@ fn index_one_is_lamberts_law() {
         );
     }
 }
+
+/// A base under varnish and fibres, or one of these, with numbers from a stream.
+fn layered(wo: Vec3, lobe: Lobe, unit: &mut dyn FnMut() -> f32) -> (Layered, Bsdf) {
+    let s = substance(unit(), unit(), unit());
+    let above = Layers { coat: unit(), coat_roughness: unit(), sheen: unit(), sheen_roughness: unit() };
+    (Layered::new(&Drawn { lobe: lobe as u32 as f32, above, eta: 1.5 }, &s, wo), bsdf(&s, wo))
+}
+
+#[test]
+fn layers_are_reciprocal() {
+    for number in 0..2000 {
+        let mut stream = Stream::root(6).at(number);
+        let mut unit = || stream.unit() as f32;
+        let lobe = if number % 2 == 0 { Lobe::Base } else { Lobe::Sheen };
+        let (a, b) = (towards(0.02 + 0.98 * unit(), unit()), towards(0.02 + 0.98 * unit(), unit()));
+        let at = |wo: Vec3, wi: Vec3| {
+            let mut stream = Stream::root(7).at(number);
+            let (layers, base) = layered(wo, lobe, &mut || stream.unit() as f32);
+            layers.evaluate(&base, wi).0.x / wi.z
+        };
+        let (there, back) = (at(a, b), at(b, a));
+        assert!((there - back).abs() <= 3e-4 * there.max(1e-3), "{a:?} {b:?}: {there} {back}");
+    }
+}
+
+#[test]
+fn sheen_is_sampled_by_its_density_and_never_gives_more_than_it_gets() {
+    // The density is that of the whole hemisphere; so are the samples, by a χ² over 10 × 12 cells of equal angle.
+    let mut stream = Stream::root(8);
+    let (n, mut counts) = (60_000, [0_u32; 120]);
+    for _ in 0..n {
+        let wi = Sheen::sample([stream.unit() as f32, stream.unit() as f32]);
+        let turn = (f64::from(wi.y).atan2(f64::from(wi.x)) / std::f64::consts::TAU).rem_euclid(1.0);
+        counts[((wi.z * 10.0) as usize).min(9) * 12 + ((turn * 12.0) as usize).min(11)] += 1;
+    }
+    let want = f64::from(n) / 120.0;
+    let chi2: f64 = counts.iter().map(|&count| (f64::from(count) - want).powi(2) / want).sum();
+    assert!(chi2 < 119.0 + 5.0 * (2.0_f64 * 119.0).sqrt(), "χ² {chi2} of 119");
+    for roughness in [0.0, 0.2, 0.5, 1.0] {
+        for mu in COSINES {
+            let sheen = Sheen::new(roughness, towards(mu, 0.1));
+            let mean: f32 = (0..64 * 64)
+                .map(|i| {
+                    let wi = towards(((i / 64) as f32 + 0.5) / 64.0, ((i % 64) as f32 + 0.5) / 64.0);
+                    let (value, pdf) = sheen.evaluate(wi);
+                    value / pdf
+                })
+                .sum::<f32>()
+                / 4096.0;
+            assert!(mean > 0.0 && mean < 1.005, "roughness {roughness} cos {mu}: {mean}");
+            assert!((mean - sheen_albedo(roughness, mu).min(1.0)).abs() < 0.12, "{roughness} {mu}: {mean}");
+        }
+    }
+}
+
+#[test]
+fn glass_reflects_and_bends_as_snell_and_fresnel_say() {
+    let no = false;
+    for (mu, eta) in [(1.0_f32, 1.5_f32), (0.5, 1.5), (0.9, 1.0 / 1.5), (0.4, 1.0 / 1.5)] {
+        let wo = towards(mu, 0.0);
+        let glass = Glass::new(wo, 0.0, eta, no, Rgb::ONE);
+        let sin_t = (1.0 - mu * mu).sqrt() / eta;
+        let (ci, ct) = (f64::from(mu), (1.0 - f64::from(sin_t).powi(2)).max(0.0).sqrt());
+        let eta = f64::from(eta);
+        let want =
+            ((eta * ci - ct) / (eta * ci + ct)).powi(2) / 2.0 + ((ci - eta * ct) / (ci + eta * ct)).powi(2) / 2.0;
+        let mut reflected = 0;
+        for i in 0..1000 {
+            let coin = (i as f32 + 0.5) / 1000.0;
+            let passed = glass.sample([0.37, (i as f32 * 0.618).fract()], coin);
+            assert!(passed.valid && (passed.weight.x - 1.0).abs() < 1e-6);
+            if passed.wi.z > 0.0 {
+                reflected += 1;
+                assert!((passed.wi - vec3(-wo.x, -wo.y, wo.z)).length() < 0.05, "{passed:?}");
+            } else {
+                assert!((passed.wi.x + sin_t).abs() < 0.05 && passed.wi.y.abs() < 0.05, "{passed:?}");
+            }
+        }
+        assert!((f64::from(reflected) / 1000.0 - want).abs() < 0.01, "cos {mu}: {reflected}, not {want}");
+    }
+}

@@ -3,5 +3,6 @@
 mod estimators;
 mod label_scenes;
 mod light_transport;
+mod materials;
 mod pictures;
 mod support;

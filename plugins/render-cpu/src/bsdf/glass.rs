@@ -1,0 +1,89 @@
+//! Light that passes a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin pane.
+//!
+//! What is carried along a path is radiance over the squared index of its medium, which refraction leaves unchanged, so
+//! that no factor appears at interfaces.
+//!
+//! Smith's model takes what leaves a facet and meets another one for lost: a third of white light that crosses a body of
+//! roughness 0.6. Here that light keeps the direction in which it left the first facet, or its mirror image if that
+//! points to the wrong side, and nothing is lost; the price is that the lobe is not reciprocal by that share. Light only
+//! ever comes through glass from sampled directions, so that no density is needed.
+
+use super::ggx;
+use crate::approx::sin_cos_turns;
+use crate::real::{Real, at_least, complement, inverse};
+use crate::vec3::{Rgb, Vec3, vec3};
+
+/// An interface at a point for one outgoing direction, with z > 0 on its side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Glass<T: Real = f32> {
+    wo: Vec3<T>,
+    alpha: T,
+    /// Index beyond over index on this side.
+    eta: T,
+    /// Whether the other side is near again: a thin sheet, which light passes without being bent.
+    pane: T::Mask,
+    /// What passing light is multiplied by.
+    tint: Rgb<T>,
+}
+
+/// A sampled direction, on either side.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Passed<T: Real> {
+    pub valid: T::Mask,
+    pub wi: Vec3<T>,
+    /// BSDF times cosine over density.
+    pub weight: Rgb<T>,
+}
+
+impl<T: Real> Glass<T> {
+    /// `wo` is unit length with z > 0.
+    #[inline(always)]
+    pub fn new(wo: Vec3<T>, roughness: T, eta: T, pane: T::Mask, tint: Rgb<T>) -> Self {
+        Self { wo, alpha: at_least(roughness * roughness, ggx::MIN_ALPHA), eta, pane, tint }
+    }
+
+    /// Samples a microfacet from the visible normals, then reflection or passage by Fresnel's share; `coin` decides.
+    #[inline(always)]
+    pub fn sample(&self, [u, v]: [T; 2], coin: T) -> Passed<T> {
+        let one = T::splat(1.0);
+        let wo = self.wo;
+        let standard = vec3(wo.x * self.alpha, wo.y * self.alpha, wo.z).normalized();
+        // Spherical caps (Dupuy and Benyoub, HPG 2023).
+        let z = complement(v) * (standard.z + 1.0_f32) - standard.z;
+        let r = at_least(complement(z * z), 0.0).sqrt();
+        let (sin, cos) = sin_cos_turns(u);
+        let h = vec3(r * cos + standard.x, r * sin + standard.y, z + standard.z);
+        let h = vec3(h.x * self.alpha, h.y * self.alpha, at_least(h.z, 1e-6));
+        let h = h * inverse(at_least(h.dot(h), 1e-30).sqrt());
+
+        let cos_o = at_least(wo.dot(h), 1e-6);
+        let (fresnel, cos_t) = dielectric(cos_o, self.eta);
+        // A pane reflects between its two faces for ever: F + (1 - F)² F / (1 - F²) = 2F / (1 + F).
+        let fresnel = T::pick(self.pane, fresnel * 2.0_f32 / (fresnel + 1.0_f32), fresnel);
+        let reflects = coin.lt(fresnel);
+        let mirrored = h * (cos_o * 2.0_f32) - wo;
+        let per_eta = inverse(self.eta);
+        let bent = h * (cos_o * per_eta - cos_t) - wo * per_eta;
+        let straight = vec3(mirrored.x, mirrored.y, -mirrored.z);
+        let passed = Vec3::pick(self.pane, straight, bent);
+        let wi = Vec3::pick(reflects, mirrored, passed);
+
+        let up = wi.z.abs();
+        let wi = vec3(wi.x, wi.y, T::pick(reflects, up, -up));
+        let weight = Vec3::pick(reflects, Rgb::all(one), self.tint);
+        Passed { valid: up.gt(T::splat(1e-6)), wi, weight }
+    }
+}
+
+/// Fresnel's reflectance of unpolarised light at a dielectric, and the cosine beyond; 1 and 0 for total reflection.
+#[inline(always)]
+pub(super) fn dielectric<T: Real>(cos_i: T, eta: T) -> (T, T) {
+    let per_eta = inverse(eta);
+    let sin2_t = complement(cos_i * cos_i) * per_eta * per_eta;
+    let total = sin2_t.ge(T::splat(1.0));
+    let cos_t = at_least(complement(sin2_t), 0.0).sqrt();
+    let parallel = (eta * cos_i - cos_t) / at_least(eta * cos_i + cos_t, 1e-12);
+    let perpendicular = (cos_i - eta * cos_t) / at_least(cos_i + eta * cos_t, 1e-12);
+    let reflectance = (parallel * parallel + perpendicular * perpendicular) * 0.5_f32;
+    (T::pick(total, T::splat(1.0), reflectance), T::pick(total, T::splat(0.0), cos_t))
+}
