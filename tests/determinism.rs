@@ -53,3 +53,23 @@ fn another_writer_or_view_disturbs_nothing() {
     }
     assert!(more.keys().any(|name| name.starts_with("npy/")));
 }
+
+#[test]
+fn lights_of_a_scene_stay_while_the_camera_moves() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lights = |per: &str| {
+        let out = folder.path().join(per);
+        let drawn = format!("lights[1].per=\"{per}\"");
+        let sets = ["lights[0].count=0", "write.jsonl.include=[\"lights\"]", &drawn];
+        let sets: Vec<&str> = sets.into_iter().flat_map(|set| ["--set", set]).collect();
+        ok(small_run(&out, &["--views", "3"]).args(&sets));
+        let files = files(&out);
+        let (_, lines) = files.iter().find(|(name, _)| name.starts_with("jsonl")).expect("lines");
+        // One line a view; what follows the key is the same if the lights are.
+        let text = String::from_utf8_lossy(lines).into_owned();
+        text.lines().map(|line| line.split("\"lights\":").nth(1).expect("lights").to_owned()).collect::<Vec<_>>()
+    };
+    let (scene, view) = (lights("scene"), lights("view"));
+    assert!(scene.len() >= 6 && scene[0] == scene[1] && scene[1] == scene[2] && scene[0] != scene[3], "{scene:?}");
+    assert!(view[0] != view[1] && view[1] != view[2], "{view:?}");
+}

@@ -34,6 +34,21 @@ fn shipped_recipes_plan() {
 }
 
 #[test]
+fn recipes_of_the_book_plan() {
+    let page = std::fs::read_to_string(root().join("book/src/scenes.md")).expect("the page");
+    let blocks: Vec<&str> = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    assert!(blocks.len() >= 6, "{}", blocks.len());
+    let folder = tempfile::tempdir().expect("a folder");
+    for block in blocks {
+        let base = root().join("recipes/quickstart.toml").display().to_string();
+        let recipe = folder.path().join("recipe.toml");
+        std::fs::write(&recipe, block.replace("recipes/quickstart.toml", &base)).expect("writable");
+        let said = ok(syntable().arg("check").arg(&recipe));
+        assert!(said.contains("no mistake found") && !said.contains("warning"), "{block}\n{said}");
+    }
+}
+
+#[test]
 fn shipped_recipes_find_real_assets() {
     let Some(assets) = assets() else {
         eprintln!("skipped: no real assets on this machine");
