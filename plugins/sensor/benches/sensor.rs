@@ -1,8 +1,12 @@
-//! What a sensor costs at 640 × 480.
+//! What sensors cost at 640 × 480 on one thread: `cargo bench -p syntable-sensor`.
 
 use divan::{Bencher, black_box};
+use syntable_model::context::{Collected, Context, NoCache, Serial};
 use syntable_model::prelude::*;
+use syntable_model::product::standard::{ALBEDO, DEPTH, NORMAL, RADIANCE};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_sensor::rgb::{Developer, Tone, ev100_of, white_nits};
+use syntable_testing::{assets::NoAssets, scenes};
 
 const SIZE: [u32; 2] = [640, 480];
 
@@ -10,13 +14,58 @@ fn main() {
     divan::main();
 }
 
+fn noisy_light() -> Plane<[f32; 3]> {
+    let mut stream = Stream::root(1);
+    Plane::from_fn(SIZE[0], SIZE[1], |_, _| [0.0; 3].map(|_: f64| stream.unit() as f32 * 100.0))
+}
+
 /// Metering and developing a noisy picture.
 #[divan::bench(args = [Tone::Filmic, Tone::Agx])]
 fn develop(bencher: Bencher, tone: Tone) {
-    let mut stream = Stream::root(1);
-    let radiance = Plane::from_fn(SIZE[0], SIZE[1], |_, _| [0.0; 3].map(|_: f64| stream.unit() as f32 * 100.0));
+    let radiance = noisy_light();
     bencher.bench(|| {
         let developer = Developer::new(tone, white_nits(ev100_of(radiance.data())));
         black_box(&radiance).map(|pixel| developer.code(*pixel))
+    });
+}
+
+/// A whole sensor, with its options.
+#[divan::bench(args = [
+    ("rgb_camera", ""),
+    ("rgb_camera", "vignetting = {}"),
+    ("rgb_camera", "chromatic_aberration = {}"),
+    ("rgb_camera", "blur = {}"),
+    ("rgb_camera", "white_balance = \"auto\""),
+    ("rgb_camera", "noise = {}"),
+    ("rgb_camera", "jpeg = {}"),
+    ("depth_camera", "model = \"l515\""),
+    ("depth_camera", "model = \"d435\""),
+    ("depth_camera", "model = \"azure_kinect\""),
+])]
+fn sense(bencher: Bencher, (kind, options): (&str, &str)) {
+    let registry = Registry::linked().expect("kinds are unique");
+    let stage = registry.find(Slot::Sensor, kind).and_then(|entry| entry.construct_str(options).ok());
+    let Some(Stage::Sensor(sensor)) = stage.map(|constructed| constructed.stage) else {
+        panic!("{kind} does not take {options}");
+    };
+    let (scene, dataset) = (scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]), scenes::dataset());
+    let view = scenes::view([0.0, -1.0, 1.0], [0.0; 3], SIZE, 70.0);
+    let site = Site { dataset: &dataset, scene: &scene, view: Some(&view) };
+    // A floor with a board every 40 pixels.
+    let depth = Plane::from_fn(SIZE[0], SIZE[1], |x, y| 2.0 - 0.002 * y as f32 - if x % 40 < 12 { 0.3 } else { 0.0 });
+    let make_frame = || {
+        let mut frame = Frame::new();
+        frame.put(RADIANCE, noisy_light()).expect("first");
+        frame.put(DEPTH, depth.clone()).expect("first");
+        frame.put(ALBEDO, depth.map(|_| [0.5; 3])).expect("first");
+        frame.put(NORMAL, depth.map(|_| [0.0, -0.6, -0.8])).expect("first");
+        frame
+    };
+    let log = Collected::default();
+    bencher.with_inputs(make_frame).bench_local_values(|mut frame| {
+        let stream = Stream::root(3);
+        let context = Context { stream, assets: &NoAssets, cache: &NoCache, workers: &Serial, log: &log };
+        sensor.sense(&site, &context, &mut frame).expect("senses");
+        frame
     });
 }

@@ -95,6 +95,13 @@ fn reflected(at: i64, length: u32) -> u32 {
     folded.min(2 * length - 1 - folded) as u32
 }
 
+/// Two independent standard normal numbers (Box and Muller).
+pub fn normal_pair(stream: &mut Stream) -> [f64; 2] {
+    let radius = (-2.0 * (1.0 - stream.unit()).ln()).sqrt();
+    let (sine, cosine) = (std::f64::consts::TAU * stream.unit()).sin_cos();
+    [radius * cosine, radius * sine]
+}
+
 /// Standard normal numbers, one a pixel, correlated as white noise is after a Gaussian of `sigma` pixels; independent
 /// for `sigma` = 0. Mean 0 and variance 1 everywhere, at the frame too.
 pub fn normal_field(workers: &dyn Workers, [width, height]: [u32; 2], sigma: f64, stream: &Stream) -> Plane<f32> {
@@ -103,7 +110,10 @@ pub fn normal_field(workers: &dyn Workers, [width, height]: [u32; 2], sigma: f64
     let size = [width + 2 * margin, height + 2 * margin];
     let white = filled(workers, size, |y, row: &mut [f32]| {
         let mut stream = stream.at(y.into());
-        row.iter_mut().for_each(|value| *value = stream.normal() as f32);
+        for pair in row.chunks_mut(2) {
+            let normals = normal_pair(&mut stream).map(|normal| normal as f32);
+            pair.copy_from_slice(&normals[..pair.len()]);
+        }
     });
     if margin == 0 {
         return white;

@@ -15,8 +15,8 @@ const FOCAL_PX: f64 = 600.0;
 const AXIAL: &str = "lateral_px = 0\nedge_loss = 0\n";
 
 /// Clean products: depth, reflectance and normal of every pixel.
-fn frame(mut at: impl FnMut(u32, u32) -> (f64, f64, [f32; 3])) -> Frame {
-    let pixels = Plane::from_fn(SIZE[0], SIZE[1], |x, y| at(x, y));
+fn frame(at: impl FnMut(u32, u32) -> (f64, f64, [f32; 3])) -> Frame {
+    let pixels = Plane::from_fn(SIZE[0], SIZE[1], at);
     let mut frame = Frame::new();
     frame.put(DEPTH, pixels.map(|pixel| pixel.0 as f32)).expect("first");
     frame.put(ALBEDO, pixels.map(|pixel| [pixel.1 as f32; 3])).expect("first");

@@ -171,4 +171,15 @@ mod tests {
         assert_eq!(normal_code([0.0, 1.0, 0.0]), [128, 1, 128]);
         assert_eq!(normal_code([0.0; 3]), [0; 3]);
     }
+
+    #[test]
+    fn measured_depth_is_written_as_depth_is() {
+        let bytes = [1.25_f32, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
+        let tensor = Tensor { dtype: DType::F32, axes: vec!["y", "x"], shape: vec![1, 2], bytes };
+        for name in ["depth", "depth_sensed"] {
+            let samples = samples(name, &tensor, None, 0.25).expect("a picture");
+            assert!(matches!(samples, Samples::Gray16(units) if units == [5000, 0]), "{name}");
+        }
+        assert!(samples("heat", &tensor, None, 0.25).is_err());
+    }
 }

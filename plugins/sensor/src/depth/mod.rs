@@ -7,7 +7,7 @@ mod time_of_flight;
 
 pub use models::{Flight, Matching, Model, Principle, Shared, Stereo, TimeOfFlight};
 
-use crate::grid::{filled, normal_field};
+use crate::grid::{filled, normal_field, normal_pair};
 use crate::view;
 use models::change;
 use std::f64::consts::FRAC_PI_2;
@@ -223,7 +223,7 @@ impl DepthSensor {
         }
         let seen = if self.shared.lateral_px > 0.0 {
             let sigma = self.shared.lateral_px * (1.0 + LATERAL * steepness(straight.angle()));
-            let (dx, dy) = (sigma * stream.normal(), sigma * stream.normal());
+            let [dx, dy] = normal_pair(stream).map(|normal| sigma * normal);
             surface.near(f64::from(x) + dx, f64::from(y) + dy)
         } else {
             Some(straight)

@@ -75,11 +75,8 @@ impl Agx {
 
     /// Linear brightness of a channel.
     fn shown(&self, light: f32) -> f32 {
-        // Not a number is dark.
-        if !(light > f32::from_bits(self.first << BELOW)) {
-            return self.table[0];
-        }
-        let bits = light.to_bits();
+        // The larger of both: what is not a number is dark.
+        let bits = light.max(f32::from_bits(self.first << BELOW)).to_bits();
         let step = ((bits >> BELOW) - self.first) as usize;
         match (self.table.get(step), self.table.get(step + 1)) {
             (Some(low), Some(high)) => {

@@ -141,8 +141,8 @@ impl Sensor for RgbCamera {
 fn finite<'a>(light: &'a mut Cow<'_, Plane<[f32; 3]>>) -> &'a mut Plane<[f32; 3]> {
     const BRIGHT_NITS: f32 = 1e12;
     if let Cow::Borrowed(rendered) = *light {
-        // The smaller of the bounds comes first: `max` and `min` pass over what is not a number.
-        *light = Cow::Owned(rendered.map(|pixel| pixel.map(|v| v.max(0.0).min(BRIGHT_NITS))));
+        let finite = |v: f32| if v > 0.0 { v.min(BRIGHT_NITS) } else { 0.0 };
+        *light = Cow::Owned(rendered.map(|pixel| pixel.map(finite)));
     }
     light.to_mut()
 }

@@ -65,7 +65,7 @@ pub(super) fn srgb_encode(x: f64) -> f64 {
 /// What turns light into codes, for a given white.
 pub enum Developer {
     /// A curve for every channel by itself.
-    Curve(Curve),
+    Curve(Box<Curve>),
     /// A curve in a smaller gamut.
     Agx(Box<Agx>),
 }
@@ -75,7 +75,7 @@ impl Developer {
     pub fn new(tone: Tone, white: f64) -> Self {
         match tone {
             Tone::Agx => Self::Agx(Box::new(Agx::new(white))),
-            tone => Self::Curve(Curve::new(tone, white)),
+            tone => Self::Curve(Box::new(Curve::new(tone, white))),
         }
     }
 
