@@ -35,9 +35,11 @@ fn shipped_recipes_plan() {
 
 #[test]
 fn recipes_of_the_book_plan() {
-    let page = std::fs::read_to_string(root().join("book/src/scenes.md")).expect("the page");
-    let blocks: Vec<&str> = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    assert!(blocks.len() >= 6, "{}", blocks.len());
+    let pages = ["scenes", "sensors"]
+        .map(|page| std::fs::read_to_string(root().join(format!("book/src/{page}.md"))).expect("the page"))
+        .concat();
+    let blocks: Vec<&str> = pages.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    assert!(blocks.len() >= 8, "{}", blocks.len());
     let folder = tempfile::tempdir().expect("a folder");
     for block in blocks {
         let base = root().join("recipes/quickstart.toml").display().to_string();
