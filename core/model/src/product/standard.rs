@@ -80,7 +80,8 @@ pub const DEPTH_SENSOR: Key<Value> = Key::view("depth_sensor", "depth camera and
 /// The developed picture: exposed, tone-mapped, sRGB-encoded, 8 bits.
 pub const RGB: Key<Plane<[u8; 3]>> = Key::view("rgb", "developed picture, sRGB, 8 bits");
 
-/// The exposure value and tone curve that made [`RGB`]: `ev100`, `white_nits`, `mode`, `tone`.
+/// The exposure value and tone curve that made [`RGB`]: `ev100`, `white_nits`, `mode`, `tone`; and all that the camera
+/// added, by the names of its options.
 pub const EXPOSURE: Key<Value> = Key::view("exposure", "exposure value and tone curve of the developed picture");
 
 /// How labels treat the image frame, table and room, and hidden objects: the options, and a statement in words.
