@@ -198,6 +198,8 @@ impl CpuPathSession {
         let Some(world) = &self.world else { return Err(not_loaded()) };
         let lights = Lights::new(&request.view.lights, world, &self.cache)?;
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
+        let guides = request.wants.iter().any(|&want| want == ALBEDO_MEAN.id() || want == NORMAL_MEAN.id());
+        let tracer = tracer.with_guides(guides);
         let (width, height) = size(request);
         let picture = Picture::trace(&tracer, width, height, &self.budget, request.workers);
         self.statistics.add(&picture.statistics);

@@ -2,7 +2,7 @@
 //!
 //! The first hit in every body decides everything: the nearest of them is what is seen, all of them are what covers
 //! the pixel. Since both come from the same hits, what is seen is covered, exactly. Of bodies at equal depth the one
-//! with the lower id is in front, so objects come before supports and room parts.
+//! with the lower id is in front, so objects come before distractors, supports and room parts.
 
 use crate::bvh::{Hit, Ray, SceneBvh};
 use crate::camera::RayCamera;
@@ -118,7 +118,7 @@ impl<'a> LabelCaster<'a> {
             if pixel.first.is_none_or(|first| (hit.t, hit.instance) < (first.t, first.instance)) {
                 pixel.first = Some(hit);
             }
-            if hit.instance as usize >= self.world.objects && hit.t < pixel.support {
+            if hit.instance as usize >= self.world.things && hit.t < pixel.support {
                 pixel.support = hit.t;
             }
         }

@@ -248,6 +248,52 @@ impl Layer<'_> {
     }
 }
 
+impl Extras {
+    /// Draws a layer; `drawn` is the base.
+    #[inline(never)]
+    fn draw(&self, at: Coordinates, mut drawn: Component, mu: f32, mut u: f32) -> Component {
+        drawn.ior = self.ior;
+        if let Some(coat) = &self.coat {
+            let (strength, roughness) = (coat.strength.at(at), coat.roughness.at(at));
+            if strength > 0.0 {
+                let chance = (strength * coat_albedo(roughness, mu, table())).clamp(0.15, 0.85);
+                if u < chance {
+                    drawn.substance =
+                        Substance { base_color: Rgb::ZERO, roughness, metallic: 0.0, dielectric_f0: COAT_F0 };
+                    return Component { weight: strength / chance, is_coat: true, ..drawn };
+                }
+                u = (u - chance) / (1.0 - chance);
+                drawn.weight = 1.0 / (1.0 - chance);
+                (drawn.above.coat, drawn.above.coat_roughness) = (strength, roughness);
+            }
+        }
+        if let Some((color, roughness)) = &self.sheen {
+            let (color, roughness) = (color.at(at), roughness.at(at));
+            let strength = color.x.max(color.y).max(color.z);
+            if strength > 0.0 {
+                let chance = (strength * sheen_albedo(roughness, mu)).clamp(0.15, 0.6);
+                if u < chance {
+                    let substance = Substance { base_color: color, roughness, metallic: 0.0, dielectric_f0: 0.0 };
+                    return Component { lobe: Lobe::Sheen, substance, weight: drawn.weight / chance, ..drawn };
+                }
+                u = (u - chance) / (1.0 - chance);
+                drawn.weight /= 1.0 - chance;
+                (drawn.above.sheen, drawn.above.sheen_roughness) = (strength, roughness);
+            }
+        }
+        if let Some(transmission) = &self.transmission {
+            // Light passes where it would else be scattered below the surface, which metals do not do.
+            let passing = transmission.at(at) * (1.0 - drawn.substance.metallic);
+            if u < passing {
+                drawn.lobe = if self.filled { Lobe::Glass } else { Lobe::Pane };
+            } else {
+                drawn.substance.metallic = (drawn.substance.metallic / (1.0 - passing)).min(1.0);
+            }
+        }
+        drawn
+    }
+}
+
 impl Material {
     /// Lays a material on a body. Wild factors are brought into range.
     pub fn new(material: &scene::Material, mapping: TextureMapping, cache: &SceneCache) -> Self {
@@ -327,50 +373,14 @@ impl Material {
     }
 
     /// Draws the layer that a path meets, by a number in [0, 1); `mu` is the cosine of its direction.
-    #[inline]
-    pub fn component(&self, at: Coordinates, substance: Substance, mu: f32, mut u: f32) -> Component {
-        let mut drawn =
+    #[inline(always)]
+    pub fn component(&self, at: Coordinates, substance: Substance, mu: f32, u: f32) -> Component {
+        let base =
             Component { lobe: Lobe::Base, substance, weight: 1.0, above: Layers::default(), ior: 1.0, is_coat: false };
-        let Some(layers) = &self.layers else { return drawn };
-        drawn.ior = layers.ior;
-        if let Some(coat) = &layers.coat {
-            let (strength, roughness) = (coat.strength.at(at), coat.roughness.at(at));
-            if strength > 0.0 {
-                let chance = (strength * coat_albedo(roughness, mu, table())).clamp(0.15, 0.85);
-                if u < chance {
-                    drawn.substance =
-                        Substance { base_color: Rgb::ZERO, roughness, metallic: 0.0, dielectric_f0: COAT_F0 };
-                    return Component { weight: strength / chance, is_coat: true, ..drawn };
-                }
-                u = (u - chance) / (1.0 - chance);
-                drawn.weight = 1.0 / (1.0 - chance);
-                (drawn.above.coat, drawn.above.coat_roughness) = (strength, roughness);
-            }
+        match &self.layers {
+            None => base,
+            Some(layers) => layers.draw(at, base, mu, u),
         }
-        if let Some((color, roughness)) = &layers.sheen {
-            let (color, roughness) = (color.at(at), roughness.at(at));
-            let strength = color.x.max(color.y).max(color.z);
-            if strength > 0.0 {
-                let chance = (strength * sheen_albedo(roughness, mu)).clamp(0.15, 0.6);
-                if u < chance {
-                    let substance = Substance { base_color: color, roughness, metallic: 0.0, dielectric_f0: 0.0 };
-                    return Component { lobe: Lobe::Sheen, substance, weight: drawn.weight / chance, ..drawn };
-                }
-                u = (u - chance) / (1.0 - chance);
-                drawn.weight /= 1.0 - chance;
-                (drawn.above.sheen, drawn.above.sheen_roughness) = (strength, roughness);
-            }
-        }
-        if let Some(transmission) = &layers.transmission {
-            // Light passes where it would else be scattered below the surface, which metals do not do.
-            let passing = transmission.at(at) * (1.0 - substance.metallic);
-            if u < passing {
-                drawn.lobe = if layers.filled { Lobe::Glass } else { Lobe::Pane };
-            } else {
-                drawn.substance.metallic = (substance.metallic / (1.0 - passing)).min(1.0);
-            }
-        }
-        drawn
     }
 
     /// Share of the light that is left after a way through the filling, metres.

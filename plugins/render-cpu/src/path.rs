@@ -100,6 +100,8 @@ pub(crate) struct PathTracer<'a> {
     seed: u64,
     /// Width of a camera ray's cone, metres a metre.
     spread: f32,
+    /// Whether guides for denoisers are gathered.
+    guides: bool,
 }
 
 /// What was found of a pixel so far: sums over its samples.
@@ -135,7 +137,12 @@ impl<'a> PathTracer<'a> {
     pub fn new(world: &'a World, lights: &'a Lights<'a>, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
         // Samples of a pixel share its area, so that each may see finer than it.
         let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
-        Self { world, lights, camera, settings, seed, spread: camera.pixel_angle * sharpness }
+        Self { world, lights, camera, settings, seed, spread: camera.pixel_angle * sharpness, guides: false }
+    }
+
+    /// The same, gathering guides for denoisers.
+    pub fn with_guides(self, guides: bool) -> Self {
+        Self { guides, ..self }
     }
 
     /// Adds samples of every pixel of a tile [left, top, right, bottom], row by row.
@@ -186,8 +193,12 @@ impl<'a> PathTracer<'a> {
                 sum.square += y * y;
                 for c in 0..3 {
                     sum.radiance[c] += radiance[c];
-                    sum.albedo[c] += batch.guides.albedo[slot][c];
-                    sum.normal[c] += batch.guides.normal[slot][c];
+                }
+                if self.guides {
+                    for c in 0..3 {
+                        sum.albedo[c] += batch.guides.albedo[slot][c];
+                        sum.normal[c] += batch.guides.normal[slot][c];
+                    }
                 }
                 sample += 1;
                 if sample == samples.end {
@@ -224,7 +235,9 @@ impl<'a> PathTracer<'a> {
                 paths.index[i] = turn.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
                 batch.radiance[i] = [0.0; 3];
-                batch.guides.clear(i);
+                if self.guides {
+                    batch.guides.clear(i);
+                }
             }
             count += more;
             turn.sample += more as u32;
@@ -279,7 +292,10 @@ impl<'a> PathTracer<'a> {
                     origin: get(&batch.paths.origin, i).array(),
                     direction: get(&batch.paths.direction, i).array(),
                 };
-                let coin = coin(batch.paths.seed[i], batch.paths.index[i], bounce);
+                let coin = match self.world.has_cutouts {
+                    true => coin(batch.paths.seed[i], batch.paths.index[i], bounce),
+                    false => 0,
+                };
                 let hit = self.world.closest(&ray, f32::INFINITY, coin);
                 if let Some(hit) = &hit {
                     self.world.prefetch(hit);
@@ -412,7 +428,7 @@ impl<'a> PathTracer<'a> {
             };
             let (origin, direction) = (get(&paths.origin, i), get(&paths.direction, i));
             let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, draw);
-            if bounce <= GUIDE_BOUNCES {
+            if self.guides && bounce <= GUIDE_BOUNCES {
                 batch.guides.meet(paths.slot[i] as usize, &surface, bounce == GUIDE_BOUNCES);
             }
             let roughness = &mut surface.component.substance.roughness;

@@ -21,6 +21,8 @@ pub(crate) struct World {
     materials: Vec<Material>,
     /// How many of the bodies are objects; they come first.
     pub objects: usize,
+    /// How many are objects or distractors, which come next; the rest is table and room.
+    pub things: usize,
     /// Whether any body has cut-outs.
     pub has_cutouts: bool,
     /// Whether any material has layers to draw from.
@@ -90,6 +92,7 @@ impl World {
             bodies: Vec::with_capacity(bodies.len()),
             materials: Vec::new(),
             objects: scene.objects().len(),
+            things: scene.things().len(),
             has_cutouts: false,
             is_layered: false,
             emitters: Vec::new(),

@@ -87,24 +87,30 @@ impl Lights<'_> {
         !self.distant.is_empty()
     }
 
-    /// Importance of every light in turn; the only light's is one.
+    /// Importance of a light; the only light's is one. (No closures here or where this is called: they would not be
+    /// compiled for the processor's lanes.)
     #[inline(always)]
-    fn importances<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, mut each: impl FnMut(u32, T)) {
+    fn importance<T: Real>(&self, light: usize, p: Vec3<T>, n: Vec3<T>) -> T {
         if self.count() == 1 {
-            return each(0, T::splat(1.0));
+            return T::splat(1.0);
         }
-        let mut index = 0;
-        for shape in &self.shapes {
-            each(index, shape.importance(p, n));
-            index += 1;
+        if let Some(shape) = self.shapes.get(light) {
+            return shape.importance(p, n);
         }
-        for emitter in self.emitters {
-            each(index, by_lane(p, n, |p, n| emitter.importance(p, n)));
-            index += 1;
-        }
-        for distant in &self.distant {
-            each(index, by_lane(p, n, |_, n| distant.importance(n)));
-            index += 1;
+        let (p, n) = (Lanes::of(p), Lanes::of(n));
+        let mut out = [0.0; 8];
+        self.importance_by_lane(light - self.shapes.len(), &p, &n, &mut out[..T::WIDTH]);
+        T::load(&out)
+    }
+
+    /// Importance of a light that is no shape; they count from 0.
+    #[inline(never)]
+    fn importance_by_lane(&self, light: usize, p: &Lanes, n: &Lanes, out: &mut [f32]) {
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = match self.emitters.get(light) {
+                Some(emitter) => emitter.importance(p.get(lane), n.get(lane)),
+                None => self.distant[light - self.emitters.len()].importance(n.get(lane)),
+            };
         }
     }
 
@@ -117,7 +123,8 @@ impl Lights<'_> {
         if self.count() == 1 {
             (total, importance, chosen) = (one, one, T::Int::splat(0));
         } else {
-            self.importances(p, n, |index, own| {
+            for index in 0..self.count() {
+                let own = self.importance(index, p, n);
                 // One pass: the newcomer takes over with its share of the total so far, and `u` stays uniform.
                 let shines = own.gt(zero);
                 total = total + own;
@@ -126,8 +133,8 @@ impl Lights<'_> {
                 let rescaled = T::pick(taken, u / share, (u - share) / (one - share));
                 u = T::pick(shines, rescaled, u);
                 importance = T::pick(taken, own, importance);
-                chosen = T::Int::pick(taken, T::Int::splat(index), chosen);
-            });
+                chosen = T::Int::pick(taken, T::Int::splat(index as u32), chosen);
+            }
             u = u.smaller(T::splat(1.0 - f32::EPSILON));
         }
         let mut sampled = Towards { direction: n, distance: zero, pdf: one, valid: T::Mask::splat(false) };
@@ -211,16 +218,17 @@ impl Lights<'_> {
     pub fn pdf<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, hit: &LightHit<T>) -> (T, Rgb<T>) {
         let zero = T::splat(0.0);
         let (mut total, mut pdf, mut radiance) = (zero, zero, Vec3::all(zero));
-        self.importances(p, n, |index, own| {
-            let mine = hit.met & hit.index.equals(T::Int::splat(index));
+        for index in 0..self.count() {
+            let mine = hit.met & hit.index.equals(T::Int::splat(index as u32));
+            let own = self.importance(index, p, n);
             total = total + own;
-            if let Some(shape) = self.shapes.get(index as usize)
+            if let Some(shape) = self.shapes.get(index)
                 && mine.any()
             {
                 pdf = T::pick(mine, own * shape.pdf(p, hit.distance), pdf);
                 radiance = Vec3::pick(mine, Vec3::broadcast(shape.radiance()), radiance);
             }
-        });
+        }
         (pdf * inverse(total.larger(T::splat(f32::MIN_POSITIVE))), radiance)
     }
 
@@ -249,14 +257,8 @@ impl Lights<'_> {
 
     /// Probability of choosing a light.
     fn share(&self, p: Vec3, n: Vec3, light: usize) -> f32 {
-        let (mut total, mut own) = (0.0, 0.0);
-        self.importances::<f32>(p, n, |index, importance| {
-            total += importance;
-            if index as usize == light {
-                own = importance;
-            }
-        });
-        own / total.max(f32::MIN_POSITIVE)
+        let total: f32 = (0..self.count()).map(|index| self.importance::<f32>(index, p, n)).sum();
+        self.importance::<f32>(light, p, n) / total.max(f32::MIN_POSITIVE)
     }
 
     /// The first light that a ray with a unit direction meets closer than `to`.
@@ -366,15 +368,4 @@ impl Lanes {
         let [x, y, z] = &self.0;
         Vec3 { x: T::load(x), y: T::load(y), z: T::load(z) }
     }
-}
-
-/// A function of every lane on its own.
-#[inline(never)]
-fn by_lane<T: Real>(p: Vec3<T>, n: Vec3<T>, f: impl Fn(Vec3, Vec3) -> f32) -> T {
-    let (p, n) = (Lanes::of(p), Lanes::of(n));
-    let mut out = [0.0; 8];
-    for (lane, out) in out.iter_mut().enumerate().take(T::WIDTH) {
-        *out = f(p.get(lane), n.get(lane));
-    }
-    T::load(&out)
 }

@@ -5,6 +5,7 @@ use super::support::*;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
+use syntable_model::product::BitPlane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::Role;
 
@@ -50,7 +51,7 @@ fn check(scene: &Arc<Scene>, view: &View) -> Frame {
     for y in -height..2 * height {
         for x in -width..2 * width {
             let depths = depths(scene, view, f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let support = depths[objects..].iter().flatten().fold(f64::INFINITY, |a, &b| a.min(b));
+            let support = depths[scene.things().len()..].iter().flatten().fold(f64::INFINITY, |a, &b| a.min(b));
             let first =
                 depths.iter().enumerate().filter_map(|(i, d)| Some((i, (*d)?))).min_by(|a, b| a.1.total_cmp(&b.1));
             for (i, depth) in depths[..objects].iter().enumerate() {
@@ -101,6 +102,28 @@ fn stacked_boxes_on_a_table() {
     assert!(count(InstanceId(1)) > 200 && count(InstanceId(2)) > 80 && count(InstanceId(3)) > 5);
     let before = frame.get(COVERAGE_BEFORE_SUPPORT).expect("made");
     assert!((0..47).all(|y| (0..61).all(|x| !before.contains(x, y, InstanceId(3)))));
+}
+
+#[test]
+fn a_distractor_hides_and_does_not_cut() {
+    let (block, screen) =
+        (object("block", cuboid([0.2, 0.2, 0.2]), matte(0.5)), object("screen", cuboid([0.3, 0.3, 0.02]), matte(0.5)));
+    let bodies = |role| scene([body(&block, at(0.0, 0.0, 0.2), Role::Object), body(&screen, at(0.33, 0.0, 0.8), role)]);
+    let seen = |role| {
+        let view = view(41, 31, 30.0, [0.0, 0.0, 2.0], [0.0; 3], vec![]);
+        let frame = check(&bodies(role), &view);
+        let id = InstanceId(1);
+        let pixels = (0..31).flat_map(|y| (0..41).map(move |x| (x, y))).collect::<Vec<_>>();
+        let covered = |key: Key<BitPlane>| {
+            let plane = frame.get(key).expect("made");
+            pixels.iter().filter(|&&(x, y)| plane.contains(x, y, id)).count()
+        };
+        let visible = frame.get(INSTANCE).expect("made").data().iter().filter(|&&seen| seen == id).count();
+        [visible, covered(COVERAGE), covered(COVERAGE_BEFORE_SUPPORT)]
+    };
+    let [visible, covered, before] = seen(Role::Distractor);
+    assert!(0 < visible && visible < covered && before == covered, "{visible} {covered} {before}");
+    assert_eq!(seen(Role::Support), [visible, covered, visible], "a support cuts");
 }
 
 #[test]
