@@ -153,7 +153,7 @@ impl Lights {
                 double_sided,
                 extensions: MaterialExtensions {
                     ior: Some(Ior { ior: 1.0 }),
-                    emissive_strength: lit.then(|| EmissiveStrength { emissive_strength: brightest as f32 }),
+                    emissive_strength: lit.then_some(EmissiveStrength { emissive_strength: brightest as f32 }),
                     ..MaterialExtensions::default()
                 },
                 ..Material::default()
@@ -162,18 +162,6 @@ impl Lights {
         };
         *self.materials.entry([r, g, b, double_sided.into()]).or_insert_with(write)
     }
-}
-
-/// Where light comes from all around, for `extras`.
-pub fn environments(lights: &[Light]) -> Vec<Json> {
-    let describe = |light: &Light| match light {
-        Light::Environment(light) => Some(json!({
-            "name": light.map.name, "digest": light.map.digest, "licence": light.map.licence,
-            "scale_nits": light.scale, "rotation_rad": light.rotation,
-        })),
-        _ => None,
-    };
-    lights.iter().filter_map(describe).collect()
 }
 
 fn glowing(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> Node {

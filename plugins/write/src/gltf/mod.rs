@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`geometry`] | meshes, once each |
 //! | [`material`], [`texture`] | materials, with pictures packed as glTF wants them |
-//! | [`light`], [`camera`] | what its name says |
+//! | [`light`], [`environment`], [`camera`] | what their names say |
 //! | [`document`], [`glb`] | JSON and container |
 //!
 //! **Frames.** glTF is y up. The root node turns its children from this program's z up, so that everything below has the
@@ -12,6 +12,7 @@
 
 mod camera;
 mod document;
+mod environment;
 mod geometry;
 mod glb;
 mod light;
@@ -39,11 +40,11 @@ use syntable_model::scene::Body;
 /// emissive strength, texture transforms), the cameras and the lights. Units are metres, nits, lux and candela. glTF is
 /// y up: the root node `world` turns everything; below it stand the coordinates of the dataset, z up. Bodies that share a
 /// mesh share it in the file. `extras` hold what glTF has no word for: instance ids, camera matrices, distortion, lens and
-/// exposure, environment maps.
+/// exposure. Environment maps are written beside the file, in nits, as `_environment.hdr` after the file's name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gltf {
-    /// What becomes of lights. Environment maps are named in `extras` of the scene in any case.
+    /// What becomes of lights. Environment maps stand beside the file in any case.
     pub lights: LightMode,
     /// What a file is about.
     pub per: FilePer,
@@ -104,15 +105,17 @@ impl SceneWriter for GltfScene {
         match self.config.per {
             FilePer::Scene => {
                 if self.views == 0 {
-                    self.export.lights(&view.lights, self.config.lights);
+                    let stem = format!("{:06}", self.id.0);
+                    light(&mut self.export, view, self.config.lights, &self.output, &stem)?;
                 }
                 self.export.camera(view);
             }
             FilePer::View => {
                 let mut export = self.export.clone();
-                export.lights(&view.lights, self.config.lights);
+                let stem = view_name(site.scene.id, view.id);
+                light(&mut export, view, self.config.lights, &self.output, &stem)?;
                 export.camera(view);
-                let path = format!("{}/{}.glb", self.output.id(), view_name(site.scene.id, view.id));
+                let path = format!("{}/{stem}.glb", self.output.id());
                 self.output.write(&path, &export.into_bytes()?)?;
             }
         }
@@ -129,6 +132,16 @@ impl SceneWriter for GltfScene {
             }
         }
     }
+}
+
+/// Adds the lights of a view, and writes its environment maps beside the file.
+fn light(export: &mut Export, view: &View, mode: LightMode, output: &Output, stem: &str) -> Result<()> {
+    let (notes, pictures) = environment::export(&view.lights, stem);
+    for (name, bytes) in pictures {
+        output.write(&format!("{}/{name}", output.id()), &bytes)?;
+    }
+    export.lights(&view.lights, notes, mode);
+    Ok(())
 }
 
 /// A file being made.
@@ -223,10 +236,9 @@ impl Export {
         self.child(node);
     }
 
-    fn lights(&mut self, lights: &[syntable_model::scene::Light], mode: LightMode) {
-        let around = light::environments(lights);
-        if !around.is_empty() {
-            self.glb.document.scenes[0].extras["environments"] = Json::from(around);
+    fn lights(&mut self, lights: &[syntable_model::scene::Light], environments: Vec<Json>, mode: LightMode) {
+        if !environments.is_empty() {
+            self.glb.document.scenes[0].extras["environments"] = Json::from(environments);
         }
         if mode == LightMode::None {
             return;
