@@ -17,8 +17,11 @@ const THICKNESS_M: f64 = 0.1;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
-    /// Inner edge of the square floor, metres.
+    /// Inner edge of the floor, metres: along world x, and along y if there is no `length_m`.
     size_m: Dist,
+    /// Inner edge of the floor along world y, metres; the floor is square without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    length_m: Option<Dist>,
     /// Inner height, metres.
     height_m: Dist,
     /// Pools that the surfaces' materials are drawn from.
@@ -52,6 +55,7 @@ impl Default for Room {
     fn default() -> Self {
         Self {
             size_m: Dist::Constant(15.0),
+            length_m: None,
             height_m: Dist::Constant(15.0),
             material: RoomMaterials::default(),
             walls_alike: false,
@@ -70,6 +74,7 @@ impl Config for Room {
 
     fn build(self) -> Result<Box<dyn Placer>, Invalid> {
         self.size_m.within("size_m", 1.0, 1000.0)?;
+        self.length_m.as_ref().map_or(Ok(()), |length| length.within("length_m", 1.0, 1000.0))?;
         self.height_m.within("height_m", 1.0, 1000.0)?;
         check_scale("texture_scale", &self.texture_scale)?;
         Ok(Box::new(self))
@@ -79,7 +84,9 @@ register!(Room);
 
 impl Placer for Room {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
-        let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;
+        let size = self.size_m.draw(&mut context.stream.child("size"));
+        let length = self.length_m.as_ref().map_or(size, |length| length.draw(&mut context.stream.child("length")));
+        let half = [size / 2.0, length / 2.0];
         let height = self.height_m.draw(&mut context.stream.child("height"));
         for part in parts(half, height).into_iter().take(if self.floor_only { 1 } else { 6 }) {
             let (pool, gray, stream) = match part.name {
@@ -114,20 +121,21 @@ struct Part {
     bounds: Aabb,
 }
 
-/// The six parts, the floor first, around an inner box of half edge `half`; they touch and do not overlap.
-fn parts(half: f64, height: f64) -> [Part; 6] {
-    let outer = half + THICKNESS_M;
+/// The six parts, the floor first, around an inner box of half edges `half`; they touch and do not overlap.
+fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
+    let [x, y] = half;
+    let [outer_x, outer_y] = half.map(|half| half + THICKNESS_M);
     let part = |name, low: [f64; 3], high: [f64; 3]| Part {
         name,
         bounds: Aabb { min: Point3::from(low), max: Point3::from(high) },
     };
     [
-        part("floor", [-outer, -outer, -THICKNESS_M], [outer, outer, 0.0]),
-        part("wall_east", [half, -outer, 0.0], [outer, outer, height]),
-        part("wall_north", [-half, half, 0.0], [half, outer, height]),
-        part("wall_west", [-outer, -outer, 0.0], [-half, outer, height]),
-        part("wall_south", [-half, -outer, 0.0], [half, -half, height]),
-        part("ceiling", [-outer, -outer, height], [outer, outer, height + THICKNESS_M]),
+        part("floor", [-outer_x, -outer_y, -THICKNESS_M], [outer_x, outer_y, 0.0]),
+        part("wall_east", [x, -outer_y, 0.0], [outer_x, outer_y, height]),
+        part("wall_north", [-x, y, 0.0], [x, outer_y, height]),
+        part("wall_west", [-outer_x, -outer_y, 0.0], [-x, outer_y, height]),
+        part("wall_south", [-x, -outer_y, 0.0], [x, -y, height]),
+        part("ceiling", [-outer_x, -outer_y, height], [outer_x, outer_y, height + THICKNESS_M]),
     ]
 }
 

@@ -46,6 +46,26 @@ fn open_country_is_a_floor() {
 }
 
 #[test]
+fn a_room_can_be_longer_than_wide() {
+    let room = placer("room", "size_m = 4\nlength_m = { uniform = [5, 9] }\nheight_m = 3");
+    let mut lengths = std::collections::BTreeSet::new();
+    for seed in 0..20 {
+        let (scene, _) = place(&[&*room], seed).expect("placed");
+        let boxes = bodies(&scene).into_iter().map(BodyDraft::world_bounds).collect::<Vec<_>>();
+        let inside = syntable_model::geometry::space_around(&Point3::new(0.3, 0.2, 1.0), boxes.iter().copied());
+        let size = inside.size();
+        assert!((size.x - 4.0).abs() < 1e-5 && (size.z - 3.0).abs() < 1e-5 && (5.0..9.0).contains(&size.y), "{size}");
+        assert!(inside.centre().coords.xy().norm() < 1e-5);
+        lengths.insert((size.y * 1e6) as u64);
+        // Nothing is left open and nothing doubled: the parts fill the shell.
+        let filled: f64 = boxes.iter().map(|b| b.size().iter().product::<f64>()).sum();
+        let shell = 4.2 * (size.y + 0.2) * 3.2 - 4.0 * size.y * 3.0;
+        assert!((filled / shell - 1.0).abs() < 1e-4, "{filled} {shell}");
+    }
+    assert_eq!(lengths.len(), 20);
+}
+
+#[test]
 fn some_objects_get_another_material_and_nothing_else_changes() {
     let (table, plain) = (table(), placer("drop_box", "from = [\"small\"]\ncount = 20"));
     let other = placer(
