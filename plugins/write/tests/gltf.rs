@@ -456,7 +456,7 @@ fn files_per_scene_or_view_and_the_same_twice() {
         [("", vec!["gltf/000003"]), ("per = \"view\"", vec!["gltf/000003_0000", "gltf/000003_0001"])]
     {
         let first = write(options);
-        let wanted = names.iter().flat_map(|name| [format!("{name}"), format!("{name}_environment.hdr")]);
+        let wanted = names.iter().flat_map(|name| [format!("{name}.glb"), format!("{name}_environment.hdr")]);
         assert_eq!(first.keys().cloned().collect::<Vec<_>>(), wanted.collect::<Vec<_>>());
         assert!(first == write(options), "{options}: files differ");
         for (_, bytes) in first.iter().filter(|(name, _)| name.ends_with(".glb")) {

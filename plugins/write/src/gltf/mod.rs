@@ -2,7 +2,7 @@
 //!
 //! | module | writes |
 //! | --- | --- |
-//! | [`geometry`] | meshes, once each |
+//! | [`geometry`], [`arrays`] | meshes, once each |
 //! | [`material`], [`texture`] | materials, with pictures packed as glTF wants them |
 //! | [`light`], [`environment`], [`camera`] | what their names say |
 //! | [`document`], [`glb`] | JSON and container |
@@ -10,6 +10,7 @@
 //! **Frames.** glTF is y up. The root node turns its children from this program's z up, so that everything below has the
 //! coordinates of the world and of the body frames.
 
+mod arrays;
 mod camera;
 mod document;
 mod environment;
