@@ -252,7 +252,7 @@ fn labels_that_disagree_are_an_error() {
             ($($key:expr),*) => {$( frame.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
         }
         copy!(RGB, DEPTH, VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, VISIBLE_BOX, AMODAL_BOX);
-        copy!(OBJECT_INFO, CAMERA, EXPOSURE, LABEL_POLICY);
+        copy!(OBJECT_INFO, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY);
         frame.put(AMODAL_MASK, PerInstance::default()).expect("first");
     }
 }

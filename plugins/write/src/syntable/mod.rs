@@ -12,7 +12,7 @@ use crate::files::{shard, view};
 use record::Labels;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CAMERA, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK,
+    AMODAL_BOX, AMODAL_MASK, CAMERA, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK,
     OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 
@@ -115,7 +115,7 @@ impl Writer for SynTable {
             AMODAL_BOX
         ];
         if self.compat == Compat::Correct {
-            keys.extend(keys![OBJECT_INFO, CAMERA, EXPOSURE, LABEL_POLICY]);
+            keys.extend(keys![OBJECT_INFO, CAMERA, EXPOSURE, DENOISER, LABEL_POLICY]);
         }
         if self.debug_masks {
             keys.extend(keys![INSTANCE]);

@@ -6,7 +6,7 @@ use crate::jsonl::json;
 use serde_json::{Value as Json, json};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CAMERA, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER,
+    AMODAL_BOX, AMODAL_MASK, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER,
     OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
@@ -109,6 +109,7 @@ pub fn image(site: &Site, frame: &Frame, labels: &Labels, name: &str) -> Result<
         ("depth_unit_mm", 1.into()),
         ("camera", json(frame, CAMERA.name())?),
         ("exposure", json(frame, EXPOSURE.name())?),
+        ("denoiser", json(frame, DENOISER.name())?),
         ("label_policy", json(frame, LABEL_POLICY.name())?),
     ];
     for (key, value) in more {

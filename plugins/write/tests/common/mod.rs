@@ -223,6 +223,7 @@ fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene:
         frame.put(CAMERA, camera.clone())?;
         frame.put(LABEL_POLICY, policy.clone())?;
         frame.put(EXPOSURE, Value::record([("ev100", 1.0.into()), ("tone", "srgb".into())]))?;
+        frame.put(DENOISER, Value::record([("name", "none".into())]))?;
         let depth = |hits: &Vec<InstanceId>| hits.first().map_or(f32::INFINITY, |id| 0.4567 + f32::from(id.0) * 0.1234);
         frame.put(DEPTH, rays.map(depth))?;
         frame.put(INSTANCE, rays.map(|hits| hits.first().copied().unwrap_or_default()))
