@@ -9,14 +9,15 @@
 //! cloudy and (0.3, 21, 1) for overcast skies. It is that of the sky alone.
 //!
 //! The colour of blue sky follows Takagi et al. (SIGGRAPH 1990): `6500 + 1.1985e8 / L^1.2` kelvin at L nits. Clouds have
-//! one temperature. The glow of a low sun and the clouds' shapes are of this program's own making.
+//! one temperature. Temperatures become colours of the CIE daylight locus. The glow of a low sun and the clouds' shapes are
+//! of this program's own making.
 //!
 //! **The sun.** Its disc is not in the map, but the bright sky around it is: a directional light belongs beside the map
 //! where its shadows are wanted. The sun stands over the middle column, the map's +x. Below the horizon is level ground
 //! that the sky lights.
 
 use super::Raster;
-use super::colour::of_kelvin;
+use super::colour::of_daylight;
 use crate::household::paint::Field;
 use std::f64::consts::{FRAC_PI_2, PI};
 use syntable_model::error::Result;
@@ -177,7 +178,7 @@ impl Sky {
             .map(|(l, direction)| if direction.z > 0.0 { l * nits } else { ground_luminance })
             .collect();
         raster.map(name, &luminances, |i| match directions[i].z > 0.0 {
-            true => of_kelvin(self.kelvin(&directions[i], clear[i] * nits, cover[i])),
+            true => of_daylight(self.kelvin(&directions[i], clear[i] * nits, cover[i])),
             false => ground.map(|g| g / ground_luminance),
         })
     }

@@ -4,7 +4,7 @@
 //! them, and glowing rectangles on ceiling and walls. It is scaled so that a level plane has the stated illuminance.
 
 use super::Raster;
-use super::colour::of_kelvin;
+use super::colour::of_lamp;
 use syntable_model::error::Result;
 use syntable_model::geometry::Vector3;
 use syntable_model::photometry::luminance;
@@ -104,7 +104,7 @@ impl Studio {
             let edge =
                 |x: f64, i: usize| ((lamp.half[i] - (x - lamp.centre[i]).abs()) / (0.1 * lamp.half[i])).clamp(0.0, 1.0);
             let lit = lamp.brightness * edge(u, 0) * edge(v, 1);
-            let color = of_kelvin(lamp.kelvin);
+            let color = of_lamp(lamp.kelvin);
             radiance = std::array::from_fn(|i| radiance[i] + lit * color[i]);
         }
         radiance
