@@ -1,0 +1,137 @@
+//! Errors of pictures before and after denoising, against a reference of many samples.
+//!
+//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [FOLDER]]` renders the middle of the room of the
+//! renderer's bench with 1 to 64 samples a pixel and with `REFERENCE` (512), and writes the pictures to `FOLDER`. The
+//! reference has noise too: 512 samples are good for errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise,
+//! if it is to be compared.
+//!
+//! PSNR is of the sRGB-encoded picture, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
+//! channels of (x − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
+
+mod room;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+use syntable_denoise as _;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RADIANCE;
+use syntable_model::registry::{Registry, Slot};
+use syntable_render_cpu::{CpuPath, CpuPathRenderer};
+use syntable_testing::workers::Threads;
+
+const WIDTH: u32 = 320;
+const HEIGHT: u32 = 240;
+
+type Picture = [[f32; 3]];
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let many = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(512);
+    let folder = arguments.get(1);
+    let mut denoisers = vec![("guided", denoiser("guided", ""))];
+    match std::env::var("SYNTABLE_OIDN") {
+        Ok(library) => {
+            denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}\nclean_guides = false"))))
+        }
+        Err(_) => println!("SYNTABLE_OIDN is not set: no comparison with Open Image Denoise"),
+    }
+    let (scene, view) = (room::scene(), room::view(WIDTH, HEIGHT));
+    let wants: Vec<KeyId> =
+        denoisers.iter().flat_map(|(_, denoiser)| denoiser.guides()).chain([RADIANCE.id()]).collect();
+    let reference = render(&scene, &view, many, 100, &[RADIANCE.id()]);
+    let reference = reference.get(RADIANCE).expect("made").data();
+    let white = white(reference);
+    let keep = |name: &str, picture: &Picture| {
+        if let Some(folder) = folder {
+            write(&Path::new(folder).join(name), picture, white);
+        }
+    };
+    keep("reference.png", reference);
+    println!("samples  picture       PSNR    relMSE  light     time");
+    for samples in [1, 2, 4, 8, 16, 32, 64] {
+        let frame = render(&scene, &view, samples, 1, &wants);
+        let noisy = frame.get(RADIANCE).expect("made").data();
+        let tell = |name: &str, picture: &Picture, seconds: f64| {
+            println!(
+                "{samples:7}  {name:8} {:6.2} dB  {:8.5}  {:.4}  {:4.0} ms",
+                psnr(picture, reference, white),
+                relative_error(picture, reference),
+                sum(picture) / sum(reference),
+                1e3 * seconds,
+            );
+            keep(&format!("{name}-{samples}.png"), picture);
+        };
+        tell("noisy", noisy, 0.0);
+        for (name, denoiser) in &denoisers {
+            let run = || {
+                let started = Instant::now();
+                (denoiser.denoise(&frame, &Threads(2)).expect("denoises"), started.elapsed().as_secs_f64())
+            };
+            let (first, second) = (run(), run());
+            tell(name, first.0.radiance.data(), first.1.min(second.1));
+        }
+    }
+}
+
+fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
+    let registry = Registry::linked().expect("no clash");
+    let entry = registry.find(Slot::Denoise, kind).expect("registered");
+    match entry.construct_str(options).map(|made| made.stage) {
+        Ok(syntable_model::registry::Stage::Denoise(denoiser)) => denoiser,
+        _ => panic!("`{kind}` cannot be made with `{options}`"),
+    }
+}
+
+fn render(scene: &Arc<Scene>, view: &View, samples: u32, seed: u64, wants: &[KeyId]) -> Frame {
+    let options = CpuPath { samples_per_pixel: samples, ..CpuPath::default() };
+    let mut session = CpuPathRenderer::new(options).expect("sound options").session();
+    session.load(scene, &Threads(2)).expect("loads");
+    let mut frame = Frame::new();
+    let mut wants = wants.to_vec();
+    wants.sort_by_key(|key| key.name);
+    wants.dedup();
+    let request = RenderRequest { view, wants: &wants, stream: Stream::root(seed), workers: &Threads(2) };
+    session.render(&request, &mut frame).expect("renders");
+    frame
+}
+
+fn sum(picture: &Picture) -> f64 {
+    picture.iter().flatten().map(|&x| f64::from(x)).sum()
+}
+
+fn luminance(c: &[f32; 3]) -> f64 {
+    0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
+}
+
+fn white(reference: &Picture) -> f64 {
+    let logs: f64 = reference.iter().map(|c| luminance(c).max(1e-6).ln()).sum();
+    (logs / reference.len() as f64).exp() * 5.56
+}
+
+fn srgb(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+fn mean_of(a: &Picture, r: &Picture, f: impl Fn(f64, f64) -> f64) -> f64 {
+    let pairs = a.iter().flatten().zip(r.iter().flatten());
+    pairs.map(|(&a, &r)| f(a.into(), r.into())).sum::<f64>() / (3 * r.len()) as f64
+}
+
+fn psnr(a: &Picture, r: &Picture, white: f64) -> f64 {
+    -10.0 * mean_of(a, r, |a, r| (srgb(a / white) - srgb(r / white)).powi(2)).log10()
+}
+
+fn relative_error(a: &Picture, r: &Picture) -> f64 {
+    let mean = r.iter().map(luminance).sum::<f64>() / r.len() as f64;
+    mean_of(a, r, |a, r| (a - r).powi(2) / (r * r + 0.01 * mean * mean))
+}
+
+fn write(path: &Path, picture: &Picture, white: f64) {
+    let bytes: Vec<u8> = picture.iter().flatten().map(|&x| (srgb(f64::from(x) / white) * 255.0 + 0.5) as u8).collect();
+    let file = std::fs::File::create(path).expect("the folder exists");
+    let mut encoder = png::Encoder::new(file, WIDTH, HEIGHT);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes)).expect("the picture can be written");
+}

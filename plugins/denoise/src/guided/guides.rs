@@ -1,0 +1,121 @@
+//! What tells surfaces apart: normals, the planes that pixels lie on, ids, and colour where these are mixed.
+
+use super::planes::{CHUNK, Chunk, Padded, Size, fill};
+use syntable_model::context::Workers;
+
+/// Id of pixels without a surface and of the margin; no tap takes anything from them.
+pub(super) const NOTHING: f32 = -1.0;
+
+/// Relative distance from a pixel's plane that costs one e-fold.
+const PLANE: f32 = 0.02;
+
+/// At the border of bodies: what a squared difference of normals costs, as a share of what it costs elsewhere.
+const BORDER_NORMAL: f32 = 0.3;
+
+/// At the border of bodies: e-folds for each squared difference of the colours' luminance.
+const BORDER_COLOR: f32 = 30.0;
+
+/// The guides of a picture.
+pub(super) struct Guides {
+    /// Mean normal, camera frame.
+    pub normal: [Padded; 3],
+    /// Luminance of the mean base colour.
+    pub color: Padded,
+    /// 1 / depth, 1/m: affine in pixel coordinates on a plane, whatever the focal length. 0 for nothing.
+    pub disparity: Padded,
+    /// Id of the body, or [`NOTHING`].
+    pub id: Padded,
+    /// Change of the disparity from one pixel to the next, along x and y.
+    slope: [Padded; 2],
+    /// 1 where another body is among the eight neighbours, else 0.
+    border: Padded,
+}
+
+impl Guides {
+    /// Finds slopes and borders.
+    pub fn new(
+        size: Size,
+        workers: &dyn Workers,
+        normal: [Padded; 3],
+        color: Padded,
+        disparity: Padded,
+        id: Padded,
+    ) -> Self {
+        let zero = || Padded::new(size, 0.0);
+        let (mut along_x, mut along_y, mut border) = (zero(), zero(), zero());
+        let stride = size.stride();
+        fill(size, workers, [&mut along_x, &mut along_y, &mut border], |spot| {
+            let at = spot.at;
+            [
+                slope(&disparity, &id, at, 1),
+                slope(&disparity, &id, at, stride),
+                foreign(id.chunk(at), around(at, stride).map(|there| id.chunk(there))),
+            ]
+        });
+        Self { normal, color, disparity, id, slope: [along_x, along_y], border }
+    }
+
+    /// For the taps at an offset of `(dx, dy)` px from a chunk: minus the logarithm of how much they are worth, before any
+    /// light is looked at; from 8 on they are worth nothing. `per_normal` is what a squared difference of normals costs.
+    ///
+    /// Inside a body, taps must be of that body and near its plane. At its border a pixel shows two bodies, and its depth
+    /// and id speak of one of them: there the mean normal and colour alone decide.
+    #[inline(always)]
+    pub fn cost(&self, here: usize, there: usize, dx: f32, dy: f32, per_normal: &Chunk) -> Chunk {
+        let [nx, ny, nz] = &self.normal;
+        let (px, py, pz) = (nx.chunk(here), ny.chunk(here), nz.chunk(here));
+        let (qx, qy, qz) = (nx.chunk(there), ny.chunk(there), nz.chunk(there));
+        let (pw, qw) = (self.disparity.chunk(here), self.disparity.chunk(there));
+        let (sx, sy) = (self.slope[0].chunk(here), self.slope[1].chunk(here));
+        let (pi, qi) = (self.id.chunk(here), self.id.chunk(there));
+        let (pc, qc) = (self.color.chunk(here), self.color.chunk(there));
+        let border = self.border.chunk(here);
+        let mut out = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            let (x, y, z) = (px[i] - qx[i], py[i] - qy[i], pz[i] - qz[i]);
+            let turned = (x * x + y * y + z * z) * per_normal[i];
+            let off = (qw[i] - (pw[i] + sx[i] * dx + sy[i] * dy)).abs();
+            let inside = turned + off / (PLANE * pw[i] + 1e-9);
+            let color = pc[i] - qc[i];
+            let mixed = turned * BORDER_NORMAL + color * color * BORDER_COLOR;
+            let inside = if pi[i] == qi[i] { inside } else { 8.0 };
+            let mixed = if qi[i] >= 0.0 { mixed } else { 8.0 };
+            out[i] = if border[i] > 0.0 { mixed } else { inside };
+        }
+        out
+    }
+}
+
+/// The indices of the eight neighbours.
+fn around(at: usize, stride: usize) -> [usize; 8] {
+    let (up, down) = (at - stride, at + stride);
+    [up - 1, up, up + 1, at - 1, at + 1, down - 1, down, down + 1]
+}
+
+fn foreign(ids: &Chunk, neighbours: [&Chunk; 8]) -> Chunk {
+    std::array::from_fn(|i| {
+        let other = neighbours.iter().any(|ids_there| ids_there[i] >= 0.0 && ids_there[i] != ids[i]);
+        if ids[i] >= 0.0 && other { 1.0 } else { 0.0 }
+    })
+}
+
+/// The smaller of the differences to the two neighbours of the same body; 0 if there is none.
+fn slope(disparity: &Padded, id: &Padded, at: usize, step: usize) -> Chunk {
+    let [before, here, after] = [at - step, at, at + step].map(|i| (disparity.chunk(i), id.chunk(i)));
+    std::array::from_fn(|i| {
+        let back = if before.1[i] == here.1[i] { here.0[i] - before.0[i] } else { f32::INFINITY };
+        let forth = if after.1[i] == here.1[i] { after.0[i] - here.0[i] } else { f32::INFINITY };
+        let least = if back.abs() < forth.abs() { back } else { forth };
+        if least.is_finite() { least } else { 0.0 }
+    })
+}
+
+/// About exp(−x) for x ≥ 0, and exactly 0 from 8 on.
+#[inline(always)]
+pub(super) fn falloff(x: f32) -> f32 {
+    let t = 1.0 - x * 0.125;
+    let t = if t > 0.0 { t } else { 0.0 };
+    let t2 = t * t;
+    let t4 = t2 * t2;
+    t4 * t4
+}

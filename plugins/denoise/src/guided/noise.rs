@@ -1,0 +1,111 @@
+//! How noisy every pixel is, and the specks that are too bright to be spread.
+
+use super::guides::{Guides, falloff};
+use super::planes::{CHUNK, Chunk, Padded, Size, fill};
+use super::{Signal, wide};
+use syntable_model::context::Workers;
+
+/// Reach of the window, px.
+const REACH: isize = 3;
+
+/// What a squared difference of normals costs here.
+const PER_NORMAL: Chunk = [20.0; CHUNK];
+
+/// A pixel is a speck from so many standard deviations of its neighbours above their mean.
+const SPECK: f32 = 3.0;
+
+/// How many taps the window without guides counts for, so that a pixel without likes is not believed to be quiet.
+const PRIOR: f32 = 1.0;
+
+/// What the window says.
+pub(super) struct Noise {
+    /// The signal without specks, and with a variance that is believed.
+    pub signal: Signal,
+    /// Mean luminance of the window, and the variance of that mean.
+    pub pilot: [Padded; 2],
+}
+
+/// Looks at the neighbours of every pixel. The variance is the mean of the renderer's estimates, if it has any (`known`),
+/// since one of few samples is worth little by itself; otherwise it is the neighbours' own spread.
+pub(super) fn estimate(size: Size, workers: &dyn Workers, guides: &Guides, from: &Signal, known: bool) -> Noise {
+    let mut signal = Signal::new(size);
+    let mut pilot = [Padded::new(size, 0.0), Padded::new(size, 0.0)];
+    let Signal { color: [r, g, b], luminance, variance } = &mut signal;
+    let [mean, of_mean] = &mut pilot;
+    let (stride, wide) = (size.stride() as isize, wide());
+    fill(size, workers, [r, g, b, luminance, variance, mean, of_mean], |spot| {
+        #[cfg(target_arch = "x86_64")]
+        if wide {
+            // SAFETY: `wide` says that the processor has AVX2.
+            return unsafe { look_wide(guides, from, known, spot.at, stride) };
+        }
+        look(guides, from, known, spot.at, stride)
+    });
+    Noise { signal, pilot }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn look_wide(guides: &Guides, from: &Signal, known: bool, at: usize, stride: isize) -> [Chunk; 7] {
+    look(guides, from, known, at, stride)
+}
+
+#[inline(always)]
+fn look(guides: &Guides, from: &Signal, known: bool, at: usize, stride: isize) -> [Chunk; 7] {
+    let zero = [0.0; CHUNK];
+    // Sums over likes: weights, their squares, luminance, its square, variance; and over all surfaces.
+    let (mut w1, mut w2, mut m1, mut m2, mut mv) = (zero, zero, zero, zero, zero);
+    let (mut all, mut all_l, mut all_v) = (zero, zero, zero);
+    for dy in -REACH..=REACH {
+        for dx in -REACH..=REACH {
+            if (dx, dy) == (0, 0) {
+                continue;
+            }
+            let there = (at as isize + dy * stride + dx) as usize;
+            let cost = guides.cost(at, there, dx as f32, dy as f32, &PER_NORMAL);
+            let (l, v, id) = (from.luminance.chunk(there), from.variance.chunk(there), guides.id.chunk(there));
+            for i in 0..CHUNK {
+                let w = falloff(cost[i]);
+                w1[i] += w;
+                w2[i] += w * w;
+                m1[i] += w * l[i];
+                m2[i] += w * (l[i] * l[i]);
+                mv[i] += w * v[i];
+                let any = if id[i] >= 0.0 { 1.0 } else { 0.0 };
+                all[i] += any;
+                all_l[i] += any * l[i];
+                all_v[i] += any * v[i];
+            }
+        }
+    }
+    let color = [0, 1, 2].map(|c| from.color[c].chunk(at));
+    let (l, v) = (from.luminance.chunk(at), from.variance.chunk(at));
+    let mut out = [zero; 7];
+    for i in 0..CHUNK {
+        let mean = m1[i] / (w1[i] + 1e-6);
+        let spread = m2[i] / (w1[i] + 1e-6) - mean * mean;
+        let spread = if spread > 0.0 { spread } else { 0.0 };
+        let usual = mean + SPECK * spread.sqrt();
+        // Light that the pixel's own samples agree on is no speck.
+        let sure = if known { l[i] - SPECK * v[i].sqrt() } else { 0.0 };
+        let limit = if usual > sure { usual } else { sure };
+        let kept = if w1[i] > 3.0 && l[i] > limit { limit } else { l[i] };
+        let share = kept / (l[i] + 1e-30);
+        let share = if kept < l[i] { share } else { 1.0 };
+        let loose = all_l[i] / (all[i] + 1e-6);
+        let variance = if known {
+            (mv[i] + v[i] + PRIOR * all_v[i] / (all[i] + 1e-6)) / (w1[i] + 1.0 + PRIOR)
+        } else {
+            (w1[i] * spread + PRIOR * loose * loose) / (w1[i] + PRIOR)
+        };
+        let total = w1[i] + 1.0;
+        for c in 0..3 {
+            out[c][i] = color[c][i] * share;
+        }
+        out[3][i] = kept;
+        out[4][i] = variance;
+        out[5][i] = (m1[i] + kept) / total;
+        out[6][i] = variance * (w2[i] + 1.0) / (total * total);
+    }
+    out
+}

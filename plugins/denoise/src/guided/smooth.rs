@@ -1,0 +1,105 @@
+//! One level of the filter: 5 × 5 taps, some pixels apart.
+
+use super::guides::{Guides, falloff};
+use super::planes::{CHUNK, Chunk, Padded, Size, fill};
+use super::{Signal, luminance, wide};
+use syntable_model::context::Workers;
+
+/// Weights of a tap by its distance along an axis: a Gaussian of 1.2 taps.
+const KERNEL: [f32; 3] = [1.0, 0.707, 0.249];
+
+/// Squared difference of normals that costs one e-fold, for noise as strong as the light; and between which bounds.
+const NORMAL: (f32, f32, f32) = (0.4, 0.01, 1.0);
+
+/// What a level works on.
+pub(super) struct Level<'a> {
+    pub guides: &'a Guides,
+    pub from: &'a Signal,
+    /// Means over a window, and their variance, by which likes are known too where the light itself is too noisy.
+    pub pilot: Option<&'a [Padded; 2]>,
+    /// Distance of the taps, px.
+    pub step: usize,
+    /// Difference of light that costs one e-fold, in standard deviations.
+    pub sigmas: f32,
+    /// The same for means.
+    pub pilot_sigmas: f32,
+}
+
+/// Filters.
+pub(super) fn smooth(size: Size, workers: &dyn Workers, level: &Level, to: &mut Signal) {
+    let (stride, wide) = (size.stride() as isize, wide());
+    let Signal { color: [r, g, b], luminance, variance } = to;
+    fill(size, workers, [r, g, b, luminance, variance], |spot| {
+        #[cfg(target_arch = "x86_64")]
+        if wide {
+            // SAFETY: `wide` says that the processor has AVX2.
+            return unsafe { level.chunk_wide(spot.at, stride) };
+        }
+        level.chunk(spot.at, stride)
+    });
+}
+
+impl Level<'_> {
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn chunk_wide(&self, at: usize, stride: isize) -> [Chunk; 5] {
+        self.chunk(at, stride)
+    }
+
+    #[inline(always)]
+    fn chunk(&self, at: usize, stride: isize) -> [Chunk; 5] {
+        let Self { guides, from, .. } = self;
+        let (scale, least, most) = NORMAL;
+        let [per_light, per_pilot] = [self.sigmas, self.pilot_sigmas].map(|sigmas| 1.0 / (sigmas * sigmas));
+        let [pr, pg, pb] = [0, 1, 2].map(|c| from.color[c].chunk(at));
+        let own = from.variance.chunk(at);
+        let level = self.pilot.map_or(&from.luminance, |[mean, _]| mean).chunk(at);
+        let mut per_normal = [0.0; CHUNK];
+        for i in 0..CHUNK {
+            // The noisier, the more a tap may be turned away.
+            let spread = scale * (own[i] / (level[i] * level[i] + 1e-12)).sqrt();
+            let spread = if spread > least { spread } else { least };
+            per_normal[i] = 1.0 / if spread < most { spread } else { most };
+        }
+        let mut sum = [[0.0; CHUNK]; 5];
+        for dy in -2..=2_isize {
+            for dx in -2..=2_isize {
+                let (ox, oy) = (dx * self.step as isize, dy * self.step as isize);
+                let there = (at as isize + oy * stride + ox) as usize;
+                let mut cost = guides.cost(at, there, ox as f32, oy as f32, &per_normal);
+                if let Some([mean, variance]) = self.pilot {
+                    let (pu, pv) = (mean.chunk(at), variance.chunk(at));
+                    let (qu, qv) = (mean.chunk(there), variance.chunk(there));
+                    for i in 0..CHUNK {
+                        let d = pu[i] - qu[i];
+                        cost[i] += d * d * per_pilot / (pv[i] + qv[i] + 1e-8 * pu[i] * pu[i] + 1e-20);
+                    }
+                }
+                let kernel = KERNEL[dx.unsigned_abs()] * KERNEL[dy.unsigned_abs()];
+                let [qr, qg, qb] = [0, 1, 2].map(|c| from.color[c].chunk(there));
+                let v = from.variance.chunk(there);
+                for i in 0..CHUNK {
+                    let (r, g, b) = (pr[i] - qr[i], pg[i] - qg[i], pb[i] - qb[i]);
+                    let unlike = luminance([r * r, g * g, b * b]) * per_light;
+                    let unlike = unlike / (own[i] + v[i] + 1e-8 * level[i] * level[i] + 1e-20);
+                    let w = falloff(cost[i] + unlike) * kernel;
+                    sum[0][i] += w * qr[i];
+                    sum[1][i] += w * qg[i];
+                    sum[2][i] += w * qb[i];
+                    sum[3][i] += w * w * v[i];
+                    sum[4][i] += w;
+                }
+            }
+        }
+        let mut out = [[0.0; CHUNK]; 5];
+        for i in 0..CHUNK {
+            // The pixel itself weighs 1, unless it is no surface.
+            let per = 1.0 / (sum[4][i] + 1e-30);
+            let color = [sum[0][i] * per, sum[1][i] * per, sum[2][i] * per];
+            (out[0][i], out[1][i], out[2][i]) = (color[0], color[1], color[2]);
+            out[3][i] = luminance(color);
+            out[4][i] = sum[3][i] * per * per;
+        }
+        out
+    }
+}

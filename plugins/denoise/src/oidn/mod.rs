@@ -1,0 +1,143 @@
+//! `oidn`: Open Image Denoise, if the user has it.
+
+mod library;
+
+use library::{Device, Job};
+use std::sync::{Mutex, PoisonError};
+use syntable_model::context::Workers;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{ALBEDO_MEAN, NORMAL_MEAN, RADIANCE};
+
+/// Time against quality, as Open Image Denoise has it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Quality {
+    /// Smallest network. Versions before 2.3 take `balanced` instead.
+    Fast,
+    /// A smaller network.
+    Balanced,
+    /// The largest network.
+    #[default]
+    High,
+}
+
+impl Quality {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Balanced => "balanced",
+            Self::High => "high",
+        }
+    }
+
+    /// `OIDNQuality`, as far as the library knows it.
+    fn code(self, device: &Device) -> i32 {
+        match self {
+            Self::Fast if device.at_least(2, 3) => 4,
+            Self::Fast | Self::Balanced => 5,
+            Self::High => 6,
+        }
+    }
+}
+
+/// Open Image Denoise: a neural network for path-traced pictures, from a library that is loaded while the program runs.
+/// It is not part of this program: `pip install oidn` or the archives of its releases have it. Versions from 1.4 are
+/// understood. It runs on the processor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Oidn {
+    /// The library: `libOpenImageDenoise.so.2`, `OpenImageDenoise.dll` or `libOpenImageDenoise.dylib`, with its path.
+    library: AssetPath,
+    /// Time against quality. Versions before 2.0 have `high` only.
+    #[serde(default)]
+    quality: Quality,
+    /// Whether to trust albedo and normals as free of noise, which keeps more detail. Switch it off where much is out of
+    /// focus, glass or mirrors.
+    #[serde(default = "yes")]
+    clean_guides: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl Config for Oidn {
+    type Stage = dyn Denoiser;
+    const KIND: &'static str = "oidn";
+    const EXAMPLE: &'static str = "library = \"${OIDN_LIBRARY}\"\nquality = \"high\"";
+    fn build(self) -> Result<Box<dyn Denoiser>, Invalid> {
+        Ok(Box::new(OidnDenoiser { options: self, device: Mutex::new(None) }))
+    }
+}
+
+/// The denoiser of [`Oidn`]: one device, opened when the first picture comes.
+struct OidnDenoiser {
+    options: Oidn,
+    device: Mutex<Option<Device>>,
+}
+
+impl Denoiser for OidnDenoiser {
+    fn guides(&self) -> Vec<KeyId> {
+        keys![ALBEDO_MEAN, NORMAL_MEAN]
+    }
+
+    fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised> {
+        let Oidn { library, quality, clean_guides } = &self.options;
+        let mut radiance = rendered.get(RADIANCE)?.map(|pixel| pixel.map(finite));
+        let mut albedo = rendered.get(ALBEDO_MEAN)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
+        let mut normal = rendered.get(NORMAL_MEAN)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
+        let scale = 1.0 / white(radiance.data());
+        let mut held = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let device = match &mut *held {
+            Some(device) => device,
+            none => none.insert(Device::open(library.path(), workers.threads()).map_err(|error| {
+                error.in_file(library.path()).help(
+                    "`library` must name Open Image Denoise for this system: `pip install oidn` puts one into \
+                     site-packages/oidn, and the archives of its releases have one in lib; or denoise with \
+                     `kind = \"guided\"`",
+                )
+            })?),
+        };
+        let code = quality.code(device);
+        let (width, height) = (radiance.width() as usize, radiance.height() as usize);
+        let job = Job {
+            width,
+            height,
+            color: radiance.data_mut(),
+            albedo: albedo.data_mut(),
+            normal: normal.data_mut(),
+            clean_guides: *clean_guides,
+            quality: code,
+            scale,
+        };
+        device.filter(job).map_err(|error| error.in_file(library.path()))?;
+        let quality = if device.at_least(2, 0) { *quality } else { Quality::High };
+        let report = Value::record([
+            ("name", Self::NAME.into()),
+            ("version", device.version().into()),
+            ("quality", quality.name().into()),
+            ("clean_guides", (*clean_guides).into()),
+        ]);
+        Ok(Denoised { radiance, report })
+    }
+}
+
+impl OidnDenoiser {
+    const NAME: &'static str = Oidn::KIND;
+}
+
+/// A sound amount of light: what is not is none.
+fn finite(x: f32) -> f32 {
+    if x.is_finite() { x.max(0.0) } else { 0.0 }
+}
+
+/// The radiance that is to count as white: about five times the log-average, where a light meter would put it. It is a
+/// function of the picture alone, which the library's own exposure need not be.
+fn white(pixels: &[[f32; 3]]) -> f32 {
+    let luminance = |c: &[f32; 3]| 0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2]);
+    let lit = pixels.iter().map(luminance).filter(|l| *l > 0.0);
+    let (sum, count) = lit.fold((0.0, 0_u32), |(sum, count), l| (sum + l.ln(), count + 1));
+    if count == 0 { 1.0 } else { (5.0 * (sum / f64::from(count)).exp()) as f32 }
+}
+
+register!(Oidn);

@@ -1,0 +1,201 @@
+//! The guided filter against closed forms and a converged picture.
+
+mod common;
+
+use common::{Room, luminance};
+use syntable_denoise::guided::Guided;
+use syntable_model::context::Serial;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_VARIANCE};
+use syntable_model::registry::{Registry, Slot};
+use syntable_testing::workers::Threads;
+
+type Rgb = [f32; 3];
+
+fn denoise(frame: &Frame) -> Vec<Rgb> {
+    let denoiser = Guided::default().build().expect("sound defaults");
+    denoiser.denoise(frame, &Threads(2)).expect("denoises").radiance.data().to_vec()
+}
+
+/// A pixel of a made-up picture.
+#[derive(Clone, Copy)]
+struct Pixel {
+    radiance: Rgb,
+    variance: f32,
+    albedo: Rgb,
+    normal: Rgb,
+    depth: f32,
+    id: u16,
+}
+
+/// A wall that faces the camera, white but for the 4 % that mirrors.
+const WALL: Pixel = Pixel {
+    radiance: [10.0; 3],
+    variance: f32::INFINITY,
+    albedo: [0.96; 3],
+    normal: [0.0, 0.0, -1.0],
+    depth: 2.0,
+    id: 1,
+};
+
+fn picture(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Frame {
+    let pixels = Plane::from_fn(width, height, &mut pixel);
+    let mut frame = Frame::new();
+    frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
+    frame.put(RADIANCE_VARIANCE, pixels.map(|p| p.variance)).expect("new");
+    frame.put(ALBEDO_MEAN, pixels.map(|p| p.albedo)).expect("new");
+    frame.put(NORMAL_MEAN, pixels.map(|p| p.normal)).expect("new");
+    frame.put(DEPTH, pixels.map(|p| p.depth)).expect("new");
+    frame.put(INSTANCE, pixels.map(|p| InstanceId(p.id))).expect("new");
+    frame
+}
+
+/// Noise of mean 1 and a known relative deviation.
+fn noise(stream: &mut Stream, deviation: f64) -> f32 {
+    (1.0 + deviation * 12_f64.sqrt() * (stream.uniform(0.0, 1.0) - 0.5)) as f32
+}
+
+fn mean(values: impl Iterator<Item = f32>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), x| (sum + f64::from(x), count + 1));
+    sum / f64::from(count)
+}
+
+#[test]
+fn the_kind_keeps_the_house_rules() {
+    let registry = Registry::linked().expect("no clash");
+    for kind in ["guided", "oidn"] {
+        syntable_testing::conformance::entry(registry.find(Slot::Denoise, kind).expect("registered"));
+    }
+    assert!(Guided { strength: f64::NAN, ..Guided::default() }.build().is_err());
+    assert!(Guided { levels: 6, ..Guided::default() }.build().is_err());
+}
+
+#[test]
+fn a_picture_without_noise_stays() {
+    let textured = |x: u32, y: u32| {
+        let shade = 0.5 + 0.4 * ((x / 7 + y / 5) % 2) as f32;
+        let light = 5.0 + 4.0 * (0.2 * x as f32).sin() * (0.13 * y as f32).cos();
+        Pixel { radiance: [light * shade, light * 0.3, light * 2.0], albedo: [shade; 3], variance: 0.0, ..WALL }
+    };
+    let frame = picture(70, 50, textured);
+    for (after, before) in denoise(&frame).iter().zip(frame.get(RADIANCE).expect("put").data()) {
+        for c in 0..3 {
+            assert!((after[c] - before[c]).abs() <= 1e-3 * before[c], "{before:?} became {after:?}");
+        }
+    }
+}
+
+#[test]
+fn error_on_a_wall_falls_as_a_mean_of_its_neighbours() {
+    for (variance_known, deviation) in [(false, 0.5), (true, 0.5), (true, 0.1)] {
+        let mut stream = Stream::root(7);
+        let frame = picture(96, 80, |_, _| {
+            let radiance = [10.0 * noise(&mut stream, deviation); 3];
+            let variance = if variance_known { (10.0 * deviation).powi(2) as f32 } else { f32::INFINITY };
+            Pixel { radiance, variance, ..WALL }
+        });
+        let after = denoise(&frame);
+        let light = mean(after.iter().map(|p| p[0]));
+        // 7680 samples: their own mean deviates by deviation / 88.
+        let bound = 4.0 * deviation / 88.0 + 0.01;
+        assert!((light / 10.0 - 1.0).abs() < bound, "{light} nits of 10");
+        // Four levels of 25 taps, 1 to 8 px apart: equal weights would leave a deviation of less than a hundredth.
+        let error = mean(after.iter().map(|p| (p[0] - 10.0).powi(2))).sqrt() / 10.0;
+        assert!(error < 0.12 * deviation, "deviation {deviation} became {error}");
+    }
+}
+
+#[test]
+fn light_does_not_cross_from_one_body_or_face_to_the_next() {
+    let mut stream = Stream::root(3);
+    let turned = Pixel { normal: [1.0, 0.0, 0.0], radiance: [40.0; 3], ..WALL };
+    let other = Pixel { id: 2, albedo: [0.46; 3], radiance: [1.0; 3], normal: [0.0, -1.0, 0.0], ..WALL };
+    let behind = Pixel { depth: 3.0, radiance: [90.0; 3], ..WALL };
+    let parts = [WALL, turned, other, behind];
+    let frame = picture(96, 40, |x, _| {
+        let part = parts[x as usize / 24];
+        Pixel { radiance: part.radiance.map(|r| r * noise(&mut stream, 0.2)), ..part }
+    });
+    let after = denoise(&frame);
+    for (number, part) in parts.iter().enumerate() {
+        for x in [0, 1, 22, 23] {
+            let column = (0..40).map(|y| after[y * 96 + number * 24 + x][0]);
+            let light = mean(column) / f64::from(part.radiance[0]);
+            assert!((light - 1.0).abs() < 0.08, "part {number}, column {x}: {light} of its light");
+        }
+    }
+}
+
+#[test]
+fn a_speck_is_cut_but_a_sure_highlight_is_kept() {
+    for (variance, kept) in [(f32::INFINITY, false), (4.0, true)] {
+        let mut stream = Stream::root(5);
+        let frame = picture(48, 48, |x, y| {
+            let light = if (x, y) == (24, 24) { 1000.0 } else { 10.0 * noise(&mut stream, 0.2) };
+            Pixel { radiance: [light; 3], variance, ..WALL }
+        });
+        let after = denoise(&frame);
+        assert_eq!(after[24 * 48 + 24][0] > 900.0, kept, "{}", after[24 * 48 + 24][0]);
+        let beside = after[24 * 48 + 26][0];
+        assert!((8.0..12.0).contains(&beside), "{beside} nits beside it");
+    }
+}
+
+#[test]
+fn what_is_no_number_stays_where_it_is() {
+    let mut stream = Stream::root(1);
+    let frame = picture(40, 40, |x, y| {
+        let pixel = Pixel { radiance: [10.0 * noise(&mut stream, 0.3); 3], ..WALL };
+        match (x, y) {
+            (5, 5) => Pixel { radiance: [f32::NAN; 3], ..pixel },
+            (20, 5) => Pixel { radiance: [f32::INFINITY, 1.0, 1.0], ..pixel },
+            (30, 30) => Pixel { normal: [f32::NAN; 3], ..pixel },
+            (10, 30) => Pixel { albedo: [f32::NAN; 3], variance: f32::NAN, ..pixel },
+            (20, 20) => Pixel { depth: f32::INFINITY, id: 0, radiance: [5e4; 3], ..pixel },
+            (35, 10) => Pixel { depth: 0.0, ..pixel },
+            (37, 37) => Pixel { radiance: [3e38; 3], ..pixel },
+            _ => pixel,
+        }
+    });
+    let after = denoise(&frame);
+    assert_eq!(after[20 * 40 + 20], [5e4; 3], "a lamp passes");
+    for (number, pixel) in after.iter().enumerate() {
+        let odd = [(5, 5), (20, 5), (20, 20), (35, 10), (37, 37)].contains(&(number % 40, number / 40));
+        assert!(odd || pixel.iter().all(|x| (4.0..16.0).contains(x)), "pixel {number}: {pixel:?}");
+    }
+}
+
+#[test]
+fn any_size_and_any_number_of_threads() {
+    for (width, height) in [(1, 1), (1, 9), (31, 2), (33, 17), (130, 70)] {
+        let mut stream = Stream::root(2);
+        let frame = picture(width, height, |_, y| {
+            let id = 1 + (y / 9) as u16;
+            Pixel { radiance: [10.0 * noise(&mut stream, 0.3), 3.0, 20.0], id, ..WALL }
+        });
+        let denoiser = Guided::default().build().expect("sound defaults");
+        let one = denoiser.denoise(&frame, &Serial).expect("denoises");
+        assert!(one.radiance.data().iter().flatten().all(|x| x.is_finite() && *x > 0.0));
+        for threads in [2, 5] {
+            let many = denoiser.denoise(&frame, &Threads(threads)).expect("denoises");
+            assert_eq!(one.radiance, many.radiance, "{width} × {height}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn a_room_gets_better_at_few_samples_and_no_worse_at_many() {
+    let room = Room::new(64, 48);
+    let reference = room.frame(1200, 1, 99);
+    let reference = reference.get(RADIANCE).expect("put").data();
+    let scale = mean(reference.iter().map(|&c| luminance(c)));
+    let error = |picture: &[Rgb]| {
+        let pairs = picture.iter().flatten().zip(reference.iter().flatten());
+        mean(pairs.map(|(a, r)| (a - r).powi(2) / (r * r + 0.01 * (scale * scale) as f32)))
+    };
+    for (samples, factor) in [(1, 0.3), (4, 0.45), (128, 1.0)] {
+        let frame = room.frame(samples, 0, 5);
+        let (before, after) = (error(frame.get(RADIANCE).expect("put").data()), error(&denoise(&frame)));
+        assert!(after < factor * before, "{samples} samples: relMSE {before} became {after}");
+    }
+}

@@ -1,0 +1,58 @@
+//! Open Image Denoise, where there is one.
+
+mod common;
+
+use common::Room;
+use std::io::Write;
+use syntable_denoise as _;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RADIANCE;
+use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_testing::workers::Threads;
+
+fn denoiser(options: &str) -> Box<dyn Denoiser> {
+    let registry = Registry::linked().expect("no clash");
+    let entry = registry.find(Slot::Denoise, "oidn").expect("registered");
+    match entry.construct_str(options).unwrap_or_else(|error| panic!("{error:?}")).stage {
+        Stage::Denoise(denoiser) => denoiser,
+        _ => unreachable!("the slot is that of denoisers"),
+    }
+}
+
+#[test]
+fn a_missing_or_wrong_library_is_named_with_a_way_out() {
+    let frame = Room::new(8, 8).frame(1, 0, 1);
+    for library in ["/nowhere/libOpenImageDenoise.so.2", file!()] {
+        let error = denoiser(&format!("library = {library:?}")).denoise(&frame, &Threads(1)).expect_err("no library");
+        assert_eq!(error.file().expect("named").to_string_lossy(), library);
+        assert!(error.way_out().expect("known").contains("pip install oidn"), "{error}");
+    }
+}
+
+#[test]
+fn it_denoises_with_the_library_of_the_user() {
+    let Ok(library) = std::env::var("SYNTABLE_OIDN") else {
+        // Past the capture of the test harness, so that it is seen.
+        let _ = writeln!(std::io::stderr(), "SYNTABLE_OIDN is not set: Open Image Denoise is not tested");
+        return;
+    };
+    let room = Room::new(97, 71);
+    let (frame, reference) = (room.frame(4, 0, 1), room.frame(400, 1, 2));
+    let error = |picture: &Plane<[f32; 3]>| {
+        let pairs = picture.data().iter().flatten().zip(reference.get(RADIANCE).expect("put").data().iter().flatten());
+        pairs.map(|(a, r)| f64::from((a - r).powi(2) / (r * r + 1.0))).sum::<f64>()
+    };
+    let options = format!("library = {library:?}\nquality = \"fast\"\nclean_guides = false");
+    let stage = denoiser(&options);
+    let first = stage.denoise(&frame, &Threads(2)).expect("denoises");
+    let second = stage.denoise(&frame, &Threads(2)).expect("denoises again");
+    assert_eq!(first.radiance, second.radiance, "the same picture twice");
+    let alone = denoiser(&options).denoise(&frame, &Threads(1)).expect("denoises");
+    assert_eq!(first.radiance, alone.radiance, "the same picture on one thread");
+    let (before, after) = (error(frame.get(RADIANCE).expect("put")), error(&first.radiance));
+    assert!(after < 0.4 * before, "{before} became {after}");
+    let Value::Record(report) = &first.report else { panic!("a record") };
+    assert_eq!(report[0], ("name".to_owned(), "oidn".into()));
+    let (name, Value::Text(version)) = &report[1] else { panic!("a version") };
+    assert!(name == "version" && version.split('.').count() == 3, "{name} {version}");
+}
