@@ -24,6 +24,7 @@ mod layers;
 mod materials;
 mod nodes;
 mod primitive;
+mod uses;
 
 /// Extensions that are read, or that change nothing here.
 const READ: [&str; 14] = [

@@ -6,7 +6,8 @@
 //! words, so that the scale of a node changes nothing. Its thickness stands in for geometry where no ray is traced: all
 //! that counts here is whether it is zero, which says that the surface is a thin wall.
 
-use super::materials::{Use, of_info, of_normal, unit};
+use super::materials::unit;
+use super::uses::{Use, of_info, of_normal};
 use crate::files::formats::within;
 use gltf::json;
 use gltf::json::material::NormalTexture;
