@@ -93,7 +93,7 @@ impl Denoiser for OidnDenoiser {
             none => none.insert(Device::open(library.path(), workers.threads()).map_err(|error| {
                 error.in_file(library.path()).help(
                     "`library` must name Open Image Denoise for this system: `pip install oidn` puts one into \
-                     site-packages/oidn, and the archives of its releases have one in lib; or denoise with \
+                     site-packages/oidn/lib.*, and the archives of its releases have one in lib; or denoise with \
                      `kind = \"guided\"`",
                 )
             })?),
