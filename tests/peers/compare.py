@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+"""Compares the CPU renderer with Mitsuba 3, and with Blender's Cycles if it is installed. Not part of CI.
+
+    cargo build --release
+    python3 -m venv /tmp/peers && /tmp/peers/bin/pip install mitsuba oidn numpy pillow flip-evaluator bpy==5.0.1
+    apt-get install libllvm19
+    /tmp/peers/bin/python tests/peers/compare.py
+
+Needs Python 3.11 and, for Mitsuba, an LLVM library: the newest in /usr/lib/*-linux-gnu is taken unless
+`DRJIT_LIBLLVM_PATH` names one. `oidn` (Open Image Denoise), `flip-evaluator` and `bpy` (Cycles) may be missing: then what
+needs them is left out. With `ASSETS` naming a folder that holds `gso`, the comparison of speed takes Google Scanned
+Objects in place of the embedded ones.
+
+`correctness`: scenes of materials that mean the same in both renderers go out through the `gltf` writer, are read by glb.py
+and rendered by Mitsuba; the mean radiance of every region must agree within 1 %, or three standard errors if that is more.
+
+`speed`: twenty things in a closed room, 640 × 480, eight bounces. All times are wall-clock and for the scene loaded and
+kernels compiled; errors are against each renderer's own converged picture. Nothing else should run meanwhile.
+
+With `--book`, tables and pictures go to the book.
+"""
+
+import argparse
+import os
+import tempfile
+from pathlib import Path
+
+import correctness
+import speed
+
+ROOT = Path(__file__).resolve().parents[2]
+BOOK = ROOT / "book" / "src"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="*", choices=["correctness", "speed"], help="both if left out")
+    parser.add_argument("--binary", type=Path, default=ROOT / "target" / "release" / "syntable")
+    parser.add_argument("--work", type=Path, help="folder for what is made on the way; a temporary one if left out")
+    parser.add_argument("--quick", action="store_true", help="few samples: to see that everything runs")
+    parser.add_argument("--book", action="store_true", help="write tables and pictures to the book")
+    arguments = parser.parse_args()
+    what = arguments.what or ["correctness", "speed"]
+    agree = True
+    with tempfile.TemporaryDirectory() as temporary:
+        work = arguments.work or Path(temporary)
+        work.mkdir(parents=True, exist_ok=True)
+        if "correctness" in what:
+            views, samples = (12, 16) if arguments.quick else (16, 64)
+            table, picture, agree = correctness.compare(arguments.binary, work, views, samples)
+            publish(table, "correctness", arguments.book)
+            save(picture, BOOK / "images" / "comparison.png" if arguments.book else work / "comparison.png")
+            print("all regions agree" if agree else "REGIONS DIFFER", flush=True)
+        if "speed" in what:
+            assets = os.environ.get("ASSETS")
+            table = speed.compare(arguments.binary, work, Path(assets) if assets else None, arguments.quick)
+            publish(table, "speed", arguments.book)
+    return 0 if agree else 1
+
+
+def publish(table: str, name: str, book: bool) -> None:
+    """Prints a table, and puts it where the book includes it from."""
+    print(table, flush=True)
+    if book:
+        path = BOOK / "comparison" / f"{name}.md"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(table.rstrip() + "\n")
+
+
+def save(picture, path: Path) -> None:
+    """A picture of few colours, small enough for a repository."""
+    picture.quantize(128).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

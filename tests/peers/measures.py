@@ -1,0 +1,88 @@
+"""How far a picture is from another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def developed(picture: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Radiance as one sees it: the median luminance of `like` becomes middle grey (0.18), then sRGB's curve."""
+    x = np.clip(picture * (0.18 / np.median(like @ LUMINANCE)), 0, 1)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+
+
+def rel_mse(picture: np.ndarray, reference: np.ndarray) -> float:
+    """Mean over pixels and channels of (x − r)² / (r² + ε²), where ε is a hundredth of the reference's mean."""
+    return float(np.mean((picture - reference) ** 2 / (reference**2 + (0.01 * reference.mean()) ** 2)))
+
+
+def flip(picture: np.ndarray, reference: np.ndarray) -> float | None:
+    """Mean FLIP (Andersson et al., 2020) of the developed pictures, if `flip-evaluator` is installed."""
+    try:
+        import flip_evaluator
+    except ImportError:
+        return None
+    pair = [developed(image, reference).astype(np.float32) for image in (reference, picture)]
+    return float(flip_evaluator.evaluate(*pair, "LDR")[1])
+
+
+@dataclass
+class Reference:
+    """A converged picture as two independent halves, so that what noise is left in it can be taken off errors.
+
+    A picture's squared error against the mean of the halves is that against the truth plus the mean's own variance, and
+    that is a quarter of the squared difference of the halves.
+    """
+
+    halves: tuple[np.ndarray, np.ndarray]
+
+    def mean(self) -> np.ndarray:
+        """The picture."""
+        return (self.halves[0] + self.halves[1]) / 2
+
+    def psnr(self, picture: np.ndarray) -> float:
+        """Peak signal to noise of the developed picture, dB."""
+        mean = self.mean()
+        a, b = (developed(half, mean) for half in self.halves)
+        error = np.mean((developed(picture, mean) - developed(mean, mean)) ** 2) - np.mean((a - b) ** 2) / 4
+        return float(-10 * np.log10(max(error, 1e-9)))
+
+    def rel_mse(self, picture: np.ndarray) -> float:
+        """[`rel_mse`] without the reference's own noise."""
+        mean = self.mean()
+        a, b = self.halves
+        own = np.mean((a - b) ** 2 / (mean**2 + (0.01 * mean.mean()) ** 2)) / 4
+        return max(rel_mse(picture, mean) - float(own), 0.0)
+
+    def floor(self) -> float:
+        """Peak signal to noise of the reference itself, dB."""
+        a, b = (developed(half, self.mean()) for half in self.halves)
+        return float(-10 * np.log10(np.mean((a - b) ** 2) / 4))
+
+
+@dataclass
+class Region:
+    """Mean luminance of a region in two renderers."""
+
+    name: str
+    pixels: int
+    ours: float
+    theirs: float
+    sigma: float
+
+    def difference(self) -> float:
+        """Ours over theirs, less one."""
+        return self.ours / self.theirs - 1
+
+    def allowed(self) -> float:
+        """1 %, or three standard errors if that is more."""
+        return max(0.01, 3 * self.sigma / self.theirs)
+
+
+def region(name: str, mask: np.ndarray, ours: np.ndarray, theirs: np.ndarray) -> Region:
+    """Compares independent pictures `[n, height, width, 3]` of both renderers in a region."""
+    means = [(pictures[:, mask] @ LUMINANCE).mean(1) for pictures in (ours, theirs)]
+    sigma = np.sqrt(sum(mean.var(ddof=1) / len(mean) for mean in means))
+    return Region(name, int(mask.sum()), means[0].mean(), means[1].mean(), float(sigma))

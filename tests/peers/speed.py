@@ -1,0 +1,184 @@
+"""Times and errors of pictures of few samples."""
+
+import subprocess
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+
+import cycles_peer
+import measures
+import oidn_peer
+import ours
+from mitsuba_peer import Peer
+
+RECIPE = Path(__file__).parent / "room.toml"
+BOUNCES = 8
+AIMS = (35.0, 39.0)
+# Samples of the albedo and the normals that Mitsuba gives to the denoiser; their time counts.
+GUIDE_SAMPLES = 8
+# Mitsuba holds all samples of a pass in memory.
+PASS = 16
+
+
+@dataclass
+class Row:
+    """One line of the table."""
+
+    how: str
+    samples: int
+    seconds: float
+    psnr: float
+    rel_mse: float
+
+
+def compare(binary: Path, work: Path, assets: Path | None, quick: bool) -> str:
+    """The table of times and errors, and the times at which the aims are reached."""
+    samples, repeats, patience = ((1, 4), 1, 4) if quick else ((1, 2, 4, 8, 16, 32, 64), 2, 120)
+    settings = [f"assets.objects={{ kind = 'google_scanned_objects', root = '{assets / 'gso'}' }}"] if assets else []
+    run = _Ours(binary, work, settings)
+    scene = run.scene()
+    rows, floors = list(run.rows(samples, repeats, patience)), [("ours", run.floor)]
+    mitsuba = _Mitsuba(Peer(scene, BOUNCES), patience)
+    rows += mitsuba.rows(samples, repeats)
+    floors.append((mitsuba.name, mitsuba.reference.floor()))
+    if cycles_peer.is_there():
+        size = scene.camera.width, scene.camera.height
+        cycles = _Cycles(cycles_peer.Peer(work / "room" / "gltf" / "000000.glb", size, BOUNCES, work), patience)
+        rows += cycles.rows(samples, repeats)
+        floors.append((cycles.name, cycles.reference.floor()))
+    objects = "scanned" if assets else "embedded"
+    lines = [f"20 {objects} objects, {scene.triangles():,} triangles, 640 × 480, {BOUNCES} bounces:", ""]
+    return "\n".join(lines + _table(rows) + [""] + _aims(rows) + [""] + _floors(floors))
+
+
+def _table(rows: list[Row]) -> list[str]:
+    lines = ["| renderer | samples | seconds | PSNR, dB | relMSE |", "|---|---|---|---|---|"]
+    numbers = lambda r: f"| {r.how} | {r.samples} | {r.seconds:.2f} | {r.psnr:.1f} | {r.rel_mse:.4f} |"
+    return lines + [numbers(row) for row in rows]
+
+
+def _aims(rows: list[Row]) -> list[str]:
+    head = " | ".join(f"{aim:.0f} dB after" for aim in AIMS)
+    lines = [f"| renderer | {head} |", "|---|" + "---|" * len(AIMS)]
+    for how, group in groupby(rows, key=lambda row: row.how):
+        group = list(group)
+        lines.append(f"| {how} | " + " | ".join(reached(group, aim) for aim in AIMS) + " |")
+    return lines
+
+
+def reached(rows: list[Row], aim: float) -> str:
+    """When a picture reaches a quality, between the rows in proportion to the logarithm of time."""
+    if rows[0].psnr >= aim:
+        return f"at most {rows[0].seconds:.2f} s"
+    for low, high in zip(rows, rows[1:]):
+        if high.psnr >= aim:
+            part = (aim - low.psnr) / (high.psnr - low.psnr)
+            return f"{low.seconds * (high.seconds / low.seconds) ** part:.2f} s"
+    return f"more than {rows[-1].seconds:.1f} s"
+
+
+def _floors(floors: list[tuple[str, float]]) -> list[str]:
+    told = ", ".join(f"{name} {floor:.1f} dB" for name, floor in floors)
+    return [f"Noise left in the converged pictures, taken off the errors: {told}."]
+
+
+def _row(how: str, samples: int, reference: measures.Reference, pictures: list, seconds: list[float]) -> Row:
+    """Errors are means over repetitions, the time is the least."""
+    psnr = float(np.mean([reference.psnr(picture) for picture in pictures]))
+    error = float(np.mean([reference.rel_mse(picture) for picture in pictures]))
+    return Row(how, samples, min(seconds), psnr, error)
+
+
+class _Ours:
+    """Our renderer, through the program."""
+
+    def __init__(self, binary: Path, work: Path, settings: list[str]):
+        self._binary, self._out = binary, work / "room"
+        self._settings = [*settings, f"render.max_bounces={BOUNCES}"]
+        self.floor = 0.0
+
+    def _run(self, views: int, *settings: str) -> ours.Run:
+        settings = [*self._settings, f"dataset.views_per_scene={views}", *settings]
+        return ours.run(self._binary, RECIPE, self._out, settings, {})
+
+    def scene(self):
+        """The scene as it goes to the others."""
+        return self._run(1, "render.samples_per_pixel=1").scene()
+
+    def _denoisers(self) -> dict[str, list[str]]:
+        listed = subprocess.run([self._binary, "list"], capture_output=True, text=True, check=True).stdout
+        kinds = {line.split()[1] for line in listed.splitlines() if line.startswith("denoise ")}
+        found, library = {"ours": []}, oidn_peer.library()
+        if "guided" in kinds:
+            found["ours, guided"] = ["denoise.kind='guided'"]
+        if "oidn" in kinds and library:
+            found["ours + OIDN"] = ["denoise.kind='oidn'", f"denoise.library='{library}'"]
+        return found
+
+    def rows(self, samples, repeats: int, patience: float):
+        half = f"render.time_s={patience / 2}"
+        reference = measures.Reference(tuple(self._run(2, "render.samples_per_pixel=65536", half).pictures()))
+        self.floor = reference.floor()
+        for how, denoise in self._denoisers().items():
+            for n in samples:
+                run = self._run(1 + repeats, f"render.samples_per_pixel={n}", *denoise)
+                yield _row(how, n, reference, list(run.pictures()), run.seconds)
+
+
+class _Mitsuba:
+    """Mitsuba, with and without Open Image Denoise."""
+
+    def __init__(self, peer: Peer, patience: float):
+        self._peer, self.name = peer, peer.name
+        halves, spent, seed = [[], []], 0.0, 1 << 20
+        peer.render(PASS, seed)
+        while spent < patience or not halves[1]:
+            picture, seconds = peer.render(PASS, seed + 1)
+            halves[seed % 2].append(picture)
+            seed, spent = seed + 1, spent + seconds
+        self.reference = measures.Reference(tuple(np.mean(half, 0) for half in halves))
+
+    def _render(self, samples: int, seed: int) -> tuple[np.ndarray, float]:
+        passes = [self._peer.render(min(samples, PASS), 64 * seed + i) for i in range(max(samples // PASS, 1))]
+        return np.mean([picture for picture, _ in passes], 0), sum(seconds for _, seconds in passes)
+
+    def rows(self, samples, repeats: int) -> list[Row]:
+        plain, denoised = [], []
+        path = oidn_peer.library()
+        denoiser = oidn_peer.Denoiser(path, *self.reference.mean().shape[:2]) if path else None
+        self._peer.guides(GUIDE_SAMPLES, 0)
+        for n in samples:
+            # The first one compiles.
+            made = [self._render(n, seed) for seed in range(repeats + 1)][1:]
+            plain.append(_row(self.name, n, self.reference, *zip(*made)))
+            if denoiser:
+                made = [self._denoise(denoiser, picture, seconds) for picture, seconds in made]
+                denoised.append(_row(f"{self.name} + OIDN", n, self.reference, *zip(*made)))
+        return plain + denoised
+
+    def _denoise(self, denoiser, picture: np.ndarray, seconds: float) -> tuple[np.ndarray, float]:
+        guides, more = self._peer.guides(GUIDE_SAMPLES, 1)
+        result, own = denoiser.denoise(picture, guides)
+        return result, seconds + more + own
+
+
+class _Cycles:
+    """Cycles, with and without its own use of Open Image Denoise."""
+
+    def __init__(self, peer: cycles_peer.Peer, patience: float):
+        self._peer, self.name = peer, peer.name
+        peer.render(1, 0, denoise=True)
+        _, seconds = peer.render(4, 0, denoise=False)
+        samples = max(int(4 * patience / 2 / seconds), 4)
+        self.reference = measures.Reference(tuple(peer.render(samples, seed, False)[0] for seed in (101, 102)))
+
+    def rows(self, samples, repeats: int) -> list[Row]:
+        rows = []
+        for how, denoise in ((self.name, False), (f"{self.name} + OIDN", True)):
+            for n in samples:
+                made = [self._peer.render(n, seed, denoise) for seed in range(1, repeats + 1)]
+                rows.append(_row(how, n, self.reference, *zip(*made)))
+        self._peer.close()
+        return rows
