@@ -14,7 +14,7 @@ use crate::bvh::Ray;
 use crate::camera::RayCamera;
 use crate::light::Lights;
 use crate::real::{Int, Mask, Real, at_least, at_most, inverse, max};
-use crate::sampler::{Sampler, pixel_seed};
+use crate::sampler::{Order, Sampler};
 use crate::vec3::{Basis, Rgb, Vec3};
 use crate::world::World;
 use std::ops::Range;
@@ -97,7 +97,7 @@ pub(crate) struct PathTracer<'a> {
     lights: &'a Lights<'a>,
     camera: &'a RayCamera,
     settings: Settings,
-    seed: u64,
+    order: Order,
     /// Width of a camera ray's cone, metres a metre.
     spread: f32,
     /// Whether guides for denoisers are gathered.
@@ -137,7 +137,8 @@ impl<'a> PathTracer<'a> {
     pub fn new(world: &'a World, lights: &'a Lights<'a>, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
         // Samples of a pixel share its area, so that each may see finer than it.
         let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
-        Self { world, lights, camera, settings, seed, spread: camera.pixel_angle * sharpness, guides: false }
+        let order = Order::new(seed, settings.samples);
+        Self { world, lights, camera, settings, order, spread: camera.pixel_angle * sharpness, guides: false }
     }
 
     /// The same, gathering guides for denoisers.
@@ -226,13 +227,13 @@ impl<'a> PathTracer<'a> {
         while count < BATCH && turn.pixel < pixels {
             let (x, y) = (left + (turn.pixel % columns) as u32, top + (turn.pixel / columns) as u32);
             let corner = self.camera.corner(x, y);
-            let seed = pixel_seed(self.seed, x, y);
+            let (seed, first) = self.order.pixel(x, y);
             let more = ((samples.end - turn.sample) as usize).min(BATCH - count);
             for i in count..count + more {
                 set(&mut paths.origin, i, self.camera.origin());
                 set(&mut paths.direction, i, corner);
                 paths.seed[i] = seed;
-                paths.index[i] = turn.sample + (i - count) as u32;
+                paths.index[i] = first + turn.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
                 batch.radiance[i] = [0.0; 3];
                 if self.guides {

@@ -1,29 +1,59 @@
 //! Owen-scrambled Sobol' points, two dimensions at a time.
 //!
-//! A path asks for pairs of numbers; every pair is a (0, 2)-sequence over the samples of its pixel, shuffled and
+//! A path asks for pairs of numbers; every pair is a (0, 2)-sequence over the samples of a block of pixels, shuffled and
 //! scrambled on its own (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020), so that pairs are independent of
-//! each other and of other pixels' while each is spread as evenly as can be. Later pairs are plain hashes: noise there
-//! is hardly noticed, and hashes cost less. Everything is a pure function of (seed, pixel, sample, pair).
+//! each other while each is spread as evenly as can be. Within a block, samples are numbered pixel after pixel along a
+//! Morton curve (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical
+//! Ordering of Pixels", SIGGRAPH Asia 2020): not only a pixel's samples are spread evenly, but also those of 2 × 2, 4 × 4,
+//! 8 × 8 pixels, so that errors of neighbours cancel, for the eye and for denoisers. Later pairs are plain hashes: noise
+//! there is hardly noticed, and hashes cost less. Everything is a pure function of (seed, pixel, sample, pair).
 
 use crate::real::Int;
 
 /// Pairs that are Sobol' points; later ones are hashes.
 const SOBOL_PAIRS: u32 = 12;
 
-/// What the samples of one pixel share.
-pub(crate) fn pixel_seed(seed: u64, x: u32, y: u32) -> u32 {
-    let mut h = seed ^ u64::from(x) << 32 ^ u64::from(y);
-    h = (h ^ h >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    h = (h ^ h >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (h ^ h >> 31) as u32
+/// Which numbers the samples of every pixel of a picture get.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Order {
+    seed: u64,
+    /// Base-2 logarithm of the numbers that a pixel has.
+    sample_bits: u32,
+    /// Base-2 logarithm of a block's edge.
+    block_bits: u32,
+}
+
+impl Order {
+    /// For a picture of up to `samples` a pixel.
+    pub fn new(seed: u64, samples: u32) -> Self {
+        let sample_bits = samples.max(1).next_power_of_two().trailing_zeros();
+        Self { seed, sample_bits, block_bits: (30_u32.saturating_sub(sample_bits) / 2).min(8) }
+    }
+
+    /// Seed and number of a pixel's first sample; the others follow.
+    pub fn pixel(&self, x: u32, y: u32) -> (u32, u32) {
+        let block = |c: u32| u64::from(c >> self.block_bits);
+        let inside = |c: u32| spread(c & ((1 << self.block_bits) - 1));
+        let mut h = self.seed ^ block(x) << 32 ^ block(y);
+        h = (h ^ h >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        h = (h ^ h >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((h ^ h >> 31) as u32, (inside(x) | inside(y) << 1) << self.sample_bits)
+    }
+}
+
+/// Moves the bits of a number below 2⁸ to the even places.
+fn spread(x: u32) -> u32 {
+    let x = (x | x << 4) & 0x0f0f;
+    let x = (x | x << 2) & 0x3333;
+    (x | x << 1) & 0x5555
 }
 
 /// The numbers of a path: of the sample `index` of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sampler<I = u32> {
-    /// From [`pixel_seed`].
+    /// Of the block of pixels.
     pub seed: I,
-    /// The sample's number, from 0.
+    /// The sample's number in the block.
     pub index: I,
 }
 
@@ -112,47 +142,73 @@ mod tests {
         }
     }
 
-    #[test]
-    fn every_pair_is_a_net() {
-        // A (0, 2)-sequence in base 2: each elementary rectangle of area 1/64 holds one of the first 64 points.
-        for (x, y) in [(0, 0), (17, 4)] {
-            let seed = pixel_seed(5, x, y);
-            for pair in 0..SOBOL_PAIRS {
-                for split in 0..=6 {
-                    let mut seen = [false; 64];
-                    for index in 0..64 {
-                        let [u, v] = Sampler { seed, index }.pair(pair);
-                        let (columns, rows) = (1 << split, 64 >> split);
-                        let cell = (u * columns as f32) as usize * rows + (v * rows as f32) as usize;
-                        assert!(!std::mem::replace(&mut seen[cell], true), "pair {pair}, split {split}");
-                    }
-                }
+    /// A (0, 2)-sequence in base 2: each elementary rectangle of area 1/64 holds one of 64 points.
+    fn is_net(points: &[[f32; 2]], what: &str) {
+        assert_eq!(points.len(), 64);
+        for split in 0..=6 {
+            let mut seen = [false; 64];
+            for [u, v] in points {
+                let (columns, rows) = (1 << split, 64 >> split);
+                let cell = (u * columns as f32) as usize * rows + (v * rows as f32) as usize;
+                assert!(!std::mem::replace(&mut seen[cell], true), "{what}, split {split}");
             }
         }
     }
 
     #[test]
-    fn pairs_and_pixels_are_uncorrelated() {
+    fn samples_of_a_pixel_and_of_a_square_of_pixels_are_nets() {
+        for pair in 0..SOBOL_PAIRS {
+            let point = |order: &Order, x: u32, y: u32, sample: u32| {
+                let (seed, first) = order.pixel(x, y);
+                Sampler { seed, index: first + sample }.pair(pair)
+            };
+            let many = Order::new(5, 64);
+            for (x, y) in [(0, 0), (17, 4), (639, 479)] {
+                let points: Vec<_> = (0..64).map(|sample| point(&many, x, y, sample)).collect();
+                is_net(&points, &format!("pair {pair} of pixel {x}, {y}"));
+            }
+            for (samples, edge) in [(1, 8), (4, 4), (16, 2)] {
+                let order = Order::new(6, samples);
+                let corner = (edge * 37, edge * 11);
+                let place = |i: u32| (corner.0 + i / samples % edge, corner.1 + i / samples / edge, i % samples);
+                let points: Vec<_> = (0..64).map(place).map(|(x, y, sample)| point(&order, x, y, sample)).collect();
+                is_net(&points, &format!("pair {pair} of {edge} × {edge} pixels of {samples} samples"));
+            }
+        }
+    }
+
+    #[test]
+    fn every_pixel_has_numbers_of_its_own() {
+        for samples in [1, 3, 64, 1000, 1 << 20] {
+            let order = Order::new(1, samples);
+            let edge = 1_u32 << order.block_bits.min(4);
+            let mut firsts: Vec<u32> = (0..edge * edge).map(|i| order.pixel(i % edge, i / edge).1).collect();
+            firsts.sort_unstable();
+            assert!(firsts.windows(2).all(|pair| pair[1] - pair[0] >= samples), "{samples}");
+            assert_ne!(order.pixel(0, 0).0, order.pixel(1 << order.block_bits, 0).0);
+        }
+    }
+
+    #[test]
+    fn pairs_are_uncorrelated() {
         let correlation = |points: Vec<[f32; 2]>| {
             let n = points.len() as f64;
             let sum: f64 = points.iter().map(|p| (f64::from(p[0]) - 0.5) * (f64::from(p[1]) - 0.5) * 12.0).sum();
             sum / n.sqrt()
         };
-        // Between pairs of a path, between neighbouring pixels, and within hashed pairs: standard normal.
-        let sampler = |x: u32, index: u32| Sampler { seed: pixel_seed(9, x, 3), index };
+        let sampler = |i: u32| {
+            let (seed, first) = Order::new(9, 4).pixel(i / 4 % 64, i / 256);
+            Sampler { seed, index: first + i % 4 }
+        };
         let check = |name: &str, point: &dyn Fn(u32) -> [f32; 2]| {
             let z = correlation((0..4096).map(point).collect());
             assert!(z.abs() < 4.0, "{name}: {z}");
         };
         for (a, b) in [(0, 1), (2, 7), (10, 11), (12, 13)] {
-            check(&format!("pairs {a} and {b}"), &|i| {
-                let sampler = sampler(i / 4, i % 4);
-                [sampler.pair(a)[0], sampler.pair(b)[1]]
-            });
+            check(&format!("pairs {a} and {b}"), &|i| [sampler(i).pair(a)[0], sampler(i).pair(b)[1]]);
         }
-        check("pixels", &|x| [sampler(x, 0).pair(0)[0], sampler(x + 1, 0).pair(0)[0]]);
-        check("hashes", &|x| sampler(x, x & 3).pair(13));
-        check("coins", &|x| [sampler(x, 1).coin(1), sampler(x, 1).coin(2)]);
-        check("coins and pairs", &|x| [sampler(x, x & 3).coin(1), sampler(x, x & 3).pair(12)[0]]);
+        check("hashes", &|i| sampler(i).pair(13));
+        check("coins", &|i| [sampler(i).coin(1), sampler(i).coin(2)]);
+        check("coins and pairs", &|i| [sampler(i).coin(1), sampler(i).pair(12)[0]]);
     }
 }
