@@ -15,14 +15,14 @@ const TAIL: f64 = 0.1;
 /// The share of pixels that may burn out before the meter stops down.
 const BURNT: f64 = 0.01;
 /// How far it stops down at most. What is brighter still is a lamp, which no exposure would save.
-const GUARD_EV: f64 = 4.0;
+const GUARD_EV: f64 = 2.0;
 /// The exposure of a picture without light.
 const DARK_EV100: f64 = 0.0;
 
 /// The exposure value for ISO 100 that an automatic camera chooses for a picture in nits.
 ///
 /// The log-average luminance of the pixels between the 10th and the 90th percentile goes through the meter's equation.
-/// Then white is raised so that 99 % of the pixels are not above it, by four stops at most; pixels that four stops would
+/// Then white is raised so that 99 % of the pixels are not above it, by two stops at most; pixels that two stops would
 /// not save, such as a lamp in the picture, do not count in this. Pixels without light, or that are not finite, never
 /// count; a picture without light has EV 0.
 pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
@@ -98,9 +98,9 @@ mod tests {
         };
         close(ev100_of(&with(50, 2.4)), 1.0);
         close(ev100_of(&with(50, 1.0)), 0.0);
-        close(ev100_of(&with(50, 19.2)), 4.0);
+        close(ev100_of(&with(50, 4.8)), 2.0);
         // A lamp cannot be saved, and does not make the rest dark.
-        close(ev100_of(&with(50, 20.0)), 0.0);
+        close(ev100_of(&with(50, 5.0)), 0.0);
         close(ev100_of(&with(50, 1e6)), 0.0);
         close(ev100_of(&with(5, 1e6)), 0.0);
     }

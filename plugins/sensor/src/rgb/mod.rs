@@ -31,7 +31,7 @@ use syntable_model::scene::Exposure;
 ///
 /// A fixed exposure maps `1.2 · 2^EV100` nits to white. An automatic one meters the picture as a reflected-light meter
 /// does (ISO 2720, K = 12.5) on the log-average luminance of the middle 80 % of the pixels, and stops down if more than
-/// 1 % of what four stops can save would be burnt out. It meters what reaches the sensor.
+/// 1 % of what two stops can save would be burnt out. It meters what reaches the sensor.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RgbCamera {
