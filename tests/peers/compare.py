@@ -46,7 +46,7 @@ def main() -> int:
         work = arguments.work or Path(temporary)
         work.mkdir(parents=True, exist_ok=True)
         if "correctness" in what:
-            views, samples = (12, 16) if arguments.quick else (16, 64)
+            views, samples = (4, 16) if arguments.quick else (24, 32)
             table, picture, agree = correctness.compare(arguments.binary, work, views, samples)
             publish(table, "correctness", arguments.book)
             save(picture, BOOK / "images" / "comparison.png" if arguments.book else work / "comparison.png")

@@ -1,8 +1,9 @@
 """The same scene in Mitsuba 3.
 
 Materials whose meaning is the same in both renderers are translated exactly: Lambert's (a dielectric with an index of
-refraction of one), metals by `principled` (Schlick's Fresnel term and GGX in both), perfect mirrors, clear smooth glass,
-what glows. All others become `principled`, which is alike in cost and in looks but is another model.
+refraction of one), perfect mirrors, clear smooth glass, what glows. All others become Mitsuba's `principled`, which is
+alike in cost and in looks and for smooth metals the same, but is another model; or, with `exact`, glTF's model as
+gltf_bsdf.py has it, without clear coats and sheen.
 """
 
 import os
@@ -24,33 +25,33 @@ def find_llvm() -> None:
 
 
 find_llvm()
-import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-VARIANT = "llvm_ad_rgb"
-mi.set_variant(VARIANT)
-VERSION = mi.__version__
+mi.set_variant("llvm_ad_rgb")
+import gltf_bsdf  # noqa: E402, F401: registers itself
 
+# Bounces after which faint paths may end; the default of our renderer.
+ROULETTE_FROM = 3
 ROUGH_GLASS = 0.05
 
 
 class Peer:
     """A scene loaded into Mitsuba."""
 
-    name = f"Mitsuba {VERSION}"
+    name = f"Mitsuba {mi.__version__}"
 
-    def __init__(self, scene: glb.Scene, bounces: int, roulette_from: int = 3):
-        # A path of one bounce has two segments.
-        self._path = {"type": "path", "max_depth": bounces + 1, "rr_depth": roulette_from + 1}
+    def __init__(self, scene: glb.Scene, bounces: int, exact: bool = False):
         description = {"type": "scene", "sensor": _sensor(scene.camera)}
         with tempfile.TemporaryDirectory() as folder:
             for number, body in enumerate(scene.bodies):
-                for part, shape in enumerate(_shapes(scene, body, Path(folder) / f"{number}")):
+                for part, shape in enumerate(_shapes(scene, body, Path(folder) / f"{number}", exact)):
                     description[f"body_{number}_{part}"] = shape
             for number, note in enumerate(scene.environments):
                 description[f"environment_{number}"] = _environment(scene.folder, note)
             self._scene = mi.load_dict(description)
-        self._integrator = mi.load_dict(self._path)
+        # A path of one bounce has two segments.
+        path = {"type": "path", "max_depth": bounces + 1, "rr_depth": ROULETTE_FROM + 1}
+        self._integrator = mi.load_dict(path)
         self._guides = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
 
     def render(self, samples: int, seed: int) -> tuple[np.ndarray, float]:
@@ -92,7 +93,7 @@ def _transform(matrix: np.ndarray):
     return mi.ScalarTransform4f(np.asarray(matrix, np.float64).tolist())
 
 
-def _shapes(scene: glb.Scene, body: glb.Body, stem: Path):
+def _shapes(scene: glb.Scene, body: glb.Body, stem: Path, exact: bool):
     """The parts of a body; lamps become the shapes that they stand for."""
     lamp = {"light": None, "(sphere)": "sphere", "(rectangle)": "rectangle", "(disk)": "disk"}
     shape = lamp.get(body.name.split()[-1]) if body.instance is None else None
@@ -109,7 +110,7 @@ def _shapes(scene: glb.Scene, body: glb.Body, stem: Path):
             "filename": str(path),
             "face_normals": part.normals is None,
             "to_world": _transform(body.world_from_body),
-            "bsdf": bsdf(scene, part.material),
+            "bsdf": bsdf(scene, part.material, exact),
         }
         if any(part.material.get("emissiveFactor", [])):
             mesh["emitter"] = _emitter(part.material)
@@ -142,7 +143,7 @@ def _extension(material: dict, name: str) -> dict:
     return material.get("extensions", {}).get(f"KHR_materials_{name}", {})
 
 
-def bsdf(scene: glb.Scene, material: dict) -> dict:
+def bsdf(scene: glb.Scene, material: dict, exact: bool) -> dict:
     """A material of glTF in Mitsuba's words."""
     pbr = material["pbrMetallicRoughness"]
     passing = _extension(material, "transmission").get("transmissionFactor", 0.0)
@@ -156,7 +157,7 @@ def bsdf(scene: glb.Scene, material: dict) -> dict:
     elif plain and metallic == 1 and roughness == 0 and min(color) == 1:
         flat = {"type": "conductor", "material": "none"}
     else:
-        flat = _principled(scene, material)
+        flat = _bumped(scene, material, _gltf(scene, material) if exact else _principled(scene, material))
     flat = {"type": "twosided", "bsdf": flat}
     cutoff = material.get("alphaCutoff", 0.5) if material.get("alphaMode") == "MASK" else None
     if cutoff is None or "baseColorTexture" not in pbr:
@@ -190,11 +191,30 @@ def _principled(scene: glb.Scene, material: dict) -> dict:
         found["clearcoat_gloss"] = 1.0 - coat.get("clearcoatRoughnessFactor", 0.0)
     if max(sheen.get("sheenColorFactor", [0.0])) > 0:
         found["sheen"] = max(sheen["sheenColorFactor"])
-    if "normalTexture" not in material:
-        return found
-    normal = material["normalTexture"]
-    texels = scene.picture(normal["index"])[..., :3]
-    return {"type": "normalmap", "normalmap": _bitmap(scene, normal, texels, raw=True), "bsdf": found}
+    return found
+
+
+def _gltf(scene: glb.Scene, material: dict) -> dict:
+    pbr = material["pbrMetallicRoughness"]
+    grey = lambda value: value if isinstance(value, dict) else {"type": "rgb", "value": [value] * 3}
+    return {
+        "type": "gltf",
+        "base_color": _color(scene, pbr, "baseColor"),
+        "roughness": grey(_number(scene, pbr, "roughnessFactor", "metallicRoughnessTexture", 1)),
+        "metallic": grey(_number(scene, pbr, "metallicFactor", "metallicRoughnessTexture", 2)),
+        "ior": _extension(material, "ior").get("ior", 1.5),
+    }
+
+
+def _bumped(scene: glb.Scene, material: dict, flat: dict) -> dict:
+    """With the material's normal map, its strength worked into the texels."""
+    normal = material.get("normalTexture")
+    if normal is None:
+        return flat
+    texels = scene.picture(normal["index"])[..., :3] / 127.5 - 1
+    texels[..., :2] *= normal.get("scale", 1.0)
+    texels /= np.linalg.norm(texels, axis=-1, keepdims=True)
+    return {"type": "normalmap", "normalmap": _bitmap(scene, normal, np.float32(texels / 2 + 0.5), raw=True), "bsdf": flat}
 
 
 def _color(scene: glb.Scene, pbr: dict, name: str) -> dict:
