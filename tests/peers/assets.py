@@ -35,9 +35,7 @@ def glowing(nits: list[float]) -> dict:
     """A black body that glows."""
     brightest = max(nits)
     strength = {"emissiveStrength": brightest}
-    material = _material(
-        [0.0] * 3, 0.0, 1.0, KHR_materials_ior={"ior": 1.0}, KHR_materials_emissive_strength=strength
-    )
+    material = _material([0.0] * 3, 0.0, 1.0, KHR_materials_ior={"ior": 1.0}, KHR_materials_emissive_strength=strength)
     return {**material, "emissiveFactor": [x / brightest for x in nits]}
 
 
@@ -124,7 +122,9 @@ def write(folder: Path) -> None:
     cube = lambda edge, material: box([-edge / 2] * 3, [edge / 2] * 3, material)
     stripes = checker(256, [[250, 200, 40], [30, 60, 200]], 3)
     glb.write(objects / "matte_ball.glb", [ball(0.07, matte([0.7, 0.35, 0.15]))])
-    glb.write(objects / "matte_box.glb", [box([-0.08, -0.05, -0.06], [0.08, 0.05, 0.06], matte([1.0] * 3, 0))], [stripes])
+    glb.write(
+        objects / "matte_box.glb", [box([-0.08, -0.05, -0.06], [0.08, 0.05, 0.06], matte([1.0] * 3, 0))], [stripes]
+    )
     glb.write(objects / "mirror_ball.glb", [ball(0.06, metal([1.0, 1.0, 1.0], 0.0))])
     glb.write(objects / "gold_ring.glb", [ring(0.06, 0.02, metal([0.95, 0.64, 0.3], 0.15))])
     glb.write(objects / "copper_ball.glb", [ball(0.05, metal([0.9, 0.5, 0.35], 0.3))])

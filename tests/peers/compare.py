@@ -7,15 +7,16 @@
     /tmp/peers/bin/python tests/peers/compare.py
 
 Needs Python 3.11 and, for Mitsuba, an LLVM library: the newest in /usr/lib/*-linux-gnu is taken unless
-`DRJIT_LIBLLVM_PATH` names one. `oidn` (Open Image Denoise), `flip-evaluator` and `bpy` (Cycles) may be missing: then what
-needs them is left out. With `ASSETS` naming a folder that holds `gso`, the comparison of speed takes Google Scanned
-Objects in place of the embedded ones.
+`DRJIT_LIBLLVM_PATH` names one. `oidn` (Open Image Denoise), `flip-evaluator` and `bpy` (Cycles) may be missing: then
+what needs them is left out. With `ASSETS` naming a folder that holds `gso`, the comparison of speed takes Google
+Scanned Objects in place of the embedded ones.
 
-`correctness`: scenes of materials that mean the same in both renderers go out through the `gltf` writer, are read by glb.py
-and rendered by Mitsuba; the mean radiance of every region must agree within 1 %, or three standard errors if that is more.
+`correctness`: scenes of materials that mean the same in both renderers go out through the `gltf` writer, are read by
+glb.py and rendered by Mitsuba; the mean radiance of every region must agree within 1 %, or three standard errors if
+that is more.
 
-`speed`: twenty things in a closed room, 640 × 480, eight bounces. All times are wall-clock and for the scene loaded and
-kernels compiled; errors are against each renderer's own converged picture. Nothing else should run meanwhile.
+`speed`: twenty things in a closed room, 640 × 480, eight bounces. All times are wall-clock and for the scene loaded
+and kernels compiled; errors are against each renderer's own converged picture. Nothing else should run meanwhile.
 
 With `--book`, tables and pictures go to the book.
 """
@@ -59,12 +60,13 @@ def main() -> int:
 
 
 def publish(table: str, name: str, book: bool) -> None:
-    """Prints a table, and puts it where the book includes it from."""
+    """Prints a table, and puts it into its place in the book."""
     print(table, flush=True)
     if book:
-        path = BOOK / "comparison" / f"{name}.md"
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(table.rstrip() + "\n")
+        page = BOOK / "comparison.md"
+        begin, end = f"<!-- {name}: made by compare.py -->", f"<!-- end of {name} -->"
+        before, rest = page.read_text().split(begin)
+        page.write_text(f"{before}{begin}\n\n{table.strip()}\n\n{end}{rest.split(end)[1]}")
 
 
 def save(picture, path: Path) -> None:

@@ -134,8 +134,8 @@ def _variance(pictures: np.ndarray) -> np.ndarray:
 
 
 def _side_by_side(mine: np.ndarray, theirs: np.ndarray) -> np.ndarray:
-    """Ours, theirs, and the relative difference of blocks of 4 × 4 pixels: grey is none, in white and black ours is 10 %
-    brighter and darker.
+    """Ours, theirs, and the relative difference of blocks of 4 × 4 pixels: grey is none, in white and black ours is
+    10 % brighter and darker.
     """
     a, b = (_blocks(picture @ measures.LUMINANCE) for picture in (mine, theirs))
     grey = np.repeat(np.clip(0.5 + 5 * (a - b) / (b + 0.01 * theirs.mean()), 0, 1)[..., None], 3, -1)

@@ -1,7 +1,7 @@
 """The same scene in Blender's Cycles, which reads the exported file itself.
 
-Blender's Python module and Mitsuba bring libraries that do not go together: [`Peer`] starts this file as a program of its
-own, which takes jobs as JSON lines and answers each with the seconds that it took.
+Blender's Python module and Mitsuba bring libraries that do not go together: [`Peer`] starts this file as a program of
+its own, which takes jobs as JSON lines and answers each with the seconds that it took.
 """
 
 import importlib.util

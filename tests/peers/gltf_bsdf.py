@@ -1,9 +1,9 @@
 """glTF's metallic-roughness surface as a BSDF of Mitsuba, so that whole recipes can be compared.
 
-The model is the one that book/src/reference and the renderer's documentation state: GGX with height-correlated masking and
-Schlick's Fresnel term; the light that Smith's model loses, after Kulla and Conty; Lambert's lobe weighted by what the
-interface lets in and out; and soft terminators after Chiang, Li and Burley. It is written anew from the equations: its
-albedos come from tables of its own, and its directions from another sampler.
+The model is the one that book/src/reference and the renderer's documentation state: GGX with height-correlated masking
+and Schlick's Fresnel term; the light that Smith's model loses, after Kulla and Conty; Lambert's lobe weighted by what
+the interface lets in and out; and soft terminators after Chiang, Li and Burley. It is written anew from the equations:
+its albedos come from tables of its own, and its directions from another sampler.
 """
 
 import drjit as dr
@@ -17,8 +17,8 @@ SCHLICK_MEAN = 1 / 21
 
 
 def albedos() -> np.ndarray:
-    """Directional albedo of the single-scattering lobe by roughness and cosine, `[roughness, cosine, 2]`: what multiplies
-    the reflectance at normal incidence, and what is added to it.
+    """Directional albedo of the single-scattering lobe by roughness and cosine, `[roughness, cosine, 2]`: what
+    multiplies the reflectance at normal incidence, and what is added to it.
     """
     grid = np.linspace(0, 1, SIZE)
     return np.array([[_albedo(max(r * r, MIN_ALPHA), max(mu, 1e-3)) for mu in grid] for r in grid])

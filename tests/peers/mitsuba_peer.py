@@ -28,7 +28,7 @@ find_llvm()
 import mitsuba as mi  # noqa: E402
 
 mi.set_variant("llvm_ad_rgb")
-import gltf_bsdf  # noqa: E402, F401: registers itself
+import gltf_bsdf  # noqa: E402, F401 (registers itself)
 
 # Bounces after which faint paths may end; the default of our renderer.
 ROULETTE_FROM = 3
@@ -74,7 +74,11 @@ def _sensor(camera: glb.Camera) -> dict:
     if abs(k[0, 0] / k[1, 1] - 1) > 1e-6 or abs(k[0, 2] - width / 2) > 1e-6 or abs(k[1, 2] - height / 2) > 1e-6:
         raise ValueError("only square pixels and a principal point in the middle are translated")
     film = {
-        "type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgb", "component_format": "float32",
+        "type": "hdrfilm",
+        "width": width,
+        "height": height,
+        "pixel_format": "rgb",
+        "component_format": "float32",
         "rfilter": {"type": "box"},
     }
     return {
@@ -214,7 +218,11 @@ def _bumped(scene: glb.Scene, material: dict, flat: dict) -> dict:
     texels = scene.picture(normal["index"])[..., :3] / 127.5 - 1
     texels[..., :2] *= normal.get("scale", 1.0)
     texels /= np.linalg.norm(texels, axis=-1, keepdims=True)
-    return {"type": "normalmap", "normalmap": _bitmap(scene, normal, np.float32(texels / 2 + 0.5), raw=True), "bsdf": flat}
+    return {
+        "type": "normalmap",
+        "normalmap": _bitmap(scene, normal, np.float32(texels / 2 + 0.5), raw=True),
+        "bsdf": flat,
+    }
 
 
 def _color(scene: glb.Scene, pbr: dict, name: str) -> dict:
