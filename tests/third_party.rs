@@ -74,4 +74,12 @@ fn a_new_plugin_builds_and_runs_as_it_is() {
     assert!(said.contains("cargo run --release"), "{said}");
     let lines = check(&crate_folder, "visible_area");
     assert!(lines.lines().count() == 2 && lines.contains("\"visible_area\""), "{lines}");
+    // The recipe of the book's page on plugins, over the quickstart recipe.
+    let page = std::fs::read_to_string(root().join("book/src/plugins.md")).expect("the page");
+    let block = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a recipe");
+    let base = root().join("recipes/quickstart.toml");
+    let recipe = format!("extends = \"{}\"\n{block}", base.display());
+    std::fs::write(crate_folder.join("book.toml"), recipe).expect("writable");
+    let said = ok(&mut cargo_run(&crate_folder, &["check", "book.toml"]));
+    assert!(said.contains("no mistake found"), "{said}");
 }

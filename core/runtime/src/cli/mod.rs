@@ -162,6 +162,11 @@ pub fn help_pages() -> Vec<(String, String)> {
     pages
 }
 
+/// Whether a command line, the program's name first, is one that the program understands; if not, what is wrong with it.
+pub fn understands(words: &[String]) -> Result<(), String> {
+    Cli::try_parse_from(words).map(drop).map_err(|error| error.to_string())
+}
+
 /// Where output goes.
 struct Console {
     format: LogFormat,

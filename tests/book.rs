@@ -1,0 +1,259 @@
+//! What the pages say must be true where a program can tell: links lead somewhere, recipes are sound, commands exist.
+
+mod support;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use support::{ok, root, syntable};
+use syntable_model::dist::{Dist, IntDist};
+use syntable_runtime::cli;
+use syntable_standard as _;
+
+/// All Markdown files below a folder.
+fn pages_below(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("readable") {
+        let path = entry.expect("readable").path();
+        if path.is_dir() {
+            found.extend(pages_below(&path));
+        } else if path.extension().is_some_and(|extension| extension == "md") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The pages that people wrote: the book's without its generated reference, and those beside code and recipes.
+fn written() -> Vec<PathBuf> {
+    let mut pages = pages_below(&root().join("book/src"));
+    pages.retain(|page| !page.starts_with(root().join("book/src/reference")));
+    pages.extend([root().join("README.md"), root().join("recipes/syntable-sim/README.md")]);
+    assert!(pages.len() >= 15, "{pages:?}");
+    pages
+}
+
+fn read(page: &Path) -> String {
+    fs::read_to_string(page).unwrap_or_else(|error| panic!("{}: {error}", page.display()))
+}
+
+/// Name from the root of the checkout.
+fn name(page: &Path) -> String {
+    page.strip_prefix(root()).expect("below").display().to_string()
+}
+
+/// The fenced blocks of a language.
+fn fences(text: &str, language: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open: Option<(bool, String)> = None;
+    for line in text.lines() {
+        match (&mut open, line.strip_prefix("```")) {
+            (None, Some(info)) => open = Some((info == language, String::new())),
+            (Some(_), Some(_)) => found.extend(open.take().filter(|(mine, _)| *mine).map(|(_, block)| block)),
+            (Some((_, block)), None) => *block += &format!("{line}\n"),
+            (None, None) => {}
+        }
+    }
+    assert!(open.is_none(), "a block is not closed");
+    found
+}
+
+/// A page without its code.
+fn prose(text: &str) -> String {
+    let outside: Vec<&str> = text.split("```").step_by(2).collect();
+    outside.concat().split('`').step_by(2).collect()
+}
+
+/// Targets of links and pictures.
+fn targets(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let ends = prose.split("](").skip(1).map(|rest| rest.split(')').next().unwrap_or_default().to_owned());
+    ends.collect()
+}
+
+/// What headings are called in addresses.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let outside: Vec<&str> = text.split("```").step_by(2).collect();
+    let headings = outside.concat();
+    let headings = headings.lines().filter(|line| line.starts_with('#'));
+    let slug = |heading: &str| {
+        let kept = heading.trim_start_matches('#').trim().to_lowercase();
+        kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).collect::<String>().replace(' ', "-")
+    };
+    headings.map(slug).collect()
+}
+
+#[test]
+fn every_page_is_in_the_summary() {
+    let source = root().join("book/src");
+    let listed: BTreeSet<PathBuf> =
+        targets(&read(&source.join("SUMMARY.md"))).into_iter().map(|target| source.join(target)).collect();
+    for page in pages_below(&source) {
+        assert!(page.ends_with("SUMMARY.md") || listed.contains(&page), "{} is not in SUMMARY.md", name(&page));
+    }
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut seen = 0;
+    let mut broken = Vec::new();
+    for page in pages_below(&root().join("book/src")).into_iter().chain(written()) {
+        let text = read(&page);
+        for target in targets(&text) {
+            seen += 1;
+            let (path, anchor) = target.split_once('#').map_or((&target[..], None), |(path, a)| (path, Some(a)));
+            let file = match path.strip_prefix("https://github.com/syntable/syntable/blob/main/") {
+                Some(ours) => root().join(ours),
+                None if path.starts_with("https://") => continue,
+                None if path.is_empty() => page.clone(),
+                None => page.parent().expect("in a folder").join(path),
+            };
+            if !file.exists() || anchor.is_some_and(|anchor| !anchors(&read(&file)).contains(anchor)) {
+                broken.push(format!("{}: {target}", name(&page)));
+            }
+        }
+    }
+    assert!(seen > 60, "{seen} links found");
+    assert!(broken.is_empty(), "{} links lead nowhere:\n{}", broken.len(), broken.join("\n"));
+}
+
+/// A recipe of a page: as it stands if it is whole, else over the quickstart recipe.
+fn whole(block: &str) -> String {
+    let base = root().join("recipes/quickstart.toml").display().to_string();
+    let table: toml::Table = block.parse().unwrap_or_else(|error| panic!("not TOML: {error}\n{block}"));
+    match (table.contains_key("extends"), table.contains_key("dataset")) {
+        (true, _) => block.replace("recipes/quickstart.toml", &base),
+        (false, true) => block.to_owned(),
+        (false, false) => format!("extends = \"{base}\"\n\n{block}"),
+    }
+}
+
+fn check_distribution(line: &str) {
+    let table: toml::Table = line.parse().unwrap_or_else(|error| panic!("{line}: {error}"));
+    for value in table.into_iter().map(|(_, value)| value) {
+        let sound = value.clone().try_into::<Dist>().is_ok() || value.try_into::<IntDist>().is_ok();
+        assert!(sound, "{line}: not a distribution");
+    }
+}
+
+#[test]
+fn recipes_are_sound() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut seen = 0;
+    for page in written() {
+        // Options of a plugin that the stock program does not have: `third_party.rs` checks them with one that has.
+        if page.ends_with("plugins.md") {
+            continue;
+        }
+        for block in fences(&read(&page), "toml") {
+            seen += 1;
+            // Single options, one a line, to show what can be written: all are distributions.
+            if !block.lines().any(|line| line.starts_with('[')) {
+                block.lines().for_each(check_distribution);
+                continue;
+            }
+            let recipe = folder.path().join("recipe.toml");
+            fs::write(&recipe, whole(&block)).expect("writable");
+            // Folders of assets are not on every machine; all but their content is checked without them.
+            let verb = if block.contains("${") { "plan" } else { "check" };
+            let mut command = syntable();
+            command.arg(verb).arg(&recipe).env("ASSETS", "/assets").env("OIDN_LIBRARY", "/lib/libOpenImageDenoise.so");
+            let said = ok(&mut command);
+            let sound = verb == "plan" || said.contains("no mistake found");
+            assert!(sound && !said.contains("warning"), "{}\n{block}\n{said}", name(&page));
+        }
+    }
+    assert!(seen >= 15, "{seen} recipes found");
+}
+
+/// Words of a command as a shell would split it.
+fn words(command: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
+    for c in command.chars() {
+        match (quote, c) {
+            (Some(open), c) if c == open => quote = None,
+            (None, '\'' | '"') => quote = Some(c),
+            (None, ' ') => words.extend(Some(std::mem::take(&mut word)).filter(|word| !word.is_empty())),
+            (None, '#' | '>') if word.is_empty() => break,
+            _ => word.push(c),
+        }
+    }
+    words.extend(Some(word).filter(|word| !word.is_empty()));
+    words
+}
+
+/// Arguments of the program in a command; none if it is about something else.
+fn arguments(command: &str) -> Option<Vec<String>> {
+    let words = words(command);
+    let first: Vec<&str> = words.iter().map(String::as_str).collect();
+    match first[..] {
+        ["cargo", "run", "--release", "--", ..] => Some(words[4..].to_vec()),
+        ["syntable", ..] => Some(words[1..].to_vec()),
+        _ => None,
+    }
+}
+
+/// The program understands the arguments, what they name is there, and what they set is known.
+fn check_command(page: &str, arguments: &[String]) {
+    let line: Vec<String> = std::iter::once("syntable".to_owned()).chain(arguments.iter().cloned()).collect();
+    cli::understands(&line).unwrap_or_else(|error| panic!("{page}: {line:?}\n{error}"));
+    for named in arguments.iter().filter(|word| word.starts_with("recipes/")) {
+        assert!(root().join(named).exists(), "{page} names {named}");
+    }
+    match arguments[0].as_str() {
+        "list" => drop(ok(syntable().args(arguments))),
+        "run" | "plan" | "check" if arguments.iter().any(|word| word == "--set") => {
+            let mut plan = syntable();
+            plan.args(["plan", "recipes/quickstart.toml"]);
+            for pair in arguments.windows(2).filter(|pair| ["--set", "--seed", "--views"].contains(&pair[0].as_str())) {
+                plan.args(pair);
+            }
+            ok(&mut plan);
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn commands_exist() {
+    let mut seen = 0;
+    for page in written() {
+        for block in fences(&read(&page), "console") {
+            for line in block.lines().filter_map(|line| line.strip_prefix("$ ")) {
+                for arguments in line.split(" && ").filter_map(arguments) {
+                    seen += 1;
+                    check_command(&name(&page), &arguments);
+                }
+            }
+        }
+    }
+    assert!(seen >= 10, "{seen} commands found");
+}
+
+#[test]
+fn examples_of_the_help_exist() {
+    let mut seen = 0;
+    for (page, help) in cli::help_pages() {
+        for line in help.lines().filter_map(|line| line.strip_prefix("  syntable ")) {
+            let command = format!("syntable {}", line.split("  ").next().unwrap_or_default());
+            for arguments in command.split(" && ").filter_map(arguments) {
+                seen += 1;
+                check_command(&page, &arguments);
+            }
+        }
+    }
+    assert!(seen >= 12, "{seen} examples found");
+}
+
+#[test]
+fn the_plugin_of_the_book_is_the_one_that_the_program_writes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    ok(syntable().args(["new", "plugin", "visible_area", "--path"]).arg(folder.path().join("visible_area")));
+    let written = read(&folder.path().join("visible_area/src/lib.rs"));
+    let page = read(&root().join("book/src/plugins.md"));
+    let shown = fences(&page, "rust,ignore");
+    assert!(!shown.is_empty());
+    for block in shown {
+        assert!(written.contains(&block), "not in the plugin that `syntable new` writes:\n{block}");
+    }
+}
