@@ -9,6 +9,9 @@ use crate::vec3::{Rgb, Vec3, vec3};
 use std::sync::Arc;
 use syntable_model::scene::{self, TextureMapping, TextureRef, UvTransform};
 
+/// How much shorter than one the normals of an even map may be, for they are stored in 8 bits.
+const ROUNDING: f32 = 0.01;
+
 /// A material on a body.
 #[derive(Debug)]
 pub(crate) struct Material {
@@ -419,17 +422,28 @@ impl Material {
         }
     }
 
-    /// The normal of the map, given the frame of the mapping's coordinates around the unit normal `n`.
+    /// The normal of the map, given the frame of the mapping's coordinates around the unit normal `n`; and how much the
+    /// slopes of bumps vary that are too fine for the look-up, by axis.
     #[inline]
-    pub fn mapped_normal(&self, at: Coordinates, tangent: Vec3, bitangent: Vec3, n: Vec3, is_coat: bool) -> Vec3 {
-        let Some(Bumps(map, strength)) = self.bumps(is_coat) else { return n };
+    pub fn mapped_normal(
+        &self,
+        at: Coordinates,
+        tangent: Vec3,
+        bitangent: Vec3,
+        n: Vec3,
+        is_coat: bool,
+    ) -> (Vec3, f32) {
+        let Some(Bumps(map, strength)) = self.bumps(is_coat) else { return (n, 0.0) };
         let c = map.color(at);
+        // The mean of unit normals is the shorter the more they differ (Toksvig, 2005).
+        let mean = (c * 2.0 + Vec3::from([-1.0; 3])).length();
+        let variance = max((1.0 - mean) / max(mean, 0.1) - ROUNDING, 0.0) * strength * strength;
         let [x, y] = [c.x, c.y].map(|c| (c * 2.0 - 1.0) * strength);
         let z = c.z * 2.0 - 1.0;
         let (along_u, along_v) = map.by.turn(tangent, bitangent);
         let along_u = (along_u - n * along_u.dot(n)).normalized_or(Vec3::ZERO);
         let along_v = (along_v - n * along_v.dot(n)).normalized_or(Vec3::ZERO);
-        (along_u * x + along_v * y + n * max(z, 0.05)).normalized_or(n)
+        ((along_u * x + along_v * y + n * max(z, 0.05)).normalized_or(n), variance)
     }
 }
 

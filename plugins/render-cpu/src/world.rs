@@ -274,11 +274,17 @@ impl World {
             coordinates(material, triangle, hit, body.point_to_body(position), width)
         };
         let base = material.substance(at, tint);
-        let component = material.component(at, base, normal.dot(along).abs(), draw);
+        let mut component = material.component(at, base, normal.dot(along).abs(), draw);
         if material.has_bumps(component.is_coat) {
             let (u, v) = body.texture_frame(material, triangle, hit, side);
-            normal = material.mapped_normal(at, u, v, normal, component.is_coat);
+            let variance;
+            (normal, variance) = material.mapped_normal(at, u, v, normal, component.is_coat);
             bent = true;
+            if variance > 0.0 {
+                // Bumps that cannot be seen one by one make the surface as much rougher.
+                let alpha = component.substance.roughness * component.substance.roughness;
+                component.substance.roughness = min((alpha * alpha + 2.0 * variance).sqrt().sqrt(), 1.0);
+            }
         }
         if bent {
             normal = above_horizon(normal, face, -along);

@@ -274,3 +274,41 @@ fn rounds_give_the_same_picture_as_one_go_and_quiet_tiles_stop_early() {
     let error = a.data().iter().zip(b.data()).map(error).sum::<f64>() / a.data().len() as f64;
     assert!(error < 0.08, "{error}");
 }
+
+#[test]
+fn bumps_too_fine_to_see_make_a_surface_rougher() {
+    // A metal sheet whose normals alternate by ±20 degrees from texel to texel, seen so that a texel is a twentieth of a
+    // pixel, mirrors as much of a panel's light to the camera as one whose texels are seen one by one.
+    let tilt = 20.0_f64.to_radians();
+    let code = |x: f64| (127.5 + 127.5 * x).round() as u8;
+    let bumps = texture(16, 16, Encoding::Linear, |x, y| {
+        let sign = |i: u32| if i % 2 == 0 { 1.0 } else { -1.0 };
+        let lean = tilt.sin() * std::f64::consts::FRAC_1_SQRT_2;
+        [code(lean * sign(x)), code(lean * sign(y)), code(tilt.cos()), 255]
+    });
+    let seen = |tile_m: f32, strength: f32| {
+        let metal = Arc::new(Material {
+            metallic: Scalar::constant(1.0),
+            normal: Some(NormalMap { map: bumps.clone().into(), strength }),
+            tile_m,
+            ..Material::plain("metal", [1.0; 3], 0.4)
+        });
+        let surface = Surface { material: metal, mapping: TextureMapping::Box { rotation: 0.0, offset: [0.0; 2] } };
+        let sheet = object("sheet", sheet([1.0, 1.0]), matte(0.5));
+        let scene = scene([covered(&sheet, at(0.0, 0.0, 0.0), Role::Object, surface)]);
+        let panel = RectLight {
+            centre: Point3::new(0.0, 0.0, 1.5),
+            half_u: Vector3::new(0.0, 0.4, 0.0),
+            half_v: Vector3::new(0.4, 0.0, 0.0),
+            radiance: [100.0; 3],
+        };
+        let view = view(8, 8, 40.0, [0.3, 0.0, 2.0], [0.0; 3], vec![Light::Rect(panel)]);
+        let frame = render(options(1024, 1), &scene, &view, &[RADIANCE.id()]);
+        let data = frame.get(RADIANCE).expect("made").data();
+        data.iter().map(|p| f64::from(p[1])).sum::<f64>() / data.len() as f64
+    };
+    // 1024 samples see a quarter of a pixel, 1.3 cm: texels of 10 cm one by one, those of 0.6 mm not at all. Two slopes
+    // are not quite a rougher surface, but far from an even one.
+    let (coarse, fine, even) = (seen(1.6, 1.0), seen(0.01, 1.0), seen(0.01, 0.0));
+    assert!((fine / coarse - 1.0).abs() < 0.25 && even / coarse > 1.6, "{fine}, not {coarse}; even: {even}");
+}
