@@ -60,7 +60,7 @@ pub(crate) fn atan2_turns<T: Real>(y: T, x: T) -> T {
     let t2 = t * t;
     let p = t2 * 8.053_744e-2_f32 - 1.387_768_6e-1_f32;
     let p = p * t2 + 1.997_771_1e-1_f32;
-    let p = p * t2 - 3.333_294_9e-1_f32;
+    let p = p * t2 - 3.333_295e-1_f32;
     let angle = t + t * t2 * p;
     let angle = T::pick(far, angle + FRAC_PI_4, angle);
     let angle = T::pick(steep, T::splat(FRAC_PI_2) - angle, angle);

@@ -192,8 +192,8 @@ impl<'a> PathTracer<'a> {
                 sum.samples += 1;
                 let y = luminance(radiance);
                 sum.square += y * y;
-                for c in 0..3 {
-                    sum.radiance[c] += radiance[c];
+                for (sum, value) in sum.radiance.iter_mut().zip(radiance) {
+                    *sum += value;
                 }
                 if self.guides {
                     for c in 0..3 {

@@ -69,6 +69,7 @@ pub struct CatalogEntry {
 
 /// A loaded asset.
 #[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "it is moved once, from the source to its pool")]
 pub enum Asset {
     /// A rigid thing.
     Object(Object),

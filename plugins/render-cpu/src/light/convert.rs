@@ -91,7 +91,8 @@ fn rect(light: &RectLight) -> Result<Shape> {
 
 fn disk(light: &DiskLight) -> Result<Shape> {
     let length = light.normal.norm();
-    if !(light.radius > 0.0 && light.radius.is_finite() && finite(light.centre.coords.as_ref())) || !is_unit(length) {
+    let sound = light.radius > 0.0 && light.radius.is_finite() && finite(light.centre.coords.as_ref());
+    if !(sound && is_unit(length)) {
         return Err(Error::new(format!(
             "a disk at {} of radius {} m and normal {:?}",
             light.centre, light.radius, light.normal
@@ -110,7 +111,7 @@ fn disk(light: &DiskLight) -> Result<Shape> {
 
 fn directional(light: &DirectionalLight) -> Result<Distant> {
     let length = light.towards.norm();
-    if !is_unit(length) || !(light.half_angle >= 1e-5 && light.half_angle <= 1.5) {
+    if !(is_unit(length) && (1e-5..=1.5).contains(&light.half_angle)) {
         return Err(Error::new(format!(
             "a distant light towards {:?} of half angle {}",
             light.towards, light.half_angle

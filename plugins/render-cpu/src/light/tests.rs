@@ -161,7 +161,8 @@ fn a_disk_gives_the_closed_form_on_its_axis_and_hides_its_back() {
 #[test]
 fn the_sun_gives_its_illuminance_times_the_cosine() {
     for (half_angle, height) in [(0.004_65, 0.5), (0.2, 0.8)] {
-        let towards = Vector3::new((1.0 - height * height as f64).sqrt(), 0.0, height);
+        let height: f64 = height;
+        let towards = Vector3::new((1.0 - height * height).sqrt(), 0.0, height);
         let sun = Light::Directional(DirectionalLight { towards, half_angle, irradiance: [90_000.0; 3] });
         // The cosine averages to its middle over a cone that is wholly above the plane.
         check(&[sun], [3.0, 1.0, 2.0], [0.0, 0.0, 1.0], 90_000.0 * height);

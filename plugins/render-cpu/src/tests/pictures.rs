@@ -282,7 +282,7 @@ fn bumps_too_fine_to_see_make_a_surface_rougher() {
     let tilt = 20.0_f64.to_radians();
     let code = |x: f64| (127.5 + 127.5 * x).round() as u8;
     let bumps = texture(16, 16, Encoding::Linear, |x, y| {
-        let sign = |i: u32| if i % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |i: u32| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let lean = tilt.sin() * std::f64::consts::FRAC_1_SQRT_2;
         [code(lean * sign(x)), code(lean * sign(y)), code(tilt.cos()), 255]
     });
