@@ -4,7 +4,7 @@ mod support;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use support::{ok, root, syntable};
+use support::{fails, ok, root, syntable};
 use syntable_model::dist::{Dist, IntDist};
 use syntable_runtime::cli;
 use syntable_standard as _;
@@ -24,11 +24,17 @@ fn pages_below(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The pages that people wrote: the book's without its generated reference, and those beside code and recipes.
-fn written() -> Vec<PathBuf> {
+/// The book's pages, and those beside code and recipes.
+fn all() -> Vec<PathBuf> {
     let mut pages = pages_below(&root().join("book/src"));
-    pages.retain(|page| !page.starts_with(root().join("book/src/reference")));
     pages.extend([root().join("README.md"), root().join("recipes/syntable-sim/README.md")]);
+    pages
+}
+
+/// The pages that people wrote: all but the generated reference.
+fn written() -> Vec<PathBuf> {
+    let mut pages = all();
+    pages.retain(|page| !page.starts_with(root().join("book/src/reference")));
     assert!(pages.len() >= 15, "{pages:?}");
     pages
 }
@@ -97,7 +103,7 @@ fn every_page_is_in_the_summary() {
 fn links_lead_somewhere() {
     let mut seen = 0;
     let mut broken = Vec::new();
-    for page in pages_below(&root().join("book/src")).into_iter().chain(written()) {
+    for page in all() {
         let text = read(&page);
         for target in targets(&text) {
             seen += 1;
@@ -243,6 +249,18 @@ fn examples_of_the_help_exist() {
         }
     }
     assert!(seen >= 12, "{seen} examples found");
+}
+
+#[test]
+fn a_mistake_looks_as_the_tutorial_shows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    ok(syntable().args(["new", "recipe"]).arg(folder.path().join("my.toml")));
+    let recipe = read(&folder.path().join("my.toml")).replace("\nsamples_per_pixel", "\nsampels_per_pixel");
+    fs::write(folder.path().join("my.toml"), recipe).expect("writable");
+    let said = fails(syntable().current_dir(folder.path()).args(["check", "my.toml"]), 2);
+    let page = read(&root().join("book/src/tutorial.md"));
+    let shown = fences(&page, "text");
+    assert!(said.starts_with(&shown[0]), "{said}");
 }
 
 #[test]
