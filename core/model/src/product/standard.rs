@@ -52,7 +52,8 @@ pub const NORMAL_MEAN: Key<Plane<[f32; 3]>> =
 pub const RADIANCE_VARIANCE: Key<Plane<f32>> =
     Key::view("radiance_variance", "estimated variance of the radiance's luminance, nits²");
 
-/// What rendering took and how noisy it was: paths, rays, samples a pixel, fireflies and clamped light.
+/// What rendering took and how noisy it is: paths, rays, samples a pixel, the standard error over the mean, and pixels far
+/// brighter than all around them.
 pub const RENDER_REPORT: Key<Value> = Key::view("render_report", "paths, rays, samples a pixel, fireflies");
 
 // ---- Provided by the denoiser ------------------------------------------------------------------------------------

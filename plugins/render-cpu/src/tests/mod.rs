@@ -4,5 +4,6 @@ mod estimators;
 mod label_scenes;
 mod light_transport;
 mod materials;
+mod optics;
 mod pictures;
 mod support;
