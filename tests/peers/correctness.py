@@ -17,8 +17,9 @@ BOUNCES = 12
 # Smaller regions are left out.
 PIXELS = 60
 
-# The scenes, and whether their materials are translated by gltf_bsdf.py rather than to Mitsuba's own.
-SCENES = {"lamps": False, "sky": False, "home": True}
+# The scenes: whether their materials are translated by gltf_bsdf.py rather than to Mitsuba's own, and how far regions may
+# differ. At home, surfaces that are another model there light all others.
+SCENES = {"lamps": (False, 0.01), "sky": (False, 0.01), "home": (True, 0.02)}
 
 # What is another model there, so that such regions need not agree.
 OTHER = {
@@ -33,7 +34,7 @@ def compare(binary: Path, work: Path, views: int, samples: int) -> tuple[str, Im
     """The tables, the pictures side by side, and whether all regions agree."""
     assets.write(work / "assets")
     lines, rows, agree = [], [], True
-    for name, exact in SCENES.items():
+    for name, (exact, tolerance) in SCENES.items():
         settings = [f"dataset.views_per_scene={views}", f"render.samples_per_pixel={samples}"]
         settings += [f"render.max_bounces={BOUNCES}"]
         run = ours.run(binary, HERE / f"{name}.toml", work / name, settings, {"PEERS": work / "assets"})
@@ -44,7 +45,7 @@ def compare(binary: Path, work: Path, views: int, samples: int) -> tuple[str, Im
         if not exact:
             masks += _cells(run.instances())
         regions = [measures.region(name, mask, mine, theirs) for name, mask in masks]
-        agree &= all(abs(r.difference()) <= r.allowed() for r in regions if r.name[-1] not in OTHER)
+        agree &= all(r.agrees(tolerance) for r in regions if r.name[-1] not in OTHER)
         third = _cycles(run.folder, scene, samples, max(views // 3, 2), work)
         thirds = [measures.region(name, mask, mine, third) for name, mask in masks] if third is not None else []
         lines += _table(f"`{name}.toml`, {views * samples} samples a pixel:", regions, thirds)

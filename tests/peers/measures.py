@@ -76,9 +76,9 @@ class Region:
         """Ours over theirs, less one."""
         return self.ours / self.theirs - 1
 
-    def allowed(self) -> float:
-        """1 %, or three standard errors if that is more."""
-        return max(0.01, 3 * self.sigma / self.theirs)
+    def agrees(self, tolerance: float) -> bool:
+        """Whether the difference is within the tolerance, or within three standard errors if that is more."""
+        return abs(self.difference()) <= max(tolerance, 3 * self.sigma / self.theirs)
 
 
 def region(name: str, mask: np.ndarray, ours: np.ndarray, theirs: np.ndarray) -> Region:

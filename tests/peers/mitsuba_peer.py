@@ -220,6 +220,7 @@ def _bumped(scene: glb.Scene, material: dict, flat: dict) -> dict:
     texels /= np.linalg.norm(texels, axis=-1, keepdims=True)
     return {
         "type": "normalmap",
+        "use_shadowing_function": False,
         "normalmap": _bitmap(scene, normal, np.float32(texels / 2 + 0.5), raw=True),
         "bsdf": flat,
     }

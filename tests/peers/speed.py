@@ -15,6 +15,9 @@ from mitsuba_peer import Peer
 
 RECIPE = Path(__file__).parent / "room.toml"
 BOUNCES = 8
+# Samples a pixel: without denoiser, with one, and in Cycles, whose samples take longest.
+PLAIN, DENOISED, SLOW = (1, 2, 4, 8, 16, 32, 64), (1, 2, 4, 8, 16), (1, 2, 4, 8)
+REPEATS = 2
 AIMS = (35.0, 39.0)
 # Samples of the albedo and the normals that Mitsuba gives to the denoiser; their time counts.
 GUIDE_SAMPLES = 8
@@ -33,20 +36,21 @@ class Row:
     rel_mse: float
 
 
-def compare(binary: Path, work: Path, assets: Path | None, quick: bool) -> str:
-    """The table of times and errors, and the times at which the aims are reached."""
-    samples, repeats, patience = ((1, 4), 1, 4) if quick else ((1, 2, 4, 8, 16, 32, 64), 2, 120)
+def compare(binary: Path, work: Path, assets: Path | None, patience: float) -> str:
+    """The table of times and errors, and the times at which the aims are reached. `patience` is how many seconds a
+    converged picture may take.
+    """
     settings = [f"assets.objects={{ kind = 'google_scanned_objects', root = '{assets / 'gso'}' }}"] if assets else []
     run = _Ours(binary, work, settings)
     scene = run.scene()
-    rows, floors = list(run.rows(samples, repeats, patience)), [("ours", run.floor)]
+    rows, floors = list(run.rows(patience)), [("ours", run.floor)]
     mitsuba = _Mitsuba(Peer(scene, BOUNCES), patience)
-    rows += mitsuba.rows(samples, repeats)
+    rows += mitsuba.rows()
     floors.append((mitsuba.name, mitsuba.reference.floor()))
     if cycles_peer.is_there():
         size = scene.camera.width, scene.camera.height
         cycles = _Cycles(cycles_peer.Peer(work / "room" / "gltf" / "000000.glb", size, BOUNCES, work), patience)
-        rows += cycles.rows(samples, repeats)
+        rows += cycles.rows()
         floors.append((cycles.name, cycles.reference.floor()))
     objects = "scanned" if assets else "embedded"
     lines = [f"20 {objects} objects, {scene.triangles():,} triangles, 640 × 480, {BOUNCES} bounces:", ""]
@@ -124,13 +128,13 @@ class _Ours:
             found["ours + OIDN"] = ["denoise.kind='oidn'", f"denoise.library='{library}'"]
         return found
 
-    def rows(self, samples, repeats: int, patience: float):
+    def rows(self, patience: float):
         half = f"render.time_s={patience / 2}"
         reference = measures.Reference(tuple(self._run(2, "render.samples_per_pixel=65536", half).pictures()))
         self.floor = reference.floor()
         for how, denoise in self._denoisers().items():
-            for n in samples:
-                run = self._run(1 + repeats, f"render.samples_per_pixel={n}", *denoise)
+            for n in DENOISED if denoise else PLAIN:
+                run = self._run(1 + REPEATS, f"render.samples_per_pixel={n}", *denoise)
                 yield _row(how, n, reference, list(run.pictures()), run.seconds)
 
 
@@ -151,16 +155,16 @@ class _Mitsuba:
         passes = [self._peer.render(min(samples, PASS), 64 * seed + i) for i in range(max(samples // PASS, 1))]
         return np.mean([picture for picture, _ in passes], 0), sum(seconds for _, seconds in passes)
 
-    def rows(self, samples, repeats: int) -> list[Row]:
+    def rows(self) -> list[Row]:
         plain, denoised = [], []
         path = oidn_peer.library()
         denoiser = oidn_peer.Denoiser(path, *self.reference.mean().shape[:2]) if path else None
         self._peer.guides(GUIDE_SAMPLES, 0)
-        for n in samples:
+        for n in PLAIN:
             # The first one compiles.
-            made = [self._render(n, seed) for seed in range(repeats + 1)][1:]
+            made = [self._render(n, seed) for seed in range(REPEATS + 1)][1:]
             plain.append(_row(self.name, n, self.reference, *zip(*made)))
-            if denoiser:
+            if denoiser and n in DENOISED:
                 made = [self._denoise(denoiser, picture, seconds) for picture, seconds in made]
                 denoised.append(_row(f"{self.name} + OIDN", n, self.reference, *zip(*made)))
         return plain + denoised
@@ -181,11 +185,11 @@ class _Cycles:
         samples = max(int(4 * patience / 2 / seconds), 4)
         self.reference = measures.Reference(tuple(peer.render(samples, seed, False)[0] for seed in (101, 102)))
 
-    def rows(self, samples, repeats: int) -> list[Row]:
+    def rows(self) -> list[Row]:
         rows = []
         for how, denoise in ((self.name, False), (f"{self.name} + OIDN", True)):
-            for n in samples:
-                made = [self._peer.render(n, seed, denoise) for seed in range(1, repeats + 1)]
+            for n in SLOW:
+                made = [self._peer.render(n, seed, denoise) for seed in range(1, REPEATS + 1)]
                 rows.append(_row(how, n, self.reference, *zip(*made)))
         self._peer.close()
         return rows
