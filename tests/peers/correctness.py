@@ -17,8 +17,8 @@ BOUNCES = 12
 # Smaller regions are left out.
 PIXELS = 60
 
-# The scenes: whether their materials are translated by gltf_bsdf.py rather than to Mitsuba's own, and how far regions may
-# differ. At home, surfaces that are another model there light all others.
+# The scenes: whether their materials are translated by gltf_bsdf.py rather than to Mitsuba's own, and how far regions
+# may differ. At home, surfaces that are another model there light all others.
 SCENES = {"lamps": (False, 0.01), "sky": (False, 0.01), "home": (True, 0.02)}
 
 # What is another model there, so that such regions need not agree.
