@@ -43,10 +43,11 @@ class Reference:
         return (self.halves[0] + self.halves[1]) / 2
 
     def psnr(self, picture: np.ndarray) -> float:
-        """Peak signal to noise of the developed picture, dB."""
-        mean = self.mean()
-        a, b = (developed(half, mean) for half in self.halves)
-        error = np.mean((developed(picture, mean) - developed(mean, mean)) ** 2) - np.mean((a - b) ** 2) / 4
+        """Peak signal to noise of the developed picture, dB. The halves are developed before they are averaged: a speck
+        that is clipped at white then counts as much in their difference as in their mean.
+        """
+        a, b = (developed(half, self.mean()) for half in self.halves)
+        error = np.mean((developed(picture, self.mean()) - (a + b) / 2) ** 2) - np.mean((a - b) ** 2) / 4
         return float(-10 * np.log10(max(error, 1e-9)))
 
     def rel_mse(self, picture: np.ndarray) -> float:
