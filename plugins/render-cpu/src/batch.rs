@@ -84,6 +84,8 @@ pub(crate) struct Shadows {
     pub direction: Rows,
     pub distance: Row,
     pub contribution: Rows,
+    /// What of the contribution the first surface mirrors without colouring it; written at the first bounce, for guides.
+    pub gloss: Rows,
     pub slot: IntRow,
     /// For surfaces that cover in part; written where a scene has any.
     pub coin: IntRow,
@@ -97,6 +99,14 @@ pub(crate) struct Guides {
     /// Colour of the mirrors so far.
     tint: [Vec3; BATCH],
     pending: [bool; BATCH],
+    /// Whether the first surface is a mirror or a glass.
+    behind: [bool; BATCH],
+    /// Light from lamps that the first surface mirrors without colouring it.
+    pub direct_gloss: [[f32; 3]; BATCH],
+    /// Share of the light from elsewhere that is such.
+    gloss_share: [[f32; 3]; BATCH],
+    /// Light found up to the first surface's lamps.
+    pub first: [[f32; 3]; BATCH],
 }
 
 impl Guides {
@@ -107,6 +117,39 @@ impl Guides {
         self.normal[slot] = [0.0; 3];
         self.tint[slot] = Vec3::ONE;
         self.pending[slot] = true;
+        self.behind[slot] = false;
+        self.direct_gloss[slot] = [0.0; 3];
+        self.gloss_share[slot] = [0.0; 3];
+        self.first[slot] = [0.0; 3];
+    }
+
+    /// Keeps which share of what comes by a scattering at the first surface, in the lanes whose bits are set, is mirrored
+    /// without colour.
+    #[inline(always)]
+    pub fn scatter<T: Real>(&mut self, share: Vec3<T>, slots: T::Int, mut lanes: u32) {
+        let (mut rows, mut slot) = ([[0.0; 8]; 3], [0; 8]);
+        share.x.store(&mut rows[0]);
+        share.y.store(&mut rows[1]);
+        share.z.store(&mut rows[2]);
+        slots.store(&mut slot);
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize & 7;
+            lanes &= lanes - 1;
+            self.gloss_share[slot[lane] as usize % BATCH] = rows.map(|row| row[lane]);
+        }
+    }
+
+    /// What of a path's light the first surface mirrored without colouring it. What is seen in a mirror or through glass
+    /// counts as coloured, as for the other guides.
+    #[inline(always)]
+    pub fn gloss(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
+        if self.behind[slot] {
+            return [0.0; 3];
+        }
+        std::array::from_fn(|c| {
+            let gloss = self.direct_gloss[slot][c] + (light[c] - self.first[slot][c]) * self.gloss_share[slot][c];
+            gloss.clamp(0.0, light[c].max(0.0))
+        })
     }
 
     /// A surface on the way; `last` if none after it counts.
@@ -118,6 +161,7 @@ impl Guides {
         let albedo = surface.albedo * self.tint[slot];
         if surface.is_mirror() && !last {
             self.tint[slot] = albedo;
+            self.behind[slot] = true;
         } else {
             self.pending[slot] = false;
             self.normal[slot] = surface.normal.array();
@@ -187,6 +231,7 @@ impl Batch {
                 direction: ROWS,
                 distance: ROW,
                 contribution: ROWS,
+                gloss: ROWS,
                 slot: INTS,
                 coin: INTS,
             },
@@ -195,6 +240,10 @@ impl Batch {
                 normal: [[0.0; 3]; BATCH],
                 tint: [Vec3::ZERO; BATCH],
                 pending: [false; BATCH],
+                behind: [false; BATCH],
+                direct_gloss: [[0.0; 3]; BATCH],
+                gloss_share: [[0.0; 3]; BATCH],
+                first: [[0.0; 3]; BATCH],
             },
             radiance: [[0.0; 3]; BATCH],
             numbers,

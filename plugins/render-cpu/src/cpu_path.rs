@@ -13,8 +13,18 @@ use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
     ALBEDO, ALBEDO_MEAN, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DEPTH,
-    INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
+    INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE, RADIANCE_MATTE_VARIANCE,
+    RADIANCE_VARIANCE, RENDER_REPORT,
 };
+
+/// What is gathered on the way for denoisers.
+const OF_GUIDES: [KeyId; 5] = [
+    ALBEDO_MEAN.id(),
+    NORMAL_MEAN.id(),
+    RADIANCE_GLOSS.id(),
+    RADIANCE_GLOSS_VARIANCE.id(),
+    RADIANCE_MATTE_VARIANCE.id(),
+];
 
 /// Path tracing on the processor: soft shadows, light that bounces, glossy surfaces. Unbiased, and the same picture on
 /// any number of threads. Needs no GPU.
@@ -159,6 +169,9 @@ impl Renderer for CpuPathRenderer {
             NORMAL_MEAN,
             ALBEDO_MEAN,
             RADIANCE_VARIANCE,
+            RADIANCE_GLOSS,
+            RADIANCE_GLOSS_VARIANCE,
+            RADIANCE_MATTE_VARIANCE,
             RENDER_REPORT
         ]
     }
@@ -198,7 +211,7 @@ impl CpuPathSession {
         let Some(world) = &self.world else { return Err(not_loaded()) };
         let lights = Lights::new(&request.view.lights, world, &self.cache)?;
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
-        let guides = request.wants.iter().any(|&want| want == ALBEDO_MEAN.id() || want == NORMAL_MEAN.id());
+        let guides = request.wants.iter().any(|want| OF_GUIDES.contains(want));
         let tracer = tracer.with_guides(guides);
         let (width, height) = size(request);
         let picture = Picture::trace(&tracer, width, height, &self.budget, request.workers);
@@ -216,6 +229,15 @@ impl CpuPathSession {
                     camera.turned(sums.normal.map(|x| x / sums.samples.max(1) as f32).into()).array()
                 };
                 frame.put(NORMAL_MEAN, picture.plane([0.0; 3], mean))?;
+            } else if want == RADIANCE_GLOSS.id() {
+                let mean = |sums: &PixelSums| sums.gloss.map(|x| x / sums.samples.max(1) as f32);
+                frame.put(RADIANCE_GLOSS, picture.plane([0.0; 3], mean))?;
+            } else if want == RADIANCE_GLOSS_VARIANCE.id() {
+                let variance = |sums: &PixelSums| sums.variance_of_parts()[0] as f32;
+                frame.put(RADIANCE_GLOSS_VARIANCE, picture.plane(0.0, variance))?;
+            } else if want == RADIANCE_MATTE_VARIANCE.id() {
+                let variance = |sums: &PixelSums| sums.variance_of_parts()[1] as f32;
+                frame.put(RADIANCE_MATTE_VARIANCE, picture.plane(0.0, variance))?;
             } else if want == RENDER_REPORT.id() {
                 frame.put(RENDER_REPORT, picture.report())?;
             }
@@ -258,8 +280,8 @@ impl RenderSession for CpuPathSession {
             }
             labels.put(frame)?;
         }
-        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), ALBEDO_MEAN.id(), NORMAL_MEAN.id(), RENDER_REPORT.id()];
-        if of_paths.into_iter().any(wants) { self.picture(request, &camera, frame) } else { Ok(()) }
+        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
+        if of_paths.into_iter().chain(OF_GUIDES).any(wants) { self.picture(request, &camera, frame) } else { Ok(()) }
     }
 }
 

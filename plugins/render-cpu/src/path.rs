@@ -9,13 +9,13 @@
 
 use crate::approx::sin_cos_turns;
 use crate::batch::{BATCH, Batch, compress, get, load, set, store};
-use crate::bsdf::{Bsdf, Substance, table};
+use crate::bsdf::{Bsdf, Layered, Substance, table};
 use crate::bvh::Ray;
 use crate::camera::RayCamera;
 use crate::light::Lights;
-use crate::real::{Int, Mask, Real, at_least, at_most, inverse, max};
+use crate::real::{Int, Mask, Real, at_least, at_most, complement, inverse, max};
 use crate::sampler::{Order, Sampler};
-use crate::vec3::{Basis, Rgb, Vec3};
+use crate::vec3::{Basis, Rgb, Vec3, vec3};
 use crate::world::World;
 use std::ops::Range;
 use syntable_model::photometry::luminance;
@@ -114,14 +114,31 @@ pub(crate) struct PixelSums {
     pub albedo: [f32; 3],
     /// World.
     pub normal: [f32; 3],
+    /// Of the radiance that the first surface mirrored without colouring it, and of its luminance's square.
+    pub gloss: [f32; 3],
+    pub gloss_square: f32,
+    /// Of the square of the rest's luminance.
+    pub matte_square: f32,
 }
 
 impl PixelSums {
     /// Estimated variance of the mean luminance, nits².
     pub fn variance(&self) -> f64 {
+        self.variance_of(luminance(self.radiance), self.square)
+    }
+
+    /// The same of what is mirrored without colour, and of the rest.
+    pub fn variance_of_parts(&self) -> [f64; 2] {
+        let gloss = luminance(self.gloss.map(f64::from));
+        let matte = luminance(self.radiance) - gloss;
+        [self.variance_of(gloss, self.gloss_square.into()), self.variance_of(matte, self.matte_square.into())]
+    }
+
+    /// Of a sum over the samples and that of its squares.
+    fn variance_of(&self, sum: f64, square: f64) -> f64 {
         let n = f64::from(self.samples);
-        let mean = luminance(self.radiance) / n;
-        if self.samples > 1 { (self.square / n - mean * mean).max(0.0) / (n - 1.0) } else { f64::INFINITY }
+        let mean = sum / n;
+        if self.samples > 1 { (square / n - mean * mean).max(0.0) / (n - 1.0) } else { f64::INFINITY }
     }
 }
 
@@ -200,6 +217,13 @@ impl<'a> PathTracer<'a> {
                         sum.albedo[c] += batch.guides.albedo[slot][c];
                         sum.normal[c] += batch.guides.normal[slot][c];
                     }
+                    let gloss = batch.guides.gloss(slot, batch.radiance[slot]);
+                    for c in 0..3 {
+                        sum.gloss[c] += gloss[c];
+                    }
+                    let y_gloss = luminance(gloss.map(f64::from));
+                    sum.gloss_square += (y_gloss * y_gloss) as f32;
+                    sum.matte_square += ((y - y_gloss) * (y - y_gloss)) as f32;
                 }
                 sample += 1;
                 if sample == samples.end {
@@ -319,7 +343,13 @@ impl<'a> PathTracer<'a> {
                 let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
                 if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING), shadow.coin[i]) {
                     deposit(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
+                    if self.guides && bounce == 0 {
+                        deposit(&mut batch.guides.direct_gloss, shadow.slot[i], get(&shadow.gloss, i));
+                    }
                 }
+            }
+            if self.guides && bounce == 0 {
+                batch.guides.first = batch.radiance;
             }
         }
     }
@@ -457,7 +487,8 @@ impl<'a> PathTracer<'a> {
     /// Samples lights and scattered directions; gives the numbers of paths that go on and of shadow rays.
     #[inline(always)]
     fn scatter<T: Real, const LAYERED: bool>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
-        let Batch { paths, hits, surfaces, shadows, numbers, .. } = batch;
+        let Batch { paths, hits, surfaces, shadows, numbers, guides, .. } = batch;
+        let split = self.guides && bounce == 0;
         let zero = T::splat(0.0);
         let (mut next, mut cast) = (0, 0);
         for at in (0..alive).step_by(T::WIDTH) {
@@ -506,6 +537,10 @@ impl<'a> PathTracer<'a> {
                 compress(origin, chosen, &mut shadows.origin, cast);
                 compress(light.direction, chosen, &mut shadows.direction, cast);
                 compress(contribution, chosen, &mut shadows.contribution, cast);
+                if split {
+                    let share = gloss_share(&bsdf, layered.as_ref(), substance.metallic, wi);
+                    compress(contribution * share, chosen, &mut shadows.gloss, cast);
+                }
                 light.distance.compress(chosen, &mut shadows.distance[cast..]);
                 slot.compress(chosen, &mut shadows.slot[cast..]);
                 if self.world.has_cutouts {
@@ -520,6 +555,11 @@ impl<'a> PathTracer<'a> {
                 Some(layered) => layered.sample(&bsdf, uv, sampler.coin(PASSAGE + bounce)),
                 None => bsdf.sample(uv),
             };
+            if split {
+                let share = gloss_share(&bsdf, layered.as_ref(), substance.metallic, scattered.wi);
+                let share = Vec3::pick(scattered.passes, Vec3::all(zero), share);
+                guides.scatter(share, slot, active.to_bits());
+            }
             let direction = shading.to_world(scattered.wi);
             let passes = scattered.passes;
             let bend = terminator(face, normal, bent & !passes, direction);
@@ -567,6 +607,17 @@ impl<'a> PathTracer<'a> {
         }
         color * at_most(T::splat(limit) / at_least(color.luminance(), 1e-30), 1.0)
     }
+}
+
+/// Share of the light from `wi` that a surface mirrors without colouring it.
+#[inline(always)]
+fn gloss_share<T: Real>(bsdf: &Bsdf<T>, layered: Option<&Layered<T>>, metallic: T, wi: Vec3<T>) -> Rgb<T> {
+    let [gloss, matte] = match layered {
+        Some(layered) => layered.lobes(bsdf, wi).0,
+        None => bsdf.lobes(wi).0,
+    };
+    let share = |gloss: T, matte: T| gloss * complement(metallic) * inverse(at_least(gloss + matte, 1e-20));
+    vec3(share(gloss.x, matte.x), share(gloss.y, matte.y), share(gloss.z, matte.z))
 }
 
 /// Seeds the numbers of a ray for surfaces that cover in part.

@@ -52,6 +52,20 @@ pub const NORMAL_MEAN: Key<Plane<[f32; 3]>> =
 pub const RADIANCE_VARIANCE: Key<Plane<f32>> =
     Key::view("radiance_variance", "estimated variance of the radiance's luminance, nits²");
 
+/// The part of [`RADIANCE`] that the first surface mirrors without colouring it, as varnish and dielectrics do: a guide
+/// for denoisers, for which the rest is more even once it is divided by the colour. What a mirror or a glass shows is in
+/// the rest.
+pub const RADIANCE_GLOSS: Key<Plane<[f32; 3]>> =
+    Key::view("radiance_gloss", "light that the first surface mirrors without colouring it, nits");
+
+/// Estimated variance of [`RADIANCE_GLOSS`]'s luminance, nits², as [`RADIANCE_VARIANCE`].
+pub const RADIANCE_GLOSS_VARIANCE: Key<Plane<f32>> =
+    Key::view("radiance_gloss_variance", "estimated variance of the luminance of radiance_gloss, nits²");
+
+/// Estimated variance of the luminance of what is left of [`RADIANCE`] without [`RADIANCE_GLOSS`], nits².
+pub const RADIANCE_MATTE_VARIANCE: Key<Plane<f32>> =
+    Key::view("radiance_matte_variance", "estimated variance of the luminance of radiance less radiance_gloss, nits²");
+
 /// What rendering took and how noisy it is: paths, rays, samples a pixel, the standard error over the mean, and pixels far
 /// brighter than all around them.
 pub const RENDER_REPORT: Key<Value> = Key::view("render_report", "paths, rays, samples a pixel, fireflies");

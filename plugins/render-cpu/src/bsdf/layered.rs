@@ -61,16 +61,25 @@ impl<T: Real> Layered<T> {
     /// BSDF times cosine of the drawn layer, and its density. Passage has none: lights are found through it by chance.
     #[inline(always)]
     pub fn evaluate(&self, bsdf: &Bsdf<T>, wi: Vec3<T>) -> (Rgb<T>, T) {
+        let ([glossy, matte], pdf) = self.lobes(bsdf, wi);
+        (glossy + matte, pdf)
+    }
+
+    /// The same, what is glossy and what is matte apart. Fibres are matte.
+    #[inline(always)]
+    pub fn lobes(&self, bsdf: &Bsdf<T>, wi: Vec3<T>) -> ([Rgb<T>; 2], T) {
         let ([glossy, matte], mut pdf) = bsdf.lobes(wi);
         let [glossy_left, matte_left] = self.veil.left(wi.z);
-        let mut value = glossy * glossy_left + matte * matte_left;
+        let (mut glossy, mut matte) = (glossy * glossy_left, matte * matte_left);
+        let black = Vec3::all(T::splat(0.0));
         if self.is_sheen.any() {
             let (sheen, density) = self.sheen.evaluate(wi);
             // Varnish over fibres; what the fibres themselves take is no veil for them.
-            value = Vec3::pick(self.is_sheen, self.color * (sheen * glossy_left), value);
+            matte = Vec3::pick(self.is_sheen, self.color * (sheen * glossy_left), matte);
+            glossy = Vec3::pick(self.is_sheen, black, glossy);
             pdf = T::pick(self.is_sheen, density, pdf);
         }
-        (Vec3::pick(self.is_passage, Vec3::all(T::splat(0.0)), value), pdf)
+        ([glossy, matte].map(|lobe| Vec3::pick(self.is_passage, black, lobe)), pdf)
     }
 
     #[inline(always)]

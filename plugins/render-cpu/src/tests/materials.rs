@@ -9,7 +9,7 @@ use syntable_model::context::Serial;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::photometry::sphere_luminance;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RADIANCE;
+use syntable_model::product::standard::{RADIANCE, RADIANCE_GLOSS};
 use syntable_model::scene::{
     Alpha, Clearcoat, Color, DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, Material, RectLight,
     Role, Scalar, Sheen, SphereLight, Transmission, Volume,
@@ -262,5 +262,33 @@ fn all_strategies_agree_on_every_light_and_layer() {
         let variance: f64 = combined.iter().chain(&other).map(|p| p[1] * p[1]).sum();
         let z = (total - total_other) / variance.sqrt();
         assert!(z.abs() < 4.5, "{name}: {total} and {total_other}, off by {z} deviations; {}", kept());
+    }
+}
+
+#[test]
+fn gloss_is_what_is_mirrored_without_colour() {
+    let parts = |material: Material| {
+        let ball = object("ball", ball(1.0, 96), material);
+        let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
+        let lamp = SphereLight { centre: Point3::new(3.0, 1.0, 1.0), radius: 0.5, radiance: [20.0; 3] };
+        let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace(), Light::Sphere(lamp)]);
+        let frame = render(options(256, 4), &scene, &view, &[RADIANCE.id(), RADIANCE_GLOSS.id()]);
+        let mean = |key: Key<Plane<[f32; 3]>>| {
+            let data = frame.get(key).expect("made").data();
+            data.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / data.len() as f64
+        };
+        (mean(RADIANCE), mean(RADIANCE_GLOSS))
+    };
+    let plain = |color: f32, roughness: f32| Material::plain("plain", [color; 3], roughness);
+    for roughness in [0.1, 0.5] {
+        let (all, of_black) = parts(plain(0.0, roughness));
+        assert!((of_black / all - 1.0).abs() < 1e-3, "black mirrors, or takes: {of_black} of {all}");
+        // The same interface over any colour, sampled otherwise.
+        let (all, of_red) = parts(plain(0.7, roughness));
+        assert!((of_red / of_black - 1.0).abs() < 0.03 && of_red < 0.6 * all, "{of_red} of {all}, black {of_black}");
+    }
+    let metal = Material { metallic: Scalar::constant(1.0), ..plain(0.7, 0.3) };
+    for (name, material) in [("matte", matte(0.7)), ("metal", metal), ("glass", clear(0.05, Some(AIRY)))] {
+        assert_eq!(parts(material).1, 0.0, "{name}");
     }
 }

@@ -67,7 +67,7 @@ fn busy_scene() -> (Arc<Scene>, View) {
     (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
 }
 
-const ALL: [KeyId; 13] = [
+const ALL: [KeyId; 14] = [
     RADIANCE.id(),
     DEPTH.id(),
     INSTANCE.id(),
@@ -80,6 +80,7 @@ const ALL: [KeyId; 13] = [
     NORMAL_MEAN.id(),
     ALBEDO_MEAN.id(),
     RADIANCE_VARIANCE.id(),
+    RADIANCE_GLOSS.id(),
     RENDER_REPORT.id(),
 ];
 
@@ -95,7 +96,7 @@ fn any_number_of_workers_gives_the_same_bits() {
     for threads in [2, 3] {
         let many =
             render_with(options(5, 4), Strategy::Combined, &scene, &view, &ALL, &Threads(threads)).expect("renders");
-        for key in [RADIANCE, NORMAL, ALBEDO] {
+        for key in [RADIANCE, NORMAL, ALBEDO, RADIANCE_GLOSS] {
             let (a, b) = (one.get(key).expect("made"), many.get(key).expect("made"));
             assert!(bits(a) == bits(b), "{} differs; {}", key.name(), keep("workers", &[("one", a), ("many", b)]));
         }
