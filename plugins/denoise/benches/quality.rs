@@ -1,7 +1,8 @@
 //! Errors of pictures before and after denoising, against a reference of many samples.
 //!
-//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [FOLDER]]` renders the middle of the room of the
-//! renderer's bench with 1 to 64 samples a pixel and with `REFERENCE` (512), and writes the pictures to `FOLDER`. The
+//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [ROUGHEN [FOLDER]]]` renders the middle of the room of the
+//! renderer's bench with 1 to 64 samples a pixel and with `REFERENCE` (512), all with the option
+//! `roughen = ROUGHEN` (0.3, as recipes have it), and writes the pictures to `FOLDER`. The
 //! reference has noise too: 512 samples are good for errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise,
 //! if it is to be compared.
 //!
@@ -28,7 +29,8 @@ type Picture = [[f32; 3]];
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let many = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(512);
-    let folder = arguments.get(1);
+    let roughen = arguments.get(1).and_then(|a| a.parse().ok()).unwrap_or(0.3);
+    let folder = arguments.get(2);
     let mut denoisers = vec![("guided", denoiser("guided", ""))];
     match std::env::var("SYNTABLE_OIDN") {
         Ok(library) => {
@@ -39,7 +41,7 @@ fn main() {
     let (scene, view) = (room::scene(), room::view(WIDTH, HEIGHT));
     let wants: Vec<KeyId> =
         denoisers.iter().flat_map(|(_, denoiser)| denoiser.guides()).chain([RADIANCE.id()]).collect();
-    let reference = render(&scene, &view, many, 100, &[RADIANCE.id()]);
+    let reference = render(&scene, &view, (many, roughen), 100, &[RADIANCE.id()]);
     let reference = reference.get(RADIANCE).expect("made").data();
     let white = white(reference);
     let keep = |name: &str, picture: &Picture| {
@@ -50,7 +52,7 @@ fn main() {
     keep("reference.png", reference);
     println!("samples  picture       PSNR    relMSE  light     time");
     for samples in [1, 2, 4, 8, 16, 32, 64] {
-        let frame = render(&scene, &view, samples, 1, &wants);
+        let frame = render(&scene, &view, (samples, roughen), 1, &wants);
         let noisy = frame.get(RADIANCE).expect("made").data();
         let tell = |name: &str, picture: &Picture, seconds: f64| {
             println!(
@@ -83,8 +85,8 @@ fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
     }
 }
 
-fn render(scene: &Arc<Scene>, view: &View, samples: u32, seed: u64, wants: &[KeyId]) -> Frame {
-    let options = CpuPath { samples_per_pixel: samples, ..CpuPath::default() };
+fn render(scene: &Arc<Scene>, view: &View, (samples, roughen): (u32, f64), seed: u64, wants: &[KeyId]) -> Frame {
+    let options = CpuPath { samples_per_pixel: samples, roughen, ..CpuPath::default() };
     let mut session = CpuPathRenderer::new(options).expect("sound options").session();
     session.load(scene, &Threads(2)).expect("loads");
     let mut frame = Frame::new();

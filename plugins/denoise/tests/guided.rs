@@ -6,7 +6,10 @@ use common::{Room, luminance};
 use syntable_denoise::guided::Guided;
 use syntable_model::context::Serial;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_VARIANCE};
+use syntable_model::product::standard::{
+    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    RADIANCE_MATTE_VARIANCE,
+};
 use syntable_model::registry::{Registry, Slot};
 use syntable_testing::workers::Threads;
 
@@ -42,7 +45,9 @@ fn picture(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) ->
     let pixels = Plane::from_fn(width, height, &mut pixel);
     let mut frame = Frame::new();
     frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
-    frame.put(RADIANCE_VARIANCE, pixels.map(|p| p.variance)).expect("new");
+    frame.put(RADIANCE_MATTE_VARIANCE, pixels.map(|p| p.variance)).expect("new");
+    frame.put(RADIANCE_GLOSS, pixels.map(|_| [0.0; 3])).expect("new");
+    frame.put(RADIANCE_GLOSS_VARIANCE, pixels.map(|_| 0.0)).expect("new");
     frame.put(ALBEDO_MEAN, pixels.map(|p| p.albedo)).expect("new");
     frame.put(NORMAL_MEAN, pixels.map(|p| p.normal)).expect("new");
     frame.put(DEPTH, pixels.map(|p| p.depth)).expect("new");

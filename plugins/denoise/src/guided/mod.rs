@@ -1,7 +1,8 @@
 //! `guided`: a filter of its own that looks at albedo, normals, depth and ids.
 //!
-//! The picture is divided by the surfaces' colour, so that textures stay sharp whatever happens to the light on them
-//! ([`Signal`]). Every pixel's noise is estimated and specks are cut ([`noise`]). Then come levels of 5 × 5 taps at
+//! The light comes in two parts ([`Part`]), filtered each in its own way ([`tuning`]) and added up in the end: what the
+//! surfaces mirror without colouring it, and the rest. The rest is divided by the surfaces' colour, so that textures stay
+//! sharp whatever happens to the light on them. Every pixel's noise is estimated and specks are cut ([`noise`]). Then come levels of 5 × 5 taps at
 //! distances of 1, 2, 4, 8, … px ([`smooth`]): the edge-avoiding à-trous transform of Dammertz et al. (High Performance
 //! Graphics 2010), led by variance as Schied et al. have it (High Performance Graphics 2017, section 4.2 and 4.3). A tap is
 //! worth less the more its normal differs, the farther it is from the pixel's plane and the less likely its light is the
@@ -15,13 +16,18 @@ mod guides;
 mod noise;
 mod planes;
 mod smooth;
+mod tuning;
 
 use guides::{Guides, NOTHING};
 use planes::{CHUNK, Padded, Size, Spot, fill};
 use smooth::Level;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_VARIANCE};
+use syntable_model::product::standard::{
+    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    RADIANCE_MATTE_VARIANCE,
+};
+use tuning::Tuning;
 
 /// What is added to the colour before the light is divided by it: about what a dielectric mirrors, which has no colour.
 const MIRRORED: f32 = 0.04;
@@ -29,11 +35,8 @@ const MIRRORED: f32 = 0.04;
 /// The largest light that is reckoned with, nits, so that its square is a number.
 const MOST: f32 = 1e12;
 
-/// How unlike a tap's light may be at each level, in standard deviations, for a strength of 1.
-const SIGMAS: [f32; 5] = [6.0, 2.5, 2.0, 2.0, 2.0];
-
-/// The same for the means that the first level compares.
-const PILOT_SIGMAS: f32 = 2.5;
+/// Most levels.
+const LEVELS: u32 = 5;
 
 /// Takes the noise out of pictures of few samples by averaging over likely neighbours, guided by colour, normals, depth
 /// and ids. Fast, on the processor, the same everywhere; nothing needs to be installed. With more samples it does less.
@@ -66,7 +69,7 @@ impl Config for Guided {
         if !(0.1..=10.0).contains(&self.strength) {
             return Err(Invalid::new("strength", format!("`strength = {}` is not from 0.1 to 10", self.strength)));
         }
-        if !(1..=SIGMAS.len() as u32).contains(&self.levels) {
+        if !(1..=LEVELS).contains(&self.levels) {
             return Err(Invalid::new("levels", format!("`levels = {}` is not from 1 to 5", self.levels)));
         }
         Ok(Box::new(self))
@@ -75,41 +78,84 @@ impl Config for Guided {
 
 impl Denoiser for Guided {
     fn guides(&self) -> Vec<KeyId> {
-        keys![ALBEDO_MEAN, NORMAL_MEAN, DEPTH, INSTANCE, RADIANCE_VARIANCE]
+        keys![
+            ALBEDO_MEAN,
+            NORMAL_MEAN,
+            DEPTH,
+            INSTANCE,
+            RADIANCE_GLOSS,
+            RADIANCE_GLOSS_VARIANCE,
+            RADIANCE_MATTE_VARIANCE
+        ]
     }
 
     fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised> {
         let input = Input {
             radiance: rendered.get(RADIANCE)?,
-            variance: rendered.get(RADIANCE_VARIANCE)?,
+            gloss: rendered.get(RADIANCE_GLOSS)?,
+            variances: [rendered.get(RADIANCE_MATTE_VARIANCE)?, rendered.get(RADIANCE_GLOSS_VARIANCE)?],
             albedo: rendered.get(ALBEDO_MEAN)?,
             normal: rendered.get(NORMAL_MEAN)?,
             depth: rendered.get(DEPTH)?,
             instance: rendered.get(INSTANCE)?,
         };
         let size = input.size();
-        let known = input.variance.data().iter().any(|v| v.is_finite());
-        let (signal, guides) = input.split(size, workers);
-        let noise = noise::estimate(size, workers, &guides, &signal, known);
-        let (mut now, mut next) = (noise.signal, signal);
-        for level in 0..self.levels {
-            let pilot = (level == 0).then_some(&noise.pilot);
-            let sigmas = SIGMAS[level as usize] * self.strength as f32;
-            let pilot_sigmas = PILOT_SIGMAS * self.strength as f32;
-            let level = Level { guides: &guides, from: &now, pilot, step: 1 << level, sigmas, pilot_sigmas };
-            smooth::smooth(size, workers, &level, &mut next);
-            std::mem::swap(&mut now, &mut next);
-        }
+        let guides = input.surfaces(size, workers);
+        let matte = self.filter(&input, Part::Matte, &guides, workers);
+        let gloss = self.filter(&input, Part::Gloss, &guides, workers);
         let report = Value::record([
             ("name", Self::KIND.into()),
             ("strength", self.strength.into()),
             ("levels", self.levels.into()),
         ]);
-        Ok(Denoised { radiance: input.join(size, &now), report })
+        Ok(Denoised { radiance: input.join(size, &matte, &gloss), report })
     }
 }
 
-/// Light without the colour of what it falls on, and what is known of its noise.
+impl Guided {
+    /// One part of the light without its noise.
+    fn filter(&self, input: &Input, part: Part, guides: &Guides, workers: &dyn Workers) -> Signal {
+        let (size, strength, tuning) = (input.size(), self.strength as f32, part.tuning());
+        let signal = input.signal(size, part, workers);
+        let known = input.variances[part as usize].data().iter().any(|v| v.is_finite());
+        let noise = noise::estimate(size, workers, guides, &signal, known, tuning);
+        let (mut now, mut next) = (noise.signal, signal);
+        for number in 0..self.levels.min(tuning.levels) {
+            let level = Level {
+                guides,
+                tuning,
+                from: &now,
+                pilot: (number == 0).then_some(&noise.pilot),
+                step: 1 << number,
+                sigmas: tuning.sigmas[number as usize] * strength,
+                pilot_sigmas: tuning.pilot_sigmas * strength,
+            };
+            smooth::smooth(size, workers, &level, &mut next);
+            std::mem::swap(&mut now, &mut next);
+        }
+        now
+    }
+}
+
+/// A part of the light.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// What has the colour of the surface: divided by it.
+    Matte,
+    /// What the surface mirrors as it comes.
+    Gloss,
+}
+
+impl Part {
+    fn tuning(self) -> &'static Tuning {
+        match self {
+            Self::Matte => &tuning::MATTE,
+            Self::Gloss => &tuning::GLOSS,
+        }
+    }
+}
+
+/// Light of a part, without the colour of what it falls on, and what is known of its noise.
 struct Signal {
     /// Linear Rec. 709, nits.
     color: [Padded; 3],
@@ -129,7 +175,9 @@ impl Signal {
 /// The products of a frame.
 struct Input<'a> {
     radiance: &'a Plane<[f32; 3]>,
-    variance: &'a Plane<f32>,
+    gloss: &'a Plane<[f32; 3]>,
+    /// Of the parts.
+    variances: [&'a Plane<f32>; 2],
     albedo: &'a Plane<[f32; 3]>,
     normal: &'a Plane<[f32; 3]>,
     depth: &'a Plane<f32>,
@@ -154,55 +202,70 @@ impl Input<'_> {
         self.albedo.data()[pixel].map(|share| MIRRORED + if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 })
     }
 
-    fn split(&self, size: Size, workers: &dyn Workers) -> (Signal, Guides) {
+    /// A pixel's light of a part, with its colour.
+    fn light(&self, pixel: usize, part: Part) -> [f32; 3] {
+        let (all, gloss) = (self.radiance.data()[pixel], self.gloss.data()[pixel]);
+        std::array::from_fn(|c| {
+            let gloss = if gloss[c].is_finite() { gloss[c].max(0.0).min(all[c]) } else { 0.0 };
+            match part {
+                Part::Matte => all[c] - gloss,
+                Part::Gloss => gloss,
+            }
+        })
+    }
+
+    /// A part of the light.
+    fn signal(&self, size: Size, part: Part, workers: &dyn Workers) -> Signal {
         let mut signal = Signal::new(size);
+        let Signal { color: [r, g, b], luminance: l, variance: v } = &mut signal;
+        fill(size, workers, [r, g, b, l, v], |Spot { x, y, .. }| {
+            let mut out = [[0.0; CHUNK]; 5];
+            for i in 0..CHUNK.min(size.width - x) {
+                let pixel = y * size.width + x + i;
+                if !self.surface(pixel) {
+                    continue;
+                }
+                let factor = if part == Part::Matte { self.factor(pixel) } else { [1.0; 3] };
+                let light = self.light(pixel, part);
+                let light: [f32; 3] = std::array::from_fn(|c| (light[c] / factor[c]).clamp(0.0, MOST));
+                let (bright, scale) = (luminance(light), luminance(factor));
+                let variance = self.variances[part as usize].data()[pixel] / (scale * scale);
+                let variance = if variance.is_finite() && variance >= 0.0 { variance } else { bright * bright };
+                let pixel = [light[0], light[1], light[2], bright, variance.min(MOST * MOST)];
+                out.iter_mut().zip(pixel).for_each(|(chunk, number)| chunk[i] = number);
+            }
+            out
+        });
+        signal
+    }
+
+    /// What tells surfaces apart.
+    fn surfaces(&self, size: Size, workers: &dyn Workers) -> Guides {
         let zero = || Padded::new(size, 0.0);
         let (mut normal, mut color, mut disparity) = ([zero(), zero(), zero()], zero(), zero());
         let mut id = Padded::new(size, NOTHING);
-        let Signal { color: [r, g, b], luminance: l, variance: v } = &mut signal;
         let [nx, ny, nz] = &mut normal;
-        fill(
-            size,
-            workers,
-            [r, g, b, l, v, nx, ny, nz, &mut color, &mut disparity, &mut id],
-            |Spot { x, y, .. }| {
-                let mut out = [[0.0; CHUNK]; 11];
-                out[10] = [NOTHING; CHUNK];
-                for i in 0..CHUNK.min(size.width - x) {
-                    let pixel = y * size.width + x + i;
-                    if !self.surface(pixel) {
-                        continue;
-                    }
-                    let (factor, radiance) = (self.factor(pixel), self.radiance.data()[pixel]);
-                    let light: [f32; 3] = std::array::from_fn(|c| (radiance[c] / factor[c]).clamp(0.0, MOST));
-                    let (bright, scale) = (luminance(light), luminance(factor));
-                    let variance = self.variance.data()[pixel] / (scale * scale);
-                    let variance = if variance.is_finite() && variance >= 0.0 { variance } else { bright * bright };
-                    let normal =
-                        self.normal.data()[pixel].map(|n| if n.is_finite() { n.clamp(-1.0, 1.0) } else { 0.0 });
-                    let pixel = [
-                        light[0],
-                        light[1],
-                        light[2],
-                        bright,
-                        variance.min(MOST * MOST),
-                        normal[0],
-                        normal[1],
-                        normal[2],
-                        luminance(factor),
-                        1.0 / self.depth.data()[pixel],
-                        f32::from(self.instance.data()[pixel].0),
-                    ];
-                    out.iter_mut().zip(pixel).for_each(|(chunk, number)| chunk[i] = number);
+        fill(size, workers, [nx, ny, nz, &mut color, &mut disparity, &mut id], |Spot { x, y, .. }| {
+            let mut out = [[0.0; CHUNK]; 6];
+            out[5] = [NOTHING; CHUNK];
+            for i in 0..CHUNK.min(size.width - x) {
+                let pixel = y * size.width + x + i;
+                if !self.surface(pixel) {
+                    continue;
                 }
-                out
-            },
-        );
-        (signal, Guides::new(size, workers, normal, color, disparity, id))
+                let normal = self.normal.data()[pixel].map(|n| if n.is_finite() { n.clamp(-1.0, 1.0) } else { 0.0 });
+                let color = luminance(self.factor(pixel));
+                let (depth, id) = (self.depth.data()[pixel], self.instance.data()[pixel]);
+                let pixel = [normal[0], normal[1], normal[2], color, 1.0 / depth, f32::from(id.0)];
+                out.iter_mut().zip(pixel).for_each(|(chunk, number)| chunk[i] = number);
+            }
+            out
+        });
+        Guides::new(size, workers, normal, color, disparity, id)
     }
 
-    /// The picture of a filtered signal.
-    fn join(&self, size: Size, signal: &Signal) -> Plane<[f32; 3]> {
+    /// The picture of its filtered parts.
+    fn join(&self, size: Size, matte: &Signal, gloss: &Signal) -> Plane<[f32; 3]> {
         Plane::from_fn(self.radiance.width(), self.radiance.height(), |x, y| {
             let (x, y) = (x as usize, y as usize);
             let pixel = y * size.width + x;
@@ -210,7 +273,7 @@ impl Input<'_> {
                 return self.radiance.data()[pixel];
             }
             let (at, factor) = (size.index(x, y), self.factor(pixel));
-            std::array::from_fn(|c| signal.color[c].at(at) * factor[c])
+            std::array::from_fn(|c| matte.color[c].at(at) * factor[c] + gloss.color[c].at(at))
         })
     }
 }

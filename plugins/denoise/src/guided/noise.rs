@@ -2,20 +2,18 @@
 
 use super::guides::{Guides, falloff};
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
+use super::tuning::Tuning;
 use super::{Signal, wide};
 use syntable_model::context::Workers;
 
 /// Reach of the window, px.
 const REACH: isize = 3;
 
-/// What a squared difference of normals costs here.
-const PER_NORMAL: Chunk = [20.0; CHUNK];
-
-/// A pixel is a speck from so many standard deviations of its neighbours above their mean.
-const SPECK: f32 = 3.0;
+/// Light is no speck that a pixel's own samples say is there, but for so many standard deviations.
+const SURE: f32 = 3.0;
 
 /// How many taps the window without guides counts for, so that a pixel without likes is not believed to be quiet.
-const PRIOR: f32 = 1.0;
+const PRIOR: f32 = 0.7;
 
 /// What the window says.
 pub(super) struct Noise {
@@ -27,7 +25,14 @@ pub(super) struct Noise {
 
 /// Looks at the neighbours of every pixel. The variance is the mean of the renderer's estimates, if it has any (`known`),
 /// since one of few samples is worth little by itself; otherwise it is the neighbours' own spread.
-pub(super) fn estimate(size: Size, workers: &dyn Workers, guides: &Guides, from: &Signal, known: bool) -> Noise {
+pub(super) fn estimate(
+    size: Size,
+    workers: &dyn Workers,
+    guides: &Guides,
+    from: &Signal,
+    known: bool,
+    tuning: &Tuning,
+) -> Noise {
     let mut signal = Signal::new(size);
     let mut pilot = [Padded::new(size, 0.0), Padded::new(size, 0.0)];
     let Signal { color: [r, g, b], luminance, variance } = &mut signal;
@@ -37,22 +42,23 @@ pub(super) fn estimate(size: Size, workers: &dyn Workers, guides: &Guides, from:
         #[cfg(target_arch = "x86_64")]
         if wide {
             // SAFETY: `wide` says that the processor has AVX2.
-            return unsafe { look_wide(guides, from, known, spot.at, stride) };
+            return unsafe { look_wide(guides, from, known, tuning, spot.at, stride) };
         }
-        look(guides, from, known, spot.at, stride)
+        look(guides, from, known, tuning, spot.at, stride)
     });
     Noise { signal, pilot }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn look_wide(guides: &Guides, from: &Signal, known: bool, at: usize, stride: isize) -> [Chunk; 7] {
-    look(guides, from, known, at, stride)
+fn look_wide(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize, stride: isize) -> [Chunk; 7] {
+    look(guides, from, known, tuning, at, stride)
 }
 
 #[inline(always)]
-fn look(guides: &Guides, from: &Signal, known: bool, at: usize, stride: isize) -> [Chunk; 7] {
+fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize, stride: isize) -> [Chunk; 7] {
     let zero = [0.0; CHUNK];
+    let per_normal = [tuning.per_normal; CHUNK];
     // Sums over likes: weights, their squares, luminance, its square, variance; and over all surfaces.
     let (mut w1, mut w2, mut m1, mut m2, mut mv) = (zero, zero, zero, zero, zero);
     let (mut all, mut all_l, mut all_v) = (zero, zero, zero);
@@ -62,7 +68,7 @@ fn look(guides: &Guides, from: &Signal, known: bool, at: usize, stride: isize) -
                 continue;
             }
             let there = (at as isize + dy * stride + dx) as usize;
-            let cost = guides.cost(at, there, dx as f32, dy as f32, &PER_NORMAL);
+            let cost = guides.cost(at, there, dx as f32, dy as f32, &per_normal);
             let (l, v, id) = (from.luminance.chunk(there), from.variance.chunk(there), guides.id.chunk(there));
             for i in 0..CHUNK {
                 let w = falloff(cost[i]);
@@ -85,9 +91,9 @@ fn look(guides: &Guides, from: &Signal, known: bool, at: usize, stride: isize) -
         let mean = m1[i] / (w1[i] + 1e-6);
         let spread = m2[i] / (w1[i] + 1e-6) - mean * mean;
         let spread = if spread > 0.0 { spread } else { 0.0 };
-        let usual = mean + SPECK * spread.sqrt();
+        let usual = mean + tuning.speck * spread.sqrt();
         // Light that the pixel's own samples agree on is no speck.
-        let sure = if known { l[i] - SPECK * v[i].sqrt() } else { 0.0 };
+        let sure = if known { l[i] - SURE * v[i].sqrt() } else { 0.0 };
         let limit = if usual > sure { usual } else { sure };
         let kept = if w1[i] > 3.0 && l[i] > limit { limit } else { l[i] };
         let share = kept / (l[i] + 1e-30);

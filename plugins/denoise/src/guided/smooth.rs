@@ -2,18 +2,14 @@
 
 use super::guides::{Guides, falloff};
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
+use super::tuning::Tuning;
 use super::{Signal, luminance, wide};
 use syntable_model::context::Workers;
-
-/// Weights of a tap by its distance along an axis: a Gaussian of 1.2 taps.
-const KERNEL: [f32; 3] = [1.0, 0.707, 0.249];
-
-/// Squared difference of normals that costs one e-fold, for noise as strong as the light; and between which bounds.
-const NORMAL: (f32, f32, f32) = (0.4, 0.01, 1.0);
 
 /// What a level works on.
 pub(super) struct Level<'a> {
     pub guides: &'a Guides,
+    pub tuning: &'a Tuning,
     pub from: &'a Signal,
     /// Means over a window, and their variance, by which likes are known too where the light itself is too noisy.
     pub pilot: Option<&'a [Padded; 2]>,
@@ -49,7 +45,7 @@ impl Level<'_> {
     #[inline(always)]
     fn chunk(&self, at: usize, stride: isize) -> [Chunk; 5] {
         let Self { guides, from, .. } = self;
-        let (scale, least, most) = NORMAL;
+        let (scale, least, most) = self.tuning.normal;
         let [per_light, per_pilot] = [self.sigmas, self.pilot_sigmas].map(|sigmas| 1.0 / (sigmas * sigmas));
         let [pr, pg, pb] = [0, 1, 2].map(|c| from.color[c].chunk(at));
         let own = from.variance.chunk(at);
@@ -75,7 +71,7 @@ impl Level<'_> {
                         cost[i] += d * d * per_pilot / (pv[i] + qv[i] + 1e-8 * pu[i] * pu[i] + 1e-20);
                     }
                 }
-                let kernel = KERNEL[dx.unsigned_abs()] * KERNEL[dy.unsigned_abs()];
+                let kernel = self.tuning.kernel[dx.unsigned_abs()] * self.tuning.kernel[dy.unsigned_abs()];
                 let [qr, qg, qb] = [0, 1, 2].map(|c| from.color[c].chunk(there));
                 let v = from.variance.chunk(there);
                 for i in 0..CHUNK {

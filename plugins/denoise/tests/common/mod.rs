@@ -5,7 +5,10 @@
 
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_VARIANCE};
+use syntable_model::product::standard::{
+    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    RADIANCE_MATTE_VARIANCE,
+};
 use syntable_testing::workers::Threads;
 
 type V = [f64; 3];
@@ -325,7 +328,10 @@ impl Room {
         frame.put(RADIANCE, plane(|p| p.radiance)).expect("new");
         frame.put(ALBEDO_MEAN, plane(|p| p.albedo)).expect("new");
         frame.put(NORMAL_MEAN, plane(|p| p.normal)).expect("new");
-        frame.put(RADIANCE_VARIANCE, single(|p| p.variance)).expect("new");
+        frame.put(RADIANCE_MATTE_VARIANCE, single(|p| p.variance)).expect("new");
+        // Nothing in this room is varnished.
+        frame.put(RADIANCE_GLOSS, plane(|_| [0.0; 3])).expect("new");
+        frame.put(RADIANCE_GLOSS_VARIANCE, single(|_| 0.0)).expect("new");
         frame.put(DEPTH, single(|p| p.depth)).expect("new");
         let ids = pixels.iter().map(|p| InstanceId(p.id)).collect();
         frame.put(INSTANCE, Plane::from_vec(width, height, ids)).expect("new");
