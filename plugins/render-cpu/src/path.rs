@@ -218,9 +218,7 @@ impl<'a> PathTracer<'a> {
                         sum.normal[c] += batch.guides.normal[slot][c];
                     }
                     let gloss = batch.guides.gloss(slot, batch.radiance[slot]);
-                    for c in 0..3 {
-                        sum.gloss[c] += gloss[c];
-                    }
+                    sum.gloss.iter_mut().zip(gloss).for_each(|(sum, gloss)| *sum += gloss);
                     let y_gloss = luminance(gloss.map(f64::from));
                     sum.gloss_square += (y_gloss * y_gloss) as f32;
                     sum.matte_square += ((y - y_gloss) * (y - y_gloss)) as f32;
