@@ -16,7 +16,7 @@ fn list_names_kinds_crates_and_products() {
 #[test]
 fn plan_tells_what_is_computed_for_whom() {
     let plan = ok(syntable().args(["plan", "recipes/quickstart.toml"]));
-    for word in ["radiance", "annotate.masks", "write.syntable", "4 images", "32"] {
+    for word in ["radiance", "annotate.masks", "write.syntable", "4 images", "16 paths"] {
         assert!(plan.contains(word), "{word} is not in\n{plan}");
     }
     let error = fails(syntable().args(["plan", "recipes/quickstart.toml", "--set", "write.npy.include=[\"dept\"]"]), 2);
