@@ -11,6 +11,7 @@
 
 pub mod assets;
 pub mod conformance;
+pub mod room;
 pub mod scenes;
 pub mod stats;
 pub mod workers;

@@ -9,8 +9,6 @@
 //! PSNR is of the sRGB-encoded picture, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
 //! channels of (x − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
 
-mod room;
-
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -19,6 +17,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::RADIANCE;
 use syntable_model::registry::{Registry, Slot};
 use syntable_render_cpu::{CpuPath, CpuPathRenderer};
+use syntable_testing::room;
 use syntable_testing::workers::Threads;
 
 const WIDTH: u32 = 320;

@@ -4,7 +4,6 @@ use crate::cpu_path::{CpuPath, CpuPathRenderer};
 use crate::path::Strategy;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use syntable_model::context::{Serial, Workers};
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
@@ -14,30 +13,7 @@ use syntable_model::scene::{
     SettleReport, Surface, Tabletop, ViewId,
 };
 
-/// Threads of the standard library.
-pub struct Threads(pub usize);
-
-impl Workers for Threads {
-    fn threads(&self) -> usize {
-        self.0
-    }
-    fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..self.0 {
-                scope.spawn(|| {
-                    loop {
-                        let number = next.fetch_add(1, Ordering::Relaxed);
-                        if number >= jobs {
-                            return;
-                        }
-                        job(number);
-                    }
-                });
-            }
-        });
-    }
-}
+pub use syntable_testing::workers::Threads;
 
 /// A box of half-sizes around the origin, faces outwards, with uvs 0..1 on every face.
 pub fn cuboid(half: [f32; 3]) -> MeshData {

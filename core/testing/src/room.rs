@@ -1,5 +1,5 @@
-//! The scene of the renderer's own bench: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a
-//! globe; the middle of its 640 × 480 picture.
+//! A scene to measure with: a closed room of 6 × 6 × 2.8 m, a table, 20 rippled balls and rings of 16 384 triangles each,
+//! textured, glossy and metallic, under a ceiling panel and a globe.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -12,6 +12,7 @@ use syntable_model::scene::{
     TextureMapping, ViewId, Wrap,
 };
 
+/// The table from above one corner, 600 px of focal length: the middle of a 640 × 480 picture, or all of it.
 pub fn view(width: u32, height: u32) -> View {
     let intrinsics =
         Intrinsics { width, height, fx: 600.0, fy: 600.0, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
@@ -31,6 +32,7 @@ pub fn view(width: u32, height: u32) -> View {
     }
 }
 
+/// The room and what is in it.
 pub fn scene() -> Arc<Scene> {
     let mut random = Stream::root(3);
     let mut builder = SceneBuilder::default();

@@ -1,0 +1,95 @@
+//! Where paths start: in the camera.
+
+use super::PathTracer;
+use crate::approx::sin_cos_turns;
+use crate::batch::{BATCH, Batch, load, set, store};
+use crate::real::{Int, Real};
+use crate::sampler::Sampler;
+use crate::vec3::Vec3;
+use std::ops::Range;
+
+/// Number of the pair that chooses a place in the aperture; pair 0 chooses one in the pixel, later ones lights and
+/// directions in turn.
+const LENS: u32 = 1;
+
+/// Whose turn it is: pixels of a tile, row by row, and their samples.
+#[derive(Clone, Copy)]
+pub(super) struct Turn {
+    pub pixel: usize,
+    pub sample: u32,
+}
+
+impl PathTracer<'_> {
+    /// Fills a batch with camera rays; gives their number.
+    #[inline(always)]
+    pub(super) fn start<T: Real>(
+        &self,
+        batch: &mut Batch,
+        area: [u32; 4],
+        samples: &Range<u32>,
+        turn: &mut Turn,
+        pixels: usize,
+    ) -> usize {
+        let [left, top, right, _] = area;
+        let columns = (right - left) as usize;
+        let (first, per_pixel) = (*turn, samples.len());
+        let paths = &mut batch.paths;
+        let mut count = 0;
+        while count < BATCH && turn.pixel < pixels {
+            let (x, y) = (left + (turn.pixel % columns) as u32, top + (turn.pixel / columns) as u32);
+            let corner = self.camera.corner(x, y);
+            let (seed, first) = self.order.pixel(x, y);
+            let more = ((samples.end - turn.sample) as usize).min(BATCH - count);
+            for i in count..count + more {
+                set(&mut paths.origin, i, self.camera.origin());
+                set(&mut paths.direction, i, corner);
+                paths.seed[i] = seed;
+                paths.index[i] = first + turn.sample + (i - count) as u32;
+                paths.slot[i] = i as u32;
+                batch.radiance[i] = [0.0; 3];
+                if self.guides {
+                    batch.guides.clear(i);
+                }
+            }
+            count += more;
+            turn.sample += more as u32;
+            if turn.sample == samples.end {
+                *turn = Turn { pixel: turn.pixel + 1, sample: samples.start };
+            }
+        }
+        let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
+        for at in (0..count).step_by(T::WIDTH) {
+            let sampler = Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) };
+            let [u, v] = sampler.pair(0);
+            let mut direction = load::<T>(&paths.direction, at) + along_u * u + along_v * v;
+            if self.camera.is_warped() {
+                store(direction, &mut paths.direction, at);
+                let (mut us, mut vs) = ([0.0; 8], [0.0; 8]);
+                u.store(&mut us);
+                v.store(&mut vs);
+                for (lane, (u, v)) in us.into_iter().zip(vs).enumerate().take(T::WIDTH.min(count - at)) {
+                    let pixel = first.pixel + ((first.sample - samples.start) as usize + at + lane) / per_pixel;
+                    let (x, y) = (left + (pixel % columns) as u32, top + (pixel / columns) as u32);
+                    // Where the lens sees nothing, no surface is met.
+                    let seen = self.camera.warped(x, y, [u, v]).unwrap_or(Vec3::from([f32::NAN; 3]));
+                    set(&mut paths.direction, at + lane, seen);
+                }
+                direction = load(&paths.direction, at);
+            }
+            if let Some(lens) = &self.camera.lens {
+                let [r, turn] = sampler.pair(LENS);
+                let (sin, cos) = sin_cos_turns(turn);
+                let r = r.sqrt();
+                let aside = Vec3::broadcast(lens.right) * (r * cos) + Vec3::broadcast(lens.down) * (r * sin);
+                store(load::<T>(&paths.origin, at) + aside, &mut paths.origin, at);
+                direction = direction * T::splat(lens.focus) - aside;
+            }
+            store(direction.normalized(), &mut paths.direction, at);
+            store(Vec3::all(T::splat(1.0)), &mut paths.throughput, at);
+            T::splat(0.0).store(&mut paths.width[at..]);
+            T::splat(self.spread).store(&mut paths.spread[at..]);
+            T::splat(0.0).store(&mut paths.roughen[at..]);
+        }
+        count
+    }
+}
