@@ -251,6 +251,20 @@ impl Batch {
     }
 }
 
+impl Batch {
+    /// Ends the paths whose guides are known, as [`Hits`] has it; true if any goes on.
+    pub fn end_guided(&mut self, alive: usize) -> bool {
+        let mut any = false;
+        for (t, &slot) in self.hits.t.iter_mut().zip(&self.paths.slot).take(alive) {
+            match self.guides.pending[slot as usize % BATCH] {
+                true => any |= *t < f32::INFINITY,
+                false => *t = f32::INFINITY,
+            }
+        }
+        any
+    }
+}
+
 /// The vectors of the paths from `at` on.
 #[inline(always)]
 pub(crate) fn load<T: Real>(rows: &Rows, at: usize) -> Vec3<T> {

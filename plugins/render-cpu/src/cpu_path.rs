@@ -222,12 +222,9 @@ impl CpuPathSession {
             } else if want == RADIANCE_VARIANCE.id() {
                 frame.put(RADIANCE_VARIANCE, picture.plane(0.0, |sums| sums.variance() as f32))?;
             } else if want == ALBEDO_MEAN.id() {
-                let mean = |sums: &PixelSums| sums.albedo.map(|x| x / sums.samples.max(1) as f32);
-                frame.put(ALBEDO_MEAN, picture.plane([0.0; 3], mean))?;
+                frame.put(ALBEDO_MEAN, picture.plane([0.0; 3], PixelSums::mean_albedo))?;
             } else if want == NORMAL_MEAN.id() {
-                let mean = |sums: &PixelSums| {
-                    camera.turned(sums.normal.map(|x| x / sums.samples.max(1) as f32).into()).array()
-                };
+                let mean = |sums: &PixelSums| camera.turned(sums.mean_normal().into()).array();
                 frame.put(NORMAL_MEAN, picture.plane([0.0; 3], mean))?;
             } else if want == RADIANCE_GLOSS.id() {
                 let mean = |sums: &PixelSums| sums.gloss.map(|x| x / sums.samples.max(1) as f32);

@@ -1,6 +1,6 @@
 //! A picture in rounds: which tiles get how many samples, and what is told of the result.
 
-use crate::path::{PathTracer, PixelSums, Statistics};
+use crate::path::{PathTracer, PixelSums, Statistics, Task};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use syntable_model::context::Workers;
@@ -12,6 +12,13 @@ const TILE: u32 = 16;
 
 /// Samples of the first round where tiles may stop early: enough to know how noisy they are.
 const FIRST_ROUND: u32 = 16;
+
+/// Samples of the guides of pixels that are unlike their neighbours, on top of those that also find light; with as many
+/// of these, guides are clean without.
+const GUIDE_SAMPLES: u32 = 8;
+
+/// Neighbours are unlike from such a difference of a base colour or of a normal on.
+const UNLIKE: f32 = 0.1;
 
 /// A pixel is a firefly if it is brighter than all its neighbours by this factor.
 const FIREFLY: f64 = 8.0;
@@ -84,6 +91,9 @@ impl Picture {
             }
             from = to;
         }
+        if tracer.has_guides() {
+            picture.clean_guides(tracer, workers);
+        }
         picture
     }
 
@@ -94,8 +104,37 @@ impl Picture {
             if tile.done {
                 return;
             }
-            let (area, mut statistics) = (tile.area, Statistics::default());
-            tracer.tile(area, samples.clone(), &mut tile.sums, &mut statistics);
+            let tile = &mut *tile;
+            let pixels: Vec<u16> = (0..tile.sums.len() as u16).collect();
+            let task = Task { area: tile.area, pixels: &pixels, samples: samples.clone() };
+            let mut statistics = Statistics::default();
+            tracer.trace(&task, &mut tile.sums, &mut statistics);
+            total.lock().unwrap_or_else(PoisonError::into_inner).add(&statistics);
+        });
+        self.statistics = total.into_inner().unwrap_or_else(PoisonError::into_inner);
+    }
+
+    /// Gives more samples of the guides to the pixels that have few and are unlike a neighbour: there most of what
+    /// denoisers know would be noise, and a ray for guides alone costs a small part of a path.
+    fn clean_guides(&mut self, tracer: &PathTracer, workers: &dyn Workers) {
+        let albedo = self.plane([0.0; 3], PixelSums::mean_albedo);
+        let normal = self.plane([0.0; 3], PixelSums::mean_normal);
+        let tracer = tracer.for_guides(GUIDE_SAMPLES);
+        let total = Mutex::new(self.statistics);
+        workers.run(self.tiles.len(), &|number| {
+            let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
+            let tile = &mut *tile;
+            let [left, top, right, _] = tile.area;
+            let columns = (right - left) as usize;
+            let unlike = |number: &u16| {
+                let (x, y) = (left as usize + usize::from(*number) % columns, top as usize + usize::from(*number) / columns);
+                tile.sums[usize::from(*number)].samples < GUIDE_SAMPLES
+                    && [&albedo, &normal].iter().any(|guide| is_unlike_neighbours(guide, x, y))
+            };
+            let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(unlike).collect();
+            let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };
+            let mut statistics = Statistics::default();
+            tracer.trace(&task, &mut tile.sums, &mut statistics);
             total.lock().unwrap_or_else(PoisonError::into_inner).add(&statistics);
         });
         self.statistics = total.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -167,6 +206,15 @@ impl Picture {
         }
         Value::record(record)
     }
+}
+
+/// Whether a pixel's guide differs from one of the eight around it.
+fn is_unlike_neighbours(guide: &Plane<[f32; 3]>, x: usize, y: usize) -> bool {
+    let (width, height) = (guide.width() as usize, guide.height() as usize);
+    let here = guide.data()[y * width + x];
+    let rows = guide.data().chunks(width).take((y + 2).min(height)).skip(y.saturating_sub(1));
+    let mut around = rows.flat_map(|row| &row[x.saturating_sub(1)..(x + 2).min(width)]);
+    around.any(|there| (0..3).any(|c| (here[c] - there[c]).abs() > UNLIKE))
 }
 
 /// Pixels that are far brighter than everything around them.

@@ -30,6 +30,11 @@ impl Order {
         Self { seed, sample_bits, block_bits: (30_u32.saturating_sub(sample_bits) / 2).min(8) }
     }
 
+    /// The picture's seed.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
     /// Seed and number of a pixel's first sample; the others follow.
     pub fn pixel(&self, x: u32, y: u32) -> (u32, u32) {
         let block = |c: u32| u64::from(c >> self.block_bits);

@@ -1,13 +1,10 @@
 //! What paths meet: lights, nothing, or surfaces.
 
-use super::{DRAW, PathTracer, Strategy, TOUCHING, deposit, heuristic, is_light};
+use super::{DRAW, GUIDE_BOUNCES, PathTracer, Strategy, TOUCHING, deposit, heuristic, is_light};
 use crate::batch::{Batch, get, load, set};
 use crate::real::{Int, Mask, Real, max};
 use crate::sampler::Sampler;
 use crate::vec3::Vec3;
-
-/// How many mirrors and panes guides for denoisers look through.
-const GUIDE_BOUNCES: u32 = 2;
 
 impl PathTracer<'_> {
     /// Ends the paths that meet a light or nothing: their hits become infinite, and if they are many they are squeezed
@@ -115,7 +112,7 @@ impl PathTracer<'_> {
             };
             let (origin, direction) = (get(&paths.origin, i), get(&paths.direction, i));
             let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, draw);
-            if self.guides && bounce <= GUIDE_BOUNCES {
+            if self.has_guides() && bounce <= GUIDE_BOUNCES {
                 batch.guides.meet(paths.slot[i] as usize, &surface, bounce == GUIDE_BOUNCES);
             }
             let roughness = &mut surface.component.substance.roughness;

@@ -14,6 +14,7 @@ mod scatter;
 mod start;
 mod sums;
 
+pub(crate) use start::Task;
 pub(crate) use sums::PixelSums;
 
 use crate::batch::{BATCH, Batch, get};
@@ -24,9 +25,6 @@ use crate::real::{Int, Real, at_least, at_most, inverse};
 use crate::sampler::Order;
 use crate::vec3::{Rgb, Vec3};
 use crate::world::World;
-use start::Turn;
-use std::ops::Range;
-use syntable_model::photometry::luminance;
 
 /// A light is seen if nothing is closer by more than this share of its distance: lamps may lie flat on a ceiling.
 const TOUCHING: f32 = 1e-4;
@@ -34,6 +32,12 @@ const TOUCHING: f32 = 1e-4;
 /// Numbers of the coins that draw layers, and that decide between reflection and passage; those of roulette are smaller.
 const DRAW: u32 = 0x1000;
 const PASSAGE: u32 = 0x2000;
+
+/// Sets the numbers of paths that are traced for guides alone apart.
+const GUIDES: u64 = 0x5851_f42d_4c95_7f2d;
+
+/// How many mirrors and panes guides for denoisers look through.
+const GUIDE_BOUNCES: u32 = 2;
 
 /// Which estimates of direct light are used; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,8 +98,17 @@ pub(crate) struct PathTracer<'a> {
     order: Order,
     /// Width of a camera ray's cone, metres a metre.
     spread: f32,
-    /// Whether guides for denoisers are gathered.
-    guides: bool,
+    gather: Gather,
+}
+
+/// What paths are traced for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Gather {
+    Light,
+    /// And guides for denoisers on the way.
+    LightAndGuides,
+    /// Guides alone: paths end at the first surface that is no mirror.
+    Guides,
 }
 
 impl<'a> PathTracer<'a> {
@@ -104,16 +117,28 @@ impl<'a> PathTracer<'a> {
         // Samples of a pixel share its area, so that each may see finer than it.
         let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
         let order = Order::new(seed, settings.samples);
-        Self { world, lights, camera, settings, order, spread: camera.pixel_angle * sharpness, guides: false }
+        Self { world, lights, camera, settings, order, spread: camera.pixel_angle * sharpness, gather: Gather::Light }
     }
 
     /// The same, gathering guides for denoisers.
     pub fn with_guides(self, guides: bool) -> Self {
-        Self { guides, ..self }
+        Self { gather: if guides { Gather::LightAndGuides } else { Gather::Light }, ..self }
     }
 
-    /// Adds samples of every pixel of a tile [left, top, right, bottom], row by row.
-    pub fn tile(&self, area: [u32; 4], samples: Range<u32>, sums: &mut [PixelSums], statistics: &mut Statistics) {
+    /// Whether guides are gathered.
+    pub fn has_guides(&self) -> bool {
+        self.gather != Gather::Light
+    }
+
+    /// The same for guides alone, with so many samples a pixel and numbers of its own.
+    pub fn for_guides(&self, samples: u32) -> Self {
+        let settings = Settings { samples, ..self.settings };
+        let tracer = Self::new(self.world, self.lights, self.camera, settings, self.order.seed() ^ GUIDES);
+        Self { gather: Gather::Guides, ..tracer }
+    }
+
+    /// Adds samples to the sums of a tile.
+    pub fn trace(&self, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
         #[cfg(target_arch = "x86_64")]
         {
             /// # Safety
@@ -121,110 +146,121 @@ impl<'a> PathTracer<'a> {
             #[target_feature(enable = "avx2")]
             unsafe fn eight(
                 tracer: &PathTracer,
-                area: [u32; 4],
-                samples: Range<u32>,
+                task: &Task,
                 sums: &mut [PixelSums],
                 statistics: &mut Statistics,
             ) {
-                tracer.tile_in_lanes::<crate::real::Eight>(area, samples, sums, statistics);
+                tracer.trace_in_lanes::<crate::real::Eight>(task, sums, statistics);
             }
             if crate::real::has_eight() && !self.settings.one_lane {
                 // SAFETY: just asked.
-                return unsafe { eight(self, area, samples, sums, statistics) };
+                return unsafe { eight(self, task, sums, statistics) };
             }
         }
-        self.tile_in_lanes::<f32>(area, samples, sums, statistics);
+        self.trace_in_lanes::<f32>(task, sums, statistics);
     }
 
     #[inline(always)]
-    fn tile_in_lanes<T: Real>(
-        &self,
-        area: [u32; 4],
-        samples: Range<u32>,
-        sums: &mut [PixelSums],
-        statistics: &mut Statistics,
-    ) {
+    fn trace_in_lanes<T: Real>(&self, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
         let mut batch = Batch::new();
-        let mut turn = Turn { pixel: 0, sample: samples.start };
-        while turn.pixel < sums.len() {
+        let mut turn = task.first();
+        while !task.is_over(turn) {
             let first = turn;
-            let count = self.start::<T>(&mut batch, area, &samples, &mut turn, sums.len());
-            statistics.paths += count as u64;
-            self.trace::<T>(&mut batch, count, statistics);
+            let count = self.start::<T>(&mut batch, task, &mut turn);
+            match self.gather {
+                Gather::Guides => self.follow_guides::<T>(&mut batch, count, statistics),
+                _ => self.follow::<T>(&mut batch, count, statistics),
+            }
             // In the order of the samples, whatever the batches.
-            let (mut pixel, mut sample) = (first.pixel, first.sample);
+            let mut turn = first;
             for slot in 0..count {
-                let (sum, radiance) = (&mut sums[pixel], batch.radiance[slot].map(f64::from));
-                sum.samples += 1;
-                let y = luminance(radiance);
-                sum.square += y * y;
-                for (sum, value) in sum.radiance.iter_mut().zip(radiance) {
-                    *sum += value;
+                let sums = &mut sums[task.pixel(turn)];
+                if self.gather != Gather::Guides {
+                    sums.add(batch.radiance[slot]);
                 }
-                if self.guides {
-                    for c in 0..3 {
-                        sum.albedo[c] += batch.guides.albedo[slot][c];
-                        sum.normal[c] += batch.guides.normal[slot][c];
-                    }
-                    let gloss = batch.guides.gloss(slot, batch.radiance[slot]);
-                    sum.gloss.iter_mut().zip(gloss).for_each(|(sum, gloss)| *sum += gloss);
-                    let y_gloss = luminance(gloss.map(f64::from));
-                    sum.gloss_square += (y_gloss * y_gloss) as f32;
-                    sum.matte_square += ((y - y_gloss) * (y - y_gloss)) as f32;
+                if self.gather == Gather::LightAndGuides {
+                    sums.add_gloss(batch.radiance[slot], batch.guides.gloss(slot, batch.radiance[slot]));
                 }
-                sample += 1;
-                if sample == samples.end {
-                    (pixel, sample) = (pixel + 1, samples.start);
+                if self.has_guides() {
+                    sums.add_guides(batch.guides.albedo[slot], batch.guides.normal[slot]);
                 }
+                turn = task.after(turn);
             }
         }
     }
 
-    /// Traces a batch to its end.
+    /// Follows the paths of a batch to their ends.
     #[inline(always)]
-    fn trace<T: Real>(&self, batch: &mut Batch, count: usize, statistics: &mut Statistics) {
+    fn follow<T: Real>(&self, batch: &mut Batch, count: usize, statistics: &mut Statistics) {
+        statistics.paths += count as u64;
+        let split = self.has_guides();
         let mut alive = count;
         for bounce in 0..=self.settings.max_bounces {
             statistics.rays += alive as u64;
-            for i in 0..alive {
-                let ray = Ray {
-                    origin: get(&batch.paths.origin, i).array(),
-                    direction: get(&batch.paths.direction, i).array(),
-                };
-                let coin = match self.world.has_cutouts {
-                    true => coin(batch.paths.seed[i], batch.paths.index[i], bounce),
-                    false => 0,
-                };
-                let hit = self.world.closest(&ray, f32::INFINITY, coin);
-                if let Some(hit) = &hit {
-                    self.world.prefetch(hit);
-                }
-                batch.hits.set(i, hit);
-            }
+            self.find_surfaces(batch, alive, bounce);
             alive = self.meet_lights::<T>(batch, alive, bounce);
             self.look_up(batch, alive, bounce);
             if bounce == self.settings.max_bounces || alive == 0 {
                 return;
             }
             let shadows;
-            (alive, shadows) = match self.world.is_layered {
-                true => self.scatter::<T, true>(batch, alive, bounce),
-                false => self.scatter::<T, false>(batch, alive, bounce),
-            };
+            (alive, shadows) = self.scatter_all::<T>(batch, alive, bounce);
             statistics.shadow_rays += shadows as u64;
             for i in 0..shadows {
                 let shadow = &batch.shadows;
                 let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
                 if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING), shadow.coin[i]) {
                     deposit(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
-                    if self.guides && bounce == 0 {
+                    if split && bounce == 0 {
                         deposit(&mut batch.guides.direct_gloss, shadow.slot[i], get(&shadow.gloss, i));
                     }
                 }
             }
-            if self.guides && bounce == 0 {
+            if split && bounce == 0 {
                 batch.guides.first = batch.radiance;
             }
+        }
+    }
+
+    /// Follows the paths of a batch until they know their guides.
+    #[inline(always)]
+    fn follow_guides<T: Real>(&self, batch: &mut Batch, count: usize, statistics: &mut Statistics) {
+        let mut alive = count;
+        for bounce in 0..=GUIDE_BOUNCES {
+            statistics.rays += alive as u64;
+            self.find_surfaces(batch, alive, bounce);
+            alive = self.meet_lights::<T>(batch, alive, bounce);
+            self.look_up(batch, alive, bounce);
+            if !batch.end_guided(alive) {
+                return;
+            }
+            alive = self.scatter_all::<T>(batch, alive, bounce).0;
+        }
+    }
+
+    /// Traces the rays of a batch.
+    #[inline(always)]
+    fn find_surfaces(&self, batch: &mut Batch, alive: usize, bounce: u32) {
+        for i in 0..alive {
+            let ray =
+                Ray { origin: get(&batch.paths.origin, i).array(), direction: get(&batch.paths.direction, i).array() };
+            let coin = match self.world.has_cutouts {
+                true => coin(batch.paths.seed[i], batch.paths.index[i], bounce),
+                false => 0,
+            };
+            let hit = self.world.closest(&ray, f32::INFINITY, coin);
+            if let Some(hit) = &hit {
+                self.world.prefetch(hit);
+            }
+            batch.hits.set(i, hit);
+        }
+    }
+
+    #[inline(always)]
+    fn scatter_all<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
+        match self.world.is_layered {
+            true => self.scatter::<T, true>(batch, alive, bounce),
+            false => self.scatter::<T, false>(batch, alive, bounce),
         }
     }
 

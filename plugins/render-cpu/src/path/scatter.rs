@@ -1,6 +1,6 @@
 //! Where paths go on: towards lights and in scattered directions.
 
-use super::{PASSAGE, PathTracer, Strategy, coin, heuristic, is_light};
+use super::{Gather, PASSAGE, PathTracer, Strategy, coin, heuristic, is_light};
 use crate::batch::{Batch, compress, load};
 use crate::bsdf::{Bsdf, Layered, Substance, table};
 use crate::real::{Int, Mask, Real, at_least, at_most, complement, inverse};
@@ -24,7 +24,7 @@ impl PathTracer<'_> {
         bounce: u32,
     ) -> (usize, usize) {
         let Batch { paths, hits, surfaces, shadows, numbers, guides, .. } = batch;
-        let split = self.guides && bounce == 0;
+        let split = self.gather == Gather::LightAndGuides && bounce == 0;
         let zero = T::splat(0.0);
         let (mut next, mut cast) = (0, 0);
         for at in (0..alive).step_by(T::WIDTH) {

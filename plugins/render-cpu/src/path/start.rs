@@ -12,34 +12,64 @@ use std::ops::Range;
 /// directions in turn.
 const LENS: u32 = 1;
 
-/// Whose turn it is: pixels of a tile, row by row, and their samples.
+/// Paths to trace: samples of some pixels of a tile.
+pub(crate) struct Task<'a> {
+    /// Left, top, right, bottom of the tile, px.
+    pub area: [u32; 4],
+    /// Numbers of the pixels in the tile, row by row.
+    pub pixels: &'a [u16],
+    pub samples: Range<u32>,
+}
+
+/// Whose turn it is: which of a task's pixels, and which sample of it.
 #[derive(Clone, Copy)]
 pub(super) struct Turn {
-    pub pixel: usize,
-    pub sample: u32,
+    number: usize,
+    sample: u32,
+}
+
+impl Task<'_> {
+    pub(super) fn first(&self) -> Turn {
+        Turn { number: 0, sample: self.samples.start }
+    }
+
+    pub(super) fn is_over(&self, turn: Turn) -> bool {
+        turn.number >= self.pixels.len() || self.samples.is_empty()
+    }
+
+    /// The pixel's number in the tile.
+    pub(super) fn pixel(&self, turn: Turn) -> usize {
+        usize::from(self.pixels[turn.number])
+    }
+
+    /// The sample after it.
+    pub(super) fn after(&self, turn: Turn) -> Turn {
+        match turn.sample + 1 {
+            next if next == self.samples.end => Turn { number: turn.number + 1, sample: self.samples.start },
+            sample => Turn { sample, ..turn },
+        }
+    }
+
+    /// Column and row of a pixel in the picture.
+    fn place(&self, number: usize) -> (u32, u32) {
+        let [left, top, right, _] = self.area;
+        let pixel = u32::from(self.pixels[number]);
+        (left + pixel % (right - left), top + pixel / (right - left))
+    }
 }
 
 impl PathTracer<'_> {
     /// Fills a batch with camera rays; gives their number.
     #[inline(always)]
-    pub(super) fn start<T: Real>(
-        &self,
-        batch: &mut Batch,
-        area: [u32; 4],
-        samples: &Range<u32>,
-        turn: &mut Turn,
-        pixels: usize,
-    ) -> usize {
-        let [left, top, right, _] = area;
-        let columns = (right - left) as usize;
-        let (first, per_pixel) = (*turn, samples.len());
+    pub(super) fn start<T: Real>(&self, batch: &mut Batch, task: &Task, turn: &mut Turn) -> usize {
+        let (first, per_pixel) = (*turn, task.samples.len());
         let paths = &mut batch.paths;
         let mut count = 0;
-        while count < BATCH && turn.pixel < pixels {
-            let (x, y) = (left + (turn.pixel % columns) as u32, top + (turn.pixel / columns) as u32);
+        while count < BATCH && !task.is_over(*turn) {
+            let (x, y) = task.place(turn.number);
             let corner = self.camera.corner(x, y);
             let (seed, first) = self.order.pixel(x, y);
-            let more = ((samples.end - turn.sample) as usize).min(BATCH - count);
+            let more = ((task.samples.end - turn.sample) as usize).min(BATCH - count);
             for i in count..count + more {
                 set(&mut paths.origin, i, self.camera.origin());
                 set(&mut paths.direction, i, corner);
@@ -47,14 +77,14 @@ impl PathTracer<'_> {
                 paths.index[i] = first + turn.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
                 batch.radiance[i] = [0.0; 3];
-                if self.guides {
+                if self.has_guides() {
                     batch.guides.clear(i);
                 }
             }
             count += more;
             turn.sample += more as u32;
-            if turn.sample == samples.end {
-                *turn = Turn { pixel: turn.pixel + 1, sample: samples.start };
+            if turn.sample == task.samples.end {
+                *turn = Turn { number: turn.number + 1, sample: task.samples.start };
             }
         }
         let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
@@ -68,8 +98,8 @@ impl PathTracer<'_> {
                 u.store(&mut us);
                 v.store(&mut vs);
                 for (lane, (u, v)) in us.into_iter().zip(vs).enumerate().take(T::WIDTH.min(count - at)) {
-                    let pixel = first.pixel + ((first.sample - samples.start) as usize + at + lane) / per_pixel;
-                    let (x, y) = (left + (pixel % columns) as u32, top + (pixel / columns) as u32);
+                    let before = (first.sample - task.samples.start) as usize + at + lane;
+                    let (x, y) = task.place(first.number + before / per_pixel);
                     // Where the lens sees nothing, no surface is met.
                     let seen = self.camera.warped(x, y, [u, v]).unwrap_or(Vec3::from([f32::NAN; 3]));
                     set(&mut paths.direction, at + lane, seen);

@@ -9,6 +9,8 @@ pub(crate) struct PixelSums {
     pub radiance: [f64; 3],
     /// Of the luminance's square.
     pub square: f64,
+    /// Of the guides, which may be more.
+    pub guide_samples: u32,
     pub albedo: [f32; 3],
     /// World.
     pub normal: [f32; 3],
@@ -20,6 +22,43 @@ pub(crate) struct PixelSums {
 }
 
 impl PixelSums {
+    /// Adds a sample's light.
+    #[inline(always)]
+    pub fn add(&mut self, radiance: [f32; 3]) {
+        let radiance = radiance.map(f64::from);
+        let y = luminance(radiance);
+        self.samples += 1;
+        self.square += y * y;
+        self.radiance.iter_mut().zip(radiance).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// Adds the part of a sample's light that was mirrored without colour.
+    #[inline(always)]
+    pub fn add_gloss(&mut self, radiance: [f32; 3], gloss: [f32; 3]) {
+        let (y, y_gloss) = (luminance(radiance.map(f64::from)), luminance(gloss.map(f64::from)));
+        self.gloss.iter_mut().zip(gloss).for_each(|(sum, value)| *sum += value);
+        self.gloss_square += (y_gloss * y_gloss) as f32;
+        self.matte_square += ((y - y_gloss) * (y - y_gloss)) as f32;
+    }
+
+    /// Adds a sample's guides.
+    #[inline(always)]
+    pub fn add_guides(&mut self, albedo: [f32; 3], normal: [f32; 3]) {
+        self.guide_samples += 1;
+        self.albedo.iter_mut().zip(albedo).for_each(|(sum, value)| *sum += value);
+        self.normal.iter_mut().zip(normal).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// Mean base colour.
+    pub fn mean_albedo(&self) -> [f32; 3] {
+        self.albedo.map(|x| x / self.guide_samples.max(1) as f32)
+    }
+
+    /// Mean normal, world.
+    pub fn mean_normal(&self) -> [f32; 3] {
+        self.normal.map(|x| x / self.guide_samples.max(1) as f32)
+    }
+
     /// Estimated variance of the mean luminance, nits².
     pub fn variance(&self) -> f64 {
         self.variance_of(luminance(self.radiance), self.square)
