@@ -7,8 +7,8 @@ use syntable_denoise::guided::Guided;
 use syntable_model::context::Serial;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
-    RADIANCE_MATTE_VARIANCE,
+    ALBEDO_MEAN, DEPTH, INSTANCE, MIRRORED, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
 };
 use syntable_model::registry::{Registry, Slot};
 use syntable_testing::workers::Threads;
@@ -45,7 +45,10 @@ fn picture(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) ->
     let pixels = Plane::from_fn(width, height, &mut pixel);
     let mut frame = Frame::new();
     frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
-    frame.put(RADIANCE_MATTE_VARIANCE, pixels.map(|p| p.variance)).expect("new");
+    let untinted = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + MIRRORED));
+    let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + MIRRORED)).powi(2);
+    frame.put(RADIANCE_UNTINTED, pixels.map(untinted)).expect("new");
+    frame.put(RADIANCE_UNTINTED_VARIANCE, pixels.map(variance)).expect("new");
     frame.put(RADIANCE_GLOSS, pixels.map(|_| [0.0; 3])).expect("new");
     frame.put(RADIANCE_GLOSS_VARIANCE, pixels.map(|_| 0.0)).expect("new");
     frame.put(ALBEDO_MEAN, pixels.map(|p| p.albedo)).expect("new");

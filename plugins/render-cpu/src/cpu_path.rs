@@ -13,17 +13,18 @@ use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
     ALBEDO, ALBEDO_MEAN, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DEPTH,
-    INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE, RADIANCE_MATTE_VARIANCE,
-    RADIANCE_VARIANCE, RENDER_REPORT,
+    INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE, RADIANCE_UNTINTED,
+    RADIANCE_UNTINTED_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
 
 /// What is gathered on the way for denoisers.
-const OF_GUIDES: [KeyId; 5] = [
+const OF_GUIDES: [KeyId; 6] = [
     ALBEDO_MEAN.id(),
     NORMAL_MEAN.id(),
     RADIANCE_GLOSS.id(),
     RADIANCE_GLOSS_VARIANCE.id(),
-    RADIANCE_MATTE_VARIANCE.id(),
+    RADIANCE_UNTINTED.id(),
+    RADIANCE_UNTINTED_VARIANCE.id(),
 ];
 
 /// Path tracing on the processor: soft shadows, light that bounces, glossy surfaces. Unbiased, and the same picture on
@@ -171,7 +172,8 @@ impl Renderer for CpuPathRenderer {
             RADIANCE_VARIANCE,
             RADIANCE_GLOSS,
             RADIANCE_GLOSS_VARIANCE,
-            RADIANCE_MATTE_VARIANCE,
+            RADIANCE_UNTINTED,
+            RADIANCE_UNTINTED_VARIANCE,
             RENDER_REPORT
         ]
     }
@@ -227,14 +229,15 @@ impl CpuPathSession {
                 let mean = |sums: &PixelSums| camera.turned(sums.mean_normal().into()).array();
                 frame.put(NORMAL_MEAN, picture.plane([0.0; 3], mean))?;
             } else if want == RADIANCE_GLOSS.id() {
-                let mean = |sums: &PixelSums| sums.gloss.map(|x| x / sums.samples.max(1) as f32);
-                frame.put(RADIANCE_GLOSS, picture.plane([0.0; 3], mean))?;
+                frame.put(RADIANCE_GLOSS, picture.plane([0.0; 3], |sums| sums.gloss.mean(sums.samples)))?;
             } else if want == RADIANCE_GLOSS_VARIANCE.id() {
-                let variance = |sums: &PixelSums| sums.variance_of_parts()[0] as f32;
+                let variance = |sums: &PixelSums| sums.gloss.variance(sums.samples);
                 frame.put(RADIANCE_GLOSS_VARIANCE, picture.plane(0.0, variance))?;
-            } else if want == RADIANCE_MATTE_VARIANCE.id() {
-                let variance = |sums: &PixelSums| sums.variance_of_parts()[1] as f32;
-                frame.put(RADIANCE_MATTE_VARIANCE, picture.plane(0.0, variance))?;
+            } else if want == RADIANCE_UNTINTED.id() {
+                frame.put(RADIANCE_UNTINTED, picture.plane([0.0; 3], |sums| sums.untinted.mean(sums.samples)))?;
+            } else if want == RADIANCE_UNTINTED_VARIANCE.id() {
+                let variance = |sums: &PixelSums| sums.untinted.variance(sums.samples);
+                frame.put(RADIANCE_UNTINTED_VARIANCE, picture.plane(0.0, variance))?;
             } else if want == RENDER_REPORT.id() {
                 frame.put(RENDER_REPORT, picture.report())?;
             }

@@ -12,6 +12,7 @@
 //! noisier the light is, borders of bodies that go by mean colours and normals, and a first level that compares means
 //! rather than samples.
 
+mod balance;
 mod guides;
 mod noise;
 mod planes;
@@ -24,13 +25,10 @@ use smooth::Level;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
-    RADIANCE_MATTE_VARIANCE,
+    ALBEDO_MEAN, DEPTH, INSTANCE, MIRRORED, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
 };
 use tuning::Tuning;
-
-/// What is added to the colour before the light is divided by it: about what a dielectric mirrors, which has no colour.
-const MIRRORED: f32 = 0.04;
 
 /// The largest light that is reckoned with, nits, so that its square is a number.
 const MOST: f32 = 1e12;
@@ -85,15 +83,16 @@ impl Denoiser for Guided {
             INSTANCE,
             RADIANCE_GLOSS,
             RADIANCE_GLOSS_VARIANCE,
-            RADIANCE_MATTE_VARIANCE
+            RADIANCE_UNTINTED,
+            RADIANCE_UNTINTED_VARIANCE
         ]
     }
 
     fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised> {
         let input = Input {
             radiance: rendered.get(RADIANCE)?,
-            gloss: rendered.get(RADIANCE_GLOSS)?,
-            variances: [rendered.get(RADIANCE_MATTE_VARIANCE)?, rendered.get(RADIANCE_GLOSS_VARIANCE)?],
+            parts: [rendered.get(RADIANCE_UNTINTED)?, rendered.get(RADIANCE_GLOSS)?],
+            variances: [rendered.get(RADIANCE_UNTINTED_VARIANCE)?, rendered.get(RADIANCE_GLOSS_VARIANCE)?],
             albedo: rendered.get(ALBEDO_MEAN)?,
             normal: rendered.get(NORMAL_MEAN)?,
             depth: rendered.get(DEPTH)?,
@@ -175,8 +174,9 @@ impl Signal {
 /// The products of a frame.
 struct Input<'a> {
     radiance: &'a Plane<[f32; 3]>,
-    gloss: &'a Plane<[f32; 3]>,
-    /// Of the parts.
+    /// By [`Part`].
+    parts: [&'a Plane<[f32; 3]>; 2],
+    /// Of the parts' luminance.
     variances: [&'a Plane<f32>; 2],
     albedo: &'a Plane<[f32; 3]>,
     normal: &'a Plane<[f32; 3]>,
@@ -202,18 +202,6 @@ impl Input<'_> {
         self.albedo.data()[pixel].map(|share| MIRRORED + if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 })
     }
 
-    /// A pixel's light of a part, with its colour.
-    fn light(&self, pixel: usize, part: Part) -> [f32; 3] {
-        let (all, gloss) = (self.radiance.data()[pixel], self.gloss.data()[pixel]);
-        std::array::from_fn(|c| {
-            let gloss = if gloss[c].is_finite() { gloss[c].max(0.0).min(all[c]) } else { 0.0 };
-            match part {
-                Part::Matte => all[c] - gloss,
-                Part::Gloss => gloss,
-            }
-        })
-    }
-
     /// A part of the light.
     fn signal(&self, size: Size, part: Part, workers: &dyn Workers) -> Signal {
         let mut signal = Signal::new(size);
@@ -225,11 +213,9 @@ impl Input<'_> {
                 if !self.surface(pixel) {
                     continue;
                 }
-                let factor = if part == Part::Matte { self.factor(pixel) } else { [1.0; 3] };
-                let light = self.light(pixel, part);
-                let light: [f32; 3] = std::array::from_fn(|c| (light[c] / factor[c]).clamp(0.0, MOST));
-                let (bright, scale) = (luminance(light), luminance(factor));
-                let variance = self.variances[part as usize].data()[pixel] / (scale * scale);
+                let light = self.parts[part as usize].data()[pixel].map(|x| if x.is_finite() { x.clamp(0.0, MOST) } else { 0.0 });
+                let bright = luminance(light);
+                let variance = self.variances[part as usize].data()[pixel];
                 let variance = if variance.is_finite() && variance >= 0.0 { variance } else { bright * bright };
                 let pixel = [light[0], light[1], light[2], bright, variance.min(MOST * MOST)];
                 out.iter_mut().zip(pixel).for_each(|(chunk, number)| chunk[i] = number);
@@ -266,7 +252,7 @@ impl Input<'_> {
 
     /// The picture of its filtered parts.
     fn join(&self, size: Size, matte: &Signal, gloss: &Signal) -> Plane<[f32; 3]> {
-        Plane::from_fn(self.radiance.width(), self.radiance.height(), |x, y| {
+        let mut joined = Plane::from_fn(self.radiance.width(), self.radiance.height(), |x, y| {
             let (x, y) = (x as usize, y as usize);
             let pixel = y * size.width + x;
             if !self.surface(pixel) {
@@ -274,7 +260,9 @@ impl Input<'_> {
             }
             let (at, factor) = (size.index(x, y), self.factor(pixel));
             std::array::from_fn(|c| matte.color[c].at(at) * factor[c] + gloss.color[c].at(at))
-        })
+        });
+        balance::restore(size.width, self.radiance.data(), joined.data_mut(), |pixel| self.surface(pixel));
+        joined
     }
 }
 

@@ -6,8 +6,8 @@
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
-    RADIANCE_MATTE_VARIANCE,
+    ALBEDO_MEAN, DEPTH, INSTANCE, MIRRORED, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
 };
 use syntable_testing::workers::Threads;
 
@@ -328,7 +328,8 @@ impl Room {
         frame.put(RADIANCE, plane(|p| p.radiance)).expect("new");
         frame.put(ALBEDO_MEAN, plane(|p| p.albedo)).expect("new");
         frame.put(NORMAL_MEAN, plane(|p| p.normal)).expect("new");
-        frame.put(RADIANCE_MATTE_VARIANCE, single(|p| p.variance)).expect("new");
+        frame.put(RADIANCE_UNTINTED, plane(|p| p.untinted)).expect("new");
+        frame.put(RADIANCE_UNTINTED_VARIANCE, single(|p| p.variance)).expect("new");
         // Nothing in this room is varnished.
         frame.put(RADIANCE_GLOSS, plane(|_| [0.0; 3])).expect("new");
         frame.put(RADIANCE_GLOSS_VARIANCE, single(|_| 0.0)).expect("new");
@@ -342,13 +343,16 @@ impl Room {
         let mut random = Random((seed << 40) ^ (u64::from(y) << 20) ^ u64::from(x));
         random.0 = (random.next() * 9e15) as u64;
         let (px, py) = (f64::from(x), f64::from(y));
-        let (mut sum, mut albedo, mut normal, mut l, mut l2) = ([0.0; 3], [0.0; 3], [0.0; 3], 0.0, 0.0);
+        let (mut sum, mut untinted, mut albedo, mut normal) = ([0.0; 3], [0.0; 3], [0.0; 3], [0.0; 3]);
+        let (mut l, mut l2) = (0.0, 0.0);
         for _ in 0..samples {
             let seen = self.sample(px + random.next(), py + random.next(), 5, &mut random);
             sum = add(sum, seen.radiance);
             albedo = add(albedo, seen.albedo);
             normal = add(normal, seen.normal);
-            let lum = dot(seen.radiance, [0.2126, 0.7152, 0.0722]);
+            let light = times(seen.radiance, seen.albedo.map(|a| 1.0 / (a + f64::from(MIRRORED))));
+            untinted = add(untinted, light);
+            let lum = dot(light, [0.2126, 0.7152, 0.0722]);
             (l, l2) = (l + lum, l2 + lum * lum);
         }
         let n = f64::from(samples);
@@ -369,6 +373,7 @@ impl Room {
         let variance = if samples > 1 { ((l2 - l * l / n) / (n - 1.0) / n).max(0.0) as f32 } else { f32::INFINITY };
         Pixel {
             radiance: scale(sum, 1.0 / n).map(|x| x as f32),
+            untinted: scale(untinted, 1.0 / n).map(|x| x as f32),
             albedo: scale(albedo, 1.0 / guides).map(|x| x as f32),
             normal: scale(normal, 1.0 / guides).map(|x| x as f32),
             variance,
@@ -380,6 +385,7 @@ impl Room {
 
 struct Pixel {
     radiance: [f32; 3],
+    untinted: [f32; 3],
     albedo: [f32; 3],
     normal: [f32; 3],
     variance: f32,

@@ -179,7 +179,8 @@ impl<'a> PathTracer<'a> {
                     sums.add(batch.radiance[slot]);
                 }
                 if self.gather == Gather::LightAndGuides {
-                    sums.add_gloss(batch.radiance[slot], batch.guides.gloss(slot, batch.radiance[slot]));
+                    let (radiance, guides) = (batch.radiance[slot], &batch.guides);
+                    sums.add_parts(radiance, guides.gloss(slot, radiance), guides.albedo[slot]);
                 }
                 if self.has_guides() {
                     sums.add_guides(batch.guides.albedo[slot], batch.guides.normal[slot]);

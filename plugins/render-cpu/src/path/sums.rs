@@ -1,6 +1,7 @@
 //! What is found of a pixel, and how sure it is.
 
 use syntable_model::photometry::luminance;
+use syntable_model::product::standard::MIRRORED;
 
 /// What was found of a pixel so far: sums over its samples.
 #[derive(Clone, Copy, Debug, Default)]
@@ -14,11 +15,37 @@ pub(crate) struct PixelSums {
     pub albedo: [f32; 3],
     /// World.
     pub normal: [f32; 3],
-    /// Of the radiance that the first surface mirrored without colouring it, and of its luminance's square.
-    pub gloss: [f32; 3],
-    pub gloss_square: f32,
-    /// Of the square of the rest's luminance.
-    pub matte_square: f32,
+    /// Of the radiance that the first surface mirrored without colouring it.
+    pub gloss: PartSums,
+    /// Of the rest, every sample divided by its colour.
+    pub untinted: PartSums,
+}
+
+/// Of a part of the light.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PartSums {
+    sum: [f32; 3],
+    /// Of the luminance's square.
+    square: f32,
+}
+
+impl PartSums {
+    #[inline(always)]
+    fn add(&mut self, light: [f32; 3]) {
+        let y = luminance(light.map(f64::from)) as f32;
+        self.square += y * y;
+        self.sum.iter_mut().zip(light).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// Over so many samples.
+    pub fn mean(&self, samples: u32) -> [f32; 3] {
+        self.sum.map(|x| x / samples.max(1) as f32)
+    }
+
+    /// Estimated variance of the mean's luminance, nits².
+    pub fn variance(&self, samples: u32) -> f32 {
+        variance(luminance(self.sum.map(f64::from)), self.square.into(), samples) as f32
+    }
 }
 
 impl PixelSums {
@@ -32,13 +59,12 @@ impl PixelSums {
         self.radiance.iter_mut().zip(radiance).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Adds the part of a sample's light that was mirrored without colour.
+    /// Adds the parts of a sample's light: what was mirrored without colour, and the rest without the colour that it got.
     #[inline(always)]
-    pub fn add_gloss(&mut self, radiance: [f32; 3], gloss: [f32; 3]) {
-        let (y, y_gloss) = (luminance(radiance.map(f64::from)), luminance(gloss.map(f64::from)));
-        self.gloss.iter_mut().zip(gloss).for_each(|(sum, value)| *sum += value);
-        self.gloss_square += (y_gloss * y_gloss) as f32;
-        self.matte_square += ((y - y_gloss) * (y - y_gloss)) as f32;
+    pub fn add_parts(&mut self, radiance: [f32; 3], gloss: [f32; 3], albedo: [f32; 3]) {
+        let untinted = std::array::from_fn(|c| (radiance[c] - gloss[c]) / (albedo[c] + MIRRORED));
+        self.gloss.add(gloss);
+        self.untinted.add(untinted);
     }
 
     /// Adds a sample's guides.
@@ -61,20 +87,13 @@ impl PixelSums {
 
     /// Estimated variance of the mean luminance, nits².
     pub fn variance(&self) -> f64 {
-        self.variance_of(luminance(self.radiance), self.square)
+        variance(luminance(self.radiance), self.square, self.samples)
     }
+}
 
-    /// The same of what is mirrored without colour, and of the rest.
-    pub fn variance_of_parts(&self) -> [f64; 2] {
-        let gloss = luminance(self.gloss.map(f64::from));
-        let matte = luminance(self.radiance) - gloss;
-        [self.variance_of(gloss, self.gloss_square.into()), self.variance_of(matte, self.matte_square.into())]
-    }
-
-    /// Of a sum over the samples and that of its squares.
-    fn variance_of(&self, sum: f64, square: f64) -> f64 {
-        let n = f64::from(self.samples);
-        let mean = sum / n;
-        if self.samples > 1 { (square / n - mean * mean).max(0.0) / (n - 1.0) } else { f64::INFINITY }
-    }
+/// Estimated variance of a mean, from the samples' sum and that of their squares; infinite for a single one.
+fn variance(sum: f64, square: f64, samples: u32) -> f64 {
+    let n = f64::from(samples);
+    let mean = sum / n;
+    if samples > 1 { (square / n - mean * mean).max(0.0) / (n - 1.0) } else { f64::INFINITY }
 }
