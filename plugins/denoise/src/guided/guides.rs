@@ -7,13 +7,13 @@ use syntable_model::context::Workers;
 pub(super) const NOTHING: f32 = -1.0;
 
 /// Relative distance from a pixel's plane that costs one e-fold.
-const PLANE: f32 = 0.025;
+const PLANE: f32 = 0.037;
 
 /// At the border of bodies: what a squared difference of normals costs, as a share of what it costs elsewhere.
-const BORDER_NORMAL: f32 = 0.3;
+const BORDER_NORMAL: f32 = 0.37;
 
 /// At the border of bodies: e-folds for each squared difference of the colours' luminance.
-const BORDER_COLOR: f32 = 25.0;
+const BORDER_COLOR: f32 = 17.0;
 
 /// The guides of a picture.
 pub(super) struct Guides {

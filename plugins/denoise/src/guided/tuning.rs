@@ -20,22 +20,22 @@ pub(super) struct Tuning {
 
 /// Light with the surface's colour: even over wide areas once it is divided by that colour.
 pub(super) const MATTE: Tuning = Tuning {
-    sigmas: [7.0, 2.0, 1.3, 1.3, 1.3],
-    pilot_sigmas: 4.0,
+    sigmas: [12.0, 1.8, 2.4, 1.3, 1.3],
+    pilot_sigmas: 2.8,
     levels: 5,
-    kernel: [1.0, 0.707, 0.249],
-    normal: (0.3, 0.007, 1.0),
-    per_normal: 45.0,
-    speck: 2.5,
+    kernel: [1.0, 0.75, 0.37],
+    normal: (0.28, 0.007, 1.0),
+    per_normal: 48.0,
+    speck: 1.7,
 };
 
 /// Light without: mirror images of lamps and bodies, which move with the normal, and end sharply.
 pub(super) const GLOSS: Tuning = Tuning {
-    sigmas: [12.0, 0.3, 1.9, 1.9, 1.9],
-    pilot_sigmas: 1.6,
+    sigmas: [12.0, 0.06, 1.9, 1.9, 1.9],
+    pilot_sigmas: 2.0,
     levels: 3,
     kernel: [1.0, 0.92, 0.55],
-    normal: (0.12, 0.008, 0.12),
-    per_normal: 100.0,
-    speck: 9.0,
+    normal: (0.12, 0.008, 0.08),
+    per_normal: 65.0,
+    speck: 6.0,
 };
