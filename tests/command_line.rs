@@ -41,6 +41,20 @@ fn check_finds_every_mistake_at_once() {
 }
 
 #[test]
+fn a_missing_library_is_told_before_anything_is_rendered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let settings = ["--set", "denoise={ kind = 'oidn', library = 'no/such/library.so' }"];
+    for arguments in [vec!["check"], vec!["run", "--out", out.to_str().expect("text")]] {
+        let error = fails(syntable().args(&arguments).arg("recipes/quickstart.toml").args(settings), 2);
+        for word in ["denoise", "no/such/library.so", "pyoidn", "guided"] {
+            assert!(error.contains(word), "{word} is not in\n{error}");
+        }
+    }
+    assert!(!out.exists(), "nothing was begun");
+}
+
+#[test]
 fn machines_get_json_lines() {
     let error = fails(
         syntable().args(["check", "recipes/quickstart.toml", "--set", "dataset.scenes=0", "--log-format", "json"]),

@@ -23,9 +23,12 @@ fn denoiser(options: &str) -> Box<dyn Denoiser> {
 fn a_missing_or_wrong_library_is_named_with_a_way_out() {
     let frame = Room::new(8, 8).frame(1, 0, 1);
     for library in ["/nowhere/libOpenImageDenoise.so.2", file!()] {
-        let error = denoiser(&format!("library = {library:?}")).denoise(&frame, &Threads(1)).expect_err("no library");
+        let denoiser = denoiser(&format!("library = {library:?}"));
+        let before = denoiser.ready().expect_err("no library");
+        let error = denoiser.denoise(&frame, &Threads(1)).expect_err("no library");
+        assert_eq!(before, error, "known before anything is rendered");
         assert_eq!(error.file().expect("named").to_string_lossy(), library);
-        assert!(error.way_out().expect("known").contains("pip install oidn"), "{error}");
+        assert!(error.way_out().expect("known").contains("pip install pyoidn"), "{error}");
     }
 }
 
@@ -45,6 +48,7 @@ fn it_denoises_with_the_library_of_the_user() {
     };
     let options = format!("library = {library:?}\nquality = \"fast\"\nclean_guides = false");
     let stage = denoiser(&options);
+    stage.ready().expect("the library is there");
     let first = stage.denoise(&frame, &Threads(2)).expect("denoises");
     let second = stage.denoise(&frame, &Threads(2)).expect("denoises again");
     assert_eq!(first.radiance, second.radiance, "the same picture twice");

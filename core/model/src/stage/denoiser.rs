@@ -8,6 +8,11 @@ use crate::product::{Frame, KeyId, Plane, Value};
 pub trait Denoiser: Send + Sync {
     /// The rendered products that guide it, beside the picture itself.
     fn guides(&self) -> Vec<KeyId>;
+    /// Whether it can run here: an error if something that it needs from outside the program is missing. Asked by `check`
+    /// and before the first scene, so that nobody waits for a scene to learn of it.
+    fn ready(&self) -> Result<()> {
+        Ok(())
+    }
     /// Denoises [`RADIANCE`](crate::product::standard::RADIANCE) of a frame that also has the guides. The result must
     /// not depend on the number of threads.
     fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised>;

@@ -1,6 +1,6 @@
 //! `syntable check`.
 
-use super::run::planned;
+use super::run::{planned, ready};
 use super::{Console, Exit, RecipeArgs};
 use crate::pools::Library;
 use clap::Args;
@@ -36,6 +36,7 @@ fn recipe(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(
     }
     let mut recipe = console.load(registry, args)?;
     let plan = planned(console, registry, &mut recipe)?;
+    ready(&recipe, &plan)?;
     let log = Print(console);
     let library = Library::open(&recipe, &log).map_err(Exit::wrong)?;
     let mut out = format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, plan.lines.len());

@@ -71,9 +71,18 @@ pub(super) fn planned(console: &Console, registry: &Registry, recipe: &mut Recip
     Ok(plan)
 }
 
+/// Asks the stages of a plan whether what they need from outside the program is there.
+pub(super) fn ready(recipe: &Recipe, plan: &Plan) -> Result<(), Exit> {
+    match &recipe.denoise {
+        Some(denoiser) if plan.denoised => denoiser.ready().map_err(|error| Exit::wrong(error.context("denoise"))),
+        _ => Ok(()),
+    }
+}
+
 pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
     let mut recipe = console.load(registry, &args.recipe)?;
     let plan = planned(console, registry, &mut recipe)?;
+    ready(&recipe, &plan)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose()?;
     let options = RunOptions {
         out: args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),

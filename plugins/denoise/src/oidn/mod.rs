@@ -81,6 +81,10 @@ impl Denoiser for OidnDenoiser {
         keys![ALBEDO_MEAN, NORMAL_MEAN]
     }
 
+    fn ready(&self) -> Result<()> {
+        self.open(1).map(drop)
+    }
+
     fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised> {
         let Oidn { library, quality, clean_guides } = &self.options;
         let mut radiance = rendered.get(RADIANCE)?.map(|pixel| pixel.map(finite));
@@ -90,13 +94,7 @@ impl Denoiser for OidnDenoiser {
         let mut held = self.device.lock().unwrap_or_else(PoisonError::into_inner);
         let device = match &mut *held {
             Some(device) => device,
-            none => none.insert(Device::open(library.path(), workers.threads()).map_err(|error| {
-                error.in_file(library.path()).help(
-                    "`library` must name Open Image Denoise for this system: `pip install oidn` puts one into \
-                     site-packages/oidn/lib.*, and the archives of its releases have one in lib; or denoise with \
-                     `kind = \"guided\"`",
-                )
-            })?),
+            none => none.insert(self.open(workers.threads())?),
         };
         let code = quality.code(device);
         let (width, height) = (radiance.width() as usize, radiance.height() as usize);
@@ -124,6 +122,18 @@ impl Denoiser for OidnDenoiser {
 
 impl OidnDenoiser {
     const NAME: &'static str = Oidn::KIND;
+
+    /// Opens a device of so many threads.
+    fn open(&self, threads: usize) -> Result<Device> {
+        let library = self.options.library.path();
+        Device::open(library, threads).map_err(|error| {
+            error.in_file(library).help(
+                "`library` must name Open Image Denoise for this system: `pip install pyoidn` puts one into \
+                 site-packages/pyoidn/oidn/lib, and the archives of its releases have one in lib; or denoise with \
+                 `kind = \"guided\"`",
+            )
+        })
+    }
 }
 
 /// A sound amount of light: what is not is none.
