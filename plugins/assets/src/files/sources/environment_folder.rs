@@ -1,15 +1,10 @@
 //! Any folder of environment maps.
 
-use super::mesh_folder::category;
-use super::nothing_found;
+use super::folder::{Found, Kept, by_stem, enter};
 use crate::files::formats::environment;
 use crate::files::root::AssetRoot;
-use crate::files::scan::{extension, walk};
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-use std::sync::OnceLock;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry};
+use syntable_model::scene::{Asset, AssetClass, Catalog};
 
 /// Environment maps anywhere below a folder: equirectangular pictures, Radiance HDR (`.hdr`) or OpenEXR (`.exr`), of
 /// linear radiance with Rec. 709 primaries.
@@ -25,11 +20,9 @@ pub struct EnvironmentFolder {
     #[serde(default)]
     licence: String,
     #[serde(skip)]
-    found: OnceLock<BTreeMap<String, PathBuf>>,
+    found: Kept,
 }
 
-/// Deepest folder below the root that is looked into.
-const DEPTH: usize = 8;
 /// Extensions, the richer format first.
 const EXTENSIONS: [&str; 2] = ["exr", "hdr"];
 
@@ -49,25 +42,12 @@ impl AssetSource for EnvironmentFolder {
 
     fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
-        let found = find(&root, log)?;
-        if found.is_empty() {
-            return Err(nothing_found(&root, "`.hdr` or `.exr` file"));
-        }
-        let entries = found
-            .keys()
-            .map(|name| CatalogEntry { name: name.clone(), category: category(name, root.folder()) })
-            .collect();
-        // A second call finds the same; the first stays.
-        let _ = self.found.set(found);
-        Ok(Catalog { entries })
+        self.found.catalog(&root, find(&root, log)?, "`.hdr` or `.exr` file")
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let root = AssetRoot::open(self.root.path())?;
-        let file = match self.found.get() {
-            Some(found) => found.get(name).cloned(),
-            None => find(&root, log)?.remove(name),
-        };
+        let file = self.found.file(name, || find(&root, log))?;
         let file = file.ok_or_else(|| Error::new(format!("no environment map `{name}`")).in_file(root.folder()))?;
         let mut map = environment::read(&root.locate(&file)?)?;
         name.clone_into(&mut map.name);
@@ -76,22 +56,11 @@ impl AssetSource for EnvironmentFolder {
     }
 }
 
-/// All maps by name, their paths relative to the root. Of one map in both formats OpenEXR is read.
-fn find(root: &AssetRoot, log: &dyn Log) -> Result<BTreeMap<String, PathBuf>> {
-    let files = walk(root, DEPTH, &|path| EXTENSIONS.contains(&extension(path).as_str()))?;
-    let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
-    // Sorted by path, so that `.exr` comes before `.hdr`.
-    for file in files {
-        let name = file.with_extension("").to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
-        match found.get(&name) {
-            Some(first) => {
-                let message = format!("`{name}` is there twice; `{}` is read instead", first.display());
-                log.warn(&Error::new(message).in_file(root.folder().join(&file)));
-            }
-            None => {
-                found.insert(name, file);
-            }
-        }
+/// All maps by name. Of one map in both formats OpenEXR is read.
+fn find(root: &AssetRoot, log: &dyn Log) -> Result<Found> {
+    let mut found = Found::new();
+    for (stem, files) in by_stem(root, &EXTENSIONS)? {
+        enter(&mut found, &stem, &files, root, log);
     }
     Ok(found)
 }

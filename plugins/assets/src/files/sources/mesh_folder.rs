@@ -1,14 +1,14 @@
 //! Any folder of meshes.
 
-use super::{MESH_EXTENSIONS, nothing_found, read_mesh};
+use super::folder::{Found, Kept, by_stem, category, enter};
+use super::{MESH_EXTENSIONS, read_mesh};
 use crate::files::object::{Identity, finish};
 use crate::files::root::AssetRoot;
-use crate::files::scan::{extension, root_name, walk};
+use crate::files::scan::extension;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry};
+use syntable_model::scene::{Asset, AssetClass, Catalog};
 
 /// Meshes anywhere below a folder: OBJ with MTL, glTF, GLB, PLY and STL, in metres. (The pool's `scale` brings other
 /// units to metres.)
@@ -27,7 +27,7 @@ pub struct MeshFolder {
     #[serde(default)]
     licence: String,
     #[serde(skip)]
-    found: OnceLock<BTreeMap<String, PathBuf>>,
+    found: Kept,
 }
 
 /// An axis.
@@ -40,9 +40,6 @@ pub enum Up {
     /// The second.
     Y,
 }
-
-/// Deepest folder below the root that is looked into.
-const DEPTH: usize = 8;
 
 impl Config for MeshFolder {
     type Stage = dyn AssetSource;
@@ -60,25 +57,12 @@ impl AssetSource for MeshFolder {
 
     fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
-        let found = find(&root, log)?;
-        if found.is_empty() {
-            return Err(nothing_found(&root, "OBJ, glTF, GLB, PLY or STL file"));
-        }
-        let entries = found
-            .keys()
-            .map(|name| CatalogEntry { name: name.clone(), category: category(name, root.folder()) })
-            .collect();
-        // A second call finds the same; the first stays.
-        let _ = self.found.set(found);
-        Ok(Catalog { entries })
+        self.found.catalog(&root, find(&root, log)?, "OBJ, glTF, GLB, PLY or STL file")
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let root = AssetRoot::open(self.root.path())?;
-        let file = match self.found.get() {
-            Some(found) => found.get(name).cloned(),
-            None => find(&root, log)?.remove(name),
-        };
+        let file = self.found.file(name, || find(&root, log))?;
         let file = file.ok_or_else(|| Error::new(format!("no mesh `{name}`")).in_file(root.folder()))?;
         let model = read_mesh(&root, &file, log)?;
         let has_up = matches!(extension(&file).as_str(), "glb" | "gltf");
@@ -89,14 +73,9 @@ impl AssetSource for MeshFolder {
     }
 }
 
-/// All meshes by name, their paths relative to the root.
-fn find(root: &AssetRoot, log: &dyn Log) -> Result<BTreeMap<String, PathBuf>> {
-    let files = walk(root, DEPTH, &|path| MESH_EXTENSIONS.contains(&extension(path).as_str()))?;
-    // The same path in several formats is one mesh.
-    let mut meshes: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
-    for file in files {
-        meshes.entry(file.with_extension("")).or_default().push(file);
-    }
+/// All meshes by name.
+fn find(root: &AssetRoot, log: &dyn Log) -> Result<Found> {
+    let meshes = by_stem(root, &MESH_EXTENSIONS)?;
     let mut in_folder: BTreeMap<PathBuf, usize> = BTreeMap::new();
     for stem in meshes.keys() {
         *in_folder.entry(stem.parent().unwrap_or(Path::new("")).to_owned()).or_default() += 1;
@@ -110,30 +89,13 @@ fn find(root: &AssetRoot, log: &dyn Log) -> Result<BTreeMap<String, PathBuf>> {
     for stem in meshes.keys() {
         *uses.entry(short(stem)).or_default() += 1;
     }
-    let mut found = BTreeMap::new();
-    for (stem, mut files) in meshes {
-        let rank = |file: &PathBuf| MESH_EXTENSIONS.iter().position(|known| *known == extension(file));
-        files.sort_by_key(|file| (rank(file), file.clone()));
-        let name = short(&stem);
-        let name = if uses.get(&name) == Some(&1) { name } else { stem };
-        let name = name.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
-        if let [best, others @ ..] = &files[..] {
-            for other in others {
-                let message = format!("`{name}` is there twice; `{}` is read instead", best.display());
-                log.warn(&Error::new(message).in_file(root.folder().join(other)));
-            }
-            found.insert(name, best.clone());
-        }
+    let mut found = Found::new();
+    for (stem, files) in &meshes {
+        let name = short(stem);
+        let name = if uses.get(&name) == Some(&1) { &name } else { stem };
+        enter(&mut found, name, files, root, log);
     }
     Ok(found)
-}
-
-/// The folder above a name, or the root.
-pub(super) fn category(name: &str, root: &Path) -> String {
-    match name.rsplit('/').nth(1) {
-        Some(folder) => folder.to_owned(),
-        None => root_name(root),
-    }
 }
 
 syntable_model::register!(MeshFolder);
@@ -174,7 +136,5 @@ mod tests {
         ];
         assert_eq!(got, want);
         assert_eq!(log.warnings().len(), 1, "{:?}", log.warnings());
-        assert_eq!(category("cup/a", Path::new("/data/things")), "cup");
-        assert_eq!(category("bowl", Path::new("/data/things")), "things");
     }
 }
