@@ -1,4 +1,4 @@
-//! Damaged files and large ones.
+//! Damaged files, and a large one.
 
 use crate::common::{fact, look, peak};
 use crate::inputs::*;
@@ -62,11 +62,10 @@ fn random_damage_is_survived() {
     assert!(read > 50 && refused > 200, "{read} read, {refused} refused: the damage is too weak or too strong");
 }
 
-/// A UV sphere of two million triangles, as the index of bad inputs describes it.
+/// A UV sphere of 180 000 triangles loads whole, in a few times the memory of its file.
 #[test]
-#[ignore = "takes seconds and 200 MB; run it by name to see the figures"]
-fn two_million_triangles_load() {
-    let (rings, sectors, radius) = (1000_usize, 1000_usize, 0.1_f64);
+fn a_large_mesh_loads_in_memory_of_the_order_of_its_file() {
+    let (rings, sectors, radius) = (300_usize, 300_usize, 0.1_f64);
     let positions = (0..=rings).flat_map(|i| {
         (0..sectors).map(move |j| {
             let (theta, phi) =
@@ -99,13 +98,13 @@ fn two_million_triangles_load() {
         write(folder.path(), name, &bytes);
         let size = bytes.len();
         drop(bytes);
-        let started = std::time::Instant::now();
-        let ((found, warnings), most) = peak(|| look(&folder.path().join(name)));
-        let (found, seconds) = (found.expect("loads"), started.elapsed().as_secs_f64());
-        println!("{name}: {} MB in {seconds:.2} s, {} MB at most: {warnings:?}", size >> 20, most >> 20);
+        let ((found, _), most) = peak(|| look(&folder.path().join(name)));
+        let found = found.expect("loads");
+        assert!(most < 8 * size, "{name}: {most} bytes for a file of {size}");
         // The triangles at the poles that are points go.
-        assert_eq!(fact(&found, "triangles"), "1998000");
+        assert_eq!(fact(&found, "triangles"), (2 * sectors * (rings - 1)).to_string());
         assert_eq!(fact(&found, "closed"), "yes");
-        assert_eq!(fact(&found, "volume"), "4.1888 litre");
+        // 4/3 π r³ is 4.1888; flat triangles inside the sphere have a little less.
+        assert_eq!(fact(&found, "volume"), "4.1884 litre");
     }
 }
