@@ -1,5 +1,6 @@
 //! What a lens does to light: vignetting, lateral chromatic aberration, blur. All on linear radiance.
 
+use super::power::power;
 use crate::grid::{convolved, filled, gaussian, rows};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,7 +14,8 @@ use syntable_model::scene::Intrinsics;
 /// Light that a lens loses towards the corners.
 ///
 /// A pixel keeps `cos⁴θ · (1 − mechanical · r²) · (1 + a₁r² + a₂r⁴ + a₃r⁶)` of its light. θ is the angle between its
-/// ray and the optical axis, from the view's focal lengths; `cos⁴` is the natural law of a thin lens (Kang and Weiss, ECCV 2000). r is the distance from the principal point over half the picture's diagonal.
+/// ray and the optical axis, from the view's focal lengths; `cos⁴` is the natural law of a thin lens (Kang and Weiss,
+/// ECCV 2000). r is the distance from the principal point over half the picture's diagonal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Vignetting {
@@ -56,16 +58,14 @@ impl Vignetting {
         let natural = self.natural.draw(&mut stream.child("natural"));
         let mechanical = self.mechanical.draw(&mut stream.child("mechanical"));
         let [a1, a2, a3] = self.radial.unwrap_or_default();
-        let (width, height) = (picture.width(), picture.height());
-        let corner2 = 0.25 * (f64::from(width).powi(2) + f64::from(height).powi(2));
-        rows(workers, width, picture.data_mut(), |y, row| {
-            let dy = f64::from(y) + 0.5 - k.cy;
+        let unit2 = half_diagonal(picture).powi(2);
+        rows(workers, picture.width(), picture.data_mut(), |y, row| {
             for (x, pixel) in row.iter_mut().enumerate() {
-                let dx = x as f64 + 0.5 - k.cx;
+                let [dx, dy] = from_principal(k, x, y);
                 let cos2 = 1.0 / (1.0 + (dx / k.fx).powi(2) + (dy / k.fy).powi(2));
-                let r2 = (dx * dx + dy * dy) / corner2;
+                let r2 = (dx * dx + dy * dy) / unit2;
                 let fitted = 1.0 + r2 * (a1 + r2 * (a2 + r2 * a3));
-                let kept = cos2.powf(2.0 * natural) * (1.0 - mechanical * r2).max(0.0) * fitted.max(0.0);
+                let kept = power(cos2, 2.0 * natural) * (1.0 - mechanical * r2).max(0.0) * fitted.max(0.0);
                 *pixel = pixel.map(|v| v * kept as f32);
             }
         });
@@ -108,24 +108,32 @@ impl ChromaticAberration {
         stream: &Stream,
     ) -> Value {
         let shifts = [("red", &self.red_px), ("blue", &self.blue_px)].map(|(n, d)| d.draw(&mut stream.child(n)));
-        let (width, height) = (picture.width(), picture.height());
-        let corner = 0.5 * (f64::from(width).powi(2) + f64::from(height).powi(2)).sqrt();
+        let unit = half_diagonal(picture);
         // A tiny picture with a large shift must not be turned inside out.
-        let [red, blue] = shifts.map(|shift| 1.0 / (1.0 + shift / corner).max(0.1));
+        let [red, blue] = shifts.map(|shift| 1.0 / (1.0 + shift / unit).max(0.1));
         let source = &*picture;
-        let scaled = filled(workers, [width, height], |y, row: &mut [[f32; 3]]| {
-            let at = |x: usize, channel: usize, shrink: f64| {
-                let u = k.cx + (x as f64 + 0.5 - k.cx) * shrink - 0.5;
-                let v = k.cy + (f64::from(y) + 0.5 - k.cy) * shrink - 0.5;
-                bilinear(source, u, v, channel)
-            };
+        let scaled = filled(workers, [source.width(), source.height()], |y, row: &mut [[f32; 3]]| {
             for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = [at(x, 0, red), source.at(x as u32, y)[1], at(x, 2, blue)];
+                let [dx, dy] = from_principal(k, x, y);
+                let at = |shrink: f64, channel: usize| {
+                    bilinear(source, k.cx + dx * shrink - 0.5, k.cy + dy * shrink - 0.5, channel)
+                };
+                *pixel = [at(red, 0), source.at(x as u32, y)[1], at(blue, 2)];
             }
         });
         *picture = scaled;
         Value::record([("red_px", shifts[0].into()), ("blue_px", shifts[1].into())])
     }
+}
+
+/// Half of a picture's diagonal, px: the unit of distances from the principal point.
+fn half_diagonal(picture: &Plane<[f32; 3]>) -> f64 {
+    0.5 * (f64::from(picture.width()).powi(2) + f64::from(picture.height()).powi(2)).sqrt()
+}
+
+/// The way from the principal point to the middle of a pixel, px.
+fn from_principal(k: &Intrinsics, x: usize, y: u32) -> [f64; 2] {
+    [x as f64 + 0.5 - k.cx, f64::from(y) + 0.5 - k.cy]
 }
 
 /// A channel at a place in pixels, where (0, 0) is the centre of the first one; held at the frame.

@@ -5,6 +5,7 @@ mod jpeg;
 mod lens;
 mod meter;
 mod noise;
+mod power;
 mod tone;
 mod white_balance;
 
