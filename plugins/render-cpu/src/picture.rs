@@ -120,24 +120,22 @@ impl Picture {
         let albedo = self.plane([0.0; 3], PixelSums::mean_albedo);
         let normal = self.plane([0.0; 3], PixelSums::mean_normal);
         let tracer = tracer.for_guides(GUIDE_SAMPLES);
-        let total = Mutex::new(self.statistics);
         workers.run(self.tiles.len(), &|number| {
             let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
             let tile = &mut *tile;
             let [left, top, right, _] = tile.area;
             let columns = (right - left) as usize;
             let unlike = |number: &u16| {
-                let (x, y) = (left as usize + usize::from(*number) % columns, top as usize + usize::from(*number) / columns);
+                let (x, y) =
+                    (left as usize + usize::from(*number) % columns, top as usize + usize::from(*number) / columns);
                 tile.sums[usize::from(*number)].samples < GUIDE_SAMPLES
                     && [&albedo, &normal].iter().any(|guide| is_unlike_neighbours(guide, x, y))
             };
             let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(unlike).collect();
             let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };
-            let mut statistics = Statistics::default();
-            tracer.trace(&task, &mut tile.sums, &mut statistics);
-            total.lock().unwrap_or_else(PoisonError::into_inner).add(&statistics);
+            // These rays are no part of what finding the light took.
+            tracer.trace(&task, &mut tile.sums, &mut Statistics::default());
         });
-        self.statistics = total.into_inner().unwrap_or_else(PoisonError::into_inner);
     }
 
     /// Marks the tiles whose error is small as done; true if all are.

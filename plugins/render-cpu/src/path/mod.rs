@@ -144,12 +144,7 @@ impl<'a> PathTracer<'a> {
             /// # Safety
             /// The processor has AVX2.
             #[target_feature(enable = "avx2")]
-            unsafe fn eight(
-                tracer: &PathTracer,
-                task: &Task,
-                sums: &mut [PixelSums],
-                statistics: &mut Statistics,
-            ) {
+            unsafe fn eight(tracer: &PathTracer, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
                 tracer.trace_in_lanes::<crate::real::Eight>(task, sums, statistics);
             }
             if crate::real::has_eight() && !self.settings.one_lane {

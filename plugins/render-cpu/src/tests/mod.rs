@@ -1,6 +1,7 @@
 //! Whole pictures against what can be worked out on paper or by brute force.
 
 mod estimators;
+mod guides;
 mod label_scenes;
 mod light_transport;
 mod materials;

@@ -15,7 +15,7 @@ use syntable_model::scene::{
     TextureMapping, UvTransform, Wrap,
 };
 
-fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
+pub(super) fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
     let texels: Vec<u8> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| f(x, y)).collect();
     let digest = Digest::of(&texels);
@@ -23,7 +23,7 @@ fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> 
 }
 
 /// Everything at once: textures, cut-outs, bumps, metal, smooth meshes, two lights.
-fn busy_scene() -> (Arc<Scene>, View) {
+pub(super) fn busy_scene() -> (Arc<Scene>, View) {
     let checks =
         texture(
             16,
@@ -67,7 +67,7 @@ fn busy_scene() -> (Arc<Scene>, View) {
     (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
 }
 
-const ALL: [KeyId; 14] = [
+const ALL: [KeyId; 15] = [
     RADIANCE.id(),
     DEPTH.id(),
     INSTANCE.id(),
@@ -81,6 +81,7 @@ const ALL: [KeyId; 14] = [
     ALBEDO_MEAN.id(),
     RADIANCE_VARIANCE.id(),
     RADIANCE_GLOSS.id(),
+    RADIANCE_UNTINTED.id(),
     RENDER_REPORT.id(),
 ];
 
@@ -96,7 +97,7 @@ fn any_number_of_workers_gives_the_same_bits() {
     for threads in [2, 3] {
         let many =
             render_with(options(5, 4), Strategy::Combined, &scene, &view, &ALL, &Threads(threads)).expect("renders");
-        for key in [RADIANCE, NORMAL, ALBEDO, RADIANCE_GLOSS] {
+        for key in [RADIANCE, NORMAL, ALBEDO, RADIANCE_GLOSS, RADIANCE_UNTINTED, ALBEDO_MEAN, NORMAL_MEAN] {
             let (a, b) = (one.get(key).expect("made"), many.get(key).expect("made"));
             assert!(bits(a) == bits(b), "{} differs; {}", key.name(), keep("workers", &[("one", a), ("many", b)]));
         }

@@ -1,0 +1,137 @@
+//! What guides denoisers.
+
+use super::pictures::{busy_scene, texture};
+use super::support::*;
+use std::sync::Arc;
+use syntable_model::geometry::{Point3, Vector3};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+use syntable_model::scene::{Color, Encoding, Light, Material, RectLight, Role, Scalar};
+
+type Guide = Key<Plane<[f32; 3]>>;
+
+/// A mirror that shows a busy little world from below.
+fn mirror_scene() -> (Arc<Scene>, View) {
+    let silver = Material { metallic: Scalar::constant(1.0), ..Material::plain("silver", [0.9, 0.8, 0.7], 0.0) };
+    let red = Material::plain("red", [0.8, 0.1, 0.1], 0.9);
+    let green = Material::plain("green", [0.1, 0.7, 0.2], 0.9);
+    let scene = scene([
+        body(&object("ball", ball(0.1, 24), red), at(-0.2, 0.2, 0.35), Role::Object),
+        body(&object("box", cuboid([0.1, 0.05, 0.12]), green), at(0.2, 0.15, 0.3), Role::Object),
+        body(&object("mirror", sheet([1.5, 1.5]), silver), at(0.0, 0.0, 0.0), Role::Support),
+        body(&object("wall", cuboid([2.0, 0.05, 2.0]), matte(0.4)), at(0.0, 1.6, 0.0), Role::Room),
+    ]);
+    let panel = RectLight {
+        centre: Point3::new(0.0, 0.0, 2.0),
+        half_u: Vector3::new(0.0, 0.4, 0.0),
+        half_v: Vector3::new(0.4, 0.0, 0.0),
+        radiance: [40.0; 3],
+    };
+    (scene, view(48, 36, 40.0, [0.0, -1.2, 0.6], [0.0, 0.2, 0.1], vec![Light::Rect(panel)]))
+}
+
+/// Root of the mean squared difference. The outermost pixels do not count: they have no neighbour to be unlike.
+fn difference(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for y in 1..a.height() - 1 {
+        for x in 1..a.width() - 1 {
+            let pixel = (y * a.width() + x) as usize;
+            sum += (0..3).map(|c| f64::from(a.data()[pixel][c] - b.data()[pixel][c]).powi(2)).sum::<f64>();
+            count += 3;
+        }
+    }
+    (sum / f64::from(count)).sqrt()
+}
+
+/// Checks of two colours under a panel, which fill the picture.
+fn checked_floor() -> (Arc<Scene>, View) {
+    let checks = texture(16, 16, Encoding::Srgb, |x, y| {
+        if (x / 4 + y / 4) % 2 == 0 { [230, 200, 40, 255] } else { [30, 60, 160, 255] }
+    });
+    let checked =
+        Material { base_color: Color::texture(checks), tile_m: 1.0, ..Material::plain("checked", [1.0; 3], 0.6) };
+    let floor = body(&object("floor", sheet([2.0, 2.0]), checked), at(0.0, 0.0, 0.0), Role::Object);
+    let panel = RectLight {
+        centre: Point3::new(0.5, 0.0, 1.5),
+        half_u: Vector3::new(0.0, 0.2, 0.0),
+        half_v: Vector3::new(0.2, 0.0, 0.0),
+        radiance: [40.0; 3],
+    };
+    (scene([floor]), view(40, 30, 40.0, [0.0, -0.8, 1.0], [0.0, 0.0, 0.0], vec![Light::Rect(panel)]))
+}
+
+#[test]
+fn they_are_clean_from_one_sample_on() {
+    let guides: [(Guide, Guide); 2] = [(ALBEDO_MEAN, ALBEDO), (NORMAL_MEAN, NORMAL)];
+    for (name, (scene, view), centre) in [("busy", busy_scene(), true), ("mirror", mirror_scene(), false)] {
+        let wants: Vec<KeyId> = guides.iter().flat_map(|(mean, centre)| [mean.id(), centre.id()]).collect();
+        let true_ones = render(options(512, 1), &scene, &view, &wants);
+        let few = render(options(1, 1), &scene, &view, &wants);
+        let seven = render(options(7, 1), &scene, &view, &wants);
+        let eight = render(options(8, 1), &scene, &view, &wants);
+        for (mean, one) in guides {
+            let truth = true_ones.get(mean).expect("made");
+            let error = |frame: &Frame| difference(frame.get(mean).expect("made"), truth);
+            // One ray a pixel, as the labels have it, is what a path alone would know; it does not look into mirrors.
+            let alone = difference(few.get(one).expect("made"), truth);
+            let told = format!(
+                "{name}, {}: {} {} {}, one ray: {alone}",
+                mean.name(),
+                error(&few),
+                error(&seven),
+                error(&eight)
+            );
+            assert!(error(&few) < 1.4 * error(&eight) + 0.002, "as good as eight samples: {told}");
+            assert!(error(&seven) < 1.2 * error(&eight) + 0.002, "no worse with more: {told}");
+            assert!(!centre || error(&few) < 0.45 * alone, "{told}");
+        }
+    }
+}
+
+#[test]
+fn a_mirror_has_the_colour_of_what_it_shows() {
+    let (scene, view) = mirror_scene();
+    let frame = render(options(1, 1), &scene, &view, &[ALBEDO_MEAN.id(), INSTANCE.id()]);
+    let (albedo, ids) = (frame.get(ALBEDO_MEAN).expect("made"), frame.get(INSTANCE).expect("made"));
+    let mirror = scene.bodies().iter().find(|body| body.role == Role::Support).expect("there").id;
+    let shown: Vec<&[f32; 3]> =
+        albedo.data().iter().zip(ids.data()).filter(|(_, id)| **id == mirror).map(|(albedo, _)| albedo).collect();
+    // The wall's grey of 0.4, and the ball's red, times the silver's colour.
+    for colour in [[0.36, 0.32, 0.28], [0.72, 0.08, 0.07], [0.09, 0.56, 0.14]] {
+        let alike = |albedo: &&&[f32; 3]| (0..3).all(|c| (albedo[c] - colour[c]).abs() < 0.01);
+        assert!(shown.iter().filter(alike).count() > 10, "{colour:?} is not to be seen in the mirror");
+    }
+}
+
+#[test]
+fn the_light_does_not_know_of_them() {
+    let (scene, view) = busy_scene();
+    let alone = render(options(2, 4), &scene, &view, &[RADIANCE.id()]);
+    let guided = render(options(2, 4), &scene, &view, &[RADIANCE.id(), ALBEDO_MEAN.id(), RADIANCE_UNTINTED.id()]);
+    assert!(alone.get(RADIANCE).expect("made") == guided.get(RADIANCE).expect("made"));
+}
+
+#[test]
+fn untinted_light_has_no_texture_and_makes_the_picture_with_it() {
+    let (scene, view) = checked_floor();
+    let wants = [RADIANCE.id(), RADIANCE_GLOSS.id(), RADIANCE_UNTINTED.id(), ALBEDO_MEAN.id()];
+    let frame = render(options(256, 1), &scene, &view, &wants);
+    let of = |key: Guide| frame.get(key).expect("made").data();
+    let (mut edges, mut contrast) = (0, [0.0_f64; 2]);
+    for pixel in 0..of(RADIANCE).len() {
+        let albedo = of(ALBEDO_MEAN)[pixel];
+        for c in 0..3 {
+            let whole = of(RADIANCE_UNTINTED)[pixel][c] * (albedo[c] + MIRRORED) + of(RADIANCE_GLOSS)[pixel][c];
+            let radiance = of(RADIANCE)[pixel][c];
+            // At an edge, uneven light makes the mean of products another than the product of means.
+            assert!((whole / radiance - 1.0).abs() < 0.05, "{whole}, not {radiance}");
+        }
+        if pixel % 40 > 0 && (albedo[0] - of(ALBEDO_MEAN)[pixel - 1][0]).abs() > 0.2 {
+            let step = |key: Guide| f64::from(of(key)[pixel][0] / of(key)[pixel - 1][0]).ln().abs();
+            contrast = [contrast[0] + step(RADIANCE_UNTINTED), contrast[1] + step(RADIANCE)];
+            edges += 1;
+        }
+    }
+    // What is left is the light's own change, and the 4 % that are not quite what is mirrored.
+    assert!(edges > 50 && contrast[0] < 0.1 * contrast[1], "{edges} edges, contrasts {contrast:?}");
+}
