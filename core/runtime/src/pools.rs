@@ -338,10 +338,28 @@ impl Pool<'_> {
             .number(mass)
             .finish();
         let licence = options.licence.clone().unwrap_or(object.licence);
-        let object = Object { mesh, collision, mass_kg: mass, digest, licence, ..object };
+        let materials = object.materials.into_iter().map(|material| scaled(material, scale)).collect();
+        let object = Object { mesh, materials, collision, mass_kg: mass, digest, licence, ..object };
         object.check_extent()?;
         Ok(object)
     }
+}
+
+/// The material of an object that is made larger by a factor.
+///
+/// Its light passes through the object on ways that are longer by that factor; so is the distance after which a medium
+/// has its colour, and a large bottle looks like a small one. In glTF this distance is a length in the world, which no
+/// node scales; but a pool's scale changes the unit of a file's whole world.
+fn scaled(material: Arc<Material>, factor: f64) -> Arc<Material> {
+    let medium = material.transmission.as_ref().and_then(|transmission| transmission.volume);
+    if factor == 1.0 || medium.is_none_or(|medium| medium.attenuation_distance_m.is_infinite()) {
+        return material;
+    }
+    let mut material = Arc::unwrap_or_clone(material);
+    if let Some(medium) = material.transmission.as_mut().and_then(|transmission| transmission.volume.as_mut()) {
+        medium.attenuation_distance_m = (f64::from(medium.attenuation_distance_m) * factor) as f32;
+    }
+    Arc::new(material.sealed())
 }
 
 /// A log that names the asset.
@@ -359,4 +377,74 @@ impl Log for Named<'_> {
 /// The class of assets that a pool gives, for messages.
 pub fn class_of(recipe: &Recipe, pool: &str) -> Option<AssetClass> {
     recipe.assets.get(pool).map(|pool| pool.source.class())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::scene::{Catalog, Scalar, Transmission, Volume};
+    use syntable_testing::scenes::{box_mesh, object};
+
+    struct Nothing;
+
+    impl AssetSource for Nothing {
+        fn class(&self) -> AssetClass {
+            AssetClass::Object
+        }
+
+        fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+            Ok(Catalog { entries: Vec::new() })
+        }
+
+        fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
+            Err(Error::new(format!("no `{name}`")))
+        }
+    }
+
+    /// A glass that is filled with something.
+    fn glass(attenuation_distance_m: f32) -> Arc<Material> {
+        let mut glass = Material::plain("glass", [1.0; 3], 0.0);
+        let volume = Some(Volume { attenuation_color: [0.2, 0.6, 0.4], attenuation_distance_m });
+        glass.transmission = Some(Transmission { share: Scalar::constant(1.0), volume });
+        Arc::new(glass.sealed())
+    }
+
+    fn normalised(materials: Vec<Arc<Material>>, options: &PoolOptions) -> Object {
+        let object = Object { materials, ..(*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone() };
+        Pool { source: &Nothing, options, entries: Vec::new() }.normalise(object).expect("sound")
+    }
+
+    /// The share of light left after a straight way through the middle of the object, along its longest side.
+    fn passed(object: &Object) -> f64 {
+        let medium = object.materials[0].transmission.as_ref().and_then(|glass| glass.volume).expect("filled");
+        let way = object.mesh.bounds().size().max() / f64::from(medium.attenuation_distance_m);
+        f64::from(medium.attenuation_color[0]).powf(way)
+    }
+
+    #[test]
+    fn scaled_glass_lets_as_much_light_through() {
+        let as_it_is = PoolOptions::default();
+        let before = passed(&normalised(vec![glass(0.02)], &as_it_is));
+        assert!((before - 0.2_f64.powi(20)).abs() < 1e-6 * before, "0.4 m are twenty times 0.02 m: {before}");
+        for options in [
+            PoolOptions { scale: 0.05, ..PoolOptions::default() },
+            PoolOptions { scale: 3.0, ..PoolOptions::default() },
+            PoolOptions { longest_side_m: Some(0.1), ..PoolOptions::default() },
+        ] {
+            let after = passed(&normalised(vec![glass(0.02)], &options));
+            assert!((after / before - 1.0).abs() < 1e-4, "{options:?}: {after}, not {before}");
+        }
+    }
+
+    #[test]
+    fn only_coloured_media_are_changed_by_scale() {
+        let materials = vec![Arc::new(Material::plain("clay", [0.5; 3], 0.5)), glass(f32::INFINITY), glass(0.02)];
+        let kept = |options: &PoolOptions| {
+            let object = normalised(materials.clone(), options);
+            let pairs: Vec<_> = materials.iter().zip(&object.materials).collect();
+            (pairs.iter().map(|(a, b)| Arc::ptr_eq(a, b)).collect(), pairs.iter().all(|(a, b)| a.digest == b.digest))
+        };
+        assert_eq!(kept(&PoolOptions::default()), (vec![true; 3], true));
+        assert_eq!(kept(&PoolOptions { scale: 2.0, ..PoolOptions::default() }), (vec![true, true, false], false));
+    }
 }
