@@ -9,17 +9,25 @@ use syntable_model::product::Value;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
-    /// Intel RealSense L515, scanning time of flight. From its data sheet: 0.25 to 9 m; on a 95 % surface a standard
-    /// deviation of 2.5 mm at 1 m and 15.5 mm at 9 m; a 15 % surface is seen up to 3.9 m; unit 0.25 mm.
+    /// Intel RealSense L515, scanning time of flight: 0.25 to 9 m, unit 0.25 mm; on a 95 % surface without other light
+    /// a standard deviation of 2.5 mm at 1 m and 15.5 mm at 9 m. Sources: range and noise from Intel's product page and
+    /// data sheet, for 640 × 480, as quoted in librealsense issues 5808, 7040, 7236 and 8947; the unit from Intel's
+    /// support, issue 8058. No source was found for the 3.9 m up to which a 15 % surface is seen; from the 9 m on 95 %
+    /// the inverse square of the distance gives 3.6 m.
     #[default]
     L515,
-    /// Intel RealSense D435, active stereo: baseline 50 mm, 848 × 480 at a horizontal field of view of 87° (a focal
-    /// length of 447 px), 0.28 to 10 m, unit 1 mm, after its data sheet; disparities in steps of 1/32 px with an error
-    /// of 0.08 px.
+    /// Intel RealSense D435, active stereo at 848 × 480: baseline 50 mm, horizontal field of view 87° (a focal length
+    /// of 447 px), 0.18 to 10 m, unit 1 mm; disparities in steps of 1/32 px with an error of 0.08 px. Sources: field of
+    /// view from Intel's D400 data sheet of May 2020, table 3-42; baseline, unit and farthest depth as quoted in
+    /// librealsense issues 10575, 8058 and 7996; the nearest depth is f b over the 126 px that are searched (issue 3039;
+    /// Intel's A. Grunnet-Jepsen says 17 cm in issue 999), at 1280 × 720 it would be 0.27 m; the error from the same,
+    /// issue 3904; the steps from Intel's white paper on subpixel linearity.
     D435,
-    /// Microsoft Azure Kinect, time of flight, narrow field of view, not binned. After its specification: 0.5 to 3.86 m
-    /// for surfaces of 15 % and more, with a standard deviation of at most 17 mm; unit 1 mm. On a white wall
-    /// 1 mm at 1 m and 3 mm at 3 m; BlenderProc takes 1 mm and 3.6 mm from Tölgyessy et al. (Sensors 2021).
+    /// Microsoft Azure Kinect, time of flight, narrow field of view, not binned: 0.5 to 3.86 m, unit 1 mm, a standard
+    /// deviation of at most 17 mm, taken here for a 15 % surface at 3.86 m; on a 95 % surface 1 mm at 1 m and 3 mm at
+    /// 3 m. Sources: range and unit from Microsoft's pages "Azure Kinect DK hardware specifications" and "Azure Kinect
+    /// DK depth camera"; the 17 mm are theirs too, confirmed by Tölgyessy et al. (Sensors 21, 413, 2021); the noise on
+    /// bright surfaces is that of BlenderProc's code, which cites them: 0.5 mm, and 1 mm for every metre beyond 0.5 m.
     AzureKinect,
 }
 
@@ -91,8 +99,9 @@ impl Model {
         }
     }
 
-    /// Its parameters. Ranges, units and noise are published; `lateral_px`, `max_angle_deg`, `edge_loss`,
-    /// `flying_pixels` and `correlation_px` are our own choice.
+    /// Its parameters. Ranges, units and noise are published, with the exceptions and sources that each model states;
+    /// `lateral_px`, `max_angle_deg`, `edge_step_m`, `edge_loss`, `flying_pixels` and `correlation_px` are our own
+    /// choice.
     pub fn parameters(self) -> (Shared, Principle) {
         let shared = Shared {
             range_m: [0.25, 9.0],
@@ -115,7 +124,8 @@ impl Model {
                     flying_pixels: 0.4,
                 }),
             ),
-            // σ₀ = 0.5 as BlenderProc has it; σ = 1 at 1 m on the reference surface and 17 at 3.86 m on one of 15 %.
+            // σ₀ = 0.5 as BlenderProc has it; σ = 1 at 1 m on the reference surface and 17 at 3.86 m on one of 15 %. That
+            // makes 3 at 3 m on the reference surface, as BlenderProc has it too.
             Self::AzureKinect => (
                 Shared { range_m: [0.5, 3.86], unit_mm: 1.0, edge_loss: 0.4, ..shared },
                 Principle::TimeOfFlight(Flight {
@@ -129,7 +139,7 @@ impl Model {
             ),
             Self::D435 => (
                 Shared {
-                    range_m: [0.28, 10.0],
+                    range_m: [0.18, 10.0],
                     unit_mm: 1.0,
                     lateral_px: 0.5,
                     max_angle_deg: 75.0,
@@ -152,8 +162,9 @@ impl Model {
 ///
 /// The distance `R` along the ray has the noise `σ² = σ₀² + a² / S + b² / S²`, where `S = ρ cos θ / (0.95 R²)` is the
 /// light that comes back, 1 from a surface of 95 % at 1 m that is seen squarely. The second term is the shot noise of
-/// that light, the third that of background and read-out (Lange and Seitz, IEEE J. Quantum Electronics 37, 2001). The reflectance ρ is the luminance of the base colour. Where `S` is weaker than from
-/// `reach_reflectance` at `reach_m` there is no measurement.
+/// that light, the third that of background and read-out (Lange and Seitz, IEEE J. Quantum Electronics 37, 2001). The
+/// reflectance ρ is the luminance of the base colour. Where `S` is weaker than from `reach_reflectance` at `reach_m`
+/// there is no measurement.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TimeOfFlight {
@@ -186,10 +197,10 @@ pub struct TimeOfFlight {
 /// Stereo: what to change about a model that uses it.
 ///
 /// A depth `z` is a disparity `d = f b / z` with noise and steps: `z' = f b / round(d + σ_d n)`, hence
-/// `σ_z = z² σ_d / (f b)` (Keselman et al., CVPR Workshops 2017; as a simulation Handa et al., ICRA 2014). With
-/// the angle of incidence the noise grows by `1 + 0.053 θ² / (π/2 − θ)²`, the form and proportion of Nguyen, Izadi and
-/// Lovell (3DIMPVT 2012) at 1 m. Noise of neighbours is correlated, as they share most of the window that
-/// is matched.
+/// `σ_z = z² σ_d / (f b)` (Keselman et al., CVPR Workshops 2017, and Intel's white paper on tuning D400 cameras; as a
+/// simulation Handa et al., ICRA 2014). With the angle of incidence the noise grows by `1 + 0.053 θ² / (π/2 − θ)²`, the
+/// form and proportion of Nguyen, Izadi and Lovell (3DIMPVT 2012) at 1 m. Noise of neighbours is correlated, as they
+/// share most of the window that is matched.
 ///
 /// The view is the left camera. What the right one, `baseline_m` to its right, does not see has no measurement: a
 /// shadow left of everything near, and a band at the picture's left edge.
