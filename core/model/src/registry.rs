@@ -113,7 +113,7 @@ impl Slot {
             Self::Settle => "Lets the bodies come to rest.",
             Self::Camera => "Intrinsics, lens and exposure.",
             Self::Views => "Where the camera stands, anew for every view.",
-            Self::Lights => "Lights, anew for every view.",
+            Self::Lights => "Lights, anew for every view or once for all views of a scene.",
             Self::Render => "Makes pictures and per-pixel labels.",
             Self::Denoise => "Takes sampling noise out of pictures; left out, nothing is denoised.",
             Self::Sensor => {

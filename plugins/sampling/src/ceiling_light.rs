@@ -24,8 +24,9 @@ const WITHOUT_CEILING_M: f64 = 3.0;
 /// nothing in between, at the middle of the tabletop on a plane that faces the middle of the lights, by Lambert's
 /// formula for polygons. In rooms of differing height the light on the table is thus the same.
 ///
-/// The released program uses `size_m = [15, 15]`, `height_m = 5`, `shift_m = 0`, `temperature_k = 6500` and
-/// `luminance_nits = { uniform = [100, 1500] }`.
+/// The released program uses `size_m = [15, 15]`, `height_m = 5`, `shift_m = 0` and white light, here
+/// `temperature_k = 6500`. Its intensity, uniform in 100 to 1500, is no illuminance;
+/// `recipes/syntable-sim/release.toml` takes the same numbers as lux.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CeilingLight {

@@ -29,7 +29,7 @@ pub struct Environment {
     /// and contrasts stay. Log-uniform in 300 to 10,000 lx unless brightness is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     illuminance_lx: Option<Dist>,
-    /// Nits of a texel of one, in place of `illuminance_lx`: 1 for maps in absolute units.
+    /// Nits of a texel of value 1, in place of `illuminance_lx`: 1 for maps in absolute units.
     #[serde(skip_serializing_if = "Option::is_none")]
     luminance_scale: Option<Dist>,
     /// Colour temperature of even light, kelvin, without `from`; 5000 to 8000 K by default.

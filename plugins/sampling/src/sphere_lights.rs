@@ -16,9 +16,10 @@ use syntable_model::scene::{Camera, Light, SphereLight};
 /// it alone would give, with nothing in between, at the middle of the tabletop on a plane that faces it; by
 /// E = π L (r/d)² that fixes the luminance L of its surface, whatever its distance d and radius r.
 ///
-/// The released program uses `size_m = { uniform = [0.3, 0.7] }`, `temperature_k = 6500`,
-/// `luminance_nits = { uniform = [0, 30000] }` and mostly `count = 1`. Such large spheres can reach in among the
-/// cameras; with the default radii they never do.
+/// The released program uses `size_m = { uniform = [0.3, 0.7] }`, mostly `count = 1` and white light, here
+/// `temperature_k = 6500`. Its intensity, uniform in 0 to 30,000, is no illuminance;
+/// `recipes/syntable-sim/release.toml` has 0 to 20,000 lx. Such large spheres can reach in among the cameras; with the
+/// default radii they never do.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SphereLights {
