@@ -7,7 +7,7 @@ use syntable_denoise::guided::Guided;
 use syntable_model::context::Serial;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, MIRRORED, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    ALBEDO_MEAN, DEPTH, INSTANCE, LEAST_TINT, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
     RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
 };
 use syntable_model::registry::{Registry, Slot};
@@ -31,11 +31,11 @@ struct Pixel {
     id: u16,
 }
 
-/// A wall that faces the camera, white but for the 4 % that mirrors.
+/// A white wall that faces the camera.
 const WALL: Pixel = Pixel {
     radiance: [10.0; 3],
     variance: f32::INFINITY,
-    albedo: [0.96; 3],
+    albedo: [0.99; 3],
     normal: [0.0, 0.0, -1.0],
     depth: 2.0,
     id: 1,
@@ -45,8 +45,8 @@ fn picture(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) ->
     let pixels = Plane::from_fn(width, height, &mut pixel);
     let mut frame = Frame::new();
     frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
-    let untinted = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + MIRRORED));
-    let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + MIRRORED)).powi(2);
+    let untinted = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + LEAST_TINT));
+    let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + LEAST_TINT)).powi(2);
     frame.put(RADIANCE_UNTINTED, pixels.map(untinted)).expect("new");
     frame.put(RADIANCE_UNTINTED_VARIANCE, pixels.map(variance)).expect("new");
     frame.put(RADIANCE_GLOSS, pixels.map(|_| [0.0; 3])).expect("new");

@@ -218,28 +218,32 @@ impl CpuPathSession {
         let (width, height) = size(request);
         let picture = Picture::trace(&tracer, width, height, &self.budget, request.workers);
         self.statistics.add(&picture.statistics);
+        let workers = request.workers;
         for &want in request.wants {
             if want == RADIANCE.id() {
-                frame.put(RADIANCE, picture.radiance())?;
+                frame.put(RADIANCE, picture.radiance(workers))?;
             } else if want == RADIANCE_VARIANCE.id() {
-                frame.put(RADIANCE_VARIANCE, picture.plane(0.0, |sums| sums.variance() as f32))?;
+                frame.put(RADIANCE_VARIANCE, picture.plane(workers, 0.0, |sums| sums.variance() as f32))?;
             } else if want == ALBEDO_MEAN.id() {
-                frame.put(ALBEDO_MEAN, picture.plane([0.0; 3], PixelSums::mean_albedo))?;
+                frame.put(ALBEDO_MEAN, picture.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
             } else if want == NORMAL_MEAN.id() {
                 let mean = |sums: &PixelSums| camera.turned(sums.mean_normal().into()).array();
-                frame.put(NORMAL_MEAN, picture.plane([0.0; 3], mean))?;
+                frame.put(NORMAL_MEAN, picture.plane(workers, [0.0; 3], mean))?;
             } else if want == RADIANCE_GLOSS.id() {
-                frame.put(RADIANCE_GLOSS, picture.plane([0.0; 3], |sums| sums.gloss.mean(sums.samples)))?;
+                frame.put(RADIANCE_GLOSS, picture.plane(workers, [0.0; 3], |sums| sums.gloss.mean(sums.samples)))?;
             } else if want == RADIANCE_GLOSS_VARIANCE.id() {
                 let variance = |sums: &PixelSums| sums.gloss.variance(sums.samples);
-                frame.put(RADIANCE_GLOSS_VARIANCE, picture.plane(0.0, variance))?;
+                frame.put(RADIANCE_GLOSS_VARIANCE, picture.plane(workers, 0.0, variance))?;
             } else if want == RADIANCE_UNTINTED.id() {
-                frame.put(RADIANCE_UNTINTED, picture.plane([0.0; 3], |sums| sums.untinted.mean(sums.samples)))?;
+                frame.put(
+                    RADIANCE_UNTINTED,
+                    picture.plane(workers, [0.0; 3], |sums| sums.untinted.mean(sums.samples)),
+                )?;
             } else if want == RADIANCE_UNTINTED_VARIANCE.id() {
                 let variance = |sums: &PixelSums| sums.untinted.variance(sums.samples);
-                frame.put(RADIANCE_UNTINTED_VARIANCE, picture.plane(0.0, variance))?;
+                frame.put(RADIANCE_UNTINTED_VARIANCE, picture.plane(workers, 0.0, variance))?;
             } else if want == RENDER_REPORT.id() {
-                frame.put(RENDER_REPORT, picture.report())?;
+                frame.put(RENDER_REPORT, picture.report(workers))?;
             }
         }
         Ok(())

@@ -117,8 +117,8 @@ impl Picture {
     /// Gives more samples of the guides to the pixels that have few and are unlike a neighbour: there most of what
     /// denoisers know would be noise, and a ray for guides alone costs a small part of a path.
     fn clean_guides(&mut self, tracer: &PathTracer, workers: &dyn Workers) {
-        let albedo = self.plane([0.0; 3], PixelSums::mean_albedo);
-        let normal = self.plane([0.0; 3], PixelSums::mean_normal);
+        let albedo = self.plane(workers, [0.0; 3], PixelSums::mean_albedo);
+        let normal = self.plane(workers, [0.0; 3], PixelSums::mean_normal);
         let tracer = tracer.for_guides(GUIDE_SAMPLES);
         workers.run(self.tiles.len(), &|number| {
             let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
@@ -162,32 +162,43 @@ impl Picture {
     }
 
     /// A value of every pixel.
-    pub fn plane<T: Copy>(&self, zero: T, value: impl Fn(&PixelSums) -> T) -> Plane<T> {
-        let mut plane = Plane::from_fn(self.width, self.height, |_, _| zero);
-        for tile in &self.tiles {
-            let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
-            let [left, top, right, _] = tile.area;
-            for (row, y) in tile.sums.chunks((right - left) as usize).zip(top..) {
-                let start = y as usize * self.width as usize + left as usize;
-                for (pixel, sums) in plane.data_mut()[start..].iter_mut().zip(row) {
-                    *pixel = value(sums);
+    pub fn plane<T: Copy + Send>(
+        &self,
+        workers: &dyn Workers,
+        zero: T,
+        value: impl Fn(&PixelSums) -> T + Sync,
+    ) -> Plane<T> {
+        let mut data = vec![zero; self.width as usize * self.height as usize];
+        let rows = TILE as usize * self.width as usize;
+        let bands: Vec<_> = data.chunks_mut(rows).zip(self.tiles.chunks(self.width.div_ceil(TILE) as usize)).collect();
+        let bands: Vec<_> = bands.into_iter().map(Mutex::new).collect();
+        workers.run(bands.len(), &|number| {
+            let (pixels, tiles) = &mut *bands[number].lock().unwrap_or_else(PoisonError::into_inner);
+            for tile in *tiles {
+                let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                let [left, _, right, _] = tile.area;
+                for (row, sums) in pixels.chunks_mut(self.width as usize).zip(tile.sums.chunks((right - left) as usize))
+                {
+                    for (pixel, sums) in row[left as usize..right as usize].iter_mut().zip(sums) {
+                        *pixel = value(sums);
+                    }
                 }
             }
-        }
-        plane
+        });
+        Plane::from_vec(self.width, self.height, data)
     }
 
     /// Mean radiance over the area of every pixel, nits.
-    pub fn radiance(&self) -> Plane<[f32; 3]> {
-        self.plane([0.0; 3], |sums| sums.radiance.map(|x| (x / f64::from(sums.samples.max(1))) as f32))
+    pub fn radiance(&self, workers: &dyn Workers) -> Plane<[f32; 3]> {
+        self.plane(workers, [0.0; 3], |sums| sums.radiance.map(|x| (x / f64::from(sums.samples.max(1))) as f32))
     }
 
     /// What was traced and how noisy it is.
-    pub fn report(&self) -> Value {
-        let radiance = self.radiance();
-        let samples = self.plane(0_u32, |sums| sums.samples);
+    pub fn report(&self, workers: &dyn Workers) -> Value {
+        let radiance = self.radiance(workers);
+        let samples = self.plane(workers, 0_u32, |sums| sums.samples);
         let Statistics { paths, rays, shadow_rays } = self.statistics;
-        let error = self.plane(0.0_f64, |sums| sums.variance().sqrt());
+        let error = self.plane(workers, 0.0_f64, |sums| sums.variance().sqrt());
         let total: f64 = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).sum();
         let relative = if total > 0.0 { error.data().iter().sum::<f64>() / total } else { 0.0 };
         let mut record = vec![

@@ -63,17 +63,19 @@ pub const RADIANCE_GLOSS_VARIANCE: Key<Plane<f32>> =
     Key::view("radiance_gloss_variance", "estimated variance of the luminance of radiance_gloss, nits²");
 
 /// The rest of [`RADIANCE`] without the surfaces' colours: every sample's radiance, less its part of [`RADIANCE_GLOSS`],
-/// divided by its base colour plus [`MIRRORED`], channel by channel. A guide for denoisers: it is even where textures are
+/// divided by its base colour plus [`LEAST_TINT`], channel by channel. A guide for denoisers: it is even where textures are
 /// not.
-pub const RADIANCE_UNTINTED: Key<Plane<[f32; 3]>> =
-    Key::view("radiance_untinted", "radiance less radiance_gloss, every sample divided by its base colour + 0.04, nits");
+pub const RADIANCE_UNTINTED: Key<Plane<[f32; 3]>> = Key::view(
+    "radiance_untinted",
+    "radiance less radiance_gloss, every sample divided by its base colour + 0.01, nits",
+);
 
 /// Estimated variance of [`RADIANCE_UNTINTED`]'s luminance, nits².
 pub const RADIANCE_UNTINTED_VARIANCE: Key<Plane<f32>> =
     Key::view("radiance_untinted_variance", "estimated variance of the luminance of radiance_untinted, nits²");
 
-/// What is added to the base colour in [`RADIANCE_UNTINTED`]: about what a dielectric mirrors.
-pub const MIRRORED: f32 = 0.04;
+/// What is added to the base colour in [`RADIANCE_UNTINTED`], so that nothing is divided by black.
+pub const LEAST_TINT: f32 = 0.01;
 
 /// What rendering took and how noisy it is: paths, rays, samples a pixel, the standard error over the mean, and pixels far
 /// brighter than all around them.

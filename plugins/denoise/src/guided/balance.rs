@@ -56,7 +56,8 @@ impl Cells {
     fn factors(&self) -> Vec<f32> {
         let along_rows = blurred(&self.sums, self.columns, 1);
         let sums = blurred(&along_rows, self.rows, self.columns);
-        let factor = |[before, after]: [f64; 2]| if after > 0.0 && before > 0.0 { (before / after) as f32 } else { 1.0 };
+        let factor =
+            |[before, after]: [f64; 2]| if after > 0.0 && before > 0.0 { (before / after) as f32 } else { 1.0 };
         sums.into_iter().map(factor).collect()
     }
 

@@ -25,7 +25,7 @@ use smooth::Level;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, MIRRORED, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    ALBEDO_MEAN, DEPTH, INSTANCE, LEAST_TINT, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
     RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
 };
 use tuning::Tuning;
@@ -119,14 +119,14 @@ impl Guided {
         let known = input.variances[part as usize].data().iter().any(|v| v.is_finite());
         let noise = noise::estimate(size, workers, guides, &signal, known, tuning);
         let (mut now, mut next) = (noise.signal, signal);
-        for number in 0..self.levels.min(tuning.levels) {
+        for (number, &(step, sigmas)) in tuning.levels.iter().take(self.levels as usize).enumerate() {
             let level = Level {
                 guides,
                 tuning,
                 from: &now,
                 pilot: (number == 0).then_some(&noise.pilot),
-                step: 1 << number,
-                sigmas: tuning.sigmas[number as usize] * strength,
+                step,
+                sigmas: sigmas * strength,
                 pilot_sigmas: tuning.pilot_sigmas * strength,
             };
             smooth::smooth(size, workers, &level, &mut next);
@@ -199,7 +199,7 @@ impl Input<'_> {
 
     /// What the light is divided by.
     fn factor(&self, pixel: usize) -> [f32; 3] {
-        self.albedo.data()[pixel].map(|share| MIRRORED + if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 })
+        self.albedo.data()[pixel].map(|share| LEAST_TINT + if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 })
     }
 
     /// A part of the light.
@@ -213,7 +213,8 @@ impl Input<'_> {
                 if !self.surface(pixel) {
                     continue;
                 }
-                let light = self.parts[part as usize].data()[pixel].map(|x| if x.is_finite() { x.clamp(0.0, MOST) } else { 0.0 });
+                let light = self.parts[part as usize].data()[pixel]
+                    .map(|x| if x.is_finite() { x.clamp(0.0, MOST) } else { 0.0 });
                 let bright = luminance(light);
                 let variance = self.variances[part as usize].data()[pixel];
                 let variance = if variance.is_finite() && variance >= 0.0 { variance } else { bright * bright };

@@ -2,12 +2,11 @@
 
 /// What suits a part.
 pub(super) struct Tuning {
-    /// How unlike a tap's light may be at each level, in standard deviations, for a strength of 1.
-    pub sigmas: [f32; 5],
+    /// The levels that are worth their time: how far apart taps are, px, and how unlike their light may be, in standard
+    /// deviations, for a strength of 1.
+    pub levels: &'static [(usize, f32)],
     /// The same for the means that the first level compares.
     pub pilot_sigmas: f32,
-    /// Levels that are worth their time.
-    pub levels: u32,
     /// Weights of a tap by its distance along an axis.
     pub kernel: [f32; 3],
     /// Squared difference of normals that costs one e-fold, for noise as strong as the light; and between which bounds.
@@ -20,9 +19,8 @@ pub(super) struct Tuning {
 
 /// Light with the surface's colour: even over wide areas once it is divided by that colour.
 pub(super) const MATTE: Tuning = Tuning {
-    sigmas: [12.0, 1.8, 2.4, 1.3, 1.3],
+    levels: &[(1, 12.0), (2, 1.8), (4, 2.4), (8, 1.3), (16, 1.3)],
     pilot_sigmas: 2.8,
-    levels: 5,
     kernel: [1.0, 0.75, 0.37],
     normal: (0.28, 0.007, 1.0),
     per_normal: 48.0,
@@ -31,9 +29,8 @@ pub(super) const MATTE: Tuning = Tuning {
 
 /// Light without: mirror images of lamps and bodies, which move with the normal, and end sharply.
 pub(super) const GLOSS: Tuning = Tuning {
-    sigmas: [12.0, 0.06, 1.9, 1.9, 1.9],
+    levels: &[(1, 12.0), (4, 1.9)],
     pilot_sigmas: 2.0,
-    levels: 3,
     kernel: [1.0, 0.92, 0.55],
     normal: (0.12, 0.008, 0.08),
     per_normal: 65.0,

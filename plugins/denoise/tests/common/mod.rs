@@ -6,7 +6,7 @@
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, MIRRORED, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
+    ALBEDO_MEAN, DEPTH, INSTANCE, LEAST_TINT, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
     RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
 };
 use syntable_testing::workers::Threads;
@@ -350,7 +350,7 @@ impl Room {
             sum = add(sum, seen.radiance);
             albedo = add(albedo, seen.albedo);
             normal = add(normal, seen.normal);
-            let light = times(seen.radiance, seen.albedo.map(|a| 1.0 / (a + f64::from(MIRRORED))));
+            let light = times(seen.radiance, seen.albedo.map(|a| 1.0 / (a + f64::from(LEAST_TINT))));
             untinted = add(untinted, light);
             let lum = dot(light, [0.2126, 0.7152, 0.0722]);
             (l, l2) = (l + lum, l2 + lum * lum);

@@ -1,7 +1,7 @@
 //! What is found of a pixel, and how sure it is.
 
 use syntable_model::photometry::luminance;
-use syntable_model::product::standard::MIRRORED;
+use syntable_model::product::standard::LEAST_TINT;
 
 /// What was found of a pixel so far: sums over its samples.
 #[derive(Clone, Copy, Debug, Default)]
@@ -62,7 +62,7 @@ impl PixelSums {
     /// Adds the parts of a sample's light: what was mirrored without colour, and the rest without the colour that it got.
     #[inline(always)]
     pub fn add_parts(&mut self, radiance: [f32; 3], gloss: [f32; 3], albedo: [f32; 3]) {
-        let untinted = std::array::from_fn(|c| (radiance[c] - gloss[c]) / (albedo[c] + MIRRORED));
+        let untinted = std::array::from_fn(|c| (radiance[c] - gloss[c]) / (albedo[c] + LEAST_TINT));
         self.gloss.add(gloss);
         self.untinted.add(untinted);
     }
