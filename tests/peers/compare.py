@@ -2,12 +2,12 @@
 """Compares the CPU renderer with Mitsuba 3, and with Blender's Cycles if it is installed. Not part of CI.
 
     cargo build --release
-    python3 -m venv /tmp/peers && /tmp/peers/bin/pip install mitsuba oidn numpy pillow flip-evaluator bpy==5.0.1
-    apt-get install libllvm19
+    python3 -m venv /tmp/peers && /tmp/peers/bin/pip install mitsuba pyoidn numpy pillow flip-evaluator bpy==5.0.1
+    apt-get install libllvm19                # or a newer one
     /tmp/peers/bin/python tests/peers/compare.py
 
 Needs Python 3.11 and, for Mitsuba, an LLVM library: the newest in /usr/lib/*-linux-gnu is taken unless
-`DRJIT_LIBLLVM_PATH` names one. `oidn` (Open Image Denoise), `flip-evaluator` and `bpy` (Cycles) may be missing: then
+`DRJIT_LIBLLVM_PATH` names one. `pyoidn` (Open Image Denoise), `flip-evaluator` and `bpy` (Cycles) may be missing: then
 what needs them is left out. With `ASSETS` naming a folder that holds `gso`, the comparison of speed takes Google
 Scanned Objects in place of the embedded ones.
 

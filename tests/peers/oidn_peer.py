@@ -1,6 +1,6 @@
-"""Open Image Denoise from PyPI's `oidn`, through its C interface.
+"""Open Image Denoise from PyPI's `pyoidn` (2.5) or `oidn` (1.4), through its C interface.
 
-The package's own module does not find the TBB that lies beside its library; here that is loaded first.
+The module of the older package does not find the TBB that lies beside its library; here that is loaded first.
 """
 
 import ctypes
@@ -14,17 +14,20 @@ FLOAT3 = 3
 
 
 def library() -> Path | None:
-    """The library of the package, if it is installed."""
-    spec = importlib.util.find_spec("oidn")
-    found = sorted(Path(spec.origin).parent.glob("lib*/libOpenImageDenoise.so.*")) if spec else []
-    return found[-1] if found else None
+    """The library of the newer package that is installed."""
+    for package, place in (("pyoidn", "oidn/lib/libOpenImageDenoise.so.2"), ("oidn", "lib*/libOpenImageDenoise.so.*")):
+        spec = importlib.util.find_spec(package)
+        found = sorted(Path(spec.origin).parent.glob(place)) if spec else []
+        if found:
+            return found[-1]
+    return None
 
 
 class Denoiser:
     """The filter for path-traced pictures of one size, with guides free of noise."""
 
     def __init__(self, path: Path, height: int, width: int):
-        for tbb in path.parent.glob("libtbb.so.*"):
+        for tbb in sorted(path.parent.glob("libtbb.so.*"))[:1]:
             ctypes.CDLL(str(tbb), ctypes.RTLD_GLOBAL)
         self._oidn = ctypes.CDLL(str(path))
         for name in ("oidnNewDevice", "oidnNewFilter"):

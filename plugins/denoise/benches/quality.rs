@@ -33,7 +33,7 @@ fn main() {
     let mut denoisers = vec![("guided", denoiser("guided", ""))];
     match std::env::var("SYNTABLE_OIDN") {
         Ok(library) => {
-            denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}\nclean_guides = false"))))
+            denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}"))))
         }
         Err(_) => println!("SYNTABLE_OIDN is not set: no comparison with Open Image Denoise"),
     }

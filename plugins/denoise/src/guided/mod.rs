@@ -1,16 +1,16 @@
 //! `guided`: a filter of its own that looks at albedo, normals, depth and ids.
 //!
 //! The light comes in two parts ([`Part`]), filtered each in its own way ([`tuning`]) and added up in the end: what the
-//! surfaces mirror without colouring it, and the rest. The rest is divided by the surfaces' colour, so that textures stay
-//! sharp whatever happens to the light on them. Every pixel's noise is estimated and specks are cut ([`noise`]). Then come levels of 5 × 5 taps at
-//! distances of 1, 2, 4, 8, … px ([`smooth`]): the edge-avoiding à-trous transform of Dammertz et al. (High Performance
-//! Graphics 2010), led by variance as Schied et al. have it (High Performance Graphics 2017, section 4.2 and 4.3). A tap is
-//! worth less the more its normal differs, the farther it is from the pixel's plane and the less likely its light is the
-//! same within the noise that is left; so a quiet picture stays as it is.
+//! surfaces mirror without colouring it, and the rest without the surfaces' colour, so that textures stay sharp whatever
+//! happens to the light on them. Every pixel's noise is estimated and specks are cut ([`noise`]). Then come levels of 5 × 5
+//! taps at distances of 1, 2, 4, 8, … px ([`smooth`]): the edge-avoiding à-trous transform of Dammertz et al. (High
+//! Performance Graphics 2010), led by variance as Schied et al. have it (High Performance Graphics 2017, section 4.2 and
+//! 4.3). A tap is worth less the more its normal differs, the farther it is from the pixel's plane and the less likely its
+//! light is the same within the noise that is left; so a quiet picture stays as it is.
 //!
 //! Of its own are: planes found from depth without knowing the camera ([`guides`]), normals that count for less the
-//! noisier the light is, borders of bodies that go by mean colours and normals, and a first level that compares means
-//! rather than samples.
+//! noisier the light is, borders of bodies that go by mean colours and normals, a first level that compares means
+//! rather than samples, and light that is given back where the filter took it ([`balance`]).
 
 mod balance;
 mod guides;
@@ -39,8 +39,7 @@ const LEVELS: u32 = 5;
 /// Takes the noise out of pictures of few samples by averaging over likely neighbours, guided by colour, normals, depth
 /// and ids. Fast, on the processor, the same everywhere; nothing needs to be installed. With more samples it does less.
 ///
-/// It is meant for 1 to 64 samples a pixel. Bright specks are cut, which takes one to three hundredths of the light away
-/// at one or two samples and nearly none from 16 on.
+/// It is meant for 1 to 64 samples a pixel. Bright specks are cut, and their light is spread over their surroundings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Guided {
@@ -100,8 +99,7 @@ impl Denoiser for Guided {
         };
         let size = input.size();
         let guides = input.surfaces(size, workers);
-        let matte = self.filter(&input, Part::Matte, &guides, workers);
-        let gloss = self.filter(&input, Part::Gloss, &guides, workers);
+        let [matte, gloss] = [Part::Matte, Part::Gloss].map(|part| self.filter(&input, part, &guides, workers));
         let report = Value::record([
             ("name", Self::KIND.into()),
             ("strength", self.strength.into()),

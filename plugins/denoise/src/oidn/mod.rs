@@ -41,7 +41,7 @@ impl Quality {
 }
 
 /// Open Image Denoise: a neural network for path-traced pictures, from a library that is loaded while the program runs.
-/// It is not part of this program: `pip install oidn` or the archives of its releases have it. Versions from 1.4 are
+/// It is not part of this program: `pip install pyoidn` or the archives of its releases have it. Versions from 1.4 are
 /// understood. It runs on the processor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -52,7 +52,7 @@ pub struct Oidn {
     #[serde(default)]
     quality: Quality,
     /// Whether to trust albedo and normals as free of noise, which keeps more detail. Switch it off where much is out of
-    /// focus, glass or mirrors.
+    /// focus.
     #[serde(default = "yes")]
     clean_guides: bool,
 }
