@@ -32,9 +32,7 @@ fn main() {
     let folder = arguments.get(2);
     let mut denoisers = vec![("guided", denoiser("guided", ""))];
     match std::env::var("SYNTABLE_OIDN") {
-        Ok(library) => {
-            denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}"))))
-        }
+        Ok(library) => denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}")))),
         Err(_) => println!("SYNTABLE_OIDN is not set: no comparison with Open Image Denoise"),
     }
     let (scene, view) = (room::scene(), room::view(WIDTH, HEIGHT));

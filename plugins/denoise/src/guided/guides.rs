@@ -7,7 +7,7 @@ use syntable_model::context::Workers;
 pub(super) const NOTHING: f32 = -1.0;
 
 /// Relative distance from a pixel's plane that costs one e-fold.
-const PLANE: f32 = 0.037;
+const PLANE: f32 = 0.055;
 
 /// At the border of bodies: what a squared difference of normals costs, as a share of what it costs elsewhere.
 const BORDER_NORMAL: f32 = 0.37;

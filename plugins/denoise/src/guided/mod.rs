@@ -33,6 +33,9 @@ use tuning::Tuning;
 /// The largest light that is reckoned with, nits, so that its square is a number.
 const MOST: f32 = 1e12;
 
+/// How much the light of a pixel is thought to differ from the product of mean colour and mean light, as a share of it.
+const UNEVEN: f32 = 0.2;
+
 /// Most levels.
 const LEVELS: u32 = 5;
 
@@ -99,23 +102,25 @@ impl Denoiser for Guided {
         };
         let size = input.size();
         let guides = input.surfaces(size, workers);
-        let [matte, gloss] = [Part::Matte, Part::Gloss].map(|part| self.filter(&input, part, &guides, workers));
+        let parts = [Part::Matte, Part::Gloss].map(|part| self.filter(&input, part, &guides, workers));
         let report = Value::record([
             ("name", Self::KIND.into()),
             ("strength", self.strength.into()),
             ("levels", self.levels.into()),
         ]);
-        Ok(Denoised { radiance: input.join(size, &matte, &gloss), report })
+        Ok(Denoised { radiance: input.join(size, &parts), report })
     }
 }
 
 impl Guided {
     /// One part of the light without its noise.
-    fn filter(&self, input: &Input, part: Part, guides: &Guides, workers: &dyn Workers) -> Signal {
+    fn filter(&self, input: &Input, part: Part, guides: &Guides, workers: &dyn Workers) -> Filtered {
         let (size, strength, tuning) = (input.size(), self.strength as f32, part.tuning());
         let signal = input.signal(size, part, workers);
         let known = input.variances[part as usize].data().iter().any(|v| v.is_finite());
         let noise = noise::estimate(size, workers, guides, &signal, known, tuning);
+        // A guess from the neighbours is good enough for the filter, but no reason to trust a pixel's own light.
+        let noise_before = if known { noise.signal.variance.clone() } else { Padded::new(size, f32::INFINITY) };
         let (mut now, mut next) = (noise.signal, signal);
         for (number, &(step, sigmas)) in tuning.levels.iter().take(self.levels as usize).enumerate() {
             let level = Level {
@@ -130,7 +135,7 @@ impl Guided {
             smooth::smooth(size, workers, &level, &mut next);
             std::mem::swap(&mut now, &mut next);
         }
-        now
+        Filtered { color: now.color, noise_before }
     }
 }
 
@@ -167,6 +172,14 @@ impl Signal {
         let zero = || Padded::new(size, 0.0);
         Self { color: [zero(), zero(), zero()], luminance: zero(), variance: zero() }
     }
+}
+
+/// A part of the light without its noise.
+struct Filtered {
+    /// As [`Signal::color`].
+    color: [Padded; 3],
+    /// Variance of the luminance before.
+    noise_before: Padded,
 }
 
 /// The products of a frame.
@@ -250,7 +263,7 @@ impl Input<'_> {
     }
 
     /// The picture of its filtered parts.
-    fn join(&self, size: Size, matte: &Signal, gloss: &Signal) -> Plane<[f32; 3]> {
+    fn join(&self, size: Size, [matte, gloss]: &[Filtered; 2]) -> Plane<[f32; 3]> {
         let mut joined = Plane::from_fn(self.radiance.width(), self.radiance.height(), |x, y| {
             let (x, y) = (x as usize, y as usize);
             let pixel = y * size.width + x;
@@ -258,7 +271,18 @@ impl Input<'_> {
                 return self.radiance.data()[pixel];
             }
             let (at, factor) = (size.index(x, y), self.factor(pixel));
-            std::array::from_fn(|c| matte.color[c].at(at) * factor[c] + gloss.color[c].at(at))
+            // Where light and colour both change in a pixel, the mean of their product is not the product of their means.
+            // What it is instead is known as well as the pixel's own light is.
+            let (own, scale) = (self.radiance.data()[pixel], luminance(factor));
+            let noise = matte.noise_before.at(at) * scale * scale + gloss.noise_before.at(at);
+            let error = (UNEVEN * luminance(own)).powi(2);
+            let trust = (error / (error + noise + 1e-30)).powi(2);
+            let [untinted, mirrored] = self.parts.map(|part| part.data()[pixel]);
+            std::array::from_fn(|c| {
+                let uneven = own[c] - (untinted[c] * factor[c] + mirrored[c]);
+                let uneven = if uneven.is_finite() { trust * uneven } else { 0.0 };
+                (matte.color[c].at(at) * factor[c] + gloss.color[c].at(at) + uneven).max(0.0)
+            })
         });
         balance::restore(size.width, self.radiance.data(), joined.data_mut(), |pixel| self.surface(pixel));
         joined

@@ -19,12 +19,12 @@ pub(super) struct Tuning {
 
 /// Light with the surface's colour: even over wide areas once it is divided by that colour.
 pub(super) const MATTE: Tuning = Tuning {
-    levels: &[(1, 12.0), (2, 1.8), (4, 2.4), (8, 1.3), (16, 1.3)],
-    pilot_sigmas: 2.8,
-    kernel: [1.0, 0.75, 0.37],
+    levels: &[(1, 12.0), (2, 1.8), (4, 2.0), (8, 1.3), (16, 1.3)],
+    pilot_sigmas: 4.2,
+    kernel: [1.0, 0.75, 0.25],
     normal: (0.28, 0.007, 1.0),
-    per_normal: 48.0,
-    speck: 1.7,
+    per_normal: 32.0,
+    speck: 1.6,
 };
 
 /// Light without: mirror images of lamps and bodies, which move with the normal, and end sharply.
