@@ -29,6 +29,8 @@ struct Pixel {
     normal: Rgb,
     depth: f32,
     id: u16,
+    /// If not the radiance over the mean colour.
+    untinted: Option<Rgb>,
 }
 
 /// A white wall that faces the camera.
@@ -39,13 +41,15 @@ const WALL: Pixel = Pixel {
     normal: [0.0, 0.0, -1.0],
     depth: 2.0,
     id: 1,
+    untinted: None,
 };
 
 fn picture(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Frame {
     let pixels = Plane::from_fn(width, height, &mut pixel);
     let mut frame = Frame::new();
     frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
-    let untinted = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + LEAST_TINT));
+    let over_mean = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + LEAST_TINT));
+    let untinted = |p: &Pixel| p.untinted.unwrap_or_else(|| over_mean(p));
     let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + LEAST_TINT)).powi(2);
     frame.put(RADIANCE_UNTINTED, pixels.map(untinted)).expect("new");
     frame.put(RADIANCE_UNTINTED_VARIANCE, pixels.map(variance)).expect("new");
@@ -132,6 +136,30 @@ fn light_does_not_cross_from_one_body_or_face_to_the_next() {
             assert!((light - 1.0).abs() < 0.08, "part {number}, column {x}: {light} of its light");
         }
     }
+}
+
+#[test]
+fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
+    // Grey of 0.49 lit to 50 nits; the sky counts as white, of 1 nit. Halves of the pixels at the edge show one of them.
+    let mut stream = Stream::root(4);
+    let frame = picture(64, 40, |x, _| {
+        let light = 50.0 * noise(&mut stream, 0.3);
+        let wall = Pixel { radiance: [light; 3], variance: 225.0, albedo: [0.49; 3], ..WALL };
+        match x {
+            0..=31 => wall,
+            32 => Pixel {
+                radiance: [(light + 1.0) / 2.0; 3],
+                untinted: Some([(light / 0.5 + 1.0 / 1.01) / 2.0; 3]),
+                albedo: [(0.49 + 1.0) / 2.0; 3],
+                normal: [0.0, 0.0, -0.5],
+                ..wall
+            },
+            _ => Pixel { radiance: [1.0; 3], variance: 0.0, albedo: [1.0; 3], normal: [0.0; 3], id: 0, ..wall },
+        }
+    });
+    let after = denoise(&frame);
+    let edge = mean((0..40).map(|y| after[y * 64 + 32][0]));
+    assert!((edge / 25.5 - 1.0).abs() < 0.1, "{edge} nits");
 }
 
 #[test]

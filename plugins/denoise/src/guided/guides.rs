@@ -3,8 +3,11 @@
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
 use syntable_model::context::Workers;
 
-/// Id of pixels without a surface and of the margin; no tap takes anything from them.
+/// Id of the margin; no tap takes anything from what has a negative id.
 pub(super) const NOTHING: f32 = -1.0;
+
+/// Id of pixels that show a lamp, the sky or nothing.
+pub(super) const NO_SURFACE: f32 = -2.0;
 
 /// Relative distance from a pixel's plane that costs one e-fold.
 const PLANE: f32 = 0.055;
@@ -23,12 +26,12 @@ pub(super) struct Guides {
     pub color: Padded,
     /// 1 / depth, 1/m: affine in pixel coordinates on a plane, whatever the focal length. 0 for nothing.
     pub disparity: Padded,
-    /// Id of the body, or [`NOTHING`].
+    /// Id of the body, [`NO_SURFACE`] or [`NOTHING`].
     pub id: Padded,
     /// Change of the disparity from one pixel to the next, along x and y.
     slope: [Padded; 2],
-    /// 1 where another body is among the eight neighbours, else 0.
-    border: Padded,
+    /// 1 where another body, or none, is among the eight neighbours, else 0.
+    pub border: Padded,
 }
 
 impl Guides {
@@ -94,7 +97,7 @@ fn around(at: usize, stride: usize) -> [usize; 8] {
 
 fn foreign(ids: &Chunk, neighbours: [&Chunk; 8]) -> Chunk {
     std::array::from_fn(|i| {
-        let other = neighbours.iter().any(|ids_there| ids_there[i] >= 0.0 && ids_there[i] != ids[i]);
+        let other = neighbours.iter().any(|ids_there| ids_there[i] != NOTHING && ids_there[i] != ids[i]);
         if ids[i] >= 0.0 && other { 1.0 } else { 0.0 }
     })
 }

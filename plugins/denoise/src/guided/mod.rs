@@ -19,7 +19,7 @@ mod planes;
 mod smooth;
 mod tuning;
 
-use guides::{Guides, NOTHING};
+use guides::{Guides, NO_SURFACE, NOTHING};
 use planes::{CHUNK, Padded, Size, Spot, fill};
 use smooth::Level;
 use syntable_model::context::Workers;
@@ -108,7 +108,7 @@ impl Denoiser for Guided {
             ("strength", self.strength.into()),
             ("levels", self.levels.into()),
         ]);
-        Ok(Denoised { radiance: input.join(size, &parts), report })
+        Ok(Denoised { radiance: input.join(size, &guides, &parts), report })
     }
 }
 
@@ -116,7 +116,7 @@ impl Guided {
     /// One part of the light without its noise.
     fn filter(&self, input: &Input, part: Part, guides: &Guides, workers: &dyn Workers) -> Filtered {
         let (size, strength, tuning) = (input.size(), self.strength as f32, part.tuning());
-        let signal = input.signal(size, part, workers);
+        let signal = input.signal(size, part, guides, workers);
         let known = input.variances[part as usize].data().iter().any(|v| v.is_finite());
         let noise = noise::estimate(size, workers, guides, &signal, known, tuning);
         // A guess from the neighbours is good enough for the filter, but no reason to trust a pixel's own light.
@@ -213,19 +213,33 @@ impl Input<'_> {
         self.albedo.data()[pixel].map(|share| LEAST_TINT + if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 })
     }
 
+    /// A pixel's light of a part. At the `border` of bodies colour and light change together, so that the colour is taken
+    /// from their mean, not sample by sample: neighbours that show as much of each body are alike then, too.
+    fn light(&self, pixel: usize, part: Part, border: bool) -> [f32; 3] {
+        let gloss = self.parts[Part::Gloss as usize].data()[pixel];
+        let light = match part {
+            Part::Gloss => gloss,
+            Part::Matte if border => {
+                let (all, factor) = (self.radiance.data()[pixel], self.factor(pixel));
+                std::array::from_fn(|c| (all[c] - gloss[c]) / factor[c])
+            }
+            Part::Matte => self.parts[Part::Matte as usize].data()[pixel],
+        };
+        light.map(|nits| if nits.is_finite() { nits.clamp(0.0, MOST) } else { 0.0 })
+    }
+
     /// A part of the light.
-    fn signal(&self, size: Size, part: Part, workers: &dyn Workers) -> Signal {
+    fn signal(&self, size: Size, part: Part, guides: &Guides, workers: &dyn Workers) -> Signal {
         let mut signal = Signal::new(size);
         let Signal { color: [r, g, b], luminance: l, variance: v } = &mut signal;
-        fill(size, workers, [r, g, b, l, v], |Spot { x, y, .. }| {
+        fill(size, workers, [r, g, b, l, v], |Spot { x, y, at }| {
             let mut out = [[0.0; CHUNK]; 5];
             for i in 0..CHUNK.min(size.width - x) {
                 let pixel = y * size.width + x + i;
                 if !self.surface(pixel) {
                     continue;
                 }
-                let light = self.parts[part as usize].data()[pixel]
-                    .map(|x| if x.is_finite() { x.clamp(0.0, MOST) } else { 0.0 });
+                let light = self.light(pixel, part, guides.border.at(at + i) > 0.0);
                 let bright = luminance(light);
                 let variance = self.variances[part as usize].data()[pixel];
                 let variance = if variance.is_finite() && variance >= 0.0 { variance } else { bright * bright };
@@ -249,6 +263,7 @@ impl Input<'_> {
             for i in 0..CHUNK.min(size.width - x) {
                 let pixel = y * size.width + x + i;
                 if !self.surface(pixel) {
+                    out[5][i] = NO_SURFACE;
                     continue;
                 }
                 let normal = self.normal.data()[pixel].map(|n| if n.is_finite() { n.clamp(-1.0, 1.0) } else { 0.0 });
@@ -263,7 +278,7 @@ impl Input<'_> {
     }
 
     /// The picture of its filtered parts.
-    fn join(&self, size: Size, [matte, gloss]: &[Filtered; 2]) -> Plane<[f32; 3]> {
+    fn join(&self, size: Size, guides: &Guides, [matte, gloss]: &[Filtered; 2]) -> Plane<[f32; 3]> {
         let mut joined = Plane::from_fn(self.radiance.width(), self.radiance.height(), |x, y| {
             let (x, y) = (x as usize, y as usize);
             let pixel = y * size.width + x;
@@ -277,7 +292,8 @@ impl Input<'_> {
             let noise = matte.noise_before.at(at) * scale * scale + gloss.noise_before.at(at);
             let error = (UNEVEN * luminance(own)).powi(2);
             let trust = (error / (error + noise + 1e-30)).powi(2);
-            let [untinted, mirrored] = self.parts.map(|part| part.data()[pixel]);
+            let border = guides.border.at(at) > 0.0;
+            let [untinted, mirrored] = [self.light(pixel, Part::Matte, border), self.light(pixel, Part::Gloss, border)];
             std::array::from_fn(|c| {
                 let uneven = own[c] - (untinted[c] * factor[c] + mirrored[c]);
                 let uneven = if uneven.is_finite() { trust * uneven } else { 0.0 };
