@@ -249,10 +249,8 @@ impl Batch {
             numbers,
         })
     }
-}
 
-impl Batch {
-    /// Ends the paths whose guides are known, as [`Hits`] has it; true if any goes on.
+    /// Ends the paths whose guides are known: their hits become infinite. True if any goes on.
     pub fn end_guided(&mut self, alive: usize) -> bool {
         let mut any = false;
         for (t, &slot) in self.hits.t.iter_mut().zip(&self.paths.slot).take(alive) {

@@ -1,6 +1,6 @@
 //! A picture in rounds: which tiles get how many samples, and what is told of the result.
 
-use crate::path::{PathTracer, PixelSums, Statistics, Task};
+use crate::path::{PathTracer, PixelSums, Statistics, Task, place};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 use syntable_model::context::Workers;
@@ -123,17 +123,13 @@ impl Picture {
         workers.run(self.tiles.len(), &|number| {
             let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
             let tile = &mut *tile;
-            let [left, top, right, _] = tile.area;
-            let columns = (right - left) as usize;
-            let unlike = |number: &u16| {
-                let (x, y) =
-                    (left as usize + usize::from(*number) % columns, top as usize + usize::from(*number) / columns);
-                tile.sums[usize::from(*number)].samples < GUIDE_SAMPLES
-                    && [&albedo, &normal].iter().any(|guide| is_unlike_neighbours(guide, x, y))
+            let unlike = |pixel: &u16| {
+                let (x, y) = place(tile.area, *pixel);
+                tile.sums[usize::from(*pixel)].samples < GUIDE_SAMPLES
+                    && [&albedo, &normal].iter().any(|guide| is_unlike_neighbours(guide, x as usize, y as usize))
             };
             let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(unlike).collect();
             let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };
-            // These rays are no part of what finding the light took.
             tracer.trace(&task, &mut tile.sums, &mut Statistics::default());
         });
     }

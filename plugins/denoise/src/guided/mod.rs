@@ -122,7 +122,8 @@ impl Guided {
         // A guess from the neighbours is good enough for the filter, but no reason to trust a pixel's own light.
         let noise_before = if known { noise.signal.variance.clone() } else { Padded::new(size, f32::INFINITY) };
         let (mut now, mut next) = (noise.signal, signal);
-        for (number, &(step, sigmas)) in tuning.levels.iter().take(self.levels as usize).enumerate() {
+        let levels = tuning.levels.iter().take_while(|(step, _)| *step < 1 << self.levels);
+        for (number, &(step, sigmas)) in levels.enumerate() {
             let level = Level {
                 guides,
                 tuning,

@@ -14,7 +14,7 @@ mod scatter;
 mod start;
 mod sums;
 
-pub(crate) use start::Task;
+pub(crate) use start::{Task, place};
 pub(crate) use sums::PixelSums;
 
 use crate::batch::{BATCH, Batch, get};
@@ -163,7 +163,7 @@ impl<'a> PathTracer<'a> {
             let first = turn;
             let count = self.start::<T>(&mut batch, task, &mut turn);
             match self.gather {
-                Gather::Guides => self.follow_guides::<T>(&mut batch, count, statistics),
+                Gather::Guides => self.follow_guides::<T>(&mut batch, count),
                 _ => self.follow::<T>(&mut batch, count, statistics),
             }
             // In the order of the samples, whatever the batches.
@@ -218,12 +218,11 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Follows the paths of a batch until they know their guides.
+    /// Follows the paths of a batch until they know their guides. They are not counted: the light does not need them.
     #[inline(always)]
-    fn follow_guides<T: Real>(&self, batch: &mut Batch, count: usize, statistics: &mut Statistics) {
+    fn follow_guides<T: Real>(&self, batch: &mut Batch, count: usize) {
         let mut alive = count;
         for bounce in 0..=GUIDE_BOUNCES {
-            statistics.rays += alive as u64;
             self.find_surfaces(batch, alive, bounce);
             alive = self.meet_lights::<T>(batch, alive, bounce);
             self.look_up(batch, alive, bounce);
@@ -252,6 +251,8 @@ impl<'a> PathTracer<'a> {
         }
     }
 
+    /// Scatters the paths of a batch, with layers only if the scene has any; gives the numbers of paths that go on and of
+    /// shadow rays.
     #[inline(always)]
     fn scatter_all<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
         match self.world.is_layered {

@@ -50,12 +50,15 @@ impl Task<'_> {
         }
     }
 
-    /// Column and row of a pixel in the picture.
     fn place(&self, number: usize) -> (u32, u32) {
-        let [left, top, right, _] = self.area;
-        let pixel = u32::from(self.pixels[number]);
-        (left + pixel % (right - left), top + pixel / (right - left))
+        place(self.area, self.pixels[number])
     }
+}
+
+/// Column and row in the picture of a pixel of a tile [left, top, right, bottom].
+pub(crate) fn place([left, top, right, _]: [u32; 4], pixel: u16) -> (u32, u32) {
+    let pixel = u32::from(pixel);
+    (left + pixel % (right - left), top + pixel / (right - left))
 }
 
 impl PathTracer<'_> {

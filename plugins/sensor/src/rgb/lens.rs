@@ -1,6 +1,5 @@
 //! What a lens does to light: vignetting, lateral chromatic aberration, blur. All on linear radiance.
 
-use super::power::power;
 use crate::grid::{convolved, filled, gaussian, rows};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -62,10 +61,11 @@ impl Vignetting {
         rows(workers, picture.width(), picture.data_mut(), |y, row| {
             for (x, pixel) in row.iter_mut().enumerate() {
                 let [dx, dy] = from_principal(k, x, y);
+                // The powers of a system's own library may differ in their last bit.
                 let cos2 = 1.0 / (1.0 + (dx / k.fx).powi(2) + (dy / k.fy).powi(2));
                 let r2 = (dx * dx + dy * dy) / unit2;
                 let fitted = 1.0 + r2 * (a1 + r2 * (a2 + r2 * a3));
-                let kept = power(cos2, 2.0 * natural) * (1.0 - mechanical * r2).max(0.0) * fitted.max(0.0);
+                let kept = libm::pow(cos2, 2.0 * natural) * (1.0 - mechanical * r2).max(0.0) * fitted.max(0.0);
                 *pixel = pixel.map(|v| v * kept as f32);
             }
         });

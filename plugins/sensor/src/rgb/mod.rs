@@ -5,7 +5,6 @@ mod jpeg;
 mod lens;
 mod meter;
 mod noise;
-mod power;
 mod tone;
 mod white_balance;
 
