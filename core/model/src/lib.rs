@@ -69,6 +69,7 @@
 //! **Invariants.** This crate knows nothing of recipes' text, threads or terminals. Randomness is handed in; no stage
 //! has a clock. Everything that reaches a file is ordered by id, never by hash or thread.
 
+pub mod color;
 pub mod context;
 pub mod digest;
 pub mod dist;

@@ -25,6 +25,9 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
     const KIND: &'static str;
     /// Body of a recipe table with this kind's usual options, valid TOML, for help and tests.
     const EXAMPLE: &'static str;
+    /// Options that had another name, as (old, new) paths such as `("clamp_nits", "max_indirect_luminance")`. A recipe
+    /// that uses the old name gets an error that names the new one.
+    const RENAMED: &'static [(&'static str, &'static str)] = &[];
     /// Sets options that were left out and whose defaults depend on others, and drops those that others override. The
     /// resolved recipe shows the result.
     fn completed(self) -> Self {
@@ -236,6 +239,8 @@ pub struct Entry {
     pub crate_version: &'static str,
     /// Body of a table with its usual options.
     pub example: &'static str,
+    /// Options that had another name: (old, new).
+    pub renamed: &'static [(&'static str, &'static str)],
     schema: fn(&mut SchemaGenerator) -> Schema,
     construct: fn(RecipeValue<'_>) -> Result<Constructed, ConstructError>,
 }
@@ -249,6 +254,7 @@ impl Entry {
             crate_name,
             crate_version,
             example: C::EXAMPLE,
+            renamed: C::RENAMED,
             schema: C::json_schema,
             construct: construct::<C>,
         }
