@@ -1,13 +1,85 @@
-//! What the program lends to a stage while it works: randomness, assets, a cache, worker threads and a log.
+//! What the program lends to a stage for one call.
+//!
+//! Stages that compose a scene or sample a view get a [`Context`]; what follows gets a [`ViewContext`], a
+//! [`SceneContext`] or a [`DatasetContext`], after how often it runs.
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::names::{EnvironmentPool, MaterialPool, ObjectPool};
 use crate::random::Stream;
-use crate::scene::{AssetRef, CatalogEntry, EnvironmentMap, Material, Object};
+use crate::scene::{AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, View};
+use crate::stage::DatasetInfo;
 use std::sync::Arc;
 
-/// Everything lent to a stage for one call. There is no clock, no global and no environment.
+/// What is lent to a stage that runs once per dataset.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct DatasetContext<'a> {
+    /// The dataset.
+    pub dataset: &'a DatasetInfo,
+    /// Threads to spread work over.
+    pub workers: &'a dyn Workers,
+    /// Where warnings go.
+    pub log: &'a dyn Log,
+}
+
+/// What is lent to a stage that runs once per scene, after the scene has settled.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct SceneContext<'a> {
+    /// The dataset.
+    pub dataset: &'a DatasetInfo,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Threads to spread work over.
+    pub workers: &'a dyn Workers,
+    /// Where warnings go.
+    pub log: &'a dyn Log,
+}
+
+/// What is lent to a stage that runs once per view.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub struct ViewContext<'a> {
+    /// The dataset.
+    pub dataset: &'a DatasetInfo,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Camera, exposure and lights.
+    pub view: &'a View,
+    /// Threads to spread work over.
+    pub workers: &'a dyn Workers,
+    /// Where warnings go.
+    pub log: &'a dyn Log,
+}
+
+impl<'a> DatasetContext<'a> {
+    /// The context of a dataset.
+    pub fn new(dataset: &'a DatasetInfo, workers: &'a dyn Workers, log: &'a dyn Log) -> Self {
+        Self { dataset, workers, log }
+    }
+
+    /// The context of one of its scenes.
+    pub fn scene(self, scene: &'a Scene) -> SceneContext<'a> {
+        SceneContext { dataset: self.dataset, scene, workers: self.workers, log: self.log }
+    }
+}
+
+impl<'a> SceneContext<'a> {
+    /// The context of one of the scene's views.
+    pub fn view(self, view: &'a View) -> ViewContext<'a> {
+        ViewContext { dataset: self.dataset, scene: self.scene, view, workers: self.workers, log: self.log }
+    }
+}
+
+impl<'a> ViewContext<'a> {
+    /// The context of the view's scene.
+    pub fn of_scene(self) -> SceneContext<'a> {
+        SceneContext { dataset: self.dataset, scene: self.scene, workers: self.workers, log: self.log }
+    }
+}
+
+/// What is lent to a stage that composes a scene or samples a view. There is no clock, no global and no environment.
 pub struct Context<'a> {
     /// Random numbers of this stage, scene, view and attempt. Clone it, or derive children.
     pub stream: Stream,

@@ -3,7 +3,7 @@
 //! `5`, `{ uniform = [a, b] }`, `{ log_uniform = [a, b] }`, `{ normal = { mean, std, min, max } }`,
 //! `{ choice = [..] }`; for whole numbers `{ integers = [a, b] }` with both ends included.
 
-use crate::error::Invalid;
+use crate::error::ConfigError;
 use crate::random::Stream;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
@@ -69,13 +69,13 @@ impl Dist {
     }
 
     /// Refuses a distribution that can leave [low, high].
-    pub fn within(&self, key: &str, low: f64, high: f64) -> Result<(), Invalid> {
+    pub fn within(&self, key: &str, low: f64, high: f64) -> Result<(), ConfigError> {
         let (min, max) = self.range();
         if min >= low && max <= high {
             return Ok(());
         }
         let wrong = if min < low { min } else { max };
-        Err(Invalid::new(key, format!("`{key}` can become {wrong}, outside {low} to {high}")))
+        Err(ConfigError::new(key, format!("`{key}` can become {wrong}, outside {low} to {high}")))
     }
 }
 
@@ -101,13 +101,13 @@ impl IntDist {
     }
 
     /// Refuses a distribution that can leave [low, high].
-    pub fn within(&self, key: &str, low: i64, high: i64) -> Result<(), Invalid> {
+    pub fn within(&self, key: &str, low: i64, high: i64) -> Result<(), ConfigError> {
         let (min, max) = self.range();
         if min >= low && max <= high {
             return Ok(());
         }
         let wrong = if min < low { min } else { max };
-        Err(Invalid::new(key, format!("`{key}` can become {wrong}, outside {low} to {high}")))
+        Err(ConfigError::new(key, format!("`{key}` can become {wrong}, outside {low} to {high}")))
     }
 }
 
@@ -318,7 +318,7 @@ mod tests {
         match (toml::from_str::<Options>(toml), expected) {
             (Ok(got), Ok(want)) => {
                 assert_eq!(got, want);
-                let text = toml::to_string(&got).expect("serialises");
+                let text = toml::to_string(&got).expect("serializes");
                 assert_eq!(toml::from_str::<Options>(&text).expect("reads back"), want, "{text}");
             }
             (Err(got), Err(want)) => assert!(got.to_string().contains(want), "got {got}\nwant {want}"),

@@ -1,6 +1,6 @@
 //! One error type for everything that can go wrong while a dataset is made.
 //!
-//! An error names the thing, the file and place if there is one, and a way out. Messages are lower case and
+//! An error names what failed, the file and location if there is one, and a remedy. Messages are lower case and
 //! carry no full stop, so that they can be joined.
 
 use std::fmt;
@@ -17,7 +17,18 @@ pub struct Error {
     place: Option<Place>,
     help: Option<String>,
     context: Vec<String>,
-    io: bool,
+    cause: Cause,
+}
+
+/// Who can change that an operation fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cause {
+    /// Other random numbers may avoid it: the scene is tried again.
+    Chance,
+    /// Every attempt and every scene would meet it: the run stops.
+    Permanent,
+    /// The file system failed: the run stops, and the same command may succeed later.
+    Io,
 }
 
 /// A place inside a file.
@@ -32,17 +43,30 @@ pub enum Place {
 impl Error {
     /// An error with a message: lower case, no full stop, naming the value that is wrong.
     pub fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), file: None, place: None, help: None, context: Vec::new(), io: false }
+        Self { message: message.into(), file: None, place: None, help: None, context: Vec::new(), cause: Cause::Chance }
     }
 
     /// A failed operation of the file system.
     pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
-        Self { io: true, ..Self::new(error.to_string().to_lowercase()).in_file(file) }
+        Self { cause: Cause::Io, ..Self::new(error.to_string().to_lowercase()).in_file(file) }
     }
 
     /// Whether the file system failed, rather than the content: the same work may succeed later.
     pub fn is_io(&self) -> bool {
-        self.io
+        self.cause == Cause::Io
+    }
+
+    /// States that every attempt at every scene would meet this error: the run stops at once.
+    pub fn permanent(mut self) -> Self {
+        if self.cause == Cause::Chance {
+            self.cause = Cause::Permanent;
+        }
+        self
+    }
+
+    /// Whether every attempt at every scene would meet this error.
+    pub fn is_permanent(&self) -> bool {
+        self.cause == Cause::Permanent
     }
 
     /// Names the file, unless a deeper layer has named one.
@@ -63,7 +87,7 @@ impl Error {
         self
     }
 
-    /// Tells a way out.
+    /// Attaches a help message.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -90,9 +114,16 @@ impl Error {
         self.place
     }
 
-    /// The way out, if one is known.
-    pub fn way_out(&self) -> Option<&str> {
+    /// The help message, if there is one.
+    pub fn help_text(&self) -> Option<&str> {
         self.help.as_deref()
+    }
+}
+
+impl Error {
+    /// What was being done, the file and the message, without the help message.
+    pub fn without_help(&self) -> String {
+        Self { help: None, ..self.clone() }.to_string()
     }
 }
 
@@ -121,22 +152,22 @@ impl std::error::Error for Error {}
 
 /// A value of a recipe that a stage refuses, found by [`Config::build`](crate::registry::Config::build).
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Invalid {
+pub struct ConfigError {
     /// Path of the key inside the stage's own table, such as `count` or `material.floor`; empty for the table.
     pub key: String,
     /// What is wrong, naming the value.
     pub message: String,
-    /// A way out.
+    /// A help message.
     pub help: Option<String>,
 }
 
-impl Invalid {
+impl ConfigError {
     /// Refuses the value under `key`.
     pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self { key: key.into(), message: message.into(), help: None }
     }
 
-    /// Tells a way out.
+    /// Attaches a help message.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self

@@ -1,10 +1,10 @@
 //! Frames and units, stated once.
 //!
-//! - **World**: right-handed, z up, metres; the origin lies on the floor under the table's centre.
-//! - **Body**: an asset's own frame, metres, z up.
+//! - **World**: right-handed, z up, meters; the origin lies on the floor under the table's center.
+//! - **Body**: an asset's own frame, meters, z up.
 //! - **Camera**: x right, y down, z forward (the convention of OpenCV and BOP).
-//! - **Image**: the origin is the top-left *corner* of the top-left pixel, u to the right, v down; pixel centres
-//!   lie at half-integers. Formats with integer centres subtract one half from the principal point.
+//! - **Image**: the origin is the top-left *corner* of the top-left pixel, u to the right, v down; pixel centers
+//!   lie at half-integers. Formats with integer centers subtract one half from the principal point.
 //!
 //! Poses are named `target_from_source`, so that names cancel in a product:
 //! `camera_from_body = camera_from_world * world_from_body`.
@@ -14,7 +14,7 @@ pub use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, Un
 /// A rigid motion, `target_from_source`, in f64.
 pub type Pose = Isometry3<f64>;
 
-/// An axis-aligned box, metres.
+/// An axis-aligned box, meters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aabb {
     /// Smallest corner.
@@ -49,17 +49,17 @@ impl Aabb {
         (0..3).any(|i| self.min[i] > self.max[i])
     }
 
-    /// Edge lengths, metres.
+    /// Edge lengths, meters.
     pub fn size(&self) -> Vector3<f64> {
         self.max - self.min
     }
 
     /// Middle of the box.
-    pub fn centre(&self) -> Point3<f64> {
+    pub fn center(&self) -> Point3<f64> {
         nalgebra::center(&self.min, &self.max)
     }
 
-    /// Length of the diagonal, metres.
+    /// Length of the diagonal, meters.
     pub fn diagonal(&self) -> f64 {
         self.size().norm()
     }

@@ -18,8 +18,10 @@
 //! use syntable_model::prelude::*;
 //! use syntable_model::product::standard::INSTANCE;
 //!
-//! /// Visible pixels per instance, counted at pixel centres, px.
-//! pub const VISIBLE_AREA: Key<PerInstance<u32>> = Key::view("visible_area", "visible pixels per instance, px");
+//! products! {
+//!     /// Visible pixels per instance, counted at pixel centers.
+//!     pub const VISIBLE_AREA: Key<PerInstance<u32>> = view("visible_area").unit("px");
+//! }
 //!
 //! /// Counts the visible pixels of every instance.
 //! #[derive(Serialize, Deserialize, JsonSchema)]
@@ -39,7 +41,7 @@
 //!     type Stage = dyn Annotator;
 //!     const KIND: &'static str = "visible_area";
 //!     const EXAMPLE: &'static str = "min_pixels = 16";
-//!     fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+//!     fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
 //!         Ok(Box::new(self))
 //!     }
 //! }
@@ -51,23 +53,24 @@
 //!     fn provides(&self) -> Vec<KeyId> {
 //!         keys![VISIBLE_AREA]
 //!     }
-//!     fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+//!     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
 //!         let mut area = PerInstance::default();
-//!         for &id in frame.get(INSTANCE)?.data() {
-//!             if site.scene.objects().iter().any(|object| object.id == id) {
+//!         for &id in products.get(INSTANCE)?.data() {
+//!             if cx.scene.objects().iter().any(|object| object.id == id) {
 //!                 *area.0.entry(id).or_insert(0) += 1;
 //!             }
 //!         }
 //!         area.0.retain(|_, pixels| *pixels >= self.min_pixels);
-//!         frame.put(VISIBLE_AREA, area)
+//!         products.put(VISIBLE_AREA, area)
 //!     }
 //! }
 //! register!(VisibleArea);
 //! # fn main() {}
 //! ```
 //!
-//! **Invariants.** This crate knows nothing of recipes' text, threads or terminals. Randomness is handed in; no stage
-//! has a clock. Everything that reaches a file is ordered by id, never by hash or thread.
+//! **Invariants.** This crate starts no thread and prints nothing. It reads TOML only as the options of one stage
+//! ([`registry`]); files, inheritance and diagnostics are the runtime's. Randomness is handed in; no stage has a clock.
+//! Everything that reaches a file is ordered by id, never by hash or thread.
 
 pub mod color;
 pub mod context;
@@ -95,17 +98,17 @@ macro_rules! keys {
 
 /// What nearly every plugin needs.
 pub mod prelude {
-    pub use crate::context::{Context, Log};
+    pub use crate::context::{Context, DatasetContext, Log, SceneContext, ViewContext};
     pub use crate::dist::{Dist, IntDist};
-    pub use crate::error::{Error, Invalid, Result};
+    pub use crate::error::{ConfigError, Error, Result};
     pub use crate::geometry::Pose;
     pub use crate::names::{AssetPath, MaterialPool, ObjectPool, ProductName};
-    pub use crate::product::{Frame, Key, KeyId, Mask, PerInstance, Plane, Value};
+    pub use crate::product::{Key, KeyId, Mask, PerInstance, Plane, Products, Semantic, Value};
     pub use crate::random::Stream;
     pub use crate::registry::Config;
     pub use crate::scene::{InstanceId, Scene, SceneBuilder, View};
     pub use crate::stage::*;
-    pub use crate::{keys, register};
+    pub use crate::{keys, products, register};
     pub use schemars::JsonSchema;
     pub use serde::{Deserialize, Serialize};
 }

@@ -1,6 +1,6 @@
 //! Light in photometric units, converted in one place.
 //!
-//! Colours of light are linear Rec. 709 triples scaled so that their luminance
+//! Colors of light are linear Rec. 709 triples scaled so that their luminance
 //! `Y = 0.2126 R + 0.7152 G + 0.0722 B` is in photometric units: a radiance triple has Y in cd/m² (nits), an
 //! irradiance triple has Y in lux. A rendered picture is therefore in nits, and camera exposure follows from it.
 
@@ -8,15 +8,15 @@ use crate::geometry::{Point3, Vector3};
 use crate::scene::EnvironmentMap;
 use std::f64::consts::{PI, TAU};
 
-/// Luminance of a linear Rec. 709 colour.
+/// Luminance of a linear Rec. 709 color.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Colour of a black body at `kelvin`, linear Rec. 709 with luminance one.
+/// Color of a black body at `kelvin`, linear Rec. 709 with luminance one.
 ///
 /// Planck's law integrated over 380–780 nm with the CIE 1931 observer in the analytic fit of Wyman, Sloan and
-/// Shirley (JCGT 2013); colours outside the gamut (below about 1900 K) are clipped.
+/// Shirley (JCGT 2013); colors outside the gamut (below about 1900 K) are clipped.
 pub fn blackbody(kelvin: f64) -> [f64; 3] {
     let mut xyz = [0.0; 3];
     for nm in (380..=780).step_by(5).map(f64::from) {
@@ -37,9 +37,9 @@ pub fn blackbody(kelvin: f64) -> [f64; 3] {
 }
 
 /// Spectral radiance of a black body, up to a constant factor.
-fn planck(metres: f64, kelvin: f64) -> f64 {
+fn planck(meters: f64, kelvin: f64) -> f64 {
     const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e-2;
-    1e-30 / (metres.powi(5) * ((SECOND_RADIATION_CONSTANT / (metres * kelvin)).exp() - 1.0))
+    1e-30 / (meters.powi(5) * ((SECOND_RADIATION_CONSTANT / (meters * kelvin)).exp() - 1.0))
 }
 
 fn cie_1931(nm: f64) -> [f64; 3] {
@@ -54,7 +54,7 @@ fn cie_1931(nm: f64) -> [f64; 3] {
     ]
 }
 
-/// Luminance (nits) of a sphere of `radius` that gives `illuminance` lux at `distance` from its centre, on a plane
+/// Luminance (nits) of a sphere of `radius` that gives `illuminance` lux at `distance` from its center, on a plane
 /// facing it: `E = π L (r/d)²`, exact while the whole sphere is above the plane.
 pub fn sphere_luminance(illuminance_lx: f64, distance_m: f64, radius_m: f64) -> f64 {
     illuminance_lx * distance_m * distance_m / (PI * radius_m * radius_m)
@@ -96,13 +96,13 @@ pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: 
 /// perpendicular case). Exact while the whole disk is above the plane; one that the plane cuts is taken as a polygon
 /// of 512 corners and equal area.
 pub fn disk_illuminance(
-    centre: Point3<f64>,
+    center: Point3<f64>,
     axis: Vector3<f64>,
     radius: f64,
     point: Point3<f64>,
     normal: Vector3<f64>,
 ) -> f64 {
-    let to_centre = centre - point;
+    let to_centre = center - point;
     let height = -to_centre.dot(&axis);
     if height <= 0.0 {
         return 0.0;
@@ -110,14 +110,14 @@ pub fn disk_illuminance(
     let sideways = to_centre + axis * height;
     let beside = sideways.norm();
     let along = axis.dot(&normal);
-    // How far the disk reaches above and below its centre, as the plane sees heights.
+    // How far the disk reaches above and below its center, as the plane sees heights.
     let reach = radius * (1.0 - along * along).max(0.0).sqrt();
     let above = to_centre.dot(&normal);
     if above <= -reach {
         return 0.0;
     }
     if above < reach {
-        return cut_disk_illuminance(centre, axis, radius, point, normal);
+        return cut_disk_illuminance(center, axis, radius, point, normal);
     }
     let (h2, p2, a2) = (height * height, beside * beside, radius * radius);
     let root = ((h2 + p2 + a2) * (h2 + p2 + a2) - 4.0 * a2 * p2).sqrt();
@@ -132,7 +132,7 @@ pub fn disk_illuminance(
 }
 
 fn cut_disk_illuminance(
-    centre: Point3<f64>,
+    center: Point3<f64>,
     axis: Vector3<f64>,
     radius: f64,
     point: Point3<f64>,
@@ -147,7 +147,7 @@ fn cut_disk_illuminance(
     let corners: Vec<Point3<f64>> = (0..CORNERS)
         .map(|i| {
             let (sin, cos) = (step * f64::from(i)).sin_cos();
-            centre + (u * cos + v * sin) * radius
+            center + (u * cos + v * sin) * radius
         })
         .collect();
     polygon_illuminance(&corners, point, normal)
@@ -257,7 +257,7 @@ mod tests {
     }
 
     /// Illuminance of a disk by a sum over small pieces of it.
-    fn summed(centre: Point3<f64>, axis: Vector3<f64>, radius: f64, normal: Vector3<f64>) -> f64 {
+    fn summed(center: Point3<f64>, axis: Vector3<f64>, radius: f64, normal: Vector3<f64>) -> f64 {
         let u = axis.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize();
         let v = axis.cross(&u);
         let (rings, around) = (400, 400);
@@ -267,7 +267,7 @@ mod tests {
             let area = TAU * r * radius / f64::from(rings * around);
             for j in 0..around {
                 let (sin, cos) = (TAU * (f64::from(j) + 0.5) / f64::from(around)).sin_cos();
-                let at = centre.coords + (u * cos + v * sin) * r;
+                let at = center.coords + (u * cos + v * sin) * r;
                 let d2 = at.norm_squared();
                 let (emitted, received) = (-at.dot(&axis), at.dot(&normal));
                 sum += area * emitted.max(0.0) * received.max(0.0) / (d2 * d2);
@@ -282,7 +282,7 @@ mod tests {
         let on_axis = disk_illuminance(Point3::new(0.0, 0.0, 2.0), -Vector3::z(), 0.5, Point3::origin(), Vector3::z());
         assert!((on_axis / (PI * 0.25 / 4.25) - 1.0).abs() < 1e-12, "{on_axis}");
         let tilted = Vector3::new(0.4, -0.2, -1.0).normalize();
-        for (centre, axis, radius, normal) in [
+        for (center, axis, radius, normal) in [
             ([0.0, 0.0, 2.0], -Vector3::z(), 0.5, Vector3::z()),
             ([1.5, -0.7, 2.0], -Vector3::z(), 1.2, Vector3::z()),
             ([1.5, 0.3, 1.0], -Vector3::z(), 0.6, Vector3::new(0.5, 0.1, 0.8).normalize()),
@@ -291,10 +291,10 @@ mod tests {
             ([2.0, 0.0, 0.2], -Vector3::x(), 0.7, Vector3::z()),
             ([2.0, 0.0, -0.3], -Vector3::x(), 0.7, Vector3::z()),
         ] {
-            let centre = Point3::from(centre);
-            let got = disk_illuminance(centre, axis, radius, Point3::origin(), normal);
-            let want = summed(centre, axis, radius, normal);
-            assert!((got / want - 1.0).abs() < 1e-3, "{centre} {axis} {radius}: {got} {want}");
+            let center = Point3::from(center);
+            let got = disk_illuminance(center, axis, radius, Point3::origin(), normal);
+            let want = summed(center, axis, radius, normal);
+            assert!((got / want - 1.0).abs() < 1e-3, "{center} {axis} {radius}: {got} {want}");
         }
         let behind = disk_illuminance(Point3::new(0.0, 0.0, 2.0), Vector3::z(), 0.5, Point3::origin(), Vector3::z());
         assert_eq!(behind, 0.0);

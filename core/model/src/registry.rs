@@ -3,11 +3,10 @@
 //! [`register!`](crate::register) submits a constant [`Entry`] at link time; [`Registry::linked`] collects, sorts and
 //! checks them. Every function of the program takes `&Registry`, so that tests can build theirs by hand.
 
-use crate::error::Invalid;
-use crate::product::KeyId;
-use crate::product::standard::{DENOISER, RADIANCE_NOISY};
+use crate::error::ConfigError;
 use crate::stage::{
-    Annotator, AssetSource, CameraModel, Denoiser, LightSampler, Placer, Renderer, Sensor, Settler, ViewSampler, Writer,
+    Annotator, AssetSource, CameraModel, DatasetAnnotator, Denoiser, LightSampler, Placer, Renderer, SceneAnnotator,
+    Sensor, Settler, ViewSampler, Writer,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Serialize;
@@ -34,34 +33,7 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
         self
     }
     /// Builds the stage. Checks what ranges cannot say. Does no input or output, so that `check` is quick.
-    fn build(self) -> Result<Box<Self::Stage>, Invalid>;
-}
-
-/// The places in the pipeline that a stage can take; named as in recipes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Slot {
-    /// `[assets.<pool>]`
-    Assets,
-    /// `[[place]]`
-    Place,
-    /// `[settle]`
-    Settle,
-    /// `[camera]`
-    Camera,
-    /// `[views]`
-    Views,
-    /// `[[lights]]`
-    Lights,
-    /// `[render]`
-    Render,
-    /// `[denoise]`
-    Denoise,
-    /// `[sensor.<id>]`
-    Sensor,
-    /// `[annotate.<id>]`
-    Annotate,
-    /// `[write.<id>]`
-    Write,
+    fn build(self) -> Result<Box<Self::Stage>, ConfigError>;
 }
 
 /// How often a slot occurs in a recipe.
@@ -75,65 +47,119 @@ pub enum Shape {
     Keyed,
 }
 
-impl Slot {
-    /// All slots, in pipeline order.
-    pub const ALL: [Self; 11] = [
-        Self::Assets,
-        Self::Place,
-        Self::Settle,
-        Self::Camera,
-        Self::Views,
-        Self::Lights,
-        Self::Render,
-        Self::Denoise,
-        Self::Sensor,
-        Self::Annotate,
-        Self::Write,
-    ];
+/// A place in the pipeline that stages can take: one row of the table of slots.
+#[derive(Debug, Clone, Copy)]
+pub struct SlotSpec {
+    /// Key in recipes.
+    pub name: &'static str,
+    /// What its stages do.
+    pub doc: &'static str,
+    /// How often it occurs.
+    pub shape: Shape,
+    /// Kinds that a recipe without the section gets, as far as they are registered.
+    pub default_kinds: &'static [&'static str],
+    /// Whether a recipe may do without.
+    pub optional: bool,
+}
 
-    /// Its key in recipes.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Assets => "assets",
-            Self::Place => "place",
-            Self::Settle => "settle",
-            Self::Camera => "camera",
-            Self::Views => "views",
-            Self::Lights => "lights",
-            Self::Render => "render",
-            Self::Denoise => "denoise",
-            Self::Sensor => "sensor",
-            Self::Annotate => "annotate",
-            Self::Write => "write",
+macro_rules! slots {
+    ($(
+        $slot:ident = $name:literal, $shape:ident, $need:ident, default $default:expr,
+        $doc:literal: $($variant:ident($stage:ident)),+;
+    )+) => {
+        /// The places in the pipeline that a stage can take, in pipeline order.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[non_exhaustive]
+        pub enum Slot {
+            $(#[doc = concat!("`", $name, "`: ", $doc)] $slot),+
         }
+
+        impl Slot {
+            /// All slots, in pipeline order.
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$slot),+];
+
+            /// Its row in the table of slots.
+            pub const fn spec(self) -> SlotSpec {
+                match self {
+                    $(Self::$slot => SlotSpec {
+                        name: $name,
+                        doc: $doc,
+                        shape: Shape::$shape,
+                        default_kinds: &$default,
+                        optional: slots!(@optional $need),
+                    }),+
+                }
+            }
+        }
+
+        /// A stage of any slot.
+        #[non_exhaustive]
+        pub enum Stage {
+            $($(#[doc = concat!("A stage of `", $name, "`.")] $variant(Box<dyn $stage>)),+),+
+        }
+
+        impl Stage {
+            /// The slot that it takes.
+            pub fn slot(&self) -> Slot {
+                match self {
+                    $($(Self::$variant(_) => Slot::$slot),+),+
+                }
+            }
+        }
+
+        $($(
+            impl InSlot for dyn $stage {
+                const SLOT: Slot = Slot::$slot;
+                fn into_stage(self: Box<Self>) -> Stage {
+                    Stage::$variant(self)
+                }
+            }
+        )+)+
+    };
+    (@optional optional) => { true };
+    (@optional required) => { false };
+}
+
+slots! {
+    Assets = "assets", Keyed, optional, default [],
+        "Pools of objects, materials and environment maps, drawn from by name.": Assets(AssetSource);
+    Place = "place", List, required, default [],
+        "Puts bodies into the scene; steps run in order.": Place(Placer);
+    Settle = "settle", One, required, default ["rapier"],
+        "Lets the bodies come to rest.": Settle(Settler);
+    Camera = "camera", One, required, default ["pinhole"],
+        "Intrinsics, lens and exposure.": Camera(CameraModel);
+    Views = "views", One, required, default ["hemisphere_shell"],
+        "Camera poses, one per view.": Views(ViewSampler);
+    Lights = "lights", List, optional, default ["ceiling_light", "sphere_lights"],
+        "Lights, sampled per view or once for all views of a scene.": Lights(LightSampler);
+    Render = "render", One, required, default ["cpu_path"],
+        "Renders images and per-pixel labels.": Render(Renderer);
+    Denoise = "denoise", One, optional, default ["none"],
+        "Removes sampling noise from rendered images.": Denoise(Denoiser);
+    Sensor = "sensor", Keyed, optional, default [],
+        "Simulates camera effects on rendered images; a table is needed only to set options.": Sensor(Sensor);
+    Annotate = "annotate", Keyed, optional, default [],
+        "Provides annotations; a table is needed only to set options.":
+        Annotate(Annotator), AnnotateScene(SceneAnnotator), AnnotateDataset(DatasetAnnotator);
+    Write = "write", Keyed, required, default [],
+        "Writes files; what the writers include is what is computed.": Write(Writer);
+}
+
+impl Slot {
+    /// Its key in recipes.
+    pub const fn name(self) -> &'static str {
+        self.spec().name
     }
 
     /// What its stages do.
-    pub fn doc(self) -> &'static str {
-        match self {
-            Self::Assets => "Pools of objects, materials and environment maps, drawn from by name.",
-            Self::Place => "Puts bodies into the scene; steps run in order.",
-            Self::Settle => "Lets the bodies come to rest.",
-            Self::Camera => "Intrinsics, lens and exposure.",
-            Self::Views => "Where the camera stands, anew for every view.",
-            Self::Lights => "Lights, anew for every view or once for all views of a scene.",
-            Self::Render => "Makes pictures and per-pixel labels.",
-            Self::Denoise => "Takes sampling noise out of pictures; left out, nothing is denoised.",
-            Self::Sensor => {
-                "Makes what a real camera would give of a perfect picture; a table is needed only to set options."
-            }
-            Self::Annotate => "Makes annotations; a table is needed only to set options.",
-            Self::Write => "Writes files; what a writer includes is what gets computed.",
-        }
+    pub const fn doc(self) -> &'static str {
+        self.spec().doc
     }
 
     /// How often it occurs.
-    pub fn shape(self) -> Shape {
-        match self {
-            Self::Assets | Self::Sensor | Self::Annotate | Self::Write => Shape::Keyed,
-            Self::Place | Self::Lights => Shape::List,
-            Self::Settle | Self::Camera | Self::Views | Self::Render | Self::Denoise => Shape::One,
-        }
+    pub const fn shape(self) -> Shape {
+        self.spec().shape
     }
 }
 
@@ -143,67 +169,12 @@ impl fmt::Display for Slot {
     }
 }
 
-/// A stage of any slot.
-pub enum Stage {
-    /// Of `[assets.<pool>]`.
-    Assets(Box<dyn AssetSource>),
-    /// Of `[[place]]`.
-    Place(Box<dyn Placer>),
-    /// Of `[settle]`.
-    Settle(Box<dyn Settler>),
-    /// Of `[camera]`.
-    Camera(Box<dyn CameraModel>),
-    /// Of `[views]`.
-    Views(Box<dyn ViewSampler>),
-    /// Of `[[lights]]`.
-    Lights(Box<dyn LightSampler>),
-    /// Of `[render]`.
-    Render(Box<dyn Renderer>),
-    /// Of `[denoise]`.
-    Denoise(Box<dyn Denoiser>),
-    /// Of `[sensor.<id>]`.
-    Sensor(Box<dyn Sensor>),
-    /// Of `[annotate.<id>]`.
-    Annotate(Box<dyn Annotator>),
-    /// Of `[write.<id>]`.
-    Write(Box<dyn Writer>),
-}
-
-impl Stage {
-    /// The products that it can make, if it makes products.
-    pub fn provides(&self) -> Vec<KeyId> {
-        match self {
-            Self::Render(renderer) => renderer.offers(),
-            Self::Denoise(_) => vec![RADIANCE_NOISY.id(), DENOISER.id()],
-            Self::Sensor(sensor) => sensor.provides(),
-            Self::Annotate(annotator) => annotator.provides(),
-            _ => Vec::new(),
-        }
-    }
-}
-
 /// A stage trait and the slot that its stages take.
 pub trait InSlot {
     /// The slot.
     const SLOT: Slot;
-    /// Forgets the trait.
+    /// Erases the trait.
     fn into_stage(self: Box<Self>) -> Stage;
-}
-
-macro_rules! in_slot {
-    ($($stage:ident => $slot:ident),* $(,)?) => {$(
-        impl InSlot for dyn $stage {
-            const SLOT: Slot = Slot::$slot;
-            fn into_stage(self: Box<Self>) -> Stage {
-                Stage::$slot(self)
-            }
-        }
-    )*};
-}
-in_slot! {
-    AssetSource => Assets, Placer => Place, Settler => Settle, CameraModel => Camera, ViewSampler => Views,
-    LightSampler => Lights, Renderer => Render, Denoiser => Denoise, Sensor => Sensor, Annotator => Annotate,
-    Writer => Write,
 }
 
 /// A spanned value of a recipe, as the TOML parser gives it.
@@ -223,7 +194,7 @@ pub enum ConstructError {
     /// The table does not have the form of the options; the error carries its span.
     Form(toml::de::Error),
     /// The options are refused.
-    Invalid(Invalid),
+    Invalid(ConfigError),
 }
 
 /// One registered kind of stage.
@@ -281,7 +252,7 @@ impl Entry {
 fn construct<C: Config>(table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
     let config = C::deserialize(toml::de::ValueDeserializer::from(table)).map_err(ConstructError::Form)?.completed();
     let options = toml::Table::try_from(&config).map_err(|error| {
-        ConstructError::Invalid(Invalid::new("", format!("the options cannot be written back: {error}")))
+        ConstructError::Invalid(ConfigError::new("", format!("the options cannot be written back: {error}")))
     })?;
     let stage = config.build().map_err(ConstructError::Invalid)?.into_stage();
     Ok(Constructed { stage, options })

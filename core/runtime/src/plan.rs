@@ -1,156 +1,299 @@
-//! What has to be computed: the writers' wants, closed over their providers.
+//! The one resolver: who provides which product, and what has to be computed for the writers of a recipe.
 //!
-//! A product comes from the renderer, the denoiser, a sensor or an annotator of the recipe, or else from the one
-//! registered sensor or annotator that provides it, with its defaults. Gaps, ambiguities and cycles are errors before
-//! anything runs.
+//! A product is provided by the renderer, by a stage of the recipe, or else by the one registered sensor or annotator
+//! that provides it with its default options. A stage may replace a product; then everyone else reads the new one, and
+//! the original keeps a key of its own. Gaps, ambiguities, cycles and products that a writer cannot store are errors
+//! before anything runs. `check`, `plan`, `list` and `run` all ask here.
 
-use crate::recipe::Recipe;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use syntable_model::error::Error;
-use syntable_model::product::standard::{DENOISER, RADIANCE, RADIANCE_NOISY};
+use syntable_model::product::standard::RENAMED;
 use syntable_model::product::{KeyId, Scope};
-use syntable_model::registry::{Registry, Slot, Stage};
-use syntable_model::stage::{Annotator, Denoiser, Renderer, Sensor};
+use syntable_model::registry::{Entry, Registry, Slot, Stage};
+use syntable_model::stage::{
+    Annotator, DatasetAnnotator, Denoiser, Input, Renderer, Replacement, SceneAnnotator, Sensor,
+};
 
-/// Makes products from products.
-pub enum Maker {
-    /// With random numbers, once a view.
+/// A stage that makes products from products.
+pub enum Producer {
+    /// Runs once per view, on what was rendered.
+    Denoiser(Box<dyn Denoiser>),
+    /// Runs once per view, with random numbers.
     Sensor(Box<dyn Sensor>),
-    /// Without, once a view or once a scene.
-    Annotator(Box<dyn Annotator>),
+    /// Runs once per view.
+    View(Box<dyn Annotator>),
+    /// Runs once per scene, before the views or after them.
+    Scene(Box<dyn SceneAnnotator>),
+    /// Runs once per dataset.
+    Dataset(Box<dyn DatasetAnnotator>),
 }
 
-impl Maker {
+impl Producer {
+    /// The stage as a producer, or the stage itself if it provides nothing to others.
+    pub fn of(stage: Stage) -> Result<Self, Stage> {
+        match stage {
+            Stage::Denoise(stage) => Ok(Self::Denoiser(stage)),
+            Stage::Sensor(stage) => Ok(Self::Sensor(stage)),
+            Stage::Annotate(stage) => Ok(Self::View(stage)),
+            Stage::AnnotateScene(stage) => Ok(Self::Scene(stage)),
+            Stage::AnnotateDataset(stage) => Ok(Self::Dataset(stage)),
+            other => Err(other),
+        }
+    }
+
     /// The products that it reads.
     pub fn reads(&self) -> Vec<KeyId> {
         match self {
-            Self::Sensor(sensor) => sensor.reads(),
-            Self::Annotator(annotator) => annotator.reads(),
+            Self::Denoiser(stage) => stage.reads(),
+            Self::Sensor(stage) => stage.reads(),
+            Self::View(stage) => stage.reads(),
+            Self::Scene(stage) => stage.reads(),
+            Self::Dataset(stage) => stage.reads(),
         }
     }
 
     /// The products that it provides.
     pub fn provides(&self) -> Vec<KeyId> {
         match self {
-            Self::Sensor(sensor) => sensor.provides(),
-            Self::Annotator(annotator) => annotator.provides(),
+            Self::Denoiser(stage) => stage.provides(),
+            Self::Sensor(stage) => stage.provides(),
+            Self::View(stage) => stage.provides(),
+            Self::Scene(stage) => stage.provides(),
+            Self::Dataset(stage) => stage.provides(),
         }
     }
 
-    fn slot(&self) -> Slot {
+    /// The products among them that it replaces.
+    pub fn replaces(&self) -> Vec<Replacement> {
         match self {
-            Self::Sensor(_) => Slot::Sensor,
-            Self::Annotator(_) => Slot::Annotate,
+            Self::Denoiser(stage) => stage.replaces(),
+            Self::Sensor(stage) => stage.replaces(),
+            Self::View(_) | Self::Scene(_) | Self::Dataset(_) => Vec::new(),
+        }
+    }
+
+    /// How often it runs.
+    pub fn scope(&self) -> Scope {
+        match self {
+            Self::Denoiser(_) | Self::Sensor(_) | Self::View(_) => Scope::View,
+            Self::Scene(_) => Scope::Scene,
+            Self::Dataset(_) => Scope::Dataset,
         }
     }
 }
 
-/// A sensor or annotator that runs.
-pub struct Step {
-    /// `sensor.<id>` or `annotate.<id>`.
+/// A producer that could run.
+pub struct Candidate {
+    /// Its table: `denoise`, `sensor.<id>` or `annotate.<id>`.
+    pub stage: String,
+    /// What would run.
+    pub producer: Producer,
+    /// Its registration and default options, if the recipe does not have it.
+    pub implied: Option<Implied>,
+}
+
+/// A registered kind with its default options.
+pub struct Implied {
+    /// The kind.
+    pub entry: Entry,
+    /// The options, all at their defaults.
+    pub options: toml::Table,
+}
+
+/// A producer that runs.
+pub struct PlannedStage {
+    /// Its table: `denoise`, `sensor.<id>` or `annotate.<id>`.
     pub stage: String,
     /// What runs.
-    pub maker: Maker,
-    /// Whether the recipe names it; otherwise it runs with its defaults.
-    pub explicit: bool,
+    pub producer: Producer,
+    /// The products that it reads.
+    pub reads: Vec<KeyId>,
+    /// The products that it must provide.
+    pub provides: Vec<KeyId>,
 }
 
-/// One line of the plan: a product and where it comes from.
+/// A computed product.
 #[derive(Debug, Clone)]
-pub struct Line {
+pub struct PlanEntry {
     /// The product.
     pub key: KeyId,
     /// `render`, `denoise`, `sensor.<id>` or `annotate.<id>`.
     pub provider: String,
-    /// Ids of the writers and annotators that read it.
+    /// The stages that read it, such as `write.png`.
     pub wanted_by: Vec<String>,
 }
 
 /// What a run computes, in order.
+#[derive(Default)]
 pub struct Plan {
-    /// Products that the renderer makes for every view.
+    /// Products that the renderer makes for every view, under the renderer's own names.
     pub rendered: Vec<KeyId>,
-    /// Whether the denoiser runs on what was rendered.
-    pub denoised: bool,
-    /// Whether somebody wants to know which denoiser ran.
-    pub denoiser_wanted: bool,
-    /// Annotators that run once a scene, each after those it depends on.
-    pub per_scene: Vec<Step>,
-    /// Sensors and annotators that run once a view, each after those it depends on.
-    pub per_view: Vec<Step>,
-    /// Everything that is computed, in the order in which it becomes known.
-    pub lines: Vec<Line>,
-    /// Things worth knowing, such as an annotator that nobody needs.
-    pub notes: Vec<Error>,
+    /// Products that a stage replaces: what others make under `product` is kept under `original`.
+    pub replaced: Vec<Replacement>,
+    /// Annotators of the scene that run before the views.
+    pub before_views: Vec<PlannedStage>,
+    /// Producers that run once per view.
+    pub per_view: Vec<PlannedStage>,
+    /// Annotators of the scene that read products of the views.
+    pub after_views: Vec<PlannedStage>,
+    /// Annotators of the dataset.
+    pub per_dataset: Vec<PlannedStage>,
+    /// Everything that is computed, each product after those that it is made from.
+    pub entries: Vec<PlanEntry>,
+    /// Producers that run without being in the recipe.
+    pub implied: Vec<(String, Implied)>,
+    /// Stages of the recipe that nobody needs.
+    pub idle: Vec<Idle>,
 }
 
-/// A sensor or annotator that could run.
-struct Candidate {
-    stage: String,
-    maker: Option<Maker>,
-    provides: Vec<KeyId>,
-    reads: Vec<KeyId>,
-    explicit: bool,
+/// A stage of the recipe that is not computed, because nobody reads what it provides.
+#[derive(Debug, Clone)]
+pub struct Idle {
+    /// Its table.
+    pub stage: String,
+    /// What it would provide.
+    pub provides: Vec<KeyId>,
+}
+
+/// Why a recipe cannot be computed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlanError {
+    /// What is wrong.
+    pub fault: Fault,
+    /// The table of the stage that asks, such as `write.png`.
+    pub stage: String,
+    /// The option of that stage that names the product, if one does.
+    pub option: Option<String>,
+    /// The product in question.
+    pub product: String,
+    /// The names of all products that could be provided, if this one is unknown.
+    pub known: Vec<String>,
+    /// What is wrong, in words.
+    pub message: String,
+    /// A help message.
+    pub help: String,
+}
+
+/// The ways in which a plan fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// Nothing provides the product.
+    Unknown,
+    /// The product has another name now.
+    Renamed,
+    /// Several stages provide or replace the product.
+    Ambiguous,
+    /// Stages need each other's products.
+    Cycle,
+    /// A stage reads the product as another type.
+    WrongType,
+    /// A writer cannot store the product.
+    NotStorable,
+    /// A stage reads what is known only later.
+    TooEarly,
+}
+
+/// The registered sensors and annotators, with their default options.
+pub fn registered(registry: &Registry) -> Vec<Candidate> {
+    let entries = registry.of_slot(Slot::Sensor).chain(registry.of_slot(Slot::Annotate));
+    entries
+        .filter_map(|&entry| {
+            let constructed = entry.construct_str("").ok()?;
+            let producer = Producer::of(constructed.stage).ok()?;
+            let implied = Some(Implied { entry, options: constructed.options });
+            Some(Candidate { stage: format!("{}.{}", entry.slot, entry.kind), producer, implied })
+        })
+        .collect()
+}
+
+/// All products that the linked plugins can make with default options, by name, each with its providers.
+pub fn available(registry: &Registry) -> Vec<(KeyId, Vec<String>)> {
+    let mut found: Vec<(KeyId, Vec<String>)> = Vec::new();
+    let mut add = |key: KeyId, provider: String| match found.iter_mut().find(|(other, _)| other.name == key.name) {
+        Some((_, providers)) => providers.push(provider),
+        None => found.push((key, vec![provider])),
+    };
+    for entry in registry.entries() {
+        let provider = || format!("{}.{}", entry.slot, entry.kind);
+        match entry.construct_str("").map(|constructed| Producer::of(constructed.stage)) {
+            Ok(Ok(producer)) => {
+                let originals = producer.replaces().into_iter().map(|replacement| replacement.original);
+                producer.provides().into_iter().chain(originals).for_each(|key| add(key, provider()));
+            }
+            Ok(Err(Stage::Render(renderer))) => renderer.offers().into_iter().for_each(|key| add(key, provider())),
+            _ => {}
+        }
+    }
+    found.sort_by_key(|(key, _)| key.name);
+    found
+}
+
+/// Plans what the writers read: `offers` are the renderer's products, `explicit` the producers of the recipe, `implied`
+/// the [registered] ones. All errors are given at once.
+pub fn resolve(
+    offers: Vec<KeyId>,
+    explicit: Vec<Candidate>,
+    implied: Vec<Candidate>,
+    writers: &[(String, Vec<Input>)],
+) -> Result<Plan, Vec<PlanError>> {
+    // What the recipe sets up replaces the defaults of every kind that provides the same.
+    let taken: BTreeSet<&str> = explicit.iter().flat_map(|it| it.producer.provides()).map(|key| key.name).collect();
+    let free = |it: &Candidate| !it.producer.provides().iter().any(|key| taken.contains(key.name));
+    let mut candidates = explicit;
+    candidates.extend(implied.into_iter().filter(free).collect::<Vec<_>>());
+    let mut resolver = Resolver::new(offers, candidates);
+    for (id, inputs) in writers {
+        let stage = format!("write.{id}");
+        for input in inputs {
+            let asker = Asker { stage: &stage, option: input.option.as_deref() };
+            resolver.want(&input.product, &asker, &mut Vec::new());
+            if let Some(key) = resolver.entry(&input.product).map(|entry| entry.key)
+                && let Err(reason) = input.accepts.check(&key)
+            {
+                let message = format!("{stage} cannot store `{}`: {reason}", key.name);
+                let help = format!("`{}` is a value of the kind: {}", key.name, key.kind_of_value());
+                resolver.fail(Fault::NotStorable, &asker, &input.product, message, help);
+            }
+        }
+    }
+    resolver.finish()
 }
 
 impl Plan {
-    /// Plans a recipe, whose annotators it takes. All errors are given at once.
-    pub fn new(registry: &Registry, recipe: &mut Recipe) -> Result<Self, Vec<Error>> {
-        let wants: Vec<(String, String)> = recipe
-            .write
-            .iter()
-            .flat_map(|(id, writer)| writer.reads().into_iter().map(move |name| (name, format!("write.{id}"))))
-            .collect();
-        let sensors = std::mem::take(&mut recipe.sensor).into_iter().map(|(id, sensor)| (id, Maker::Sensor(sensor)));
-        let annotators = std::mem::take(&mut recipe.annotate).into_iter();
-        let makers = sensors.chain(annotators.map(|(id, annotator)| (id, Maker::Annotator(annotator)))).collect();
-        Self::of(registry, &*recipe.render, recipe.denoise.as_deref(), makers, wants)
-    }
-
-    /// Plans for a renderer, a denoiser, the recipe's sensors and annotators, and (product, wanted by) pairs.
-    pub fn of(
-        registry: &Registry,
-        renderer: &dyn Renderer,
-        denoiser: Option<&dyn Denoiser>,
-        makers: Vec<(String, Maker)>,
-        wants: Vec<(String, String)>,
-    ) -> Result<Self, Vec<Error>> {
-        let mut candidates: Vec<Candidate> =
-            makers.into_iter().map(|(id, maker)| Candidate::new(&id, maker, true)).collect();
-        // What the recipe sets up replaces the defaults of every kind that provides the same.
-        let explicit: Vec<KeyId> = candidates.iter().flat_map(|candidate| candidate.provides.clone()).collect();
-        for entry in registry.of_slot(Slot::Sensor).chain(registry.of_slot(Slot::Annotate)) {
-            let maker = match entry.construct_str("").map(|constructed| constructed.stage) {
-                Ok(Stage::Sensor(sensor)) => Maker::Sensor(sensor),
-                Ok(Stage::Annotate(annotator)) => Maker::Annotator(annotator),
-                _ => continue,
-            };
-            if !maker.provides().iter().any(|key| explicit.iter().any(|other| other.name == key.name)) {
-                candidates.push(Candidate::new(entry.kind, maker, false));
-            }
-        }
-        let guides = denoiser.map(|denoiser| denoiser.guides());
-        let mut planner =
-            Planner { offers: renderer.offers(), guides, candidates, lines: Vec::new(), errors: Vec::new() };
-        for (name, by) in &wants {
-            planner.want(name, by, &mut Vec::new());
-        }
-        planner.finish()
-    }
-
     /// The plan as a table for people.
     pub fn table(&self, renderer: &dyn Renderer) -> String {
         let mut rows = vec![["product", "provider", "per", "wanted by"].map(str::to_owned)];
-        rows.extend(self.lines.iter().map(|line| {
-            let per = match line.key.scope {
-                Scope::Scene => "scene",
-                Scope::View => "view",
-            };
-            [line.key.name.to_owned(), line.provider.clone(), per.to_owned(), line.wanted_by.join(", ")]
+        rows.extend(self.entries.iter().map(|entry| {
+            [entry.key.name.to_owned(), entry.provider.clone(), entry.key.scope.to_string(), entry.wanted_by.join(", ")]
         }));
         let mut out = table(&rows);
         let _ = writeln!(out, "\nrender: {}", renderer.cost());
         out
+    }
+
+    /// All producers that run.
+    pub fn stages(&self) -> impl Iterator<Item = &PlannedStage> {
+        self.before_views.iter().chain(&self.per_view).chain(&self.after_views).chain(&self.per_dataset)
+    }
+
+    /// Asks the stages whether what they need from outside the program is there.
+    pub fn ready(&self) -> Result<(), Error> {
+        for stage in &self.per_view {
+            if let Producer::Denoiser(denoiser) = &stage.producer {
+                denoiser.ready().map_err(|error| error.context(&stage.stage))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Products of a scope that the annotators of the dataset read: they are recorded for every scene.
+    pub fn recorded(&self, scope: Scope) -> Vec<KeyId> {
+        let mut keys: Vec<KeyId> = self.per_dataset.iter().flat_map(|stage| stage.reads.iter().copied()).collect();
+        keys.retain(|key| key.scope == scope);
+        keys.sort_by_key(|key| key.name);
+        keys.dedup_by_key(|key| key.name);
+        keys
     }
 }
 
@@ -164,272 +307,243 @@ pub fn table<const N: usize>(rows: &[[String; N]]) -> String {
     })
 }
 
-impl Candidate {
-    fn new(id: &str, maker: Maker, explicit: bool) -> Self {
-        let (provides, reads) = (maker.provides(), maker.reads());
-        Self { stage: format!("{}.{id}", maker.slot()), maker: Some(maker), provides, reads, explicit }
-    }
+/// Who wants a product.
+struct Asker<'a> {
+    stage: &'a str,
+    option: Option<&'a str>,
 }
 
-struct Planner {
+struct Resolver {
     offers: Vec<KeyId>,
-    /// What the denoiser reads beside the picture; none if there is no denoiser.
-    guides: Option<Vec<KeyId>>,
-    candidates: Vec<Candidate>,
-    lines: Vec<Line>,
-    errors: Vec<Error>,
+    candidates: Vec<Option<Candidate>>,
+    /// What the candidates read and provide, and when they run.
+    notes: Vec<Note>,
+    /// Index of the candidate that replaces a product, and the replacement.
+    replacements: Vec<(usize, Replacement)>,
+    entries: Vec<PlanEntry>,
+    errors: Vec<PlanError>,
 }
 
-impl Planner {
-    /// Wants a product, and first all that its provider reads. `path` holds the makers on the way here.
-    fn want(&mut self, name: &str, by: &str, path: &mut Vec<usize>) {
-        if let Some(line) = self.lines.iter_mut().find(|line| line.key.name == name) {
-            if !line.wanted_by.iter().any(|other| other == by) {
-                line.wanted_by.push(by.to_owned());
+struct Note {
+    stage: String,
+    reads: Vec<KeyId>,
+    provides: Vec<KeyId>,
+    scope: Scope,
+    after_views: bool,
+    explicit: bool,
+}
+
+impl Resolver {
+    fn new(offers: Vec<KeyId>, candidates: Vec<Candidate>) -> Self {
+        let notes = candidates
+            .iter()
+            .map(|candidate| Note {
+                stage: candidate.stage.clone(),
+                reads: candidate.producer.reads(),
+                provides: candidate.producer.provides(),
+                scope: candidate.producer.scope(),
+                after_views: false,
+                explicit: candidate.implied.is_none(),
+            })
+            .collect();
+        let active = candidates.iter().enumerate().filter(|(_, candidate)| candidate.implied.is_none());
+        let replacements = active
+            .flat_map(|(i, candidate)| candidate.producer.replaces().into_iter().map(move |it| (i, it)))
+            .collect();
+        let candidates = candidates.into_iter().map(Some).collect();
+        Self { offers, candidates, notes, replacements, entries: Vec::new(), errors: Vec::new() }
+    }
+
+    fn entry(&self, name: &str) -> Option<&PlanEntry> {
+        self.entries.iter().find(|entry| entry.key.name == name)
+    }
+
+    /// Plans a product, and first all that its provider reads. `path` holds the candidates on the way here.
+    fn want(&mut self, name: &str, by: &Asker, path: &mut Vec<usize>) {
+        if let Some(entry) = self.entries.iter_mut().find(|entry| entry.key.name == name) {
+            if !entry.wanted_by.iter().any(|other| other == by.stage) {
+                entry.wanted_by.push(by.stage.to_owned());
             }
             return;
         }
-        if self.of_denoiser(name, by, path) {
-            return;
+        let replacers: Vec<usize> =
+            self.replacements.iter().filter(|(_, it)| it.product.name == name).map(|&(i, _)| i).collect();
+        match (replacers.as_slice(), self.replacements.iter().find(|(_, it)| it.original.name == name).copied()) {
+            (&[index], _) if self.has_source(name) => self.provide(index, name, by, path),
+            (&[_, _, ..], _) => self.ambiguous(&replacers, "is replaced by several stages", name, by),
+            (_, Some((_, replacement))) => self.source(replacement.product.name, replacement.original, by, path),
+            _ => self.provided(name, by, path),
         }
+    }
+
+    /// Whether a product is made by somebody who does not replace it.
+    fn has_source(&self, name: &str) -> bool {
+        self.offers.iter().any(|key| key.name == name) || !self.sources(name).is_empty()
+    }
+
+    /// The candidates that make a product anew.
+    fn sources(&self, name: &str) -> Vec<usize> {
+        let replaces = |i: usize| self.replacements.iter().any(|(other, it)| *other == i && it.product.name == name);
+        let provides = |i: usize| self.notes[i].provides.iter().any(|key| key.name == name);
+        (0..self.notes.len()).filter(|&i| provides(i) && !replaces(i)).collect()
+    }
+
+    /// Plans the original of a replaced product, which is kept under another key.
+    fn source(&mut self, name: &str, original: KeyId, by: &Asker, path: &mut Vec<usize>) {
+        let before = self.entries.len();
+        self.provided(name, by, path);
+        if let Some(entry) = self.entries[before..].iter_mut().find(|entry| entry.key.name == name) {
+            entry.key = original;
+        }
+    }
+
+    fn provided(&mut self, name: &str, by: &Asker, path: &mut Vec<usize>) {
         let offered = self.offers.iter().find(|key| key.name == name).copied();
-        let of_name = |candidate: &Candidate| candidate.provides.iter().any(|key| key.name == name);
-        let found: Vec<usize> = (0..self.candidates.len()).filter(|&i| of_name(&self.candidates[i])).collect();
-        match (offered, found.as_slice()) {
-            (Some(key), []) => self.lines.push(Line { key, provider: "render".into(), wanted_by: vec![by.into()] }),
+        let sources = self.sources(name);
+        match (offered, sources.as_slice()) {
+            (Some(key), []) => {
+                self.entries.push(PlanEntry { key, provider: "render".into(), wanted_by: vec![by.stage.into()] });
+            }
             (None, &[index]) => self.provide(index, name, by, path),
-            (None, []) => self.fail(self.unknown(name, by)),
-            (offered, several) => {
-                let mut names: Vec<String> = several.iter().map(|&i| self.candidates[i].stage.clone()).collect();
-                names.extend(offered.map(|_| "render".to_owned()));
-                self.fail(
-                    Error::new(format!("product `{name}` has several providers: {}", names.join(", ")))
-                        .help("keep one of them; name the one you want in a [sensor.<id>] or [annotate.<id>] table"),
-                );
-            }
+            (None, []) => self.unknown(name, by),
+            (_, several) => self.ambiguous(several, "has several providers", name, by),
         }
     }
 
-    /// Wants a product that is the denoiser's affair; false if it is not.
-    fn of_denoiser(&mut self, name: &str, by: &str, path: &mut Vec<usize>) -> bool {
-        let line = |key: KeyId, provider: &str| Line { key, provider: provider.into(), wanted_by: vec![by.into()] };
-        let Some(guides) = self.guides.clone() else {
-            if name == DENOISER.name() {
-                self.lines.push(line(DENOISER.id(), "denoise"));
-            }
-            return name == DENOISER.name();
-        };
-        if !self.offers.iter().any(|key| key.name == RADIANCE.name()) {
-            return false;
-        }
-        if name == RADIANCE_NOISY.name() {
-            self.lines.push(line(RADIANCE_NOISY.id(), "render"));
-        } else if name == RADIANCE.name() {
-            self.want(RADIANCE_NOISY.name(), "denoise", path);
-            for guide in guides {
-                if !self.offers.iter().any(|key| key.name == guide.name) {
-                    self.fail(
-                        Error::new(format!("the denoiser needs `{}`, which the renderer does not offer", guide.name))
-                            .help("choose another [denoise] or another [render]"),
-                    );
-                }
-                self.want(guide.name, "denoise", path);
-            }
-            self.lines.push(line(RADIANCE.id(), "denoise"));
-        } else if name == DENOISER.name() {
-            self.want(RADIANCE.name(), "denoise", path);
-            self.lines.push(line(DENOISER.id(), "denoise"));
-        } else {
-            return false;
-        }
-        true
-    }
-
-    fn provide(&mut self, index: usize, name: &str, by: &str, path: &mut Vec<usize>) {
+    fn provide(&mut self, index: usize, name: &str, by: &Asker, path: &mut Vec<usize>) {
         if path.contains(&index) {
-            let chain: Vec<&str> = path.iter().chain([&index]).map(|&i| self.candidates[i].stage.as_str()).collect();
-            return self.fail(Error::new(format!("stages need each other in a circle: {}", chain.join(" → "))));
+            let chain: Vec<&str> = path.iter().chain([&index]).map(|&i| self.notes[i].stage.as_str()).collect();
+            let message = format!("stages need each other's products: {}", chain.join(" → "));
+            let help = "take one of them out of the recipe".to_owned();
+            return self.fail(Fault::Cycle, by, name, message, help);
         }
-        let candidate = &self.candidates[index];
-        let (id, reads, provides) = (candidate.stage.clone(), candidate.reads.clone(), candidate.provides.clone());
-        let scope = provides.first().map_or(Scope::View, |key| key.scope);
+        let (stage, reads, scope) =
+            (self.notes[index].stage.clone(), self.notes[index].reads.clone(), self.notes[index].scope);
         path.push(index);
+        let asker = Asker { stage: &stage, option: None };
         for read in reads {
-            if scope == Scope::Scene && read.scope == Scope::View {
-                self.fail(Error::new(format!("{id} works once a scene but reads `{}` of every view", read.name)));
-            }
-            self.want(read.name, &id, path);
-            if let Some(line) = self.lines.iter().find(|line| line.key.name == read.name)
-                && line.key.type_id() != read.type_id()
-            {
-                let (theirs, ours) = (line.key.type_name(), read.type_name());
-                self.fail(Error::new(format!(
-                    "{id} reads `{}` as {ours}, but {} provides {theirs}",
-                    read.name, line.provider
-                )));
-            }
+            self.want(read.name, &asker, path);
+            self.check_read(index, &read, scope, &asker);
         }
         path.pop();
-        if let Some(&key) = provides.iter().find(|key| key.name == name) {
-            self.lines.push(Line { key, provider: id, wanted_by: vec![by.into()] });
+        if let Some(&key) = self.notes[index].provides.iter().find(|key| key.name == name)
+            && self.entry(name).is_none()
+        {
+            self.entries.push(PlanEntry { key, provider: stage, wanted_by: vec![by.stage.to_owned()] });
         }
     }
 
-    fn unknown(&self, name: &str, by: &str) -> Error {
-        let mut known: Vec<&str> = self
-            .offers
-            .iter()
-            .chain(self.candidates.iter().flat_map(|candidate| &candidate.provides))
-            .map(|key| key.name)
-            .collect();
-        known.sort_unstable();
-        let near = known.iter().min_by_key(|other| strsim::damerau_levenshtein(other, name));
-        let hint = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
-        Error::new(format!("{by} wants product `{name}`, which nothing provides")).help(format!(
-            "{hint}provided by linked plugins: {}; if a plugin of yours provides it, check that its crate is named in your binary's main.rs",
-            known.join(", ")
-        ))
+    /// Checks the type of a product that a producer reads, and that it is known in time.
+    fn check_read(&mut self, index: usize, read: &KeyId, scope: Scope, by: &Asker) {
+        let Some(entry) = self.entry(read.name).cloned() else { return };
+        if entry.key.type_id() != read.type_id() {
+            let (theirs, ours) = (entry.key.type_name(), read.type_name());
+            let message =
+                format!("{} reads `{}` as {ours}, but {} provides {theirs}", by.stage, read.name, entry.provider);
+            let help =
+                "one of the two plugins defines the product wrongly: keys of one name must have one type".to_owned();
+            self.fail(Fault::WrongType, by, read.name, message, help);
+        }
+        let late = self.notes.iter().any(|note| note.stage == entry.provider && note.after_views);
+        match (scope, entry.key.scope) {
+            (Scope::Scene, Scope::View) => self.notes[index].after_views = true,
+            (Scope::Scene, Scope::Scene) if late => self.notes[index].after_views = true,
+            (Scope::View, Scope::Scene) if late => self.too_early(read, by, "after the views of a scene"),
+            (Scope::View | Scope::Scene, Scope::Dataset) => self.too_early(read, by, "when all scenes are done"),
+            _ => {}
+        }
     }
 
-    fn fail(&mut self, error: Error) {
-        if !self.errors.contains(&error) {
+    fn too_early(&mut self, read: &KeyId, by: &Asker, when: &str) {
+        let message = format!("{} reads `{}`, which is known only {when}", by.stage, read.name);
+        let help = "let an annotator of the scene or the dataset read it, or a writer".to_owned();
+        self.fail(Fault::TooEarly, by, read.name, message, help);
+    }
+
+    fn ambiguous(&mut self, candidates: &[usize], what: &str, name: &str, by: &Asker) {
+        let mut names: Vec<String> = candidates.iter().map(|&i| self.notes[i].stage.clone()).collect();
+        if self.offers.iter().any(|key| key.name == name) && what.contains("providers") {
+            names.push("render".to_owned());
+        }
+        let message = format!("product `{name}` {what}: {}", names.join(", "));
+        let help = "keep one of them; name the one you want in a [sensor.<id>] or [annotate.<id>] table".to_owned();
+        self.fail(Fault::Ambiguous, by, name, message, help);
+    }
+
+    fn unknown(&mut self, name: &str, by: &Asker) {
+        if let Some((_, new)) = RENAMED.iter().find(|(old, _)| *old == name) {
+            let message = format!("product `{name}` is called `{new}` now");
+            return self.fail(Fault::Renamed, by, name, message, format!("write `{new}`"));
+        }
+        let mut known: Vec<&str> = self.offers.iter().map(|key| key.name).collect();
+        known.extend(self.notes.iter().flat_map(|note| &note.provides).map(|key| key.name));
+        known.extend(self.replacements.iter().map(|(_, it)| it.original.name));
+        known.sort_unstable();
+        known.dedup();
+        let message = format!("{} reads product `{name}`, which nothing provides", by.stage);
+        let known = known.into_iter().map(str::to_owned).collect();
+        let help = "`syntable list products` shows all products of the linked plugins".to_owned();
+        self.fail(Fault::Unknown, by, name, message, help);
+        if let Some(error) = self.errors.iter_mut().find(|error| error.product == name && error.fault == Fault::Unknown)
+        {
+            error.known = known;
+        }
+    }
+
+    fn fail(&mut self, fault: Fault, by: &Asker, product: &str, message: String, help: String) {
+        let error = PlanError {
+            fault,
+            stage: by.stage.to_owned(),
+            option: by.option.map(str::to_owned),
+            product: product.to_owned(),
+            known: Vec::new(),
+            message,
+            help,
+        };
+        let same = |other: &PlanError| {
+            (other.fault, &other.stage, &other.message) == (error.fault, &error.stage, &error.message)
+        };
+        if !self.errors.iter().any(same) {
             self.errors.push(error);
         }
     }
 
-    fn finish(mut self) -> Result<Plan, Vec<Error>> {
+    fn finish(mut self) -> Result<Plan, Vec<PlanError>> {
         if !self.errors.is_empty() {
             return Err(self.errors);
         }
-        let of_denoiser =
-            |name: &str| self.lines.iter().any(|line| line.provider == "denoise" && line.key.name == name);
-        // What the denoiser calls the noisy picture is the picture to the renderer.
-        let as_rendered = |line: &Line| match line.key.name == RADIANCE_NOISY.name() {
-            true => RADIANCE.id(),
-            false => line.key,
-        };
-        let mut plan = Plan {
-            rendered: self.lines.iter().filter(|line| line.provider == "render").map(as_rendered).collect(),
-            denoised: of_denoiser(RADIANCE.name()),
-            denoiser_wanted: of_denoiser(DENOISER.name()),
-            per_scene: Vec::new(),
-            per_view: Vec::new(),
-            lines: Vec::new(),
-            notes: Vec::new(),
-        };
-        plan.lines = self.lines;
-        // Lines stand in dependency order, so the first line of a maker is when it has to run.
-        for line in &plan.lines {
-            let Some(candidate) = self.candidates.iter_mut().find(|candidate| line.provider == candidate.stage) else {
-                continue;
-            };
-            if let Some(maker) = candidate.maker.take() {
-                let scope = match &maker {
-                    Maker::Sensor(_) => Scope::View,
-                    Maker::Annotator(annotator) => annotator.scope(),
-                };
-                let step = Step { stage: candidate.stage.clone(), maker, explicit: candidate.explicit };
-                match scope {
-                    Scope::Scene => plan.per_scene.push(step),
-                    Scope::View => plan.per_view.push(step),
-                }
+        let mut plan = Plan::default();
+        let runs =
+            |index: usize, entries: &[PlanEntry]| entries.iter().any(|entry| entry.provider == self.notes[index].stage);
+        let active: Vec<Replacement> =
+            self.replacements.iter().filter(|(i, _)| runs(*i, &self.entries)).map(|(_, it)| *it).collect();
+        let rendered = self.entries.iter().filter(|entry| entry.provider == "render");
+        plan.rendered = rendered
+            .map(|entry| active.iter().find(|it| it.original == entry.key).map_or(entry.key, |it| it.product))
+            .collect();
+        plan.replaced = active;
+        // Entries are in dependency order, so the first entry of a producer is when it has to run.
+        for entry in &self.entries {
+            let Some(index) = self.notes.iter().position(|note| note.stage == entry.provider) else { continue };
+            let Some(candidate) = self.candidates[index].take() else { continue };
+            let note = &self.notes[index];
+            let (reads, provides) = (note.reads.clone(), note.provides.clone());
+            let planned =
+                PlannedStage { stage: candidate.stage.clone(), producer: candidate.producer, reads, provides };
+            plan.implied.extend(candidate.implied.map(|implied| (candidate.stage, implied)));
+            match (note.scope, note.after_views) {
+                (Scope::View, _) => plan.per_view.push(planned),
+                (Scope::Scene, false) => plan.before_views.push(planned),
+                (Scope::Scene, true) => plan.after_views.push(planned),
+                (Scope::Dataset, _) => plan.per_dataset.push(planned),
             }
         }
-        for candidate in self.candidates.iter().filter(|candidate| candidate.explicit && candidate.maker.is_some()) {
-            let names: Vec<&str> = candidate.provides.iter().map(|key| key.name).collect();
-            plan.notes.push(
-                Error::new(format!("{} is not computed: no writer wants it", candidate.stage))
-                    .help(format!("include {} in a [write.<id>] table", names.join(" or "))),
-            );
-        }
+        let idle = self.notes.into_iter().zip(&self.candidates).filter(|(note, left)| note.explicit && left.is_some());
+        plan.idle = idle.map(|(note, _)| Idle { stage: note.stage, provides: note.provides }).collect();
+        plan.entries = self.entries;
         Ok(plan)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use syntable_model::error::Result;
-    use syntable_model::product::{Frame, Key, PerInstance};
-    use syntable_model::stage::{RenderSession, Site};
-
-    const PIXELS: Key<PerInstance<u32>> = Key::view("pixels", "");
-    const WRONG_PIXELS: Key<PerInstance<f64>> = Key::view("pixels", "");
-    const A: Key<PerInstance<u32>> = Key::view("a", "");
-    const B: Key<PerInstance<u32>> = Key::view("b", "");
-    const S: Key<PerInstance<u32>> = Key::scene("s", "");
-
-    struct Offers(Vec<KeyId>);
-    impl Renderer for Offers {
-        fn offers(&self) -> Vec<KeyId> {
-            self.0.clone()
-        }
-        fn open(&self, _: usize) -> Result<Box<dyn RenderSession>> {
-            Err(Error::new("only planned with"))
-        }
-        fn cost(&self) -> String {
-            "nothing".into()
-        }
-    }
-
-    struct Step1(Vec<KeyId>, Vec<KeyId>);
-    impl Annotator for Step1 {
-        fn reads(&self) -> Vec<KeyId> {
-            self.0.clone()
-        }
-        fn provides(&self) -> Vec<KeyId> {
-            self.1.clone()
-        }
-        fn annotate(&self, _: &Site, _: &mut Frame) -> Result<()> {
-            Ok(())
-        }
-    }
-
-    /// Plans annotators (id, reads, provides) for wants; gives the order of providers, or the errors.
-    fn check(annotators: &[(&str, &[KeyId], &[KeyId])], wants: &[&str], expected: std::result::Result<&[&str], &str>) {
-        let annotators = annotators
-            .iter()
-            .map(|(id, reads, provides)| {
-                ((*id).to_owned(), Maker::Annotator(Box::new(Step1(reads.to_vec(), provides.to_vec()))))
-            })
-            .collect();
-        let wants = wants.iter().map(|name| ((*name).to_owned(), "write.w".to_owned())).collect();
-        let plan = Plan::of(&Registry::default(), &Offers(vec![PIXELS.id()]), None, annotators, wants);
-        match (plan, expected) {
-            (Ok(plan), Ok(expected)) => {
-                let steps =
-                    plan.per_scene.iter().chain(&plan.per_view).map(|step| step.stage.trim_start_matches("annotate."));
-                assert_eq!(steps.collect::<Vec<_>>(), expected);
-            }
-            (Err(errors), Err(expected)) => {
-                let text: Vec<String> = errors.iter().map(Error::to_string).collect();
-                assert!(text.iter().any(|error| error.contains(expected)), "{text:?}");
-            }
-            (Ok(_), Err(expected)) => panic!("planned, but wanted: {expected}"),
-            (Err(errors), Ok(_)) => panic!("{errors:?}"),
-        }
-    }
-
-    #[test]
-    fn providers_run_before_readers_and_only_if_wanted() {
-        let all: &[(&str, &[KeyId], &[KeyId])] =
-            &[("second", &[A.id()], &[B.id()]), ("first", &[PIXELS.id()], &[A.id()]), ("scene", &[], &[S.id()])];
-        check(all, &["b"], Ok(&["first", "second"]));
-        check(all, &["b", "s"], Ok(&["scene", "first", "second"]));
-        check(all, &["pixels"], Ok(&[]));
-    }
-
-    #[test]
-    fn gaps_ambiguities_and_cycles_are_refused() {
-        check(&[], &["pixel"], Err("did you mean `pixels`?"));
-        check(&[("x", &[], &[A.id()]), ("y", &[], &[A.id()])], &["a"], Err("annotate.x, annotate.y"));
-        check(&[("x", &[], &[PIXELS.id()])], &["pixels"], Err("annotate.x, render"));
-        check(
-            &[("x", &[B.id()], &[A.id()]), ("y", &[A.id()], &[B.id()])],
-            &["a"],
-            Err("annotate.x → annotate.y → annotate.x"),
-        );
-        check(&[("x", &[WRONG_PIXELS.id()], &[A.id()])], &["a"], Err("as PerInstance<f64>"));
-        check(&[("x", &[PIXELS.id()], &[S.id()])], &["s"], Err("works once a scene"));
-    }
-}
+mod tests;

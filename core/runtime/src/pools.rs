@@ -1,8 +1,9 @@
 //! The pools of a recipe: selection, scale, centring and mass are the same for every source of assets.
 
 use crate::recipe::{Centre, OnBadAsset, PoolOptions, Recipe};
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::Arc;
 use syntable_model::context::{Assets, Log};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
@@ -18,7 +19,7 @@ const DENSITY_KG_M3: f64 = 400.0;
 const MASS_KG: [f64; 2] = [0.005, 20.0];
 
 /// All pools of a recipe, with what was loaded from them.
-pub struct Library<'a> {
+pub struct AssetStore<'a> {
     pools: BTreeMap<&'a str, Pool<'a>>,
     locked: &'a BTreeMap<String, String>,
     on_bad_asset: OnBadAsset,
@@ -55,7 +56,7 @@ struct Kept {
     used: u64,
 }
 
-impl<'a> Library<'a> {
+impl<'a> AssetStore<'a> {
     /// Opens all pools: finds and selects their entries, and loads nothing yet.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let mut pools = BTreeMap::new();
@@ -91,15 +92,15 @@ impl<'a> Library<'a> {
     /// An error if an asset must stop the run: it is bad and the recipe says so, or it is not what the recipe was
     /// resolved with.
     pub fn refused(&self) -> Result<()> {
-        self.refused.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone().map_or(Ok(()), Err)
+        self.refused.lock().clone().map_or(Ok(()), Err)
     }
 
     fn lock(&self) -> MutexGuard<'_, Loaded> {
-        self.loaded.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+        self.loaded.lock()
     }
 
     fn refuse(&self, error: Error) {
-        self.refused.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).get_or_insert(error);
+        self.refused.lock().get_or_insert(error);
     }
 
     fn pool(&self, id: &str) -> Result<&Pool<'a>> {
@@ -181,7 +182,7 @@ impl Loaded {
     }
 }
 
-impl Assets for Library<'_> {
+impl Assets for AssetStore<'_> {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
         self.pool(pool).map(|pool| pool.entries.as_slice())
     }
@@ -209,29 +210,29 @@ impl Assets for Library<'_> {
 }
 
 /// The assets of one attempt at a scene: remembers the digests of what was drawn.
-pub struct Drawn<'a> {
-    library: &'a Library<'a>,
+pub struct RecordingAssets<'a> {
+    library: &'a AssetStore<'a>,
     digests: Mutex<BTreeMap<String, String>>,
 }
 
-impl<'a> Drawn<'a> {
+impl<'a> RecordingAssets<'a> {
     /// Nothing drawn yet.
-    pub fn new(library: &'a Library<'a>) -> Self {
+    pub fn new(library: &'a AssetStore<'a>) -> Self {
         Self { library, digests: Mutex::default() }
     }
 
     /// Digests of all that was drawn, by `pool/name`.
     pub fn into_digests(self) -> BTreeMap<String, String> {
-        self.digests.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner())
+        self.digests.into_inner()
     }
 
     fn note(&self, asset: &AssetRef, digest: Digest) {
-        let mut digests = self.digests.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut digests = self.digests.lock();
         digests.insert(asset.to_string(), digest.to_string());
     }
 }
 
-impl Assets for Drawn<'_> {
+impl Assets for RecordingAssets<'_> {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
         self.library.entries(pool)
     }
@@ -308,10 +309,10 @@ impl Pool<'_> {
         let bounds = object.mesh.bounds();
         let longest = bounds.size().max();
         let scale = options.longest_side_m.map_or(options.scale, |wanted| wanted / longest);
-        let centre = bounds.centre();
+        let center = bounds.center();
         let offset = match options.centre {
-            Centre::Bounds => -centre.coords,
-            Centre::Bottom => -Point3::new(centre.x, centre.y, bounds.min.z).coords,
+            Centre::Bounds => -center.coords,
+            Centre::Bottom => -Point3::new(center.x, center.y, bounds.min.z).coords,
             Centre::None => Vector3::zeros(),
         };
         let mass = match (options.mass_kg, options.density_kg_m3) {
@@ -337,9 +338,9 @@ impl Pool<'_> {
             .number(offset.z)
             .number(mass)
             .finish();
-        let licence = options.licence.clone().unwrap_or(object.licence);
+        let license = options.licence.clone().unwrap_or(object.license);
         let materials = object.materials.into_iter().map(|material| scaled(material, scale)).collect();
-        let object = Object { mesh, materials, collision, mass_kg: mass, digest, licence, ..object };
+        let object = Object { mesh, materials, collision, mass_kg: mass, digest, license, ..object };
         object.check_extent()?;
         Ok(object)
     }
@@ -359,7 +360,7 @@ fn scaled(material: Arc<Material>, factor: f64) -> Arc<Material> {
     if let Some(medium) = material.transmission.as_mut().and_then(|transmission| transmission.volume.as_mut()) {
         medium.attenuation_distance_m = (f64::from(medium.attenuation_distance_m) * factor) as f32;
     }
-    Arc::new(material.sealed())
+    Arc::new(material.with_digest())
 }
 
 /// A log that names the asset.
@@ -406,7 +407,7 @@ mod tests {
         let mut glass = Material::plain("glass", [1.0; 3], 0.0);
         let volume = Some(Volume { attenuation_color: [0.2, 0.6, 0.4], attenuation_distance_m });
         glass.transmission = Some(Transmission { share: Scalar::constant(1.0), volume });
-        Arc::new(glass.sealed())
+        Arc::new(glass.with_digest())
     }
 
     fn normalised(materials: Vec<Arc<Material>>, options: &PoolOptions) -> Object {

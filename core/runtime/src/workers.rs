@@ -1,5 +1,6 @@
 //! Worker threads that all stages share.
 
+use crate::run::panics::carried;
 use rayon::prelude::*;
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
@@ -25,7 +26,7 @@ impl Workers for Pool {
     }
 
     fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
-        self.0.install(|| (0..jobs).into_par_iter().with_max_len(1).for_each(job));
+        self.0.install(|| (0..jobs).into_par_iter().with_max_len(1).for_each(|index| carried(|| job(index))));
     }
 }
 

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use syntable_model::product::{Frame, KeyId};
+use syntable_model::context::ViewContext;
+use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::registry::{ConstructError, Constructed, Entry};
 use syntable_model::scene::Scene;
-use syntable_model::stage::{Annotator, Output, RenderRequest, Renderer, SceneWriter, Site, Writer};
+use syntable_model::stage::{Annotator, Output, RenderRequest, Renderer, SceneWriter, Writer};
 use syntable_model::{context::Workers, random::Stream};
 
 /// A kind of stage: its example builds, its options survive writing and reading, unknown keys are refused, and
@@ -35,20 +36,23 @@ pub fn entry(entry: &Entry) -> Constructed {
     constructed
 }
 
-/// An annotator: it provides what it declares, reads nothing else than it declares, and gives the same twice.
-pub fn annotator(annotator: &dyn Annotator, site: &Site, make_frame: impl Fn() -> Frame) {
+/// An annotator of views: it provides what it declares, reads nothing else than it declares, and gives the same twice.
+/// Returns what it made.
+pub fn annotator(annotator: &dyn Annotator, cx: &ViewContext, products: &Products) -> Products {
     let provided = annotator.provides();
     assert!(!provided.is_empty(), "it provides nothing");
-    let scope = annotator.scope();
-    assert!(provided.iter().all(|key| key.scope == scope), "its products have different scopes");
+    assert!(provided.iter().all(|key| key.scope == Scope::View), "it provides products that are not of views");
+    let lent = products.only(&names(&annotator.reads()));
     let make = || {
-        let mut frame = make_frame();
-        frame.guard(&annotator.reads());
-        annotator.annotate(site, &mut frame).expect("annotates");
-        frame.unguard();
-        provided.iter().map(|key| frame.value(key.name).expect("provided")).collect::<Vec<_>>()
+        let mut filled = lent.clone();
+        annotator.annotate(cx, &mut filled).expect("annotates");
+        filled.without(&lent)
     };
-    assert_eq!(make(), make(), "it gives different products from the same");
+    let made = make();
+    assert_eq!(sorted(made.keys()), sorted(provided.clone()), "it makes other products than it declares");
+    let values = |products: &Products| provided.iter().map(|key| products.value(key.name).ok()).collect::<Vec<_>>();
+    assert_eq!(values(&made), values(&make()), "it gives different products from the same");
+    made
 }
 
 /// A renderer: it makes exactly what is wanted, alone or together, the same for any number of threads.
@@ -56,34 +60,33 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
     let render = |wants: &[KeyId], workers: &dyn Workers| {
         let mut session = renderer.open(0).expect("opens");
         session.load(scene, workers).expect("loads");
-        let mut frame = Frame::new();
+        let mut products = Products::new();
         let stream: Stream = request.stream.clone();
-        session.render(&RenderRequest { view: request.view, wants, stream, workers }, &mut frame).expect("renders");
-        let made: Vec<&str> = frame.keys().iter().map(|key| key.name).collect();
-        let mut wanted: Vec<&str> = wants.iter().map(|key| key.name).collect();
-        wanted.sort_unstable();
-        assert_eq!(made, wanted, "it makes other products than wanted");
-        wants.iter().map(|key| frame.value(key.name).expect("made")).collect::<Vec<_>>()
+        session.render(&RenderRequest { view: request.view, wants, stream, workers }, &mut products).expect("renders");
+        assert_eq!(sorted(products.keys()), sorted(wants.to_vec()), "it makes other products than wanted");
+        wants.iter().map(|key| products.value(key.name).expect("made")).collect::<Vec<_>>()
     };
     let offers = renderer.offers();
     let all = render(&offers, threads[0]);
     for &workers in threads {
-        assert!(render(&offers, workers) == all, "pictures differ with {} threads", workers.threads());
+        assert!(render(&offers, workers) == all, "images differ with {} threads", workers.threads());
     }
     for (key, value) in offers.iter().zip(&all) {
         assert!(&render(&[*key], threads[0])[0] == value, "`{}` differs when it is made alone", key.name);
     }
 }
 
-/// A writer: the same samples give the same files, all inside its folder. Gives the files of the scene, by path.
-pub fn writer(writer: &dyn Writer, site: &Site, frame: &Frame, folder: &Path) -> Vec<(String, Vec<u8>)> {
+/// A writer: the same samples give the same files, all inside its folder, and it reads nothing else than it declares.
+/// Returns the files of the scene, by path.
+pub fn writer(writer: &dyn Writer, cx: &ViewContext, products: &Products, folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
+    let lent = products.only(&reads);
     let write = |name: &str| {
         let staging = folder.join(name);
-        let output = Output::new(&staging, "test", site.scene.id);
-        let scene_site = Site { view: None, ..*site };
-        let mut scene: Box<dyn SceneWriter> = writer.scene(&scene_site, output).expect("starts a scene");
-        scene.view(site, frame).expect("writes a view");
-        scene.close().expect("closes");
+        let output = Output::new(&staging, "test", cx.scene.id);
+        let mut scene: Box<dyn SceneWriter> = writer.scene(&cx.of_scene(), output).expect("starts a scene");
+        scene.view(cx, &lent).expect("writes a view");
+        scene.close(&cx.of_scene(), &lent).expect("closes");
         let mut files = Vec::new();
         collect(&staging, &staging, &mut files);
         files.sort();
@@ -92,6 +95,16 @@ pub fn writer(writer: &dyn Writer, site: &Site, frame: &Frame, folder: &Path) ->
     let (first, second) = (write("first"), write("second"));
     assert!(first == second, "it writes different files from the same samples");
     first
+}
+
+fn names(keys: &[KeyId]) -> Vec<&'static str> {
+    keys.iter().map(|key| key.name).collect()
+}
+
+fn sorted(keys: Vec<KeyId>) -> Vec<&'static str> {
+    let mut names = names(&keys);
+    names.sort_unstable();
+    names
 }
 
 fn collect(folder: &Path, root: &Path, files: &mut Vec<(String, Vec<u8>)>) {

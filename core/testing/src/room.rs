@@ -7,9 +7,9 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion,
-    NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport, SphereLight, Surface, Tabletop, Texture,
-    TextureMapping, ViewId, Wrap,
+    AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, Material, MaterialOverride, Mesh,
+    MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport, SphereLight, Tabletop,
+    Texture, TextureMapping, ViewId, Wrap,
 };
 
 /// The table from above one corner, 600 px of focal length: the middle of a 640 × 480 picture, or all of it.
@@ -18,12 +18,12 @@ pub fn view(width: u32, height: u32) -> View {
         Intrinsics { width, height, fx: 600.0, fy: 600.0, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };
     let world_from_camera = look_at(Point3::new(0.75, -1.0, 1.5), Point3::new(0.0, 0.0, 0.76), Vector3::z());
     let panel = RectLight {
-        centre: Point3::new(0.3, 0.5, 2.79),
+        center: Point3::new(0.3, 0.5, 2.79),
         half_u: Vector3::new(0.0, 0.4, 0.0),
         half_v: Vector3::new(0.6, 0.0, 0.0),
         radiance: [900.0, 870.0, 800.0],
     };
-    let globe = SphereLight { centre: Point3::new(-1.0, -0.4, 1.9), radius: 0.1, radiance: [9000.0, 6500.0, 4000.0] };
+    let globe = SphereLight { center: Point3::new(-1.0, -0.4, 1.9), radius: 0.1, radiance: [9000.0, 6500.0, 4000.0] };
     View {
         id: ViewId(0),
         camera: Camera::pinhole(intrinsics, world_from_camera),
@@ -36,10 +36,10 @@ pub fn view(width: u32, height: u32) -> View {
 pub fn scene() -> Arc<Scene> {
     let mut random = Stream::root(3);
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.75], size: [1.2, 0.8] });
-    let mut add = |object: &Arc<Object>, pose: Pose, role: Role, surface: Option<Surface>| {
+    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.2, 0.8] });
+    let mut add = |object: &Arc<Object>, pose: Pose, role: Role, surface: Option<MaterialOverride>| {
         let asset = AssetRef { pool: "bench".into(), name: object.name.clone() };
-        builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Fixed).with_surface(surface));
+        builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Fixed).with_material_override(surface));
     };
     for number in 0..20 {
         let (base, mix) = (random.uniform(0.1, 0.8), [0, 1, 2].map(|_| random.uniform(0.3, 1.0)));
@@ -64,10 +64,13 @@ pub fn scene() -> Arc<Scene> {
         ..Material::plain("wood", [0.8; 3], 0.4)
     });
     let boxed = |material: &Arc<Material>| {
-        Some(Surface { material: material.clone(), mapping: TextureMapping::Box { rotation: 0.2, offset: [0.0; 2] } })
+        Some(MaterialOverride {
+            material: material.clone(),
+            mapping: TextureMapping::Box { rotation: 0.2, offset: [0.0; 2] },
+        })
     };
     let place = |x: f64, y: f64, z: f64| Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::identity());
-    let slab = |name: &str, half: [f32; 3]| object(name, cuboid(half), Material::plain("grey", [0.6; 3], 0.9));
+    let slab = |name: &str, half: [f32; 3]| object(name, cuboid(half), Material::plain("gray", [0.6; 3], 0.9));
     add(&slab("top", [0.6, 0.4, 0.015]), place(0.0, 0.0, 0.735), Role::Support, boxed(&wood));
     for (x, y) in [(-0.55, -0.35), (0.55, -0.35), (-0.55, 0.35), (0.55, 0.35)] {
         add(&slab("leg", [0.025, 0.025, 0.36]), place(x, y, 0.36), Role::Support, boxed(&wood));
@@ -78,7 +81,7 @@ pub fn scene() -> Arc<Scene> {
         ..Material::plain("tiles", [0.9; 3], 0.5)
     });
     let paint = Arc::new(Material::plain("paint", [0.75, 0.72, 0.66], 0.9));
-    for (name, half, centre, material) in [
+    for (name, half, center, material) in [
         ("floor", [3.0, 3.0, 0.05], [0.0, 0.0, -0.05], &tiles),
         ("ceiling", [3.0, 3.0, 0.05], [0.0, 0.0, 2.85], &paint),
         ("west", [0.05, 3.0, 1.5], [-3.05, 0.0, 1.4], &paint),
@@ -86,7 +89,7 @@ pub fn scene() -> Arc<Scene> {
         ("south", [3.0, 0.05, 1.5], [0.0, -3.05, 1.4], &paint),
         ("north", [3.0, 0.05, 1.5], [0.0, 3.05, 1.4], &paint),
     ] {
-        add(&slab(name, half), place(centre[0], centre[1], centre[2]), Role::Room, boxed(material));
+        add(&slab(name, half), place(center[0], center[1], center[2]), Role::Room, boxed(material));
     }
     Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"))
 }
@@ -101,7 +104,7 @@ fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         collision: None,
         mass_kg: 1.0,
         friction: 0.5,
-        licence: String::new(),
+        license: String::new(),
     })
 }
 

@@ -9,7 +9,7 @@ use syntable_model::scene::{
 };
 use syntable_model::stage::DatasetInfo;
 
-/// A closed box around the origin with flat faces, edge lengths in metres.
+/// A closed box around the origin with flat faces, edge lengths in meters.
 pub fn box_mesh(size: [f32; 3]) -> Mesh {
     let mut data = MeshData::default();
     for axis in 0..3 {
@@ -46,7 +46,7 @@ pub fn object(name: &str, mesh: Mesh, color: [f32; 3]) -> Arc<Object> {
         collision: None,
         mass_kg: 0.2,
         friction: 0.5,
-        licence: String::new(),
+        license: String::new(),
         digest,
     })
 }
@@ -63,11 +63,11 @@ pub fn table() -> SceneBuilder {
     let mut builder = SceneBuilder::default();
     let slab = object("table", box_mesh([2.0, 2.0, 0.1]), [0.5; 3]);
     builder.add(body(slab, [0.0, 0.0, -0.05], Role::Support));
-    builder.tabletop = Some(Tabletop { centre: [0.0; 3], size: [2.0, 2.0] });
+    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [2.0, 2.0] });
     builder
 }
 
-/// Boxes (centre, edge lengths, metres) on the [`table`]; box `i` has the instance id `i + 1`.
+/// Boxes (center, edge lengths, meters) on the [`table`]; box `i` has the instance id `i + 1`.
 pub fn boxes(boxes: &[([f64; 3], [f32; 3])]) -> Scene {
     let mut builder = table();
     for (i, &(at, size)) in boxes.iter().enumerate() {
@@ -90,7 +90,7 @@ pub fn view(eye: [f64; 3], target: [f64; 3], size: [u32; 2], fov_deg: f64) -> Vi
         camera: Camera::pinhole(intrinsics, world_from_camera),
         exposure: Exposure::Auto { compensation_ev: 0.0 },
         lights: vec![Light::Sphere(SphereLight {
-            centre: Point3::new(0.5, -1.0, 3.0),
+            center: Point3::new(0.5, -1.0, 3.0),
             radius: 0.2,
             radiance: [5000.0; 3],
         })],

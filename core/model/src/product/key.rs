@@ -1,6 +1,6 @@
 //! Typed names of products.
 
-use super::Value;
+use super::{Form, Value};
 use std::any::{Any, TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
@@ -8,24 +8,78 @@ use std::marker::PhantomData;
 /// How often a product is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Scope {
-    /// Once a scene.
+    /// Once per dataset, when the scenes are done.
+    Dataset,
+    /// Once per scene.
     Scene,
-    /// Once a view.
+    /// Once per view.
     View,
+}
+
+impl fmt::Display for Scope {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Dataset => "dataset",
+            Self::Scene => "scene",
+            Self::View => "view",
+        })
+    }
+}
+
+/// What the numbers of a product mean, beyond their type: how a writer that has never heard of the product shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Semantic {
+    /// A color: floats are linear Rec. 709, 8-bit integers are sRGB-encoded.
+    Color,
+    /// A distance along the optical axis; 0 or infinite where there is none.
+    Depth,
+    /// A unit vector of the camera frame (x right, y down, z forward); zero where there is none.
+    Normal,
+    /// Ids; 0 stands for none.
+    Label,
+    /// Pixels that are in or out.
+    Mask,
+    /// Anything else: numbers, records, text.
+    Data,
+}
+
+impl fmt::Display for Semantic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Color => "color",
+            Self::Depth => "depth",
+            Self::Normal => "normal",
+            Self::Label => "label map",
+            Self::Mask => "mask",
+            Self::Data => "data",
+        })
+    }
 }
 
 /// A value that can be a product.
 pub trait Product: Any + Send + Sync {
     /// The generic encoding, for writers that do not know the type.
     fn encode(&self) -> Value;
+    /// What [`encode`](Self::encode) gives, as far as the type says: a writer that cannot store it is refused before
+    /// anything is rendered.
+    fn form() -> Form
+    where
+        Self: Sized,
+    {
+        Form::Any
+    }
 }
 
-/// The name of a product of type `T`. Made as a constant:
+/// The name of a product of type `T`. Made as a constant, best by [`products!`](crate::products):
 ///
 /// ```
 /// use syntable_model::product::{Key, PerInstance};
-/// /// Visible pixels per instance, px.
-/// pub const VISIBLE_AREA: Key<PerInstance<u32>> = Key::view("visible_area", "visible pixels per instance, px");
+/// syntable_model::products! {
+///     /// Visible pixels per instance.
+///     pub const VISIBLE_AREA: Key<PerInstance<u32>> = view("visible_area").unit("px");
+/// }
+/// assert_eq!(VISIBLE_AREA.id().doc(), "Visible pixels per instance.");
 /// ```
 pub struct Key<T> {
     id: KeyId,
@@ -39,10 +93,14 @@ pub struct KeyId {
     pub name: &'static str,
     /// How often it is made.
     pub scope: Scope,
-    /// Meaning, unit, frame.
-    pub doc: &'static str,
+    /// What its numbers mean.
+    pub semantic: Semantic,
+    /// Unit of its numbers, such as `m` or `nit`; empty if they have none.
+    pub unit: &'static str,
+    doc: &'static str,
     type_id: fn() -> TypeId,
     type_name: fn() -> &'static str,
+    form: fn() -> Form,
 }
 
 impl<T: Product> Key<T> {
@@ -56,8 +114,35 @@ impl<T: Product> Key<T> {
         Self::new(name, Scope::Scene, doc)
     }
 
+    /// A product of the dataset.
+    pub const fn dataset(name: &'static str, doc: &'static str) -> Self {
+        Self::new(name, Scope::Dataset, doc)
+    }
+
     const fn new(name: &'static str, scope: Scope, doc: &'static str) -> Self {
-        Self { id: KeyId { name, scope, doc, type_id: TypeId::of::<T>, type_name: type_name::<T> }, of: PhantomData }
+        let id = KeyId {
+            name,
+            scope,
+            semantic: Semantic::Data,
+            unit: "",
+            doc,
+            type_id: TypeId::of::<T>,
+            type_name: type_name::<T>,
+            form: T::form,
+        };
+        Self { id, of: PhantomData }
+    }
+
+    /// States what the numbers mean; [`Semantic::Data`] if left out.
+    pub const fn semantic(mut self, semantic: Semantic) -> Self {
+        self.id.semantic = semantic;
+        self
+    }
+
+    /// States the unit of the numbers.
+    pub const fn unit(mut self, unit: &'static str) -> Self {
+        self.id.unit = unit;
+        self
     }
 
     /// The key without its type.
@@ -79,9 +164,33 @@ impl<T> Clone for Key<T> {
 impl<T> Copy for Key<T> {}
 
 impl KeyId {
+    /// Meaning, frame and special values, in sentences. Links to other keys read as their names.
+    pub fn doc(&self) -> String {
+        let mut out = String::new();
+        let mut rest = self.doc.trim();
+        while let Some((before, after)) = rest.split_once("[`") {
+            let Some((link, after)) = after.split_once("`]") else { break };
+            out += before;
+            out += &format!("`{}`", link.to_lowercase());
+            rest = after;
+        }
+        (out + rest).split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    /// First sentence of [`doc`](Self::doc), without its full stop.
+    pub fn summary(&self) -> String {
+        let doc = self.doc();
+        doc.split_once(". ").map_or(doc.trim_end_matches('.'), |(first, _)| first).to_owned()
+    }
+
     /// Identity of the product's type.
     pub fn type_id(&self) -> TypeId {
         (self.type_id)()
+    }
+
+    /// What the product's encoding looks like.
+    pub fn form(&self) -> Form {
+        (self.form)()
     }
 
     /// Short name of the product's type, without module paths.
@@ -101,6 +210,14 @@ impl KeyId {
         }
         out + &word
     }
+
+    /// What kind of value it is, for messages: `f32 image of 3 channels (normal)`.
+    pub fn kind_of_value(&self) -> String {
+        match self.semantic {
+            Semantic::Data => self.form().to_string(),
+            semantic => format!("{} ({semantic})", self.form()),
+        }
+    }
 }
 
 impl PartialEq for KeyId {
@@ -113,5 +230,40 @@ impl Eq for KeyId {}
 impl fmt::Debug for KeyId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.name, self.type_name())
+    }
+}
+
+/// Defines keys of products. The doc comment is the meaning that `syntable list products` and the reference show.
+#[macro_export]
+macro_rules! products {
+    ($(
+        $(#[doc = $doc:literal])+
+        $vis:vis const $name:ident: Key<$type:ty> = $scope:ident($key:literal) $(.$method:ident($argument:expr))*;
+    )+) => {$(
+        $(#[doc = $doc])+
+        $vis const $name: $crate::product::Key<$type> =
+            $crate::product::Key::$scope($key, concat!($($doc, "\n"),+))$(.$method($argument))*;
+    )+};
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::product::Plane;
+
+    products! {
+        /// Light, see [`OTHER`]: in
+        /// two lines. More.
+        const LIGHT: Key<Plane<[f32; 3]>> = view("light").semantic(Semantic::Color).unit("nit");
+    }
+
+    #[test]
+    fn the_doc_comment_is_the_meaning() {
+        let key = LIGHT.id();
+        assert_eq!(key.doc(), "Light, see `other`: in two lines. More.");
+        assert_eq!(key.summary(), "Light, see `other`: in two lines");
+        assert_eq!(key.kind_of_value(), "f32 image of 3 channels (color)");
+        assert_eq!((key.unit, key.scope), ("nit", Scope::View));
+        assert_eq!(key.type_name(), "Plane<[f32; 3]>");
     }
 }

@@ -1,17 +1,20 @@
-//! Products: the values of a view (or scene) that renderers offer, annotators provide and writers want.
+//! Products: the values of a view, scene or dataset that renderers offer, annotators provide and writers read.
 //!
-//! A [`Key`] names a product and its type; a [`Frame`] holds the products of one view. Every product has one generic
-//! encoding, [`Value`], so that a generic writer can write an annotation it has never heard of.
+//! A [`Key`] names a product, its type, its [`Semantic`] and its unit; [`Products`] holds those of one view. Every
+//! product has one generic encoding, [`Value`], whose [`Form`] is known from the type, so that a generic writer can
+//! store an annotation it has never heard of, and refuses one that it cannot store before anything is rendered.
 
-mod frame;
+mod form;
 mod key;
 mod mask;
 mod plane;
 pub mod standard;
+mod store;
 mod value;
 
-pub use frame::Frame;
-pub use key::{Key, KeyId, Product, Scope};
+pub use form::Form;
+pub use key::{Key, KeyId, Product, Scope, Semantic};
 pub use mask::Mask;
 pub use plane::{BitPlane, Plane};
+pub use store::Products;
 pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value};

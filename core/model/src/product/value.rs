@@ -1,23 +1,33 @@
 //! The generic encoding of products, and the small product types.
 
-use super::{BitPlane, Mask, Plane, Product};
+use super::{BitPlane, Form, Mask, Plane, Product};
 use crate::scene::InstanceId;
+use half::f16;
 use serde::Serialize;
 use serde::ser::{SerializeMap, SerializeSeq};
+use std::any::TypeId;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fmt;
 
-/// Any product, in a form that every writer understands. The set of forms is closed.
+/// Any product, in a form that every writer understands.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
-    /// Yes or no.
+    /// Null: an optional value that is absent.
+    Null,
+    /// A truth value.
     Bool(bool),
-    /// A whole number.
+    /// A signed integer.
     Int(i64),
-    /// A number.
+    /// An unsigned integer, such as a word of a bit set.
+    Uint(u64),
+    /// A floating-point number.
     Float(f64),
     /// Text.
     Text(String),
-    /// An array of numbers.
+    /// Bytes of a format that the product's documentation names, such as a compressed image.
+    Bytes(Vec<u8>),
+    /// A numeric array.
     Tensor(Tensor),
     /// A binary mask of the image.
     Mask(Mask),
@@ -51,6 +61,11 @@ impl From<u32> for Value {
         Self::Int(value.into())
     }
 }
+impl From<u64> for Value {
+    fn from(value: u64) -> Self {
+        Self::Uint(value)
+    }
+}
 impl From<bool> for Value {
     fn from(value: bool) -> Self {
         Self::Bool(value)
@@ -77,13 +92,16 @@ impl<T: Into<Value>, const N: usize> From<[T; N]> for Value {
     }
 }
 
-/// Serialises as JSON would have it: masks as COCO's compressed runs with their size, tensors as nested lists,
-/// per-instance values keyed by the id in decimal; numbers that are not finite as null.
+/// Serializes for JSON: masks as COCO's compressed runs with their size, tensors as nested lists, bytes as a list of
+/// numbers, per-instance values keyed by the id in decimal, and numbers that are not finite as null.
 impl Serialize for Value {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
+            Self::Null => serializer.serialize_none(),
             Self::Bool(value) => serializer.serialize_bool(*value),
             Self::Int(value) => serializer.serialize_i64(*value),
+            Self::Uint(value) => serializer.serialize_u64(*value),
+            Self::Bytes(value) => value.serialize(serializer),
             Self::Float(value) if value.is_finite() => serializer.serialize_f64(*value),
             Self::Float(_) => serializer.serialize_none(),
             Self::Text(value) => serializer.serialize_str(value),
@@ -126,9 +144,19 @@ pub enum DType {
     U32,
     /// Unsigned, 64 bits.
     U64,
-    /// IEEE single.
+    /// Signed, 8 bits.
+    I8,
+    /// Signed, 16 bits.
+    I16,
+    /// Signed, 32 bits.
+    I32,
+    /// Signed, 64 bits.
+    I64,
+    /// IEEE half precision.
+    F16,
+    /// IEEE single precision.
     F32,
-    /// IEEE double.
+    /// IEEE double precision.
     F64,
 }
 
@@ -136,21 +164,45 @@ impl DType {
     /// Bytes of one element.
     pub fn size(self) -> usize {
         match self {
-            Self::Bool | Self::U8 => 1,
-            Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-            Self::U64 | Self::F64 => 8,
+            Self::Bool | Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 | Self::F16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
         }
+    }
+
+    /// Whether elements are floating-point numbers.
+    pub fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32 | Self::F64)
     }
 }
 
-/// An array of numbers.
+impl fmt::Display for DType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Bool => "bool",
+            Self::U8 => "u8",
+            Self::U16 => "u16",
+            Self::U32 => "u32",
+            Self::U64 => "u64",
+            Self::I8 => "i8",
+            Self::I16 => "i16",
+            Self::I32 => "i32",
+            Self::I64 => "i64",
+            Self::F16 => "f16",
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        })
+    }
+}
+
+/// A numeric array.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor {
     /// Element type.
     pub dtype: DType,
     /// Names of the axes, such as `["y", "x", "channel"]`.
-    pub axes: Vec<&'static str>,
+    pub axes: Vec<Cow<'static, str>>,
     /// Lengths of the axes.
     pub shape: Vec<usize>,
     /// Elements in C order, little-endian.
@@ -158,6 +210,13 @@ pub struct Tensor {
 }
 
 impl Tensor {
+    /// An array with named axes. Panics if the bytes are not as many as dtype and shape say.
+    pub fn new(dtype: DType, axes: &[&'static str], shape: Vec<usize>, bytes: Vec<u8>) -> Self {
+        assert_eq!(axes.len(), shape.len(), "a tensor has a name for each axis");
+        assert_eq!(shape.iter().product::<usize>() * dtype.size(), bytes.len(), "a tensor's bytes fit its shape");
+        Self { dtype, axes: axes.iter().map(|&axis| Cow::Borrowed(axis)).collect(), shape, bytes }
+    }
+
     /// Element at a flat index, as a value.
     pub fn element(&self, index: usize) -> Value {
         let size = self.dtype.size();
@@ -172,7 +231,12 @@ impl Tensor {
             DType::U8 => Value::Int(bytes[0].into()),
             DType::U16 => Value::Int(read!(u16).into()),
             DType::U32 => Value::Int(read!(u32).into()),
-            DType::U64 => Value::Int(read!(u64) as i64),
+            DType::U64 => Value::Uint(read!(u64)),
+            DType::I8 => Value::Int(read!(i8).into()),
+            DType::I16 => Value::Int(read!(i16).into()),
+            DType::I32 => Value::Int(read!(i32).into()),
+            DType::I64 => Value::Int(read!(i64)),
+            DType::F16 => Value::Float(read!(f16).into()),
             DType::F32 => Value::Float(read!(f32).into()),
             DType::F64 => Value::Float(read!(f64)),
         }
@@ -210,7 +274,10 @@ macro_rules! pixel {
         }
     )*};
 }
-pixel!(u8 => U8, u16 => U16, u32 => U32, u64 => U64, f32 => F32, f64 => F64);
+pixel!(
+    u8 => U8, u16 => U16, u32 => U32, u64 => U64, i8 => I8, i16 => I16, i32 => I32, i64 => I64, f16 => F16, f32 => F32,
+    f64 => F64
+);
 
 impl Pixel for bool {
     const DTYPE: DType = DType::Bool;
@@ -240,24 +307,31 @@ impl<P: Pixel> Product for Plane<P> {
     fn encode(&self) -> Value {
         let mut bytes = Vec::with_capacity(self.data().len() * P::DTYPE.size() * P::CHANNELS.unwrap_or(1));
         self.data().iter().for_each(|pixel| pixel.write(&mut bytes));
-        let (mut axes, mut shape) = (vec!["y", "x"], vec![self.height() as usize, self.width() as usize]);
-        if let Some(channels) = P::CHANNELS {
-            axes.push("channel");
-            shape.push(channels);
-        }
-        Value::Tensor(Tensor { dtype: P::DTYPE, axes, shape, bytes })
+        let size = [self.height() as usize, self.width() as usize];
+        Value::Tensor(match P::CHANNELS {
+            None => Tensor::new(P::DTYPE, &["y", "x"], size.to_vec(), bytes),
+            Some(channels) => Tensor::new(P::DTYPE, &["y", "x", "channel"], vec![size[0], size[1], channels], bytes),
+        })
+    }
+
+    fn form() -> Form {
+        Form::Image { dtype: P::DTYPE, channels: P::CHANNELS }
     }
 }
 
 impl Product for BitPlane {
     fn encode(&self) -> Value {
         let [mx, my] = self.margin();
-        Value::Tensor(Tensor {
-            dtype: DType::U64,
-            axes: vec!["y", "x", "word"],
-            shape: vec![(self.height() + 2 * my) as usize, (self.width() + 2 * mx) as usize, self.words()],
-            bytes: self.data().iter().flat_map(|word| word.to_le_bytes()).collect(),
-        })
+        Value::Tensor(Tensor::new(
+            DType::U64,
+            &["y", "x", "word"],
+            vec![(self.height() + 2 * my) as usize, (self.width() + 2 * mx) as usize, self.words()],
+            self.data().iter().flat_map(|word| word.to_le_bytes()).collect(),
+        ))
+    }
+
+    fn form() -> Form {
+        Form::Tensor(DType::U64)
     }
 }
 
@@ -297,6 +371,33 @@ impl<T> PerInstance<T> {
 impl<T: Clone + Into<Value> + Send + Sync + 'static> Product for PerInstance<T> {
     fn encode(&self) -> Value {
         Value::PerInstance(self.0.iter().map(|(&id, value)| (id, value.clone().into())).collect())
+    }
+
+    fn form() -> Form {
+        Form::PerInstance(Box::new(form_of::<T>()))
+    }
+}
+
+/// The form of the value that a type of the standard ones is converted into.
+fn form_of<T: 'static>() -> Form {
+    let is = |id: TypeId| TypeId::of::<T>() == id;
+    macro_rules! any_of {
+        ($($t:ty),*) => { $(is(TypeId::of::<$t>()))||* };
+    }
+    if any_of!(Mask) {
+        Form::Mask
+    } else if any_of!(f64) {
+        Form::Float
+    } else if any_of!(u32, u64, i64) {
+        Form::Int
+    } else if any_of!(bool) {
+        Form::Bool
+    } else if any_of!(String, &'static str) {
+        Form::Text
+    } else if any_of!(BBox) {
+        Form::Ints(4)
+    } else {
+        Form::Any
     }
 }
 
@@ -383,12 +484,12 @@ impl OcclusionOrder {
 impl Product for OcclusionOrder {
     fn encode(&self) -> Value {
         let n = self.ids.len();
-        Value::Tensor(Tensor {
-            dtype: DType::Bool,
-            axes: vec!["occluder", "occludee"],
-            shape: vec![n, n],
-            bytes: self.matrix.iter().map(|&bit| bit.into()).collect(),
-        })
+        let bytes = self.matrix.iter().map(|&bit| bit.into()).collect();
+        Value::Tensor(Tensor::new(DType::Bool, &["occluder", "occludee"], vec![n, n], bytes))
+    }
+
+    fn form() -> Form {
+        Form::Tensor(DType::Bool)
     }
 }
 
@@ -397,7 +498,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_serialise_as_json() {
+    fn numbers_keep_their_sign_and_size() {
+        let element = |dtype, bytes: &[u8]| Tensor::new(dtype, &["i"], vec![1], bytes.to_vec()).element(0);
+        assert_eq!(element(DType::U64, &[0xff; 8]), Value::Uint(u64::MAX));
+        assert_eq!(element(DType::I8, &[0xff]), Value::Int(-1));
+        assert_eq!(element(DType::I16, &[0, 0x80]), Value::Int(-32_768));
+        // IEEE 754 binary16: 0x3555 is the nearest to one third.
+        assert_eq!(element(DType::F16, &[0x55, 0x35]), Value::Float(0.333_251_953_125));
+        let words = BitPlane::new(1, 1, [0, 0], 64);
+        let mut words = words;
+        words.insert(0, 0, InstanceId(64));
+        assert_eq!(serde_json::to_string(&words.encode()).expect("serializes"), "[[[9223372036854775808]]]");
+    }
+
+    #[test]
+    fn forms_are_those_of_the_encodings() {
+        assert_eq!(Plane::<[f16; 2]>::form(), Form::Image { dtype: DType::F16, channels: Some(2) });
+        assert_eq!(PerInstance::<Mask>::form(), Form::PerInstance(Box::new(Form::Mask)));
+        assert_eq!(PerInstance::<BBox>::form().to_string(), "list of 4 integers per instance");
+        assert_eq!(Value::form(), Form::Any);
+    }
+
+    #[test]
+    fn values_serialize_as_json() {
         let value = Value::record([
             ("plane", Plane::from_fn(2, 1, |x, _| [x as u8, 7]).encode()),
             ("mask", Mask::from_fn(2, 1, |x, _| x == 1).into()),
@@ -406,7 +529,7 @@ mod tests {
             ("each", PerInstance::from_iter([(InstanceId(3), 0.5)]).encode()),
         ]);
         assert_eq!(
-            serde_json::to_string(&value).expect("serialises"),
+            serde_json::to_string(&value).expect("serializes"),
             r#"{"plane":[[[0,7],[1,7]]],"mask":{"size":[1,2],"counts":"11"},"box":[1,2,3,4],"inf":null,"each":{"3":0.5}}"#
         );
     }

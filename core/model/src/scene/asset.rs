@@ -127,7 +127,7 @@ impl Asset {
     }
 }
 
-/// Points whose convex hull is one part of a collision shape, body frame, metres.
+/// Points whose convex hull is one part of a collision shape, body frame, meters.
 pub type ConvexPart = Vec<[f32; 3]>;
 
 /// A rigid thing: shape, surface and mass. Immutable and shared.
@@ -137,7 +137,7 @@ pub struct Object {
     pub name: String,
     /// What sort of thing it is, such as `mug`.
     pub category: String,
-    /// Its shape, body frame: metres, z up.
+    /// Its shape, body frame: meters, z up.
     pub mesh: Arc<Mesh>,
     /// Materials by slot; never empty.
     pub materials: Vec<Arc<Material>>,
@@ -147,17 +147,17 @@ pub struct Object {
     pub mass_kg: f64,
     /// Coulomb friction coefficient.
     pub friction: f64,
-    /// Licence as an SPDX expression or name; empty if unknown.
-    pub licence: String,
-    /// Digest of everything that shapes or colours it.
+    /// License as an SPDX expression or name; empty if unknown.
+    pub license: String,
+    /// Digest of everything that shapes or colors it.
     pub digest: Digest,
 }
 
-/// Largest side of an object's bounding box that makes sense on a table, metres: half a millimetre to ten metres.
+/// Largest side of an object's bounding box that makes sense on a table, meters: half a millimetre to ten meters.
 pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
-    /// Refuses an object whose largest extent lies outside [`EXTENT_M`]: its file has another unit than metres, or is
+    /// Refuses an object whose largest extent lies outside [`EXTENT_M`]: its file has another unit than meters, or is
     /// broken. To be called after a scale was applied.
     pub fn check_extent(&self) -> Result<()> {
         let extent = self.mesh.bounds().size().max();

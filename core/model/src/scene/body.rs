@@ -1,6 +1,6 @@
 //! Bodies: assets placed in a scene.
 
-use super::{AssetRef, Object, Surface};
+use super::{AssetRef, MaterialOverride, Object};
 use crate::geometry::{Aabb, Pose};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub struct InstanceId(pub u16);
 
 impl InstanceId {
-    /// No body: what a ray meets that meets nothing.
+    /// No body: the id of a ray that hits nothing.
     pub const BACKGROUND: Self = Self(0);
 }
 
@@ -26,11 +26,11 @@ impl fmt::Display for InstanceId {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// A thing to segment; annotated.
+    /// An object to segment; annotated.
     Object,
-    /// A thing that may hide objects and lie among them, but that no label speaks of.
+    /// May occlude objects and lie among them; never annotated.
     Distractor,
-    /// A thing that objects lie on: the table.
+    /// Carries objects: the table.
     Support,
     /// Floor, wall or ceiling.
     Room,
@@ -46,9 +46,11 @@ pub enum Motion {
     Dynamic,
 }
 
-/// A body of a scene under construction.
+/// A body of a frozen scene or, without an id, of one under construction.
 #[derive(Debug, Clone)]
-pub struct BodyDraft {
+pub struct Body<Id = InstanceId> {
+    /// Its id in every label of the scene.
+    pub id: Id,
     /// Where the asset came from.
     pub asset: AssetRef,
     /// The asset.
@@ -60,54 +62,39 @@ pub struct BodyDraft {
     /// Whether physics moves it.
     pub motion: Motion,
     /// Replaces all of the object's materials, if set.
-    pub surface: Option<Surface>,
-    /// Number among the objects in spawn order, from 0; set by [`SceneBuilder::add`](super::SceneBuilder::add).
+    pub material_override: Option<MaterialOverride>,
+    /// Number among the objects in spawn order, from 0, with gaps where objects were removed. Set by
+    /// [`SceneBuilder::add`](super::SceneBuilder::add).
     pub spawn: u32,
 }
+
+/// A body of a scene under construction.
+pub type BodyDraft = Body<()>;
 
 impl BodyDraft {
     /// A body with the object's own materials.
     pub fn new(asset: AssetRef, object: Arc<Object>, world_from_body: Pose, role: Role, motion: Motion) -> Self {
-        Self { asset, object, world_from_body, role, motion, surface: None, spawn: 0 }
+        Self { id: (), asset, object, world_from_body, role, motion, material_override: None, spawn: 0 }
     }
 
     /// The same body with all materials replaced.
-    pub fn with_surface(self, surface: Option<Surface>) -> Self {
-        Self { surface, ..self }
-    }
-
-    /// Bounding box in the world, metres; exact over the vertices' box, not over the vertices.
-    pub fn world_bounds(&self) -> Aabb {
-        Aabb::of(self.object.mesh.bounds().corners().map(|p| self.world_from_body * p))
+    pub fn with_material_override(self, material_override: Option<MaterialOverride>) -> Self {
+        Self { material_override, ..self }
     }
 
     pub(super) fn with_id(self, id: InstanceId) -> Body {
-        let Self { asset, object, world_from_body, role, motion, surface, spawn } = self;
-        Body { id, asset, object, world_from_body, role, motion, surface, spawn }
+        let Self { id: (), asset, object, world_from_body, role, motion, material_override, spawn } = self;
+        Body { id, asset, object, world_from_body, role, motion, material_override, spawn }
+    }
+}
+
+impl<Id> Body<Id> {
+    /// Bounding box in the world, meters; exact over the corners of the mesh's box, not over its vertices.
+    pub fn world_bounds(&self) -> Aabb {
+        Aabb::of(self.object.mesh.bounds().corners().map(|p| self.world_from_body * p))
     }
 }
 
 /// Name of a body while its scene is under construction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BodyHandle(pub(super) usize);
-
-/// A body of a frozen scene.
-#[derive(Debug, Clone)]
-pub struct Body {
-    /// Its id in every label of the scene.
-    pub id: InstanceId,
-    /// Where the asset came from.
-    pub asset: AssetRef,
-    /// The asset.
-    pub object: Arc<Object>,
-    /// Pose of the body frame.
-    pub world_from_body: Pose,
-    /// What it is for.
-    pub role: Role,
-    /// Whether physics moved it.
-    pub motion: Motion,
-    /// Replaces all of the object's materials, if set.
-    pub surface: Option<Surface>,
-    /// Number among the objects in spawn order, from 0, with gaps where objects were removed.
-    pub spawn: u32,
-}

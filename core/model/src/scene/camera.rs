@@ -3,7 +3,7 @@
 use crate::geometry::{Point3, Pose, Vector3};
 use serde::Serialize;
 
-/// Pinhole intrinsics, pixels. The origin is the top-left corner of the image; pixel centres lie at half-integers.
+/// Pinhole intrinsics, pixels. The origin is the top-left corner of the image; pixel centers lie at half-integers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Intrinsics {
     /// Image width, px.
@@ -98,12 +98,12 @@ impl Distortion {
     }
 }
 
-/// A lens of finite aperture: what lies off the plane of focus is blurred. Labels are those of its centre.
+/// A lens of finite aperture: what lies off the plane of focus is blurred. Labels are those of its center.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ThinLens {
-    /// Radius of the aperture, metres: focal length over twice the f-number.
+    /// Radius of the aperture, meters: focal length over twice the f-number.
     pub aperture_radius_m: f64,
-    /// Distance of the plane of focus along the optical axis, metres.
+    /// Distance of the plane of focus along the optical axis, meters.
     pub focus_distance_m: f64,
 }
 

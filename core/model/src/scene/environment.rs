@@ -16,8 +16,8 @@ pub struct EnvironmentMap {
     /// Height, texels.
     height: u32,
     texels: Vec<[f32; 3]>,
-    /// Licence as an SPDX expression or name; empty if unknown.
-    pub licence: String,
+    /// License as an SPDX expression or name; empty if unknown.
+    pub license: String,
     /// Digest of size and texels.
     pub digest: Digest,
 }
@@ -47,14 +47,14 @@ impl EnvironmentMap {
             let bytes: Vec<u8> = row.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
             hasher = hasher.bytes(&bytes);
         }
-        Ok(Self { name: name.into(), width, height, texels, licence: String::new(), digest: hasher.finish() })
+        Ok(Self { name: name.into(), width, height, texels, license: String::new(), digest: hasher.finish() })
     }
 
     /// The same radiance from everywhere.
     pub fn constant(radiance: [f32; 3]) -> Self {
         let radiance = radiance.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
         let digest = Hasher::new("constant environment").floats(radiance.into_iter()).finish();
-        Self { name: "constant".into(), width: 1, height: 1, texels: vec![radiance], licence: String::new(), digest }
+        Self { name: "constant".into(), width: 1, height: 1, texels: vec![radiance], license: String::new(), digest }
     }
 
     /// Width, texels.

@@ -23,9 +23,9 @@ pub enum Light {
 /// A sphere that emits the same radiance everywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SphereLight {
-    /// Centre, world, metres.
-    pub centre: Point3<f64>,
-    /// Radius, metres.
+    /// Center, world, meters.
+    pub center: Point3<f64>,
+    /// Radius, meters.
     pub radius: f64,
     /// Emitted radiance, nits.
     pub radiance: [f64; 3],
@@ -34,11 +34,11 @@ pub struct SphereLight {
 /// A rectangle that emits the same radiance everywhere on one side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RectLight {
-    /// Centre, world, metres.
-    pub centre: Point3<f64>,
-    /// From the centre to the middle of one edge, metres.
+    /// Center, world, meters.
+    pub center: Point3<f64>,
+    /// From the center to the middle of one edge, meters.
     pub half_u: Vector3<f64>,
-    /// From the centre to the middle of a neighbouring edge, metres; at right angles to `half_u`.
+    /// From the center to the middle of a neighboring edge, meters; at right angles to `half_u`.
     pub half_v: Vector3<f64>,
     /// Emitted radiance on the side of `half_u × half_v`, nits.
     pub radiance: [f64; 3],
@@ -47,7 +47,7 @@ pub struct RectLight {
 impl RectLight {
     /// The four corners, counter-clockwise seen from the lit side.
     pub fn corners(&self) -> [Point3<f64>; 4] {
-        let (c, u, v) = (self.centre, self.half_u, self.half_v);
+        let (c, u, v) = (self.center, self.half_u, self.half_v);
         [c - u - v, c + u - v, c + u + v, c - u + v]
     }
 
@@ -60,11 +60,11 @@ impl RectLight {
 /// A disk that emits the same radiance everywhere on one side.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DiskLight {
-    /// Centre, world, metres.
-    pub centre: Point3<f64>,
+    /// Center, world, meters.
+    pub center: Point3<f64>,
     /// Unit normal of the emitting side.
     pub normal: Vector3<f64>,
-    /// Radius, metres.
+    /// Radius, meters.
     pub radius: f64,
     /// Emitted radiance, nits.
     pub radiance: [f64; 3],

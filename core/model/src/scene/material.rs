@@ -6,7 +6,7 @@ use super::{Texture, TextureRef, UvTransform};
 use crate::digest::{Digest, Hasher};
 use std::sync::Arc;
 
-/// A colour: factor times texture. Linear Rec. 709 in [0, 1].
+/// A color: factor times texture. Linear Rec. 709 in [0, 1].
 #[derive(Debug, Clone)]
 pub struct Color {
     /// Linear factor.
@@ -16,7 +16,7 @@ pub struct Color {
 }
 
 impl Color {
-    /// The same colour everywhere.
+    /// The same color everywhere.
     pub fn constant(factor: [f32; 3]) -> Self {
         Self { factor, texture: None }
     }
@@ -57,7 +57,7 @@ pub struct NormalMap {
     pub strength: f32,
 }
 
-/// How alpha, from the base colour's texture, is understood.
+/// How alpha, from the base color's texture, is understood.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Alpha {
     /// Ignored.
@@ -98,7 +98,7 @@ pub struct Sheen {
 /// Light that passes the surface rather than being scattered below it (KHR_materials_transmission).
 #[derive(Debug, Clone)]
 pub struct Transmission {
-    /// Share of the light that enters the surface and passes; the base colour tints it.
+    /// Share of the light that enters the surface and passes; the base color tints it.
     pub share: Scalar,
     /// What fills the body. Without it the surface is a thin sheet: light goes straight on.
     pub volume: Option<Volume>,
@@ -109,7 +109,7 @@ pub struct Transmission {
 pub struct Volume {
     /// Share of light left after [`attenuation_distance_m`](Self::attenuation_distance_m), linear Rec. 709.
     pub attenuation_color: [f32; 3],
-    /// Distance after which light has that colour, metres; infinite for a clear medium.
+    /// Distance after which light has that color, meters; infinite for a clear medium.
     pub attenuation_distance_m: f32,
 }
 
@@ -118,7 +118,7 @@ pub struct Volume {
 pub struct Material {
     /// Name within its source.
     pub name: String,
-    /// Base colour: diffuse albedo of a dielectric, reflectance of a metal at normal incidence.
+    /// Base color: diffuse albedo of a dielectric, reflectance of a metal at normal incidence.
     pub base_color: Color,
     /// Perceptual roughness; GGX α is its square.
     pub roughness: Scalar,
@@ -138,16 +138,16 @@ pub struct Material {
     pub sheen: Option<Sheen>,
     /// Glass and the like.
     pub transmission: Option<Transmission>,
-    /// Edge length of one tile of the textures when they are laid by metres rather than by uv, metres.
+    /// Edge length of one tile of the textures when they are laid by meters rather than by uv, meters.
     pub tile_m: f32,
-    /// Licence as an SPDX expression or name; empty if unknown.
-    pub licence: String,
+    /// License as an SPDX expression or name; empty if unknown.
+    pub license: String,
     /// Digest of everything above but the name.
     pub digest: Digest,
 }
 
 impl Material {
-    /// A dielectric of one colour.
+    /// A dielectric of one color.
     pub fn plain(name: impl Into<String>, color: [f32; 3], roughness: f32) -> Self {
         Self {
             name: name.into(),
@@ -162,25 +162,25 @@ impl Material {
             sheen: None,
             transmission: None,
             tile_m: 1.0,
-            licence: String::new(),
+            license: String::new(),
             digest: Digest::of(&[]),
         }
-        .sealed()
+        .with_digest()
     }
 }
 
 impl Material {
-    /// The same with its digest set from everything but name and licence.
-    pub fn sealed(mut self) -> Self {
+    /// The same with its digest set from everything but name and license.
+    pub fn with_digest(mut self) -> Self {
         let color = |hasher: Hasher, color: &Color| {
-            lay(hasher.floats(color.factor.into_iter()), color.texture.as_ref().map(|texture| (texture, 0)))
+            hash_texture(hasher.floats(color.factor.into_iter()), color.texture.as_ref().map(|texture| (texture, 0)))
         };
         let scalar = |hasher: Hasher, scalar: &Scalar| {
             let texture = scalar.texture.as_ref().map(|(texture, channel)| (texture, *channel));
-            lay(hasher.number(scalar.factor.into()), texture)
+            hash_texture(hasher.number(scalar.factor.into()), texture)
         };
         let normal = |hasher: Hasher, normal: &Option<NormalMap>| match normal {
-            Some(normal) => lay(hasher.number(normal.strength.into()), Some((&normal.map, 0))),
+            Some(normal) => hash_texture(hasher.number(normal.strength.into()), Some((&normal.map, 0))),
             None => hasher.text("even"),
         };
         let mut hasher = color(Hasher::new("material"), &self.base_color);
@@ -237,23 +237,23 @@ impl Material {
     }
 }
 
-/// Adds a texture and how it is laid.
-fn lay(hasher: Hasher, used: Option<(&TextureRef, u8)>) -> Hasher {
+/// Adds a texture and its mapping.
+fn hash_texture(hasher: Hasher, used: Option<(&TextureRef, u8)>) -> Hasher {
     let Some((TextureRef { texture, transform }, channel)) = used else { return hasher.text("constant") };
     let ([a, b], [c, d]) = (transform.scale, transform.offset);
     hasher.digest(texture.digest).bytes(&[channel]).floats([a, b, transform.rotation, c, d].into_iter())
 }
 
-/// A material laid over a whole body, in place of its own.
+/// A material that replaces a body's own.
 #[derive(Debug, Clone)]
-pub struct Surface {
+pub struct MaterialOverride {
     /// The material.
     pub material: Arc<Material>,
-    /// How its textures are laid.
+    /// How its textures are mapped.
     pub mapping: TextureMapping,
 }
 
-/// How textures are laid on a body.
+/// How textures are mapped onto a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TextureMapping {
     /// By the mesh's texture coordinates, moved first.

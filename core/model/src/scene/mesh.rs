@@ -6,13 +6,13 @@ use crate::geometry::{Aabb, Point3, Vector3};
 /// The arrays of a mesh, before they are checked.
 #[derive(Debug, Clone, Default)]
 pub struct MeshData {
-    /// Vertex positions `[V]`, metres, body frame.
+    /// Vertex positions `[V]`, meters, body frame.
     pub positions: Vec<[f32; 3]>,
     /// Shading normals `[V]`, unit length, or empty: then faces are flat.
     pub normals: Vec<[f32; 3]>,
     /// Texture coordinates `[V]`, v upwards (row 0 of a picture is at v = 1), or empty.
     pub uvs: Vec<[f32; 2]>,
-    /// Vertex colours `[V]`, linear Rec. 709, multiplied into the base colour, or empty.
+    /// Vertex colors `[V]`, linear Rec. 709, multiplied into the base color, or empty.
     pub colors: Vec<[f32; 3]>,
     /// Vertex indices of every triangle `[T]`, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -67,7 +67,7 @@ impl Mesh {
         self.data
     }
 
-    /// Bounding box of the vertices in use, body frame, metres.
+    /// Bounding box of the vertices in use, body frame, meters.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
@@ -97,7 +97,7 @@ impl Mesh {
 
     /// Enclosed volume by the divergence theorem, m³; negative if the faces point inwards, meaningless if open.
     pub fn signed_volume(&self) -> f64 {
-        let origin = self.bounds.centre();
+        let origin = self.bounds.center();
         (0..self.data.triangles.len())
             .map(|t| {
                 let [a, b, c] = self.corners(t).map(|p| p - origin);

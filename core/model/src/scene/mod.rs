@@ -20,7 +20,7 @@ pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, ThinLens};
 pub use environment::EnvironmentMap;
 pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight};
 pub use material::{
-    Alpha, Clearcoat, Color, Material, NormalMap, Scalar, Sheen, Surface, TextureMapping, Transmission, Volume,
+    Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,
 };
 pub use mesh::{Mesh, MeshData};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
@@ -41,32 +41,32 @@ pub struct ViewId(pub u32);
 /// The rectangle that objects are dropped on: level, axis-aligned in the world.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Tabletop {
-    /// Middle of the rectangle, in the world, metres; z is the height of the top.
-    pub centre: [f64; 3],
-    /// Extents along world x (the paper's w) and y (the paper's l), metres.
+    /// Middle of the rectangle, in the world, meters; z is the height of the top.
+    pub center: [f64; 3],
+    /// Extents along world x (the paper's w) and y (the paper's l), meters.
     pub size: [f64; 2],
 }
 
 impl Tabletop {
     /// Middle of the rectangle.
-    pub fn centre(&self) -> Point3<f64> {
-        self.centre.into()
+    pub fn center(&self) -> Point3<f64> {
+        self.center.into()
     }
 
-    /// Height of the top above the floor, metres.
+    /// Height of the top above the floor, meters.
     pub fn height(&self) -> f64 {
-        self.centre[2]
+        self.center[2]
     }
 
-    /// `max(w/2, l/2)`: the length that the paper's view radii are multiples of, metres.
+    /// `max(w/2, l/2)`: the length that the paper's view radii are multiples of, meters.
     pub fn half_extent(&self) -> f64 {
         self.size[0].max(self.size[1]) / 2.0
     }
 
     /// Whether a point is above the top and within its width and length.
-    pub fn is_below(&self, p: &Point3<f64>) -> bool {
-        let inside = |axis: usize| (p[axis] - self.centre[axis]).abs() <= self.size[axis] / 2.0;
-        p.z >= self.centre[2] && inside(0) && inside(1)
+    pub fn column_contains(&self, p: &Point3<f64>) -> bool {
+        let inside = |axis: usize| (p[axis] - self.center[axis]).abs() <= self.size[axis] / 2.0;
+        p.z >= self.center[2] && inside(0) && inside(1)
     }
 }
 
@@ -89,11 +89,11 @@ pub struct SettleReport {
     /// Largest speed of a body that stayed, m/s.
     pub residual_speed_m_s: f64,
     /// Largest angular speed of a body that stayed, rad/s.
-    pub residual_spin_rad_s: f64,
+    pub residual_angular_speed_rad_s: f64,
     /// Deepest penetration between any two bodies that stayed, m.
     pub deepest_penetration_m: f64,
     /// How many times a body was dropped again.
-    pub dropped_again: u32,
+    pub respawned: u32,
     /// Bodies that were taken out, in spawn order.
     pub removed: Vec<Removal>,
 }
@@ -204,7 +204,7 @@ impl Scene {
     }
 
     /// The objects and distractors: everything but the table and the room. They come first.
-    pub fn things(&self) -> &[Body] {
+    pub fn foreground(&self) -> &[Body] {
         let furniture = |body: &Body| matches!(body.role, Role::Support | Role::Room);
         let count = self.bodies.iter().take_while(|body| !furniture(body)).count();
         &self.bodies[..count]

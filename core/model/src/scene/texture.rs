@@ -3,7 +3,7 @@
 use crate::digest::Digest;
 use std::sync::Arc;
 
-/// A picture that colours a surface: 8-bit RGBA, row 0 at the top.
+/// A picture that colors a surface: 8-bit RGBA, row 0 at the top.
 #[derive(Debug, Clone)]
 pub struct Texture {
     /// Width, texels.
@@ -12,7 +12,7 @@ pub struct Texture {
     pub height: u32,
     /// RGBA, row-major `[height, width, 4]`.
     pub texels: Vec<u8>,
-    /// Whether the colour channels are sRGB-encoded or linear. Alpha is always linear.
+    /// Whether the color channels are sRGB-encoded or linear. Alpha is always linear.
     pub encoding: Encoding,
     /// What lies beyond the edges, along u and v.
     pub wrap: [Wrap; 2],
@@ -20,7 +20,7 @@ pub struct Texture {
     pub digest: Digest,
 }
 
-/// Meaning of colour texels.
+/// Meaning of color texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// IEC 61966-2-1; decoded before filtering.

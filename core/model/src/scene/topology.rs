@@ -13,7 +13,7 @@ pub struct Topology {
     pub boundary_edges: usize,
     /// Edges of three faces or more.
     pub non_manifold_edges: usize,
-    /// Edges whose two faces run along them in the same direction: neighbours that face opposite sides.
+    /// Edges whose two faces run along them in the same direction: neighbors that face opposite sides.
     pub misoriented_edges: usize,
     /// Area of every connected part, largest first, m². Parts hang together by vertices.
     pub part_areas: Vec<f64>,
@@ -33,7 +33,7 @@ impl Topology {
     pub fn of(mesh: &Mesh) -> Self {
         let ids = weld(&mesh.data().positions);
         let bounds = mesh.bounds();
-        let origin = bounds.centre();
+        let origin = bounds.center();
         let mut parts = Forest::new(ids.len());
         let (mut forward, mut backward) = (Vec::new(), Vec::new());
         let mut signed_volume = 0.0;
@@ -101,7 +101,7 @@ impl Topology {
         self.boundary_edges == 0 && self.non_manifold_edges == 0
     }
 
-    /// Whether neighbouring faces agree on which side is outside.
+    /// Whether neighboring faces agree on which side is outside.
     pub fn is_oriented(&self) -> bool {
         self.misoriented_edges == 0
     }

@@ -1,28 +1,29 @@
-//! Takes sampling noise out of a rendered picture.
+//! Removes sampling noise from rendered images.
 
-use crate::context::Workers;
+use super::Replacement;
+use crate::context::ViewContext;
 use crate::error::Result;
-use crate::product::{Frame, KeyId, Plane, Value};
+use crate::product::standard::{DENOISER, RADIANCE, RADIANCE_NOISY};
+use crate::product::{KeyId, Products};
 
-/// Makes a picture of few samples look like one of many. Runs after the renderer, once a view.
+/// Makes an image of few samples look like one of many. Runs once per view, before sensors and annotators.
 pub trait Denoiser: Send + Sync {
-    /// The rendered products that guide it, beside the picture itself.
-    fn guides(&self) -> Vec<KeyId>;
-    /// Whether it can run here: an error if something that it needs from outside the program is missing. Asked by `check`
-    /// and before the first scene, so that nobody waits for a scene to learn of it.
+    /// The products that it reads: the noisy image and its guides.
+    fn reads(&self) -> Vec<KeyId>;
+    /// The products that it provides: the denoised image, and [`DENOISER`], which names it.
+    fn provides(&self) -> Vec<KeyId> {
+        vec![RADIANCE.id(), DENOISER.id()]
+    }
+    /// The rendered product that it replaces, and the key under which it reads the original.
+    fn replaces(&self) -> Vec<Replacement> {
+        vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id() }]
+    }
+    /// Whether it can run here: an error if something that it needs from outside the program is missing. Asked before
+    /// the first scene.
     fn ready(&self) -> Result<()> {
         Ok(())
     }
-    /// Denoises [`RADIANCE`](crate::product::standard::RADIANCE) of a frame that also has the guides. The result must
-    /// not depend on the number of threads.
-    fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised>;
-}
-
-/// A denoised picture.
-#[derive(Debug, Clone)]
-pub struct Denoised {
-    /// Radiance, linear Rec. 709, nits.
-    pub radiance: Plane<[f32; 3]>,
-    /// Which denoiser ran and how, for the output: `name`, and whatever else tells runs apart.
-    pub report: Value,
+    /// Denoises one view: puts what it provides into `products`, which holds what it reads. The result must not depend on
+    /// the number of threads.
+    fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()>;
 }

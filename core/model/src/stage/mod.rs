@@ -1,4 +1,4 @@
-//! The stages of the pipeline, one trait a file.
+//! The stages of the pipeline, one trait per file.
 //!
 //! asset sources → placers → settler → per view: view sampler, camera, light samplers, renderer, denoiser → sensors →
 //! annotators → writers.
@@ -18,19 +18,19 @@ mod settler;
 mod view_sampler;
 mod writer;
 
-pub use annotator::Annotator;
+pub use annotator::{Annotator, DatasetAnnotator, RecordedScene, SceneAnnotator, ViewProducts};
 pub use asset_source::AssetSource;
 pub use camera_model::CameraModel;
-pub use denoiser::{Denoised, Denoiser};
+pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
 pub use placer::Placer;
 pub use renderer::{RenderRequest, RenderSession, Renderer};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
-pub use writer::{Finish, Output, SceneWriter, Writer};
+pub use writer::{Accepts, Finish, Input, Output, SceneWriter, Writer, shard_path};
 
-use crate::scene::{Scene, View};
+use crate::product::KeyId;
 
 /// What every stage may know of the dataset.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,13 +49,12 @@ pub struct DatasetInfo {
     pub program: String,
 }
 
-/// Where a product is being made or written.
-#[derive(Clone, Copy)]
-pub struct Site<'a> {
-    /// The dataset.
-    pub dataset: &'a DatasetInfo,
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The view; none while scene-scoped products are made.
-    pub view: Option<&'a View>,
+/// A product that a stage replaces: readers of `product` get the new one, and the stage itself reads the original under
+/// the key `original`, as anybody else can.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Replacement {
+    /// The product, which the stage provides anew.
+    pub product: KeyId,
+    /// Key of the same type under which the original is kept.
+    pub original: KeyId,
 }

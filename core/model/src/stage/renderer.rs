@@ -1,8 +1,8 @@
-//! Makes pictures and per-pixel labels.
+//! Renders images and per-pixel labels.
 
 use crate::context::Workers;
 use crate::error::Result;
-use crate::product::{Frame, KeyId};
+use crate::product::{KeyId, Products};
 use crate::random::Stream;
 use crate::scene::{Scene, View};
 use std::sync::Arc;
@@ -25,8 +25,8 @@ pub trait Renderer: Send + Sync {
 pub trait RenderSession: Send {
     /// Makes a scene ready.
     fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()>;
-    /// Renders a view of the scene that was loaded last, and puts exactly the wanted products in the frame.
-    fn render(&mut self, request: &RenderRequest, frame: &mut Frame) -> Result<()>;
+    /// Renders a view of the scene that was loaded last, and puts exactly the wanted products into `products`.
+    fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()>;
 }
 
 /// One view to render.

@@ -5,11 +5,11 @@ use crate::error::Result;
 use crate::geometry::{Point3, Pose};
 use crate::scene::{Scene, ViewId};
 
-/// A range of distances around a point, metres: where cameras or lights can be.
+/// A range of distances around a point, meters: where cameras or lights can be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shell {
     /// The middle, world.
-    pub centre: Point3<f64>,
+    pub center: Point3<f64>,
     /// Smallest and largest distance.
     pub radius: [f64; 2],
 }

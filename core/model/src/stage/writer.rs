@@ -1,34 +1,89 @@
 //! Writes samples to files.
 
-use super::{DatasetInfo, Site};
+use crate::context::{DatasetContext, SceneContext, ViewContext};
 use crate::error::{Error, Result};
-use crate::product::Frame;
+use crate::names::ProductName;
+use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::SceneId;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Component, Path, PathBuf};
 
-/// A file format. Files of a scene appear in the dataset when the whole scene is done; whatever speaks of many scenes
-/// is written in `finish`, from per-scene shards.
+/// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
+/// scenes is written in `finish`, from per-scene shards.
 pub trait Writer: Send + Sync {
-    /// Names of the products that it reads.
-    fn reads(&self) -> Vec<String>;
+    /// The products that it reads, each with the kinds of value that it can store. It is lent these and no others.
+    fn reads(&self) -> Vec<Input>;
     /// Starts a scene. Dropping the scene writer without closing it abandons the scene.
-    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>>;
-    /// Writes what speaks of many scenes. Called at the end of every run, with all scenes that are done; called again,
-    /// it gives the same files.
-    fn finish(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-        let _ = (dataset, finish);
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>>;
+    /// Writes what covers many scenes. Called at the end of every run, with all scenes that are done and the products of
+    /// the dataset that it reads; called again, it writes the same files.
+    fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
+        let _ = (cx, products, finish);
         Ok(())
     }
 }
 
 /// A writer at work on one scene.
 pub trait SceneWriter: Send {
-    /// Writes one view. Views come in order.
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()>;
-    /// Ends the scene.
-    fn close(self: Box<Self>) -> Result<()>;
+    /// Writes one view. Views come in order. `products` holds what the writer reads of the view, and of the scene as far
+    /// as it is known before the views.
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()>;
+    /// Ends the scene. `products` holds all that the writer reads of the scene.
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()>;
+}
+
+/// A product that a writer reads.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// Name of the product.
+    pub product: String,
+    /// What the writer can store under this name.
+    pub accepts: Accepts,
+    /// The writer's option that names the product, such as `include[2]`, for diagnostics.
+    pub option: Option<String>,
+}
+
+/// What a writer can store.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub enum Accepts {
+    /// Any product.
+    Any,
+    /// A product of exactly this key's type.
+    Type(KeyId),
+    /// A product that the function does not refuse. The refusal is a reason and a remedy, such as `a PNG file has no
+    /// channel for 32-bit floats; write it with exr or npy`.
+    If(fn(&KeyId) -> Result<(), String>),
+}
+
+impl Input {
+    /// A product that the writer knows, of exactly its type.
+    pub fn of<T: Product>(key: Key<T>) -> Self {
+        Self { product: key.name().to_owned(), accepts: Accepts::Type(key.id()), option: None }
+    }
+
+    /// The products that an option named `include` lists.
+    pub fn included(include: &[ProductName], accepts: Accepts) -> Vec<Self> {
+        let input = |(i, name): (usize, &ProductName)| Self {
+            product: name.as_str().to_owned(),
+            accepts,
+            option: Some(format!("include[{i}]")),
+        };
+        include.iter().enumerate().map(input).collect()
+    }
+}
+
+impl Accepts {
+    /// Refuses a product that cannot be stored, with the reason.
+    pub fn check(&self, key: &KeyId) -> Result<(), String> {
+        match self {
+            Self::Any => Ok(()),
+            Self::Type(own) if own.type_id() == key.type_id() => Ok(()),
+            Self::Type(own) => Err(format!("it is {}, not {}", key.type_name(), own.type_name())),
+            Self::If(check) => check(key),
+        }
+    }
 }
 
 /// Where a writer puts the files of one scene: a staging folder whose content is moved into the dataset when the scene
@@ -61,7 +116,8 @@ impl Output {
             Ok(file) => Ok(BufWriter::new(file)),
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
                 Err(Error::new(format!("`{path}` is written twice"))
-                    .help(format!("two writers use one path; give `write.{}` another id or folder", self.id)))
+                    .help(format!("two writers use one path; give `write.{}` another id or folder", self.id))
+                    .permanent())
             }
             Err(error) => Err(Error::io(full, &error)),
         }
@@ -134,7 +190,8 @@ impl Finish {
     }
 }
 
-fn shard_path(id: &str, scene: SceneId) -> String {
+/// Path of a writer's shard of a scene, relative to the dataset.
+pub fn shard_path(id: &str, scene: SceneId) -> String {
     format!(".syntable/shards/{id}/{:06}.jsonl", scene.0)
 }
 
@@ -144,7 +201,7 @@ fn relative(path: &str) -> Result<&Path> {
     if path.components().all(|part| matches!(part, Component::Normal(_))) && path.components().next().is_some() {
         Ok(path)
     } else {
-        Err(Error::new(format!("`{}` is not a path inside the dataset", path.display())))
+        Err(Error::new(format!("`{}` is not a path inside the dataset", path.display())).permanent())
     }
 }
 

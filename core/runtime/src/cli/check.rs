@@ -1,8 +1,7 @@
 //! `syntable check`.
 
-use super::run::{planned, ready};
-use super::{Console, Exit, RecipeArgs};
-use crate::pools::Library;
+use super::{Console, Exit, Message, RecipeArgs};
+use crate::pools::AssetStore;
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::context::{Collected, Log};
@@ -31,16 +30,16 @@ fn recipe(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(
     struct Print<'a>(&'a Console);
     impl Log for Print<'_> {
         fn warn(&self, warning: &Error) {
-            self.0.warn(warning);
+            self.0.say(&Message::Warning(warning.clone()));
         }
     }
-    let mut recipe = console.load(registry, args)?;
-    let plan = planned(console, registry, &mut recipe)?;
-    ready(&recipe, &plan)?;
+    let recipe = console.load(registry, args)?;
+    recipe.plan.ready().map_err(Exit::wrong)?;
     let log = Print(console);
-    let library = Library::open(&recipe, &log).map_err(Exit::wrong)?;
-    let mut out = format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, plan.lines.len());
-    for (id, size) in library.sizes() {
+    let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
+    let mut out =
+        format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, recipe.plan.entries.len());
+    for (id, size) in assets.sizes() {
         out += &format!("assets.{id}: {size} assets\n");
     }
     console.print(&out)
@@ -50,7 +49,7 @@ fn asset(console: &Console, path: &std::path::Path) -> Result<(), Exit> {
     let log = Collected::default();
     let found = inspect(path, &log);
     for warning in log.warnings() {
-        console.warn(&warning);
+        console.say(&Message::Warning(warning));
     }
     let (name, inspection) = found.map_err(|error| Exit::wrong(error.in_file(path)))?;
     let mut out = format!("{}: {name}\n", path.display());

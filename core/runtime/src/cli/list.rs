@@ -1,10 +1,10 @@
 //! `syntable list`.
 
 use super::{Console, Exit};
-use crate::plan::table;
+use crate::plan::{available, table};
 use clap::Args;
-use std::collections::BTreeMap;
-use syntable_model::product::{KeyId, Scope};
+use syntable_model::error::Error;
+use syntable_model::product::KeyId;
 use syntable_model::registry::{Entry, Registry, Slot};
 
 #[derive(Args)]
@@ -21,7 +21,8 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> R
     let slots: Vec<Slot> = Slot::ALL.into_iter().filter(|slot| what.is_none_or(|what| what == slot.name())).collect();
     if slots.is_empty() {
         let names = Slot::ALL.map(Slot::name).join(", ");
-        return Err(Exit::wrong(format!("nothing to list under `{}`; write products, {names}", what.unwrap_or(""))));
+        let error = Error::new(format!("there is nothing to list under `{}`", what.unwrap_or_default()));
+        return Err(Exit::wrong(error.help(format!("write products, {names}"))));
     }
     let mut rows = vec![["slot", "kind", "crate", "version", "what it does"].map(str::to_owned)];
     for entry in slots.into_iter().flat_map(|slot| registry.of_slot(slot)) {
@@ -46,23 +47,13 @@ pub fn summary(entry: &Entry) -> String {
 
 /// All products of the linked plugins with their default options, and who makes them.
 pub fn products(registry: &Registry) -> Vec<(KeyId, String)> {
-    let mut products = BTreeMap::new();
-    for entry in registry.entries() {
-        let Ok(constructed) = entry.construct_str("") else { continue };
-        for key in constructed.stage.provides() {
-            let (_, providers): &mut (KeyId, Vec<String>) =
-                products.entry(key.name).or_insert_with(|| (key, Vec::new()));
-            providers.push(format!("{}.{}", entry.slot, entry.kind));
-        }
-    }
-    products.into_values().map(|(key, providers)| (key, providers.join(", "))).collect()
+    available(registry).into_iter().map(|(key, providers)| (key, providers.join(", "))).collect()
 }
 
 fn products_table(registry: &Registry) -> String {
-    let mut rows = vec![["product", "type", "per", "provider", "meaning"].map(str::to_owned)];
+    let mut rows = vec![["product", "kind of value", "per", "provider", "meaning"].map(str::to_owned)];
     for (key, provider) in products(registry) {
-        let per = if key.scope == Scope::Scene { "scene" } else { "view" };
-        rows.push([key.name.to_owned(), key.type_name(), per.to_owned(), provider, key.doc.to_owned()]);
+        rows.push([key.name.to_owned(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
     }
     table(&rows)
 }

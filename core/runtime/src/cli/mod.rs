@@ -8,7 +8,9 @@ mod run;
 
 pub use list::products;
 
+use crate::message::{Level, Record};
 use crate::recipe::{self, Diagnostic, Overrides, Recipe, Source};
+use crate::run::progress::{Event, Human, JsonLines, Reporter};
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
@@ -40,7 +42,7 @@ Exit codes:
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
-    /// How to tell what happens: for people, or as one JSON object a line on standard error.
+    /// Log format on standard error: human-readable, or one JSON object per line.
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Human)]
     log_format: LogFormat,
 }
@@ -108,16 +110,34 @@ struct RecipeArgs {
     views: Option<u32>,
 }
 
-/// Ends a verb that did not work: what to print, and the exit code.
-struct Exit(u8, Vec<String>);
+/// Ends a verb that did not work.
+pub struct Exit {
+    /// The exit code of the process.
+    pub code: u8,
+    /// What to print.
+    pub messages: Vec<Message>,
+}
+
+/// Something to print on standard error.
+#[derive(Debug, Clone)]
+pub enum Message {
+    /// A mistake in a recipe.
+    Diagnostic(Diagnostic),
+    /// An error that is not of a recipe's text.
+    Error(Error),
+    /// Something that is probably not what was meant.
+    Warning(Error),
+}
 
 impl Exit {
-    fn wrong(error: impl ToString) -> Self {
-        Self(2, vec![error.to_string()])
+    /// The recipe, an option or an asset is wrong; nothing was made.
+    pub fn wrong(error: Error) -> Self {
+        Self { code: 2, messages: vec![Message::Error(error)] }
     }
 
-    fn stopped(error: &Error) -> Self {
-        Self(1, vec![error.to_string()])
+    /// Work stopped early; what was done is kept.
+    pub fn stopped(error: Error) -> Self {
+        Self { code: 1, messages: vec![Message::Error(error)] }
     }
 }
 
@@ -135,17 +155,15 @@ impl Exit {
 /// ```
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let console = Console { format: cli.log_format };
+    let console = Console::new(cli.log_format);
     let done = match Registry::linked() {
         Ok(registry) => console.verb(cli.verb, &registry),
-        Err(clash) => Err(Exit::wrong(clash)),
+        Err(clash) => Err(Exit::wrong(Error::new(clash))),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Exit(code, messages)) => {
-            for message in messages {
-                console.error(&message);
-            }
+        Err(Exit { code, messages }) => {
+            messages.iter().for_each(|message| console.say(message));
             ExitCode::from(code)
         }
     }
@@ -167,12 +185,26 @@ pub fn understands(words: &[String]) -> Result<(), String> {
     Cli::try_parse_from(words).map(drop).map_err(|error| error.to_string())
 }
 
-/// Where output goes.
-struct Console {
+/// Where results and messages go: the one place that prints.
+pub struct Console {
+    reporter: Box<dyn Reporter>,
     format: LogFormat,
 }
 
 impl Console {
+    fn new(format: LogFormat) -> Self {
+        let reporter: Box<dyn Reporter> = match format {
+            LogFormat::Json => Box::<JsonLines>::default(),
+            LogFormat::Human => Box::new(Human::new(std::io::stderr().is_terminal())),
+        };
+        Self { reporter, format }
+    }
+
+    /// Shows the events of a run.
+    pub fn reporter(&self) -> &dyn Reporter {
+        &*self.reporter
+    }
+
     fn verb(&self, verb: Verb, registry: &Registry) -> Result<(), Exit> {
         match verb {
             Verb::Run(args) => run::run(self, registry, &args),
@@ -194,44 +226,29 @@ impl Console {
     }
 
     /// Prints a result. A reader that has gone away is no error.
-    fn print(&self, text: &str) -> Result<(), Exit> {
+    pub fn print(&self, text: &str) -> Result<(), Exit> {
         match std::io::stdout().write_all(text.as_bytes()) {
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-                Err(Exit::wrong(format!("standard output: {error}")))
+                Err(Exit::wrong(Error::new(format!("standard output: {error}"))))
             }
             _ => Ok(()),
         }
     }
 
-    fn error(&self, message: &str) {
-        match self.format {
-            LogFormat::Human if message.starts_with("error") || message.starts_with("warning") => {
-                eprintln!("{message}");
+    /// Prints a message: a diagnostic with the line underlined, or one JSON object.
+    pub fn say(&self, message: &Message) {
+        let record = match message {
+            Message::Diagnostic(diagnostic) if self.format == LogFormat::Human => {
+                return self.reporter.text(&diagnostic.render(std::io::stderr().is_terminal()));
             }
-            LogFormat::Human => eprintln!("error: {message}"),
-            LogFormat::Json if message.starts_with('{') => eprintln!("{message}"),
-            LogFormat::Json => eprintln!("{}", serde_json::json!({ "event": "error", "message": message })),
-        }
+            Message::Diagnostic(diagnostic) => Record::from(diagnostic),
+            Message::Error(error) => Record::of(Level::Error, error),
+            Message::Warning(error) => Record::of(Level::Warning, error),
+        };
+        self.reporter.event(&Event::Message(record));
     }
 
-    fn warn(&self, warning: &Error) {
-        match self.format {
-            LogFormat::Human => eprintln!("warning: {warning}"),
-            LogFormat::Json => {
-                eprintln!("{}", serde_json::json!({ "event": "warning", "message": warning.to_string() }));
-            }
-        }
-    }
-
-    /// A diagnostic as it is printed: a drawing of the line for people, an object for machines.
-    fn render(&self, diagnostic: &Diagnostic) -> String {
-        match self.format {
-            LogFormat::Human => diagnostic.render(std::io::stderr().is_terminal()),
-            LogFormat::Json => diagnostic.to_json().to_string(),
-        }
-    }
-
-    /// Loads a recipe with its changes; warnings are printed, errors come back.
+    /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
     fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
         let source = match &args.recipe {
             Some(path) => Source::read(path).map_err(Exit::wrong)?,
@@ -240,7 +257,8 @@ impl Console {
         let mut set = Vec::new();
         for text in &args.set {
             let Some((key, value)) = text.split_once('=') else {
-                return Err(Exit::wrong(format!("--set {text}: write KEY=VALUE, such as dataset.scenes=3")));
+                let error = Error::new(format!("--set {text}: there is no value"));
+                return Err(Exit::wrong(error.help("write KEY=VALUE, such as dataset.scenes=3")));
             };
             set.push((key.trim().to_owned(), value.trim().to_owned()));
         }
@@ -248,19 +266,16 @@ impl Console {
         set.extend(args.views.map(|views| ("dataset.views_per_scene".to_owned(), views.to_string())));
         match recipe::load(registry, source, &Overrides::of_process(set)) {
             Ok((recipe, warnings)) => {
-                for warning in &warnings {
-                    eprintln!("{}", self.render(warning));
-                }
+                warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
                 Ok(recipe)
             }
-            Err(diagnostics) => {
-                let mut messages: Vec<String> = diagnostics.iter().map(|d| self.render(d)).collect();
+            Err(report) => {
+                let summary = Error::new(format!("{}; nothing was rendered", report.count()));
+                let mut messages: Vec<Message> = report.diagnostics.into_iter().map(Message::Diagnostic).collect();
                 if self.format == LogFormat::Human {
-                    let errors = diagnostics.iter().filter(|d| d.is_error()).count();
-                    let plural = if errors == 1 { "" } else { "s" };
-                    messages.push(format!("error: {errors} error{plural} in the recipe; nothing was rendered"));
+                    messages.push(Message::Error(summary));
                 }
-                Err(Exit(2, messages))
+                Err(Exit { code: 2, messages })
             }
         }
     }

@@ -4,6 +4,7 @@ use super::{Console, Exit};
 use clap::{Args, Subcommand};
 use std::fs;
 use std::path::{Path, PathBuf};
+use syntable_model::error::Error;
 
 #[derive(Args)]
 pub(super) struct NewArgs {
@@ -64,10 +65,13 @@ fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit
     let sound = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     if !sound {
-        return Err(Exit::wrong(format!("`{name}` is not snake_case: small letters, digits and _, a letter first")));
+        return Err(Exit::wrong(
+            Error::new(format!("`{name}` is not snake_case"))
+                .help("use small letters, digits and _, with a letter first"),
+        ));
     }
     if folder.exists() {
-        return Err(Exit::wrong(format!("{} exists already; choose another --path", folder.display())));
+        return Err(Exit::wrong(Error::new("it exists already").in_file(folder).help("choose another --path")));
     }
     // A binary built from a checkout knows where that is; otherwise the published crates of this version serve.
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -75,7 +79,7 @@ fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit
     let dependency = |crate_folder: &str| match &sources {
         Some(root) => {
             let path = root.join(crate_folder);
-            let path = path.canonicalize().map_err(|error| Exit::wrong(format!("{}: {error}", path.display())))?;
+            let path = path.canonicalize().map_err(|error| Exit::wrong(Error::io(&path, &error)))?;
             Ok(format!("{{ path = {:?} }}", path.display().to_string()))
         }
         None => Ok(format!("{:?}", env!("CARGO_PKG_VERSION"))),
@@ -102,12 +106,14 @@ fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Exit> {
-    let fail = |error: std::io::Error| Exit::wrong(format!("{}: {error}", path.display()));
+    let fail = |error: std::io::Error| Exit::wrong(Error::io(path, &error));
     if let Some(parent) = path.parent() {
         fs::create_dir_all(parent).map_err(fail)?;
     }
     let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => Exit::wrong(format!("{} exists already", path.display())),
+        std::io::ErrorKind::AlreadyExists => {
+            Exit::wrong(Error::new("it exists already").in_file(path).help("choose another path"))
+        }
         _ => fail(error),
     })?;
     std::io::Write::write_all(&mut file, text.as_bytes()).map_err(fail)

@@ -1,16 +1,14 @@
 //! `syntable run` and `syntable plan`.
 
-use super::{Console, Exit, LogFormat, RecipeArgs};
+use super::{Console, Exit, Message, RecipeArgs};
 use crate::cache::DiskCache;
-use crate::plan::Plan;
-use crate::recipe::Recipe;
-use crate::run::progress::{Human, JsonLines, Reporter};
+use crate::run::progress::count;
 use crate::run::{RunOptions, run as run_recipe};
 use crate::workers;
 use clap::Args;
-use std::io::IsTerminal;
 use std::ops::Range;
 use std::path::PathBuf;
+use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 
 #[derive(Args)]
@@ -57,32 +55,14 @@ impl Scenes {
         if low < high && high <= count {
             Ok(low..high)
         } else {
-            Err(Exit::wrong(format!("--scenes {low}..{high}: the recipe has scenes 0..{count}")))
+            Err(Exit::wrong(Error::new(format!("--scenes {low}..{high}: the recipe has scenes 0..{count}"))))
         }
     }
 }
 
-pub(super) fn planned(console: &Console, registry: &Registry, recipe: &mut Recipe) -> Result<Plan, Exit> {
-    let plan =
-        Plan::new(registry, recipe).map_err(|errors| Exit(2, errors.iter().map(ToString::to_string).collect()))?;
-    for note in &plan.notes {
-        console.warn(note);
-    }
-    Ok(plan)
-}
-
-/// Asks the stages of a plan whether what they need from outside the program is there.
-pub(super) fn ready(recipe: &Recipe, plan: &Plan) -> Result<(), Exit> {
-    match &recipe.denoise {
-        Some(denoiser) if plan.denoised => denoiser.ready().map_err(|error| Exit::wrong(error.context("denoise"))),
-        _ => Ok(()),
-    }
-}
-
 pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
-    let mut recipe = console.load(registry, &args.recipe)?;
-    let plan = planned(console, registry, &mut recipe)?;
-    ready(&recipe, &plan)?;
+    let recipe = console.load(registry, &args.recipe)?;
+    recipe.plan.ready().map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose()?;
     let options = RunOptions {
         out: args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),
@@ -92,35 +72,26 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         retry_failed: args.retry_failed,
         cache: DiskCache::of_user(),
     };
-    let reporter: Box<dyn Reporter> = match console.format {
-        LogFormat::Json => Box::<JsonLines>::default(),
-        LogFormat::Human => Box::new(Human::new(std::io::stderr().is_terminal())),
-    };
-    match run_recipe(&recipe, &plan, &options, &*reporter) {
-        Err(error) => Err(Exit::stopped(&error)),
-        Ok(outcome) if outcome.failed > 0 => Err(Exit(
-            3,
-            vec![format!(
-                "{} scenes failed; {} says why; --retry-failed tries them again",
-                outcome.failed,
-                options.out.join(".syntable/journal.jsonl").display()
-            )],
-        )),
-        Ok(_) => Ok(()),
+    let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(Exit::stopped)?;
+    if outcome.failed == 0 {
+        return Ok(());
     }
+    let error = Error::new(format!("{} failed", count(outcome.failed, "scene")))
+        .in_file(options.out.join(".syntable/journal.jsonl"))
+        .help("the journal says why; --retry-failed tries them again");
+    Err(Exit { code: 3, messages: vec![Message::Error(error)] })
 }
 
 pub(super) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(), Exit> {
-    let mut recipe = console.load(registry, args)?;
-    let plan = planned(console, registry, &mut recipe)?;
+    let recipe = console.load(registry, args)?;
     let dataset = &recipe.dataset;
     let images = u64::from(dataset.scenes) * u64::from(dataset.views_per_scene);
     console.print(&format!(
-        "{}: {} scenes × {} views = {images} images\n\n{}",
+        "{}: {} × {} = {images} images\n\n{}",
         dataset.name,
-        dataset.scenes,
-        dataset.views_per_scene,
-        plan.table(&*recipe.render)
+        count(dataset.scenes, "scene"),
+        count(dataset.views_per_scene, "view"),
+        recipe.plan.table(&*recipe.render)
     ))
 }
 

@@ -166,6 +166,16 @@ codes! {
          type than it is provided with.",
         "Keep one provider: name the annotator that you want in an `[annotate.<id>]` table, or remove one. \
          `syntable plan` shows who provides what.";
+    /// The writer cannot store this kind of value.
+    NotStorable = "D0022", "the writer cannot store this kind of value",
+        "Each writer stores some kinds of value: a PNG file has no channel for floating-point numbers, an array file no \
+         place for records. The product is of a kind that this writer cannot store.",
+        "Write the product with another writer, as the message says; `syntable list products` shows the kind of each.";
+    /// The stage runs for nobody. A warning.
+    IdleStage = "D0023", "nothing reads what the stage provides",
+        "The recipe sets up a sensor, an annotator or a denoiser, but no writer includes what it provides, nor anything \
+         that is made from it. The stage does not run.",
+        "Include its product in a `[write.<id>]` table, or remove the stage's table.";
 }
 
 impl fmt::Display for Code {

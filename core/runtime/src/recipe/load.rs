@@ -7,15 +7,15 @@ use super::diagnostic::{Diagnostic, Draft, Report, Severity};
 use super::extend::{self, Damage};
 use super::lock::{self, ResolvedStage};
 use super::overrides::Overrides;
+use super::plan::plan;
 use super::schema::Schemas;
 use super::source::{NOWHERE, Sources, Span};
 use super::stages::{Built, Loader};
 use super::suggest::{did_you_mean, listing};
 use super::{Recipe, Source};
+use crate::plan::{Implied, Plan};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_model::product::KeyId;
-use syntable_model::product::standard::{DENOISER, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot, Stage};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
@@ -39,7 +39,8 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
     let dataset = dataset(&mut tree, &schemas, &mut drafts);
     let lock = lock_table(&mut tree, &schemas, &mut drafts);
     let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources };
-    let built = loader.build(&mut tree, &mut drafts);
+    let mut built = loader.build(&mut tree, &mut drafts);
+    let plan = plan(registry, &mut built, &mut drafts);
     if let Some(lock) = &lock {
         drafts.extend(lock_mismatches(&lock.0, &lock.1, registry));
     }
@@ -50,9 +51,7 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
         return Err(Report { diagnostics });
     }
     let dataset = dataset.map(|(_, table)| DatasetTable { views_per_scene: views, ..table });
-    match dataset
-        .and_then(|dataset| assemble(dataset, built, lock.map(|lock| lock.0).unwrap_or_default(), registry, &sources))
-    {
+    match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock.map(|lock| lock.0).unwrap_or_default())) {
         Some(recipe) => Ok((recipe, diagnostics)),
         None => {
             // Only a text that was lost to a syntax error leaves a recipe without a part and without an error of its own.
@@ -161,7 +160,7 @@ fn views_per_scene(
 ) -> Option<u32> {
     let (spans, dataset) = dataset?;
     let views = built.stages.iter().find_map(|stage| match &stage.stage {
-        Stage::Views(views) => Some(views),
+        Some(Stage::Views(views)) => Some(views),
         _ => None,
     });
     match (dataset.views_per_scene, views.map(|views| views.count())) {
@@ -222,100 +221,29 @@ fn finish(sources: &Sources, mut drafts: Vec<Draft>, damage: &Damage) -> Vec<Dia
     diagnostics
 }
 
-/// The sensors and annotators that provide what the writers want without being in the recipe: a resolved recipe names
-/// them.
-fn implied_makers(built: &Built, registry: &Registry) -> Vec<ResolvedStage> {
-    let mut offered: Vec<&str> = vec![DENOISER.name(), RADIANCE_NOISY.name()];
-    let mut explicit = Vec::new();
-    let mut wanted: Vec<String> = Vec::new();
-    for stage in &built.stages {
-        match &stage.stage {
-            Stage::Render(renderer) => offered.extend(renderer.offers().iter().map(|key| key.name)),
-            Stage::Write(writer) => wanted.extend(writer.reads()),
-            other => explicit.extend(makes(other)),
-        }
-    }
-    // What the recipe sets up replaces the defaults of every kind that provides the same.
-    let taken = |key: &KeyId| explicit.iter().any(|(provides, _)| provides.iter().any(|other| other.name == key.name));
-    let defaults: Vec<_> = registry
-        .of_slot(Slot::Sensor)
-        .chain(registry.of_slot(Slot::Annotate))
-        .filter_map(|entry| {
-            let constructed = entry.construct_str("").ok()?;
-            let (provides, reads) = makes(&constructed.stage)?;
-            (!provides.iter().any(taken)).then_some((entry, constructed.options, provides, reads))
-        })
-        .collect();
-    let (mut seen, mut needed) = (BTreeSet::new(), BTreeMap::new());
-    while let Some(name) = wanted.pop() {
-        if offered.contains(&name.as_str()) || !seen.insert(name.clone()) {
-            continue;
-        }
-        let provides = |keys: &[KeyId]| keys.iter().any(|key| key.name == name);
-        for (_, reads) in explicit.iter().filter(|(keys, _)| provides(keys)) {
-            wanted.extend(reads.iter().map(|key| key.name.to_owned()));
-        }
-        for (entry, options, _, reads) in defaults.iter().filter(|(_, _, keys, _)| provides(keys)) {
-            wanted.extend(reads.iter().map(|key| key.name.to_owned()));
-            needed.entry((entry.slot, entry.kind)).or_insert_with(|| ResolvedStage {
-                slot: entry.slot,
-                id: entry.kind.to_owned(),
-                kind: entry.kind,
-                options: options.clone(),
-                plugin: (entry.crate_name, entry.crate_version),
-            });
-        }
-    }
-    needed.into_values().collect()
-}
-
-/// What a sensor or annotator provides and reads.
-fn makes(stage: &Stage) -> Option<(Vec<KeyId>, Vec<KeyId>)> {
-    match stage {
-        Stage::Sensor(sensor) => Some((sensor.provides(), sensor.reads())),
-        Stage::Annotate(annotator) => Some((annotator.provides(), annotator.reads())),
-        _ => None,
-    }
-}
-
-fn assemble(
-    dataset: DatasetTable,
-    built: Built,
-    lock: LockTable,
-    registry: &Registry,
-    sources: &Sources,
-) -> Option<Recipe> {
+fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) -> Option<Recipe> {
     let dataset_options = toml::Table::try_from(&dataset).ok()?;
     let (mut assets, mut place, mut lights) = (BTreeMap::new(), Vec::new(), Vec::new());
-    let (mut sensor, mut annotate, mut write) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut settle, mut camera, mut views, mut render, mut denoise) = (None, None, None, None, None);
-    let mut resolved = implied_makers(&built, registry);
-    let mut origins = BTreeMap::new();
+    let mut write = Vec::new();
+    let (mut settle, mut camera, mut views, mut render) = (None, None, None, None);
+    // A resolved recipe names the stages that run with their defaults, too.
+    let mut resolved: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
     for stage in built.stages {
-        let part = match stage.slot.shape() {
-            syntable_model::registry::Shape::One => stage.slot.to_string(),
-            _ => format!("{}.{}", stage.slot, stage.id),
-        };
-        origins.extend(
-            stage.products.iter().filter_map(|(name, span)| Some((format!("{part}:{name}"), sources.label(span, "")?))),
-        );
-        origins.extend(sources.label(&stage.header, "").map(|label| (part, label)));
         match stage.stage {
-            Stage::Assets(source) => {
+            Some(Stage::Assets(source)) => {
                 let options = pools.remove(&stage.id)?;
                 assets.insert(stage.id.clone(), super::Pool { kind: stage.entry.kind.to_owned(), source, options });
             }
-            Stage::Place(placer) => place.push((stage.id.clone(), placer)),
-            Stage::Settle(settler) => settle = Some(settler),
-            Stage::Camera(model) => camera = Some(model),
-            Stage::Views(sampler) => views = Some(sampler),
-            Stage::Lights(sampler) => lights.push((stage.id.clone(), sampler)),
-            Stage::Render(renderer) => render = Some(renderer),
-            Stage::Denoise(denoiser) => denoise = Some(denoiser),
-            Stage::Sensor(stage_sensor) => sensor.push((stage.id.clone(), stage_sensor)),
-            Stage::Annotate(annotator) => annotate.push((stage.id.clone(), annotator)),
-            Stage::Write(writer) => write.push((stage.id.clone(), writer)),
+            Some(Stage::Place(placer)) => place.push((stage.id.clone(), placer)),
+            Some(Stage::Settle(settler)) => settle = Some(settler),
+            Some(Stage::Camera(model)) => camera = Some(model),
+            Some(Stage::Views(sampler)) => views = Some(sampler),
+            Some(Stage::Lights(sampler)) => lights.push((stage.id.clone(), sampler)),
+            Some(Stage::Render(renderer)) => render = Some(renderer),
+            Some(Stage::Write(writer)) => write.push((stage.id.clone(), writer)),
+            // Producers are in the plan.
+            _ => {}
         }
         resolved.push(ResolvedStage {
             slot: stage.slot,
@@ -325,8 +253,6 @@ fn assemble(
             plugin: (stage.entry.crate_name, stage.entry.crate_version),
         });
     }
-    sensor.sort_by(|(a, _), (b, _)| a.cmp(b));
-    annotate.sort_by(|(a, _), (b, _)| a.cmp(b));
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
     Some(Recipe {
         resolved: lock::write(&dataset_options, &resolved, &lock.assets),
@@ -345,11 +271,19 @@ fn assemble(
         views: views?,
         lights,
         render: render?,
-        denoise,
-        sensor,
-        annotate,
         write,
+        plan,
         locked: lock.assets,
-        origins,
     })
+}
+
+/// A stage that runs without being in the recipe.
+fn implied((stage, Implied { entry, options }): &(String, Implied)) -> ResolvedStage {
+    ResolvedStage {
+        slot: entry.slot,
+        id: stage.split_once('.').map_or(entry.kind, |(_, id)| id).to_owned(),
+        kind: entry.kind,
+        options: options.clone(),
+        plugin: (entry.crate_name, entry.crate_version),
+    }
 }

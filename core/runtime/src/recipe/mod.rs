@@ -24,6 +24,7 @@ mod load;
 mod lock;
 mod overrides;
 mod parse;
+mod plan;
 mod pool;
 mod registry_faults;
 mod schema;
@@ -43,12 +44,11 @@ pub use registry_faults::registry_faults;
 pub use schema::{schema, schema_text};
 pub use source::SourceFile;
 
+use crate::plan::Plan;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
-use syntable_model::stage::{
-    Annotator, CameraModel, Denoiser, LightSampler, Placer, Renderer, Sensor, Settler, ViewSampler, Writer,
-};
+use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler, Writer};
 
 /// The text of a recipe, and where it is from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -102,32 +102,13 @@ pub struct Recipe {
     pub lights: Vec<(String, Box<dyn LightSampler>)>,
     /// The renderer.
     pub render: Box<dyn Renderer>,
-    /// The denoiser, if there is one.
-    pub denoise: Option<Box<dyn Denoiser>>,
-    /// The sensors that the recipe sets up, by id.
-    pub sensor: Vec<(String, Box<dyn Sensor>)>,
-    /// The annotators that the recipe sets up, by id.
-    pub annotate: Vec<(String, Box<dyn Annotator>)>,
     /// The writers, by id.
     pub write: Vec<(String, Box<dyn Writer>)>,
+    /// What is computed for the writers, with the denoiser, the sensors and the annotators.
+    pub plan: Plan,
     /// The whole recipe as TOML text: every default filled in, every kind named, nothing inherited, with the versions
     /// that made it. Loading it gives the same text.
     pub resolved: String,
     /// Digests that assets must have, by `pool/name`, if the recipe is a resolved one.
     pub locked: BTreeMap<String, String>,
-    pub(crate) origins: BTreeMap<String, Label>,
-}
-
-impl Recipe {
-    /// Where a part of the recipe was written, for errors that are found later. Parts are the stages, such as
-    /// `write.png` or `place.objects`, and the products that they name, such as `write.png:amodal_mask`.
-    pub fn origin(&self, part: &str) -> Option<Label> {
-        self.origins.get(part).cloned()
-    }
-
-    /// An error about a part of the recipe that is found after loading, such as while planning.
-    pub fn diagnostic(&self, code: Code, part: &str, message: impl Into<String>, help: Vec<String>) -> Diagnostic {
-        let labels = self.origin(part).into_iter().collect();
-        Diagnostic { code, severity: Severity::Error, message: message.into(), labels, help }
-    }
 }

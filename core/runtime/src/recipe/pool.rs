@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs;
 use syntable_model::digest::Hasher;
-use syntable_model::error::{Error, Invalid, Result};
+use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::names::AssetPath;
 use syntable_model::scene::{AssetClass, CatalogEntry};
 use syntable_model::stage::AssetSource;
@@ -162,21 +162,20 @@ impl PoolOptions {
     }
 
     /// Refuses options that contradict each other.
-    pub(crate) fn validate(&self) -> std::result::Result<(), Invalid> {
+    pub(crate) fn validate(&self) -> std::result::Result<(), ConfigError> {
         if self.longest_side_m.is_some() && self.scale != 1.0 {
-            return Err(Invalid::new("longest_side_m", "`longest_side_m` and `scale` contradict each other")
+            return Err(ConfigError::new("longest_side_m", "`longest_side_m` and `scale` contradict each other")
                 .help("keep one of them"));
         }
         if self.mass_kg.is_some() && self.density_kg_m3.is_some() {
-            return Err(
-                Invalid::new("mass_kg", "`mass_kg` and `density_kg_m3` contradict each other").help("keep one of them")
-            );
+            return Err(ConfigError::new("mass_kg", "`mass_kg` and `density_kg_m3` contradict each other")
+                .help("keep one of them"));
         }
         if let Some(split) = &self.split
             && split.val_fraction + split.test_fraction > 1.0
         {
             let (val, test) = (split.val_fraction, split.test_fraction);
-            return Err(Invalid::new(
+            return Err(ConfigError::new(
                 "split",
                 format!("`val_fraction` {val} and `test_fraction` {test} are more than 1 in all"),
             ));

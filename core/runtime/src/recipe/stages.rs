@@ -13,21 +13,11 @@ use super::suggest::{did_you_mean, listing};
 use super::variables;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
-use syntable_model::error::Invalid;
-use syntable_model::product::standard::DENOISER;
+use syntable_model::error::ConfigError;
 use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
-
-/// Kinds that a section has when a recipe leaves it out, if they are linked.
-const DEFAULT_KINDS: [(Slot, &[&str]); 5] = [
-    (Slot::Settle, &["rapier"]),
-    (Slot::Camera, &["pinhole"]),
-    (Slot::Views, &["hemisphere_shell"]),
-    (Slot::Lights, &["ceiling_light", "sphere_lights"]),
-    (Slot::Render, &["cpu_path"]),
-];
 
 /// What the stage tables of one recipe need to become stages.
 pub(crate) struct Loader<'l> {
@@ -42,7 +32,8 @@ pub(crate) struct BuiltStage<'l> {
     pub slot: Slot,
     pub id: String,
     pub entry: &'l Entry,
-    pub stage: Stage,
+    /// The stage; taken by the plan if it makes products from products.
+    pub stage: Option<Stage>,
     /// All options, paths in portable form.
     pub options: toml::Table,
     /// Place of the table's header.
@@ -109,7 +100,6 @@ impl<'l> Loader<'l> {
             }
         }
         self.check_pools(&names, drafts);
-        self.check_products(&built, &names, failed.contains(&Slot::Render), drafts);
         built
     }
 
@@ -211,7 +201,7 @@ impl<'l> Loader<'l> {
 
     /// The kinds that a slot has when a recipe leaves it out.
     fn default_kinds(&self, slot: Slot) -> impl Iterator<Item = &'static str> {
-        let kinds = DEFAULT_KINDS.iter().find(|(of, _)| *of == slot).map_or(&[][..], |(_, kinds)| kinds);
+        let kinds = slot.spec().default_kinds;
         let usable =
             move |kind: &&str| self.registry.find(slot, kind).is_some_and(|entry| entry.construct_str("").is_ok());
         kinds.iter().copied().filter(usable)
@@ -219,9 +209,6 @@ impl<'l> Loader<'l> {
 
     /// What stands for a section that is not there.
     fn missing<'a>(&self, slot: Slot, drafts: &mut Vec<Draft>) -> Option<Vec<StageTable<'a>>> {
-        if matches!(slot, Slot::Assets | Slot::Denoise | Slot::Sensor | Slot::Annotate) {
-            return Some(Vec::new());
-        }
         let tables: Vec<StageTable> = self
             .default_kinds(slot)
             .map(|kind| {
@@ -231,7 +218,7 @@ impl<'l> Loader<'l> {
                 StageTable { slot, id: id.to_owned(), id_span: None, header: NOWHERE, table }
             })
             .collect();
-        if !tables.is_empty() || slot == Slot::Lights {
+        if !tables.is_empty() || slot.spec().optional {
             return Some(tables);
         }
         let kinds: Vec<&str> = self.registry.of_slot(slot).map(|entry| entry.kind).collect();
@@ -348,7 +335,7 @@ impl<'l> Loader<'l> {
             }
         }
         let (id, header) = (given.id, given.header);
-        built.stages.push(BuiltStage { slot, id, entry, stage, options, header, products });
+        built.stages.push(BuiltStage { slot, id, entry, stage: Some(stage), options, header, products });
         ok
     }
 
@@ -554,49 +541,6 @@ impl<'l> Loader<'l> {
             }
         }
     }
-
-    /// Every product that a writer names must be offered by the renderer or provided by an annotator.
-    fn check_products(&self, built: &Built, names: &Names, no_renderer: bool, drafts: &mut Vec<Draft>) {
-        let mut known = BTreeSet::new();
-        // Products of renderers that the recipe does not use.
-        let mut elsewhere: BTreeMap<&str, &str> = BTreeMap::new();
-        known.insert(DENOISER.name());
-        for stage in &built.stages {
-            known.extend(stage.stage.provides().into_iter().map(|key| key.name));
-        }
-        for entry in self.registry.entries() {
-            let stages = ["", entry.example].into_iter().filter_map(|text| Some(entry.construct_str(text).ok()?.stage));
-            let products = stages.flat_map(|stage| stage.provides());
-            match entry.slot {
-                Slot::Sensor | Slot::Annotate => known.extend(products.map(|key| key.name)),
-                Slot::Render => elsewhere.extend(products.map(|key| (key.name, entry.kind))),
-                _ => {}
-            }
-        }
-        if no_renderer {
-            known.extend(elsewhere.keys());
-        }
-        for (kind, reference) in names.all().filter(|(_, reference)| reference.what == "product") {
-            let name = reference.text.as_str();
-            if known.contains(name) {
-                continue;
-            }
-            let draft = Draft::error(Code::UnknownProduct, reference.span.clone(), format!("unknown product `{name}`"));
-            let draft = match kind {
-                Some(kind) => draft.label(default_of(kind, reference)),
-                None => draft.label(did_you_mean(name, known.iter().copied())),
-            };
-            drafts.push(match elsewhere.get(name) {
-                Some(kind) => draft.label(format!("offered by the renderer `{kind}`, which this recipe does not use")),
-                None => draft
-                    .help(format!(
-                        "provided by linked plugins: {} (syntable list products)",
-                        listing(known.iter().copied())
-                    ))
-                    .help("if a plugin of yours provides it, check that its crate is named in your binary's main.rs"),
-            });
-        }
-    }
 }
 
 fn default_of(kind: &str, reference: &Reference) -> String {
@@ -609,7 +553,7 @@ fn malformed(error: &toml::de::Error, header: &Span) -> Draft {
 }
 
 /// The draft for a value that a stage refuses.
-fn refused(invalid: Invalid, given: &StageTable) -> Draft {
+fn refused(invalid: ConfigError, given: &StageTable) -> Draft {
     let steps = key_path::steps(&invalid.key);
     let (span, whole) = place(&given.table, &steps).unwrap_or((given.header.clone(), false));
     let draft = Draft::error(Code::InvalidValue, span, invalid.message);

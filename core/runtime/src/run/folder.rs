@@ -10,9 +10,9 @@
 //! ```
 
 use super::journal::{Journal, SceneRecord};
+use parking_lot::Mutex;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use syntable_model::error::{Error, Result};
 
 /// An open dataset folder. No other run can open it meanwhile.
@@ -98,7 +98,7 @@ impl Folder {
         sync_tree(&part)?;
         remove(&ready)?;
         fs::rename(&part, &ready).map_err(|error| Error::io(&part, &error))?;
-        self.publish(&ready, record, &mut journal.lock().unwrap_or_else(|poisoned| poisoned.into_inner()))
+        self.publish(&ready, record, &mut journal.lock())
     }
 
     /// Drops a staged scene.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 
 /// What is known of a scene that is done.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct SceneRecord {
     /// Number of the scene.
     pub scene: u32,

@@ -1,30 +1,41 @@
-//! A run: scenes in parallel, each from placing to writing on one worker, its pixels spread over all threads.
+//! A run: several scenes in flight, each composed on a thread of its own, rendered when a session is free, and annotated
+//! and written from a bounded queue while the next view is rendered.
 //!
 //! An image is a pure function of recipe, seed, scene and view: streams are named after stage, scene, attempt and
 //! view, results do not depend on threads or order, and a scene's files appear together with its journal line.
 
 pub mod folder;
 pub mod journal;
+pub(crate) mod panics;
 pub mod progress;
+mod queue;
+mod records;
 mod scene;
+mod sessions;
 
 use crate::cache::DiskCache;
-use crate::plan::Plan;
-use crate::pools::Library;
+use crate::plan::Producer;
+use crate::pools::AssetStore;
 use crate::recipe::{Recipe, with_asset_digests};
 use crate::workers::Pool;
 use folder::Folder;
 use journal::{Journal, SceneRecord};
+use parking_lot::Mutex;
 use progress::{Event, Reporter, Warnings};
+use queue::Queue;
+use records::Records;
+use scene::{lend, names};
+use sessions::{Sessions, scenes_in_flight};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Condvar, Mutex};
 use std::time::Instant;
+use syntable_model::context::DatasetContext;
 use syntable_model::error::{Error, Result};
+use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{DatasetInfo, Finish, RenderSession};
+use syntable_model::stage::{DatasetInfo, Finish};
 
 /// How to run a recipe.
 pub struct RunOptions {
@@ -54,8 +65,9 @@ pub struct Outcome {
 }
 
 /// Runs a recipe. An error means that the run stopped early; what was done stays, and the same call goes on from there.
-pub fn run(recipe: &Recipe, plan: &Plan, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
+pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let start = Instant::now();
+    recipe.plan.ready()?;
     let folder = Folder::open(&options.out, &recipe.resolved, options.overwrite)?;
     let mut journal = Journal::open(&folder.journal())?;
     if options.retry_failed {
@@ -72,10 +84,11 @@ pub fn run(recipe: &Recipe, plan: &Plan, options: &RunOptions, reporter: &dyn Re
     });
     let before: u32 = journal.records().values().map(|record| record.views).sum();
     let journal = Mutex::new(journal);
+    let pool = Pool::new(options.threads)?;
     if !todo.is_empty() {
-        make_scenes(recipe, plan, options, reporter, &folder, &journal, &todo)?;
+        make_scenes(recipe, options, reporter, &pool, &folder, &journal, &todo)?;
     }
-    let outcome = finish(recipe, &folder, journal.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))?;
+    let outcome = finish(recipe, reporter, &pool, &folder, journal.into_inner())?;
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),
         scenes: outcome.scenes,
@@ -89,58 +102,53 @@ pub fn run(recipe: &Recipe, plan: &Plan, options: &RunOptions, reporter: &dyn Re
 
 fn make_scenes(
     recipe: &Recipe,
-    plan: &Plan,
     options: &RunOptions,
     reporter: &dyn Reporter,
+    pool: &Pool,
     folder: &Folder,
     journal: &Mutex<Journal>,
     todo: &[u32],
 ) -> Result<()> {
     let dataset = dataset_info(recipe);
     let log = Warnings(reporter);
-    let library = Library::open(recipe, &log)?;
-    let pool = Pool::new(options.threads)?;
-    let workers = options.threads.min(todo.len()).max(1);
-    let sessions = Sessions::open(recipe, workers)?;
+    let assets = AssetStore::open(recipe, &log)?;
+    let in_flight = scenes_in_flight(recipe, options.threads, todo.len());
+    let sessions = Sessions::open(recipe, in_flight)?;
     let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
     let failure: Mutex<Option<Error>> = Mutex::new(None);
-    let maker = scene::Maker {
+    let maker = scene::SceneMaker {
         recipe,
-        plan,
         dataset: &dataset,
-        library: &library,
+        assets: &assets,
         cache: &options.cache,
-        workers: &pool,
+        workers: pool,
         log: &log,
         reporter,
         folder,
+        sessions: &sessions,
     };
-    scene::with_quiet_panics(|| {
+    panics::quiet(|| {
         std::thread::scope(|threads| {
-            for _ in 0..workers {
-                threads.spawn(|| {
+            let queue = Queue::start(threads, options.threads);
+            for _ in 0..in_flight {
+                let queue = queue.clone();
+                let (maker, next, stop, failure) = (&maker, &next, &stop, &failure);
+                threads.spawn(move || {
                     while !stop.load(Ordering::Relaxed) {
                         let Some(&scene) = todo.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                        let made = sessions
-                            .with(|session| maker.make(SceneId(scene), session))
-                            .and_then(|record| commit(folder, journal, record));
-                        if let Err(error) = made {
+                        let made = maker.make(SceneId(scene), &queue);
+                        if let Err(error) = made.and_then(|record| commit(folder, journal, record)) {
                             stop.store(true, Ordering::Relaxed);
-                            failure
-                                .lock()
-                                .unwrap_or_else(|poisoned| poisoned.into_inner())
-                                .get_or_insert_with(|| stopping(error).context(format!("scene {scene}")));
+                            let error = stopping(error).context(format!("scene {scene}"));
+                            failure.lock().get_or_insert(error);
                         }
                     }
                 });
             }
         });
     });
-    match failure.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()) {
-        None => Ok(()),
-        Some(error) => Err(error),
-    }
+    failure.into_inner().map_or(Ok(()), Err)
 }
 
 /// An error that ends the run. One of the file system can be mended from outside.
@@ -156,21 +164,32 @@ fn stopping(error: Error) -> Error {
 fn commit(folder: &Folder, journal: &Mutex<Journal>, record: SceneRecord) -> Result<()> {
     if record.failed() {
         folder.abandon(record.scene)?;
-        journal.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).append(record)
+        journal.lock().append(record)
     } else {
         folder.commit(record, journal)
     }
 }
 
-fn finish(recipe: &Recipe, folder: &Folder, mut journal: Journal) -> Result<Outcome> {
-    let dataset = dataset_info(recipe);
+/// Annotates the dataset and lets every writer finish; the first error is reported when all had their turn.
+fn finish(
+    recipe: &Recipe,
+    reporter: &dyn Reporter,
+    pool: &Pool,
+    folder: &Folder,
+    mut journal: Journal,
+) -> Result<Outcome> {
+    let (dataset, log) = (dataset_info(recipe), Warnings(reporter));
+    let cx = DatasetContext::new(&dataset, pool, &log);
     let done: Vec<SceneId> =
         journal.records().values().filter(|record| !record.failed()).map(|record| SceneId(record.scene)).collect();
+    let products = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &done))?;
+    let mut finished = Ok(());
     for (id, writer) in &recipe.write {
-        writer
-            .finish(&dataset, &Finish::new(folder.root(), id, done.clone()))
-            .map_err(|error| error.context(format!("write.{id}")))?;
+        let (stage, finish) = (format!("write.{id}"), Finish::new(folder.root(), id, done.clone()));
+        let read = products.only(&names(&writer.reads()));
+        finished = finished.and(panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish))));
     }
+    finished?;
     let assets: BTreeMap<String, String> =
         journal.records().values().flat_map(|record| record.assets.clone()).collect();
     folder.finish(&with_asset_digests(&recipe.resolved, &assets))?;
@@ -183,6 +202,18 @@ fn finish(recipe: &Recipe, folder: &Folder, mut journal: Journal) -> Result<Outc
     })
 }
 
+/// Runs the annotators of the dataset on the records of the scenes that are done.
+fn annotate_dataset(recipe: &Recipe, cx: &DatasetContext, folder: &Folder, done: &[SceneId]) -> Result<Products> {
+    let mut products = Products::new();
+    for stage in &recipe.plan.per_dataset {
+        let Producer::Dataset(annotator) = &stage.producer else { unreachable!("the plan sorts producers by scope") };
+        let mut scenes = done.iter().map(|&scene| Records::read(folder.root(), scene));
+        let made = lend(stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent))?;
+        products.extend(made)?;
+    }
+    Ok(products)
+}
+
 fn dataset_info(recipe: &Recipe) -> DatasetInfo {
     DatasetInfo {
         name: recipe.dataset.name.clone(),
@@ -191,38 +222,5 @@ fn dataset_info(recipe: &Recipe) -> DatasetInfo {
         views_per_scene: recipe.dataset.views_per_scene,
         recipe: folder::without_digests(&recipe.resolved).to_owned() + "\n",
         program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
-    }
-}
-
-/// Render sessions, lent to one scene at a time: as many as there are workers, or fewer if there are fewer devices.
-struct Sessions {
-    free: Mutex<Vec<Box<dyn RenderSession>>>,
-    returned: Condvar,
-}
-
-impl Sessions {
-    fn open(recipe: &Recipe, workers: usize) -> Result<Self> {
-        let count = recipe.render.max_sessions().map_or(workers, |max| workers.min(max.max(1)));
-        let sessions = (0..count)
-            .map(|index| recipe.render.open(index).map_err(|error| error.context("render")))
-            .collect::<Result<_>>()?;
-        Ok(Self { free: Mutex::new(sessions), returned: Condvar::new() })
-    }
-
-    fn with<T>(&self, work: impl FnOnce(&mut dyn RenderSession) -> T) -> T {
-        let free = || self.free.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let mut session = {
-            let mut free = free();
-            loop {
-                match free.pop() {
-                    Some(session) => break session,
-                    None => free = self.returned.wait(free).unwrap_or_else(|poisoned| poisoned.into_inner()),
-                }
-            }
-        };
-        let result = work(&mut *session);
-        free().push(session);
-        self.returned.notify_one();
-        result
     }
 }

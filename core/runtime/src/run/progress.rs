@@ -1,14 +1,15 @@
-//! What a run tells while it works, and how it is shown: on a terminal, as plain lines, or as JSON lines.
+//! The events of a run, and how they are shown: on a terminal, as plain lines, or as JSON lines.
 
+use crate::message::{Level, Record};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use parking_lot::Mutex;
 use serde::Serialize;
 use std::io::Write;
-use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use syntable_model::error::Error;
 
-/// Something that happened in a run.
-#[derive(Debug, Clone, Serialize)]
+/// Something that happened: one line of `--log-format json`.
+#[derive(Debug, Clone, Serialize, schemars::JsonSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
     /// The run begins.
@@ -35,9 +36,9 @@ pub enum Event {
     Scene {
         /// The scene.
         scene: u32,
-        /// Objects on the table.
+        /// Objects that are left on the table.
         objects: u32,
-        /// Objects that were taken out, and bodies that were dropped again.
+        /// Objects that were removed while the scene settled.
         removed: u32,
     },
     /// An attempt at a scene failed.
@@ -51,11 +52,8 @@ pub enum Event {
         /// Whether it was the last.
         last: bool,
     },
-    /// Something is not as it should be.
-    Warning {
-        /// What.
-        message: String,
-    },
+    /// A diagnostic of a recipe, an error or a warning.
+    Message(Record),
     /// The run ends.
     Finished {
         /// Where the dataset is.
@@ -77,6 +75,10 @@ pub enum Event {
 pub trait Reporter: Send + Sync {
     /// Shows one event. Events come from several threads.
     fn event(&self, event: &Event);
+    /// Shows text that was laid out for people.
+    fn text(&self, text: &str) {
+        let _ = text;
+    }
 }
 
 /// Shows nothing.
@@ -86,7 +88,17 @@ impl Reporter for Quiet {
     fn event(&self, _: &Event) {}
 }
 
-/// One JSON object a line on standard error, with the seconds since the start.
+/// One line of the log: an event, and when it happened.
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub struct LogLine<'a> {
+    /// Seconds since the program started.
+    pub elapsed_s: f64,
+    /// What happened.
+    #[serde(flatten)]
+    pub event: std::borrow::Cow<'a, Event>,
+}
+
+/// One JSON object per line on standard error.
 pub struct JsonLines(Instant);
 
 impl Default for JsonLines {
@@ -97,14 +109,9 @@ impl Default for JsonLines {
 
 impl Reporter for JsonLines {
     fn event(&self, event: &Event) {
-        #[derive(Serialize)]
-        struct Timed<'a> {
-            elapsed_s: f64,
-            #[serde(flatten)]
-            event: &'a Event,
-        }
         let elapsed_s = (self.0.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
-        let line = serde_json::to_string(&Timed { elapsed_s, event }).expect("events are plain data");
+        let line = LogLine { elapsed_s, event: std::borrow::Cow::Borrowed(event) };
+        let line = serde_json::to_string(&line).expect("events are plain data");
         // A closed pipe must not end the run.
         let _ = writeln!(std::io::stderr(), "{line}");
     }
@@ -164,6 +171,11 @@ impl State {
     }
 }
 
+/// A number of things: `1 scene`, `2 scenes`.
+pub fn count(number: u32, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 /// A duration for people: `42 s`, `3 min 5 s`, `2 h 10 min`.
 pub fn clock(duration: Duration) -> String {
     let seconds = duration.as_secs_f64().round() as u64;
@@ -175,15 +187,20 @@ pub fn clock(duration: Duration) -> String {
 }
 
 impl Reporter for Human {
+    fn text(&self, text: &str) {
+        self.say(text);
+    }
+
     fn event(&self, event: &Event) {
-        let mut state = self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut state = self.state.lock();
         match event {
             Event::Started { out, scenes, views_per_scene, resumed, threads } => {
                 state.start = Instant::now();
                 state.scenes_total = scenes - resumed;
                 state.total = u64::from(state.scenes_total) * u64::from(*views_per_scene);
                 let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
-                self.say(&format!("{scenes} scenes × {views_per_scene} views{done}, {threads} threads → {out}"));
+                let (scenes, views) = (count(*scenes, "scene"), count(*views_per_scene, "view"));
+                self.say(&format!("{scenes} × {views}{done}, {} → {out}", count(*threads as u32, "thread")));
                 if let Some(bar) = &self.bar {
                     bar.set_length(state.total);
                 }
@@ -209,14 +226,21 @@ impl Reporter for Human {
                 let then = if *last { "given up" } else { "trying again" };
                 self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));
             }
-            Event::Warning { message } => self.say(&format!("warning: {message}")),
+            Event::Message(record) => {
+                let level = if record.level == Level::Error { "error" } else { "warning" };
+                let help =
+                    if record.help.is_empty() { String::new() } else { format!(" ({})", record.help.join("; ")) };
+                self.say(&format!("{level}: {}{help}", record.message));
+            }
             Event::Finished { out, scenes, failed, images, made, seconds } => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();
                 }
-                let failures = if *failed > 0 { format!(", {failed} scenes failed") } else { String::new() };
-                let time = clock(Duration::from_secs_f64(*seconds));
-                eprintln!("made {made} images in {time}; the dataset has {scenes} scenes, {images} images{failures}");
+                let failures =
+                    if *failed > 0 { format!(", {} failed", count(*failed, "scene")) } else { String::new() };
+                let (time, made) = (clock(Duration::from_secs_f64(*seconds)), count(*made, "image"));
+                let (scenes, images) = (count(*scenes, "scene"), count(*images, "image"));
+                eprintln!("made {made} in {time}; the dataset has {scenes}, {images}{failures}");
                 println!("{out}");
             }
         }
@@ -228,6 +252,6 @@ pub struct Warnings<'a>(pub &'a dyn Reporter);
 
 impl syntable_model::context::Log for Warnings<'_> {
     fn warn(&self, warning: &Error) {
-        self.0.event(&Event::Warning { message: warning.to_string() });
+        self.0.event(&Event::Message(Record::of(Level::Warning, warning)));
     }
 }

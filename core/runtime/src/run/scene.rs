@@ -1,268 +1,414 @@
-//! One scene, from placing to writing, with its attempts.
+//! One scene: composed, rendered view by view, annotated and written, with its attempts.
+//!
+//! A scene's thread composes it, then borrows a render session and hands each rendered view to the queue, where it is
+//! denoised, annotated and written while the next view is rendered. Views are written in order, and the error of an
+//! attempt is that of its first failing view, so nothing depends on the scheduling.
 
 use super::folder::Folder;
 use super::journal::SceneRecord;
+use super::panics::caught;
 use super::progress::{Event, Reporter};
-use crate::plan::{Maker as ProductMaker, Plan, Step};
-use crate::pools::{Drawn, Library};
+use super::queue::Queue;
+use super::records::Records;
+use super::sessions::Sessions;
+use crate::plan::{Plan, PlannedStage, Producer};
+use crate::pools::{AssetStore, RecordingAssets};
 use crate::recipe::Recipe;
-use std::cell::RefCell;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use parking_lot::{Condvar, Mutex};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use syntable_model::context::{Cache, Context, Log, Workers};
+use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::Frame;
-use syntable_model::product::Value;
-use syntable_model::product::standard::{DENOISER, RADIANCE, RADIANCE_NOISY};
+use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Camera, Optics, Scene, SceneBuilder, SceneId, View, ViewId};
-use syntable_model::stage::{DatasetInfo, Output, RenderRequest, RenderSession, SceneWriter, Site};
+use syntable_model::stage::{DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts};
 
 /// Makes scenes.
-pub struct Maker<'a> {
+pub struct SceneMaker<'a> {
     pub recipe: &'a Recipe,
-    pub plan: &'a Plan,
     pub dataset: &'a DatasetInfo,
-    pub library: &'a Library<'a>,
+    pub assets: &'a AssetStore<'a>,
     pub cache: &'a dyn Cache,
     pub workers: &'a dyn Workers,
     pub log: &'a dyn Log,
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
+    pub sessions: &'a Sessions,
 }
 
-/// Why an attempt ended early.
-enum Failure {
-    /// The scene is at fault: the next attempt may do better.
-    Scene(Error),
-    /// The run is at fault, such as a full disk: it must stop.
-    Run(Error),
-}
-
-impl Maker<'_> {
-    /// Makes a scene in its staging folder, trying again as often as the recipe allows. Gives the record to commit.
-    pub fn make(&self, scene: SceneId, session: &mut dyn RenderSession) -> Result<SceneRecord> {
+impl<'a> SceneMaker<'a> {
+    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns the record to commit; an
+    /// error stops the run.
+    pub fn make<'env>(&'env self, scene: SceneId, queue: &Queue<'env>) -> Result<SceneRecord> {
         let mut errors = Vec::new();
-        for attempt in 0..self.recipe.dataset.max_attempts {
+        for number in 0..self.recipe.dataset.max_attempts {
             let staged = self.folder.stage(scene.0)?;
-            let outcome = caught(|| self.attempt(scene, attempt, &staged, session));
-            let error = match outcome {
-                Ok(record) => return Ok(SceneRecord { errors, ..record }),
-                Err(Failure::Run(error)) => return Err(error),
-                Err(Failure::Scene(error)) => error,
+            let attempt = Attempt { maker: self, scene, number, assets: RecordingAssets::new(self.assets) };
+            let error = match attempt.run(&staged, queue) {
+                Ok(record) => return Ok(SceneRecord { errors, assets: attempt.assets.into_digests(), ..record }),
+                Err(error) => error,
             };
-            let last = attempt + 1 == self.recipe.dataset.max_attempts;
-            self.reporter.event(&Event::Attempt { scene: scene.0, attempt, error: error.to_string(), last });
+            // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
+            self.assets.refused()?;
+            if error.is_permanent() || error.is_io() {
+                return Err(error);
+            }
+            let last = number + 1 == self.recipe.dataset.max_attempts;
+            self.reporter.event(&Event::Attempt { scene: scene.0, attempt: number, error: error.to_string(), last });
             errors.push(error.to_string());
         }
         let attempt = self.recipe.dataset.max_attempts.saturating_sub(1);
-        Ok(SceneRecord { scene: scene.0, attempt, views: 0, objects: 0, errors, assets: Default::default() })
+        Ok(SceneRecord { scene: scene.0, attempt, views: 0, objects: 0, errors, assets: BTreeMap::new() })
     }
 
-    fn attempt(
-        &self,
-        id: SceneId,
-        attempt: u32,
-        staged: &Path,
-        session: &mut dyn RenderSession,
-    ) -> Result<SceneRecord, Failure> {
-        let drawn = Drawn::new(self.library);
-        let stream =
-            |stage: &str| Stream::root(self.dataset.seed).child(stage).at(u64::from(id.0)).at(u64::from(attempt));
-        let context = |stage: &str, stream: Stream| {
-            running(stage);
-            Context { stream, assets: &drawn, cache: self.cache, workers: self.workers, log: self.log }
-        };
-        let scene = self.compose(id, attempt, &stream, &context).map_err(Failure::Scene);
-        self.library.refused().map_err(Failure::Run)?;
-        let scene = Arc::new(scene?);
-        running("render");
-        session.load(&scene, self.workers).map_err(|error| Failure::Scene(error.context("render")))?;
+    fn plan(&self) -> &'a Plan {
+        &self.recipe.plan
+    }
 
-        let mut scene_frame = Frame::new();
-        let site = Site { dataset: self.dataset, scene: &scene, view: None };
-        let nothing_sensed = |stage: &str| context(stage, stream(stage));
-        self.fill(&self.plan.per_scene, &site, &mut scene_frame, &nothing_sensed).map_err(Failure::Scene)?;
-        let scene_frame = Arc::new(scene_frame);
-        let mut writers: Vec<(&str, Box<dyn SceneWriter>)> = Vec::new();
-        for (writer_id, writer) in &self.recipe.write {
-            running(writer_id);
-            let output = Output::new(staged, writer_id, id);
-            writers.push((writer_id, writer.scene(&site, output).map_err(|error| write_failure(writer_id, error))?));
+    fn scene_context<'s>(&'s self, scene: &'s Scene) -> SceneContext<'s> {
+        DatasetContext::new(self.dataset, self.workers, self.log).scene(scene)
+    }
+}
+
+/// One attempt at a scene, with random numbers of its own.
+struct Attempt<'m, 'a> {
+    maker: &'m SceneMaker<'a>,
+    scene: SceneId,
+    number: u32,
+    assets: RecordingAssets<'a>,
+}
+
+impl<'m> Attempt<'m, '_> {
+    /// The random numbers of a stage.
+    fn stream(&self, stage: &str) -> Stream {
+        Stream::root(self.maker.dataset.seed).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
+    }
+
+    /// Runs a stage that composes the scene.
+    fn compose<T>(&self, stage: &str, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
+        self.sample(stage, self.stream(stage), work)
+    }
+
+    /// Runs a stage that is lent random numbers and assets.
+    fn sample<T>(&self, stage: &str, stream: Stream, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
+        let SceneMaker { cache, workers, log, .. } = *self.maker;
+        let context = Context { stream, assets: &self.assets, cache, workers, log };
+        let result = caught(stage, || work(&context));
+        // An error of an asset that must stop the run comes before the errors that follow from it.
+        self.maker.assets.refused()?;
+        result
+    }
+
+    fn run(&self, staged: &Path, queue: &Queue<'m>) -> Result<SceneRecord> {
+        let maker = self.maker;
+        let scene = Arc::new(self.scene()?);
+        let cx = maker.scene_context(&scene);
+        let mut products = Products::new();
+        for stage in &maker.plan().before_views {
+            run_in_scene(stage, &cx, &[], &mut products)?;
         }
-        for number in 0..self.dataset.views_per_scene {
-            let view = self.view(&scene, ViewId(number), &stream, &context).map_err(Failure::Scene)?;
-            let site = Site { view: Some(&view), ..site };
-            let sensing = |stage: &str| context(stage, stream(stage).at(u64::from(number)));
-            let mut frame = Frame::of_view(Arc::clone(&scene_frame));
-            running("render");
-            let request = RenderRequest {
-                view: &view,
-                wants: &self.plan.rendered,
-                stream: stream("render").at(u64::from(number)),
-                workers: self.workers,
-            };
-            session.render(&request, &mut frame).map_err(|error| Failure::Scene(error.context("render")))?;
-            self.denoise(&mut frame).map_err(|error| Failure::Scene(error.context("denoise")))?;
-            self.fill(&self.plan.per_view, &site, &mut frame, &sensing).map_err(Failure::Scene)?;
-            for (writer_id, writer) in &mut writers {
-                running(writer_id);
-                writer.view(&site, &frame).map_err(|error| write_failure(writer_id, error))?;
-            }
-            self.reporter.event(&Event::Image { scene: id.0, view: number });
+        let views: Vec<Arc<View>> = (0..maker.dataset.views_per_scene)
+            .map(|number| self.view(&scene, ViewId(number)).map(Arc::new))
+            .collect::<Result<_>>()?;
+        let writers = Writers::start(maker.recipe, &cx, staged)?;
+        let views = self.render(&scene, &views, writers, &products, queue)?;
+        for stage in &maker.plan().after_views {
+            let reads: Vec<&str> = stage.reads.iter().map(|key| key.name).collect();
+            let lent: Vec<ViewProducts> = views
+                .views
+                .iter()
+                .map(|view| ViewProducts { view: Arc::clone(&view.view), products: view.products.only(&reads) })
+                .collect();
+            run_in_scene(stage, &cx, &lent, &mut products)?;
         }
-        for (writer_id, writer) in writers {
-            running(writer_id);
-            writer.close().map_err(|error| write_failure(writer_id, error))?;
-        }
-        let removed = scene.settle.removed.len() as u32;
-        let objects = scene.objects().len() as u32;
-        self.reporter.event(&Event::Scene { scene: id.0, objects, removed });
-        let views = self.dataset.views_per_scene;
-        Ok(SceneRecord { scene: id.0, attempt, views, objects, errors: Vec::new(), assets: drawn.into_digests() })
+        views.writers.close(&cx, &products)?;
+        views.records.write(maker.plan(), &products, &Output::new(staged, "records", self.scene))?;
+        let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
+        maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
+        let views = maker.dataset.views_per_scene;
+        let record = SceneRecord { scene: self.scene.0, attempt: self.number, views, objects, ..Default::default() };
+        Ok(record)
     }
 
     /// Places the bodies and lets them come to rest.
-    fn compose<'c>(
-        &self,
-        id: SceneId,
-        attempt: u32,
-        stream: &dyn Fn(&str) -> Stream,
-        context: &dyn Fn(&str, Stream) -> Context<'c>,
-    ) -> Result<Scene> {
+    fn scene(&self) -> Result<Scene> {
+        let recipe = self.maker.recipe;
         let mut builder = SceneBuilder::default();
-        for (placer_id, placer) in &self.recipe.place {
-            let stage = format!("place.{placer_id}");
-            placer.place(&mut builder, &context(&stage, stream(&stage))).map_err(|error| error.context(stage))?;
+        for (id, placer) in &recipe.place {
+            self.compose(&format!("place.{id}"), |context| placer.place(&mut builder, context))?;
         }
-        let settle = self
-            .recipe
-            .settle
-            .settle(&mut builder, &context("settle", stream("settle")))
-            .map_err(|error| error.context("settle"))?;
-        builder.freeze(id, attempt, settle)
+        let report = self.compose("settle", |context| recipe.settle.settle(&mut builder, context))?;
+        builder.freeze(self.scene, self.number, report)
     }
 
     /// Samples camera and lights of a view.
-    fn view<'c>(
-        &self,
-        scene: &Scene,
-        id: ViewId,
-        stream: &dyn Fn(&str) -> Stream,
-        context: &dyn Fn(&str, Stream) -> Context<'c>,
-    ) -> Result<View> {
-        let at = |stage: &str| context(stage, stream(stage).at(u64::from(id.0)));
+    fn view(&self, scene: &Scene, id: ViewId) -> Result<View> {
+        let recipe = self.maker.recipe;
+        let of_view = |stage: &str| self.stream(stage).at(u64::from(id.0));
         let world_from_camera =
-            self.recipe.views.pose(scene, id, &at("views")).map_err(|error| error.context("views"))?;
-        let Optics { intrinsics, distortion, lens, exposure } = self
-            .recipe
-            .camera
-            .optics(scene, &world_from_camera, &at("camera"))
-            .map_err(|error| error.context("camera"))?;
+            self.sample("views", of_view("views"), |context| recipe.views.pose(scene, id, context))?;
+        let Optics { intrinsics, distortion, lens, exposure } =
+            self.sample("camera", of_view("camera"), |context| {
+                recipe.camera.optics(scene, &world_from_camera, context)
+            })?;
         let camera = Camera { intrinsics, distortion, lens, world_from_camera };
-        let shell = self.recipe.views.shell(scene);
+        let shell = recipe.views.shell(scene);
         let mut lights = scene.lights.clone();
-        for (light_id, sampler) in &self.recipe.lights {
-            let stage = format!("lights.{light_id}");
-            let lent = if sampler.once_per_scene() { context(&stage, stream(&stage)) } else { at(&stage) };
-            let sampled = sampler.lights(scene, &camera, &shell, &lent);
-            lights.extend(sampled.map_err(|error| error.context(stage))?);
+        for (light, sampler) in &recipe.lights {
+            let stage = format!("lights.{light}");
+            let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_view(&stage) };
+            lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &camera, &shell, context))?);
         }
         Ok(View { id, camera, exposure, lights })
     }
 
-    /// Denoises what was rendered, if the plan says so, and tells what did it.
-    fn denoise(&self, frame: &mut Frame) -> Result<()> {
-        let mut report = Value::record([("name", "none".into())]);
-        if self.plan.denoised
-            && let Some(denoiser) = &self.recipe.denoise
-        {
-            running("denoise");
-            let denoised = denoiser.denoise(frame, self.workers)?;
-            frame.rename(RADIANCE, RADIANCE_NOISY)?;
-            frame.put(RADIANCE, denoised.radiance)?;
-            report = denoised.report;
-        }
-        if self.plan.denoiser_wanted { frame.put(DENOISER, report) } else { Ok(()) }
+    /// Renders the views, and sees each through annotation and writing.
+    fn render(
+        &self,
+        scene: &Arc<Scene>,
+        views: &[Arc<View>],
+        writers: Writers<'m>,
+        of_scene: &Products,
+        queue: &Queue<'m>,
+    ) -> Result<Views<'m>> {
+        let line = Arc::new(Line::new(writers));
+        let rendered = self.maker.sessions.with(|session| {
+            caught("render", || session.load(scene, self.maker.workers))?;
+            for view in views {
+                if line.has_failed() {
+                    break;
+                }
+                let mut products = of_scene.clone();
+                self.render_view(session, view, &mut products)?;
+                let sensing: BTreeMap<String, Stream> = self.sensing(view.id);
+                let (maker, scene, view, line) = (self.maker, Arc::clone(scene), Arc::clone(view), Arc::clone(&line));
+                line.clone().announce();
+                queue.add(move || line.follow(maker, &scene, view, products, &sensing));
+            }
+            Ok(())
+        });
+        // The first failing view speaks for the attempt; the renderer's own error is of a later one.
+        let views = line.join()?;
+        rendered.map(|()| views)
     }
 
-    /// Runs sensors and annotators.
-    fn fill<'c>(
+    /// The random numbers of the sensors that run.
+    fn sensing(&self, view: ViewId) -> BTreeMap<String, Stream> {
+        let sensors = self.maker.plan().per_view.iter().filter(|it| matches!(it.producer, Producer::Sensor(_)));
+        sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
+    }
+
+    fn render_view(&self, session: &mut dyn RenderSession, view: &View, products: &mut Products) -> Result<()> {
+        let plan = self.maker.plan();
+        let request = RenderRequest {
+            view,
+            wants: &plan.rendered,
+            stream: self.stream("render").at(u64::from(view.id.0)),
+            workers: self.maker.workers,
+        };
+        let mut rendered = Products::new();
+        caught("render", || session.render(&request, &mut rendered))?;
+        provided(&plan.rendered, &rendered).map_err(|error| error.context("render"))?;
+        keep(plan, rendered, products)
+    }
+}
+
+/// The views of a scene on their way from the renderer to the files: annotated at once, written in order.
+struct Line<'m> {
+    state: Mutex<LineState<'m>>,
+    moved: Condvar,
+}
+
+struct LineState<'m> {
+    /// Views that were handed over.
+    announced: u32,
+    /// The next view to write.
+    next: u32,
+    /// The error of the first failing view.
+    failure: Option<Error>,
+    views: Views<'m>,
+}
+
+/// The writers of a scene, and what is kept of its views.
+struct Views<'m> {
+    writers: Writers<'m>,
+    records: Records,
+    /// What the annotators after the views read.
+    views: Vec<ViewProducts>,
+}
+
+impl<'m> Line<'m> {
+    fn new(writers: Writers<'m>) -> Self {
+        let views = Views { writers, records: Records::default(), views: Vec::new() };
+        Self { state: Mutex::new(LineState { announced: 0, next: 0, failure: None, views }), moved: Condvar::new() }
+    }
+
+    fn has_failed(&self) -> bool {
+        self.state.lock().failure.is_some()
+    }
+
+    fn announce(&self) {
+        self.state.lock().announced += 1;
+    }
+
+    /// Denoises, senses and annotates a view, waits until it is its turn, and writes it.
+    fn follow(
         &self,
-        steps: &[Step],
-        site: &Site,
-        frame: &mut Frame,
-        context: &dyn Fn(&str) -> Context<'c>,
-    ) -> Result<()> {
-        for Step { stage, maker, .. } in steps {
-            running(stage);
-            frame.guard(&maker.reads());
-            let done = match maker {
-                ProductMaker::Sensor(sensor) => sensor.sense(site, &context(stage), frame),
-                ProductMaker::Annotator(annotator) => annotator.annotate(site, frame),
-            };
-            frame.unguard();
-            done.map_err(|error| error.context(stage))?;
-            for key in maker.provides() {
-                if !frame.contains(key.name) {
-                    return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).context(stage));
+        maker: &SceneMaker,
+        scene: &Scene,
+        view: Arc<View>,
+        mut products: Products,
+        sensing: &BTreeMap<String, Stream>,
+    ) {
+        let cx = maker.scene_context(scene).view(&view);
+        let made = if self.has_failed() { Ok(()) } else { annotate(maker.plan(), &cx, sensing, &mut products) };
+        let mut state = self.state.lock();
+        while state.next != view.id.0 {
+            self.moved.wait(&mut state);
+        }
+        if state.failure.is_none() {
+            let written = made.and_then(|()| {
+                state.views.writers.view(&cx, &products)?;
+                state.views.records.view(maker.plan(), &products)
+            });
+            match written {
+                Ok(()) => {
+                    state.views.keep(maker.plan(), &view, &products);
+                    maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
                 }
+                Err(error) => state.failure = Some(error),
             }
         }
-        Ok(())
+        state.next += 1;
+        self.moved.notify_all();
     }
-}
 
-/// A file system that fails stops the run; anything else that a writer complains of is the scene's fault.
-fn write_failure(id: &str, error: Error) -> Failure {
-    let fail = if error.is_io() { Failure::Run } else { Failure::Scene };
-    fail(error.context(format!("write.{id}")))
-}
-
-thread_local! {
-    /// The stage that runs on this thread, and where it panicked.
-    static STAGE: RefCell<(String, Option<String>)> = const { RefCell::new((String::new(), None)) };
-}
-
-fn running(stage: &str) {
-    STAGE.with_borrow_mut(|current| {
-        current.0.clear();
-        current.0.push_str(stage);
-    });
-}
-
-/// Turns a panic of a stage into an error of the scene.
-fn caught<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-    match catch_unwind(AssertUnwindSafe(work)) {
-        Ok(result) => result,
-        Err(payload) => {
-            let message = payload
-                .downcast_ref::<&str>()
-                .map(|text| (*text).to_owned())
-                .or_else(|| payload.downcast_ref::<String>().cloned())
-                .unwrap_or_else(|| "no message".to_owned());
-            let (stage, place) = STAGE.take();
-            let place = place.map_or(String::new(), |place| format!(" at {place}"));
-            Err(Failure::Scene(
-                Error::new(format!("panicked{place}: {message}"))
-                    .help("this is a bug of the stage; please report it with the recipe")
-                    .context(stage),
-            ))
+    /// Waits for all views that were handed over.
+    fn join(self: Arc<Self>) -> Result<Views<'m>> {
+        let mut state = self.state.lock();
+        while state.next != state.announced {
+            self.moved.wait(&mut state);
+        }
+        match state.failure.take() {
+            Some(error) => Err(error),
+            None => Ok(std::mem::take(&mut state.views)),
         }
     }
 }
 
-/// While `work` runs, a panic prints nothing by itself: it is reported as an event.
-pub fn with_quiet_panics<T>(work: impl FnOnce() -> T) -> T {
-    let before = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|info| {
-        if let Some(location) = info.location() {
-            let place = format!("{}:{}", location.file(), location.line());
-            STAGE.with_borrow_mut(|current| current.1 = Some(place));
+impl Default for Views<'_> {
+    fn default() -> Self {
+        Self { writers: Writers(Vec::new()), records: Records::default(), views: Vec::new() }
+    }
+}
+
+impl Views<'_> {
+    fn keep(&mut self, plan: &Plan, view: &Arc<View>, products: &Products) {
+        let reads = plan.after_views.iter().flat_map(|stage| &stage.reads);
+        let names: Vec<&str> = reads.filter(|key| key.scope == Scope::View).map(|key| key.name).collect();
+        if !names.is_empty() {
+            self.views.push(ViewProducts { view: Arc::clone(view), products: products.only(&names) });
         }
-    }));
-    let result = work();
-    std::panic::set_hook(before);
-    result
+    }
+}
+
+/// The scene writers of a recipe, each with the names of the products that it reads.
+struct Writers<'m>(Vec<Writing<'m>>);
+
+struct Writing<'m> {
+    stage: String,
+    reads: Vec<String>,
+    writer: Box<dyn SceneWriter + 'm>,
+}
+
+impl<'m> Writers<'m> {
+    fn start(recipe: &'m Recipe, cx: &SceneContext, staged: &Path) -> Result<Self> {
+        let start = |(id, writer): &'m (String, Box<dyn syntable_model::stage::Writer>)| {
+            let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene.id));
+            let scene_writer = caught(&stage, || writer.scene(cx, output))?;
+            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer })
+        };
+        recipe.write.iter().map(start).collect::<Result<_>>().map(Self)
+    }
+
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        self.0
+            .iter_mut()
+            .try_for_each(|Writing { stage, reads, writer }| caught(stage, || writer.view(cx, &products.only(reads))))
+    }
+
+    fn close(self, cx: &SceneContext, products: &Products) -> Result<()> {
+        self.0.into_iter().try_for_each(|Writing { stage, reads, writer }| {
+            caught(&stage, || writer.close(cx, &products.only(&reads)))
+        })
+    }
+}
+
+/// Names of the products that a writer reads.
+pub fn names(inputs: &[Input]) -> Vec<String> {
+    inputs.iter().map(|input| input.product.clone()).collect()
+}
+
+/// Runs all producers of a view.
+fn annotate(plan: &Plan, cx: &ViewContext, sensing: &BTreeMap<String, Stream>, products: &mut Products) -> Result<()> {
+    for stage in &plan.per_view {
+        let made = lend(stage, products, |lent| match &stage.producer {
+            Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
+            Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
+            Producer::View(annotator) => annotator.annotate(cx, lent),
+            Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
+        })?;
+        keep(plan, made, products)?;
+    }
+    Ok(())
+}
+
+/// Runs an annotator of the scene.
+fn run_in_scene(
+    stage: &PlannedStage,
+    cx: &SceneContext,
+    views: &[ViewProducts],
+    products: &mut Products,
+) -> Result<()> {
+    let Producer::Scene(annotator) = &stage.producer else { unreachable!("the plan sorts producers by scope") };
+    let made = lend(stage, products, |lent| annotator.annotate(cx, views, lent))?;
+    products.extend(made)
+}
+
+/// Lends a producer what it declares to read, and returns what it made, which is what it declares to provide.
+pub fn lend(
+    stage: &PlannedStage,
+    products: &Products,
+    make: impl FnOnce(&mut Products) -> Result<()>,
+) -> Result<Products> {
+    let lent = products.only(&stage.reads.iter().map(|key| key.name).collect::<Vec<_>>());
+    let mut filled = lent.clone();
+    caught(&stage.stage, || make(&mut filled))?;
+    let made = filled.without(&lent);
+    provided(&stage.provides, &made).map_err(|error| error.context(&stage.stage))?;
+    Ok(made)
+}
+
+/// Checks that a stage made what it had to, and nothing else.
+fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
+    if let Some(key) = declared.iter().find(|key| !made.contains(key.name)) {
+        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).permanent());
+    }
+    match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
+        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name)).permanent()),
+        None => Ok(()),
+    }
+}
+
+/// Adds what a stage made. A product that another stage replaces is kept under the key of the original.
+fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
+    for replacement in &plan.replaced {
+        // The stage that replaces a product reads the original, which is there by then.
+        if !products.contains(replacement.original.name) {
+            made.rename(replacement.product, replacement.original)?;
+        }
+    }
+    products.extend(made)
 }

@@ -1,0 +1,69 @@
+//! What the encoding of a product looks like, known from its type alone.
+
+use super::value::DType;
+use std::fmt;
+
+/// The form of a product's [`Value`](super::Value).
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Form {
+    /// A truth value.
+    Bool,
+    /// An integer.
+    Int,
+    /// A floating-point number.
+    Float,
+    /// Text.
+    Text,
+    /// Bytes of a format that the product's documentation names.
+    Bytes,
+    /// A binary mask of the image.
+    Mask,
+    /// Named fields.
+    Record,
+    /// A fixed-length list of integers, such as a box.
+    Ints(usize),
+    /// One value per pixel, row 0 at the top: axes `y`, `x` and, with channels, `channel`.
+    Image {
+        /// Type of one number.
+        dtype: DType,
+        /// Numbers per pixel; none for a plain number without a channel axis.
+        channels: Option<usize>,
+    },
+    /// A numeric array that is not an image.
+    Tensor(DType),
+    /// A value for each instance.
+    PerInstance(Box<Form>),
+    /// Not known from the type.
+    Any,
+}
+
+impl Form {
+    /// The form of one instance's value, or the form itself.
+    pub fn of_one(&self) -> &Self {
+        match self {
+            Self::PerInstance(form) => form,
+            form => form,
+        }
+    }
+}
+
+impl fmt::Display for Form {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool => f.write_str("truth value"),
+            Self::Int => f.write_str("integer"),
+            Self::Float => f.write_str("number"),
+            Self::Text => f.write_str("text"),
+            Self::Bytes => f.write_str("bytes"),
+            Self::Mask => f.write_str("mask"),
+            Self::Record => f.write_str("record"),
+            Self::Ints(length) => write!(f, "list of {length} integers"),
+            Self::Image { dtype, channels: None } => write!(f, "{dtype} image"),
+            Self::Image { dtype, channels: Some(channels) } => write!(f, "{dtype} image of {channels} channels"),
+            Self::Tensor(dtype) => write!(f, "{dtype} array"),
+            Self::PerInstance(form) => write!(f, "{form} per instance"),
+            Self::Any => f.write_str("value"),
+        }
+    }
+}

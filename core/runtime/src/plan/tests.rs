@@ -1,0 +1,189 @@
+use super::*;
+use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
+use syntable_model::error::Result;
+use syntable_model::product::{Key, PerInstance, Products};
+use syntable_model::stage::{Accepts, RecordedScene, ViewProducts};
+
+const PIXELS: Key<PerInstance<u32>> = Key::view("pixels", "");
+const RAW: Key<PerInstance<u32>> = Key::view("pixels_raw", "");
+const WRONG_PIXELS: Key<PerInstance<f64>> = Key::view("pixels", "");
+const A: Key<PerInstance<u32>> = Key::view("a", "");
+const B: Key<PerInstance<u32>> = Key::view("b", "");
+const S: Key<PerInstance<u32>> = Key::scene("s", "");
+const T: Key<PerInstance<u32>> = Key::scene("t", "");
+const D: Key<PerInstance<u32>> = Key::dataset("d", "");
+
+/// A stage of any scope that is only planned with.
+struct Fake(Vec<KeyId>, Vec<KeyId>);
+
+impl Annotator for Fake {
+    fn reads(&self) -> Vec<KeyId> {
+        self.0.clone()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        self.1.clone()
+    }
+    fn annotate(&self, _: &ViewContext, _: &mut Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl SceneAnnotator for Fake {
+    fn reads(&self) -> Vec<KeyId> {
+        self.0.clone()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        self.1.clone()
+    }
+    fn annotate(&self, _: &SceneContext, _: &[ViewProducts], _: &mut Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl DatasetAnnotator for Fake {
+    fn reads(&self) -> Vec<KeyId> {
+        self.0.clone()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        self.1.clone()
+    }
+    fn annotate(
+        &self,
+        _: &DatasetContext,
+        _: &mut dyn Iterator<Item = Result<RecordedScene>>,
+        _: &mut Products,
+    ) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Replaces `pixels`.
+struct Filter;
+impl Sensor for Filter {
+    fn reads(&self) -> Vec<KeyId> {
+        vec![RAW.id()]
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        vec![PIXELS.id()]
+    }
+    fn replaces(&self) -> Vec<Replacement> {
+        vec![Replacement { product: PIXELS.id(), original: RAW.id() }]
+    }
+    fn sense(&self, _: &ViewContext, _: &syntable_model::random::Stream, _: &mut Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
+    let fake = Box::new(Fake(reads.to_vec(), provides.to_vec()));
+    let producer = match provides[0].scope {
+        Scope::View => Producer::View(fake),
+        Scope::Scene => Producer::Scene(fake),
+        Scope::Dataset => Producer::Dataset(fake),
+    };
+    Candidate { stage: format!("annotate.{id}"), producer, implied: None }
+}
+
+fn plan(stages: Vec<Candidate>, wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
+    let input = |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None };
+    resolve(vec![PIXELS.id()], stages, Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
+}
+
+fn order(plan: &Plan) -> Vec<&str> {
+    plan.stages().map(|stage| stage.stage.trim_start_matches("annotate.")).collect()
+}
+
+fn refused(stages: Vec<Candidate>, wants: &[&str], fault: Fault, message: &str) {
+    let errors = plan(stages, wants).err().unwrap_or_else(|| panic!("planned, but wanted: {message}"));
+    let found = errors
+        .iter()
+        .any(|error| error.fault == fault && (error.message.contains(message) || error.help.contains(message)));
+    assert!(found, "{errors:?}");
+}
+
+#[test]
+fn providers_run_before_readers_and_only_if_wanted() {
+    let all = || {
+        vec![
+            stage("second", &[A.id()], &[B.id()]),
+            stage("first", &[PIXELS.id()], &[A.id()]),
+            stage("scene", &[], &[S.id()]),
+        ]
+    };
+    assert_eq!(order(&plan(all(), &["b"]).expect("planned")), ["first", "second"]);
+    assert_eq!(order(&plan(all(), &["b", "s"]).expect("planned")), ["scene", "first", "second"]);
+    let idle = plan(all(), &["pixels"]).expect("planned");
+    assert!(order(&idle).is_empty() && idle.idle.len() == 3);
+}
+
+#[test]
+fn scene_annotators_run_before_or_after_the_views() {
+    let stages = || {
+        vec![
+            stage("tracks", &[A.id()], &[S.id()]),
+            stage("a", &[PIXELS.id()], &[A.id()]),
+            stage("of_tracks", &[S.id()], &[T.id()]),
+            stage("all", &[T.id(), A.id()], &[D.id()]),
+        ]
+    };
+    let found = plan(stages(), &["d"]).expect("planned");
+    assert_eq!(order(&found), ["a", "tracks", "of_tracks", "all"]);
+    assert_eq!((found.before_views.len(), found.after_views.len(), found.per_dataset.len()), (0, 2, 1));
+    let recorded = |scope| found.recorded(scope).iter().map(|key| key.name).collect::<Vec<_>>();
+    assert_eq!((recorded(Scope::Scene), recorded(Scope::View)), (vec!["t"], vec!["a"]));
+    let mut early = stages();
+    early.push(stage("early", &[S.id()], &[B.id()]));
+    refused(early, &["b"], Fault::TooEarly, "after the views");
+    refused(
+        vec![stage("early", &[D.id()], &[B.id()]), stage("d", &[], &[D.id()])],
+        &["b"],
+        Fault::TooEarly,
+        "all scenes",
+    );
+}
+
+#[test]
+fn a_replaced_product_is_the_new_one_for_all_others() {
+    let filter =
+        || Candidate { stage: "sensor.filter".into(), producer: Producer::Sensor(Box::new(Filter)), implied: None };
+    let found = plan(vec![stage("a", &[PIXELS.id()], &[A.id()]), filter()], &["a", "pixels_raw"]).expect("planned");
+    let entries: Vec<(&str, &str)> =
+        found.entries.iter().map(|entry| (entry.key.name, entry.provider.as_str())).collect();
+    assert_eq!(entries, [("pixels_raw", "render"), ("pixels", "sensor.filter"), ("a", "annotate.a")]);
+    assert_eq!(found.rendered, [PIXELS.id()]);
+    assert_eq!(found.replaced.len(), 1);
+    // Nobody reads the new one: the original is what was rendered, and the filter is idle.
+    let found = plan(vec![filter()], &["pixels_raw"]).expect("planned");
+    assert!(found.stages().next().is_none());
+    refused(
+        vec![filter(), Candidate { stage: "sensor.other".into(), ..filter() }],
+        &["pixels"],
+        Fault::Ambiguous,
+        "replaced by several",
+    );
+}
+
+#[test]
+fn gaps_ambiguities_and_cycles_are_refused() {
+    refused(vec![], &["pixel"], Fault::Unknown, "nothing provides");
+    assert_eq!(plan(vec![], &["pixel"]).err().expect("refused")[0].known, ["pixels"]);
+    refused(vec![], &["normal_mean"], Fault::Renamed, "`denoise_normal`");
+    let (x, y) = (|| stage("x", &[], &[A.id()]), || stage("y", &[], &[A.id()]));
+    refused(vec![x(), y()], &["a"], Fault::Ambiguous, "annotate.x, annotate.y");
+    refused(vec![stage("x", &[], &[PIXELS.id()])], &["pixels"], Fault::Ambiguous, "annotate.x, render");
+    let circle = vec![stage("x", &[B.id()], &[A.id()]), stage("y", &[A.id()], &[B.id()])];
+    refused(circle, &["a"], Fault::Cycle, "annotate.x → annotate.y → annotate.x");
+    refused(vec![stage("x", &[WRONG_PIXELS.id()], &[A.id()])], &["a"], Fault::WrongType, "as PerInstance<f64>");
+}
+
+#[test]
+fn a_writer_refuses_what_it_cannot_store() {
+    let input = |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()) };
+    let check = |accepts| resolve(vec![PIXELS.id()], vec![], vec![], &[("w".into(), vec![input(accepts)])]).err();
+    assert!(check(Accepts::Type(PIXELS.id())).is_none());
+    for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
+        let errors = check(accepts).expect("refused");
+        assert_eq!((errors[0].fault, errors[0].stage.as_str()), (Fault::NotStorable, "write.w"));
+        assert_eq!(errors[0].option.as_deref(), Some("include[0]"));
+    }
+}

@@ -1,0 +1,123 @@
+//! Plans what a recipe computes, with errors that point into the recipe.
+
+use super::code::Code;
+use super::diagnostic::Draft;
+use super::source::{NOWHERE, Span};
+use super::stages::{Built, BuiltStage};
+use super::suggest::{did_you_mean, listing};
+use crate::plan::{Candidate, Fault, Plan, PlanError, Producer, registered, resolve};
+use syntable_model::product::KeyId;
+use syntable_model::registry::{Registry, Shape, Slot, Stage};
+use syntable_model::stage::Input;
+
+/// Plans the stages that were built, whose producers it takes. If the plan fails, or there is no renderer, everything
+/// that can be known is reported and there is no plan.
+pub(crate) fn plan(registry: &Registry, built: &mut Built, drafts: &mut Vec<Draft>) -> Option<Plan> {
+    let own = built.stages.iter().find_map(|stage| match &stage.stage {
+        Some(Stage::Render(renderer)) => Some(renderer.offers()),
+        _ => None,
+    });
+    let elsewhere = offered_by_others(registry);
+    // Without its own renderer, a recipe may name what any renderer offers.
+    let offers = own.clone().unwrap_or_else(|| elsewhere.iter().map(|(key, _)| *key).collect());
+    let writers: Vec<(String, Vec<Input>)> = built
+        .stages
+        .iter()
+        .filter_map(|stage| match &stage.stage {
+            Some(Stage::Write(writer)) => Some((stage.id.clone(), writer.reads())),
+            _ => None,
+        })
+        .collect();
+    let mut explicit = Vec::new();
+    for stage in &mut built.stages {
+        match stage.stage.take().map(Producer::of) {
+            Some(Ok(producer)) => explicit.push(Candidate { stage: part(stage), producer, implied: None }),
+            Some(Err(other)) => stage.stage = Some(other),
+            None => {}
+        }
+    }
+    match resolve(offers, explicit, registered(registry), &writers) {
+        Ok(plan) => {
+            drafts.extend(plan.idle.iter().filter_map(|idle| {
+                let stage = built.stages.iter().find(|stage| part(stage) == idle.stage)?;
+                // A section that the recipe leaves out has its default kind, which need not do anything.
+                if stage.header == NOWHERE {
+                    return None;
+                }
+                let names: Vec<&str> = idle.provides.iter().map(|key| key.name).collect();
+                let message = format!("{} is not computed: no writer reads what it provides", idle.stage);
+                let help = format!("include {} in a [write.<id>] table", names.join(" or "));
+                Some(Draft::warning(Code::IdleStage, stage.header.clone(), message).help(help))
+            }));
+            own.map(|_| plan)
+        }
+        Err(errors) => {
+            drafts.extend(errors.iter().map(|error| draft(error, built, &elsewhere)));
+            None
+        }
+    }
+}
+
+/// What a stage is called in messages: `render`, `write.png`.
+pub(crate) fn part(stage: &BuiltStage) -> String {
+    match stage.slot.shape() {
+        Shape::One => stage.slot.to_string(),
+        Shape::List | Shape::Keyed => format!("{}.{}", stage.slot, stage.id),
+    }
+}
+
+/// Products of all registered renderers, with the renderer's kind.
+fn offered_by_others(registry: &Registry) -> Vec<(KeyId, &'static str)> {
+    let mut offers: Vec<(KeyId, &'static str)> = Vec::new();
+    for entry in registry.of_slot(Slot::Render) {
+        for text in ["", entry.example] {
+            let Ok(Stage::Render(renderer)) = entry.construct_str(text).map(|constructed| constructed.stage) else {
+                continue;
+            };
+            for key in renderer.offers() {
+                if !offers.iter().any(|(other, _)| other.name == key.name) {
+                    offers.push((key, entry.kind));
+                }
+            }
+        }
+    }
+    offers
+}
+
+fn draft(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static str)]) -> Draft {
+    let stage = built.stages.iter().find(|stage| part(stage) == error.stage);
+    let said: Option<Span> = stage
+        .and_then(|stage| stage.products.iter().find(|(name, _)| *name == error.product).map(|(_, span)| span.clone()));
+    let span = said.clone().or_else(|| stage.map(|stage| stage.header.clone())).unwrap_or(NOWHERE);
+    let default = || match (&error.option, stage) {
+        (Some(option), Some(stage)) => format!("`{}` has it as the default of `{option}`", stage.entry.kind),
+        _ => format!("{} reads it", error.stage),
+    };
+    let code = match error.fault {
+        Fault::Unknown => {
+            let draft = Draft::error(Code::UnknownProduct, span, format!("unknown product `{}`", error.product));
+            let known: Vec<&str> = error.known.iter().map(String::as_str).collect();
+            let draft = draft.label(match said {
+                Some(_) => did_you_mean(&error.product, known.iter().copied()),
+                None => default(),
+            });
+            return match elsewhere.iter().find(|(key, _)| key.name == error.product) {
+                Some((_, kind)) => {
+                    draft.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))
+                }
+                None => draft
+                    .help(format!(
+                        "provided by linked plugins: {} (syntable list products)",
+                        listing(known.into_iter())
+                    ))
+                    .help("if a plugin of yours provides it, check that its crate is named in your binary's main.rs"),
+            };
+        }
+        Fault::Renamed => Code::UnknownProduct,
+        Fault::NotStorable => Code::NotStorable,
+        Fault::Ambiguous | Fault::Cycle | Fault::WrongType | Fault::TooEarly => Code::Plan,
+    };
+    let draft = Draft::error(code, span, error.message.clone());
+    let draft = if said.is_some() || error.option.is_none() { draft } else { draft.label(default()) };
+    draft.help(error.help.clone())
+}

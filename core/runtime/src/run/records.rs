@@ -1,0 +1,57 @@
+//! The recorded products of scenes that are done: what the annotators of the dataset read, in this run or a later one.
+
+use crate::plan::Plan;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{KeyId, Products, Scope};
+use syntable_model::scene::SceneId;
+use syntable_model::stage::{Output, RecordedScene};
+
+type Values = BTreeMap<String, serde_json::Value>;
+
+/// What is recorded of a scene.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct Records {
+    scene: Values,
+    views: Vec<Values>,
+}
+
+impl Records {
+    /// Records a view.
+    pub fn view(&mut self, plan: &Plan, products: &Products) -> Result<()> {
+        if !plan.per_dataset.is_empty() {
+            self.views.push(values(&plan.recorded(Scope::View), products)?);
+        }
+        Ok(())
+    }
+
+    /// Writes the record of a scene that is done, if anybody reads it.
+    pub fn write(mut self, plan: &Plan, products: &Products, output: &Output) -> Result<()> {
+        if plan.per_dataset.is_empty() {
+            return Ok(());
+        }
+        self.scene = values(&plan.recorded(Scope::Scene), products)?;
+        output.write_shard(&serde_json::to_vec(&self).expect("values are plain data"))
+    }
+
+    /// Reads the record of a scene.
+    pub fn read(root: &Path, scene: SceneId) -> Result<RecordedScene> {
+        let path = root.join(syntable_model::stage::shard_path("records", scene));
+        let help = "the dataset is damaged; run again with --overwrite";
+        let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, &error).help(help))?;
+        let Self { scene: scene_values, views: view_values } =
+            serde_json::from_str(&text).map_err(|error| Error::new(error.to_string()).in_file(&path).help(help))?;
+        Ok(RecordedScene { scene, scene_values, view_values })
+    }
+}
+
+fn values(keys: &[KeyId], products: &Products) -> Result<Values> {
+    let value = |key: &KeyId| {
+        let encoded = serde_json::to_value(products.value(key.name)?).expect("values are plain data");
+        Ok((key.name.to_owned(), encoded))
+    };
+    keys.iter().map(value).collect()
+}
