@@ -8,3 +8,6 @@ pub mod pools;
 pub mod recipe;
 pub mod run;
 pub mod workers;
+
+pub use clap;
+pub use syntable_model::inventory;

@@ -5,13 +5,15 @@ mod doctor;
 mod list;
 mod new;
 mod run;
+mod verb;
 
 pub use list::products;
+pub use verb::Verb;
 
 use crate::message::{Level, Record};
 use crate::recipe::{self, Diagnostic, Overrides, Recipe, Source};
 use crate::run::progress::{Event, Human, JsonLines, Reporter};
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,7 +31,7 @@ pub const QUICKSTART: &str = include_str!("../../../../recipes/quickstart.toml")
     after_help = "Examples:
   syntable run --out data                        a small dataset from embedded objects
   syntable run recipe.toml --out data            a dataset of your own recipe
-  syntable run recipe.toml --out data            the same again: goes on where it stopped
+  syntable run recipe.toml --out data            the same again: resumes where it stopped
   syntable check recipe.toml                     every mistake of a recipe, at once
   syntable list products                         everything that can be annotated
 
@@ -41,21 +43,21 @@ Exit codes:
 )]
 struct Cli {
     #[command(subcommand)]
-    verb: Verb,
+    verb: BuiltIn,
     /// Log format on standard error: human-readable, or one JSON object per line.
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Human)]
     log_format: LogFormat,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum LogFormat {
     Human,
     Json,
 }
 
 #[derive(Subcommand)]
-enum Verb {
-    /// Make the dataset of a recipe, or go on with it.
+enum BuiltIn {
+    /// Make the dataset of a recipe, or resume it.
     #[command(after_help = "Examples:
   syntable run --out data                              the embedded quickstart recipe
   syntable run recipe.toml --out data --scenes 0..10   its first ten scenes
@@ -154,12 +156,27 @@ impl Exit {
 /// }
 /// ```
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let console = Console::new(cli.log_format);
-    let done = match Registry::linked() {
-        Ok(registry) => console.verb(cli.verb, &registry),
-        Err(clash) => Err(Exit::wrong(Error::new(clash))),
+    let (command, verbs) = match command() {
+        Ok(found) => found,
+        Err(clash) => {
+            Console::new(LogFormat::Human).say(&Message::Error(Error::new(clash)));
+            return ExitCode::from(2);
+        }
     };
+    let matches = command.get_matches();
+    let format = matches.get_one::<LogFormat>("log_format").copied().unwrap_or(LogFormat::Human);
+    let console = Console::new(format);
+    let done = Registry::linked().map_err(|clash| Exit::wrong(Error::new(clash))).and_then(|registry| {
+        if let Some((name, arguments)) = matches.subcommand()
+            && let Some((_, verb)) = verbs.iter().find(|(other, _)| other == name)
+        {
+            return (verb.run)(&console, &registry, arguments);
+        }
+        match Cli::from_arg_matches(&matches) {
+            Ok(cli) => console.verb(cli.verb, &registry),
+            Err(error) => error.exit(),
+        }
+    });
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(Exit { code, messages }) => {
@@ -169,9 +186,18 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// The whole command line: the verbs of the program and those of the linked crates.
+fn command() -> Result<(clap::Command, Vec<(String, Verb)>), String> {
+    let mut command = Cli::command();
+    command.build();
+    let verbs = verb::linked(&command)?;
+    let command = verbs.iter().fold(Cli::command(), |command, (_, verb)| command.subcommand((verb.command)()));
+    Ok((command, verbs))
+}
+
 /// The program's help as text, verb by verb, for the reference page.
 pub fn help_pages() -> Vec<(String, String)> {
-    let mut root = Cli::command().term_width(100);
+    let mut root = command().map_or_else(|_| Cli::command(), |(command, _)| command).term_width(100);
     root.build();
     let mut pages = vec![("syntable".to_owned(), root.render_long_help().to_string())];
     for verb in root.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
@@ -205,19 +231,19 @@ impl Console {
         &*self.reporter
     }
 
-    fn verb(&self, verb: Verb, registry: &Registry) -> Result<(), Exit> {
+    fn verb(&self, verb: BuiltIn, registry: &Registry) -> Result<(), Exit> {
         match verb {
-            Verb::Run(args) => run::run(self, registry, &args),
-            Verb::Check(args) => check::check(self, registry, &args),
-            Verb::Plan(args) => run::plan(self, registry, &args),
-            Verb::List(args) => list::list(self, registry, &args),
-            Verb::Schema => {
+            BuiltIn::Run(args) => run::run(self, registry, &args),
+            BuiltIn::Check(args) => check::check(self, registry, &args),
+            BuiltIn::Plan(args) => run::plan(self, registry, &args),
+            BuiltIn::List(args) => list::list(self, registry, &args),
+            BuiltIn::Schema => {
                 let schema = recipe::schema(registry);
                 self.print(&format!("{}\n", serde_json::to_string_pretty(&schema).expect("a schema is plain data")))
             }
-            Verb::New(args) => new::new(self, &args),
-            Verb::Doctor => doctor::doctor(self, registry),
-            Verb::Completions { shell } => {
+            BuiltIn::New(args) => new::new(self, &args),
+            BuiltIn::Doctor => doctor::doctor(self, registry),
+            BuiltIn::Completions { shell } => {
                 let mut script = Vec::new();
                 clap_complete::generate(shell, &mut Cli::command(), "syntable", &mut script);
                 self.print(&String::from_utf8_lossy(&script))

@@ -39,7 +39,7 @@ impl Records {
 
     /// Reads the record of a scene.
     pub fn read(root: &Path, scene: SceneId) -> Result<RecordedScene> {
-        let path = root.join(syntable_model::stage::shard_path("records", scene));
+        let path = root.join(syntable_model::stage::shard_path("@records", scene));
         let help = "the dataset is damaged; run again with --overwrite";
         let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, &error).help(help))?;
         let Self { scene: scene_values, views: view_values } =

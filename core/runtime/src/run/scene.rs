@@ -124,7 +124,7 @@ impl<'m> Attempt<'m, '_> {
             run_in_scene(stage, &cx, &lent, &mut products)?;
         }
         views.writers.close(&cx, &products)?;
-        views.records.write(maker.plan(), &products, &Output::new(staged, "records", self.scene))?;
+        views.records.write(maker.plan(), &products, &Output::new(staged, "@records", self.scene))?;
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
         let views = maker.dataset.views_per_scene;

@@ -1,0 +1,297 @@
+//! Stages that sleep, count and break promises.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+use syntable_model::prelude::*;
+use syntable_model::registry::{Entry, Registry};
+use syntable_model::scene::{Optics, Role, SettleReport};
+use syntable_model::stage::{
+    Accepts, DatasetAnnotator, Finish, Input, Output, RecordedScene, RenderRequest, RenderSession, Replacement,
+    SceneAnnotator, SceneWriter, ViewProducts,
+};
+use syntable_runtime::cache::DiskCache;
+use syntable_runtime::recipe::{self, Overrides, Source};
+use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::{Outcome, RunOptions};
+use syntable_testing::scenes;
+
+products! {
+    /// Light of a view: 1.
+    pub const LIGHT: Key<Value> = view("light");
+    /// Light before it was doubled.
+    pub const LIGHT_RAW: Key<Value> = view("light_raw");
+    /// 100 times the scene plus the view.
+    pub const THOUGHT: Key<Value> = view("thought");
+    /// Thoughts of all views.
+    pub const TRACK: Key<Value> = scene("track");
+    /// Number of scenes, and sum of all thoughts.
+    pub const TOTAL: Key<Value> = dataset("total");
+}
+
+fn sleep(ms: u32) {
+    std::thread::sleep(Duration::from_millis(ms.into()));
+}
+
+/// Options of all these kinds: each uses a part.
+macro_rules! kind {
+    ($(#[$doc:meta])* $name:ident, $stage:ident, $kind:literal $(, $option:ident: $type:ty)*) => {
+        $(#[$doc])*
+        #[derive(Debug, Default, Clone, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $name {
+            $(
+                /// An option.
+                $option: $type,
+            )*
+        }
+        impl Config for $name {
+            type Stage = dyn $stage;
+            const KIND: &'static str = $kind;
+            const EXAMPLE: &'static str = "";
+            fn build(self) -> Result<Box<dyn $stage>, ConfigError> {
+                Ok(Box::new(self))
+            }
+        }
+    };
+}
+
+kind!(/** Places two boxes on a table. */ Boxes, Placer, "boxes", sleep_ms: u32);
+kind!(/** Leaves everything where it is. */ Still, Settler, "rapier");
+kind!(/** A small camera. */ Small, CameraModel, "pinhole");
+kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell");
+kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32);
+kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
+kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
+    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool);
+kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
+kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer");
+kind!(/** Writes products as JSON. */ Lines, Writer, "lines", include: Vec<ProductName>);
+
+impl Placer for Boxes {
+    fn place(&self, scene: &mut SceneBuilder, _: &Context) -> Result<()> {
+        sleep(self.sleep_ms);
+        *scene = scenes::table();
+        let cube = scenes::object("cube", scenes::box_mesh([0.1; 3]), [0.5; 3]);
+        scene.add(scenes::body(cube, [0.0, 0.0, 0.05], Role::Object));
+        Ok(())
+    }
+}
+
+impl Settler for Still {
+    fn settle(&self, _: &mut SceneBuilder, _: &Context) -> Result<SettleReport> {
+        Ok(SettleReport::default())
+    }
+}
+
+fn view() -> View {
+    scenes::view([0.0, -1.0, 1.0], [0.0; 3], [4, 3], 60.0)
+}
+
+impl CameraModel for Small {
+    fn optics(&self, _: &Scene, _: &Pose, _: &Context) -> Result<Optics> {
+        let View { camera, exposure, .. } = view();
+        Ok(Optics { intrinsics: camera.intrinsics, distortion: camera.distortion, lens: camera.lens, exposure })
+    }
+}
+
+impl ViewSampler for Fixed {
+    fn pose(&self, _: &Scene, _: syntable_model::scene::ViewId, _: &Context) -> Result<Pose> {
+        Ok(view().camera.world_from_camera)
+    }
+    fn shell(&self, scene: &Scene) -> Shell {
+        Shell { center: scene.tabletop.center(), radius: [1.0, 2.0] }
+    }
+}
+
+static RENDERED: AtomicU32 = AtomicU32::new(0);
+
+pub struct Counters;
+impl Counters {
+    pub fn rendered() -> u32 {
+        RENDERED.load(Ordering::SeqCst)
+    }
+}
+
+impl Renderer for Sleeper {
+    fn offers(&self) -> Vec<KeyId> {
+        keys![LIGHT]
+    }
+    fn max_sessions(&self) -> Option<usize> {
+        Some(1)
+    }
+    fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
+        assert_eq!(index, 0, "there is one device");
+        Ok(Box::new(Asleep(self.sleep_ms)))
+    }
+    fn cost(&self) -> String {
+        format!("{} ms", self.sleep_ms)
+    }
+}
+
+struct Asleep(u32);
+impl RenderSession for Asleep {
+    fn load(&mut self, _: &Arc<Scene>, _: &dyn syntable_model::context::Workers) -> Result<()> {
+        Ok(())
+    }
+    fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()> {
+        RENDERED.fetch_add(1, Ordering::SeqCst);
+        sleep(self.0);
+        if request.wants.is_empty() { Ok(()) } else { products.put(LIGHT, Value::Int(1)) }
+    }
+}
+
+impl Sensor for Doubler {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![LIGHT_RAW]
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![LIGHT]
+    }
+    fn replaces(&self) -> Vec<Replacement> {
+        vec![Replacement { product: LIGHT.id(), original: LIGHT_RAW.id() }]
+    }
+    fn sense(&self, _: &ViewContext, _: &Stream, products: &mut Products) -> Result<()> {
+        let &Value::Int(light) = products.get(LIGHT_RAW)? else { return Err(Error::new("no light")) };
+        products.put(LIGHT, Value::Int(2 * light))
+    }
+}
+
+impl Annotator for Thinker {
+    fn reads(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![THOUGHT]
+    }
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        sleep(self.sleep_ms);
+        assert!(!self.panics, "too much to think about");
+        if self.undeclared {
+            products.get(LIGHT)?;
+        }
+        if self.missing {
+            return Err(Error::new("the library is not there").permanent());
+        }
+        if self.silent {
+            return Ok(());
+        }
+        products.put(THOUGHT, Value::Int(i64::from(100 * cx.scene.id.0 + cx.view.id.0)))
+    }
+}
+
+impl SceneAnnotator for Tracker {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![THOUGHT]
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![TRACK]
+    }
+    fn annotate(&self, _: &SceneContext, views: &[ViewProducts], products: &mut Products) -> Result<()> {
+        let thoughts = views.iter().map(|view| view.products.get(THOUGHT).cloned()).collect::<Result<Vec<_>>>()?;
+        products.put(TRACK, Value::List(thoughts))
+    }
+}
+
+impl DatasetAnnotator for Summer {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![THOUGHT]
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![TOTAL]
+    }
+    fn annotate(
+        &self,
+        _: &DatasetContext,
+        scenes: &mut dyn Iterator<Item = Result<RecordedScene>>,
+        products: &mut Products,
+    ) -> Result<()> {
+        let (mut count, mut sum) = (0_i64, 0_i64);
+        for scene in scenes {
+            count += 1;
+            sum += scene?.view_values.iter().filter_map(|view| view["thought"].as_i64()).sum::<i64>();
+        }
+        products.put(TOTAL, Value::record([("scenes", count.into()), ("sum", sum.into())]))
+    }
+}
+
+impl Writer for Lines {
+    fn reads(&self) -> Vec<Input> {
+        Input::included(&self.include, Accepts::Any)
+    }
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(LinesScene(output)))
+    }
+    fn finish(&self, _: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
+        let text = text(products, |_| true);
+        finish.write(&format!("{}/dataset.json", finish.id()), |file| {
+            file.write_all(text.as_bytes()).map_err(|error| Error::new(error.to_string()))
+        })
+    }
+}
+
+struct LinesScene(Output);
+impl SceneWriter for LinesScene {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let name = format!("{}/{:06}_{:04}.json", self.0.id(), cx.scene.id.0, cx.view.id.0);
+        self.0.write(&name, text(products, |_| true).as_bytes())
+    }
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        let name = format!("{}/{:06}.json", self.0.id(), cx.scene.id.0);
+        self.0.write(&name, text(products, |_| true).as_bytes())
+    }
+}
+
+fn text(products: &Products, keep: impl Fn(&KeyId) -> bool) -> String {
+    let values: BTreeMap<&str, Value> = products
+        .keys()
+        .iter()
+        .filter(|key| keep(key))
+        .map(|key| (key.name, products.value(key.name).expect("there")))
+        .collect();
+    serde_json::to_string(&values).expect("plain data")
+}
+
+fn registry() -> Registry {
+    macro_rules! entries {
+        ($($name:ident),*) => { [$(Entry::of::<$name>("kit", "0.0.0")),*] };
+    }
+    let entries = entries![Boxes, Still, Small, Fixed, Sleeper, Doubler, Thinker, Tracker, Summer, Lines];
+    Registry::new(entries).expect("no clash")
+}
+
+/// Runs a recipe of these kinds.
+pub fn run(recipe: &str, out: &Path, threads: usize) -> Result<Outcome> {
+    run_scenes(recipe, out, threads, None)
+}
+
+/// Runs some scenes of a recipe.
+pub fn run_scenes(recipe: &str, out: &Path, threads: usize, scenes: Option<Range<u32>>) -> Result<Outcome> {
+    let source = Source::embedded("test.toml", recipe);
+    let (recipe, _) = recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
+        .unwrap_or_else(|report| panic!("{report}"));
+    let cache = DiskCache::new(out.join("../cache"));
+    let options = RunOptions { out: out.to_owned(), scenes, threads, overwrite: false, retry_failed: false, cache };
+    syntable_runtime::run::run(&recipe, &options, &Quiet)
+}
+
+/// All files of a dataset by relative path.
+pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    fn walk(folder: &Path, root: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
+        for entry in std::fs::read_dir(folder).expect("readable") {
+            let path = entry.expect("readable").path();
+            if path.is_dir() {
+                walk(&path, root, files);
+            } else {
+                let name = path.strip_prefix(root).expect("below").to_string_lossy().into_owned();
+                files.insert(name, std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    let mut found = BTreeMap::new();
+    walk(folder, folder, &mut found);
+    found
+}

@@ -1,0 +1,113 @@
+//! Runs of stages made for the purpose: scheduling, scopes, replacement, and errors that end a run at once.
+
+mod kit;
+
+use kit::{Counters, files, run};
+use std::time::{Duration, Instant};
+
+/// Scenes and views of each, and how long a scene takes to compose, a view to render and a view to annotate, ms.
+const SCENES: u32 = 6;
+const VIEWS: u32 = 4;
+const COMPOSE_MS: u64 = 60;
+const RENDER_MS: u64 = 25;
+const ANNOTATE_MS: u64 = 25;
+
+fn slow(out: &std::path::Path, threads: usize) -> Duration {
+    let recipe = format!(
+        "[dataset]\nscenes = {SCENES}\nviews_per_scene = {VIEWS}\nname = \"slow\"\n\
+         [[place]]\nkind = \"boxes\"\nsleep_ms = {COMPOSE_MS}\n\
+         [render]\nkind = \"sleeper\"\nsleep_ms = {RENDER_MS}\n\
+         [annotate.thinker]\nsleep_ms = {ANNOTATE_MS}\n\
+         [write.lines]\ninclude = [\"thought\"]\n"
+    );
+    let start = Instant::now();
+    run(&recipe, out, threads).expect("the run ends well");
+    start.elapsed()
+}
+
+#[test]
+fn one_render_session_overlaps_with_everything_else() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let took = slow(&folder.path().join("two"), 2);
+    let rendering = Duration::from_millis(u64::from(SCENES * VIEWS) * RENDER_MS);
+    let rest = Duration::from_millis(u64::from(SCENES) * COMPOSE_MS + u64::from(SCENES * VIEWS) * ANNOTATE_MS);
+    eprintln!("rendering {rendering:?}, the rest {rest:?} on 2 threads, together {took:?}");
+    // Near the larger side; the first scene cannot overlap with anything. The sum is 1.56 s.
+    assert!(took < (rendering + rest).mul_f64(0.75), "{took:?} of {rendering:?} + {rest:?}");
+    // The same bytes whatever the scheduling.
+    for threads in [1, 5] {
+        let out = folder.path().join(threads.to_string());
+        slow(&out, threads);
+        assert_eq!(files(&out), files(&folder.path().join("two")), "{threads} threads");
+    }
+}
+
+#[test]
+fn annotators_of_scene_and_dataset_see_all_views_and_scenes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = "[dataset]\nscenes = 3\nviews_per_scene = 4\nname = \"scopes\"\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n\
+         [write.lines]\ninclude = [\"track\", \"total\", \"thought\"]\n";
+    run(recipe, folder.path(), 3).expect("the run ends well");
+    let files = files(folder.path());
+    let text = |name: &str| String::from_utf8(files[name].clone()).expect("text");
+    // `thought` of view v in scene s is 100 s + v; the track lists those of all views, the total sums all.
+    assert_eq!(text("lines/000002.json"), r#"{"track":[200,201,202,203]}"#);
+    assert_eq!(text("lines/000001_0003.json"), r#"{"thought":103}"#);
+    assert_eq!(text("lines/dataset.json"), r#"{"total":{"scenes":3,"sum":1218}}"#);
+}
+
+#[test]
+fn a_resumed_run_annotates_the_dataset_from_all_scenes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = "[dataset]\nscenes = 3\nviews_per_scene = 1\nname = \"resumed\"\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[write.lines]\ninclude = [\"total\"]\n";
+    kit::run_scenes(recipe, folder.path(), 1, Some(0..1)).expect("the first scene");
+    let total = || String::from_utf8(files(folder.path())["lines/dataset.json"].clone()).expect("text");
+    assert_eq!(total(), r#"{"total":{"scenes":1,"sum":0}}"#);
+    run(recipe, folder.path(), 1).expect("the others");
+    assert_eq!(total(), r#"{"total":{"scenes":3,"sum":300}}"#);
+}
+
+#[test]
+fn a_stage_replaces_a_product_for_all_others() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = "[dataset]\nscenes = 1\nviews_per_scene = 1\nname = \"replaced\"\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[sensor.doubler]\n\
+         [write.lines]\ninclude = [\"light\", \"light_raw\", \"thought\"]\n";
+    run(recipe, folder.path(), 1).expect("the run ends well");
+    let text = String::from_utf8(files(folder.path())["lines/000000_0000.json"].clone()).expect("text");
+    assert_eq!(text, r#"{"light":2,"light_raw":1,"thought":0}"#);
+}
+
+#[test]
+fn what_chance_cannot_change_ends_the_run_at_once() {
+    for (broken, message) in [
+        ("panics = false\nundeclared = true", "annotate.thinker: product `light` is read but not declared"),
+        ("silent = true", "annotate.thinker: it declares to provide `thought` but did not"),
+        ("missing = true", "annotate.thinker: the library is not there"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let recipe = format!(
+            "[dataset]\nscenes = 50\nviews_per_scene = 2\nname = \"broken\"\nmax_attempts = 4\n\
+             [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[annotate.thinker]\n{broken}\n\
+             [write.lines]\ninclude = [\"thought\"]\n"
+        );
+        let before = Counters::rendered();
+        let error = run(&recipe, folder.path(), 1).expect_err("it stops").to_string();
+        assert!(error.contains(message), "{error}");
+        assert!(Counters::rendered() - before <= 4, "{broken}: {} views rendered", Counters::rendered() - before);
+    }
+}
+
+#[test]
+fn what_chance_can_change_is_tried_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = "[dataset]\nscenes = 2\nviews_per_scene = 2\nname = \"panics\"\nmax_attempts = 2\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[annotate.thinker]\npanics = true\n\
+         [write.lines]\ninclude = [\"thought\"]\n";
+    let outcome = run(recipe, folder.path(), 2).expect("the run ends well");
+    assert_eq!((outcome.scenes, outcome.failed), (0, 2));
+    let journal = String::from_utf8(files(folder.path())[".syntable/journal.jsonl"].clone()).expect("text");
+    assert!(journal.contains("annotate.thinker: panicked at") && journal.contains("kit.rs"), "{journal}");
+}
