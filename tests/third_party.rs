@@ -1,6 +1,7 @@
 //! Plugins of others: a crate with its own annotator and binary, and what `syntable new` makes.
 
 mod support;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 use support::{files, ok, root, syntable};
@@ -45,7 +46,7 @@ fn check(folder: &Path, product: &str) -> String {
 }
 
 #[test]
-fn a_foreign_plugin_builds_and_runs() {
+fn a_crate_from_outside_adds_products_formats_and_verbs() {
     let folder = tempfile::tempdir().expect("a folder");
     let source = root().join("tests/third-party");
     copy(&source, folder.path());
@@ -53,17 +54,56 @@ fn a_foreign_plugin_builds_and_runs() {
     let absolute = manifest.replace("../../", &format!("{}/", root().display()));
     std::fs::write(folder.path().join("Cargo.toml"), absolute).expect("writable");
     let lines = check(folder.path(), "centroid");
-    // Two views; every object's centroid lies inside the picture.
-    assert_eq!(lines.lines().count(), 2);
-    for line in lines.lines() {
+    // Two views; every object's centroid lies inside the image.
+    assert_eq!(lines.lines().filter(|line| line.contains("centroid")).count(), 2);
+    let mut seen_in: BTreeMap<String, Vec<u64>> = BTreeMap::new();
+    for line in lines.lines().filter(|line| line.contains("centroid")) {
         let record: serde_json::Value = serde_json::from_str(line).expect("JSON");
-        let centroids = record["centroid"].as_object().expect("one an object");
+        let centroids = record["centroid"].as_object().expect("one per object");
         assert!(!centroids.is_empty());
-        for centroid in centroids.values() {
+        for (id, centroid) in centroids {
             let (u, v) = (centroid[0].as_f64().expect("u"), centroid[1].as_f64().expect("v"));
             assert!((0.0..=160.0).contains(&u) && (0.0..=120.0).contains(&v), "{u} {v}");
+            seen_in.entry(id.clone()).or_default().push(record["view"].as_u64().expect("a number"));
         }
     }
+    // The annotation across views agrees with the views.
+    let scene = lines.lines().find(|line| line.contains("seen_in")).expect("a line of the scene");
+    let scene: serde_json::Value = serde_json::from_str(scene).expect("JSON");
+    assert_eq!(scene["seen_in"], serde_json::to_value(&seen_in).expect("plain data"));
+
+    // A float image that no writer knows by name, in three formats that agree.
+    let out = files(&folder.path().join("out"));
+    let npy = floats(&out["npy/headroom/000000_0001.npy"]);
+    assert_eq!(npy.len(), 160 * 120);
+    assert!(npy.iter().any(|&value| value > 0.1));
+    let png = gray16(&out["png/headroom/000000_0001.png"]);
+    let millimeters: Vec<u16> = npy.iter().map(|value| (f64::from(*value) * 1000.0).round() as u16).collect();
+    assert_eq!(png, millimeters);
+    assert!(out["exr/headroom/000000_0001.exr"].starts_with(&[0x76, 0x2f, 0x31, 0x01]), "OpenEXR's magic number");
+
+    // The mesh format serves `check --asset` too, and the verb is in the help.
+    let asset = ok(&mut cargo_run(folder.path(), &["check", "--asset", "shapes/wedge.off"]));
+    assert!(asset.contains("OFF") && asset.contains('8'), "{asset}");
+    assert!(ok(&mut cargo_run(folder.path(), &["--help"])).contains("Print the kinds of a slot"));
+    assert!(ok(&mut cargo_run(folder.path(), &["kinds", "annotate"])).lines().any(|kind| kind == "seen_in"));
+    let output = cargo_run(folder.path(), &["kinds", "nothing"]).output().expect("runs");
+    assert_eq!(output.status.code(), Some(2));
+}
+
+/// Values of a NumPy file of little-endian floats.
+fn floats(npy: &[u8]) -> Vec<f32> {
+    let header = usize::from(u16::from_le_bytes([npy[8], npy[9]])) + 10;
+    npy[header..].as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect()
+}
+
+/// Values of a 16-bit gray PNG file.
+fn gray16(png: &[u8]) -> Vec<u16> {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().expect("a PNG file");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
+    let info = reader.next_frame(&mut bytes).expect("an image");
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Grayscale, png::BitDepth::Sixteen));
+    bytes[..info.buffer_size()].as_chunks().0.iter().map(|&bytes| u16::from_be_bytes(bytes)).collect()
 }
 
 #[test]

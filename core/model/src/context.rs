@@ -7,7 +7,7 @@ use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::names::{EnvironmentPool, MaterialPool, ObjectPool};
 use crate::random::Stream;
-use crate::scene::{AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, View};
+use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, View};
 use crate::stage::DatasetInfo;
 use std::sync::Arc;
 
@@ -97,24 +97,20 @@ pub struct Context<'a> {
 pub trait Assets: Send + Sync {
     /// The entries of a pool, sorted by name.
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]>;
-    /// An object. An error means that the asset is bad; it was reported.
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>>;
-    /// A material. An error means that the asset is bad; it was reported.
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>>;
-    /// An environment map. An error means that the asset is bad; it was reported.
-    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>>;
+    /// An asset. An error means that the asset is bad; it was reported.
+    fn get(&self, asset: &AssetRef) -> Result<Asset>;
 }
 
 impl dyn Assets + '_ {
     /// Draws an object, uniformly over the entries of some pools taken together. A bad asset is passed over.
     pub fn draw_object(&self, pools: &[ObjectPool], stream: &mut Stream) -> Result<(AssetRef, Arc<Object>)> {
         let pools: Vec<&str> = pools.iter().map(ObjectPool::as_str).collect();
-        self.draw(&pools, stream, |asset| self.object(asset))
+        self.draw(&pools, stream, Asset::into_object)
     }
 
     /// Draws a material, uniformly over the entries of a pool. A bad asset is passed over.
     pub fn draw_material(&self, pool: &MaterialPool, stream: &mut Stream) -> Result<(AssetRef, Arc<Material>)> {
-        self.draw(&[pool.as_str()], stream, |asset| self.material(asset))
+        self.draw(&[pool.as_str()], stream, Asset::into_material)
     }
 
     /// Draws an environment map, uniformly over the entries of some pools taken together. A bad one is passed over.
@@ -124,15 +120,10 @@ impl dyn Assets + '_ {
         stream: &mut Stream,
     ) -> Result<(AssetRef, Arc<EnvironmentMap>)> {
         let pools: Vec<&str> = pools.iter().map(EnvironmentPool::as_str).collect();
-        self.draw(&pools, stream, |asset| self.environment(asset))
+        self.draw(&pools, stream, Asset::into_environment)
     }
 
-    fn draw<T>(
-        &self,
-        pools: &[&str],
-        stream: &mut Stream,
-        load: impl Fn(&AssetRef) -> Result<T>,
-    ) -> Result<(AssetRef, T)> {
+    fn draw<T>(&self, pools: &[&str], stream: &mut Stream, take: fn(Asset) -> Result<T>) -> Result<(AssetRef, T)> {
         let mut left: Vec<(&str, &CatalogEntry)> = Vec::new();
         for &pool in pools {
             left.extend(self.entries(pool)?.iter().map(|entry| (pool, entry)));
@@ -142,8 +133,11 @@ impl dyn Assets + '_ {
         while !left.is_empty() {
             let (pool, entry) = left.swap_remove(stream.below(left.len() as u64) as usize);
             let asset = AssetRef { pool: pool.to_owned(), name: entry.name.clone() };
-            match load(&asset) {
-                Ok(loaded) => return Ok((asset, loaded)),
+            match self.get(&asset) {
+                Ok(loaded) => {
+                    let loaded = take(loaded).map_err(|error| error.context(format!("asset {asset}")))?;
+                    return Ok((asset, loaded));
+                }
                 Err(error) => last = Some(error),
             }
         }

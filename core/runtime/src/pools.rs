@@ -1,18 +1,20 @@
 //! The pools of a recipe: selection, scale, centring and mass are the same for every source of assets.
 
 use crate::recipe::{Centre, OnBadAsset, PoolOptions, Recipe};
-use parking_lot::{Mutex, MutexGuard};
-use std::collections::{BTreeMap, HashMap};
+use parking_lot::Mutex;
+use quick_cache::Weighter;
+use quick_cache::sync::Cache;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::{Assets, Log};
-use syntable_model::digest::{Digest, Hasher};
+use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::scene::{Asset, AssetClass, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Topology};
+use syntable_model::scene::{Asset, AssetRef, CatalogEntry, Material, Object, Topology};
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
-const KEEP_BYTES: usize = 256 << 20;
+const KEEP_BYTES: u64 = 256 << 20;
 
 /// Density and limits of mass of an object that was scaled and whose mass nobody states: hollow household things.
 const DENSITY_KG_M3: f64 = 400.0;
@@ -24,7 +26,8 @@ pub struct AssetStore<'a> {
     locked: &'a BTreeMap<String, String>,
     on_bad_asset: OnBadAsset,
     log: &'a dyn Log,
-    loaded: Mutex<Loaded>,
+    loaded: Cache<AssetRef, Asset, ByBytes>,
+    bad: Mutex<BTreeMap<AssetRef, Error>>,
     refused: Mutex<Option<Error>>,
 }
 
@@ -34,26 +37,14 @@ struct Pool<'a> {
     entries: Vec<CatalogEntry>,
 }
 
-/// A loaded asset, shared.
+/// Weighs cached assets by the memory that they take.
 #[derive(Clone)]
-enum Shared {
-    Object(Arc<Object>),
-    Material(Arc<Material>),
-    Environment(Arc<EnvironmentMap>),
-}
+struct ByBytes;
 
-#[derive(Default)]
-struct Loaded {
-    assets: HashMap<AssetRef, Kept>,
-    bad: BTreeMap<AssetRef, Error>,
-    bytes: usize,
-    clock: u64,
-}
-
-struct Kept {
-    asset: Shared,
-    bytes: usize,
-    used: u64,
+impl Weighter<AssetRef, Asset> for ByBytes {
+    fn weight(&self, _: &AssetRef, asset: &Asset) -> u64 {
+        bytes(asset) as u64
+    }
 }
 
 impl<'a> AssetStore<'a> {
@@ -79,7 +70,8 @@ impl<'a> AssetStore<'a> {
             locked: &recipe.locked,
             on_bad_asset: recipe.dataset.on_bad_asset,
             log,
-            loaded: Mutex::default(),
+            loaded: Cache::with_weighter(1024, KEEP_BYTES, ByBytes),
+            bad: Mutex::default(),
             refused: Mutex::default(),
         })
     }
@@ -95,10 +87,6 @@ impl<'a> AssetStore<'a> {
         self.refused.lock().clone().map_or(Ok(()), Err)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Loaded> {
-        self.loaded.lock()
-    }
-
     fn refuse(&self, error: Error) {
         self.refused.lock().get_or_insert(error);
     }
@@ -110,47 +98,30 @@ impl<'a> AssetStore<'a> {
         })
     }
 
-    /// An asset, loaded at most once while it is kept. A bad one is reported once.
-    fn get(&self, asset: &AssetRef) -> Result<Shared> {
-        {
-            let mut loaded = self.lock();
-            if let Some(error) = loaded.bad.get(asset) {
-                return Err(error.clone());
-            }
-            loaded.clock += 1;
-            let now = loaded.clock;
-            if let Some(kept) = loaded.assets.get_mut(asset) {
-                kept.used = now;
-                return Ok(kept.asset.clone());
-            }
+    /// Loads an asset; whoever asks for it meanwhile waits. A bad one is reported once and never loaded again.
+    fn load_or_refuse(&self, asset: &AssetRef) -> Result<Asset> {
+        if let Some(error) = self.bad.lock().get(asset) {
+            return Err(error.clone());
         }
-        match self.load(asset) {
-            Ok((shared, bytes)) => {
-                self.lock().keep(asset, &shared, bytes);
-                Ok(shared)
+        self.load(asset).map_err(|error| {
+            let error = error.context(format!("asset {asset}"));
+            self.log.warn(&error);
+            self.bad.lock().insert(asset.clone(), error.clone());
+            if self.on_bad_asset == OnBadAsset::Fail {
+                self.refuse(error.clone());
             }
-            Err(error) => {
-                let error = error.context(format!("asset {asset}"));
-                if self.lock().bad.insert(asset.clone(), error.clone()).is_none() {
-                    self.log.warn(&error);
-                }
-                if self.on_bad_asset == OnBadAsset::Fail {
-                    self.refuse(error.clone());
-                }
-                Err(error)
-            }
-        }
+            error
+        })
     }
 
-    fn load(&self, asset: &AssetRef) -> Result<(Shared, usize)> {
+    fn load(&self, asset: &AssetRef) -> Result<Asset> {
         let pool = self.pool(&asset.pool)?;
         let log = Named { asset, log: self.log };
-        let shared = match pool.source.load(&asset.name, &log)? {
-            Asset::Object(object) => Shared::Object(Arc::new(pool.normalise(object)?)),
-            Asset::Material(material) => Shared::Material(Arc::new(material)),
-            Asset::Environment(map) => Shared::Environment(Arc::new(map)),
+        let loaded = match pool.source.load(&asset.name, &log)? {
+            Asset::Object(object) => pool.normalize(Arc::unwrap_or_clone(object))?.into(),
+            other => other,
         };
-        let digest = shared.digest().to_string();
+        let digest = loaded.digest().to_string();
         if let Some(locked) = self.locked.get(&asset.to_string())
             && *locked != digest
         {
@@ -160,25 +131,7 @@ impl<'a> AssetStore<'a> {
             self.refuse(error.clone());
             return Err(error);
         }
-        let bytes = shared.bytes();
-        Ok((shared, bytes))
-    }
-}
-
-impl Loaded {
-    fn keep(&mut self, asset: &AssetRef, shared: &Shared, bytes: usize) {
-        self.clock += 1;
-        let kept = Kept { asset: shared.clone(), bytes, used: self.clock };
-        if let Some(old) = self.assets.insert(asset.clone(), kept) {
-            self.bytes -= old.bytes;
-        }
-        self.bytes += bytes;
-        while self.bytes > KEEP_BYTES && self.assets.len() > 1 {
-            let oldest = self.assets.iter().min_by_key(|(_, kept)| kept.used).map(|(asset, _)| asset.clone());
-            if let Some(gone) = oldest.and_then(|oldest| self.assets.remove(&oldest)) {
-                self.bytes -= gone.bytes;
-            }
-        }
+        Ok(loaded)
     }
 }
 
@@ -187,107 +140,55 @@ impl Assets for AssetStore<'_> {
         self.pool(pool).map(|pool| pool.entries.as_slice())
     }
 
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
-        match self.get(asset)? {
-            Shared::Object(object) => Ok(object),
-            other => Err(other.is_not(asset, AssetClass::Object)),
-        }
-    }
-
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        match self.get(asset)? {
-            Shared::Material(material) => Ok(material),
-            other => Err(other.is_not(asset, AssetClass::Material)),
-        }
-    }
-
-    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
-        match self.get(asset)? {
-            Shared::Environment(map) => Ok(map),
-            other => Err(other.is_not(asset, AssetClass::Environment)),
-        }
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        self.loaded.get_or_insert_with(asset, || self.load_or_refuse(asset))
     }
 }
 
 /// The assets of one attempt at a scene: remembers the digests of what was drawn.
 pub struct RecordingAssets<'a> {
-    library: &'a AssetStore<'a>,
+    store: &'a AssetStore<'a>,
     digests: Mutex<BTreeMap<String, String>>,
 }
 
 impl<'a> RecordingAssets<'a> {
     /// Nothing drawn yet.
-    pub fn new(library: &'a AssetStore<'a>) -> Self {
-        Self { library, digests: Mutex::default() }
+    pub fn new(store: &'a AssetStore<'a>) -> Self {
+        Self { store, digests: Mutex::default() }
     }
 
     /// Digests of all that was drawn, by `pool/name`.
     pub fn into_digests(self) -> BTreeMap<String, String> {
         self.digests.into_inner()
     }
-
-    fn note(&self, asset: &AssetRef, digest: Digest) {
-        let mut digests = self.digests.lock();
-        digests.insert(asset.to_string(), digest.to_string());
-    }
 }
 
 impl Assets for RecordingAssets<'_> {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
-        self.library.entries(pool)
+        self.store.entries(pool)
     }
 
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
-        let object = self.library.object(asset)?;
-        self.note(asset, object.digest);
-        Ok(object)
-    }
-
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        let material = self.library.material(asset)?;
-        self.note(asset, material.digest);
-        Ok(material)
-    }
-
-    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
-        let map = self.library.environment(asset)?;
-        self.note(asset, map.digest);
-        Ok(map)
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        let loaded = self.store.get(asset)?;
+        self.digests.lock().insert(asset.to_string(), loaded.digest().to_string());
+        Ok(loaded)
     }
 }
 
-impl Shared {
-    fn digest(&self) -> Digest {
-        match self {
-            Self::Object(object) => object.digest,
-            Self::Material(material) => material.digest,
-            Self::Environment(map) => map.digest,
+/// Approximate memory that an asset takes.
+fn bytes(asset: &Asset) -> usize {
+    match asset {
+        Asset::Material(material) => material_bytes(material),
+        Asset::Environment(map) => map.texels().len() * 12,
+        Asset::Object(object) => {
+            let data = object.mesh.data();
+            data.positions.len() * 24
+                + data.uvs.len() * 8
+                + data.colors.len() * 12
+                + data.triangles.len() * 14
+                + object.materials.iter().map(|material| material_bytes(material)).sum::<usize>()
         }
-    }
-
-    fn is_not(&self, asset: &AssetRef, wanted: AssetClass) -> Error {
-        let class = match self {
-            Self::Object(_) => AssetClass::Object,
-            Self::Material(_) => AssetClass::Material,
-            Self::Environment(_) => AssetClass::Environment,
-        };
-        Error::new(format!("{asset} is of class `{class}`, not `{wanted}`"))
-    }
-
-    /// About how much memory it takes.
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Material(material) => material_bytes(material),
-            Self::Environment(map) => map.texels().len() * 12,
-            Self::Object(object) => {
-                let data = object.mesh.data();
-                data.positions.len() * 24
-                    + data.uvs.len() * 8
-                    + data.colors.len() * 12
-                    + data.triangles.len() * 14
-                    + object.materials.iter().map(|material| material_bytes(material)).sum::<usize>()
-            }
-        }
+        _ => 0,
     }
 }
 
@@ -297,7 +198,7 @@ fn material_bytes(material: &Material) -> usize {
 
 impl Pool<'_> {
     /// Applies the pool's scale, centre, mass and licence to an object as the source read it, and checks its size.
-    fn normalise(&self, object: Object) -> Result<Object> {
+    fn normalize(&self, object: Object) -> Result<Object> {
         let options = self.options;
         if options.single_part_only {
             let parts = Topology::of(&object.mesh).significant_parts();
@@ -375,15 +276,10 @@ impl Log for Named<'_> {
     }
 }
 
-/// The class of assets that a pool gives, for messages.
-pub fn class_of(recipe: &Recipe, pool: &str) -> Option<AssetClass> {
-    recipe.assets.get(pool).map(|pool| pool.source.class())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::scene::{Catalog, Scalar, Transmission, Volume};
+    use syntable_model::scene::{AssetClass, Catalog, Scalar, Transmission, Volume};
     use syntable_testing::scenes::{box_mesh, object};
 
     struct Nothing;
@@ -410,9 +306,9 @@ mod tests {
         Arc::new(glass.with_digest())
     }
 
-    fn normalised(materials: Vec<Arc<Material>>, options: &PoolOptions) -> Object {
+    fn normalized(materials: Vec<Arc<Material>>, options: &PoolOptions) -> Object {
         let object = Object { materials, ..(*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone() };
-        Pool { source: &Nothing, options, entries: Vec::new() }.normalise(object).expect("sound")
+        Pool { source: &Nothing, options, entries: Vec::new() }.normalize(object).expect("sound")
     }
 
     /// The share of light left after a straight way through the middle of the object, along its longest side.
@@ -425,14 +321,14 @@ mod tests {
     #[test]
     fn scaled_glass_lets_as_much_light_through() {
         let as_it_is = PoolOptions::default();
-        let before = passed(&normalised(vec![glass(0.02)], &as_it_is));
+        let before = passed(&normalized(vec![glass(0.02)], &as_it_is));
         assert!((before - 0.2_f64.powi(20)).abs() < 1e-6 * before, "0.4 m are twenty times 0.02 m: {before}");
         for options in [
             PoolOptions { scale: 0.05, ..PoolOptions::default() },
             PoolOptions { scale: 3.0, ..PoolOptions::default() },
             PoolOptions { longest_side_m: Some(0.1), ..PoolOptions::default() },
         ] {
-            let after = passed(&normalised(vec![glass(0.02)], &options));
+            let after = passed(&normalized(vec![glass(0.02)], &options));
             assert!((after / before - 1.0).abs() < 1e-4, "{options:?}: {after}, not {before}");
         }
     }
@@ -441,7 +337,7 @@ mod tests {
     fn only_coloured_media_are_changed_by_scale() {
         let materials = vec![Arc::new(Material::plain("clay", [0.5; 3], 0.5)), glass(f32::INFINITY), glass(0.02)];
         let kept = |options: &PoolOptions| {
-            let object = normalised(materials.clone(), options);
+            let object = normalized(materials.clone(), options);
             let pairs: Vec<_> = materials.iter().zip(&object.materials).collect();
             (pairs.iter().map(|(a, b)| Arc::ptr_eq(a, b)).collect(), pairs.iter().all(|(a, b)| a.digest == b.digest))
         };

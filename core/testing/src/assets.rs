@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use syntable_model::context::Assets;
 use syntable_model::error::{Error, Result};
-use syntable_model::scene::{AssetRef, CatalogEntry, EnvironmentMap, Material, Object};
+use syntable_model::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object};
 
 /// No pool at all.
 #[derive(Debug, Default, Clone, Copy)]
@@ -14,13 +14,7 @@ impl Assets for NoAssets {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
         Err(Error::new(format!("there is no pool `{pool}`")))
     }
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
-        Err(Error::new(format!("there is no {asset}")))
-    }
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        Err(Error::new(format!("there is no {asset}")))
-    }
-    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
         Err(Error::new(format!("there is no {asset}")))
     }
 }
@@ -29,30 +23,28 @@ impl Assets for NoAssets {
 #[derive(Debug, Default)]
 pub struct Pools {
     entries: BTreeMap<String, Vec<CatalogEntry>>,
-    objects: BTreeMap<AssetRef, Arc<Object>>,
-    materials: BTreeMap<AssetRef, Arc<Material>>,
-    environments: BTreeMap<AssetRef, Arc<EnvironmentMap>>,
+    assets: BTreeMap<AssetRef, Asset>,
 }
 
 impl Pools {
     /// Adds an object to a pool, under its own name.
     pub fn object(mut self, pool: &str, object: Arc<Object>) -> Self {
         let asset = self.enter(pool, &object.name, &object.category);
-        self.objects.insert(asset, object);
+        self.assets.insert(asset, Asset::Object(object));
         self
     }
 
     /// Adds a material to a pool, under its own name.
     pub fn material(mut self, pool: &str, material: Material) -> Self {
         let asset = self.enter(pool, &material.name, "material");
-        self.materials.insert(asset, Arc::new(material));
+        self.assets.insert(asset, material.into());
         self
     }
 
     /// Adds an environment map to a pool, under its own name.
     pub fn environment(mut self, pool: &str, map: EnvironmentMap) -> Self {
         let asset = self.enter(pool, &map.name, "environment");
-        self.environments.insert(asset, Arc::new(map));
+        self.assets.insert(asset, map.into());
         self
     }
 
@@ -68,13 +60,7 @@ impl Assets for Pools {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
         self.entries.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("there is no pool `{pool}`")))
     }
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
-        self.objects.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no object {asset}")))
-    }
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        self.materials.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no material {asset}")))
-    }
-    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
-        self.environments.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no environment {asset}")))
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        self.assets.get(asset).cloned().ok_or_else(|| Error::new(format!("there is no asset {asset}")))
     }
 }

@@ -1,6 +1,6 @@
-//! SynTable with a foreign annotator.
+//! SynTable with plugins from outside.
 
-use centroid as _;
+use outside as _;
 use syntable_standard as _;
 
 fn main() -> std::process::ExitCode {

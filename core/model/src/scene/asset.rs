@@ -12,11 +12,11 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AssetClass {
-    /// Rigid things: objects to drop, and tables.
+    /// Rigid objects: what is dropped, and tables.
     Object,
     /// Surface materials.
     Material,
-    /// Pictures of light from all around.
+    /// Environment maps.
     Environment,
 }
 
@@ -58,25 +58,43 @@ pub struct Catalog {
     pub entries: Vec<CatalogEntry>,
 }
 
-/// One asset of a catalogue.
+/// One asset of a catalog.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct CatalogEntry {
     /// Name within the source, such as `mug_0007` or `003_cracker_box`.
     pub name: String,
-    /// What sort of thing it is: a family or folder name; the source's kind if nothing better is known.
+    /// Category: a family or folder name; the source's kind if nothing better is known.
     pub category: String,
 }
 
-/// A loaded asset.
+/// A loaded asset, shared.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "it is moved once, from the source to its pool")]
+#[non_exhaustive]
 pub enum Asset {
-    /// A rigid thing.
-    Object(Object),
+    /// A rigid object.
+    Object(Arc<Object>),
     /// A surface material.
-    Material(Material),
-    /// A picture of light from all around.
-    Environment(EnvironmentMap),
+    Material(Arc<Material>),
+    /// An environment map: radiance from all directions.
+    Environment(Arc<EnvironmentMap>),
+}
+
+impl From<Object> for Asset {
+    fn from(object: Object) -> Self {
+        Self::Object(Arc::new(object))
+    }
+}
+
+impl From<Material> for Asset {
+    fn from(material: Material) -> Self {
+        Self::Material(Arc::new(material))
+    }
+}
+
+impl From<EnvironmentMap> for Asset {
+    fn from(map: EnvironmentMap) -> Self {
+        Self::Environment(Arc::new(map))
+    }
 }
 
 impl Asset {
@@ -99,7 +117,7 @@ impl Asset {
     }
 
     /// The object, or an error naming the class.
-    pub fn into_object(self) -> Result<Object> {
+    pub fn into_object(self) -> Result<Arc<Object>> {
         match self {
             Self::Object(object) => Ok(object),
             other => Err(other.is_not(AssetClass::Object)),
@@ -107,7 +125,7 @@ impl Asset {
     }
 
     /// The material, or an error naming the class.
-    pub fn into_material(self) -> Result<Material> {
+    pub fn into_material(self) -> Result<Arc<Material>> {
         match self {
             Self::Material(material) => Ok(material),
             other => Err(other.is_not(AssetClass::Material)),
@@ -115,7 +133,7 @@ impl Asset {
     }
 
     /// The environment map, or an error naming the class.
-    pub fn into_environment(self) -> Result<EnvironmentMap> {
+    pub fn into_environment(self) -> Result<Arc<EnvironmentMap>> {
         match self {
             Self::Environment(map) => Ok(map),
             other => Err(other.is_not(AssetClass::Environment)),
@@ -123,19 +141,19 @@ impl Asset {
     }
 
     fn is_not(&self, wanted: AssetClass) -> Error {
-        Error::new(format!("class `{}` where `{wanted}` is wanted", self.class()))
+        Error::new(format!("class `{}` where `{wanted}` is wanted", self.class())).permanent()
     }
 }
 
 /// Points whose convex hull is one part of a collision shape, body frame, meters.
 pub type ConvexPart = Vec<[f32; 3]>;
 
-/// A rigid thing: shape, surface and mass. Immutable and shared.
+/// A rigid object: shape, surface and mass. Immutable and shared.
 #[derive(Debug, Clone)]
 pub struct Object {
     /// Name within its source.
     pub name: String,
-    /// What sort of thing it is, such as `mug`.
+    /// Category, such as `mug`.
     pub category: String,
     /// Its shape, body frame: meters, z up.
     pub mesh: Arc<Mesh>,
@@ -153,7 +171,7 @@ pub struct Object {
     pub digest: Digest,
 }
 
-/// Largest side of an object's bounding box that makes sense on a table, meters: half a millimetre to ten meters.
+/// Largest side of an object's bounding box that makes sense on a table, meters: half a millimeter to ten meters.
 pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
@@ -165,7 +183,7 @@ impl Object {
             return Ok(());
         }
         let shown = if (1e-3..1e4).contains(&extent) { format!("{extent:.3}") } else { format!("{extent:.3e}") };
-        let units = [(1e-3, "millimetres"), (1e-2, "centimetres"), (0.0254, "inches"), (1e3, "kilometres")];
+        let units = [(1e-3, "millimeters"), (1e-2, "centimeters"), (0.0254, "inches"), (1e3, "kilometers")];
         let fitting: Vec<String> = units
             .iter()
             .filter(|(scale, _)| (*scale < 1.0) == (extent > 1.0) && EXTENT_M.contains(&(extent * scale)))

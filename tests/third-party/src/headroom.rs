@@ -1,0 +1,41 @@
+//! Annotator `headroom`: a float image that no writer has heard of.
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::DEPTH;
+
+products! {
+    /// Depth of the farthest surface of the view minus the depth at the pixel center. 0 where there is no surface.
+    pub const HEADROOM: Key<Plane<f32>> = view("headroom").semantic(Semantic::Depth).unit("m");
+}
+
+/// Measures how much farther the view's farthest surface is.
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Headroom {}
+
+impl Config for Headroom {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "headroom";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Headroom {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![DEPTH]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![HEADROOM]
+    }
+
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        let depth = products.get(DEPTH)?;
+        let farthest = depth.data().iter().copied().filter(|depth| depth.is_finite()).fold(0.0, f32::max);
+        let headroom = depth.map(|&depth| if depth.is_finite() { farthest - depth } else { 0.0 });
+        products.put(HEADROOM, headroom)
+    }
+}
+register!(Headroom);

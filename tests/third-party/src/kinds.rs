@@ -1,0 +1,22 @@
+//! Verb `kinds`: prints the registered kinds of a slot.
+
+use syntable_model::error::Error;
+use syntable_model::registry::Registry;
+use syntable_runtime::clap::{Arg, ArgMatches, Command};
+use syntable_runtime::cli::{Console, Exit, Verb};
+
+fn command() -> Command {
+    Command::new("kinds").about("Print the kinds of a slot, one per line").arg(Arg::new("slot").required(true))
+}
+
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+    let slot = arguments.get_one::<String>("slot").map_or("", String::as_str);
+    let kinds: Vec<&str> =
+        registry.entries().iter().filter(|entry| entry.slot.name() == slot).map(|entry| entry.kind).collect();
+    if kinds.is_empty() {
+        return Err(Exit::wrong(Error::new(format!("no kind takes the slot `{slot}`")).help("try write or annotate")));
+    }
+    console.print(&format!("{}\n", kinds.join("\n")))
+}
+
+syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
