@@ -12,7 +12,7 @@ use syntable_model::scene::EnvironmentMap;
 /// First bytes of every OpenEXR file.
 pub const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
-/// Most channels of a layer: beyond R, G, B and A a map may carry depth and the like.
+/// Maximum number of channels of a layer, such as depth besides R, G, B and A.
 const MAX_CHANNELS: usize = 32;
 
 /// Decodes a file in memory: the first layer with R, G and B, or with Y alone.
@@ -25,7 +25,7 @@ pub fn decode(bytes: &[u8]) -> Result<EnvironmentMap> {
         if channels > MAX_CHANNELS {
             return Err(Error::new(format!("{channels} channels are more than {MAX_CHANNELS}")));
         }
-        // Every chunk has an offset of eight bytes in the file.
+        // The file stores an offset of eight bytes for every chunk.
         if header.chunk_count > bytes.len() / 8 {
             return Err(Error::new(format!(
                 "{} chunks are more than {} bytes can hold",

@@ -1,8 +1,8 @@
 //! glTF 2.0, text and binary: all nodes of a scene baked into one mesh.
 //!
-//! Meshes are placed by their nodes' transforms, instances are counted out, y up becomes z up. Skins and animations
+//! Meshes are placed by their nodes' transforms, instances are expanded, y up becomes z up. Skins and animations
 //! stay in their rest pose. An unknown extension that the file requires is an error; others are ignored, with a
-//! warning where they change the look. The buffers and images that a file names are resolved here, not by the
+//! warning where they change the appearance. The buffers and images that a file names are resolved here, not by the
 //! library, so that nothing is read from outside the asset's folder and nothing is allocated unchecked.
 
 use super::within;
@@ -39,10 +39,10 @@ const READ: [&str; 14] = [
     "KHR_materials_sheen",
     "KHR_materials_transmission",
     "KHR_materials_volume",
-    // An image that is also there as PNG or JPEG; that one is read.
+    // A second version of an image in another format; the PNG or JPEG is read.
     "KHR_texture_basisu",
     "EXT_texture_webp",
-    // Lights, licences and choices beside the first one are no part of an object.
+    // Lights, licenses and alternative materials are not part of an object.
     "KHR_lights_punctual",
     "KHR_materials_variants",
     "KHR_xmp",
@@ -70,7 +70,8 @@ fn check_extensions(document: &Root, path: &Path, log: &dyn Log) -> Result<()> {
     let ignored: Vec<&str> = document.extensions_used.iter().filter(unknown).map(String::as_str).collect();
     if !ignored.is_empty() {
         log.warn(
-            &Error::new(format!("extensions {} are ignored; the look may differ", ignored.join(", "))).in_file(path),
+            &Error::new(format!("extensions {} are ignored; the appearance may differ", ignored.join(", ")))
+                .in_file(path),
         );
     }
     Ok(())
@@ -123,15 +124,15 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
             let base = mesh.positions.len() as u32;
             let count = primitive.positions.len();
             for &p in &primitive.positions {
-                let p = instance.place(p);
+                let p = instance.transform_point(p);
                 if !p.iter().all(|x| x.is_finite()) {
                     return Err(Error::new(format!("node {} gives a non-finite vertex: {p:?}", instance.node)));
                 }
                 mesh.positions.push(p);
             }
             if normals {
-                // Missing normals are zero for now; cleaning makes them from the faces.
-                mesh.normals.extend(primitive.normals.iter().map(|&n| instance.turn(n)));
+                // Missing normals are zero; the repair computes them from the faces.
+                mesh.normals.extend(primitive.normals.iter().map(|&n| instance.transform_normal(n)));
                 mesh.normals.resize(mesh.positions.len(), [0.0; 3]);
             }
             if uvs {

@@ -14,8 +14,8 @@ pub fn decode(bytes: &[u8]) -> Result<Image> {
     raster::decode("JPEG", image::ImageFormat::Jpeg, bytes)
 }
 
-/// A JPEG ends with an end-of-image marker after its last scan. The decoder fills a missing rest with gray in silence,
-/// so the marker is looked for here. Entropy-coded data cannot hold either marker: there 0xff is followed by 0x00.
+/// A JPEG ends with an end-of-image marker after its last scan. The decoder silently fills missing data with gray,
+/// so the marker is checked here. Entropy-coded data cannot hold either marker: there 0xff is followed by 0x00.
 fn check_end(bytes: &[u8]) -> Result<()> {
     let last = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xff, marker]);
     match (last(0xda), last(0xd9)) {

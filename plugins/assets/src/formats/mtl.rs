@@ -1,7 +1,7 @@
 //! Wavefront material libraries (MTL), with the metallic-roughness keys that exporters agree on.
 //!
-//! Read are `Kd`, `Ke`, `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`, `bump` and `map_d`, and
-//! of the texture options `-s`, `-o`, `-clamp`, `-bm` and `-imfchan`. The rest belongs to other shading models and is
+//! Supported keys are `Kd`, `Ke`, `Ns`, `Ni`, `d`, `Tr`, `Pr`, `Pm`, `map_Kd`, `map_Ke`, `map_Pr`, `map_Pm`, `norm`, `bump` and `map_d`;
+//! supported texture options `-s`, `-o`, `-clamp`, `-bm` and `-imfchan`. Other keys belong to other shading models and are
 //! ignored.
 
 use syntable_mesh::text::{Line, finite, lines, shorten};
@@ -20,9 +20,9 @@ pub struct MtlMaterial {
     pub shininess: Option<f32>,
     /// `Ni`, the index of refraction.
     pub ior: Option<f32>,
-    /// `d`, the share of light that the surface stops, and the line.
+    /// `d`, the opacity, and the line.
     pub opacity: Option<(f32, usize)>,
-    /// `Tr`, one minus that, and the line. Where both stand, `d` counts: programs disagree on `Tr`.
+    /// `Tr`, one minus that, and the line. If both are given, `d` counts: programs disagree on `Tr`.
     pub transparency: Option<(f32, usize)>,
     /// `Pr`, perceptual roughness.
     pub roughness: Option<f32>,
@@ -140,7 +140,7 @@ fn map(text: &str, line: usize) -> Result<MtlMap> {
     let mut rest = text;
     while rest.starts_with('-') {
         let (option, mut after) = word(rest);
-        // How many words the option takes at most; of numbers, as many as follow.
+        // Maximum number of arguments; numeric options take as many numbers as follow.
         let (words, numeric) = match option {
             "-s" | "-o" | "-t" => (3, true),
             "-mm" => (2, true),

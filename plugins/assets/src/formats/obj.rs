@@ -1,7 +1,7 @@
 //! Wavefront OBJ: positions, texture coordinates, normals, vertex colors and faces with materials.
 //!
-//! Curves, points, lines, groups and smoothing are ignored. The library and the images that it names are looked
-//! up beside the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images that lie in
+//! Curves, points, lines, groups and smoothing are ignored. The material library and its textures are searched
+//! beside the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images that lie in
 //! `materials/textures/`, there too.
 
 use std::collections::HashMap;
@@ -23,9 +23,9 @@ mod materials;
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let parsed = parse(&read_file(&path)?).map_err(|error| error.in_file(&path))?;
-    if let Some((line, count)) = parsed.lost_normals {
+    if let Some((line, count)) = parsed.missing_normals {
         log.warn(
-            &Error::new(format!("{count} corners name normals that are not there; they get those of their faces"))
+            &Error::new(format!("{count} corners refer to missing normals; face normals are used"))
                 .in_file(&path)
                 .at_line(line),
         );
@@ -42,7 +42,7 @@ pub struct ParsedObj {
     /// Names of `mtllib` with their lines.
     pub libraries: Vec<(String, usize)>,
     /// Line of the first corner whose normal does not exist, and how many such corners there are.
-    pub lost_normals: Option<(usize, usize)>,
+    pub missing_normals: Option<(usize, usize)>,
     /// Material of every slot: its name (empty before any `usemtl`), the line of its first `usemtl`, and whether its
     /// faces have texture coordinates.
     pub uses: Vec<MaterialUse>,
@@ -86,7 +86,7 @@ struct Parser {
     triangles: Vec<[u32; 3]>,
     slots: Vec<u16>,
     libraries: Vec<(String, usize)>,
-    lost_normals: Option<(usize, usize)>,
+    missing_normals: Option<(usize, usize)>,
     uses: Vec<MaterialUse>,
     use_name: String,
     use_line: usize,
@@ -111,7 +111,7 @@ impl Parser {
                 Ok(())
             }
             "vn" => {
-                // One that is not finite is as good as none: scanners write such ones, and faces can give others.
+                // A normal that is not finite counts as missing, as scanners write it; the repair computes it from the faces.
                 let mut words = rest.split_ascii_whitespace();
                 let mut number = || -> Result<f32> {
                     let word = words.next().ok_or_else(|| Error::new("a normal with fewer than 3 coordinates"))?;
@@ -132,7 +132,7 @@ impl Parser {
                 Ok(())
             }
             _ if key.is_empty() || key.starts_with('#') => Ok(()),
-            // Groups, points, lines, curves and whatever else a program may have written.
+            // Groups, points, lines, curves and extensions of other programs.
             _ if key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') => Ok(()),
             _ if key.contains(|c: char| c.is_control() || c == char::REPLACEMENT_CHARACTER) => {
                 Err(Error::new("not text").help("is it an OBJ file?"))
@@ -162,10 +162,10 @@ impl Parser {
         face.clear();
         for token in rest.split_ascii_whitespace().take_while(|token| !token.starts_with('#')) {
             let mut corner = self.corner(token)?;
-            // A normal only shades: a missing one is no reason to refuse the mesh.
+            // Normals only affect shading: a missing one does not invalidate the mesh.
             if corner[2] != NONE && corner[2] as usize >= self.normals.len() {
                 corner[2] = NONE;
-                self.lost_normals.get_or_insert((number, 0)).1 += 1;
+                self.missing_normals.get_or_insert((number, 0)).1 += 1;
             }
             face.push(corner);
         }
@@ -203,7 +203,7 @@ impl Parser {
             }
         };
         let (position, uv, normal) = (part(true)?, part(false)?, part(false)?);
-        // A corner that ends in a slash was cut off.
+        // A corner that ends in a slash is truncated.
         if parts.next().is_some() || token.ends_with('/') {
             return Err(wrong());
         }
@@ -217,7 +217,7 @@ impl Parser {
         Ok([
             resolve(position, self.positions.len(), "vertex")?,
             resolve(uv, self.uvs.len(), "texture coordinate")?,
-            // One that is not there is counted by the caller.
+            // The caller counts missing ones.
             resolve(normal, self.normals.len(), "normal").unwrap_or(NONE - 1),
         ])
     }
@@ -267,7 +267,7 @@ impl Parser {
             mesh.uvs = self.corners.iter().map(uv).collect();
         }
         if any(2) {
-            // A corner without a normal has none for now; cleaning gives it that of its faces.
+            // A corner without a normal gets zero; the repair computes it from the faces.
             let normal = |corner: &Corner| self.normals.get(corner[2] as usize).copied().unwrap_or_default();
             mesh.normals = self.corners.iter().map(normal).collect();
         }
@@ -276,7 +276,7 @@ impl Parser {
                 |corner: &Corner| self.colors[corner[0] as usize].map(|x| srgb_to_linear((x / white).clamp(0.0, 1.0)));
             mesh.colors = self.corners.iter().map(color).collect();
         }
-        Ok(ParsedObj { mesh, libraries: self.libraries, lost_normals: self.lost_normals, uses: self.uses })
+        Ok(ParsedObj { mesh, libraries: self.libraries, missing_normals: self.missing_normals, uses: self.uses })
     }
 }
 

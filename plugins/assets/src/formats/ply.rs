@@ -37,14 +37,14 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
         }
         match root.find(folder, name).map_err(at)? {
             Some(_) if mesh.uvs.is_empty() => {
-                log.warn(&at(Error::new(format!("no texture coordinates for `{name}`; a plain color is used"))));
+                log.warn(&at(Error::new(format!("no texture coordinates for `{name}`; a constant color is used"))));
             }
             Some(image) => {
                 let texture = Image::read(&image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
                 material.base_color = Color::texture(Arc::new(texture));
                 material = material.sealed();
             }
-            None => log.warn(&at(Error::new(format!("no texture `{name}`; a plain color is used")))),
+            None => log.warn(&at(Error::new(format!("no texture `{name}`; a constant color is used")))),
         }
     }
     Ok(Model { mesh, materials: vec![material] })

@@ -1,4 +1,4 @@
-//! STL, binary and text. The format has no unit, no axes, no colors; equal corners are merged.
+//! STL, binary and text. The format has no unit, axes or colors; equal corners are merged.
 
 use std::path::Path;
 use syntable_mesh::Model;
@@ -11,9 +11,9 @@ use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{MeshData, weld};
 
-/// Bytes before the triangles of a binary file: a comment and their number.
+/// Size of the header of a binary file, bytes: a comment and the number of triangles.
 const HEADER: usize = 84;
-/// Bytes of a binary triangle: normal, three corners, two spare.
+/// Size of a binary triangle, bytes: normal, three corners, two attribute bytes.
 const TRIANGLE: usize = 50;
 
 /// Reads a file of `root`, named relative to it. Its own axes are kept: z is taken as up.
@@ -24,7 +24,7 @@ pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     Ok(Model { mesh: merge(corners), materials: vec![default_material(false)] })
 }
 
-/// All corners in order, three a triangle.
+/// All corners in order, three per triangle.
 fn parse(bytes: &[u8], log: &dyn Log) -> Result<Vec<[f32; 3]>> {
     // Binary files may begin with `solid` too, but have zero bytes: at the latest in their number of triangles.
     let head = &bytes[..bytes.len().min(HEADER + TRIANGLE)];

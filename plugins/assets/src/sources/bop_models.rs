@@ -1,4 +1,4 @@
-//! Models in the layout of the BOP benchmark: `models/obj_NNNNNN.ply` in millimeters with `models_info.json`.
+//! `bop_models`: models in the layout of the BOP benchmark: `models/obj_NNNNNN.ply` in millimeters with `models_info.json`.
 
 use super::nothing_found;
 use crate::formats::ply;

@@ -1,4 +1,4 @@
-//! Google Scanned Objects: folders `<name>/meshes/model.obj`, meters, z up.
+//! `google_scanned_objects`: folders `<name>/meshes/model.obj`, meters, z up.
 
 use super::nothing_found;
 use crate::formats::obj;

@@ -1,4 +1,4 @@
-//! Folders of surface materials, named as ambientCG (old and new) and Poly Haven name their maps.
+//! `pbr_folder`: folders of surface materials, named as ambientCG (old and new) and Poly Haven name their maps.
 
 use super::nothing_found;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! YCB objects: folders `<name>/google_16k/textured.obj`, meters, z up.
+//! `ycb`: folders `<name>/google_16k/textured.obj`, meters, z up.
 
 use super::nothing_found;
 use crate::formats::obj;
@@ -11,7 +11,7 @@ use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry};
 
 /// Objects of the YCB Object and Model Set (Calli et al., 2015), as downloaded: one folder per object with
 /// `google_16k/textured.obj` beside its texture; or as in YCB-Video, with `textured.obj` or `textured_simple.obj` in the
-/// object's folder itself. Meters, z up. The origins lie outside of the objects: set `centre` in the pool.
+/// object's folder itself. Meters, z up. The origins lie outside of the objects; let the pool center them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ycb {

@@ -126,12 +126,12 @@ fn obj_text() {
                     .collect::<String>();
                 write(it, "meshes/model.obj", turned);
             },
-            Warn("turned inside out"),
+            Warn("orientation was flipped"),
         ),
         (
             "one face turned",
             &text(&|t| t.replace("f 1/1 2/2 4/3", "f 2/1 1/2 4/3")),
-            Warn("neighboring faces point to opposite sides at 3 edges"),
+            Warn("neighboring faces oriented inconsistently at 3 edges"),
         ),
         (
             "three boxes",

@@ -8,10 +8,10 @@ use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
 use syntable_model::error::{Error, Result};
 
-/// Most elements of an accessor that has no data of its own, only a sparse part.
+/// Maximum number of elements of an accessor with sparse data only.
 const MAX_ZEROS: u64 = 1 << 20;
 
-/// Where elements lie in a view.
+/// Layout of elements in a view.
 struct Layout {
     component: ComponentType,
     normalized: bool,
@@ -20,7 +20,7 @@ struct Layout {
     count: usize,
 }
 
-/// Reads vectors of `N` numbers. Integers are taken as they are, or as fractions if the accessor is normalized.
+/// Reads vectors of `N` numbers. Integers of a normalized accessor become fractions.
 pub fn vectors<const N: usize>(
     document: &Root,
     buffers: &mut Buffers<'_>,
@@ -140,7 +140,7 @@ impl Zero for u32 {
     }
 }
 
-/// One number; the caller has checked that it lies inside.
+/// Reads one number; the caller has checked the bounds.
 fn number(layout: &Layout, bytes: &[u8], at: usize) -> f64 {
     macro_rules! number {
         ($type:ty, $size:literal) => {

@@ -11,7 +11,7 @@ use syntable_mesh::image::Image;
 use syntable_mesh::root::{AssetRoot, read_file};
 use syntable_model::error::{Error, Result};
 
-/// Data outside the JSON, loaded when it is asked for.
+/// Data outside the JSON, loaded on demand.
 pub struct Buffers<'a> {
     document: &'a Root,
     binary: Option<&'a [u8]>,

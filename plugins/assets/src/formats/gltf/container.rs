@@ -4,7 +4,7 @@ use gltf::json::Root;
 use serde::Deserialize;
 use syntable_model::error::{Error, Result};
 
-/// Deepest nesting of the JSON text; glTF itself needs about ten levels.
+/// Maximum nesting of the JSON text; glTF needs about ten levels.
 const MAX_DEPTH: usize = 100;
 
 /// Parses a file in memory: the document, and the binary chunk of a GLB.
@@ -79,12 +79,12 @@ fn version_error(version: &str) -> Error {
 }
 
 fn json_error(error: serde_json::Error) -> Error {
-    // The library's message ends with the position; the line is told apart.
+    // The library's message ends with the position; the line is reported separately.
     let message = format!("not sound glTF JSON: {error}");
     if error.line() > 0 { Error::new(message).at_line(error.line()) } else { Error::new(message) }
 }
 
-/// Refuses JSON that is nested too deep for parsers that call themselves.
+/// Refuses JSON that is nested too deeply for recursive parsers.
 fn check_depth(text: &[u8]) -> Result<()> {
     let (mut depth, mut quoted, mut escaped) = (0_usize, false, false);
     for (at, &byte) in text.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! Material extensions: varnish, fibres, glass.
+//! Material extensions: clearcoat, sheen, transmission and volume.
 //!
-//! `KHR_materials_clearcoat` keeps its factor in red and its roughness in green, `KHR_materials_sheen` its color in the
+//! `KHR_materials_clearcoat` stores its factor in red and its roughness in green, `KHR_materials_sheen` its color in the
 //! color channels and its roughness in alpha, `KHR_materials_transmission` its factor in red. Of
-//! `KHR_materials_volume` the medium is read. Its `attenuationDistance` is in meters of the world by the extension's own
-//! words, so that the scale of a node changes nothing. Its thickness stands in for geometry where no ray is traced: all
-//! that counts here is whether it is zero, which says that the surface is a thin wall.
+//! `KHR_materials_volume` the medium is read. Its `attenuationDistance` is in world space by the extension's
+//! definition, so node scales do not apply. Its thickness is for rasterizers; only zero matters here: the surface is then
+//! thin-walled.
 
 use super::materials::unit;
 use super::uses::{Use, of_info, of_normal};
@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::Volume;
 
-/// What is laid over and under the surface of a material.
+/// The layers of a material besides its base.
 #[derive(Default)]
 pub struct Layers {
     pub clearcoat: Option<ClearcoatJson>,
@@ -101,7 +101,7 @@ impl Layers {
         Ok(uses)
     }
 
-    /// What fills the body; none for a thin wall. A distance that is not above zero says nothing.
+    /// The interior medium; none for a thin wall. A distance that is not positive is ignored.
     pub fn medium(&self) -> Option<Volume> {
         let volume = self.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0)?;
         Some(Volume {

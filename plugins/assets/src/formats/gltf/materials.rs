@@ -1,4 +1,4 @@
-//! Materials: glTF's metallic-roughness model is the program's own, so that little is translated.
+//! Materials: glTF's metallic-roughness model is the program's own, so that little is converted.
 //!
 //! The core, `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here, other extensions in [`layers`](
 //! super::layers).
@@ -95,7 +95,7 @@ impl<'a> Materials<'a> {
         let mut built = Vec::with_capacity(slots.len());
         for (index, uvs, triangles) in slots {
             let Some(index) = index else {
-                // The default material of glTF is white and metallic; ours is easier to look at.
+                // The default material of glTF is white metal; a matt gray shows shapes better.
                 built.push(default_material(false));
                 continue;
             };
@@ -140,10 +140,10 @@ impl<'a> Materials<'a> {
         material.alpha = match json.alpha_mode {
             Checked::Valid(AlphaMode::Mask) => {
                 let cutoff = json.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
-                // The factor belongs to alpha; without it the cutoff grows.
+                // The factor multiplies alpha; the cutoff is divided by it instead.
                 Alpha::Mask { cutoff: if alpha > 0.0 { (cutoff / alpha).clamp(0.0, 1.0) } else { 1.0 } }
             }
-            // Many files are marked as blended where nothing is transparent.
+            // Many files declare blending without transparent texels.
             Checked::Valid(AlphaMode::Blend) if alpha < 1.0 || has_alpha(&material.base_color.texture) => {
                 Alpha::Blend { factor: unit(alpha) }
             }
@@ -172,7 +172,7 @@ impl<'a> Materials<'a> {
                     factor: sheen.sheen_color_factor.map(unit),
                     texture: self.info(&sheen.sheen_color_texture, Encoding::Srgb, buffers)?,
                 },
-                // Color and roughness usually share an image; alpha is linear in either encoding.
+                // Color and roughness usually come from one image; alpha is linear in either encoding.
                 roughness: Scalar {
                     factor: unit(sheen.sheen_roughness_factor),
                     texture: self
@@ -224,7 +224,7 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// A texture; none, after a warning, if its file is missing.
+    /// Loads a texture. A missing file is a warning and gives none.
     fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut Buffers<'_>) -> Result<Option<TextureRef>> {
         let texture = get(&self.document.textures, used.texture, "texture")?;
         if texture.source.value() == u32::MAX as usize {
@@ -244,7 +244,7 @@ impl<'a> Materials<'a> {
             if image.is_none() {
                 let image = get(&self.document.images, texture.source, "image")?;
                 let name = image.uri.as_deref().unwrap_or_default();
-                self.warn(&format!("no texture `{name}`; a plain color is used"));
+                self.warn(&format!("no texture `{name}`; a constant color is used"));
             }
             self.textures.insert(key, image.map(|image| Arc::new(image.into_texture(encoding, wrap))));
         }
@@ -253,7 +253,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-/// Whether some texel of an image is not opaque.
+/// Whether any texel of a texture is not opaque.
 fn has_alpha(texture: &Option<TextureRef>) -> bool {
     texture.as_ref().is_some_and(|used| used.texture.texels.chunks_exact(4).any(|texel| texel[3] != 255))
 }
@@ -267,7 +267,7 @@ fn wrap(mode: Checked<WrappingMode>) -> Result<Wrap> {
     }
 }
 
-/// Into [0, 1]; NaN counts as 0.
+/// Clamps to [0, 1]; NaN becomes 0.
 pub fn unit(x: f32) -> f32 {
     if x > 0.0 { x.min(1.0) } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! The node tree: where every mesh stands.
+//! The node tree: the transform of every mesh.
 
 use super::get;
 use gltf::json::mesh::Mesh;
@@ -15,7 +15,7 @@ pub struct Instance {
     pub node: usize,
     /// From the mesh's frame to the body's: meters, z up.
     body_from_mesh: Matrix4<f64>,
-    /// Turns normals: the cofactors of the linear part, with its sign.
+    /// Transforms normals: the cofactors of the linear part, with its sign.
     normals: Matrix3<f64>,
     determinant: f64,
 }
@@ -31,14 +31,14 @@ impl Instance {
     }
 
     /// A point of the mesh in the body frame.
-    pub fn place(&self, p: [f32; 3]) -> [f32; 3] {
+    pub fn transform_point(&self, p: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = p.map(f64::from);
         let p = self.body_from_mesh * nalgebra::Vector4::new(x, y, z, 1.0);
         [p.x as f32, p.y as f32, p.z as f32]
     }
 
     /// A normal of the mesh in the body frame, a unit vector; zero if it has no direction.
-    pub fn turn(&self, n: [f32; 3]) -> [f32; 3] {
+    pub fn transform_normal(&self, n: [f32; 3]) -> [f32; 3] {
         let n = self.normals * Vector3::from(n.map(f64::from));
         n.try_normalize(0.0).unwrap_or_default().map(|x| x as f32).into()
     }
@@ -68,7 +68,7 @@ pub fn instances(document: &Root) -> Result<Vec<Instance>> {
     let z_up = Matrix4::new(1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 0., 0., 0., 0., 1.);
     let mut seen = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
-    // A stack of our own, so that a long chain of nodes is no danger; reversed, so that order is that of the file.
+    // An explicit stack, so that a deep tree cannot overflow the call stack; reversed to keep the order of the file.
     let mut stack: Vec<(Index<Node>, Matrix4<f64>)> = roots.into_iter().rev().map(|node| (node, z_up)).collect();
     while let Some((index, parent)) = stack.pop() {
         let node = get(&document.nodes, index, "node")?;

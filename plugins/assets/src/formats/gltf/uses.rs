@@ -1,4 +1,4 @@
-//! How a material uses a texture: which one, by which coordinates, moved how.
+//! How a material uses a texture: the texture, the set of coordinates and their transform.
 
 use gltf::json::extensions::texture::{TextureTransform, TextureTransformOffset};
 use gltf::json::texture::Info;
@@ -6,14 +6,14 @@ use gltf::json::{self, Index};
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::UvTransform;
 
-/// A use of a texture, alike for all places that have one.
+/// A reference to a texture with its coordinates.
 #[derive(Clone)]
 pub struct Use {
-    /// Which.
+    /// The texture.
     pub texture: Index<json::Texture>,
     /// Set of texture coordinates.
     pub set: u32,
-    /// Moves them.
+    /// Transform of the coordinates.
     pub transform: UvTransform,
 }
 
@@ -47,7 +47,7 @@ fn of(texture: Index<json::Texture>, set: u32, transform: Option<&TextureTransfo
 
 /// A transform of KHR_texture_transform, where v points down, as one where v points up.
 ///
-/// There `u' = c·sx·u + s·sy·v + ox` and `v' = -s·sx·u + c·sy·v + oy`, counter-clockwise as the image is looked at;
+/// There `u' = c·sx·u + s·sy·v + ox` and `v' = -s·sx·u + c·sy·v + oy`, counter-clockwise in the image;
 /// with `v = 1 - V` the same rotation stays, and the offset becomes `(ox + s·sy, 1 - oy - c·sy)`.
 fn v_up([ox, oy]: [f32; 2], rotation: f32, [sx, sy]: [f32; 2]) -> UvTransform {
     let (s, c) = rotation.sin_cos();

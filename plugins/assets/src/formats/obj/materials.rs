@@ -1,4 +1,4 @@
-//! From the materials that an OBJ uses to materials by slot.
+//! Materials by slot from the material libraries of an OBJ.
 
 use super::{MaterialUse, ParsedObj};
 use crate::formats::mtl::{self, MtlMap, MtlMaterial};
@@ -15,7 +15,7 @@ use syntable_model::scene::{
     Alpha, Color, Encoding, Material, NormalMap, Scalar, Texture, TextureRef, UvTransform, Wrap,
 };
 
-/// Where Google Scanned Objects keeps images, from the folder of the OBJ.
+/// Folder of the textures of Google Scanned Objects, relative to the OBJ.
 const GSO_TEXTURES: &str = "../materials/textures";
 /// Roughness of a material that states none.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
@@ -26,19 +26,22 @@ pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &
     let mut loader = Loader { root, folder: folder.to_owned(), file, log, textures: BTreeMap::new() };
     let colored = !mesh.colors.is_empty();
     let known = loader.libraries(&libraries, colored)?;
-    let lost = known.is_none();
+    let missing = known.is_none();
     let known = known.unwrap_or_default();
     let mut materials = Vec::with_capacity(uses.len());
     for used in &uses {
         let material = match known.get(&used.name) {
             Some((library, material)) => loader.material(material, library)?,
             None => {
-                let fallback = if lost && used.textured && !colored { loader.gso_material()? } else { None };
-                if !lost && !used.name.is_empty() {
+                let fallback = if missing && used.textured && !colored { loader.gso_material()? } else { None };
+                if !missing && !used.name.is_empty() {
                     log.warn(
-                        &Error::new(format!("no material `{}` in the library; a plain one is used", used.name))
-                            .in_file(file)
-                            .at_line(used.line),
+                        &Error::new(format!(
+                            "no material `{}` in the library; the default material is used",
+                            used.name
+                        ))
+                        .in_file(file)
+                        .at_line(used.line),
                     );
                 }
                 fallback.unwrap_or_else(|| default_material(colored))
@@ -62,17 +65,17 @@ impl Loader<'_> {
         self.log.warn(&Error::new(message).in_file(file).at_line(line));
     }
 
-    /// All materials by name, the first of a name counts, with the path of their library. None if a library is lost.
+    /// All materials by name with the path of their library; the first of a name counts. None if a library is missing.
     fn libraries(
         &self,
         names: &[(String, usize)],
         colored: bool,
     ) -> Result<Option<BTreeMap<String, (PathBuf, MtlMaterial)>>> {
         let mut known = BTreeMap::new();
-        let mut lost = false;
+        let mut missing = false;
         for (name, line) in names {
             let at = |error: Error| error.in_file(self.file).at_line(*line);
-            // One name may have blanks; or there are several names.
+            // The statement may hold one name with blanks or several names.
             let mut paths = Vec::new();
             match self.root.find(&self.folder, name).map_err(at)? {
                 Some(path) => paths.push(path),
@@ -81,8 +84,8 @@ impl Loader<'_> {
                         match self.root.find(&self.folder, name).map_err(at)? {
                             Some(path) => paths.push(path),
                             None => {
-                                lost = true;
-                                // Where every vertex has a color, nothing is lost with the library.
+                                missing = true;
+                                // With vertex colors the library is not needed.
                                 if !colored {
                                     self.warn(
                                         format!("no material library `{name}`; default materials are used"),
@@ -102,10 +105,10 @@ impl Loader<'_> {
                 }
             }
         }
-        Ok(if lost && known.is_empty() { None } else { Some(known) })
+        Ok(if missing && known.is_empty() { None } else { Some(known) })
     }
 
-    /// A material with the one image of a scanned object whose library is lost.
+    /// The material of a scanned object whose library is missing: its one texture.
     fn gso_material(&mut self) -> Result<Option<Material>> {
         let name = format!("{GSO_TEXTURES}/texture.png");
         if self.folder == Path::new("") {
@@ -128,7 +131,7 @@ impl Loader<'_> {
         );
         material.metallic.factor = from.metallic.map_or(0.0, unit);
         material.emission.factor = from.emission.unwrap_or_default().map(|x| x.max(0.0));
-        // Exporters write 1 when they know none; then the usual 1.5 stays.
+        // Exporters write 1 for an unknown index; the default 1.5 is kept then.
         if let Some(ior) = from.ior.filter(|ior| (1.0..=3.0).contains(ior) && *ior > 1.0) {
             material.ior = ior;
         }
@@ -179,8 +182,8 @@ impl Loader<'_> {
         Ok(material.sealed())
     }
 
-    /// Opacity below one lets light through. A surface that nothing is to be seen of is a mistake: some programs write
-    /// the opacity under `Tr`, or 0 where they know none.
+    /// Opacity below one blends. An invisible surface is an error of the exporter: some write the opacity as `Tr`, or 0 if
+    /// it is unknown.
     fn blend(&self, material: &mut Material, from: &MtlMaterial, library: &Path) {
         let opacity = from.opacity.or(from.transparency.map(|(tr, line)| (1.0 - tr, line)));
         let Some((opacity, line)) = opacity.filter(|(opacity, _)| *opacity < 1.0) else { return };
@@ -192,7 +195,7 @@ impl Loader<'_> {
         }
     }
 
-    /// A texture; none, after a warning, if its file is missing.
+    /// Loads a texture. A missing file is a warning and gives none.
     fn map(&mut self, map: &MtlMap, library: &Path, encoding: Encoding) -> Result<Option<TextureRef>> {
         let at = |error: Error| error.in_file(library).at_line(map.line);
         let mut path = self.root.find(&self.folder, &map.name).map_err(at)?;
@@ -200,7 +203,7 @@ impl Loader<'_> {
             path = self.root.find(&self.folder, &format!("{GSO_TEXTURES}/{}", map.name)).map_err(at)?;
         }
         let Some(path) = path else {
-            self.warn(format!("no texture `{}`; a plain color is used", map.name), library, map.line);
+            self.warn(format!("no texture `{}`; a constant color is used", map.name), library, map.line);
             return Ok(None);
         };
         let texture = self.texture(&path, encoding, map.clamp)?;
@@ -219,7 +222,7 @@ impl Loader<'_> {
         Ok(texture)
     }
 
-    /// A material for faces without texture coordinates: textures give way to their mean.
+    /// A material for faces without texture coordinates: textures are replaced by their mean.
     fn without_textures(&self, material: Material, used: &MaterialUse) -> Material {
         let Some(plain) = untextured(&material) else {
             return material;

@@ -10,21 +10,21 @@ pub struct Rows<'a> {
     bytes: &'a [u8],
     /// Next byte.
     at: usize,
-    /// In text: the next line's number, and what is left of the row's line.
+    /// In text: the number of the next line, and the rest of the current one.
     line: usize,
     rest: &'a [u8],
 }
 
 impl<'a> Rows<'a> {
-    /// The beginning of the body.
+    /// The start of the body.
     pub fn new(header: &Header, bytes: &'a [u8]) -> Self {
         Self { encoding: header.encoding, bytes, at: header.body, line: header.body_line, rest: &[] }
     }
 
-    /// Refuses an element whose rows cannot fit into the rest of the file: before anything is allocated for them.
+    /// Refuses an element whose rows exceed the rest of the file, before anything is allocated for them.
     pub fn check_size(&self, element: &Element) -> Result<()> {
         let row: usize = match self.encoding {
-            // A digit and a blank or line end for every number; the last line may lack its end.
+            // Each number takes at least a digit and a separator; the last line may lack its end.
             Encoding::Ascii => 2 * element.properties.len().max(1),
             _ => element
                 .properties
@@ -41,7 +41,7 @@ impl<'a> Rows<'a> {
         };
         let (need, left) = (element.count as u128 * row as u128, self.bytes.len() - self.at);
         let slack = usize::from(self.encoding == Encoding::Ascii);
-        // Rows of nothing take no bytes, but time.
+        // Rows without properties take no bytes, but time.
         if need > (left + slack) as u128 || (row == 0 && element.count > left) {
             return Err(Error::new(format!(
                 "{} rows of element `{}` need at least {need} bytes, but {left} are left",
@@ -53,7 +53,7 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// Names the place in an error.
+    /// Adds the current line or byte to an error.
     pub fn place(&self, error: Error) -> Error {
         match self.encoding {
             Encoding::Ascii => error.at_line(self.line.saturating_sub(1)),
@@ -61,7 +61,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Goes to a row.
+    /// Starts a row.
     pub fn begin(&mut self, element: &Element, row: usize) -> Result<()> {
         if self.encoding != Encoding::Ascii {
             return Ok(());
@@ -77,7 +77,7 @@ impl<'a> Rows<'a> {
             self.rest = rest[..end].trim_ascii();
             self.at += end + 1;
             self.line += 1;
-            // A row without properties is an empty line; other empty lines mean nothing.
+            // A row without properties is an empty line; other empty lines are skipped.
             if !self.rest.is_empty() || element.properties.is_empty() {
                 self.at = self.at.min(self.bytes.len());
                 return Ok(());
@@ -148,7 +148,7 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// Passes over an element.
+    /// Skips an element.
     pub fn skip(&mut self, element: &Element) -> Result<()> {
         let mut items = Vec::new();
         for row in 0..element.count {

@@ -3,13 +3,13 @@
 use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 
-/// Longest header that is read, bytes.
+/// Maximum length of a header, bytes.
 const MAX_HEADER: usize = 1 << 20;
 
-/// How the body is written.
+/// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// Text, one row a line.
+    /// Text, one row per line.
     Ascii,
     /// Binary, least significant byte first.
     LittleEndian,
@@ -63,7 +63,7 @@ impl Scalar {
         }
     }
 
-    /// The value of white in a color of this type.
+    /// The value of full intensity in a color of this type.
     pub fn white(self) -> f64 {
         match self {
             Self::I8 => 127.0,
@@ -88,7 +88,7 @@ pub struct Property {
     pub list: Option<Scalar>,
 }
 
-/// A table of the file.
+/// An element: a table of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Element {
     /// Its name.
@@ -102,15 +102,15 @@ pub struct Element {
 /// A parsed header.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Header {
-    /// How the body is written.
+    /// Encoding of the body.
     pub encoding: Encoding,
     /// Tables in order.
     pub elements: Vec<Element>,
     /// Names after `comment TextureFile`.
     pub textures: Vec<String>,
-    /// Where the body begins, byte.
+    /// Byte offset of the body.
     pub body: usize,
-    /// Line of the body's beginning, from 1.
+    /// First line of a text body, from 1.
     pub body_line: usize,
 }
 
