@@ -11,20 +11,20 @@ use syntable_model::scene::{Asset, AssetClass, Catalog, ConvexPart, Material, Me
 /// Texels along the edge of the surfaces that objects share.
 const SHARED_TEXELS: usize = 256;
 
-/// Household objects modeled by the program: mugs, cartons, tools, fruit and more, with real sizes and masses,
-/// textures, and exact convex collision parts. Nothing needs to be downloaded.
+/// Procedural household objects: mugs, cartons, tools, fruit and more, with real sizes and masses,
+/// textures, and exact convex collision parts. No download is needed.
 ///
-/// The names are `<family>_<variant>`, such as `mug_0007`. A variant depends on seed, family and number alone.
+/// Names are `<family>_<variant>`, such as `mug_0007`. A variant depends on seed, family and number alone.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Household {
-    /// The families to offer; all by default.
+    /// Families to include; all by default.
     #[schemars(length(min = 1))]
     families: Vec<ObjectFamily>,
-    /// How many variants of each family there are.
+    /// Number of variants of each family.
     #[schemars(range(min = 1, max = 10000))]
     variants_per_family: u32,
-    /// Another seed gives other variants.
+    /// Seed of all variants.
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     seed: u64,
 }

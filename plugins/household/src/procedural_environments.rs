@@ -17,10 +17,10 @@ use studio::Studio;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog, EnvironmentMap};
 
-/// Environment maps made by the program, in nits: daylight by the CIE standard general sky (ISO 15469:2004), and
-/// studios. Nothing needs to be downloaded.
+/// Procedural environment maps, in nits: daylight by the CIE standard general sky (ISO 15469:2004), and
+/// studios. No download is needed.
 ///
-/// The names are `<family>_<variant>`, such as `clear_sky_0003`. A variant depends on seed, family and number alone.
+/// Names are `<family>_<variant>`, such as `clear_sky_0003`. A variant depends on seed, family and number alone.
 /// On a level plane, clear and hazy skies give 8,700 to 15,600 lx, cloudy ones 12,000 to 41,000 lx, overcast ones 5,700 to
 /// 19,400 lx, sunsets 3,300 to 6,600 lx and studios 500 to 3,000 lx.
 ///
@@ -29,21 +29,21 @@ use syntable_model::scene::{Asset, AssetClass, Catalog, EnvironmentMap};
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProceduralEnvironments {
-    /// The families to offer; all by default.
+    /// Families to include; all by default.
     #[schemars(length(min = 1))]
     families: Vec<EnvironmentFamily>,
-    /// How many variants of each family there are.
+    /// Number of variants of each family.
     #[schemars(range(min = 1, max = 10000))]
     variants_per_family: u32,
     /// Width of the maps, texels; they are half as high.
     #[schemars(range(min = 16, max = 4096))]
     width_px: u32,
-    /// Another seed gives other variants.
+    /// Seed of all variants.
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     seed: u64,
 }
 
-/// A sort of environment.
+/// A family of environment maps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EnvironmentFamily {

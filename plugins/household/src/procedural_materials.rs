@@ -5,23 +5,23 @@ use crate::variants::{check_families, parse_name, variant_catalog};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 
-/// Surface materials made by the program: wood, stone, tiles, cloth, metal and more. All tile, and their tiles have
-/// real sizes. Nothing needs to be downloaded.
+/// Procedural surface materials: wood, stone, tiles, cloth, metal and more. All tile, at real sizes.
+/// No download is needed.
 ///
-/// The names are `<family>_<variant>`, such as `marble_0003`. A variant depends on seed, family and number alone.
+/// Names are `<family>_<variant>`, such as `marble_0003`. A variant depends on seed, family and number alone.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProceduralMaterials {
-    /// The families to offer; all by default.
+    /// Families to include; all by default.
     #[schemars(length(min = 1))]
     families: Vec<MaterialFamily>,
-    /// How many variants of each family there are.
+    /// Number of variants of each family.
     #[schemars(range(min = 1, max = 10000))]
     variants_per_family: u32,
     /// Edge length of the textures, texels. Each material takes eight bytes per texel.
     #[schemars(range(min = 64, max = 2048))]
     texture_px: u32,
-    /// Another seed gives other variants.
+    /// Seed of all variants.
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     seed: u64,
 }

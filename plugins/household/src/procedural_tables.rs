@@ -45,21 +45,21 @@ impl TableDesign {
     }
 }
 
-/// Tables made by the program: six designs with drawn sizes (tops of 0.7 to 1.8 m, heights of 0.38 to 0.8 m), surfaces
-/// and exact collision parts. Nothing needs to be downloaded.
+/// Procedural tables: six designs of random size (tops of 0.7 to 1.8 m, heights of 0.38 to 0.8 m), surfaces
+/// and exact collision parts. No download is needed.
 ///
-/// The names are `<design>_<variant>`, such as `pedestal_0002`. The top is the highest part, level, and its outline is
+/// Names are `<design>_<variant>`, such as `pedestal_0002`. The top is the highest part, level, and its outline is
 /// the bounding box's in x and y (for round tops, the box around the circle).
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProceduralTables {
-    /// The designs to offer; all by default.
+    /// Designs to include; all by default.
     #[schemars(length(min = 1))]
     designs: Vec<TableDesign>,
-    /// How many variants of each design there are.
+    /// Number of variants of each design.
     #[schemars(range(min = 1, max = 10000))]
     variants_per_design: u32,
-    /// Another seed gives other variants.
+    /// Seed of all variants.
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     seed: u64,
 }

@@ -10,10 +10,10 @@ use syntable_model::scene::{Color, Material, Scalar, Transmission, Volume};
 
 const GLASS: SlotMapping = SlotMapping::fit(0);
 
-/// Depth of glass after which its tint shows in full, meters.
+/// Attenuation distance of the tint, meters.
 const TINT_M: f32 = 0.02;
 
-/// A clear solid that light enters and leaves, tinted by what it goes through.
+/// A transmissive solid with a tinted interior medium.
 pub fn clear_solid(name: &str, tint: Rgb, ior: f64, roughness: f64) -> Arc<Material> {
     let volume = Volume { attenuation_color: linear(tint), attenuation_distance_m: TINT_M };
     let transmission = Transmission { share: Scalar::constant(1.0), volume: Some(volume) };
@@ -28,7 +28,7 @@ pub fn clear_solid(name: &str, tint: Rgb, ior: f64, roughness: f64) -> Arc<Mater
     Arc::new(material.sealed())
 }
 
-/// Mostly clear, at times green, blue, amber or rose; seldom frosted.
+/// Mostly clear, sometimes green, blue, amber or rose; rarely frosted.
 pub fn glass(stream: &mut Stream) -> Arc<Material> {
     let hues = [0.38, 0.55, 0.09, 0.95];
     let hue = *stream.pick(&hues).unwrap_or(&hues[0]);

@@ -59,7 +59,7 @@ pub fn ball(draw: &mut Draw) -> Model {
     let texture = ball_print(&mut draw.appearance);
     let material = Finish::printed(texture, draw.appearance.uniform(0.2, 0.8));
     let material = if draw.appearance.chance(0.5) {
-        let detail = draw.surface(MaterialFamily::Leather);
+        let detail = draw.material(MaterialFamily::Leather);
         material.detailed(&detail)
     } else {
         material
@@ -105,10 +105,10 @@ pub fn block(draw: &mut Draw) -> Model {
     };
     let mass = shape.volume() * density::WOOD * draw.uniform(0.8, 1.15);
     let material = if draw.appearance.chance(0.4) {
-        draw.surface(MaterialFamily::Timber)
+        draw.material(MaterialFamily::Timber)
     } else {
         let color = vivid(&mut draw.appearance);
-        let detail = draw.surface(MaterialFamily::Timber);
+        let detail = draw.material(MaterialFamily::Timber);
         Arc::new(Finish::plain(color, draw.appearance.uniform(0.25, 0.55), 0.0).detailed(&detail).named("painted wood"))
     };
     Model::new(shape, vec![material], mass).friction(0.5)

@@ -1,4 +1,4 @@
-//! The families of household objects: a function each, from random streams to a solid with materials and mass.
+//! The families of household objects: one function per family, from random streams to a solid with materials and mass.
 
 mod cutlery;
 mod food;
@@ -182,7 +182,7 @@ pub struct Model {
     pub mass_kg: f64,
     /// Coulomb friction coefficient.
     pub friction: f64,
-    /// Faces that meet at less share smooth normals.
+    /// Maximum angle between faces with smooth normals, degrees.
     pub crease_deg: f64,
 }
 
@@ -196,7 +196,7 @@ impl Model {
     }
 }
 
-/// What a family draws from.
+/// The random streams and materials that a family draws from.
 struct Draw<'a> {
     /// Sizes and shapes.
     form: Stream,
@@ -210,15 +210,15 @@ impl Draw<'_> {
         self.form.uniform(low, high)
     }
 
-    /// A surface family's variant, one of six, as it is.
-    fn surface(&mut self, family: MaterialFamily) -> Arc<Material> {
+    /// A random variant, one of six, of a material family.
+    fn material(&mut self, family: MaterialFamily) -> Arc<Material> {
         let variant = self.appearance.below(6) as u32;
         self.materials.get(family, variant)
     }
 
     fn metal(&mut self) -> Arc<Material> {
         let family = if self.appearance.chance(0.5) { MaterialFamily::Metal } else { MaterialFamily::BrushedMetal };
-        self.surface(family)
+        self.material(family)
     }
 
     /// Steel or silver, polished.
@@ -230,7 +230,7 @@ impl Draw<'_> {
 
     /// Plastic of a color.
     fn plastic_of(&mut self, name: &str, color: Rgb) -> Arc<Material> {
-        let detail = self.surface(MaterialFamily::Plastic);
+        let detail = self.material(MaterialFamily::Plastic);
         Arc::new(Finish::plain(color, self.appearance.uniform(0.2, 0.55), 0.0).detailed(&detail).named(name))
     }
 

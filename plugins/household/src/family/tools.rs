@@ -54,7 +54,7 @@ pub fn hammer(draw: &mut Draw) -> Model {
     let mass = steel * density::STEEL + handle.volume() * density::WOOD;
     let wooden = draw.appearance.chance(0.6);
     let grip = if wooden {
-        draw.surface(MaterialFamily::Timber)
+        draw.material(MaterialFamily::Timber)
     } else {
         let color = vivid(&mut draw.appearance);
         draw.plastic_of("grip", shade(color, 0.7))
@@ -173,7 +173,7 @@ pub fn tape(draw: &mut Draw) -> Model {
     let mass = shape.volume() * 850.0;
     let brown = draw.appearance.chance(0.4);
     let color = if brown { hsv(0.09, 0.5, draw.appearance.uniform(0.4, 0.7)) } else { vivid(&mut draw.appearance) };
-    let materials = vec![draw.plain("tape", color, 0.3), draw.surface(MaterialFamily::Cardboard)];
+    let materials = vec![draw.plain("tape", color, 0.3), draw.material(MaterialFamily::Cardboard)];
     Model::new(shape, materials, mass).friction(0.5)
 }
 

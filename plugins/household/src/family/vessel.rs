@@ -1,4 +1,4 @@
-//! Crockery and pans: hollow solids, open at the top. Their collision parts leave the hollow free.
+//! Crockery and pans: hollow solids, open at the top. Their collision parts leave the cavity free.
 
 use super::{Draw, Model, density, ellipse};
 use crate::material::{Finish, MaterialFamily, bands, hsv, shade, vivid};
@@ -18,7 +18,7 @@ pub(super) struct Hollow {
     pub(super) sectors: usize,
 }
 
-/// Roughness of what lies under a glaze.
+/// Roughness below a glaze.
 const BODY: f64 = 0.5;
 
 const OUTSIDE: SlotMapping = SlotMapping::fit(0);
@@ -85,7 +85,7 @@ pub(super) fn curve(p: [[f64; 2]; 4], steps: usize) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Painted outside and a plain inside that goes with it.
+/// A decorated outside and a matching plain inside.
 fn glazed(draw: &mut Draw) -> Vec<Arc<Material>> {
     let outside = draw.printed_crockery();
     let inside = match draw.appearance.below(3) {
@@ -100,7 +100,7 @@ fn glazed(draw: &mut Draw) -> Vec<Arc<Material>> {
 impl Draw<'_> {
     fn printed_crockery(&mut self) -> Arc<Material> {
         if self.appearance.chance(0.2) {
-            return self.surface(MaterialFamily::Ceramic);
+            return self.material(MaterialFamily::Ceramic);
         }
         let texture = bands(&mut self.appearance);
         let gloss = self.appearance.uniform(0.06, 0.25);
@@ -182,7 +182,7 @@ pub fn plate(draw: &mut Draw) -> Model {
     let outside = curve([[foot * r, 0.0], [lip * r, 0.0], [lip * r, 0.55 * (h - wall)], [r, h - 0.5 * wall]], 9);
     let shape = Hollow { outside, wall, bottom: wall, cells: 2, sectors: 12 }.shape();
     let mut materials = glazed(draw);
-    // The show side of a plate is its inside.
+    // The decorated side of a plate is its inside.
     materials.swap(0, 1);
     let mass = shape.volume() * density::CERAMIC;
     Model::new(shape, materials, mass).friction(0.45)

@@ -1,11 +1,11 @@
-//! What walls and floors are built of.
+//! Materials of walls and floors.
 
 use super::Bake;
 use super::color::{Rgb, hsv, mix, shade};
 use super::field::{Field, smoothstep};
 use syntable_model::random::Stream;
 
-/// A muted color, as walls have it.
+/// A random muted color.
 fn wall_color(stream: &mut Stream) -> Rgb {
     let pale = stream.chance(0.7);
     let (hue, saturation) = (stream.unit(), stream.uniform(0.0, if pale { 0.18 } else { 0.5 }));
@@ -51,7 +51,7 @@ pub fn plaster(stream: &mut Stream, size: usize) -> Bake {
     }
 }
 
-/// Wall paint with the peel of the roller, 0.4 to 0.7 m per tile.
+/// Rolled wall paint, 0.4 to 0.7 m per tile.
 pub fn painted_wall(stream: &mut Stream, size: usize) -> Bake {
     let base = wall_color(stream);
     let peel = Field::fractal(size, [size / 8, size / 8], 2, 0.5, stream);

@@ -30,7 +30,7 @@ impl Canvas {
         texture(self.width, self.height, texels, Encoding::Srgb, wrap)
     }
 
-    /// Every texel replaced by a function of its column, row and color.
+    /// Replaces every texel by a function of its column, row and color.
     pub fn map(&mut self, f: impl Fn(usize, usize, Rgb) -> Rgb) {
         for (i, texel) in self.texels.iter_mut().enumerate() {
             *texel = f(i % self.width, i / self.width, *texel);

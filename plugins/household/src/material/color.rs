@@ -1,4 +1,4 @@
-//! Colors in sRGB, and sets of them that go together.
+//! sRGB colors and palettes.
 
 use syntable_model::color::srgb_to_linear;
 use syntable_model::random::Stream;
@@ -11,13 +11,13 @@ pub fn linear(color: Rgb) -> [f32; 3] {
     color.map(srgb_to_linear)
 }
 
-/// From `a` at 0 to `b` at 1; beyond, the nearer end.
+/// Interpolates from `a` at 0 to `b` at 1, clamped.
 pub fn mix(a: Rgb, b: Rgb, t: f32) -> Rgb {
     let t = t.clamp(0.0, 1.0);
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
 }
 
-/// Brighter (factor above one) or darker.
+/// Multiplies by a brightness factor, clamped.
 pub fn shade(color: Rgb, factor: f32) -> Rgb {
     color.map(|c| (c * factor).clamp(0.0, 1.0))
 }
@@ -30,7 +30,7 @@ pub fn hsv(hue: f64, saturation: f64, value: f64) -> Rgb {
     })
 }
 
-/// A strong color.
+/// A random saturated color.
 pub fn vivid(stream: &mut Stream) -> Rgb {
     let (hue, saturation, value) = (stream.unit(), stream.uniform(0.55, 0.95), stream.uniform(0.45, 0.9));
     hsv(hue, saturation, value)

@@ -26,7 +26,7 @@ pub enum MaterialFamily {
     Fabric,
     /// Granite grains.
     Granite,
-    /// Paint under clear lacquer, as cars and furniture have it; plain or with metallic flakes.
+    /// Paint under clear lacquer, as on cars and furniture; plain or with metallic flakes.
     Lacquer,
     /// Grained leather.
     Leather,
@@ -44,7 +44,7 @@ pub enum MaterialFamily {
     Plastic,
     /// Tiles with grout.
     Tiles,
-    /// One piece of wood, as furniture has it.
+    /// One piece of wood, as in furniture.
     Timber,
     /// Velvet with a brushed pile.
     Velvet,

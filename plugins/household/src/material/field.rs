@@ -1,8 +1,8 @@
-//! Square grids of numbers that tile: noise, cells and slopes.
+//! Tileable scalar fields on a square grid: noise, cells and slopes.
 
 use syntable_model::random::Stream;
 
-/// Numbers on a square grid; it wraps around at all edges.
+/// A scalar field on a square grid that wraps around at all edges.
 #[derive(Debug, Clone)]
 pub struct Field {
     size: usize,
@@ -10,7 +10,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// The same number everywhere.
+    /// A constant field.
     pub fn constant(size: usize, value: f32) -> Self {
         Self { size, values: vec![value; size * size] }
     }
@@ -27,7 +27,7 @@ impl Field {
         Self { size, values }
     }
 
-    /// Numbers row by row; as many as the square has texels.
+    /// A field of values row by row; `size` squared of them.
     pub fn of(size: usize, values: Vec<f32>) -> Self {
         assert_eq!(values.len(), size * size, "a field is square");
         Self { size, values }
@@ -118,13 +118,13 @@ impl Field {
         [first, second, id].map(|values| Self { size, values })
     }
 
-    /// Each number replaced.
+    /// Applies a function to every value.
     pub fn map(mut self, f: impl Fn(f32) -> f32) -> Self {
         self.values.iter_mut().for_each(|x| *x = f(*x));
         self
     }
 
-    /// Combined with another field of the same size.
+    /// Combines two fields of the same size.
     pub fn zip(mut self, other: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a = f(*a, *b));
         self
@@ -151,7 +151,7 @@ impl Field {
         top + (bottom - top) * ty
     }
 
-    /// Looked up where other fields point to, `amount` texels far.
+    /// Looks up each texel at an offset of `amount` times (`dx`, `dy`), texels.
     pub fn warped(&self, dx: &Self, dy: &Self, amount: f32) -> Self {
         let n = self.size;
         let values = (0..n * n)
@@ -178,7 +178,7 @@ impl Field {
     }
 }
 
-/// For every texel the lattice points before and after it, and how far it is between them, smoothed (quintic).
+/// For every texel the lattice points before and after it, and the smoothed (quintic) fraction between them.
 fn knots(size: usize, cells: usize) -> Vec<(usize, usize, f32)> {
     (0..size)
         .map(|i| {

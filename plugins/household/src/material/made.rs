@@ -112,7 +112,7 @@ pub fn ceramic(stream: &mut Stream, size: usize) -> Bake {
     let ink = hsv(0.07, 0.5, 0.25);
     let [near, _, id] = Field::cells(size, size / 12, 1.0, stream);
     let clouds = Field::fractal(size, [3, 3], 4, 0.5, stream);
-    // The glaze is the coat; what shines through it is the body.
+    // The glaze is the clearcoat; the body below is rough.
     let gloss = stream.uniform(0.35, 0.6) as f32;
     let color = (0..size * size).map(|i| {
         let number = id.values()[i];
@@ -129,7 +129,7 @@ pub fn ceramic(stream: &mut Stream, size: usize) -> Bake {
     }
 }
 
-/// Paint under lacquer, 0.2 to 0.4 m per tile: plain, or with flakes that each lean their own way.
+/// Paint under lacquer, 0.2 to 0.4 m per tile: plain, or with flakes of random orientation.
 pub fn lacquer(stream: &mut Stream, size: usize) -> Bake {
     let neutral = stream.chance(0.35);
     let saturation = if neutral { stream.uniform(0.0, 0.06) } else { stream.uniform(0.5, 0.95) };

@@ -30,7 +30,7 @@ use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::scene::{Color, Encoding, Material, NormalMap, Scalar, Texture, Wrap};
 
-/// License of everything that is made here.
+/// License of all procedural assets.
 pub const LICENSE: &str = "CC0-1.0";
 
 /// A texture of RGBA texels, row 0 at the top.
@@ -98,7 +98,7 @@ pub struct Finish {
     pub roughness: Scalar,
     /// 0 or 1.
     pub metallic: f32,
-    /// Detail.
+    /// Normal map, if any.
     pub normal: Option<NormalMap>,
     /// Edge of one tile, meters.
     pub tile_m: f32,
@@ -127,12 +127,12 @@ impl Finish {
         Self { base_color: Color::texture(texture), ..Self::plain([1.0; 3], roughness, 0.0) }
     }
 
-    /// The same under a glaze.
+    /// Adds a glaze of some roughness.
     pub fn glazed(self, roughness: f64) -> Self {
         Self { clearcoat: Some(roughness), ..self }
     }
 
-    /// The same with the detail of another material.
+    /// Takes the normal map of another material.
     pub fn detailed(mut self, detail: &Material) -> Self {
         self.normal = detail.normal.clone();
         self
@@ -157,7 +157,7 @@ impl Finish {
     }
 }
 
-/// A number in [0, 1] as a byte.
+/// Quantizes [0, 1] to a byte.
 fn byte(x: f32) -> u8 {
     (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }

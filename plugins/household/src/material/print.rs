@@ -1,4 +1,4 @@
-//! Prints for packages, books, balls and crockery: every variant gets a design of its own.
+//! Prints for packages, books, balls and crockery: every variant has its own design.
 
 use super::color::{Rgb, hsv, mix, palette, shade, vivid};
 use super::{Canvas, Field};
@@ -12,7 +12,7 @@ pub type Rect = [f64; 4];
 /// Longest edge of a print, texels.
 const LONGEST: f64 = 512.0;
 
-/// A design: what the panels of one package have in common.
+/// The design that the panels of one package have in common.
 struct Design {
     colors: [Rgb; 4],
     layout: u64,
@@ -250,7 +250,7 @@ pub fn bands(stream: &mut Stream) -> Arc<Texture> {
             }
         }
         3 => {
-            // Whole periods around, so that stripes meet.
+            // A whole number of periods, so that the stripes tile.
             let period = w / stream.integer(4, 16) as f32;
             canvas.stripes([0.0, 0.0, w, h], 0.0, period, stream.uniform(0.2, 0.6) as f32, main);
         }

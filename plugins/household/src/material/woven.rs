@@ -57,7 +57,7 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
             let px = (x as f32 + 0.5) / size as f32 * threads as f32;
             let (ix, tx) = (px as usize, px.fract());
             let warp_on_top = weave.warp_on_top(ix, iy);
-            // A thread is round across, and bows where it comes up.
+            // A thread has a round cross section and rises where it is on top.
             let (across, along) = if warp_on_top { (tx, ty) } else { (ty, tx) };
             let bulge = (PI * across).sin() * (0.55 + 0.45 * (PI * along).sin());
             let noise = slub.values()[y * size + x];
@@ -107,7 +107,7 @@ pub fn carpet(stream: &mut Stream, size: usize) -> Bake {
     }
 }
 
-/// Velvet, 0.3 to 0.6 m per tile: dark below, its pile brushed this way and that.
+/// Velvet, 0.3 to 0.6 m per tile: dark at the base, its pile brushed in patches.
 pub fn velvet(stream: &mut Stream, size: usize) -> Bake {
     let base = hsv(stream.unit(), stream.uniform(0.3, 0.85), stream.uniform(0.12, 0.5));
     let strokes = Field::fractal(size, [4, 9], 4, 0.55, stream);

@@ -10,11 +10,11 @@
 //!
 //! The color of blue sky follows Takagi et al. (SIGGRAPH 1990): `6500 + 1.1985e8 / L^1.2` kelvin at L nits. Clouds have
 //! one temperature. Temperatures become colors of the CIE daylight locus. The glow of a low sun and the clouds' shapes are
-//! of this program's own making.
+//! models of our own.
 //!
-//! **The sun.** Its disc is not in the map, but the bright sky around it is: a directional light belongs beside the map
-//! where its shadows are wanted. The sun stands over the center column, the map's +x. Below the horizon is level ground
-//! that the sky lights.
+//! **The sun.** Its disc is not in the map, but the bright sky around it is: add a directional light
+//! for its shadows. The sun stands over the center column, the map's +x. Below the horizon is level ground
+//! lit by the sky.
 
 use super::raster::Raster;
 use super::temperature::daylight_color;
@@ -63,31 +63,31 @@ pub struct Sky {
     pub blue: bool,
     /// Fraction of the sky that clouds cover, in [0, 1].
     pub cover: f64,
-    /// Color temperature of the sky next to the sun, kelvin, and how far that reaches, radians.
+    /// Color temperature of the sky next to the sun, kelvin, and its angular reach, radians.
     pub glow: Option<(f64, f64)>,
     /// Reflectance of the ground, linear Rec. 709.
     pub ground: [f64; 3],
-    /// Where the clouds are.
+    /// Random stream of the clouds.
     pub clouds: Stream,
 }
 
-/// Sorts of skies.
+/// Types of weather.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weather {
     /// No cloud: blue, types 11 to 13.
     Clear,
-    /// No cloud, but vapor and dust: bright around the sun, types 14 and 15.
+    /// No cloud, but vapor and dust: brighter around the sun, types 14 and 15.
     Hazy,
     /// Clouds before a blue sky.
     Cloudy,
-    /// One gray cloud: types 1 to 5.
+    /// An even gray layer: types 1 to 5.
     Overcast,
     /// A low sun and its glow, with or without clouds.
     Sunset,
 }
 
 impl Sky {
-    /// A sky of a sort, at random.
+    /// A random sky of a type of weather.
     pub fn draw(weather: Weather, stream: &Stream) -> Self {
         use Weather::{Clear, Cloudy, Hazy, Overcast, Sunset};
         let mut draw = stream.child("sky");
@@ -214,7 +214,7 @@ impl Sky {
         })
     }
 
-    /// How much cloud there is in a direction: the coverage map on a level sheet that bends down towards the horizon.
+    /// Cloud coverage in a direction: the coverage map on a level sheet that bends down towards the horizon.
     fn cloud_at(&self, clouds: &Field, direction: &Vector3<f64>) -> f64 {
         if direction.z <= 0.0 || clouds.size() == 1 {
             return 0.0;

@@ -1,10 +1,10 @@
-//! Rooms without windows, lit by softboxes: what a product photographer's table stands in.
+//! Rooms without windows, lit by softboxes: as for product photography.
 //!
-//! The map is that of a rectangular room seen from its center: matt walls, as bright as light that bounces about makes
-//! them, and glowing rectangles on ceiling and walls. It is scaled so that a level plane has the stated illuminance.
+//! The map is that of a rectangular room seen from its center: matte walls, lit by indirect light, with
+//! emissive rectangles on ceiling and walls. It is scaled so that a level plane has the stated illuminance.
 
 use super::raster::Raster;
-use super::temperature::lamp_color;
+use super::temperature::blackbody_color;
 use syntable_model::error::Result;
 use syntable_model::geometry::Vector3;
 use syntable_model::photometry::luminance;
@@ -20,13 +20,13 @@ pub struct Studio {
     pub walls: [f64; 3],
     /// Luminance of the walls, relative to that of a softbox of brightness one.
     pub ambient: f64,
-    /// The lamps.
+    /// The softboxes.
     pub softboxes: Vec<Softbox>,
     /// Illuminance on a level plane, lux.
     pub illuminance_lx: f64,
 }
 
-/// A glowing rectangle on a face of the room.
+/// An emissive rectangle on a face of the room.
 #[derive(Debug, Clone)]
 pub struct Softbox {
     /// Axis that the face is at right angles to: 0 x, 1 y, 2 z.
@@ -44,7 +44,7 @@ pub struct Softbox {
 }
 
 impl Studio {
-    /// A studio at random: one softbox above, one to three around.
+    /// A random studio: one softbox above, one to three around.
     pub fn draw(stream: &Stream) -> Self {
         let mut draw = stream.child("studio");
         let half = [draw.uniform(1.5, 3.0), draw.uniform(1.5, 3.0), draw.uniform(1.2, 1.7)];
@@ -69,10 +69,10 @@ impl Studio {
                 kelvin: white + draw.uniform(-500.0, 500.0),
             });
         }
-        // On a wall the second axis after x is z, after y it is x: lamps stand upright either way.
-        for lamp in softboxes.iter_mut().filter(|lamp| lamp.axis == 1) {
-            lamp.center.swap(0, 1);
-            lamp.half.swap(0, 1);
+        // On a wall the second axis after x is z, after y it is x: softboxes stand upright either way.
+        for softbox in softboxes.iter_mut().filter(|softbox| softbox.axis == 1) {
+            softbox.center.swap(0, 1);
+            softbox.half.swap(0, 1);
         }
         Self { half, walls, ambient: draw.uniform(0.01, 0.05), softboxes, illuminance_lx: draw.uniform(500.0, 3000.0) }
     }
@@ -89,7 +89,7 @@ impl Studio {
 
     /// What is seen in a direction from the room's center, relative.
     fn radiance(&self, direction: &Vector3<f64>) -> [f64; 3] {
-        // The face that is met first, and where.
+        // The first face along the direction, and the position on it.
         let distance = |axis: usize| self.half[axis] / direction[axis].abs().max(1e-12);
         let axis = (0..3).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap_or(2);
         let at = direction * distance(axis);
@@ -99,12 +99,13 @@ impl Studio {
         let open = |x: f64| 1.0 - 0.25 * x * x * x * x;
         let wall = self.ambient * open(u) * open(v);
         let mut radiance = self.walls.map(|w| w * wall);
-        for lamp in self.softboxes.iter().filter(|lamp| lamp.axis == axis && lamp.side == side) {
-            // One inside, falling to zero over a tenth of the lamp, as the cloth of a softbox does.
-            let edge =
-                |x: f64, i: usize| ((lamp.half[i] - (x - lamp.center[i]).abs()) / (0.1 * lamp.half[i])).clamp(0.0, 1.0);
-            let lit = lamp.brightness * edge(u, 0) * edge(v, 1);
-            let color = lamp_color(lamp.kelvin);
+        for softbox in self.softboxes.iter().filter(|softbox| softbox.axis == axis && softbox.side == side) {
+            // One inside, falling to zero over a tenth of the softbox, like its cloth.
+            let edge = |x: f64, i: usize| {
+                ((softbox.half[i] - (x - softbox.center[i]).abs()) / (0.1 * softbox.half[i])).clamp(0.0, 1.0)
+            };
+            let lit = softbox.brightness * edge(u, 0) * edge(v, 1);
+            let color = blackbody_color(softbox.kelvin);
             radiance = std::array::from_fn(|i| radiance[i] + lit * color[i]);
         }
         radiance

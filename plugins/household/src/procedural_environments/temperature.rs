@@ -29,8 +29,8 @@ fn mix(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
     color.map(|c| c * scale)
 }
 
-/// Color of a lamp: a black body from 1540 K to 30,000 K, clamped beyond.
-pub fn lamp_color(kelvin: f64) -> [f64; 3] {
+/// Color of a black body from 1540 K to 30,000 K, clamped beyond.
+pub fn blackbody_color(kelvin: f64) -> [f64; 3] {
     static TABLE: LazyLock<Table> = LazyLock::new(|| Table::of(blackbody));
     TABLE.look_up(kelvin)
 }
@@ -71,15 +71,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lamps_agree_with_planck() {
+    fn black_bodies_agree_with_planck() {
         for kelvin in [1800.0, 2700.0, 4100.0, 6500.0, 12_000.0, 25_000.0] {
-            let (got, want) = (lamp_color(kelvin), blackbody(kelvin));
+            let (got, want) = (blackbody_color(kelvin), blackbody(kelvin));
             for i in 0..3 {
                 assert!((got[i] - want[i]).abs() < 2e-3, "{kelvin} K: {got:?} {want:?}");
             }
             assert!((luminance(got) - 1.0).abs() < 1e-12);
         }
-        assert_eq!(lamp_color(1e9), lamp_color(40_000.0));
+        assert_eq!(blackbody_color(1e9), blackbody_color(40_000.0));
     }
 
     #[test]
@@ -93,6 +93,6 @@ mod tests {
         let z = 0.019_333_9 * r + 0.119_192_0 * g + 0.950_304_1 * b;
         let sum = x + 1.0 + z;
         assert!((x / sum - 0.3457).abs() < 1e-3 && (1.0 / sum - 0.3585).abs() < 1e-3, "{} {}", x / sum, 1.0 / sum);
-        assert_eq!(daylight_color(3000.0), lamp_color(3000.0));
+        assert_eq!(daylight_color(3000.0), blackbody_color(3000.0));
     }
 }

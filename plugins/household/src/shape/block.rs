@@ -33,7 +33,7 @@ pub fn rounded_box(size: [f64; 3], radius: f64, steps: usize, mapping: impl Fn(u
             grid[u_axis] = if u_flip { last - i } else { i };
             grid[v_axis] = j;
             let p = point(grid, half, radius, steps);
-            // Where nothing is left between two round edges, their ends are one point.
+            // Where two rounded edges meet, their ends are one point.
             let key =
                 std::array::from_fn(
                     |k| if half[k] - radius < 1e-12 && grid[k] > steps { grid[k] - 1 } else { grid[k] },

@@ -1,11 +1,11 @@
-//! Polygons pulled up along z, with an exact convex decomposition.
+//! Polygons extruded along z, with an exact convex decomposition.
 
 use super::outline::arc;
 use super::{Point3, Shape, SlotMapping, Uv};
 
 type Point = [f64; 2];
 
-/// A simple polygon, counter-clockwise, between heights `[bottom, top]`, with edges beveled by so many meters.
+/// A simple polygon, counter-clockwise, between heights `[bottom, top]`, with edges beveled by `bevel` meters.
 /// Collision parts are the polygon's triangles, merged while they stay convex (Hertel and Mehlhorn).
 pub fn extrude(outline: &[Point], [bottom, top]: [f64; 2], bevel: f64, caps: SlotMapping, sides: SlotMapping) -> Shape {
     let n = outline.len();
@@ -76,7 +76,7 @@ pub fn rounded_polygon(outline: &[Point], radius: f64) -> Vec<Point> {
     (0..n).flat_map(|i| arc(outline[(i + n - 1) % n], outline[i], outline[(i + 1) % n], radius)).collect()
 }
 
-/// Every edge moved inwards; for distances small against the edges.
+/// Moves every edge inwards; for distances small against the edges.
 fn inset(outline: &[Point], distance: f64) -> Vec<Point> {
     let n = outline.len();
     (0..n)
@@ -88,7 +88,7 @@ fn inset(outline: &[Point], distance: f64) -> Vec<Point> {
             let (before, after) =
                 (normal(outline[(i + n - 1) % n], outline[i]), normal(outline[i], outline[(i + 1) % n]));
             let sum = [before[0] + after[0], before[1] + after[1]];
-            // The bisector, as long as the miter asks, but no spikes.
+            // The miter, limited in length to avoid spikes.
             let scale = 2.0 / (sum[0] * sum[0] + sum[1] * sum[1]).max(0.5);
             std::array::from_fn(|k| outline[i][k] + distance * scale * sum[k])
         })
@@ -110,7 +110,7 @@ fn turn(a: Point, b: Point, c: Point) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Ear clipping; quadratic, for outlines of some dozens of corners.
+/// Ear clipping; quadratic, for outlines of a few dozen corners.
 fn triangulate(outline: &[Point]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..outline.len()).collect();
     let mut triangles = Vec::new();

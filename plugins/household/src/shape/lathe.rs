@@ -25,7 +25,7 @@ impl Lathe {
         self
     }
 
-    /// The surface alone.
+    /// The surface without collision parts.
     pub fn surface(&self) -> Shape {
         let mut shape = Shape::default();
         let rings: Vec<Ring> = self.points.iter().map(|&(rz, _)| self.ring(&mut shape, rz)).collect();

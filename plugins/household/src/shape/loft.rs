@@ -1,8 +1,8 @@
-//! Skins over rings of points, and sections swept along curves.
+//! Lofts over rings of points, and sections swept along curves.
 
 use super::{Point3, Shape, SlotMapping, Uv, Vector3};
 
-/// A closed skin over rings of equally many points. Every ring runs counter-clockwise seen from the next one's side.
+/// A closed loft over rings of equally many points. Every ring runs counter-clockwise seen from the next one's side.
 /// The ends are closed by fans around their centroids. Collision parts are the hulls of `per_part + 1` neighboring
 /// rings.
 pub fn loft(rings: &[Vec<Point3<f64>>], mapping: SlotMapping, per_part: usize) -> Shape {
@@ -96,7 +96,7 @@ fn centroid(ring: &[Point3<f64>]) -> Point3<f64> {
     Point3::from(sum / ring.len() as f64)
 }
 
-/// Distances along a line of points, from 0; around, back to the first.
+/// Cumulative distances along a polyline, from 0; if `around`, back to the first point.
 fn lengths(points: &[Point3<f64>], around: bool) -> Vec<f64> {
     let n = points.len();
     let mut lengths = vec![0.0];

@@ -1,10 +1,10 @@
-//! A small kit for modeling closed solids with exact collision parts.
+//! Modeling of closed solids with exact collision parts.
 //!
 //! A [`Shape`] is a set of shared points and triangles that carry their own texture coordinates. Sharing points makes
 //! closed surfaces closed by construction; [`Shape::finish`] then splits vertices at texture seams and at creases.
 //!
-//! **Invariants.** Every primitive is closed and points outwards; a shape made of several is a union of closed
-//! surfaces. Collision parts are point sets whose hulls together cover the surface.
+//! **Invariants.** Every primitive is a closed surface with outward normals; a shape of several is a union of
+//! closed surfaces. Collision parts are point sets whose hulls together cover the surface.
 
 mod block;
 mod extrude;
@@ -28,7 +28,7 @@ use syntable_model::scene::{ConvexPart, Mesh, MeshData};
 pub enum Uv {
     /// The texture once: u around, v along.
     Fit,
-    /// Tiles of so many meters.
+    /// Repeated tiles of this edge length, meters.
     Tile(f64),
     /// Seen along z: the texture covers a square of this edge, meters, centered on the axis.
     Planar(f64),
@@ -49,7 +49,7 @@ impl SlotMapping {
         Self { slot, uv: Uv::Fit }
     }
 
-    /// A material slot with tiles of so many meters.
+    /// A material slot with tiles of this edge length, meters.
     pub const fn tile(slot: u16, meters: f64) -> Self {
         Self { slot, uv: Uv::Tile(meters) }
     }
@@ -164,8 +164,8 @@ impl Shape {
             .sum()
     }
 
-    /// Texture coordinates by the dominant axis of every face, in tiles of so many meters. Textures run (u) along
-    /// `grain`, an axis, on all faces but those across it.
+    /// Texture coordinates by the dominant axis of every face, in tiles of `tile_m` meters. The u axis follows
+    /// the axis `grain` on all faces but those across it.
     pub fn box_mapped(mut self, tile_m: f64, grain: usize) -> Self {
         for i in 0..self.faces.len() {
             let corners = self.faces[i].corners.map(|index| self.points[index as usize]);
@@ -195,7 +195,7 @@ impl Shape {
         self
     }
 
-    /// All slots counted from another one.
+    /// Adds `first` to all slots.
     pub fn from_slot(mut self, first: u16) -> Self {
         for face in &mut self.faces {
             face.slot += first;

@@ -15,7 +15,7 @@ struct Node {
     at: [f64; 2],
     /// Radius of the arc that replaces the corner.
     round: f64,
-    /// Paint of the segment that ends here.
+    /// Mapping of the segment that ends here.
     mapping: SlotMapping,
 }
 
