@@ -1,6 +1,12 @@
-//! Asset sources: files of many formats ([`files`]), and procedural objects, tables and materials ([`household`]) and
-//! environment maps ([`environments`]) that need no download.
+//! Asset sources that read files: objects, materials and environment maps of many formats and collections.
+//!
+//! - [`sources`]: what a recipe's `[assets.<pool>]` can name, one kind per module.
+//! - [`formats`]: readers, one format per module. They register with [`syntable_mesh`], where other crates add theirs.
+//! - `inspect`: folders and files beyond single meshes and images that `syntable check --asset PATH` can look at.
+//!
+//! **Choices.** A missing image or material library is a warning, and a constant color takes its place; a broken one is
+//! an error. A name that leads out of the asset's folder is an error, and is never opened.
 
-pub mod environments;
-pub mod files;
-pub mod household;
+pub mod formats;
+mod inspect;
+pub mod sources;

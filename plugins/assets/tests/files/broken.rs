@@ -36,9 +36,9 @@ const SAYS: [(&str, &str); 76] = [
     ("reject_inf_vertices", "model.obj:14: non-finite vertex: `inf`"),
     ("reject_list_count_bomb.ply", "a list of 4294967295 items"),
     ("reject_malformed.gltf", "line 32 column"),
-    ("reject_material_without_albedo", "no colour map"),
+    ("reject_material_without_albedo", "no color map"),
     (
-        "reject_millimetres",
+        "reject_millimeters",
         "object extent 221.907 m is outside the allowed range of 0.0005 m to 10 m (set `scale = 0.001`",
     ),
     ("reject_missing_buffer_file.gltf", "no file `not_there.bin`"),
@@ -148,24 +148,24 @@ fn odd_inputs_load_as_what_they_are() {
         ["accept_big_endian.ply", "accept_extra_properties.ply", "accept_quads_and_ngons", "accept_line_continuation"]
     {
         assert_eq!(fact(&look(name), "size"), "0.0600 x 0.0800 x 0.1000 m", "{name}");
-        assert_eq!(fact(&look(name), "volume"), "0.4800 litre", "{name}");
+        assert_eq!(fact(&look(name), "volume"), "0.4800 liter", "{name}");
         assert_eq!(fact(&look(name), "closed"), "yes", "{name}");
     }
-    for name in ["accept_extra_properties.ply", "accept_obj_vertex_colours"] {
-        assert_eq!(fact(&look(name), "vertex colours"), "yes", "{name}");
+    for name in ["accept_extra_properties.ply", "accept_obj_vertex_colors"] {
+        assert_eq!(fact(&look(name), "vertex colors"), "yes", "{name}");
     }
-    assert_eq!(fact(&look("warn_non_manifold"), "volume"), "0.4800 litre");
+    assert_eq!(fact(&look("warn_non_manifold"), "volume"), "0.4800 liter");
     // An extra texture is found only where the name with blanks was understood.
     assert_eq!(fact(&look("accept_texture_name_with_spaces"), "textures"), "1");
     assert_eq!(fact(&look("warn_missing_texture"), "textures"), "0");
 }
 
 #[test]
-fn odd_pictures_have_the_right_colours() {
-    use syntable_assets::files::formats::picture::Picture;
+fn odd_pictures_have_the_right_colors() {
+    use syntable_mesh::image::Image;
     let Some(folder) = assets("broken") else { return };
     let mean = |name: &str| {
-        let picture = Picture::read(&folder.join(name).join("materials/textures/texture.png")).expect(name);
+        let picture = Image::read(&folder.join(name).join("materials/textures/texture.png")).expect(name);
         picture.mean().map(|x| x * 255.0)
     };
     // Means computed with Pillow 11, CMYK converted by its `convert("RGB")`.

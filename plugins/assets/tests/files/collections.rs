@@ -75,16 +75,16 @@ fn environment_folders() {
         .expect("writes");
     write(folder.path(), "out/bad.hdr", "no map");
     write(folder.path(), "notes.txt", "x");
-    let source = source_of("environment_folder", folder.path(), "licence = \"CC0-1.0\"");
+    let source = source_of("environment_folder", folder.path(), "");
     let log = Collected::default();
-    let entries = source.catalog(&log).expect("a catalogue").entries;
+    let entries = source.catalog(&log).expect("a catalog").entries;
     let names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
     assert_eq!(names, ["out/bad", "out/field", "studio"]);
     assert_eq!(entries[1].category, "out");
-    assert!(log.warnings()[0].to_string().contains("field.hdr: `out/field` is there twice"), "{:?}", log.warnings());
+    assert!(log.warnings()[0].to_string().contains("field.hdr: `out/field` has several files"), "{:?}", log.warnings());
     let load = |name: &str| source.load(name, &log).map(|asset| asset.into_environment().expect("a map"));
     let field = load("out/field").expect("loads");
-    assert_eq!((field.name.as_str(), field.licence.as_str()), ("out/field", "CC0-1.0"));
+    assert_eq!(field.name, "out/field");
     assert_eq!((field.width(), field.height(), field.texels()[0]), (4, 2, [2.0, 3.0, 4.0]));
     assert_eq!(load("studio").expect("loads").texels()[3], [0.5; 3]);
     assert!(load("out/bad").expect_err("garbage").to_string().contains("bad.hdr: not an environment map"));
@@ -100,7 +100,7 @@ fn radiance_files_agree_with_the_image_library() {
         .collect();
     let mut bytes = Vec::new();
     HdrEncoder::new(&mut bytes).encode(&pixels, width, height).expect("encodes");
-    let ours = syntable_assets::files::formats::environment::decode(&bytes).expect("sound");
+    let ours = syntable_mesh::environment::decode(&bytes).expect("sound");
     let decoder = HdrDecoder::new(Cursor::new(&bytes)).expect("sound");
     let theirs = DynamicImage::from_decoder(decoder).expect("sound").into_rgb32f();
     for (ours, theirs) in ours.texels().iter().zip(theirs.pixels()) {
@@ -112,24 +112,24 @@ fn radiance_files_agree_with_the_image_library() {
 
 #[test]
 fn material_folders() {
-    let picture = |side: u32| encode(RgbImage::new(side, side).into(), ImageFormat::Jpeg);
+    let image = |side: u32| encode(RgbImage::new(side, side).into(), ImageFormat::Jpeg);
     let folder = TempDir::new().expect("temp folder");
     let root = folder.path();
-    write(root, "Only/Only_1K-JPG_Color.jpg", picture(8));
-    write(root, "Mix/Mix_1K-JPG_Color.jpg", picture(8));
-    write(root, "Mix/Mix_1K-JPG_Roughness.jpg", picture(4));
-    write(root, "Bare/Bare_1K-JPG_Roughness.jpg", picture(4));
-    write(root, "packed/textures/packed_diff_1k.jpg", picture(8));
-    write(root, "packed/textures/packed_arm_1k.jpg", picture(8));
+    write(root, "Only/Only_1K-JPG_Color.jpg", image(8));
+    write(root, "Mix/Mix_1K-JPG_Color.jpg", image(8));
+    write(root, "Mix/Mix_1K-JPG_Roughness.jpg", image(4));
+    write(root, "Bare/Bare_1K-JPG_Roughness.jpg", image(4));
+    write(root, "packed/textures/packed_diff_1k.jpg", image(8));
+    write(root, "packed/textures/packed_arm_1k.jpg", image(8));
     let dx = RgbImage::from_pixel(8, 8, image::Rgb([128, 200, 255]));
     write(root, "packed/textures/packed_nor_dx_1k.png", encode(dx.into(), ImageFormat::Png));
-    check(root, "Only", "colour alone", &Accept);
-    check(root, "Mix", "two sizes", &Warn("colour 8 x 8, roughness 4 x 4"));
-    check(root, "Bare", "no colour", &Reject("Bare: no colour map; there is only: roughness"));
+    check(root, "Only", "color alone", &Accept);
+    check(root, "Mix", "two sizes", &Warn("color 8 x 8, roughness 4 x 4"));
+    check(root, "Bare", "no color", &Reject("Bare: no color map; there is only: roughness"));
     check(root, "packed", "packed", &Accept);
     let source = source_of("pbr_folder", root, "tile_m = 0.7");
     let names: Vec<String> =
-        source.catalog(&Collected::default()).expect("a catalogue").entries.into_iter().map(|e| e.name).collect();
+        source.catalog(&Collected::default()).expect("a catalog").entries.into_iter().map(|e| e.name).collect();
     assert_eq!(names, ["Bare", "Mix", "Only", "packed"]);
     let load = |name: &str| source.load(name, &Collected::default()).expect(name).into_material().expect("a material");
     let only = load("Only");
@@ -151,16 +151,16 @@ fn bop_folders() {
             r#"{{"{id}": {{"diameter": 141.4, "min_x": -30, "min_y": -40, "min_z": 0, "size_x": 60, "size_y": 80, "size_z": {size}}}}}"#
         )
     };
-    let millimetres = ply_ascii().replace("0.03", "30").replace("0.04", "40").replace("0.1", "100");
+    let millimeters = ply_ascii().replace("0.03", "30").replace("0.04", "40").replace("0.1", "100");
     let folder = TempDir::new().expect("temp folder");
     let models = folder.path().join("set/models");
-    write(&models, "obj_000001.ply", &millimetres);
+    write(&models, "obj_000001.ply", &millimeters);
     write(&models, "models_info.json", info(1, 100.0));
     check(folder.path(), "set", "a dataset", &Accept);
     check(&models, "models_info.json", "the file", &Accept);
     let source = source_of("bop_models", folder.path(), "");
     let log = Collected::default();
-    assert_eq!(source.catalog(&log).expect("a catalogue").entries[0].name, "set/obj_000001");
+    assert_eq!(source.catalog(&log).expect("a catalog").entries[0].name, "set/obj_000001");
     let object = source.load("set/obj_000001", &log).expect("loads").into_object().expect("an object");
     assert!((object.mesh.bounds().size() - syntable_model::geometry::Vector3::new(0.06, 0.08, 0.1)).norm() < 1e-6);
     assert!(log.warnings().is_empty(), "{:?}", log.warnings());
@@ -175,7 +175,7 @@ fn bop_folders() {
     );
     write(&models, "models_info.json", info(77, 100.0));
     check(folder.path(), "set", "no such model", &Reject("obj_000077.ply"));
-    source.catalog(&log).expect("a catalogue");
+    source.catalog(&log).expect("a catalog");
     assert!(log.warnings().iter().any(|warning| warning.to_string().contains("obj_000077.ply")));
     for (text, says) in [
         (r#"{"1": {"diameter": 172.06, "min_x":"#, "models_info.json:1: not sound JSON"),

@@ -105,6 +105,6 @@ fn a_large_mesh_loads_in_memory_of_the_order_of_its_file() {
         assert_eq!(fact(&found, "triangles"), (2 * sectors * (rings - 1)).to_string());
         assert_eq!(fact(&found, "closed"), "yes");
         // 4/3 π r³ is 4.1888; flat triangles inside the sphere have a little less.
-        assert_eq!(fact(&found, "volume"), "4.1884 litre");
+        assert_eq!(fact(&found, "volume"), "4.1884 liter");
     }
 }

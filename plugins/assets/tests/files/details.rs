@@ -1,4 +1,4 @@
-//! Details of formats: what arrays, colours, coordinates and materials become.
+//! Details of formats: what arrays, colors, coordinates and materials become.
 
 use crate::common::source_of;
 use crate::inputs::{base64, encode, load, write};
@@ -8,7 +8,7 @@ use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, Encoding, Object, Scalar, Volume, Wrap};
 use tempfile::TempDir;
 
-/// A tetrahedron of 0.1 m with texture coordinates and colours, as arrays: y up, v down, as glTF has them.
+/// A tetrahedron of 0.1 m with texture coordinates and colors, as arrays: y up, v down, as glTF has them.
 const POSITIONS: [[f32; 3]; 4] = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]];
 const UVS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.25, 0.75]];
 const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
@@ -76,7 +76,7 @@ fn object(text: &str) -> Object {
     load(folder.path(), "x")
 }
 
-/// Faces as positions in micrometres and texture coordinates in thousandths, sorted.
+/// Faces as positions in micrometers and texture coordinates in thousandths, sorted.
 fn faces(object: &Object) -> Vec<Vec<[i32; 5]>> {
     let data = object.mesh.data();
     let corner = |&index: &u32| {
@@ -98,7 +98,7 @@ fn faces(object: &Object) -> Vec<Vec<[i32; 5]>> {
     faces
 }
 
-fn picture() -> String {
+fn image() -> String {
     let png =
         encode(RgbImage::from_fn(4, 4, |x, y| image::Rgb([x as u8 * 60, y as u8 * 60, 7])).into(), ImageFormat::Png);
     format!("data:image/png;base64,{}", base64(&png))
@@ -106,7 +106,7 @@ fn picture() -> String {
 
 fn textured() -> Value {
     json!({
-        "images": [{ "uri": picture() }], "textures": [{ "source": 0 }],
+        "images": [{ "uri": image() }], "textures": [{ "source": 0 }],
         "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
     })
 }
@@ -198,18 +198,18 @@ fn gltf_materials() {
     let (position, uv) = (builder.floats(&POSITIONS), builder.floats(&UVS));
     let index = builder.indices(FACES.as_flattened());
     let view = {
-        let colours: Vec<u8> = [[255, 0, 51, 255]; 4].concat();
-        builder.view(&colours, None)
+        let colors: Vec<u8> = [[255, 0, 51, 255]; 4].concat();
+        builder.view(&colors, None)
     };
-    let colour = json!({ "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4" });
-    let colour = builder.accessor(colour, Some(view));
+    let color = json!({ "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4" });
+    let color = builder.accessor(color, Some(view));
     let png = encode(RgbImage::new(2, 2).into(), ImageFormat::Png);
-    let image = builder.view(&png, None);
-    let primitive = json!({ "attributes": { "POSITION": position, "TEXCOORD_0": uv, "COLOR_0": colour }, "indices": index, "material": 0 });
+    let view_of_png = builder.view(&png, None);
+    let primitive = json!({ "attributes": { "POSITION": position, "TEXCOORD_0": uv, "COLOR_0": color }, "indices": index, "material": 0 });
     let transform = json!({ "KHR_texture_transform": { "scale": [2, 3] } });
     let more = json!({
         "extensionsUsed": ["KHR_texture_transform", "KHR_texture_basisu", "KHR_materials_ior", "KHR_materials_emissive_strength"],
-        "images": [{ "uri": picture() }, { "bufferView": image, "mimeType": "image/png" }, { "uri": "never.ktx2", "mimeType": "image/ktx2" }],
+        "images": [{ "uri": image() }, { "bufferView": view_of_png, "mimeType": "image/png" }, { "uri": "never.ktx2", "mimeType": "image/ktx2" }],
         "samplers": [{ "wrapS": 33071, "wrapT": 33648 }],
         "textures": [{ "source": 0, "sampler": 0, "extensions": { "KHR_texture_basisu": { "source": 2 } } }, { "source": 1 }],
         "materials": [{
@@ -230,9 +230,9 @@ fn gltf_materials() {
     // Alpha is factor times texture: a cutoff of 1/4 with the factor 1/2 cuts the texture at 1/2.
     assert_eq!(material.alpha, Alpha::Mask { cutoff: 0.5 });
     assert_eq!(material.base_color.factor, [0.5, 0.25, 1.0]);
-    let colour = material.base_color.texture.as_ref().expect("a texture");
-    assert_eq!((colour.texture.wrap, colour.texture.encoding), ([Wrap::Clamp, Wrap::Mirror], Encoding::Srgb));
-    assert_eq!((colour.transform.scale, colour.transform.offset), ([2.0, 3.0], [0.0, -2.0]));
+    let color = material.base_color.texture.as_ref().expect("a texture");
+    assert_eq!((color.texture.wrap, color.texture.encoding), ([Wrap::Clamp, Wrap::Mirror], Encoding::Srgb));
+    assert_eq!((color.transform.scale, color.transform.offset), ([2.0, 3.0], [0.0, -2.0]));
     for (scalar, factor, channel) in [(&material.roughness, 0.5, 1), (&material.metallic, 0.75, 2)] {
         let (texture, at) = scalar.texture.as_ref().expect("a texture");
         assert_eq!((scalar.factor, *at, texture.texture.encoding), (factor, channel, Encoding::Linear));
@@ -258,7 +258,7 @@ fn layered(extensions: &Value, more: Value) -> Object {
     object(&builder.document(
         &primitive,
         json!({
-            "extensionsUsed": used, "images": [{ "uri": picture() }], "textures": [{ "source": 0 }],
+            "extensionsUsed": used, "images": [{ "uri": image() }], "textures": [{ "source": 0 }],
             "materials": [material],
         }),
     ))
@@ -296,8 +296,8 @@ fn gltf_layers() {
     assert_eq!(coat.normal.as_ref().expect("a normal map").strength, 0.5);
     let sheen = material.sheen.as_ref().expect("fibres");
     assert_eq!(sheen.color.factor, [0.25, 0.5, 1.0]);
-    let colour = sheen.color.texture.as_ref().expect("a texture");
-    assert_eq!((colour.texture.encoding, colour.transform.scale), (Encoding::Srgb, [2.0, 3.0]));
+    let color = sheen.color.texture.as_ref().expect("a texture");
+    assert_eq!((color.texture.encoding, color.transform.scale), (Encoding::Srgb, [2.0, 3.0]));
     check(&sheen.roughness, 0.75, 3, Encoding::Srgb, [1.0; 2]);
     let glass = material.transmission.as_ref().expect("glass");
     check(&glass.share, 0.875, 0, Encoding::Linear, [1.0; 2]);
@@ -340,7 +340,7 @@ fn blended_alpha() {
     };
     assert_eq!(alpha(0.25, false), Alpha::Blend { factor: 0.25 });
     assert_eq!(alpha(0.25, true), Alpha::Blend { factor: 0.25 });
-    // The picture has no alpha: nothing is to be seen through.
+    // The image has no alpha: nothing is to be seen through.
     assert_eq!([alpha(1.0, false), alpha(1.0, true)], [Alpha::Opaque; 2]);
 }
 
@@ -400,11 +400,11 @@ fn a_texture_without_coordinates_becomes_its_mean() {
 }
 
 #[test]
-fn obj_materials_and_colours() {
+fn obj_materials_and_colors() {
     let folder = TempDir::new().expect("temp folder");
-    let coloured = |white: f32| {
-        let grey = 0.5 * white;
-        let vertex = |[x, y, z]: [f32; 3]| format!("v {x} {y} {z} {white} {grey} 0\n");
+    let colored = |white: f32| {
+        let gray = 0.5 * white;
+        let vertex = |[x, y, z]: [f32; 3]| format!("v {x} {y} {z} {white} {gray} 0\n");
         let faces = FACES.map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
         let [f0, f1, f2, f3] = faces;
         POSITIONS.map(vertex).concat()
@@ -423,7 +423,7 @@ fn obj_materials_and_colours() {
         "newmtl shiny\nKd 0.1 0.2 0.3\nNs 60\nKe 1 0 0\nNi 1.4\nnewmtl rough\nPr 0.9\nPm 0.5\n",
     );
     for white in [1.0, 255.0] {
-        write(folder.path(), "x.obj", coloured(white));
+        write(folder.path(), "x.obj", colored(white));
         let object = load(folder.path(), "x");
         // sRGB 0.5 is 0.214 in linear light.
         let [r, g, b] = object.mesh.data().colors[0];
@@ -461,11 +461,11 @@ fn concave_faces_are_cut_right() {
 }
 
 #[test]
-fn ply_colours_and_texture_coordinates() {
+fn ply_colors_and_texture_coordinates() {
     let folder = TempDir::new().expect("temp folder");
     let file = |vertex: &str, row: &dyn Fn(usize) -> String, face: &str, tail: &dyn Fn(usize) -> String| {
         let mut text = format!(
-            "ply\nformat ascii 1.0\ncomment TextureFile my picture.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n{vertex}element face 4\nproperty list uchar uint vertex_index\n{face}end_header\n"
+            "ply\nformat ascii 1.0\ncomment TextureFile my image.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n{vertex}element face 4\nproperty list uchar uint vertex_index\n{face}end_header\n"
         );
         POSITIONS.iter().enumerate().for_each(|(i, [x, y, z])| text += &format!("{x} {y} {z} {}\n", row(i)));
         FACES.iter().enumerate().for_each(|(i, [a, b, c])| text += &format!("3 {a} {b} {c} {}\n", tail(i)));
@@ -473,7 +473,7 @@ fn ply_colours_and_texture_coordinates() {
         load(folder.path(), "x")
     };
     let png = encode(RgbImage::new(4, 4).into(), ImageFormat::Png);
-    write(folder.path(), "my picture.png", png);
+    write(folder.path(), "my image.png", png);
     let per_vertex =
         "property float s\nproperty float t\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
     let object = file(per_vertex, &|i| format!("{} {} 255 128 0", UVS[i][0], UVS[i][1]), "", &|_| String::new());
@@ -505,7 +505,7 @@ fn ply_colours_and_texture_coordinates() {
 }
 
 #[test]
-fn one_picture_is_shared_by_all_slots() {
+fn one_image_is_shared_by_all_slots() {
     let folder = TempDir::new().expect("temp folder");
     let vertices = POSITIONS.map(|[x, y, z]| format!("v {x} {y} {z}\nvt {x} {y}\n")).concat();
     let faces: String = FACES
@@ -531,10 +531,10 @@ fn metadata_gives_the_category() {
         write(&folder.path().join(name), "meshes/model.obj", mesh);
     }
     write(&folder.path().join("a"), "metadata.pbtxt", "name: \"a\"\ncategories {\n  first: \"Shoe\"\n}\n");
-    let source = source_of("google_scanned_objects", folder.path(), "licence = \"X\"");
-    let catalog = source.catalog(&Collected::default()).expect("a catalogue");
+    let source = source_of("google_scanned_objects", folder.path(), "");
+    let catalog = source.catalog(&Collected::default()).expect("a catalog");
     let categories: Vec<&str> = catalog.entries.iter().map(|entry| entry.category.as_str()).collect();
     assert_eq!(categories, ["Shoe", "google_scanned_objects"]);
     let object = source.load("a", &Collected::default()).expect("loads").into_object().expect("an object");
-    assert_eq!((object.category.as_str(), object.licence.as_str(), object.name.as_str()), ("Shoe", "X", "a"));
+    assert_eq!((object.category.as_str(), object.license.as_str(), object.name.as_str()), ("Shoe", "CC-BY-4.0", "a"));
 }

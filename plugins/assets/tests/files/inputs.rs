@@ -9,7 +9,7 @@ use syntable_model::context::Collected;
 use syntable_model::scene::Object;
 use tempfile::TempDir;
 
-/// Corners of a box of 60 × 80 × 100 mm, in metres, and its faces, counter-clockwise from outside.
+/// Corners of a box of 60 × 80 × 100 mm, in meters, and its faces, counter-clockwise from outside.
 pub const CORNERS: [[f32; 3]; 8] = [
     [-0.03, -0.04, 0.0],
     [-0.03, -0.04, 0.1],

@@ -22,10 +22,10 @@ fn ply_files() {
         .map(|l| if l.split(' ').count() == 3 && l.contains('.') && !l.starts_with('f') { format!("{l} 0.5 200 100 50\n") } else { format!("{l}\n") })
         .collect::<String>();
     check(extra.as_bytes(), "extra properties", Accept);
-    check(body("comment TextureFile none.png\nend_header\n").as_bytes(), "no picture", Warn("no texture `none.png`"));
+    check(body("comment TextureFile none.png\nend_header\n").as_bytes(), "no image", Warn("no texture `none.png`"));
     check(
         body("comment TextureFile ../../x.png\nend_header\n").as_bytes(),
-        "a picture outside",
+        "an image outside",
         Reject("leaves the asset's folder"),
     );
     check(b"", "empty", Reject("empty"));
@@ -179,7 +179,7 @@ fn gltf_files() {
     check(r#""scene": 0"#, r#""scene": 0, "extensionsRequired": ["KHR_mesh_quantization"]"#, "quantized", Accept);
     check("] }", "", "cut JSON", Reject("not sound glTF JSON"));
     check(";base64,", ",", "another coding", Reject("not base64"));
-    check(";base64,", ";base64,?", "wrong base64", Reject("letter 0 of the base64 data is wrong"));
+    check(";base64,", ";base64,?", "wrong base64", Reject("not valid base64"));
     let deep = format!(r#"{{"asset":{{"version":"2.0"}},"extras":{}{}}}"#, "[".repeat(20_000), "]".repeat(20_000));
     check_file("x.gltf", deep, "deep", Reject("nested more than"));
     check_file("x.gltf", "", "empty", Reject("empty"));
@@ -325,6 +325,6 @@ fn a_pool_may_scale_what_the_extent_check_refuses() {
     let mut object = load(folder.path(), "mm");
     assert!(object.check_extent().is_err());
     object.mesh = std::sync::Arc::new(object.mesh.transformed(Default::default(), 0.001).expect("sound"));
-    object.check_extent().expect("ten centimetres");
+    object.check_extent().expect("ten centimeters");
     assert!((object.mesh.signed_volume() - 0.000_48).abs() < 1e-9);
 }

@@ -29,15 +29,15 @@ fn obj_text() {
         ("exponents", &text(&|t| t.replace("0.03", "3.0000e-02")), Accept),
         ("points, lines and groups", &text(&|t| t + "o x\ng a b\ns 1\nl 1 2\np 3\nvp 0.1\ncall x.obj\n"), Accept),
         ("an unused vertex far away", &text(&|t| t + "v 99 99 99\n"), Accept),
-        ("coordinates outside the picture", &text(&|t| t.replace("vt 1 1", "vt -3 7.5 0")), Accept),
+        ("coordinates outside the image", &text(&|t| t.replace("vt 1 1", "vt -3 7.5 0")), Accept),
         (
-            "vertex colours without a library",
+            "vertex colors without a library",
             &|it| {
-                let coloured = obj(1.0)
+                let colored = obj(1.0)
                     .lines()
                     .map(|l| if l.starts_with("v ") { format!("{l} 0.8 0.2 0.1\n") } else { format!("{l}\n") })
                     .collect::<String>();
-                write(it, "meshes/model.obj", coloured);
+                write(it, "meshes/model.obj", colored);
                 fs::remove_file(it.join("meshes/model.mtl")).expect("removes");
             },
             Accept,
@@ -98,10 +98,10 @@ fn obj_text() {
             Reject("no face with area among 12"),
         ),
         (
-            "millimetres",
+            "millimeters",
             &|it| write(it, "meshes/model.obj", obj(1000.0)),
             Reject(
-                "object extent 100.000 m is outside the allowed range of 0.0005 m to 10 m (set `scale = 0.001` if the file is in millimetres",
+                "object extent 100.000 m is outside the allowed range of 0.0005 m to 10 m (set `scale = 0.001` if the file is in millimeters",
             ),
         ),
         ("huge", &|it| write(it, "meshes/model.obj", obj(1e30)), Reject("object extent 1.000e29 m")),
@@ -126,12 +126,12 @@ fn obj_text() {
                     .collect::<String>();
                 write(it, "meshes/model.obj", turned);
             },
-            Warn("turned inside out"),
+            Warn("orientation was flipped"),
         ),
         (
             "one face turned",
             &text(&|t| t.replace("f 1/1 2/2 4/3", "f 2/1 1/2 4/3")),
-            Warn("neighbouring faces point to opposite sides at 3 edges"),
+            Warn("neighboring faces oriented inconsistently at 3 edges"),
         ),
         (
             "three boxes",
@@ -159,10 +159,10 @@ fn obj_text() {
 }
 
 #[test]
-fn materials_and_pictures() {
+fn materials_and_textures() {
     let mtl = |text: &'static str| move |it: &Path| write(it, "meshes/model.mtl", text);
-    let picture = |bytes: Vec<u8>| move |it: &Path| write(it, "materials/textures/texture.png", &bytes);
-    let grey = DynamicImage::from(GrayImage::from_pixel(3, 5, image::Luma([80])));
+    let image = |bytes: Vec<u8>| move |it: &Path| write(it, "materials/textures/texture.png", &bytes);
+    let gray = DynamicImage::from(GrayImage::from_pixel(3, 5, image::Luma([80])));
     let cut = |bytes: &[u8]| bytes[..bytes.len() * 3 / 5].to_vec();
     let flipped = |mut bytes: Vec<u8>, at: usize| {
         bytes[at] ^= 0x10;
@@ -230,7 +230,7 @@ fn materials_and_pictures() {
             Reject("model.obj:1: `../../x.mtl` leaves"),
         ),
         ("a height map", &mtl("newmtl skin\nmap_Kd texture.png\nbump texture.png\n"), Warn("is a height map")),
-        ("no picture", &mtl("newmtl skin\nmap_Kd none.png\n"), Warn("model.mtl:2: no texture `none.png`")),
+        ("no image", &mtl("newmtl skin\nmap_Kd none.png\n"), Warn("model.mtl:2: no texture `none.png`")),
         (
             "no library",
             &|it| fs::remove_file(it.join("meshes/model.mtl")).expect("removes"),
@@ -242,23 +242,23 @@ fn materials_and_pictures() {
             &|it| write(it, "meshes/model.obj", obj(1.0).replace("/1", "").replace("/2", "").replace("/3", "")),
             Warn("12 faces have no texture coordinates"),
         ),
-        ("a broken library", &mtl("newmtl skin\nKd 1 nan 1\n"), Reject("model.mtl:2: non-finite colour: `nan`")),
-        ("one pixel", &picture(encode(RgbImage::new(1, 1).into(), ImageFormat::Png)), Accept),
-        ("odd size", &picture(encode(RgbImage::new(61, 37).into(), ImageFormat::Png)), Accept),
-        ("grey", &picture(encode(grey.clone(), ImageFormat::Png)), Accept),
-        ("16 bits", &picture(encode(grey.into_luma16().into(), ImageFormat::Png)), Accept),
-        ("a JPEG named PNG", &picture(jpeg.clone()), Accept),
-        ("a JPEG cut short", &picture(cut(&jpeg)), Reject("texture.png: the JPEG is cut short")),
-        ("cut short", &picture(cut(&png())), Reject("texture.png: not a sound PNG")),
-        ("a wrong checksum", &picture(flipped(png(), data)), Reject("texture.png: not a sound PNG")),
+        ("a broken library", &mtl("newmtl skin\nKd 1 nan 1\n"), Reject("model.mtl:2: non-finite color: `nan`")),
+        ("one pixel", &image(encode(RgbImage::new(1, 1).into(), ImageFormat::Png)), Accept),
+        ("odd size", &image(encode(RgbImage::new(61, 37).into(), ImageFormat::Png)), Accept),
+        ("gray", &image(encode(gray.clone(), ImageFormat::Png)), Accept),
+        ("16 bits", &image(encode(gray.into_luma16().into(), ImageFormat::Png)), Accept),
+        ("a JPEG named PNG", &image(jpeg.clone()), Accept),
+        ("a JPEG cut short", &image(cut(&jpeg)), Reject("texture.png: the JPEG is cut short")),
+        ("cut short", &image(cut(&png())), Reject("texture.png: not a sound PNG")),
+        ("a wrong checksum", &image(flipped(png(), data)), Reject("texture.png: not a sound PNG")),
         (
             "65000 pixels a side",
-            &picture(png_of_size(65_000, 65_000)),
+            &image(png_of_size(65_000, 65_000)),
             Reject("texture.png: 65000 x 65000 pixels are more than the limit"),
         ),
-        ("no pixels", &picture(png_of_size(0, 0)), Reject("texture.png")),
-        ("text", &picture(b"this is no picture".to_vec()), Reject("texture.png: not an image")),
-        ("empty", &picture(Vec::new()), Reject("texture.png: the file is empty")),
+        ("no pixels", &image(png_of_size(0, 0)), Reject("texture.png")),
+        ("text", &image(b"this is no image".to_vec()), Reject("texture.png: not an image")),
+        ("empty", &image(Vec::new()), Reject("texture.png: the file is empty")),
         (
             "a folder",
             &|it| {
@@ -269,8 +269,8 @@ fn materials_and_pictures() {
         ),
         (
             "another format",
-            &picture(b"GIF89a\x01\x00\x01\x00\x00\x00\x00;".to_vec()),
-            Reject("Gif pictures are not read"),
+            &image(b"GIF89a\x01\x00\x01\x00\x00\x00\x00;".to_vec()),
+            Reject("not an image of a known format"),
         ),
     ]);
 }
@@ -299,7 +299,7 @@ fn links_do_not_lead_out() {
     check(
         &root,
         "texture",
-        "a linked picture",
+        "a linked image",
         &Reject("model.mtl:3: `../materials/textures/texture.png` leads out of the asset's folder"),
     );
     check(&root, "mesh", "a linked mesh", &Reject("leads out of the asset's folder"));
@@ -309,7 +309,7 @@ fn links_do_not_lead_out() {
     std::os::unix::fs::symlink("..", root.join("up")).expect("link");
     let source = source_of("google_scanned_objects", &root, "");
     let log = Collected::default();
-    let names: Vec<String> = source.catalog(&log).expect("a catalogue").entries.into_iter().map(|e| e.name).collect();
+    let names: Vec<String> = source.catalog(&log).expect("a catalog").entries.into_iter().map(|e| e.name).collect();
     assert_eq!(names, ["inside", "mesh", "texture"]);
     for (name, sound) in
         [("inside", true), ("texture", false), ("mesh", false), ("up", false), ("../root/inside", false)]

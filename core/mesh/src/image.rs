@@ -1,0 +1,80 @@
+//! Images for textures: 8 bits per channel, recognized by their content and never by their name.
+
+use crate::format::ImageFormats;
+use crate::limits::check_pixels;
+use crate::root::read_file;
+use std::path::Path;
+use syntable_model::digest::Hasher;
+use syntable_model::error::Result;
+use syntable_model::scene::{Encoding, Texture, Wrap};
+
+/// Maximum width and height, pixels.
+pub const MAX_SIDE: u32 = 16_384;
+/// Maximum number of pixels.
+pub const MAX_PIXELS: u64 = 128 << 20;
+
+/// An 8-bit RGBA image, row 0 at the top.
+#[derive(Debug, Clone)]
+pub struct Image {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// RGBA, row-major `[height, width, 4]`.
+    pub texels: Vec<u8>,
+    /// Format, channels and bit depth of the file, such as `PNG Rgb16`.
+    pub kind: String,
+}
+
+/// Refuses an empty or too large image. Decoders call it before they allocate.
+pub fn check_size(width: u64, height: u64) -> Result<()> {
+    check_pixels(width, height, MAX_SIDE.into(), MAX_PIXELS)
+}
+
+impl Image {
+    /// Reads a file of any registered format. Errors name it.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::decode(&read_file(path)?).map_err(|error| error.in_file(path))
+    }
+
+    /// Decodes an image of any registered format.
+    pub fn decode(bytes: &[u8]) -> Result<Self> {
+        ImageFormats::linked()?.decode_texture(bytes)
+    }
+
+    /// Inverts the green channel: converts normal maps between the DirectX and the OpenGL convention.
+    pub fn flip_green(&mut self) {
+        for texel in self.texels.chunks_exact_mut(4) {
+            texel[1] = 255 - texel[1];
+        }
+    }
+
+    /// Mean of every channel in [0, 1], as encoded.
+    pub fn mean(&self) -> [f64; 4] {
+        let count = f64::from(self.width) * f64::from(self.height) * 255.0;
+        let mut sums = [0_u64; 4];
+        for texel in self.texels.chunks_exact(4) {
+            for (sum, &value) in sums.iter_mut().zip(texel) {
+                *sum += u64::from(value);
+            }
+        }
+        sums.map(|sum| sum as f64 / count)
+    }
+
+    /// Whether any pixel is not opaque.
+    pub fn has_alpha(&self) -> bool {
+        self.texels.chunks_exact(4).any(|texel| texel[3] != 255)
+    }
+
+    /// Makes the texture.
+    pub fn into_texture(self, encoding: Encoding, wrap: [Wrap; 2]) -> Texture {
+        let Self { width, height, texels, .. } = self;
+        let digest = Hasher::new("texture")
+            .number(width.into())
+            .number(height.into())
+            .bytes(&[encoding as u8, wrap[0] as u8, wrap[1] as u8])
+            .bytes(&texels)
+            .finish();
+        Texture { width, height, texels, encoding, wrap, digest }
+    }
+}

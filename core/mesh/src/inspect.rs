@@ -1,0 +1,113 @@
+//! How `syntable check --asset PATH` reports meshes and images.
+//!
+//! A mesh is loaded as a source would load it, and its extent is checked with no scale applied.
+
+use crate::format::{ImageFormats, MeshFormats, Unit};
+use crate::image::Image;
+use crate::root::AssetRoot;
+use crate::scan::{extension, name_of};
+use crate::{ObjectInfo, environment};
+use std::path::{Path, PathBuf};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::inspect::Inspection;
+use syntable_model::scene::{EnvironmentMap, Object, Topology};
+
+/// A mesh of more separate parts probably holds several objects.
+const MAX_PARTS: usize = 2;
+
+/// Inspects a mesh file by its path alone. It may name files of its own folder; in the layout of Google Scanned
+/// Objects, `<name>/meshes/model.obj` beside `<name>/materials`, of the object's folder.
+pub fn mesh_file(path: &Path, log: &dyn Log) -> Result<Inspection> {
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let above = folder.parent().filter(|above| *above != Path::new(""));
+    match above {
+        Some(above) if name_of(folder) == "meshes" && above.join("materials").is_dir() => {
+            mesh(&AssetRoot::open(above)?, &Path::new("meshes").join(name_of(path)), log)
+        }
+        _ if folder.is_dir() => mesh(&AssetRoot::open(folder)?, &PathBuf::from(name_of(path)), log),
+        _ => Err(Error::new("no such file").in_file(path)),
+    }
+}
+
+/// Inspects a mesh file, named relative to its root.
+pub fn mesh(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Inspection> {
+    let formats = MeshFormats::linked()?;
+    let shown = root.folder().join(file);
+    let model = formats.read(root, file, log)?;
+    let unit = formats.of_file(file).map_or(Unit::METER, |format| (format.guess_unit)(file, &model));
+    let model = if unit.meters == 1.0 { model } else { model.scaled(unit.meters) };
+    let info = ObjectInfo { name: name_of(file), ..ObjectInfo::default() };
+    let (object, topology) = model.into_object(info, &shown, log)?;
+    object.check_extent().map_err(|error| error.in_file(&shown))?;
+    let parts = topology.significant_parts();
+    if parts > MAX_PARTS {
+        log.warn(
+            &Error::new(format!("{parts} separate parts; the file may hold several objects"))
+                .in_file(&shown)
+                .help("a pool with `single_part_only = true` excludes it"),
+        );
+    }
+    Ok(describe(&object, &topology).fact("unit", unit.name))
+}
+
+fn describe(object: &Object, topology: &Topology) -> Inspection {
+    let mesh = &object.mesh;
+    let [x, y, z]: [f64; 3] = mesh.bounds().size().into();
+    let mut textures: Vec<_> = object
+        .materials
+        .iter()
+        .flat_map(|material| material.textures())
+        .map(|used| used.texture.digest.to_string())
+        .collect();
+    textures.sort_unstable();
+    textures.dedup();
+    Inspection::default()
+        .fact("triangles", mesh.data().triangles.len())
+        .fact("vertices", mesh.data().positions.len())
+        .fact("size", format!("{x:.4} x {y:.4} x {z:.4} m"))
+        .fact("lowest point", format!("z = {:.4} m", mesh.bounds().min.z))
+        .fact("closed", yes_no(topology.is_closed()))
+        .fact("parts", topology.significant_parts())
+        .fact("volume", format!("{:.4} liter", topology.solid_volume() * 1e3))
+        .fact("mass", format!("{:.3} kg", object.mass_kg))
+        .fact("texture coordinates", yes_no(!mesh.data().uvs.is_empty()))
+        .fact("vertex colors", yes_no(!mesh.data().colors.is_empty()))
+        .fact("materials", object.materials.len())
+        .fact("textures", textures.len())
+        .fact("digest", object.digest)
+}
+
+fn yes_no(yes: bool) -> &'static str {
+    if yes { "yes" } else { "no" }
+}
+
+/// Inspects an image file: a texture or an environment map, as its extension says.
+pub fn image_file(path: &Path, _: &dyn Log) -> Result<Inspection> {
+    if ImageFormats::linked()?.radiance_extensions().contains(&extension(path).as_str()) {
+        environment::read(path).map(|map| describe_environment(&map))
+    } else {
+        Image::read(path).map(|image| describe_image(&image))
+    }
+}
+
+fn describe_image(image: &Image) -> Inspection {
+    Inspection::default()
+        .fact("size", format!("{} x {}", image.width, image.height))
+        .fact("kind", &image.kind)
+        .fact("alpha", yes_no(image.has_alpha()))
+}
+
+fn describe_environment(map: &EnvironmentMap) -> Inspection {
+    // The mean over all texels and channels with equal weight, as image viewers report it.
+    let channels = map.texels().as_flattened();
+    let mean = channels.iter().map(|&x| f64::from(x)).sum::<f64>() / channels.len() as f64;
+    Inspection::default()
+        .fact("size", format!("{} x {}", map.width(), map.height()))
+        .fact("mean radiance", format!("{mean:.3}"))
+        .fact("largest radiance", format!("{:.1}", channels.iter().fold(0.0, |max: f32, &x| max.max(x))))
+        .fact("digest", map.digest)
+}

@@ -1,0 +1,62 @@
+//! What asset sources that read files share, from the path in a recipe to the finished object.
+//!
+//! - [`root`] resolves the file names that assets contain and keeps them inside the asset's folder; [`scan`] lists
+//!   folders in a fixed order; [`text`] and [`polygon`] help readers of text formats and of polygons.
+//! - A reader produces a [`Model`]: triangles and materials as the file gives them. [`repair`] makes the mesh sound,
+//!   and [`Model::into_object`] turns it into the object that pools hand out. [`mass`] estimates its mass.
+//! - [`format`](mod@format) holds the registries of mesh and image formats. A crate adds a format with
+//!   [`register_mesh_format!`] or [`register_image_format!`]; `mesh_folder`, textures, environment maps and
+//!   `syntable check --asset` then read it.
+//!
+//! ```
+//! use std::path::Path;
+//! use syntable_mesh::format::MeshFormat;
+//! use syntable_mesh::material::default_material;
+//! use syntable_mesh::root::{AssetRoot, read_file};
+//! use syntable_mesh::{Model, register_mesh_format};
+//! use syntable_model::context::Log;
+//! use syntable_model::error::{Error, Result};
+//! use syntable_model::scene::MeshData;
+//!
+//! /// Object File Format (OFF) with triangles.
+//! fn read(root: &AssetRoot, file: &Path, _log: &dyn Log) -> Result<Model> {
+//!     let path = root.locate(file)?;
+//!     let text = String::from_utf8_lossy(&read_file(&path)?).into_owned();
+//!     let mut numbers = text.split_ascii_whitespace().skip(1).map_while(|word| word.parse::<f32>().ok());
+//!     let mut next = || numbers.next().ok_or_else(|| Error::new("the file ends early").in_file(&path));
+//!     let [vertices, faces, _edges] = [next()?, next()?, next()?];
+//!     let mut mesh = MeshData::default();
+//!     for _ in 0..vertices as usize {
+//!         mesh.positions.push([next()?, next()?, next()?]);
+//!     }
+//!     for _ in 0..faces as usize {
+//!         let [_corners, a, b, c] = [next()?, next()?, next()?, next()?];
+//!         mesh.triangles.push([a as u32, b as u32, c as u32]);
+//!     }
+//!     Ok(Model { mesh, materials: vec![default_material(false)] })
+//! }
+//!
+//! register_mesh_format!(MeshFormat::new("OFF", &["off"], read));
+//! # fn main() {}
+//! ```
+
+mod digest;
+pub mod environment;
+pub mod format;
+pub mod image;
+pub mod inspect;
+pub mod limits;
+pub mod mass;
+pub mod material;
+mod model;
+mod object;
+pub mod polygon;
+pub mod repair;
+pub mod root;
+pub mod scan;
+pub mod text;
+
+pub use digest::mesh_digest;
+pub use model::Model;
+pub use object::{FRICTION, ObjectInfo};
+pub use syntable_model;

@@ -1,0 +1,29 @@
+//! The mass of objects whose source states none.
+
+use std::ops::RangeInclusive;
+
+/// Density of household objects, kg/m³, over the volume that the surface encloses: between a full carton of juice
+/// (1000) and an empty box (50), as most objects are partly hollow.
+pub const DENSITY_KG_M3: f64 = 400.0;
+/// Minimum and maximum of estimated masses, kg.
+pub const MASS_KG: RangeInclusive<f64> = 0.005..=20.0;
+
+/// Estimated mass, kg, of an object with a volume in m³: [`DENSITY_KG_M3`] times the volume, clamped to [`MASS_KG`].
+/// A volume that is not a number gives the minimum.
+pub fn estimate_kg(volume_m3: f64) -> f64 {
+    let mass = volume_m3 * DENSITY_KG_M3;
+    if mass.is_nan() { *MASS_KG.start() } else { mass.clamp(*MASS_KG.start(), *MASS_KG.end()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::estimate_kg;
+
+    #[test]
+    fn masses_are_density_times_volume_within_limits() {
+        // A mug of 0.3 litre, a crumb, a wardrobe.
+        for (volume, mass) in [(3e-4, 0.12), (1e-9, 0.005), (0.0, 0.005), (1.0, 20.0), (f64::NAN, 0.005)] {
+            assert!((estimate_kg(volume) - mass).abs() < 1e-12, "{volume}");
+        }
+    }
+}

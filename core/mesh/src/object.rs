@@ -1,0 +1,73 @@
+//! From a model as read to an object that can be placed: repaired, weighed, with a digest.
+
+use crate::mass::estimate_kg;
+use crate::repair::repair;
+use crate::{Model, mesh_digest};
+use std::path::Path;
+use std::sync::Arc;
+use syntable_model::context::Log;
+use syntable_model::digest::Hasher;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{Material, Object, Topology};
+
+/// Coulomb friction coefficient between dry household materials.
+pub const FRICTION: f64 = 0.5;
+
+/// What a source knows about an object besides its file.
+#[derive(Debug, Clone, Default)]
+pub struct ObjectInfo {
+    /// Name within the source.
+    pub name: String,
+    /// Category, such as `mug`.
+    pub category: String,
+    /// License as an SPDX expression or name; empty if unknown. A pool's `license` replaces it.
+    pub license: String,
+}
+
+impl Model {
+    /// Repairs the mesh and makes the object, in the unit of the model, which should be the meter. Errors and warnings
+    /// name `file`. The extent is not checked here: a pool may scale the object first.
+    pub fn into_object(self, info: ObjectInfo, file: &Path, log: &dyn Log) -> Result<(Object, Topology)> {
+        let log = InFile { file, log };
+        let Self { mesh, materials } = self;
+        if materials.is_empty() {
+            return Err(Error::new("the model has no material").in_file(file));
+        }
+        if let Some(slot) = mesh.slots.iter().find(|&&slot| usize::from(slot) >= materials.len()) {
+            return Err(Error::new(format!("material slot {slot} of {}", materials.len())).in_file(file));
+        }
+        let (mesh, topology) = repair(mesh, &log).map_err(|error| error.in_file(file))?;
+        let mass_kg = estimate_kg(topology.solid_volume());
+        let mut hasher = Hasher::new("object").digest(mesh_digest(&mesh)).number(mass_kg).number(FRICTION);
+        for material in &materials {
+            hasher = hasher.digest(material.digest);
+        }
+        let object = Object {
+            name: info.name,
+            category: info.category,
+            mesh: Arc::new(mesh),
+            materials: materials
+                .into_iter()
+                .map(|material| Arc::new(Material { license: info.license.clone(), ..material }))
+                .collect(),
+            collision: None,
+            mass_kg,
+            friction: FRICTION,
+            license: info.license,
+            digest: hasher.finish(),
+        };
+        Ok((object, topology))
+    }
+}
+
+/// A log that names a file in warnings that name none.
+struct InFile<'a> {
+    file: &'a Path,
+    log: &'a dyn Log,
+}
+
+impl Log for InFile<'_> {
+    fn warn(&self, warning: &Error) {
+        self.log.warn(&warning.clone().in_file(self.file));
+    }
+}

@@ -1,0 +1,88 @@
+//! Listing of folders, in the same order on every system.
+
+use crate::root::AssetRoot;
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_model::error::{Error, Result};
+
+/// Maximum number of entries below one root.
+const MAX_ENTRIES: usize = 1_000_000;
+
+/// Names in a folder.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub struct Listing {
+    /// Folders, sorted by name.
+    pub folders: Vec<String>,
+    /// Everything else, sorted by name.
+    pub files: Vec<String>,
+    /// The folders that are symbolic links.
+    pub linked: Vec<String>,
+}
+
+/// Lists a folder. Hidden names and names that are not UTF-8 are skipped; links are followed.
+pub fn list(folder: &Path) -> Result<Listing> {
+    let io = |error: std::io::Error| Error::io(folder, &error);
+    let mut listing = Listing::default();
+    for (count, entry) in fs::read_dir(folder).map_err(io)?.enumerate() {
+        if count >= MAX_ENTRIES {
+            return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(folder));
+        }
+        let entry = entry.map_err(io)?;
+        let Ok(name) = entry.file_name().into_string() else { continue };
+        if name.starts_with('.') {
+            continue;
+        }
+        let linked = entry.file_type().is_ok_and(|kind| kind.is_symlink());
+        if fs::metadata(entry.path()).is_ok_and(|metadata| metadata.is_dir()) {
+            if linked {
+                listing.linked.push(name.clone());
+            }
+            listing.folders.push(name);
+        } else {
+            listing.files.push(name);
+        }
+    }
+    listing.folders.sort_unstable();
+    listing.files.sort_unstable();
+    Ok(listing)
+}
+
+/// All files below a root, at most `depth` folders deep, that pass a test; paths relative to the root, sorted. Linked folders
+/// are not entered: they could form cycles.
+pub fn walk(root: &AssetRoot, depth: usize, wanted: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let mut open = vec![(PathBuf::new(), 0)];
+    let mut seen = 0;
+    while let Some((folder, level)) = open.pop() {
+        let Listing { folders, files, linked } = list(&root.folder().join(&folder))?;
+        seen += folders.len() + files.len();
+        if seen > MAX_ENTRIES {
+            return Err(Error::new(format!("more than {MAX_ENTRIES} entries")).in_file(root.folder()));
+        }
+        found.extend(files.iter().map(|name| folder.join(name)).filter(|path| wanted(path)));
+        if level < depth {
+            let inside = folders.into_iter().filter(|name| !linked.contains(name));
+            open.extend(inside.map(|name| (folder.join(name), level + 1)));
+        }
+    }
+    found.sort_unstable();
+    Ok(found)
+}
+
+/// The last part of a path, as text.
+pub fn name_of(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// Name of a root folder, also where it is written as `.` or `..`.
+pub fn root_name(folder: &Path) -> String {
+    match name_of(folder) {
+        name if name.is_empty() => folder.canonicalize().map(|path| name_of(&path)).unwrap_or_default(),
+        name => name,
+    }
+}
+
+/// The extension in lower case, without the dot; empty if there is none.
+pub fn extension(path: &Path) -> String {
+    path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}

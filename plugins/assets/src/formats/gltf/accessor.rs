@@ -1,0 +1,159 @@
+//! Accessors: typed numbers in buffers, with every bound checked before anything is allocated.
+
+use super::buffers::Buffers;
+use super::get;
+use crate::formats::within;
+use gltf::json::accessor::{Accessor, ComponentType, Type};
+use gltf::json::validation::Checked;
+use gltf::json::{Index, Root};
+use syntable_model::error::{Error, Result};
+
+/// Maximum number of elements of an accessor with sparse data only.
+const MAX_ZEROS: u64 = 1 << 20;
+
+/// Layout of elements in a view.
+struct Layout {
+    component: ComponentType,
+    normalized: bool,
+    offset: usize,
+    stride: usize,
+    count: usize,
+}
+
+/// Reads vectors of `N` numbers. Integers of a normalized accessor become fractions.
+pub fn vectors<const N: usize>(
+    document: &Root,
+    buffers: &mut Buffers<'_>,
+    index: Index<Accessor>,
+    what: &str,
+) -> Result<Vec<[f32; N]>> {
+    let name = || format!("accessor {} ({what})", index.value());
+    read(document, buffers, index, N, |layout, bytes, at| {
+        std::array::from_fn(|i| number(layout, bytes, at + i * layout.component.size()) as f32)
+    })
+    .map_err(|error| within(error, name()))
+}
+
+/// Reads indices: unsigned integers.
+pub fn indices(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor>) -> Result<Vec<u32>> {
+    let name = || format!("accessor {} (indices)", index.value());
+    let accessor = get(&document.accessors, index, "accessor")?;
+    if !matches!(component(accessor)?, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
+        return Err(within(Error::new("not unsigned integers"), name()));
+    }
+    read(document, buffers, index, 1, |layout, bytes, at| number(layout, bytes, at) as u32)
+        .map_err(|error| within(error, name()))
+}
+
+/// Number of components of an accessor: 4 for colors with alpha.
+pub fn width(document: &Root, index: Index<Accessor>) -> Result<usize> {
+    match get(&document.accessors, index, "accessor")?.type_ {
+        Checked::Valid(Type::Scalar) => Ok(1),
+        Checked::Valid(Type::Vec2) => Ok(2),
+        Checked::Valid(Type::Vec3) => Ok(3),
+        Checked::Valid(Type::Vec4) => Ok(4),
+        Checked::Valid(_) => Err(Error::new(format!("accessor {} holds matrices", index.value()))),
+        Checked::ConfigError => Err(Error::new(format!("accessor {} has an unknown type", index.value()))),
+    }
+}
+
+fn component(accessor: &Accessor) -> Result<ComponentType> {
+    match accessor.component_type {
+        Checked::Valid(component) => Ok(component.0),
+        Checked::ConfigError => Err(Error::new("an unknown type of number")),
+    }
+}
+
+fn read<T: Clone + Zero>(
+    document: &Root,
+    buffers: &mut Buffers<'_>,
+    index: Index<Accessor>,
+    components: usize,
+    element: impl Fn(&Layout, &[u8], usize) -> T,
+) -> Result<Vec<T>> {
+    let accessor = get(&document.accessors, index, "accessor")?;
+    if width(document, index)? != components {
+        return Err(Error::new(format!("{} numbers an element, but {components} are wanted", width(document, index)?)));
+    }
+    let component = component(accessor)?;
+    let size = component.size() * components;
+    let layout = |stride: Option<usize>, offset: u64, count: u64, bytes: usize| -> Result<Layout> {
+        let stride = stride.unwrap_or(size).max(size);
+        let need = match count {
+            0 => u128::from(offset),
+            _ => u128::from(offset) + u128::from(count - 1) * stride as u128 + size as u128,
+        };
+        if need > bytes as u128 {
+            return Err(Error::new(format!("{count} elements need {need} bytes, but the buffer view has {bytes}")));
+        }
+        let (offset, count) = (offset as usize, count as usize);
+        Ok(Layout { component, normalized: accessor.normalized, offset, stride, count })
+    };
+    let count = accessor.count.0;
+    let mut values = match accessor.buffer_view {
+        Some(view) => {
+            let (bytes, stride) = buffers.view(view)?;
+            let layout = layout(stride, accessor.byte_offset.map_or(0, |offset| offset.0), count, bytes.len())?;
+            (0..layout.count).map(|i| element(&layout, bytes, layout.offset + i * layout.stride)).collect()
+        }
+        None if accessor.sparse.is_some() && count <= MAX_ZEROS => vec![T::zero(); count as usize],
+        None => return Err(Error::new(format!("{count} elements without data"))),
+    };
+    if let Some(sparse) = &accessor.sparse {
+        let (bytes, _) = buffers.view(sparse.values.buffer_view)?;
+        let part = layout(None, sparse.values.byte_offset.0, sparse.count.0, bytes.len())?;
+        let new: Vec<T> = (0..part.count).map(|i| element(&part, bytes, part.offset + i * part.stride)).collect();
+        let Checked::Valid(kind) = sparse.indices.component_type else {
+            return Err(Error::new("sparse indices of an unknown type"));
+        };
+        let (bytes, _) = buffers.view(sparse.indices.buffer_view)?;
+        let size = kind.0.size();
+        let offset = sparse.indices.byte_offset.0;
+        if u128::from(offset) + new.len() as u128 * size as u128 > bytes.len() as u128 {
+            return Err(Error::new(format!("{} sparse indices need more than {} bytes", new.len(), bytes.len())));
+        }
+        let at =
+            Layout { component: kind.0, normalized: false, offset: offset as usize, stride: size, count: new.len() };
+        for (i, value) in new.into_iter().enumerate() {
+            let target = number(&at, bytes, at.offset + i * at.stride) as usize;
+            let count = values.len();
+            *values
+                .get_mut(target)
+                .ok_or_else(|| Error::new(format!("sparse index {target} of {count} elements")))? = value;
+        }
+    }
+    Ok(values)
+}
+
+/// Zeros to start a sparse accessor from.
+trait Zero {
+    fn zero() -> Self;
+}
+impl<const N: usize> Zero for [f32; N] {
+    fn zero() -> Self {
+        [0.0; N]
+    }
+}
+impl Zero for u32 {
+    fn zero() -> Self {
+        0
+    }
+}
+
+/// Reads one number; the caller has checked the bounds.
+fn number(layout: &Layout, bytes: &[u8], at: usize) -> f64 {
+    macro_rules! number {
+        ($type:ty, $size:literal) => {
+            f64::from(<$type>::from_le_bytes(std::array::from_fn::<u8, $size, _>(|i| bytes[at + i])))
+        };
+    }
+    let (value, one) = match layout.component {
+        ComponentType::I8 => (number!(i8, 1), 127.0),
+        ComponentType::U8 => (number!(u8, 1), 255.0),
+        ComponentType::I16 => (number!(i16, 2), 32_767.0),
+        ComponentType::U16 => (number!(u16, 2), 65_535.0),
+        ComponentType::U32 => (number!(u32, 4), 4_294_967_295.0),
+        ComponentType::F32 => (number!(f32, 4), 1.0),
+    };
+    if layout.normalized && layout.component != ComponentType::F32 { (value / one).max(-1.0) } else { value }
+}

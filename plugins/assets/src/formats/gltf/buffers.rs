@@ -1,0 +1,171 @@
+//! Buffers, views into them, and images: what a document names, resolved and checked.
+
+use super::get;
+use crate::formats::within;
+use base64::alphabet;
+use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
+use gltf::json::{self, Index, Root};
+use std::collections::BTreeMap;
+use std::path::Path;
+use syntable_mesh::image::Image;
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_model::error::{Error, Result};
+
+/// Data outside the JSON, loaded on demand.
+pub struct Buffers<'a> {
+    document: &'a Root,
+    binary: Option<&'a [u8]>,
+    root: &'a AssetRoot,
+    folder: &'a Path,
+    loaded: BTreeMap<usize, Vec<u8>>,
+}
+
+impl<'a> Buffers<'a> {
+    /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB.
+    pub fn new(document: &'a Root, binary: Option<&'a [u8]>, root: &'a AssetRoot, folder: &'a Path) -> Self {
+        Self { document, binary, root, folder, loaded: BTreeMap::new() }
+    }
+
+    /// Bytes of a view and their stride, if stated. Checked against the buffer, and the buffer against its file.
+    pub fn view(&mut self, index: Index<json::buffer::View>) -> Result<(&[u8], Option<usize>)> {
+        let view = get(&self.document.buffer_views, index, "buffer view")?;
+        let (offset, length) = (view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0);
+        let stride = view.byte_stride.map(|stride| stride.0);
+        let (buffer, bytes) = (view.buffer.value(), self.buffer(view.buffer)?);
+        let end = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
+        match end {
+            Some(end) => Ok((&bytes[offset as usize..end as usize], stride)),
+            None => Err(Error::new(format!(
+                "buffer view {} reaches from byte {offset} over {length} bytes, but buffer {buffer} has {}",
+                index.value(),
+                bytes.len()
+            ))),
+        }
+    }
+
+    fn buffer(&mut self, index: Index<json::Buffer>) -> Result<&[u8]> {
+        let buffer = get(&self.document.buffers, index, "buffer")?;
+        let number = index.value();
+        if buffer.uri.is_some() && !self.loaded.contains_key(&number) {
+            let bytes = self.resolve(buffer.uri.as_deref().unwrap_or_default(), &format!("buffer {number}"))?;
+            let bytes = bytes.ok_or_else(|| {
+                Error::new(format!("no file `{}` of buffer {number}", shown(buffer.uri.as_deref().unwrap_or_default())))
+            })?;
+            self.loaded.insert(number, bytes);
+        }
+        let bytes: &[u8] = match (self.loaded.get(&number), self.binary) {
+            (Some(bytes), _) => bytes,
+            (None, Some(binary)) if number == 0 => binary,
+            _ => return Err(Error::new(format!("buffer {number} has neither a file nor a binary chunk"))),
+        };
+        // A GLB chunk is padded, so there may be more bytes than stated.
+        let stated = buffer.byte_length.0;
+        usize::try_from(stated).ok().and_then(|stated| bytes.get(..stated)).ok_or_else(|| {
+            let of = buffer.uri.as_deref().map_or("its chunk".into(), |uri| format!("`{}`", shown(uri)));
+            Error::new(format!("buffer {number} declares {stated} bytes, but {of} has {}", bytes.len()))
+        })
+    }
+
+    /// An image; none if its file is missing.
+    pub fn image(&mut self, index: Index<json::Image>) -> Result<Option<Image>> {
+        let image = get(&self.document.images, index, "image")?;
+        let what = format!("image {}", index.value());
+        match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => {
+                let Some(bytes) = self.resolve(uri, &what)? else {
+                    return Ok(None);
+                };
+                let named = |error: Error| {
+                    if uri.starts_with("data:") { within(error, &what) } else { error.in_file(self.folder_of(uri)) }
+                };
+                Image::decode(&bytes).map(Some).map_err(named)
+            }
+            (None, Some(view)) => {
+                let (bytes, _) = self.view(view).map_err(|error| within(error, &what))?;
+                Image::decode(bytes).map(Some).map_err(|error| within(error, &what))
+            }
+            (None, None) => Err(Error::new(format!("{what} has neither a file nor a buffer view"))),
+        }
+    }
+
+    fn folder_of(&self, uri: &str) -> std::path::PathBuf {
+        self.root.folder().join(self.folder).join(percent_decode(uri))
+    }
+
+    /// Bytes of a data URI or of a file inside the asset's folder; none if there is no such file.
+    fn resolve(&self, uri: &str, what: &str) -> Result<Option<Vec<u8>>> {
+        let named = |error: Error| within(error, what);
+        if let Some(data) = uri.strip_prefix("data:") {
+            let (head, body) = data.split_once(',').ok_or_else(|| named(Error::new("a data URI without data")))?;
+            if !head.ends_with(";base64") {
+                return Err(named(Error::new("a data URI that is not base64")));
+            }
+            return decode_base64(body).map(Some).map_err(named);
+        }
+        match self.root.find(self.folder, &percent_decode(uri)).map_err(named)? {
+            Some(path) => read_file(&path).map(Some).map_err(named),
+            None => Ok(None),
+        }
+    }
+}
+
+/// Decodes base64 of either alphabet (RFC 4648). White space is ignored; padding is optional.
+fn decode_base64(text: &str) -> Result<Vec<u8>> {
+    const LENIENT: GeneralPurposeConfig = GeneralPurposeConfig::new()
+        .with_decode_allow_trailing_bits(true)
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    const ENGINE: GeneralPurpose = GeneralPurpose::new(&alphabet::STANDARD, LENIENT);
+    let standard = |letter: u8| match letter {
+        b'-' => b'+',
+        b'_' => b'/',
+        other => other,
+    };
+    let letters: Vec<u8> = text.bytes().filter(|letter| !letter.is_ascii_whitespace()).map(standard).collect();
+    ENGINE.decode(letters).map_err(|error| Error::new(format!("not valid base64: {error}")))
+}
+
+/// Replaces `%20` and the like; anything else stays.
+fn percent_decode(uri: &str) -> String {
+    let bytes = uri.as_bytes();
+    let mut decoded = Vec::with_capacity(bytes.len());
+    let mut at = 0;
+    while at < bytes.len() {
+        let digit = |i: usize| bytes.get(at + i).and_then(|&b| char::from(b).to_digit(16));
+        match (bytes[at], digit(1), digit(2)) {
+            (b'%', Some(high), Some(low)) => {
+                decoded.push((high * 16 + low) as u8);
+                at += 3;
+            }
+            (byte, ..) => {
+                decoded.push(byte);
+                at += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&decoded).into_owned()
+}
+
+fn shown(uri: &str) -> String {
+    syntable_mesh::text::shorten(uri)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn percent_codes() {
+        assert_eq!(super::percent_decode("a%20b%C3%A4%2e%zz%"), "a bä.%zz%");
+    }
+
+    #[test]
+    fn the_vectors_of_rfc_4648() {
+        for (text, want) in
+            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYg", "foob"), ("Zm9v\nYmFy", "foobar")]
+        {
+            assert_eq!(super::decode_base64(text).expect(text), want.as_bytes(), "{text}");
+        }
+        assert_eq!(super::decode_base64("-_8").expect("URL-safe"), [0xfb, 0xff]);
+        for wrong in ["Zm9*", "Zg==Zg==", "A"] {
+            assert!(super::decode_base64(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Material extensions: clearcoat, sheen, transmission and volume.
+//!
+//! `KHR_materials_clearcoat` stores its factor in red and its roughness in green, `KHR_materials_sheen` its color in the
+//! color channels and its roughness in alpha, `KHR_materials_transmission` its factor in red. Of
+//! `KHR_materials_volume` the medium is read. Its `attenuationDistance` is in world space by the extension's
+//! definition, so node scales do not apply. Its thickness is for rasterizers; only zero matters here: the surface is then
+//! thin-walled.
+
+use super::materials::unit;
+use super::uses::{Use, of_info, of_normal};
+use crate::formats::within;
+use gltf::json;
+use gltf::json::material::NormalTexture;
+use gltf::json::texture::Info;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::Volume;
+
+/// The layers of a material besides its base.
+#[derive(Default)]
+pub struct Layers {
+    pub clearcoat: Option<ClearcoatJson>,
+    pub sheen: Option<SheenJson>,
+    pub transmission: Option<TransmissionJson>,
+    pub volume: Option<VolumeJson>,
+}
+
+/// `KHR_materials_clearcoat`
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+pub struct ClearcoatJson {
+    pub clearcoat_factor: f32,
+    pub clearcoat_texture: Option<Info>,
+    pub clearcoat_roughness_factor: f32,
+    pub clearcoat_roughness_texture: Option<Info>,
+    pub clearcoat_normal_texture: Option<NormalTexture>,
+}
+
+/// `KHR_materials_sheen`
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+pub struct SheenJson {
+    pub sheen_color_factor: [f32; 3],
+    pub sheen_color_texture: Option<Info>,
+    pub sheen_roughness_factor: f32,
+    pub sheen_roughness_texture: Option<Info>,
+}
+
+/// `KHR_materials_transmission`
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+pub struct TransmissionJson {
+    pub transmission_factor: f32,
+    pub transmission_texture: Option<Info>,
+}
+
+/// `KHR_materials_volume`
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct VolumeJson {
+    thickness_factor: f32,
+    attenuation_distance: Option<f32>,
+    attenuation_color: [f32; 3],
+}
+
+impl Default for VolumeJson {
+    fn default() -> Self {
+        Self { thickness_factor: 0.0, attenuation_distance: None, attenuation_color: [1.0; 3] }
+    }
+}
+
+impl Layers {
+    /// The layers of a material.
+    pub fn of(material: &json::Material) -> Result<Self> {
+        let Some(extensions) = &material.extensions else {
+            return Ok(Self::default());
+        };
+        Ok(Self {
+            clearcoat: parse(extensions, "KHR_materials_clearcoat")?,
+            sheen: parse(extensions, "KHR_materials_sheen")?,
+            transmission: parse(extensions, "KHR_materials_transmission")?,
+            volume: parse(extensions, "KHR_materials_volume")?,
+        })
+    }
+
+    /// The textures of all layers.
+    pub fn uses(&self) -> Result<Vec<Use>> {
+        let (coat, sheen) = (self.clearcoat.as_ref(), self.sheen.as_ref());
+        let infos = [
+            coat.and_then(|coat| coat.clearcoat_texture.as_ref()),
+            coat.and_then(|coat| coat.clearcoat_roughness_texture.as_ref()),
+            sheen.and_then(|sheen| sheen.sheen_color_texture.as_ref()),
+            sheen.and_then(|sheen| sheen.sheen_roughness_texture.as_ref()),
+            self.transmission.as_ref().and_then(|transmission| transmission.transmission_texture.as_ref()),
+        ];
+        let mut uses: Vec<Use> = infos.into_iter().flatten().map(of_info).collect();
+        if let Some(normal) = coat.and_then(|coat| coat.clearcoat_normal_texture.as_ref()) {
+            uses.push(of_normal(normal)?);
+        }
+        Ok(uses)
+    }
+
+    /// The interior medium; none for a thin wall. A distance that is not positive is ignored.
+    pub fn medium(&self) -> Option<Volume> {
+        let volume = self.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0)?;
+        Some(Volume {
+            attenuation_color: volume.attenuation_color.map(unit),
+            attenuation_distance_m: volume.attenuation_distance.filter(|x| *x > 0.0).unwrap_or(f32::INFINITY),
+        })
+    }
+}
+
+fn parse<T: DeserializeOwned>(extensions: &json::extensions::material::Material, name: &str) -> Result<Option<T>> {
+    let json = extensions.others.get(name);
+    let parsed = json.map(|json| serde_json::from_value(json.clone())).transpose();
+    parsed.map_err(|error| within(Error::new(error.to_string()), name))
+}

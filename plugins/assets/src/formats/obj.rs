@@ -1,0 +1,308 @@
+//! Wavefront OBJ: positions, texture coordinates, normals, vertex colors and faces with materials.
+//!
+//! Curves, points, lines, groups and smoothing are ignored. The material library and its textures are searched
+//! beside the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images that lie in
+//! `materials/textures/`, there too.
+
+use std::collections::HashMap;
+use std::path::Path;
+use syntable_mesh::Model;
+use syntable_mesh::format::MeshFormat;
+use syntable_mesh::limits::check_triangles;
+use syntable_mesh::polygon::triangulate;
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::text::{finite, lines, shorten};
+use syntable_model::color::srgb_to_linear;
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::MeshData;
+
+mod materials;
+
+/// Reads a file of `root`, named relative to it. Its own axes are kept: z is taken as up.
+pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
+    let path = root.locate(file)?;
+    let parsed = parse(&read_file(&path)?).map_err(|error| error.in_file(&path))?;
+    if let Some((line, count)) = parsed.missing_normals {
+        log.warn(
+            &Error::new(format!("{count} corners refer to missing normals; face normals are used"))
+                .in_file(&path)
+                .at_line(line),
+        );
+    }
+    let folder = file.parent().unwrap_or(Path::new(""));
+    materials::attach(parsed, root, folder, &path, log)
+}
+
+/// What the text holds, before materials are looked up.
+#[derive(Debug, Default)]
+pub struct ParsedObj {
+    /// Arrays; slots are indices into `uses`.
+    pub mesh: MeshData,
+    /// Names of `mtllib` with their lines.
+    pub libraries: Vec<(String, usize)>,
+    /// Line of the first corner whose normal does not exist, and how many such corners there are.
+    pub missing_normals: Option<(usize, usize)>,
+    /// Material of every slot: its name (empty before any `usemtl`), the line of its first `usemtl`, and whether its
+    /// faces have texture coordinates.
+    pub uses: Vec<MaterialUse>,
+}
+
+/// One slot of a parsed mesh.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MaterialUse {
+    /// Name after `usemtl`; empty before any.
+    pub name: String,
+    /// Line of the statement.
+    pub line: usize,
+    /// Whether its faces have texture coordinates.
+    pub textured: bool,
+    /// Number of its triangles.
+    pub triangles: usize,
+}
+
+/// Parses text. Errors carry the line.
+pub fn parse(bytes: &[u8]) -> Result<ParsedObj> {
+    let mut parser = Parser { use_line: 1, ..Parser::default() };
+    for line in lines(bytes) {
+        parser.statement(&line.text, line.number).map_err(|error| error.at_line(line.number))?;
+    }
+    parser.finish()
+}
+
+/// Indices of a corner into positions, texture coordinates and normals; `u32::MAX` is none.
+type Corner = [u32; 3];
+const NONE: u32 = u32::MAX;
+
+#[derive(Default)]
+struct Parser {
+    positions: Vec<[f32; 3]>,
+    colors: Vec<[f32; 3]>,
+    uvs: Vec<[f32; 2]>,
+    normals: Vec<[f32; 3]>,
+    /// Corners that have become vertices, and their numbers.
+    vertices: HashMap<Corner, u32>,
+    corners: Vec<Corner>,
+    triangles: Vec<[u32; 3]>,
+    slots: Vec<u16>,
+    libraries: Vec<(String, usize)>,
+    missing_normals: Option<(usize, usize)>,
+    uses: Vec<MaterialUse>,
+    use_name: String,
+    use_line: usize,
+    /// Slots of the current material without and with texture coordinates.
+    use_slots: [Option<u16>; 2],
+    face: Vec<Corner>,
+    outline: Vec<[f32; 3]>,
+}
+
+impl Parser {
+    fn statement(&mut self, text: &str, number: usize) -> Result<()> {
+        let text = text.trim_ascii();
+        let (key, rest) = text.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((text, ""));
+        match key {
+            "v" => self.position(rest),
+            "vt" => {
+                let numbers = numbers::<2, 3>(rest, "texture coordinate")?;
+                self.uvs.push(match numbers {
+                    ([u, _, _], 1) => [u, 0.0],
+                    ([u, v, _], _) => [u, v],
+                });
+                Ok(())
+            }
+            "vn" => {
+                // A normal that is not finite counts as missing, as scanners write it; the repair computes it from the faces.
+                let mut words = rest.split_ascii_whitespace();
+                let mut number = || -> Result<f32> {
+                    let word = words.next().ok_or_else(|| Error::new("a normal with fewer than 3 coordinates"))?;
+                    word.parse().map_err(|_| Error::new(format!("`{}` is not a number", shorten(word))))
+                };
+                self.normals.push([number()?, number()?, number()?]);
+                Ok(())
+            }
+            "f" | "fo" => self.face(rest, number),
+            "usemtl" => {
+                rest.trim_ascii().clone_into(&mut self.use_name);
+                self.use_line = number;
+                self.use_slots = [None; 2];
+                Ok(())
+            }
+            "mtllib" => {
+                self.libraries.push((rest.trim_ascii().to_owned(), number));
+                Ok(())
+            }
+            _ if key.is_empty() || key.starts_with('#') => Ok(()),
+            // Groups, points, lines, curves and extensions of other programs.
+            _ if key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_') => Ok(()),
+            _ if key.contains(|c: char| c.is_control() || c == char::REPLACEMENT_CHARACTER) => {
+                Err(Error::new("not text").help("is it an OBJ file?"))
+            }
+            _ => Err(Error::new(format!("`{}` is not an OBJ statement", shorten(key)))),
+        }
+    }
+
+    /// `x y z`, `x y z w`, `x y z r g b` or `x y z r g b a`.
+    fn position(&mut self, rest: &str) -> Result<()> {
+        let (values, count) = numbers::<3, 7>(rest, "vertex")?;
+        if count < 3 {
+            return Err(Error::new(format!("a vertex with {count} coordinates")));
+        }
+        let [x, y, z, r, g, b, _] = values;
+        if count >= 6 {
+            // Vertices before the first colored one are white.
+            self.colors.resize(self.positions.len(), [1.0; 3]);
+            self.colors.push([r, g, b]);
+        }
+        self.positions.push([x, y, z]);
+        Ok(())
+    }
+
+    fn face(&mut self, rest: &str, number: usize) -> Result<()> {
+        let mut face = std::mem::take(&mut self.face);
+        face.clear();
+        for token in rest.split_ascii_whitespace().take_while(|token| !token.starts_with('#')) {
+            let mut corner = self.corner(token)?;
+            // Normals only affect shading: a missing one does not invalidate the mesh.
+            if corner[2] != NONE && corner[2] as usize >= self.normals.len() {
+                corner[2] = NONE;
+                self.missing_normals.get_or_insert((number, 0)).1 += 1;
+            }
+            face.push(corner);
+        }
+        if face.len() < 3 {
+            return Err(Error::new(format!("a face with {} corners; it needs three", face.len())));
+        }
+        let textured = face.iter().all(|corner| corner[1] != NONE);
+        let slot = self.slot(textured)?;
+        let mut outline = std::mem::take(&mut self.outline);
+        outline.clear();
+        outline.extend(face.iter().map(|corner| self.positions[corner[0] as usize]));
+        let indices: Vec<u32> = face.iter().map(|&corner| self.vertex(corner)).collect();
+        let before = self.triangles.len();
+        if let [a, b, c] = indices[..] {
+            self.triangles.push([a, b, c]);
+        } else {
+            self.triangles.extend(triangulate(&outline)?.into_iter().map(|corners| corners.map(|i| indices[i])));
+        }
+        check_triangles(self.triangles.len())?;
+        self.uses[usize::from(slot)].triangles += self.triangles.len() - before;
+        self.slots.resize(self.triangles.len(), slot);
+        (self.face, self.outline) = (face, outline);
+        Ok(())
+    }
+
+    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+    fn corner(&self, token: &str) -> Result<Corner> {
+        let wrong = || Error::new(format!("`{}` is not a face corner", shorten(token)));
+        let mut parts = token.split('/');
+        let mut part = |required: bool| -> Result<Option<i64>> {
+            match parts.next() {
+                None | Some("") if !required => Ok(None),
+                Some(text) => text.parse().map(Some).map_err(|_| wrong()),
+                None => Err(wrong()),
+            }
+        };
+        let (position, uv, normal) = (part(true)?, part(false)?, part(false)?);
+        // A corner that ends in a slash is truncated.
+        if parts.next().is_some() || token.ends_with('/') {
+            return Err(wrong());
+        }
+        let resolve = |index: Option<i64>, count: usize, what: &str| match index {
+            None => Ok(NONE),
+            Some(index) => resolve(index, count).ok_or_else(|| {
+                Error::new(format!("{what} index {index} in `{}`, but there are {count} so far", shorten(token)))
+                    .help("indices count from 1, or back from -1")
+            }),
+        };
+        Ok([
+            resolve(position, self.positions.len(), "vertex")?,
+            resolve(uv, self.uvs.len(), "texture coordinate")?,
+            // The caller counts missing ones.
+            resolve(normal, self.normals.len(), "normal").unwrap_or(NONE - 1),
+        ])
+    }
+
+    fn vertex(&mut self, corner: Corner) -> u32 {
+        *self.vertices.entry(corner).or_insert_with(|| {
+            self.corners.push(corner);
+            (self.corners.len() - 1) as u32
+        })
+    }
+
+    fn slot(&mut self, textured: bool) -> Result<u16> {
+        if let Some(slot) = self.use_slots[usize::from(textured)] {
+            return Ok(slot);
+        }
+        let known = self.uses.iter().position(|known| known.name == self.use_name && known.textured == textured);
+        let slot = known.unwrap_or(self.uses.len());
+        if known.is_none() {
+            self.uses.push(MaterialUse { name: self.use_name.clone(), line: self.use_line, textured, triangles: 0 });
+        }
+        let slot = u16::try_from(slot).map_err(|_| Error::new("more than 65536 materials"))?;
+        self.use_slots[usize::from(textured)] = Some(slot);
+        Ok(slot)
+    }
+
+    fn finish(mut self) -> Result<ParsedObj> {
+        if self.triangles.is_empty() {
+            return Err(match self.positions.len() {
+                0 => Error::new("no vertices and no faces").help("is it an OBJ file?"),
+                count => Error::new(format!("no faces, though {count} vertices")),
+            });
+        }
+        if !self.colors.is_empty() {
+            self.colors.resize(self.positions.len(), [1.0; 3]);
+        }
+        // Colors are written in [0, 1], or by some programs in [0, 255].
+        let white = if self.colors.iter().flatten().any(|&x| x > 1.0) { 255.0 } else { 1.0 };
+        let any = |part: usize| self.corners.iter().any(|corner| corner[part] != NONE);
+        let mut mesh = MeshData {
+            positions: self.corners.iter().map(|corner| self.positions[corner[0] as usize]).collect(),
+            triangles: self.triangles,
+            slots: self.slots,
+            ..MeshData::default()
+        };
+        if any(1) {
+            let uv = |corner: &Corner| self.uvs.get(corner[1] as usize).copied().unwrap_or_default();
+            mesh.uvs = self.corners.iter().map(uv).collect();
+        }
+        if any(2) {
+            // A corner without a normal gets zero; the repair computes it from the faces.
+            let normal = |corner: &Corner| self.normals.get(corner[2] as usize).copied().unwrap_or_default();
+            mesh.normals = self.corners.iter().map(normal).collect();
+        }
+        if !self.colors.is_empty() {
+            let color =
+                |corner: &Corner| self.colors[corner[0] as usize].map(|x| srgb_to_linear((x / white).clamp(0.0, 1.0)));
+            mesh.colors = self.corners.iter().map(color).collect();
+        }
+        Ok(ParsedObj { mesh, libraries: self.libraries, missing_normals: self.missing_normals, uses: self.uses })
+    }
+}
+
+/// Up to `MAX` numbers; fewer than `LEAST` are reported by the caller, more are ignored.
+fn numbers<const LEAST: usize, const MAX: usize>(text: &str, what: &str) -> Result<([f32; MAX], usize)> {
+    let mut values = [0.0; MAX];
+    let mut count = 0;
+    for token in text.split_ascii_whitespace().take_while(|token| !token.starts_with('#')).take(MAX) {
+        values[count] = finite(token, what)?;
+        count += 1;
+    }
+    if count == 0 {
+        return Err(Error::new(format!("a {what} with no coordinates; it needs {LEAST}")));
+    }
+    Ok((values, count))
+}
+
+/// An index from 1, or back from -1, as one from 0.
+fn resolve(index: i64, count: usize) -> Option<u32> {
+    let index = match index {
+        1.. => index - 1,
+        0 => return None,
+        _ => index.checked_add_unsigned(count as u64)?,
+    };
+    let index = usize::try_from(index).ok().filter(|&index| index < count)?;
+    u32::try_from(index).ok().filter(|&index| index != NONE)
+}
+
+syntable_mesh::register_mesh_format!(MeshFormat::new("OBJ", &["obj"], read).with_preference(30));

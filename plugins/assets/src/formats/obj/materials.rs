@@ -1,0 +1,256 @@
+//! Materials by slot from the material libraries of an OBJ.
+
+use super::{MaterialUse, ParsedObj};
+use crate::formats::mtl::{self, MtlMap, MtlMaterial};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use syntable_mesh::Model;
+use syntable_mesh::image::Image;
+use syntable_mesh::material::{default_material, mean, untextured};
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{
+    Alpha, Color, Encoding, Material, NormalMap, Scalar, Texture, TextureRef, UvTransform, Wrap,
+};
+
+/// Folder of the textures of Google Scanned Objects, relative to the OBJ.
+const GSO_TEXTURES: &str = "../materials/textures";
+/// Roughness of a material that states none.
+const DEFAULT_ROUGHNESS: f32 = 0.5;
+
+/// Finds the libraries and images of a parsed file and builds its materials.
+pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &Path, log: &dyn Log) -> Result<Model> {
+    let ParsedObj { mesh, libraries, uses, .. } = parsed;
+    let mut loader = Loader { root, folder: folder.to_owned(), file, log, textures: BTreeMap::new() };
+    let colored = !mesh.colors.is_empty();
+    let known = loader.libraries(&libraries, colored)?;
+    let missing = known.is_none();
+    let known = known.unwrap_or_default();
+    let mut materials = Vec::with_capacity(uses.len());
+    for used in &uses {
+        let material = match known.get(&used.name) {
+            Some((library, material)) => loader.material(material, library)?,
+            None => {
+                let fallback = if missing && used.textured && !colored { loader.gso_material()? } else { None };
+                if !missing && !used.name.is_empty() {
+                    log.warn(
+                        &Error::new(format!(
+                            "no material `{}` in the library; the default material is used",
+                            used.name
+                        ))
+                        .in_file(file)
+                        .at_line(used.line),
+                    );
+                }
+                fallback.unwrap_or_else(|| default_material(colored))
+            }
+        };
+        materials.push(if used.textured { material } else { loader.without_textures(material, used) });
+    }
+    Ok(Model { mesh, materials })
+}
+
+struct Loader<'a> {
+    root: &'a AssetRoot,
+    folder: PathBuf,
+    file: &'a Path,
+    log: &'a dyn Log,
+    textures: BTreeMap<(PathBuf, bool, bool), Arc<Texture>>,
+}
+
+impl Loader<'_> {
+    fn warn(&self, message: String, file: &Path, line: usize) {
+        self.log.warn(&Error::new(message).in_file(file).at_line(line));
+    }
+
+    /// All materials by name with the path of their library; the first of a name counts. None if a library is missing.
+    fn libraries(
+        &self,
+        names: &[(String, usize)],
+        colored: bool,
+    ) -> Result<Option<BTreeMap<String, (PathBuf, MtlMaterial)>>> {
+        let mut known = BTreeMap::new();
+        let mut missing = false;
+        for (name, line) in names {
+            let at = |error: Error| error.in_file(self.file).at_line(*line);
+            // The statement may hold one name with blanks or several names.
+            let mut paths = Vec::new();
+            match self.root.find(&self.folder, name).map_err(at)? {
+                Some(path) => paths.push(path),
+                None => {
+                    for name in name.split_whitespace() {
+                        match self.root.find(&self.folder, name).map_err(at)? {
+                            Some(path) => paths.push(path),
+                            None => {
+                                missing = true;
+                                // With vertex colors the library is not needed.
+                                if !colored {
+                                    self.warn(
+                                        format!("no material library `{name}`; default materials are used"),
+                                        self.file,
+                                        *line,
+                                    );
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+            for path in paths {
+                let materials = mtl::parse(&read_file(&path)?).map_err(|error| error.in_file(&path))?;
+                for material in materials {
+                    known.entry(material.name.clone()).or_insert((path.clone(), material));
+                }
+            }
+        }
+        Ok(if missing && known.is_empty() { None } else { Some(known) })
+    }
+
+    /// The material of a scanned object whose library is missing: its one texture.
+    fn gso_material(&mut self) -> Result<Option<Material>> {
+        let name = format!("{GSO_TEXTURES}/texture.png");
+        if self.folder == Path::new("") {
+            return Ok(None);
+        }
+        let Some(path) = self.root.find(&self.folder, &name)? else {
+            return Ok(None);
+        };
+        let texture = self.texture(&path, Encoding::Srgb, false)?;
+        let mut material = default_material(false);
+        material.base_color = Color::texture(texture);
+        Ok(Some(material.with_digest()))
+    }
+
+    fn material(&mut self, from: &MtlMaterial, library: &Path) -> Result<Material> {
+        let mut material = Material::plain(
+            from.name.clone(),
+            from.diffuse.unwrap_or(if from.diffuse_map.is_some() { [1.0; 3] } else { [0.6; 3] }).map(unit),
+            from.roughness.map(unit).or(from.shininess.map(phong_roughness)).unwrap_or(DEFAULT_ROUGHNESS),
+        );
+        material.metallic.factor = from.metallic.map_or(0.0, unit);
+        material.emission.factor = from.emission.unwrap_or_default().map(|x| x.max(0.0));
+        // Exporters write 1 for an unknown index; the default 1.5 is kept then.
+        if let Some(ior) = from.ior.filter(|ior| (1.0..=3.0).contains(ior) && *ior > 1.0) {
+            material.ior = ior;
+        }
+        if let Some(map) = &from.diffuse_map {
+            material.base_color.texture = self.map(map, library, Encoding::Srgb)?;
+            if let Some(opacity) = &from.opacity_map {
+                if opacity.name == map.name && material.base_color.texture.is_some() {
+                    material.alpha = Alpha::Mask { cutoff: 0.5 };
+                } else {
+                    let what = format!("opacity map `{}` is not read; alpha of `map_Kd` is", opacity.name);
+                    self.warn(what, library, opacity.line);
+                }
+            }
+        }
+        self.blend(&mut material, from, library);
+        if let Some(map) = &from.emission_map {
+            material.emission.texture = self.map(map, library, Encoding::Srgb)?;
+            if from.emission.is_none() && material.emission.texture.is_some() {
+                material.emission.factor = [1.0; 3];
+            }
+        }
+        for (map, scalar, stated) in [
+            (&from.roughness_map, &mut material.roughness, from.roughness),
+            (&from.metallic_map, &mut material.metallic, from.metallic),
+        ] {
+            if let Some(map) = map
+                && let Some(texture) = self.map(map, library, Encoding::Linear)?
+            {
+                *scalar = Scalar {
+                    factor: stated.map_or(1.0, unit),
+                    texture: Some((texture, map.channel.filter(|&channel| channel < 3).unwrap_or(0))),
+                };
+            }
+        }
+        for (map, surely) in [(&from.normal_map, true), (&from.bump_map, false)] {
+            let Some(map) = map.as_ref().filter(|_| material.normal.is_none()) else {
+                continue;
+            };
+            if let Some(texture) = self.map(map, library, Encoding::Linear)? {
+                if surely || looks_like_normals(&texture.texture) {
+                    material.normal = Some(NormalMap { map: texture, strength: map.strength });
+                } else {
+                    let what = format!("`{}` is a height map, which is not read; a normal map is", map.name);
+                    self.warn(what, library, map.line);
+                }
+            }
+        }
+        Ok(material.with_digest())
+    }
+
+    /// Opacity below one blends. An invisible surface is an error of the exporter: some write the opacity as `Tr`, or 0 if
+    /// it is unknown.
+    fn blend(&self, material: &mut Material, from: &MtlMaterial, library: &Path) {
+        let opacity = from.opacity.or(from.transparency.map(|(tr, line)| (1.0 - tr, line)));
+        let Some((opacity, line)) = opacity.filter(|(opacity, _)| *opacity < 1.0) else { return };
+        if opacity > 0.0 {
+            material.alpha = Alpha::Blend { factor: opacity };
+        } else {
+            let what = format!("material `{}` would be invisible; it is taken as opaque", from.name);
+            self.warn(what, library, line);
+        }
+    }
+
+    /// Loads a texture. A missing file is a warning and gives none.
+    fn map(&mut self, map: &MtlMap, library: &Path, encoding: Encoding) -> Result<Option<TextureRef>> {
+        let at = |error: Error| error.in_file(library).at_line(map.line);
+        let mut path = self.root.find(&self.folder, &map.name).map_err(at)?;
+        if path.is_none() && self.folder != Path::new("") {
+            path = self.root.find(&self.folder, &format!("{GSO_TEXTURES}/{}", map.name)).map_err(at)?;
+        }
+        let Some(path) = path else {
+            self.warn(format!("no texture `{}`; a constant color is used", map.name), library, map.line);
+            return Ok(None);
+        };
+        let texture = self.texture(&path, encoding, map.clamp)?;
+        let transform = UvTransform { scale: map.scale, rotation: 0.0, offset: map.offset };
+        Ok(Some(TextureRef { texture, transform }))
+    }
+
+    fn texture(&mut self, path: &Path, encoding: Encoding, clamp: bool) -> Result<Arc<Texture>> {
+        let key = (path.to_owned(), encoding == Encoding::Srgb, clamp);
+        if let Some(texture) = self.textures.get(&key) {
+            return Ok(texture.clone());
+        }
+        let wrap = if clamp { Wrap::Clamp } else { Wrap::Repeat };
+        let texture = Arc::new(Image::read(path)?.into_texture(encoding, [wrap; 2]));
+        self.textures.insert(key, texture.clone());
+        Ok(texture)
+    }
+
+    /// A material for faces without texture coordinates: textures are replaced by their mean.
+    fn without_textures(&self, material: Material, used: &MaterialUse) -> Material {
+        let Some(plain) = untextured(&material) else {
+            return material;
+        };
+        self.warn(
+            format!(
+                "{} faces have no texture coordinates; the mean color of the texture is used for them",
+                used.triangles
+            ),
+            self.file,
+            used.line,
+        );
+        plain
+    }
+}
+
+fn unit(x: f32) -> f32 {
+    x.clamp(0.0, 1.0)
+}
+
+/// The GGX roughness whose highlight is as wide as Blinn and Phong's with an exponent: α² = 2 / (n + 2), r = √α
+/// (Walter et al. 2007, section 5.1).
+fn phong_roughness(exponent: f32) -> f32 {
+    (2.0 / (exponent.max(0.0) + 2.0)).sqrt().sqrt()
+}
+
+/// Normal maps are bluish; height maps are gray.
+fn looks_like_normals(texture: &Texture) -> bool {
+    let [r, g, b] = mean(texture);
+    b > 0.6 && (0.3..0.7).contains(&r) && (0.3..0.7).contains(&g)
+}

@@ -1,0 +1,181 @@
+//! The body of a PLY file, row by row, number by number.
+
+use super::header::{Element, Encoding, Header, Scalar};
+use syntable_mesh::text::shorten;
+use syntable_model::error::{Error, Result};
+
+/// A position in the body.
+pub struct Rows<'a> {
+    encoding: Encoding,
+    bytes: &'a [u8],
+    /// Next byte.
+    at: usize,
+    /// In text: the number of the next line, and the rest of the current one.
+    line: usize,
+    rest: &'a [u8],
+}
+
+impl<'a> Rows<'a> {
+    /// The start of the body.
+    pub fn new(header: &Header, bytes: &'a [u8]) -> Self {
+        Self { encoding: header.encoding, bytes, at: header.body, line: header.body_line, rest: &[] }
+    }
+
+    /// Refuses an element whose rows exceed the rest of the file, before anything is allocated for them.
+    pub fn check_size(&self, element: &Element) -> Result<()> {
+        let row: usize = match self.encoding {
+            // Each number takes at least a digit and a separator; the last line may lack its end.
+            Encoding::Ascii => 2 * element.properties.len().max(1),
+            _ => element
+                .properties
+                .iter()
+                .map(|property| match property.list {
+                    None => property.scalar.size(),
+                    // Faces have three corners or more.
+                    Some(length) if element.name == "face" && property.name.starts_with("vertex_ind") => {
+                        length.size() + 3 * property.scalar.size()
+                    }
+                    Some(length) => length.size(),
+                })
+                .sum(),
+        };
+        let (need, left) = (element.count as u128 * row as u128, self.bytes.len() - self.at);
+        let slack = usize::from(self.encoding == Encoding::Ascii);
+        // Rows without properties take no bytes, but time.
+        if need > (left + slack) as u128 || (row == 0 && element.count > left) {
+            return Err(Error::new(format!(
+                "{} rows of element `{}` need at least {need} bytes, but {left} are left",
+                element.count, element.name
+            ))
+            .at_byte(self.at as u64)
+            .help("the file is cut short, or its header is wrong"));
+        }
+        Ok(())
+    }
+
+    /// Adds the current line or byte to an error.
+    pub fn place(&self, error: Error) -> Error {
+        match self.encoding {
+            Encoding::Ascii => error.at_line(self.line.saturating_sub(1)),
+            _ => error.at_byte(self.at as u64),
+        }
+    }
+
+    /// Starts a row.
+    pub fn begin(&mut self, element: &Element, row: usize) -> Result<()> {
+        if self.encoding != Encoding::Ascii {
+            return Ok(());
+        }
+        loop {
+            if self.at >= self.bytes.len() {
+                let message =
+                    format!("the file ends before row {row} of {} of element `{}`", element.count, element.name);
+                return Err(self.place(Error::new(message)));
+            }
+            let rest = &self.bytes[self.at..];
+            let end = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+            self.rest = rest[..end].trim_ascii();
+            self.at += end + 1;
+            self.line += 1;
+            // A row without properties is an empty line; other empty lines are skipped.
+            if !self.rest.is_empty() || element.properties.is_empty() {
+                self.at = self.at.min(self.bytes.len());
+                return Ok(());
+            }
+        }
+    }
+
+    /// Ends a row.
+    pub fn end(&mut self) -> Result<()> {
+        if self.rest.is_empty() {
+            return Ok(());
+        }
+        let rest = String::from_utf8_lossy(self.rest);
+        Err(self.place(Error::new(format!("`{}` is left over at the end of the row", shorten(&rest)))))
+    }
+
+    /// Reads a number.
+    pub fn number(&mut self, scalar: Scalar) -> Result<f64> {
+        if self.encoding == Encoding::Ascii {
+            let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
+            let (word, rest) = self.rest.split_at(end);
+            self.rest = rest.trim_ascii_start();
+            let word = String::from_utf8_lossy(word);
+            return word.parse().map_err(|_| {
+                self.place(if word.is_empty() {
+                    Error::new("the row has too few numbers")
+                } else {
+                    Error::new(format!("`{}` is not a number", shorten(&word)))
+                })
+            });
+        }
+        let big = self.encoding == Encoding::BigEndian;
+        macro_rules! number {
+            ($type:ty) => {{
+                let bytes = self.take()?;
+                f64::from(if big { <$type>::from_be_bytes(bytes) } else { <$type>::from_le_bytes(bytes) })
+            }};
+        }
+        Ok(match scalar {
+            Scalar::I8 => number!(i8),
+            Scalar::U8 => number!(u8),
+            Scalar::I16 => number!(i16),
+            Scalar::U16 => number!(u16),
+            Scalar::I32 => number!(i32),
+            Scalar::U32 => number!(u32),
+            Scalar::F32 => number!(f32),
+            Scalar::F64 => number!(f64),
+        })
+    }
+
+    /// Reads a list into a buffer. Its length is checked against the bytes left before the buffer grows.
+    pub fn list(&mut self, length: Scalar, scalar: Scalar, into: &mut Vec<f64>) -> Result<()> {
+        into.clear();
+        let count = self.number(length)?;
+        let (left, size) = match self.encoding {
+            Encoding::Ascii => (self.rest.len() + 1, 2),
+            _ => (self.bytes.len() - self.at, scalar.size()),
+        };
+        if !(count >= 0.0 && count.fract() == 0.0 && count * size as f64 <= left as f64) {
+            return Err(self.place(
+                Error::new(format!("a list of {count} items, but {left} bytes are left"))
+                    .help("the file is cut short or damaged"),
+            ));
+        }
+        for _ in 0..count as usize {
+            into.push(self.number(scalar)?);
+        }
+        Ok(())
+    }
+
+    /// Skips an element.
+    pub fn skip(&mut self, element: &Element) -> Result<()> {
+        let mut items = Vec::new();
+        for row in 0..element.count {
+            self.begin(element, row)?;
+            for property in &element.properties {
+                match property.list {
+                    None => {
+                        self.number(property.scalar)?;
+                    }
+                    Some(length) => self.list(length, property.scalar, &mut items)?,
+                }
+            }
+            self.end()?;
+        }
+        Ok(())
+    }
+
+    fn take<const N: usize>(&mut self) -> Result<[u8; N]> {
+        let bytes = self.bytes.get(self.at..self.at + N).and_then(|bytes| bytes.try_into().ok());
+        let Some(bytes) = bytes else {
+            let left = self.bytes.len() - self.at;
+            return Err(self.place(
+                Error::new(format!("the file ends: {N} bytes are needed, {left} are left"))
+                    .help("the file is cut short"),
+            ));
+        };
+        self.at += N;
+        Ok(bytes)
+    }
+}

@@ -1,0 +1,196 @@
+//! The header of a PLY file.
+
+use syntable_mesh::text::shorten;
+use syntable_model::error::{Error, Result};
+
+/// Maximum length of a header, bytes.
+const MAX_HEADER: usize = 1 << 20;
+
+/// Encoding of the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Encoding {
+    /// Text, one row per line.
+    Ascii,
+    /// Binary, least significant byte first.
+    LittleEndian,
+    /// Binary, most significant byte first.
+    BigEndian,
+}
+
+/// A type of number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scalar {
+    /// `char`, `int8`
+    I8,
+    /// `uchar`, `uint8`
+    U8,
+    /// `short`, `int16`
+    I16,
+    /// `ushort`, `uint16`
+    U16,
+    /// `int`, `int32`
+    I32,
+    /// `uint`, `uint32`
+    U32,
+    /// `float`, `float32`
+    F32,
+    /// `double`, `float64`
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Result<Self> {
+        Ok(match name {
+            "char" | "int8" => Self::I8,
+            "uchar" | "uint8" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" => Self::U32,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return Err(Error::new(format!("`{}` is not a type of number", shorten(name)))),
+        })
+    }
+
+    /// Size in a binary body, bytes.
+    pub fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// The value of full intensity in a color of this type.
+    pub fn white(self) -> f64 {
+        match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32_767.0,
+            Self::U16 => 65_535.0,
+            Self::I32 => 2_147_483_647.0,
+            Self::U32 => 4_294_967_295.0,
+            Self::F32 | Self::F64 => 1.0,
+        }
+    }
+}
+
+/// One property of an element.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Property {
+    /// Its name.
+    pub name: String,
+    /// Type of the number, or of the items of a list.
+    pub scalar: Scalar,
+    /// Type of a list's length; none if it is one number.
+    pub list: Option<Scalar>,
+}
+
+/// An element: a table of the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Element {
+    /// Its name.
+    pub name: String,
+    /// Number of rows.
+    pub count: usize,
+    /// Columns.
+    pub properties: Vec<Property>,
+}
+
+/// A parsed header.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Header {
+    /// Encoding of the body.
+    pub encoding: Encoding,
+    /// Tables in order.
+    pub elements: Vec<Element>,
+    /// Names after `comment TextureFile`.
+    pub textures: Vec<String>,
+    /// Byte offset of the body.
+    pub body: usize,
+    /// First line of a text body, from 1.
+    pub body_line: usize,
+}
+
+impl Header {
+    /// Parses the header of a file in memory.
+    pub fn parse(bytes: &[u8]) -> Result<Self> {
+        if !(bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r")) {
+            return Err(Error::new("not a PLY file: it does not begin with `ply`"));
+        }
+        let mut encoding = None;
+        let mut header =
+            Self { encoding: Encoding::Ascii, elements: Vec::new(), textures: Vec::new(), body: 0, body_line: 0 };
+        let mut at = 0;
+        for number in 1.. {
+            let rest = &bytes[at..];
+            let Some(end) = rest.iter().take(MAX_HEADER.saturating_sub(at)).position(|&b| b == b'\n') else {
+                return Err(Error::new("the header has no `end_header`").help("the file is cut short"));
+            };
+            let line = String::from_utf8_lossy(&rest[..end]);
+            at += end + 1;
+            let line = line.trim();
+            if line == "end_header" {
+                (header.body, header.body_line) = (at, number + 1);
+                break;
+            }
+            header.statement(line, &mut encoding).map_err(|error| error.at_line(number))?;
+        }
+        header.encoding = encoding.ok_or_else(|| Error::new("the header states no format"))?;
+        Ok(header)
+    }
+
+    fn statement(&mut self, line: &str, encoding: &mut Option<Encoding>) -> Result<()> {
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words[..] {
+            [] | ["ply"] | ["obj_info", ..] => {}
+            ["comment", "TextureFile", ..] => {
+                let name = line.split_once("TextureFile").map_or("", |(_, name)| name.trim());
+                self.textures.push(name.to_owned());
+            }
+            ["comment", ..] => {}
+            ["format", name, version] => {
+                *encoding = Some(match name {
+                    "ascii" => Encoding::Ascii,
+                    "binary_little_endian" => Encoding::LittleEndian,
+                    "binary_big_endian" => Encoding::BigEndian,
+                    _ => return Err(Error::new(format!("`{}` is not a format", shorten(name)))),
+                });
+                if version != "1.0" {
+                    return Err(Error::new(format!("version `{}` is not read; 1.0 is", shorten(version))));
+                }
+            }
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| {
+                    Error::new(format!("`{}` is not a number of rows of element `{name}`", shorten(count)))
+                })?;
+                self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+            }
+            ["property", "list", length, scalar, name] => {
+                let length = Scalar::parse(length)?;
+                if matches!(length, Scalar::F32 | Scalar::F64) {
+                    return Err(Error::new(format!("the length of list `{name}` is no whole number")));
+                }
+                self.property(Property { name: name.to_owned(), scalar: Scalar::parse(scalar)?, list: Some(length) })?;
+            }
+            ["property", scalar, name] => {
+                self.property(Property { name: name.to_owned(), scalar: Scalar::parse(scalar)?, list: None })?;
+            }
+            _ => {
+                return Err(Error::new(format!("`{}` is not a header statement", shorten(line)))
+                    .help("is the header's `end_header` missing?"));
+            }
+        }
+        Ok(())
+    }
+
+    fn property(&mut self, property: Property) -> Result<()> {
+        let Some(element) = self.elements.last_mut() else {
+            return Err(Error::new(format!("property `{}` comes before any element", property.name)));
+        };
+        element.properties.push(property);
+        Ok(())
+    }
+}

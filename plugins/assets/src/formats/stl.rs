@@ -1,0 +1,185 @@
+//! STL, binary and text. The format has no unit, axes or colors; equal corners are merged.
+
+use std::path::Path;
+use syntable_mesh::Model;
+use syntable_mesh::format::MeshFormat;
+use syntable_mesh::limits::check_triangles;
+use syntable_mesh::material::default_material;
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::text::{finite, lines, shorten};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{MeshData, weld};
+
+/// Size of the header of a binary file, bytes: a comment and the number of triangles.
+const HEADER: usize = 84;
+/// Size of a binary triangle, bytes: normal, three corners, two attribute bytes.
+const TRIANGLE: usize = 50;
+
+/// Reads a file of `root`, named relative to it. Its own axes are kept: z is taken as up.
+pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
+    let path = root.locate(file)?;
+    let bytes = read_file(&path)?;
+    let corners = parse(&bytes, log).map_err(|error| error.in_file(&path))?;
+    Ok(Model { mesh: merge(corners), materials: vec![default_material(false)] })
+}
+
+/// All corners in order, three per triangle.
+fn parse(bytes: &[u8], log: &dyn Log) -> Result<Vec<[f32; 3]>> {
+    // Binary files may begin with `solid` too, but have zero bytes: at the latest in their number of triangles.
+    let head = &bytes[..bytes.len().min(HEADER + TRIANGLE)];
+    let text =
+        head.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !head.contains(&0);
+    let count = bytes.get(80..HEADER).map(|count| u32::from_le_bytes(count.try_into().unwrap_or_default()) as usize);
+    match count {
+        Some(count) if HEADER + TRIANGLE * count == bytes.len() => binary(bytes, count),
+        _ if text => ascii(bytes),
+        Some(count) if HEADER + TRIANGLE * count < bytes.len() => {
+            let more = bytes.len() - HEADER - TRIANGLE * count;
+            log.warn(&Error::new(format!("{more} bytes after the {count} triangles were ignored")));
+            binary(bytes, count)
+        }
+        Some(count) => Err(Error::new(format!(
+            "{count} triangles need {} bytes, but the file has {}",
+            HEADER + TRIANGLE * count,
+            bytes.len()
+        ))
+        .help("the file is cut short, or no STL")),
+        None => Err(Error::new(format!("not an STL file: {} bytes", bytes.len()))),
+    }
+}
+
+fn binary(bytes: &[u8], count: usize) -> Result<Vec<[f32; 3]>> {
+    check_triangles(count)?;
+    let mut corners = Vec::with_capacity(3 * count);
+    for (t, triangle) in bytes[HEADER..].chunks_exact(TRIANGLE).take(count).enumerate() {
+        for corner in triangle[12..48].chunks_exact(12) {
+            let number = |i: usize| f32::from_le_bytes([corner[i], corner[i + 1], corner[i + 2], corner[i + 3]]);
+            let corner = [number(0), number(4), number(8)];
+            if !corner.iter().all(|x| x.is_finite()) {
+                return Err(Error::new(format!("non-finite vertex {corner:?} in triangle {t}"))
+                    .at_byte((HEADER + TRIANGLE * t) as u64));
+            }
+            corners.push(corner);
+        }
+    }
+    no_faces(corners)
+}
+
+fn ascii(bytes: &[u8]) -> Result<Vec<[f32; 3]>> {
+    let mut corners = Vec::new();
+    let mut of_loop = 0;
+    let mut ended = false;
+    let mut last = 0;
+    for line in lines(bytes) {
+        last = line.number;
+        let at = |error: Error| error.at_line(line.number);
+        let mut words = line.text.split_ascii_whitespace();
+        let Some(key) = words.next() else { continue };
+        match key.to_ascii_lowercase().as_str() {
+            "vertex" => {
+                let numbers = words.map(|word| finite(word, "vertex")).collect::<Result<Vec<_>>>().map_err(at)?;
+                let [x, y, z] = numbers[..] else {
+                    return Err(at(Error::new(format!("a vertex with {} coordinates", numbers.len()))));
+                };
+                corners.push([x, y, z]);
+                of_loop += 1;
+            }
+            "endloop" => {
+                if of_loop != 3 {
+                    return Err(at(Error::new(format!("a facet with {of_loop} corners"))));
+                }
+                of_loop = 0;
+                check_triangles(corners.len() / 3)?;
+            }
+            "endsolid" => ended = true,
+            "solid" | "facet" | "outer" | "endfacet" => ended = false,
+            _ => return Err(at(Error::new(format!("`{}` is not an STL statement", shorten(key))))),
+        }
+    }
+    if !ended || of_loop != 0 {
+        return Err(Error::new("the text ends without `endsolid`").at_line(last).help("the file is cut short"));
+    }
+    no_faces(corners)
+}
+
+fn no_faces(corners: Vec<[f32; 3]>) -> Result<Vec<[f32; 3]>> {
+    if corners.is_empty() { Err(Error::new("no faces")) } else { Ok(corners) }
+}
+
+fn merge(corners: Vec<[f32; 3]>) -> MeshData {
+    let ids = weld(&corners);
+    let mut numbers = vec![0; corners.len()];
+    let mut positions = Vec::new();
+    for (i, &first) in ids.iter().enumerate() {
+        if first as usize == i {
+            numbers[i] = positions.len() as u32;
+            positions.push(corners[i]);
+        }
+    }
+    let index = |i: usize| numbers[ids[i] as usize];
+    let triangles = (0..corners.len() / 3).map(|t| [index(3 * t), index(3 * t + 1), index(3 * t + 2)]).collect();
+    MeshData { positions, triangles, ..MeshData::default() }
+}
+
+syntable_mesh::register_mesh_format!(MeshFormat::new("STL", &["stl"], read).with_preference(10));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::context::Collected;
+
+    const TEXT: &str = "solid a b\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1e0 0 0\n  vertex 0 1 0\n \
+                        endloop\nendfacet\nfacet normal 0 0 1\n outer loop\n  vertex 1 0 0\n  vertex 1 1 0\n  vertex 0 1 -0\n \
+                        endloop\nendfacet\nendsolid\n";
+
+    fn binary_of(corners: &[[f32; 3]]) -> Vec<u8> {
+        let mut bytes = b"solid, though binary".to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((corners.len() as u32 / 3).to_le_bytes());
+        for triangle in corners.chunks(3) {
+            bytes.extend([0; 12]);
+            bytes.extend(triangle.iter().flatten().flat_map(|x| x.to_le_bytes()));
+            bytes.extend([0; 2]);
+        }
+        bytes
+    }
+
+    fn check(bytes: &[u8], want: &str) {
+        let error = parse(bytes, &Collected::default()).expect_err(want).to_string();
+        assert!(error.contains(want), "{error} lacks {want}");
+    }
+
+    #[test]
+    fn text_and_binary_agree_and_corners_merge() {
+        let log = Collected::default();
+        let text = parse(TEXT.as_bytes(), &log).expect("text");
+        let binary = binary_of(&text);
+        assert_eq!(parse(&binary, &log).expect("binary"), text);
+        let mesh = merge(text);
+        assert_eq!(mesh.triangles, [[0, 1, 2], [1, 3, 2]]);
+        assert_eq!(mesh.positions.len(), 4);
+        assert!(log.warnings().is_empty());
+        parse(&[&binary[..], b"xx"].concat(), &log).expect("a tail");
+        assert_eq!(log.warnings().len(), 1);
+    }
+
+    #[test]
+    fn broken_files_are_refused() {
+        let binary = binary_of(&[[0.0; 3]; 6]);
+        check(b"xyz", "not an STL file: 3 bytes");
+        let mut foreign = binary.clone();
+        foreign[..5].copy_from_slice(b"xxxxx");
+        check(&foreign[..100], "2 triangles need 184 bytes, but the file has 100");
+        let mut bomb = foreign.clone();
+        bomb[80..84].fill(255);
+        check(&bomb, "but the file has 184");
+        let mut nan = binary.clone();
+        nan[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
+        check(&nan, "non-finite vertex");
+        check(TEXT.replace("1e0", "1e99").as_bytes(), "non-finite vertex: `1e99`");
+        check(TEXT.replace("  vertex 1e0 0 0\n", "").as_bytes(), "a facet with 2 corners");
+        check(&TEXT.as_bytes()[..120], "ends without `endsolid`");
+        check(b"solid x\nendsolid x\n", "no faces");
+    }
+}

@@ -1,0 +1,123 @@
+//! Folders and JSON files that `syntable check --asset PATH` can look at. Single meshes and images are inspected by
+//! their formats.
+
+use crate::sources::bop_models::{self, INFO};
+use crate::sources::ycb::{Reconstruction, mesh_in};
+use crate::sources::{google_scanned_objects, pbr_folder};
+use std::path::{Path, PathBuf};
+use syntable_mesh::format::MeshFormats;
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::scan::{extension, list, name_of};
+use syntable_mesh::{ObjectInfo, inspect};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::inspect::{Inspection, Inspector};
+
+syntable_model::register_inspector!(
+    Inspector { name: "BOP models", accepts: is_bop, inspect: inspect_bop },
+    Inspector {
+        name: "JSON file",
+        accepts: |path| extension(path) == "json" && !path.is_dir() && !is_bop(path),
+        inspect: inspect_json
+    },
+    Inspector { name: "PBR material folder", accepts: is_material, inspect: inspect_material },
+    Inspector { name: "folder of one mesh", accepts: |path| mesh_in_folder(path).is_some(), inspect: inspect_mesh },
+);
+
+fn is_bop(path: &Path) -> bool {
+    if path.is_dir() {
+        bop_models::is_models(path) || bop_models::is_models(&path.join("models"))
+    } else {
+        name_of(path) == INFO
+    }
+}
+
+fn is_material(path: &Path) -> bool {
+    !is_bop(path) && mesh_in_folder(path).is_none() && pbr_folder::has_maps(path)
+}
+
+/// The mesh of a folder, relative to it: in the layout of Google Scanned Objects or YCB, or the only mesh file.
+fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
+    if !folder.is_dir() {
+        return None;
+    }
+    let scanned = Path::new(google_scanned_objects::MESH);
+    if folder.join(scanned).exists() {
+        return Some(scanned.to_owned());
+    }
+    if let Some(mesh) = mesh_in(folder, Reconstruction::default()) {
+        return Some(mesh);
+    }
+    if is_bop(folder) {
+        return None;
+    }
+    let extensions = MeshFormats::linked().ok()?.extensions();
+    let listing = list(folder).ok()?;
+    let is_mesh = |name: &&String| extensions.contains(&extension(Path::new(name)).as_str());
+    let meshes: Vec<&String> = listing.files.iter().filter(is_mesh).collect();
+    if let [only] = meshes[..] { Some(PathBuf::from(only)) } else { None }
+}
+
+fn inspect_mesh(folder: &Path, log: &dyn Log) -> Result<Inspection> {
+    let mesh = mesh_in_folder(folder).ok_or_else(|| Error::new("no mesh in this folder").in_file(folder))?;
+    inspect::mesh(&AssetRoot::open(folder)?, &mesh, log)
+}
+
+fn inspect_material(path: &Path, log: &dyn Log) -> Result<Inspection> {
+    let material = pbr_folder::read(&AssetRoot::open(path)?, &name_of(path), log)?;
+    let mut found = Inspection::default();
+    for (map, files) in pbr_folder::maps(path)? {
+        if let Some(file) = files.first() {
+            found = found.fact(map.name(), file.display());
+        }
+    }
+    if let Some(color) = &material.base_color.texture {
+        found = found.fact("size", format!("{} x {}", color.texture.width, color.texture.height));
+    }
+    Ok(found.fact("digest", material.digest))
+}
+
+fn inspect_bop(path: &Path, log: &dyn Log) -> Result<Inspection> {
+    let folder = if !path.is_dir() {
+        match path.parent() {
+            Some(folder) if folder != Path::new("") => folder.to_owned(),
+            _ => PathBuf::from("."),
+        }
+    } else if bop_models::is_models(path) {
+        path.to_owned()
+    } else {
+        path.join("models")
+    };
+    let info = if path.is_dir() { bop_models::read_info(&folder)? } else { Some(bop_models::parse_info(path)?) };
+    let models = bop_models::models_in(&folder)?;
+    for id in info.iter().flatten().map(|(id, _)| *id) {
+        if !models.contains_key(&id) {
+            return Err(bop_models::missing_model(&folder, id));
+        }
+    }
+    if info.is_none() {
+        log.warn(&Error::new(format!("no {INFO}; sizes cannot be checked")).in_file(&folder));
+    }
+    let root = AssetRoot::open(&folder)?;
+    let mut found = Inspection::default().fact("models", models.len());
+    for model in models.values() {
+        let info = ObjectInfo { name: model.clone(), ..ObjectInfo::default() };
+        let object = bop_models::load(&root, Path::new(""), model, info, log)?;
+        object.check_extent().map_err(|error| error.in_file(folder.join(format!("{model}.ply"))))?;
+        let [x, y, z]: [f64; 3] = object.mesh.bounds().size().into();
+        let triangles = object.mesh.data().triangles.len();
+        found = found.fact(model, format!("{triangles} triangles, {x:.4} x {y:.4} x {z:.4} m"));
+    }
+    Ok(found)
+}
+
+fn inspect_json(path: &Path, _: &dyn Log) -> Result<Inspection> {
+    let json: serde_json::Value = serde_json::from_slice(&read_file(path)?)
+        .map_err(|error| Error::new(format!("not sound JSON: {error}")).in_file(path).at_line(error.line().max(1)))?;
+    let holds = match &json {
+        serde_json::Value::Object(table) => format!("a table of {} keys", table.len()),
+        serde_json::Value::Array(items) => format!("a list of {} items", items.len()),
+        _ => "one value".into(),
+    };
+    Ok(Inspection::default().fact("holds", holds))
+}

@@ -1,0 +1,221 @@
+//! `bop_models`: models in the layout of the BOP benchmark: `models/obj_NNNNNN.ply` in millimeters with `models_info.json`.
+
+use super::nothing_found;
+use crate::formats::ply;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use syntable_mesh::format::Unit;
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::scan::{list, name_of};
+use syntable_mesh::{Model, ObjectInfo};
+use syntable_model::geometry::{Aabb, Point3};
+use syntable_model::prelude::*;
+use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, EXTENT_M, Object};
+
+/// Models of BOP datasets (Hodaň et al.): `<dataset>/models/obj_000001.ply` and so on, in millimeters, with vertex
+/// colors or a texture. `root` holds the datasets, or is one dataset, or is its folder of models. Names are
+/// `<dataset>/obj_000001`, the category is the dataset. The boxes of `models_info.json` are compared with the meshes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BopModels {
+    /// Folder of the datasets.
+    root: AssetPath,
+    /// Folder of the meshes within each dataset, such as `models` or T-LESS's `models_cad`.
+    #[serde(default = "models_folder")]
+    models_folder: String,
+    /// Datasets that are excluded, such as `ycbv` where YCB objects are kept for testing.
+    #[serde(default)]
+    exclude_datasets: Vec<String>,
+}
+
+fn models_folder() -> String {
+    "models".into()
+}
+
+/// Meters per millimeter, the unit of BOP.
+pub(crate) const MILLIMETER_M: f64 = 1e-3;
+/// The file with the models' boxes.
+pub(crate) const INFO: &str = "models_info.json";
+/// Maximum distance of a box from the stated one, as a fraction of its diagonal.
+const TOLERANCE: f64 = 0.01;
+
+impl Config for BopModels {
+    type Stage = dyn AssetSource;
+    const KIND: &'static str = "bop_models";
+    const EXAMPLE: &'static str = "root = \"${ASSETS}/bop\"\nexclude_datasets = [\"ycbv\"]";
+    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
+        let folder = &self.models_folder;
+        if folder.is_empty() || folder.contains(['/', '\\']) || folder.starts_with('.') {
+            return Err(ConfigError::new("models_folder", format!("`{folder}` is not the name of one folder")));
+        }
+        Ok(Box::new(self))
+    }
+}
+
+impl AssetSource for BopModels {
+    fn class(&self) -> AssetClass {
+        AssetClass::Object
+    }
+
+    fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
+        let root = AssetRoot::open(self.root.path())?;
+        let datasets = self.datasets(&root)?;
+        let unknown = self.exclude_datasets.iter().find(|name| !datasets.contains_key(*name));
+        if let Some(name) = unknown {
+            log.warn(
+                &Error::new(format!("exclude_datasets names `{name}`, which is not there"))
+                    .in_file(root.folder())
+                    .help(format!("there are: {}", datasets.keys().cloned().collect::<Vec<_>>().join(", "))),
+            );
+        }
+        let mut entries = Vec::new();
+        for (dataset, folder) in datasets {
+            if self.exclude_datasets.contains(&dataset) {
+                continue;
+            }
+            let folder = root.folder().join(folder);
+            let models = models_in(&folder)?;
+            for (id, _) in read_info(&folder)?.unwrap_or_default() {
+                if !models.contains_key(&id) {
+                    log.warn(&missing_model(&folder, id));
+                }
+            }
+            let entry = |name: String| CatalogEntry { name: format!("{dataset}/{name}"), category: dataset.clone() };
+            entries.extend(models.into_values().map(entry));
+        }
+        if entries.is_empty() {
+            return Err(nothing_found(&root, &format!("`<dataset>/{}/obj_NNNNNN.ply`", self.models_folder)));
+        }
+        entries.sort();
+        Ok(Catalog { entries })
+    }
+
+    fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
+        let root = AssetRoot::open(self.root.path())?;
+        let unknown = || Error::new(format!("no model `{name}`")).in_file(root.folder());
+        let (dataset, model) = name.rsplit_once('/').ok_or_else(unknown)?;
+        let folder = self.datasets(&root)?.remove(dataset).ok_or_else(unknown)?;
+        let info = ObjectInfo { name: name.to_owned(), category: dataset.to_owned(), license: String::new() };
+        load(&root, &folder, model, info, log).map(Asset::Object)
+    }
+}
+
+impl BopModels {
+    /// Datasets by name, with their folders of models relative to the root.
+    fn datasets(&self, root: &AssetRoot) -> Result<BTreeMap<String, PathBuf>> {
+        let folder = root.folder();
+        let canonical = folder.canonicalize().map_err(|error| Error::io(folder, &error))?;
+        if is_models(folder) {
+            let above = canonical.parent().map(name_of).filter(|_| name_of(&canonical) == self.models_folder);
+            return Ok([(above.unwrap_or_else(|| name_of(&canonical)), PathBuf::new())].into());
+        }
+        let models = Path::new(&self.models_folder);
+        if is_models(&folder.join(models)) {
+            return Ok([(name_of(&canonical), models.to_owned())].into());
+        }
+        let datasets = list(folder)?.folders.into_iter().map(|name| {
+            let path = Path::new(&name).join(models);
+            (name, path)
+        });
+        Ok(datasets.filter(|(_, path)| is_models(&folder.join(path))).collect())
+    }
+}
+
+/// Whether a folder holds BOP models.
+pub(crate) fn is_models(folder: &Path) -> bool {
+    folder.join(INFO).exists()
+        || list(folder).is_ok_and(|listing| listing.files.iter().any(|name| model_id(name).is_some()))
+}
+
+/// The unit of a PLY file that states none: the millimeter for a file named as in BOP, or for one that would be larger
+/// than any object in meters but not in millimeters.
+pub(crate) fn guess_unit(file: &Path, model: &Model) -> Unit {
+    let extent = model.extent();
+    let named = model_id(&name_of(file)).is_some();
+    if named || (extent > *EXTENT_M.end() && extent * MILLIMETER_M <= *EXTENT_M.end()) {
+        Unit { name: "millimeter, as in BOP", meters: MILLIMETER_M }
+    } else {
+        Unit::METER
+    }
+}
+
+/// The number in `obj_000001.ply`.
+pub(crate) fn model_id(file: &str) -> Option<u64> {
+    let digits = file.strip_prefix("obj_")?.strip_suffix(".ply")?;
+    (digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_digit())).then(|| digits.parse().ok()).flatten()
+}
+
+/// Models of a folder by number, with their names.
+pub(crate) fn models_in(folder: &Path) -> Result<BTreeMap<u64, String>> {
+    let models = list(folder)?.files.into_iter();
+    Ok(models.filter_map(|name| Some((model_id(&name)?, name.trim_end_matches(".ply").to_owned()))).collect())
+}
+
+pub(crate) fn missing_model(folder: &Path, id: u64) -> Error {
+    Error::new(format!("{INFO} names object {id}, but there is no such file"))
+        .in_file(folder.join(format!("obj_{id:06}.ply")))
+        .help(format!("add the model, or take the object out of {INFO}"))
+}
+
+/// Loads a model of a folder relative to the root, and compares it with what `models_info.json` says of it.
+pub(crate) fn load(root: &AssetRoot, folder: &Path, model: &str, info: ObjectInfo, log: &dyn Log) -> Result<Object> {
+    let file = folder.join(format!("{model}.ply"));
+    let path = root.folder().join(&file);
+    let (object, _) = ply::read(root, &file, log)?.scaled(MILLIMETER_M).into_object(info, &path, log)?;
+    let info = read_info(&root.folder().join(folder))?.unwrap_or_default();
+    let stated = model_id(&format!("{model}.ply")).and_then(|id| info.get(&id).copied());
+    if let Some(stated) = stated {
+        let found = object.mesh.bounds();
+        let apart = (found.min - stated.min).norm().max((found.max - stated.max).norm());
+        if apart > TOLERANCE * stated.diagonal() {
+            log.warn(
+                &Error::new(format!("the mesh is {} mm, but {INFO} says {} mm", sizes(&found), sizes(&stated)))
+                    .in_file(path)
+                    .help("is the mesh in millimeters?"),
+            );
+        }
+    }
+    Ok(object)
+}
+
+fn sizes(bounds: &Aabb) -> String {
+    bounds.size().iter().map(|x| format!("{:.1}", x / MILLIMETER_M)).collect::<Vec<_>>().join(" x ")
+}
+
+/// Boxes of all models by number, meters, from `models_info.json`; none if there is no such file.
+pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, Aabb>>> {
+    let path = folder.join(INFO);
+    if !path.exists() { Ok(None) } else { parse_info(&path).map(Some) }
+}
+
+/// Reads a file like `models_info.json`.
+pub(crate) fn parse_info(path: &Path) -> Result<BTreeMap<u64, Aabb>> {
+    let bytes = read_file(path)?;
+    let wrong = |message: String| Error::new(message).in_file(path);
+    let json: Value = serde_json::from_slice(&bytes)
+        .map_err(|error| wrong(format!("not sound JSON: {error}")).at_line(error.line().max(1)))?;
+    let Value::Object(objects) = json else {
+        return Err(wrong("not a table of objects".into()));
+    };
+    let mut info = BTreeMap::new();
+    for (key, value) in &objects {
+        let id: u64 = key.parse().map_err(|_| wrong(format!("`{key}` is not an object's number")))?;
+        let number = |name: &str| {
+            value.get(name).and_then(Value::as_f64).filter(|x| x.is_finite()).ok_or_else(|| {
+                wrong(format!("object {id} has no number `{name}`")).help("see the BOP format of models_info.json")
+            })
+        };
+        if number("diameter")? <= 0.0 {
+            return Err(wrong(format!("object {id} has the diameter {}", number("diameter")?)));
+        }
+        let min = [number("min_x")?, number("min_y")?, number("min_z")?];
+        let size = [number("size_x")?, number("size_y")?, number("size_z")?];
+        let min = Point3::from(min.map(|x| x * MILLIMETER_M));
+        let max = Point3::from([0, 1, 2].map(|i| min[i] + size[i] * MILLIMETER_M));
+        info.insert(id, Aabb { min, max });
+    }
+    Ok(info)
+}
+
+syntable_model::register!(BopModels);

@@ -1,0 +1,67 @@
+//! `environment_folder`: any folder of environment maps.
+
+use super::folder::{FileIndex, Files, add_asset, by_stem};
+use syntable_mesh::environment;
+use syntable_mesh::format::ImageFormats;
+use syntable_mesh::root::AssetRoot;
+use syntable_model::prelude::*;
+use syntable_model::scene::{Asset, AssetClass, Catalog};
+
+/// Environment maps anywhere below a folder: equirectangular images of linear radiance with Rec. 709 primaries, in
+/// Radiance HDR (`.hdr`), OpenEXR (`.exr`) or a format that a plugin registers.
+///
+/// A map's name is its path without the extension; its category is the folder above. The center column looks along the
+/// world's +x, the first row up. Such files rarely say what one unit is in nits: the light that uses a map scales it.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentFolder {
+    /// Folder that holds the maps, at most eight folders deep.
+    root: AssetPath,
+    #[serde(skip)]
+    files: FileIndex,
+}
+
+impl Config for EnvironmentFolder {
+    type Stage = dyn AssetSource;
+    const KIND: &'static str = "environment_folder";
+    const EXAMPLE: &'static str = "root = \"${ASSETS}/hdri\"";
+    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl AssetSource for EnvironmentFolder {
+    fn class(&self) -> AssetClass {
+        AssetClass::Environment
+    }
+
+    fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
+        let root = AssetRoot::open(self.root.path())?;
+        let files = find(&root, log)?;
+        self.files.catalog(
+            &root,
+            files,
+            &format!("file with the extension {}", ImageFormats::linked()?.radiance_extensions().join(", ")),
+        )
+    }
+
+    fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
+        let root = AssetRoot::open(self.root.path())?;
+        let file = self.files.file(name, || find(&root, log))?;
+        let file = file.ok_or_else(|| Error::new(format!("no environment map `{name}`")).in_file(root.folder()))?;
+        let mut map = environment::read(&root.locate(&file)?)?;
+        name.clone_into(&mut map.name);
+        Ok(Asset::Environment(map))
+    }
+}
+
+/// All maps by name. Of one map in several formats the preferred one is read.
+fn find(root: &AssetRoot, log: &dyn Log) -> Result<Files> {
+    let mut assets = Files::new();
+    for (stem, files) in by_stem(root, &ImageFormats::linked()?.radiance_extensions())? {
+        add_asset(&mut assets, &stem, &files, root, log);
+    }
+    Ok(assets)
+}
+
+syntable_model::register!(EnvironmentFolder);

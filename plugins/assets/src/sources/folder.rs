@@ -1,0 +1,90 @@
+//! Any folder of assets: files of some formats anywhere below a root, each named by its path.
+
+use super::nothing_found;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use syntable_mesh::root::AssetRoot;
+use syntable_mesh::scan::{extension, root_name, walk};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{Catalog, CatalogEntry};
+
+/// Maximum depth of folders below the root that are scanned.
+const DEPTH: usize = 8;
+
+/// Assets by name, their paths relative to the root.
+pub type Files = BTreeMap<String, PathBuf>;
+
+/// The files that the catalog found, for the assets that are loaded later.
+#[derive(Debug, Default)]
+pub struct FileIndex(OnceLock<Files>);
+
+impl FileIndex {
+    /// Makes the catalog of files, which must not be empty, and stores them.
+    pub fn catalog(&self, root: &AssetRoot, files: Files, looked_for: &str) -> Result<Catalog> {
+        if files.is_empty() {
+            return Err(nothing_found(root, looked_for));
+        }
+        let entries = files
+            .keys()
+            .map(|name| CatalogEntry { name: name.clone(), category: category(name, root.folder()) })
+            .collect();
+        // A second call finds the same; the first stays.
+        let _ = self.0.set(files);
+        Ok(Catalog { entries })
+    }
+
+    /// The file of an asset. Scans the folder if no catalog was made before.
+    pub fn file(&self, name: &str, find: impl FnOnce() -> Result<Files>) -> Result<Option<PathBuf>> {
+        match self.0.get() {
+            Some(files) => Ok(files.get(name).cloned()),
+            None => Ok(find()?.remove(name)),
+        }
+    }
+}
+
+/// All files below a root with one of the extensions, by path without extension: the same path in several formats is
+/// one asset. Its files come in the order of the extensions.
+pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf, Vec<PathBuf>>> {
+    let mut stems: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
+    for file in walk(root, DEPTH, &|path| extensions.contains(&extension(path).as_str()))? {
+        stems.entry(file.with_extension("")).or_default().push(file);
+    }
+    let rank = |file: &PathBuf| extensions.iter().position(|known| *known == extension(file));
+    for files in stems.values_mut() {
+        // Stable: files that differ only in the case of the extension stay sorted by path.
+        files.sort_by_key(rank);
+    }
+    Ok(stems)
+}
+
+/// Adds an asset whose name is `path`, with the first of its files; warns about the others.
+pub fn add_asset(assets: &mut Files, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
+    let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
+    let [first, others @ ..] = files else { return };
+    for other in others {
+        let message = format!("`{name}` has several files; `{}` is read", first.display());
+        log.warn(&Error::new(message).in_file(root.folder().join(other)));
+    }
+    assets.insert(name, first.clone());
+}
+
+/// The folder above a name, or the root.
+pub fn category(name: &str, root: &Path) -> String {
+    match name.rsplit('/').nth(1) {
+        Some(folder) => folder.to_owned(),
+        None => root_name(root),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_category_is_the_folder_above() {
+        assert_eq!(category("cup/a", Path::new("/data/things")), "cup");
+        assert_eq!(category("bowl", Path::new("/data/things")), "things");
+    }
+}

@@ -1,0 +1,82 @@
+//! `google_scanned_objects`: folders `<name>/meshes/model.obj`, meters, z up.
+
+use super::nothing_found;
+use crate::formats::obj;
+use std::path::Path;
+use syntable_mesh::ObjectInfo;
+use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::scan::list;
+use syntable_model::prelude::*;
+use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry};
+
+/// Objects of Google Scanned Objects (Downs et al., ICRA 2022), as downloaded: one folder per object with
+/// `meshes/model.obj`, `meshes/model.mtl` and `materials/textures/texture.png`. Meters, z up. The category is the first
+/// one of `metadata.pbtxt`, where that file is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GoogleScannedObjects {
+    /// Folder that holds the objects' folders.
+    root: AssetPath,
+}
+
+/// License of all objects of the collection.
+const LICENSE: &str = "CC-BY-4.0";
+
+/// Path of the mesh inside an object's folder.
+pub(crate) const MESH: &str = "meshes/model.obj";
+/// Category where none is known.
+const CATEGORY: &str = "google_scanned_objects";
+
+impl Config for GoogleScannedObjects {
+    type Stage = dyn AssetSource;
+    const KIND: &'static str = "google_scanned_objects";
+    const EXAMPLE: &'static str = "root = \"${ASSETS}/gso\"";
+    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl AssetSource for GoogleScannedObjects {
+    fn class(&self) -> AssetClass {
+        AssetClass::Object
+    }
+
+    fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+        let root = AssetRoot::open(self.root.path())?;
+        let folder = root.folder();
+        let entries: Vec<CatalogEntry> = list(folder)?
+            .folders
+            .into_iter()
+            .filter(|name| folder.join(name).join(MESH).exists())
+            .map(|name| CatalogEntry { category: category(&folder.join(&name)), name })
+            .collect();
+        if entries.is_empty() {
+            Err(nothing_found(&root, "`<name>/meshes/model.obj`"))
+        } else {
+            Ok(Catalog { entries })
+        }
+    }
+
+    fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
+        let folder = AssetRoot::open(self.root.path())?.locate(Path::new(name))?;
+        let root = AssetRoot::open(&folder)?;
+        let model = obj::read(&root, Path::new(MESH), log)?;
+        let info = ObjectInfo { name: name.to_owned(), category: category(&folder), license: LICENSE.to_owned() };
+        model.into_object(info, &folder.join(MESH), log).map(|(object, _)| Asset::Object(object))
+    }
+}
+
+/// The first category of `metadata.pbtxt`: the text after `first:` within `categories`.
+fn category(folder: &Path) -> String {
+    let path = folder.join("metadata.pbtxt");
+    let known = path.is_file().then(|| read_file(&path).ok()).flatten().and_then(|bytes| {
+        let text = String::from_utf8_lossy(&bytes);
+        let (_, categories) = text.split_once("categories")?;
+        let (_, first) = categories.split_once("first:")?;
+        let name = first.split('"').nth(1)?.trim();
+        (!name.is_empty()).then(|| name.to_owned())
+    });
+    known.unwrap_or_else(|| CATEGORY.to_owned())
+}
+
+syntable_model::register!(GoogleScannedObjects);

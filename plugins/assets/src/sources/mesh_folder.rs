@@ -1,0 +1,139 @@
+//! `mesh_folder`: any folder of meshes.
+
+use super::folder::{FileIndex, Files, add_asset, by_stem, category};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use syntable_mesh::ObjectInfo;
+use syntable_mesh::format::MeshFormats;
+use syntable_mesh::root::AssetRoot;
+use syntable_model::prelude::*;
+use syntable_model::scene::{Asset, AssetClass, Catalog};
+
+/// Meshes anywhere below a folder: OBJ with MTL, glTF, GLB, PLY, STL and all formats that plugins register, in meters.
+/// The pool's `scale` converts other units.
+///
+/// An asset's name is its path without the extension, or that of its folder where that holds no other mesh; its category
+/// is the folder above. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshFolder {
+    /// Folder that holds the meshes, at most eight folders deep. Meshes may use images from anywhere below it.
+    root: AssetPath,
+    /// Which axis points up in formats that do not state it, such as OBJ, PLY and STL. glTF is y up by its standard.
+    #[serde(default)]
+    up: Up,
+    #[serde(skip)]
+    files: FileIndex,
+}
+
+/// The axis that points up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Up {
+    /// z points up.
+    #[default]
+    Z,
+    /// y points up; the mesh is rotated to z up.
+    Y,
+}
+
+impl Config for MeshFolder {
+    type Stage = dyn AssetSource;
+    const KIND: &'static str = "mesh_folder";
+    const EXAMPLE: &'static str = "root = \"${ASSETS}/gltf\"\nup = \"z\"";
+    fn build(self) -> Result<Box<dyn AssetSource>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl AssetSource for MeshFolder {
+    fn class(&self) -> AssetClass {
+        AssetClass::Object
+    }
+
+    fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
+        let root = AssetRoot::open(self.root.path())?;
+        let formats = MeshFormats::linked()?;
+        self.files.catalog(&root, find(&root, &formats, log)?, &format!("file of the formats {}", formats.names("or")))
+    }
+
+    fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
+        let root = AssetRoot::open(self.root.path())?;
+        let formats = MeshFormats::linked()?;
+        let file = self.files.file(name, || find(&root, &formats, log))?;
+        let file = file.ok_or_else(|| Error::new(format!("no mesh `{name}`")).in_file(root.folder()))?;
+        let model = formats.read(&root, &file, log)?;
+        let states_up_axis = formats.of_file(&file).is_some_and(|format| format.states_up_axis);
+        let model = if self.up == Up::Y && !states_up_axis { model.y_up_to_z_up() } else { model };
+        let category = category(name, root.folder());
+        let info = ObjectInfo { name: name.to_owned(), category, license: String::new() };
+        model.into_object(info, &root.folder().join(&file), log).map(|(object, _)| Asset::Object(object))
+    }
+}
+
+/// All meshes by name.
+fn find(root: &AssetRoot, formats: &MeshFormats, log: &dyn Log) -> Result<Files> {
+    let meshes = by_stem(root, &formats.extensions())?;
+    let mut in_folder: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for stem in meshes.keys() {
+        *in_folder.entry(stem.parent().unwrap_or(Path::new("")).to_owned()).or_default() += 1;
+    }
+    let short = |stem: &Path| match stem.parent() {
+        Some(folder) if folder != Path::new("") && in_folder.get(folder) == Some(&1) => folder.to_owned(),
+        _ => stem.to_owned(),
+    };
+    // Where a short name is also another mesh's name, both keep their whole path.
+    let mut uses: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    for stem in meshes.keys() {
+        *uses.entry(short(stem)).or_default() += 1;
+    }
+    let mut assets = Files::new();
+    for (stem, files) in &meshes {
+        let name = short(stem);
+        let name = if uses.get(&name) == Some(&1) { &name } else { stem };
+        add_asset(&mut assets, name, files, root, log);
+    }
+    Ok(assets)
+}
+
+syntable_model::register!(MeshFolder);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::context::Collected;
+
+    #[test]
+    fn names_are_short_and_unique() {
+        let folder = tempfile::tempdir().expect("temp folder");
+        for path in [
+            "mug.obj",
+            "mug/model.obj",
+            "cup/a.obj",
+            "cup/b.glb",
+            "cup/b.stl",
+            "x/y/z.ply",
+            "x/notes.txt",
+            "bowl/bowl.gltf",
+        ] {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("folder");
+            std::fs::write(path, "x").expect("file");
+        }
+        let (root, log) = (AssetRoot::open(folder.path()).expect("opens"), Collected::default());
+        let formats = MeshFormats::linked().expect("no clash");
+        let found = find(&root, &formats, &log).expect("scans");
+        let got: Vec<(&str, &str)> =
+            found.iter().map(|(name, path)| (name.as_str(), path.to_str().expect("UTF-8"))).collect();
+        let want = [
+            ("bowl", "bowl/bowl.gltf"),
+            ("cup/a", "cup/a.obj"),
+            ("cup/b", "cup/b.glb"),
+            ("mug", "mug.obj"),
+            ("mug/model", "mug/model.obj"),
+            ("x/y", "x/y/z.ply"),
+        ];
+        assert_eq!(got, want);
+        assert_eq!(log.warnings().len(), 1, "{:?}", log.warnings());
+    }
+}

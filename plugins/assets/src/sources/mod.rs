@@ -1,0 +1,19 @@
+//! Sources of assets in files, one kind per module.
+//!
+//! All of them find their assets by a scan of folders, sorted by name, and read one only when it is drawn.
+
+pub mod bop_models;
+pub mod environment_folder;
+mod folder;
+pub mod google_scanned_objects;
+pub mod mesh_folder;
+pub mod pbr_folder;
+pub mod ycb;
+
+use syntable_mesh::root::AssetRoot;
+use syntable_model::error::Error;
+
+/// The error for a root without a single asset.
+fn nothing_found(root: &AssetRoot, looked_for: &str) -> Error {
+    Error::new(format!("no {looked_for} in this folder")).in_file(root.folder()).help("check `root`")
+}

@@ -1,0 +1,265 @@
+//! The families of household objects: one function per family, from random streams to a solid with materials and mass.
+
+mod cutlery;
+mod food;
+mod glass;
+mod home;
+mod packaging;
+mod tools;
+mod vessel;
+
+use crate::material::{Finish, MaterialCache, MaterialFamily, Rgb, hsv};
+use crate::shape::Shape;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use syntable_model::random::Stream;
+use syntable_model::scene::{Material, Texture};
+
+/// A family of household objects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ObjectFamily {
+    /// Apples.
+    Apple,
+    /// Play balls.
+    Ball,
+    /// Bananas.
+    Banana,
+    /// Wooden toy blocks: cubes, bars, cylinders, prisms, stars, arches.
+    Block,
+    /// Closed books, lying.
+    Book,
+    /// Bottles of drink, sauce or soap; some of glass.
+    Bottle,
+    /// Bowls.
+    Bowl,
+    /// Cartons with printed sides.
+    Box,
+    /// Tins and drink cans.
+    Can,
+    /// Cups without a handle.
+    Cup,
+    /// Table forks.
+    Fork,
+    /// Drinking glasses: tumblers and wine glasses.
+    Glass,
+    /// Hammers.
+    Hammer,
+    /// Jars with a lid.
+    Jar,
+    /// Table knives.
+    Knife,
+    /// Felt-tip markers.
+    Marker,
+    /// Mugs with a handle.
+    Mug,
+    /// Frying pans.
+    Pan,
+    /// Plates.
+    Plate,
+    /// Remote controls.
+    Remote,
+    /// Screwdrivers.
+    Screwdriver,
+    /// Kitchen sponges.
+    Sponge,
+    /// Table spoons and tea spoons.
+    Spoon,
+    /// Rolls of adhesive tape.
+    Tape,
+    /// Tubes of paste or cream.
+    Tube,
+    /// Open-end wrenches.
+    Wrench,
+}
+
+impl ObjectFamily {
+    /// All families, sorted by name.
+    pub const ALL: [Self; 26] = [
+        Self::Apple,
+        Self::Ball,
+        Self::Banana,
+        Self::Block,
+        Self::Book,
+        Self::Bottle,
+        Self::Bowl,
+        Self::Box,
+        Self::Can,
+        Self::Cup,
+        Self::Fork,
+        Self::Glass,
+        Self::Hammer,
+        Self::Jar,
+        Self::Knife,
+        Self::Marker,
+        Self::Mug,
+        Self::Pan,
+        Self::Plate,
+        Self::Remote,
+        Self::Screwdriver,
+        Self::Sponge,
+        Self::Spoon,
+        Self::Tape,
+        Self::Tube,
+        Self::Wrench,
+    ];
+
+    /// Its name, as in recipes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Apple => "apple",
+            Self::Ball => "ball",
+            Self::Banana => "banana",
+            Self::Block => "block",
+            Self::Book => "book",
+            Self::Bottle => "bottle",
+            Self::Bowl => "bowl",
+            Self::Box => "box",
+            Self::Can => "can",
+            Self::Cup => "cup",
+            Self::Fork => "fork",
+            Self::Glass => "glass",
+            Self::Hammer => "hammer",
+            Self::Jar => "jar",
+            Self::Knife => "knife",
+            Self::Marker => "marker",
+            Self::Mug => "mug",
+            Self::Pan => "pan",
+            Self::Plate => "plate",
+            Self::Remote => "remote",
+            Self::Screwdriver => "screwdriver",
+            Self::Sponge => "sponge",
+            Self::Spoon => "spoon",
+            Self::Tape => "tape",
+            Self::Tube => "tube",
+            Self::Wrench => "wrench",
+        }
+    }
+
+    /// Models one variant.
+    pub fn model(self, stream: &Stream, materials: &MaterialCache) -> Model {
+        let draw = &mut Draw { form: stream.child("form"), appearance: stream.child("paint"), materials };
+        match self {
+            Self::Apple => food::apple(draw),
+            Self::Ball => home::ball(draw),
+            Self::Banana => food::banana(draw),
+            Self::Block => home::block(draw),
+            Self::Book => home::book(draw),
+            Self::Bottle => packaging::bottle(draw),
+            Self::Bowl => vessel::bowl(draw),
+            Self::Box => packaging::carton(draw),
+            Self::Can => packaging::can(draw),
+            Self::Cup => vessel::cup(draw),
+            Self::Fork => cutlery::fork(draw),
+            Self::Glass => glass::drinking_glass(draw),
+            Self::Hammer => tools::hammer(draw),
+            Self::Jar => packaging::jar(draw),
+            Self::Knife => cutlery::knife(draw),
+            Self::Marker => tools::marker(draw),
+            Self::Mug => vessel::mug(draw),
+            Self::Pan => vessel::pan(draw),
+            Self::Plate => vessel::plate(draw),
+            Self::Remote => home::remote(draw),
+            Self::Screwdriver => tools::screwdriver(draw),
+            Self::Sponge => home::sponge(draw),
+            Self::Spoon => cutlery::spoon(draw),
+            Self::Tape => tools::tape(draw),
+            Self::Tube => packaging::tube(draw),
+            Self::Wrench => tools::wrench(draw),
+        }
+    }
+}
+
+/// A modeled object.
+pub struct Model {
+    /// Its solid, upright, z up.
+    pub shape: Shape,
+    /// Materials by slot.
+    pub materials: Vec<Arc<Material>>,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Maximum angle between faces with smooth normals, degrees.
+    pub crease_deg: f64,
+}
+
+impl Model {
+    fn new(shape: Shape, materials: Vec<Arc<Material>>, mass_kg: f64) -> Self {
+        Self { shape, materials, mass_kg, friction: 0.5, crease_deg: 38.0 }
+    }
+
+    fn friction(self, friction: f64) -> Self {
+        Self { friction, ..self }
+    }
+}
+
+/// The random streams and materials that a family draws from.
+struct Draw<'a> {
+    /// Sizes and shapes.
+    form: Stream,
+    /// Colors and prints.
+    appearance: Stream,
+    materials: &'a MaterialCache,
+}
+
+impl Draw<'_> {
+    fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        self.form.uniform(low, high)
+    }
+
+    /// A random variant, one of six, of a material family.
+    fn material(&mut self, family: MaterialFamily) -> Arc<Material> {
+        let variant = self.appearance.below(6) as u32;
+        self.materials.get(family, variant)
+    }
+
+    fn metal(&mut self) -> Arc<Material> {
+        let family = if self.appearance.chance(0.5) { MaterialFamily::Metal } else { MaterialFamily::BrushedMetal };
+        self.material(family)
+    }
+
+    /// Steel or silver, polished.
+    fn polished(&mut self, name: &str) -> Arc<Material> {
+        let tone = self.appearance.uniform(0.7, 0.92);
+        let gloss = self.appearance.uniform(0.08, 0.3);
+        Arc::new(Finish::plain(hsv(0.12, self.appearance.uniform(0.0, 0.06), tone), gloss, 1.0).named(name))
+    }
+
+    /// Plastic of a color.
+    fn plastic_of(&mut self, name: &str, color: Rgb) -> Arc<Material> {
+        let detail = self.material(MaterialFamily::Plastic);
+        Arc::new(Finish::plain(color, self.appearance.uniform(0.2, 0.55), 0.0).detailed(&detail).named(name))
+    }
+
+    fn printed(&mut self, texture: Arc<Texture>, gloss: [f64; 2]) -> Arc<Material> {
+        Arc::new(Finish::printed(texture, self.appearance.uniform(gloss[0], gloss[1])).named("print"))
+    }
+
+    fn plain(&mut self, name: &str, color: Rgb, roughness: f64) -> Arc<Material> {
+        Arc::new(Finish::plain(color, roughness, 0.0).named(name))
+    }
+}
+
+/// Densities, kg/m³.
+mod density {
+    pub const STEEL: f64 = 7850.0;
+    pub const CERAMIC: f64 = 2350.0;
+    pub const GLASS: f64 = 2500.0;
+    pub const PLASTIC: f64 = 1050.0;
+    pub const RUBBER: f64 = 1150.0;
+    pub const WOOD: f64 = 680.0;
+    pub const PAPER: f64 = 750.0;
+}
+
+/// An ellipse of `n` points, counter-clockwise, for sections.
+fn ellipse(a: f64, b: f64, n: usize) -> Vec<[f64; 2]> {
+    (0..n)
+        .map(|i| {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / n as f64).sin_cos();
+            [a * cos, b * sin]
+        })
+        .collect()
+}

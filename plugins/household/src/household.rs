@@ -1,0 +1,110 @@
+//! `household`: everyday objects of 26 families.
+
+use crate::family::{Model, ObjectFamily};
+use crate::material::{LICENSE, MaterialCache};
+use crate::variants::{check_families, parse_name, variant_catalog};
+use std::sync::Arc;
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::prelude::*;
+use syntable_model::scene::{Asset, AssetClass, Catalog, ConvexPart, Material, Mesh, Object};
+
+/// Texels along the edge of the surfaces that objects share.
+const SHARED_TEXELS: usize = 256;
+
+/// Procedural household objects: mugs, cartons, tools, fruit and more, with real sizes and masses,
+/// textures, and exact convex collision parts. No download is needed.
+///
+/// Names are `<family>_<variant>`, such as `mug_0007`. A variant depends on seed, family and number alone.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Household {
+    /// Families to include; all by default.
+    #[schemars(length(min = 1))]
+    families: Vec<ObjectFamily>,
+    /// Number of variants of each family.
+    #[schemars(range(min = 1, max = 10000))]
+    variants_per_family: u32,
+    /// Seed of all variants.
+    #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
+    seed: u64,
+}
+
+impl Default for Household {
+    fn default() -> Self {
+        Self { families: ObjectFamily::ALL.to_vec(), variants_per_family: 25, seed: 0 }
+    }
+}
+
+impl Config for Household {
+    type Stage = dyn AssetSource;
+    const KIND: &'static str = "household";
+    const EXAMPLE: &'static str =
+        "families = [\"box\", \"can\", \"mug\", \"bowl\"]  # all by default\nvariants_per_family = 25\nseed = 1";
+
+    fn build(mut self) -> Result<Box<dyn AssetSource>, ConfigError> {
+        check_families("families", &mut self.families, ObjectFamily::name)?;
+        let materials = MaterialCache::new(Stream::root(self.seed).child("household surfaces"), SHARED_TEXELS);
+        Ok(Box::new(HouseholdSource { config: self, materials }))
+    }
+}
+register!(Household);
+
+struct HouseholdSource {
+    config: Household,
+    materials: MaterialCache,
+}
+
+impl AssetSource for HouseholdSource {
+    fn class(&self) -> AssetClass {
+        AssetClass::Object
+    }
+
+    fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+        let families = self.config.families.iter().map(|family| family.name());
+        Ok(variant_catalog(families, self.config.variants_per_family))
+    }
+
+    fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
+        let (family, variant) =
+            parse_name(name, &self.config.families, |family| family.name(), self.config.variants_per_family)?;
+        let stream = Stream::root(self.config.seed).child("household").child(family.name()).at(u64::from(variant));
+        let model = family.model(&stream, &self.materials);
+        object(name, family.name(), model).map(Asset::Object)
+    }
+}
+
+/// The object of a model.
+pub(crate) fn object(name: &str, category: &str, model: Model) -> Result<Object> {
+    let Model { shape, materials, mass_kg, friction, crease_deg } = model;
+    let (mesh, parts) = shape.finish(crease_deg)?;
+    let digest = digest(&mesh, &materials, &parts, mass_kg, friction);
+    Ok(Object {
+        name: name.to_owned(),
+        category: category.to_owned(),
+        mesh: Arc::new(mesh),
+        materials,
+        collision: Some(Arc::new(parts)),
+        mass_kg,
+        friction,
+        license: LICENSE.to_owned(),
+        digest,
+    })
+}
+
+fn digest(mesh: &Mesh, materials: &[Arc<Material>], parts: &[ConvexPart], mass_kg: f64, friction: f64) -> Digest {
+    let data = mesh.data();
+    let flat3 = |values: &[[f32; 3]]| values.concat().into_iter();
+    let mut hasher = Hasher::new("procedural object")
+        .floats(flat3(&data.positions))
+        .floats(flat3(&data.normals))
+        .floats(data.uvs.concat().into_iter())
+        .bytes(&data.triangles.concat().iter().flat_map(|index| index.to_le_bytes()).collect::<Vec<_>>())
+        .bytes(&data.slots.iter().flat_map(|slot| slot.to_le_bytes()).collect::<Vec<_>>());
+    for material in materials {
+        hasher = hasher.digest(material.digest);
+    }
+    for part in parts {
+        hasher = hasher.floats(flat3(part));
+    }
+    hasher.number(mass_kg).number(friction).text(LICENSE).finish()
+}

@@ -1,0 +1,164 @@
+//! A print: shapes drawn over each other with soft edges.
+
+use super::color::Rgb;
+use super::{byte, texture};
+use std::sync::Arc;
+use syntable_model::random::Stream;
+use syntable_model::scene::{Encoding, Texture, Wrap};
+
+/// An image under construction. Positions are in texels, x to the right, y down.
+pub struct Canvas {
+    width: usize,
+    height: usize,
+    texels: Vec<Rgb>,
+}
+
+impl Canvas {
+    /// A canvas of one color.
+    pub fn new(width: usize, height: usize, color: Rgb) -> Self {
+        Self { width, height, texels: vec![color; width * height] }
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> [f32; 2] {
+        [self.width as f32, self.height as f32]
+    }
+
+    /// The texture.
+    pub fn finish(self, wrap: Wrap) -> Arc<Texture> {
+        let texels = self.texels.iter().flat_map(|&[r, g, b]| [byte(r), byte(g), byte(b), 255]).collect();
+        texture(self.width, self.height, texels, Encoding::Srgb, wrap)
+    }
+
+    /// Replaces every texel by a function of its column, row and color.
+    pub fn map(&mut self, f: impl Fn(usize, usize, Rgb) -> Rgb) {
+        for (i, texel) in self.texels.iter_mut().enumerate() {
+            *texel = f(i % self.width, i / self.width, *texel);
+        }
+    }
+
+    /// Paints where a signed distance in texels is below zero, within the box `[x0, y0, x1, y1]`. Columns beyond the
+    /// left or right edge wrap around.
+    pub fn fill(&mut self, [x0, y0, x1, y1]: [f32; 4], color: Rgb, distance: impl Fn(f32, f32) -> f32) {
+        let rows = (y0.floor().max(0.0) as usize)..(y1.ceil().clamp(0.0, self.height as f32) as usize);
+        let columns = (x0.floor() as isize)..(x1.ceil() as isize);
+        for y in rows {
+            for x in columns.clone() {
+                let cover = (0.5 - distance(x as f32 + 0.5, y as f32 + 0.5)).clamp(0.0, 1.0);
+                if cover > 0.0 {
+                    let texel = &mut self.texels[y * self.width + x.rem_euclid(self.width as isize) as usize];
+                    *texel = super::mix(*texel, color, cover);
+                }
+            }
+        }
+    }
+
+    /// A rectangle `[x0, y0, x1, y1]` with rounded corners.
+    pub fn rect(&mut self, r: [f32; 4], radius: f32, color: Rgb) {
+        let [cx, cy] = [(r[0] + r[2]) / 2.0, (r[1] + r[3]) / 2.0];
+        let [hx, hy] = [(r[2] - r[0]) / 2.0, (r[3] - r[1]) / 2.0];
+        let radius = radius.min(hx).min(hy).max(0.0);
+        self.fill([r[0] - 1.0, r[1] - 1.0, r[2] + 1.0, r[3] + 1.0], color, |x, y| {
+            let (dx, dy) = ((x - cx).abs() - hx + radius, (y - cy).abs() - hy + radius);
+            dx.max(0.0).hypot(dy.max(0.0)) + dx.max(dy).min(0.0) - radius
+        });
+    }
+
+    /// An ellipse.
+    pub fn ellipse(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], color: Rgb) {
+        self.fill([cx - rx - 1.0, cy - ry - 1.0, cx + rx + 1.0, cy + ry + 1.0], color, |x, y| {
+            (((x - cx) / rx).hypot((y - cy) / ry) - 1.0) * rx.min(ry)
+        });
+    }
+
+    /// A circular ring.
+    pub fn ring(&mut self, [cx, cy]: [f32; 2], radius: f32, width: f32, color: Rgb) {
+        let reach = radius + width;
+        self.fill([cx - reach, cy - reach, cx + reach, cy + reach], color, |x, y| {
+            ((x - cx).hypot(y - cy) - radius).abs() - width / 2.0
+        });
+    }
+
+    /// A star with pointed tips.
+    pub fn star(&mut self, [cx, cy]: [f32; 2], radius: f32, tips: usize, depth: f32, color: Rgb) {
+        self.fill([cx - radius, cy - radius, cx + radius, cy + radius], color, |x, y| {
+            let angle = (y - cy).atan2(x - cx) * tips as f32 / std::f32::consts::TAU;
+            let zigzag = 2.0 * (angle - angle.floor() - 0.5).abs();
+            ((x - cx).hypot(y - cy) - radius * (1.0 - depth * (1.0 - zigzag))) * 0.6
+        });
+    }
+
+    /// A line with round ends.
+    pub fn line(&mut self, a: [f32; 2], b: [f32; 2], width: f32, color: Rgb) {
+        let reach = width / 2.0 + 1.0;
+        let bounds = [a[0].min(b[0]) - reach, a[1].min(b[1]) - reach, a[0].max(b[0]) + reach, a[1].max(b[1]) + reach];
+        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+        let squared = (dx * dx + dy * dy).max(1e-9);
+        self.fill(bounds, color, |x, y| {
+            let t = (((x - a[0]) * dx + (y - a[1]) * dy) / squared).clamp(0.0, 1.0);
+            (x - a[0] - t * dx).hypot(y - a[1] - t * dy) - width / 2.0
+        });
+    }
+
+    /// Diagonal stripes in a rectangle.
+    pub fn stripes(&mut self, r: [f32; 4], slope: f32, period: f32, duty: f32, color: Rgb) {
+        let steep = (1.0 + slope * slope).sqrt();
+        self.fill(r, color, |x, y| {
+            let phase = ((x + slope * y) / period).rem_euclid(1.0);
+            ((phase - 0.5).abs() - duty / 2.0) * period / steep
+        });
+    }
+
+    /// A line of made-up letters of one height, centered at `x`; as many as fit in `width`.
+    pub fn words(&mut self, stream: &mut Stream, [x, y]: [f32; 2], height: f32, width: f32, color: Rgb) {
+        let step = 0.72 * height;
+        let count = ((width / step) as usize).clamp(1, 24);
+        let start = x - (count as f32 - 0.28) * step / 2.0;
+        let weight = height * stream.uniform(0.13, 0.24) as f32;
+        for i in 0..count {
+            if count > 6 && i > 0 && stream.chance(0.16) {
+                continue;
+            }
+            self.letter(stream, [start + i as f32 * step, y], height, weight, color);
+        }
+    }
+
+    /// A made-up letter: two or three strokes of a grid of 2 × 3 nodes.
+    fn letter(&mut self, stream: &mut Stream, [x, y]: [f32; 2], height: f32, weight: f32, color: Rgb) {
+        const STROKES: [[usize; 2]; 9] = [[0, 4], [1, 5], [0, 1], [2, 3], [4, 5], [0, 5], [1, 4], [0, 3], [2, 5]];
+        let node =
+            |n: usize| [x + (n % 2) as f32 * 0.46 * height, y + ((n / 2) as f32 - 1.0) * 0.5 * (height - weight)];
+        let upright = stream.below(2) as usize;
+        for stroke in [upright, 2 + stream.below(7) as usize, 2 + stream.below(7) as usize] {
+            let [a, b] = STROKES[stroke].map(node);
+            self.line(a, b, weight, color);
+        }
+    }
+
+    /// Lines of small print in a rectangle.
+    pub fn small_print(&mut self, stream: &mut Stream, r: [f32; 4], line: f32, color: Rgb) {
+        let mut y = r[1];
+        while y + line <= r[3] {
+            let mut x = r[0];
+            let end = r[0] + (r[2] - r[0]) * stream.uniform(0.6, 1.0) as f32;
+            while x < end {
+                let word = (line * stream.uniform(0.8, 3.5) as f32).min(end - x);
+                self.rect([x, y + 0.22 * line, x + word, y + 0.68 * line], 0.0, color);
+                x += word + 0.5 * line;
+            }
+            y += line;
+        }
+    }
+
+    /// A bar code on white.
+    pub fn bar_code(&mut self, stream: &mut Stream, r: [f32; 4]) {
+        self.rect(r, 0.0, [0.95; 3]);
+        let module = (r[2] - r[0]) / 50.0;
+        let mut x = r[0] + 3.0 * module;
+        while x < r[2] - 4.0 * module {
+            let width = module * stream.integer(1, 3) as f32;
+            self.rect([x, r[1] + 2.0 * module, x + width, r[3] - 2.0 * module], 0.0, [0.08; 3]);
+            x += width + module * stream.integer(1, 3) as f32;
+        }
+    }
+}

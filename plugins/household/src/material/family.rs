@@ -1,0 +1,134 @@
+//! The families of procedural surfaces.
+
+use super::{Bake, built, layers, made, natural, woven};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use syntable_model::random::Stream;
+use syntable_model::scene::Material;
+
+/// A family of procedural surface materials.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MaterialFamily {
+    /// Brick wall in running bond.
+    Brick,
+    /// Metal brushed in one direction.
+    BrushedMetal,
+    /// Plain brown or gray board with faint corrugation.
+    Cardboard,
+    /// Carpet pile with or without a pattern.
+    Carpet,
+    /// Glazed ceramic with speckles.
+    Ceramic,
+    /// Concrete with pits and stains.
+    Concrete,
+    /// Woven cloth: plain, twill or basket weave, with stripes or checks.
+    Fabric,
+    /// Granite grains.
+    Granite,
+    /// Paint under clear lacquer, as on cars and furniture; plain or with metallic flakes.
+    Lacquer,
+    /// Grained leather.
+    Leather,
+    /// Marble with veins.
+    Marble,
+    /// Plain metal with fine scratches.
+    Metal,
+    /// Rolled wall paint.
+    PaintedWall,
+    /// Paper: plain, laid, ruled or squared.
+    Paper,
+    /// Trowelled plaster.
+    Plaster,
+    /// Plastic, smooth or finely grained.
+    Plastic,
+    /// Tiles with grout.
+    Tiles,
+    /// One piece of wood, as in furniture.
+    Timber,
+    /// Velvet with a brushed pile.
+    Velvet,
+    /// Floor boards.
+    Wood,
+}
+
+impl MaterialFamily {
+    /// All families, sorted by name.
+    pub const ALL: [Self; 20] = [
+        Self::Brick,
+        Self::BrushedMetal,
+        Self::Cardboard,
+        Self::Carpet,
+        Self::Ceramic,
+        Self::Concrete,
+        Self::Fabric,
+        Self::Granite,
+        Self::Lacquer,
+        Self::Leather,
+        Self::Marble,
+        Self::Metal,
+        Self::PaintedWall,
+        Self::Paper,
+        Self::Plaster,
+        Self::Plastic,
+        Self::Tiles,
+        Self::Timber,
+        Self::Velvet,
+        Self::Wood,
+    ];
+
+    /// Its name, as in recipes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Brick => "brick",
+            Self::BrushedMetal => "brushed_metal",
+            Self::Cardboard => "cardboard",
+            Self::Carpet => "carpet",
+            Self::Ceramic => "ceramic",
+            Self::Concrete => "concrete",
+            Self::Fabric => "fabric",
+            Self::Granite => "granite",
+            Self::Lacquer => "lacquer",
+            Self::Leather => "leather",
+            Self::Marble => "marble",
+            Self::Metal => "metal",
+            Self::PaintedWall => "painted_wall",
+            Self::Paper => "paper",
+            Self::Plaster => "plaster",
+            Self::Plastic => "plastic",
+            Self::Tiles => "tiles",
+            Self::Timber => "timber",
+            Self::Velvet => "velvet",
+            Self::Wood => "wood",
+        }
+    }
+
+    /// Bakes one variant with textures of `size` texels.
+    pub fn bake(self, stream: &Stream, size: usize, name: &str) -> Material {
+        let bake: fn(&mut Stream, usize) -> Bake = match self {
+            Self::Brick => built::brick,
+            Self::BrushedMetal => made::brushed_metal,
+            Self::Cardboard => made::cardboard,
+            Self::Carpet => woven::carpet,
+            Self::Ceramic => made::ceramic,
+            Self::Concrete => built::concrete,
+            Self::Fabric => woven::fabric,
+            Self::Granite => natural::granite,
+            Self::Lacquer => made::lacquer,
+            Self::Leather => natural::leather,
+            Self::Marble => natural::marble,
+            Self::Metal => made::metal,
+            Self::PaintedWall => built::painted_wall,
+            Self::Paper => made::paper,
+            Self::Plaster => built::plaster,
+            Self::Plastic => made::plastic,
+            Self::Tiles => built::tiles,
+            Self::Timber => natural::timber,
+            Self::Velvet => woven::velvet,
+            Self::Wood => natural::boards,
+        };
+        let mut material = bake(&mut stream.clone(), size).material(name);
+        layers::add(self, &mut material, &mut stream.child("coat"));
+        material.with_digest()
+    }
+}

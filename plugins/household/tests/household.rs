@@ -1,0 +1,362 @@
+//! Procedural objects and tables: sound meshes, true collision parts, real sizes and masses.
+
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_household as _;
+use syntable_model::context::Collected;
+use syntable_model::geometry::{Point3, Vector3};
+use syntable_model::prelude::*;
+use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::scene::{Asset, Object};
+
+fn source(kind: &str, options: &str) -> Box<dyn AssetSource> {
+    let registry = Registry::linked().expect("no clash");
+    let entry = registry.find(Slot::Assets, kind).expect(kind);
+    match entry.construct_str(options).unwrap_or_else(|error| panic!("{options}: {error:?}")).stage {
+        Stage::Assets(source) => source,
+        _ => panic!("{kind} is no asset source"),
+    }
+}
+
+fn load(source: &dyn AssetSource, name: &str) -> Object {
+    let log = Collected::default();
+    let asset = source.load(name, &log).unwrap_or_else(|error| panic!("{name}: {error}"));
+    assert!(log.warnings().is_empty(), "{name}: {:?}", log.warnings());
+    assert!(matches!(asset, Asset::Object(_)));
+    asset.into_object().expect("checked")
+}
+
+fn all(kind: &str, options: &str) -> Vec<Object> {
+    let source = source(kind, options);
+    let catalog = source.catalog(&Collected::default()).expect("a catalog");
+    catalog.entries.iter().map(|entry| load(&*source, &entry.name)).collect()
+}
+
+/// Distance from a point to the hull of some points: Wolfe's method in its simplest form (Gilbert with the nearest
+/// point of the best segment, then of the best triangle), enough for half a tenth of a millimeter.
+fn distance_to_hull(hull: &[[f32; 3]], p: Point3<f64>) -> f64 {
+    let points: Vec<Vector3<f64>> = hull.iter().map(|q| Vector3::from(q.map(f64::from)) - p.coords).collect();
+    let mut simplex: Vec<Vector3<f64>> = vec![points[0]];
+    let mut nearest = points[0];
+    for _ in 0..200 {
+        if nearest.norm() < 1e-7 {
+            return 0.0;
+        }
+        let support = points.iter().min_by(|a, b| a.dot(&nearest).total_cmp(&b.dot(&nearest))).expect("points");
+        if nearest.norm_squared() - support.dot(&nearest) < 1e-6 * nearest.norm() {
+            return nearest.norm();
+        }
+        simplex.push(*support);
+        (nearest, simplex) = nearest_of_simplex(&simplex);
+    }
+    nearest.norm()
+}
+
+/// The point of a simplex of at most four corners nearest to the origin, and the corners of the face that holds it.
+fn nearest_of_simplex(corners: &[Vector3<f64>]) -> (Vector3<f64>, Vec<Vector3<f64>>) {
+    let mut best = (f64::INFINITY, Vector3::zeros(), Vec::new());
+    for subset in 1_u32..1 << corners.len() {
+        let face: Vec<Vector3<f64>> = (0..corners.len()).filter(|i| subset >> i & 1 == 1).map(|i| corners[i]).collect();
+        // The foot of the perpendicular on the face's plane: weights from the normal equations.
+        let edges: Vec<Vector3<f64>> = face[1..].iter().map(|c| c - face[0]).collect();
+        let n = edges.len();
+        let gram = nalgebra::DMatrix::from_fn(n, n, |i, k| edges[i].dot(&edges[k]));
+        let right = nalgebra::DVector::from_fn(n, |i, _| -edges[i].dot(&face[0]));
+        let Some(weights) = (if n == 0 { Some(right) } else { gram.lu().solve(&right) }) else { continue };
+        if weights.iter().any(|w| *w < -1e-12) || weights.sum() > 1.0 + 1e-12 {
+            continue;
+        }
+        let foot = edges.iter().zip(weights.iter()).fold(face[0], |p, (edge, w)| p + edge * *w);
+        if foot.norm() < best.0 - 1e-15 {
+            best = (foot.norm(), foot, face);
+        }
+    }
+    (best.1, best.2)
+}
+
+fn assert_sound(object: &Object) {
+    let name = &object.name;
+    let data = object.mesh.data();
+    // Closed: by position, every directed edge has its partner.
+    let key = |index: u32| data.positions[index as usize].map(f32::to_bits);
+    let mut edges: BTreeMap<_, i32> = BTreeMap::new();
+    for triangle in &data.triangles {
+        for i in 0..3 {
+            let (a, b) = (key(triangle[i]), key(triangle[(i + 1) % 3]));
+            assert_ne!(a, b, "{name}: an edge without length");
+            *edges.entry((a, b)).or_default() += 1;
+            *edges.entry((b, a)).or_default() -= 1;
+        }
+    }
+    assert!(edges.values().all(|count| *count == 0), "{name}: open edges");
+    assert!(object.mesh.signed_volume() > 0.0, "{name}: faces point inwards");
+    // The faces and their normals agree.
+    for (t, triangle) in data.triangles.iter().enumerate() {
+        let [a, b, c] = object.mesh.corners(t);
+        let face = (b - a).cross(&(c - a));
+        for &index in triangle {
+            let normal = Vector3::from(data.normals[index as usize].map(f64::from));
+            assert!((normal.norm() - 1.0).abs() < 1e-5, "{name}: normal {normal:?}");
+            assert!(
+                face.norm() < 1e-12 || face.normalize().dot(&normal) > 0.4,
+                "{name}: triangle {t} against its normals"
+            );
+        }
+    }
+    assert_eq!(data.uvs.len(), data.positions.len());
+    assert!(data.uvs.iter().flatten().all(|x| x.is_finite() && x.abs() < 1e3), "{name}: texture coordinates");
+    let slots = (0..data.triangles.len()).map(|t| object.mesh.slot(t)).collect::<BTreeSet<_>>();
+    assert!(slots.iter().all(|&slot| slot < object.materials.len()), "{name}: slots {slots:?}");
+    let center = object.mesh.bounds().center();
+    assert!(center.coords.norm() < 1e-6, "{name}: center {center}");
+    assert!(object.mass_kg.is_finite() && object.friction > 0.0 && !object.license.is_empty());
+}
+
+fn assert_covered(object: &Object, tolerance: f64) {
+    let parts = object.collision.as_ref().expect("exact parts");
+    assert!(parts.len() <= 40, "{}: {} parts", object.name, parts.len());
+    let bounds: Vec<_> = parts
+        .iter()
+        .map(|part| {
+            let flat: [Vec<f32>; 3] = std::array::from_fn(|k| part.iter().map(|p| p[k]).collect());
+            flat.map(|xs| {
+                let low = xs.iter().copied().fold(f32::INFINITY, f32::min);
+                let high = xs.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                [f64::from(low) - tolerance, f64::from(high) + tolerance]
+            })
+        })
+        .collect();
+    for position in object.mesh.data().positions.iter().step_by(7) {
+        let p = Point3::from(position.map(f64::from));
+        let covered = parts
+            .iter()
+            .zip(&bounds)
+            .filter(|(_, b)| (0..3).all(|k| b[k][0] <= p[k] && p[k] <= b[k][1]))
+            .any(|(part, _)| distance_to_hull(part, p) <= tolerance);
+        assert!(covered, "{}: {p} is outside of all parts", object.name);
+    }
+}
+
+/// A family; longest and shortest edge of its bounding boxes, meters; mass, kilograms.
+type Limits = (&'static str, [f64; 2], [f64; 2], [f64; 2]);
+
+const LIMITS: [Limits; 26] = [
+    ("apple", [0.05, 0.1], [0.05, 0.1], [0.08, 0.3]),
+    ("ball", [0.03, 0.14], [0.03, 0.14], [0.002, 0.2]),
+    ("banana", [0.12, 0.22], [0.02, 0.04], [0.06, 0.25]),
+    ("block", [0.025, 0.14], [0.008, 0.05], [0.005, 0.2]),
+    ("book", [0.14, 0.32], [0.01, 0.05], [0.1, 2.5]),
+    ("bottle", [0.14, 0.3], [0.05, 0.09], [0.03, 1.5]),
+    ("bowl", [0.11, 0.2], [0.03, 0.09], [0.1, 0.9]),
+    ("box", [0.06, 0.32], [0.02, 0.12], [0.01, 2.0]),
+    ("can", [0.07, 0.17], [0.03, 0.11], [0.1, 0.9]),
+    ("cup", [0.06, 0.16], [0.06, 0.1], [0.015, 0.6]),
+    ("fork", [0.15, 0.22], [0.005, 0.025], [0.015, 0.07]),
+    ("glass", [0.075, 0.22], [0.055, 0.11], [0.03, 0.4]),
+    ("hammer", [0.23, 0.35], [0.02, 0.035], [0.25, 0.9]),
+    ("jar", [0.06, 0.16], [0.05, 0.1], [0.2, 1.4]),
+    ("knife", [0.17, 0.24], [0.003, 0.008], [0.025, 0.1]),
+    ("marker", [0.11, 0.15], [0.011, 0.02], [0.007, 0.04]),
+    ("mug", [0.09, 0.15], [0.07, 0.12], [0.15, 0.5]),
+    ("pan", [0.28, 0.47], [0.03, 0.09], [0.3, 1.6]),
+    ("plate", [0.16, 0.29], [0.014, 0.035], [0.2, 1.1]),
+    ("remote", [0.12, 0.22], [0.014, 0.025], [0.04, 0.2]),
+    ("screwdriver", [0.14, 0.27], [0.02, 0.036], [0.03, 0.2]),
+    ("sponge", [0.08, 0.12], [0.02, 0.045], [0.008, 0.06]),
+    ("spoon", [0.13, 0.22], [0.007, 0.03], [0.015, 0.08]),
+    ("tape", [0.06, 0.12], [0.01, 0.06], [0.01, 0.4]),
+    ("tube", [0.11, 0.22], [0.02, 0.045], [0.02, 0.25]),
+    ("wrench", [0.11, 0.22], [0.004, 0.008], [0.03, 0.25]),
+];
+
+#[test]
+fn household_objects_are_sound_and_real() {
+    let objects = all("household", "variants_per_family = 12");
+    assert_eq!(objects.len(), 26 * 12);
+    for object in &objects {
+        assert_sound(object);
+        let triangles = object.mesh.data().triangles.len();
+        assert!((200..=4000).contains(&triangles), "{}: {triangles} triangles", object.name);
+        let (_, longest, shortest, mass) =
+            LIMITS.iter().find(|limits| limits.0 == object.category).expect("limits of every family");
+        let size = object.mesh.bounds().size();
+        let check = |what: &str, value: f64, [low, high]: [f64; 2]| {
+            assert!((low..=high).contains(&value), "{}: {what} {value} is not in {low} to {high}", object.name);
+        };
+        check("longest edge", size.max(), *longest);
+        check("shortest edge", size.min(), *shortest);
+        check("mass", object.mass_kg, *mass);
+        // Nothing is lighter than foam or heavier than steel.
+        let density = object.mass_kg / object.mesh.signed_volume();
+        assert!((20.0..8000.0).contains(&density), "{}: {density} kg/m³", object.name);
+    }
+}
+
+#[test]
+fn collision_parts_cover_the_mesh() {
+    for object in all("household", "variants_per_family = 2") {
+        assert_covered(&object, 0.003);
+    }
+    for object in all("procedural_tables", "variants_per_design = 2") {
+        assert_covered(&object, 0.004);
+    }
+}
+
+#[test]
+fn hollows_stay_hollow() {
+    for object in all(
+        "household",
+        "families = [\"mug\", \"cup\", \"bowl\", \"pan\", \"tape\", \"plate\", \"glass\"]\nvariants_per_family = 6",
+    ) {
+        let size = object.mesh.bounds().size();
+        let parts = object.collision.as_ref().expect("exact parts");
+        // The center of the vessel: of the body, not of the box, which handles stretch to +x.
+        let body = match object.category.as_str() {
+            "mug" | "pan" => object.mesh.bounds().min.x + size.y / 2.0,
+            _ => 0.0,
+        };
+        let floor = match object.category.as_str() {
+            "plate" => 0.55,
+            "pan" => 0.25,
+            // The stem of a wine glass.
+            "glass" => 0.56,
+            _ => 0.15,
+        };
+        for height in [floor, 0.6, 0.8, 0.97] {
+            for (dx, dy) in [(0.0, 0.0), (0.15, 0.1), (-0.1, 0.17)] {
+                let z = object.mesh.bounds().min.z + height * size.z;
+                let p = Point3::new(body + dx * size.y, dy * size.y, z);
+                for part in parts.iter() {
+                    assert!(distance_to_hull(part, p) > 1e-4, "{}: {p} inside of a part", object.name);
+                }
+            }
+        }
+    }
+    // The gap between a mug's body and its handle is free, too.
+    for object in all("household", "families = [\"mug\"]\nvariants_per_family = 6") {
+        let size = object.mesh.bounds().size();
+        let p = Point3::new(object.mesh.bounds().min.x + size.y + 0.45 * (size.x - size.y), 0.0, 0.0);
+        for part in object.collision.as_ref().expect("exact parts").iter() {
+            assert!(distance_to_hull(part, p) > 1e-3, "{}: {p} inside of a part", object.name);
+        }
+    }
+}
+
+#[test]
+fn tables_are_sound_and_real() {
+    let tables = all("procedural_tables", "");
+    assert_eq!(tables.len(), 6 * 8);
+    for table in &tables {
+        assert_sound(table);
+        let size = table.mesh.bounds().size();
+        assert!((0.7..=1.85).contains(&size.x) && (0.7..=1.3).contains(&size.y), "{}: {size:?}", table.name);
+        assert!((0.35..=0.8).contains(&size.z), "{}: {size:?}", table.name);
+        assert!((10.0..800.0).contains(&table.mass_kg), "{}: {} kg", table.name, table.mass_kg);
+        // The top is level and the highest part: straight above every place of the inner rectangle there is a face.
+        let top = table.mesh.bounds().max.z;
+        for (x, y) in [(0.0, 0.0), (0.3, 0.3), (-0.3, 0.3), (0.3, -0.3), (-0.34, -0.34)] {
+            let p = [x * size.x, y * size.y];
+            let highest = (0..table.mesh.data().triangles.len())
+                .filter_map(|t| height_above(table.mesh.corners(t), p))
+                .fold(f64::NEG_INFINITY, f64::max);
+            assert!((highest - top).abs() < 1e-4, "{}: {highest} under {p:?}, the top is at {top}", table.name);
+        }
+    }
+}
+
+/// Height of a triangle above a place in x and y.
+fn height_above([a, b, c]: [Point3<f64>; 3], p: [f64; 2]) -> Option<f64> {
+    let turn = |q: &Point3<f64>, r: &Point3<f64>| (r.x - q.x) * (p[1] - q.y) - (r.y - q.y) * (p[0] - q.x);
+    let weights = [turn(&b, &c), turn(&c, &a), turn(&a, &b)];
+    let sum: f64 = weights.iter().sum();
+    let inside = weights.iter().all(|w| *w >= 0.0) || weights.iter().all(|w| *w <= 0.0);
+    (inside && sum.abs() > 1e-14).then(|| (weights[0] * a.z + weights[1] * b.z + weights[2] * c.z) / sum)
+}
+
+#[test]
+fn a_variant_depends_on_seed_family_and_number_alone() {
+    let names = ["mug_0001", "box_0000", "wrench_0002", "hammer_0001"];
+    let whole = source("household", "");
+    let part = source("household", "families = [\"mug\", \"box\", \"wrench\", \"hammer\"]\nvariants_per_family = 3");
+    let other = source("household", "seed = 1");
+    let forwards: Vec<_> = names.iter().map(|name| load(&*whole, name).digest).collect();
+    let backwards: Vec<_> = names.iter().rev().map(|name| load(&*part, name).digest).collect();
+    assert_eq!(forwards, backwards.into_iter().rev().collect::<Vec<_>>());
+    for (name, digest) in names.iter().zip(&forwards) {
+        assert_ne!(load(&*other, name).digest, *digest, "{name} does not depend on the seed");
+    }
+}
+
+#[test]
+fn variants_differ() {
+    for kind in ["household", "procedural_tables"] {
+        let options = if kind == "household" { "variants_per_family = 8" } else { "" };
+        let objects = all(kind, options);
+        let digests: BTreeSet<_> = objects.iter().map(|object| object.digest).collect();
+        assert_eq!(digests.len(), objects.len());
+        // Not only in color: sizes differ within every family.
+        for pair in objects.windows(2).filter(|pair| pair[0].category == pair[1].category) {
+            let (a, b) = (pair[0].mesh.bounds().size(), pair[1].mesh.bounds().size());
+            assert!((a - b).norm() > 1e-5, "{} and {}", pair[0].name, pair[1].name);
+        }
+    }
+}
+
+#[test]
+fn textures_are_shared() {
+    let tapes = all("household", "families = [\"tape\"]\nvariants_per_family = 40");
+    let texture =
+        |object: &Object| object.materials[1].base_color.texture.as_ref().map(|t| std::sync::Arc::as_ptr(&t.texture));
+    let kinds: BTreeSet<_> = tapes.iter().map(texture).collect();
+    assert!((2..=6).contains(&kinds.len()), "{} textures of cardboard for 40 rolls", kinds.len());
+}
+
+#[test]
+fn names_and_options_are_checked() {
+    let source = source("household", "families = [\"mug\"]\nvariants_per_family = 3");
+    let catalog = source.catalog(&Collected::default()).expect("a catalog");
+    let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
+    assert_eq!(names, ["mug_0000", "mug_0001", "mug_0002"]);
+    for name in ["mug_0003", "mug_1", "bowl_0000", "mug", "mug_-001", "mug_99999999999"] {
+        let error = source.load(name, &Collected::default()).expect_err(name).to_string();
+        assert!(error.contains(name) && error.contains("0002"), "{error}");
+    }
+    let registry = Registry::linked().expect("no clash");
+    for (kind, options, want) in [
+        ("household", "families = []", "selects nothing"),
+        ("household", "families = [\"mug\", \"mug\"]", "listed twice"),
+        ("household", "families = [\"mgu\"]", "mgu"),
+        ("procedural_tables", "designs = []", "designs = []"),
+        ("procedural_materials", "families = [\"wood\", \"wood\"]", "listed twice"),
+    ] {
+        let error =
+            registry.find(Slot::Assets, kind).expect(kind).construct_str(options).map(|_| ()).expect_err(options);
+        assert!(format!("{error:?}").contains(want), "{options}: {error:?}");
+    }
+    for kind in ["household", "procedural_tables", "procedural_materials"] {
+        let entry = registry.find(Slot::Assets, kind).expect(kind);
+        assert!(entry.construct_str(entry.example).is_ok(), "{}", entry.example);
+    }
+}
+
+#[test]
+fn glass_is_clear_and_crockery_is_glazed() {
+    for object in all("household", "families = [\"glass\"]\nvariants_per_family = 12") {
+        for material in &object.materials {
+            let transmission = material.transmission.as_ref().expect("clear");
+            let volume = transmission.volume.expect("filled");
+            assert!((1.4..1.6).contains(&material.ior) && transmission.share.factor == 1.0, "{}", object.name);
+            assert!(volume.attenuation_color.iter().all(|x| (0.0..=1.0).contains(x)), "{volume:?}");
+        }
+    }
+    let bottles = all("household", "families = [\"bottle\"]\nvariants_per_family = 60");
+    let clear = bottles.iter().filter(|bottle| bottle.materials[1].transmission.is_some()).count();
+    // 18 of 60 with a standard deviation of 3.5.
+    assert!((6..=32).contains(&clear), "{clear}");
+    assert!(bottles.iter().all(|bottle| bottle.materials[0].transmission.is_none()), "a label is opaque");
+    for plate in all("household", "families = [\"plate\"]\nvariants_per_family = 12") {
+        for material in &plate.materials {
+            let coat = material.clearcoat.as_ref().expect("glazed");
+            assert!(coat.roughness.factor < 0.3 && material.roughness.factor > 0.3, "{}", plate.name);
+        }
+    }
+}
