@@ -69,7 +69,7 @@ impl AssetSource for HouseholdSource {
             parse_name(name, &self.config.families, |family| family.name(), self.config.variants_per_family)?;
         let stream = Stream::root(self.config.seed).child("household").child(family.name()).at(u64::from(variant));
         let model = family.model(&stream, &self.materials);
-        object(name, family.name(), model).map(Asset::Object)
+        object(name, family.name(), model).map(Asset::from)
     }
 }
 

@@ -125,6 +125,6 @@ impl AssetSource for ProceduralEnvironments {
         let stream = Stream::root(self.seed).child("environments").child(family.name()).at(u64::from(variant));
         let mut map = family.map(&stream, name, self.width_px)?;
         map.license = LICENSE.to_owned();
-        Ok(Asset::Environment(map))
+        Ok(Asset::from(map))
     }
 }

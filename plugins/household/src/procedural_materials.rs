@@ -57,6 +57,6 @@ impl AssetSource for ProceduralMaterials {
     fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
         let (family, variant) = parse_name(name, &self.families, |family| family.name(), self.variants_per_family)?;
         let stream = Stream::root(self.seed).child("materials").child(family.name()).at(u64::from(variant));
-        Ok(Asset::Material(family.bake(&stream, self.texture_px as usize, name)))
+        Ok(Asset::from(family.bake(&stream, self.texture_px as usize, name)))
     }
 }

@@ -104,7 +104,7 @@ impl AssetSource for TableSource {
         let stream = Stream::root(self.config.seed).child("tables").child(design.name()).at(u64::from(variant));
         let mut model = Builder::new(&stream, &self.materials).table(design);
         model.friction = 0.6;
-        object(name, "table", model).map(Asset::Object)
+        object(name, "table", model).map(Asset::from)
     }
 }
 

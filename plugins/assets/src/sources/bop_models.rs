@@ -97,7 +97,7 @@ impl AssetSource for BopModels {
         let (dataset, model) = name.rsplit_once('/').ok_or_else(unknown)?;
         let folder = self.datasets(&root)?.remove(dataset).ok_or_else(unknown)?;
         let info = ObjectInfo { name: name.to_owned(), category: dataset.to_owned(), license: String::new() };
-        load(&root, &folder, model, info, log).map(Asset::Object)
+        load(&root, &folder, model, info, log).map(Asset::from)
     }
 }
 

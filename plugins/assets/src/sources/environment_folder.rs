@@ -51,7 +51,7 @@ impl AssetSource for EnvironmentFolder {
         let file = file.ok_or_else(|| Error::new(format!("no environment map `{name}`")).in_file(root.folder()))?;
         let mut map = environment::read(&root.locate(&file)?)?;
         name.clone_into(&mut map.name);
-        Ok(Asset::Environment(map))
+        Ok(Asset::from(map))
     }
 }
 

@@ -62,7 +62,7 @@ impl AssetSource for GoogleScannedObjects {
         let root = AssetRoot::open(&folder)?;
         let model = obj::read(&root, Path::new(MESH), log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(&folder), license: LICENSE.to_owned() };
-        model.into_object(info, &folder.join(MESH), log).map(|(object, _)| Asset::Object(object))
+        model.into_object(info, &folder.join(MESH), log).map(|(object, _)| Asset::from(object))
     }
 }
 

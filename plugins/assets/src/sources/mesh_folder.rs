@@ -67,7 +67,7 @@ impl AssetSource for MeshFolder {
         let model = if self.up == Up::Y && !states_up_axis { model.y_up_to_z_up() } else { model };
         let category = category(name, root.folder());
         let info = ObjectInfo { name: name.to_owned(), category, license: String::new() };
-        model.into_object(info, &root.folder().join(&file), log).map(|(object, _)| Asset::Object(object))
+        model.into_object(info, &root.folder().join(&file), log).map(|(object, _)| Asset::from(object))
     }
 }
 

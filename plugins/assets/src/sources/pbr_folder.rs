@@ -73,7 +73,7 @@ impl AssetSource for PbrFolder {
         };
         let mut material = read(&AssetRoot::open(&folder)?, name, log)?;
         material.tile_m = self.tile_m as f32;
-        Ok(Asset::Material(material.with_digest()))
+        Ok(Asset::from(material.with_digest()))
     }
 }
 
@@ -128,7 +128,7 @@ impl Map {
             [_, .., "nor" | "normal" | "nrm", "gl" | "ogl" | "opengl"] => Some(Self::NormalGl),
             [_, .., "nor" | "normal" | "nrm", "dx" | "directx"] => Some(Self::NormalDx),
             [_, .., "base", "color"] => Some(Self::Color),
-            [_, .., "color" | "color" | "col" | "diff" | "diffuse" | "albedo" | "basecolor"] => Some(Self::Color),
+            [_, .., "color" | "colour" | "col" | "diff" | "diffuse" | "albedo" | "basecolor"] => Some(Self::Color),
             [_, .., "roughness" | "rough" | "rgh"] => Some(Self::Roughness),
             [_, .., "metalness" | "metallic" | "metal" | "met"] => Some(Self::Metalness),
             [_, .., "normalgl" | "nrm" | "nor" | "normal"] => Some(Self::NormalGl),

@@ -95,7 +95,7 @@ impl AssetSource for Ycb {
         })?;
         let model = obj::read(&AssetRoot::open(&folder)?, &mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(name), license: LICENSE.to_owned() };
-        model.into_object(info, &folder.join(mesh), log).map(|(object, _)| Asset::Object(object))
+        model.into_object(info, &folder.join(mesh), log).map(|(object, _)| Asset::from(object))
     }
 }
 

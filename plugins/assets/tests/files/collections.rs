@@ -141,7 +141,7 @@ fn material_folders() {
         [&packed.roughness, &packed.metallic].map(|scalar| scalar.texture.as_ref().map(|(_, channel)| *channel));
     assert_eq!(channels, [Some(1), Some(2)]);
     // DirectX's green points down: 200 becomes 55.
-    assert_eq!(packed.normal.expect("a map").map.texture.texels[..4], [128, 55, 255, 255]);
+    assert_eq!(packed.normal.as_ref().expect("a map").map.texture.texels[..4], [128, 55, 255, 255]);
 }
 
 #[test]

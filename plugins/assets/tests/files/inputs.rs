@@ -207,7 +207,7 @@ pub fn load(root: &Path, name: &str) -> Object {
     let log = Collected::default();
     let asset = source_of("mesh_folder", root, "").load(name, &log).unwrap_or_else(|error| panic!("{name}: {error}"));
     assert!(log.warnings().is_empty(), "{name}: {:?}", log.warnings());
-    asset.into_object().expect("an object")
+    std::sync::Arc::unwrap_or_clone(asset.into_object().expect("an object"))
 }
 
 pub fn stl(ascii: bool) -> Vec<u8> {

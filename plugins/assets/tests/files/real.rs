@@ -25,7 +25,7 @@ fn load(source: &dyn AssetSource, name: &str) -> (Object, Vec<String>) {
     for warning in &warnings {
         println!("{warning}");
     }
-    (asset.into_object().expect("an object"), warnings)
+    (std::sync::Arc::unwrap_or_clone(asset.into_object().expect("an object")), warnings)
 }
 
 /// Compares sizes, each within half a step of the index's last digit.

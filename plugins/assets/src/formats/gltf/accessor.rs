@@ -53,14 +53,14 @@ pub fn width(document: &Root, index: Index<Accessor>) -> Result<usize> {
         Checked::Valid(Type::Vec3) => Ok(3),
         Checked::Valid(Type::Vec4) => Ok(4),
         Checked::Valid(_) => Err(Error::new(format!("accessor {} holds matrices", index.value()))),
-        Checked::ConfigError => Err(Error::new(format!("accessor {} has an unknown type", index.value()))),
+        Checked::Invalid => Err(Error::new(format!("accessor {} has an unknown type", index.value()))),
     }
 }
 
 fn component(accessor: &Accessor) -> Result<ComponentType> {
     match accessor.component_type {
         Checked::Valid(component) => Ok(component.0),
-        Checked::ConfigError => Err(Error::new("an unknown type of number")),
+        Checked::Invalid => Err(Error::new("an unknown type of number")),
     }
 }
 

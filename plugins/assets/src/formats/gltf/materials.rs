@@ -263,7 +263,7 @@ fn wrap(mode: Checked<WrappingMode>) -> Result<Wrap> {
         Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
         Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::Mirror),
         Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
-        Checked::ConfigError => Err(Error::new("a sampler with an unknown wrap mode")),
+        Checked::Invalid => Err(Error::new("a sampler with an unknown wrap mode")),
     }
 }
 

@@ -36,7 +36,7 @@ impl Primitive {
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
             Checked::Valid(_) => return Ok(None),
-            Checked::ConfigError => return Err(Error::new("an unknown drawing mode")),
+            Checked::Invalid => return Err(Error::new("an unknown drawing mode")),
         };
         let attribute = |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let Some(position) = attribute(Semantic::Positions) else {
