@@ -22,7 +22,7 @@ fn load(source: &dyn AssetSource, name: &str) -> Object {
     let asset = source.load(name, &log).unwrap_or_else(|error| panic!("{name}: {error}"));
     assert!(log.warnings().is_empty(), "{name}: {:?}", log.warnings());
     assert!(matches!(asset, Asset::Object(_)));
-    Arc::unwrap_or_clone(asset.into_object().expect("checked"))
+    std::sync::Arc::unwrap_or_clone(asset.into_object().expect("checked"))
 }
 
 fn all(kind: &str, options: &str) -> Vec<Object> {
