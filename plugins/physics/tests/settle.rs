@@ -106,7 +106,7 @@ fn nothing_falls_through_the_floor() {
 }
 
 #[test]
-fn what_is_off_the_tabletop_goes() {
+fn bodies_off_the_tabletop_are_removed() {
     // The table is 1.2 × 0.8 m, but only the middle 0.4 × 0.4 m count, and there is a step below.
     let scene = || {
         let mut scene = table_scene();
@@ -154,7 +154,7 @@ fn shut_in() -> SceneBuilder {
 }
 
 #[test]
-fn a_body_deep_in_another_is_dropped_again_or_removed() {
+fn a_body_deep_in_another_is_respawned_or_removed() {
     let mut scene = shut_in();
     let report = settle("on_violation = \"keep\"\nduration_s = 1.0", &mut scene);
     assert!(report.deepest_penetration_m > 0.006 && report.removed.is_empty(), "{report:?}");
@@ -173,7 +173,7 @@ fn a_body_deep_in_another_is_dropped_again_or_removed() {
     assert!(low > TABLE_HEIGHT - 0.001, "out of the cage: {low} to {high}");
 
     let mut scene = shut_in();
-    let report = settle("max_drops = 0", &mut scene);
+    let report = settle("max_respawns = 0", &mut scene);
     assert_eq!((report.removed.len(), report.dropped_again), (1, 0), "{report:?}");
 }
 
@@ -196,14 +196,14 @@ fn a_body_still_moving_is_seen() {
     assert!(report.removed[0].reason.starts_with("still moving at 0.98"), "{report:?}");
     assert_eq!(report.residual_speed_m_s, 0.0);
 
-    // Too short for any try: all are used up, then the body goes.
+    // Too short to come to rest: all respawns are used up, then the body is removed.
     let mut scene = falling();
-    let report = settle("duration_s = 0.05\nmax_drops = 2", &mut scene);
+    let report = settle("duration_s = 0.05\nmax_respawns = 2", &mut scene);
     assert_eq!((report.dropped_again, report.removed.len()), (2, 1), "{report:?}");
 }
 
 #[test]
-fn forty_objects_pass_the_gate() {
+fn forty_objects_are_accepted() {
     let mut scene = table_scene();
     drop_objects(&mut scene, &kit_objects(), 40, 11);
     let report = settle("", &mut scene);
@@ -223,7 +223,7 @@ fn a_crowd_on_a_stamp_comes_to_an_end() {
     let mut scene = table_scene();
     scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, TABLE_HEIGHT], size: [0.12, 0.12] });
     drop_objects(&mut scene, &kit_objects(), 12, 5);
-    let report = settle("max_drops = 2\nduration_s = 1.0\nmax_speed_m_s = 0.0001", &mut scene);
+    let report = settle("max_respawns = 2\nduration_s = 1.0\nmax_speed_m_s = 0.0001", &mut scene);
     assert_eq!(objects(&scene).count() + report.removed.len(), 12);
     assert!(report.residual_speed_m_s <= 0.0001 && report.deepest_penetration_m <= 0.005, "{report:?}");
 }
