@@ -171,23 +171,23 @@ mod tests {
             let got = penetration_depth(&anywhere, &one, &(anywhere * offset), &two);
             // The grid of hulls is 8 µm.
             assert!((got - wanted.max(0.0)).abs() < 1e-5, "{got}, not {wanted}");
-            let turned = penetration_depth(&(anywhere * offset), &two, &anywhere, &one);
-            assert!((got - turned).abs() < 2e-6, "{got} one way, {turned} the other");
+            let swapped = penetration_depth(&(anywhere * offset), &two, &anywhere, &one);
+            assert!((got - swapped).abs() < 2e-6, "{got} one way, {swapped} the other");
         }
     }
 
     #[test]
     fn crossing_edges() {
-        // Two square bars turned by 45° about their own axes, crossing at right angles: the edges touch,
+        // Two square bars rotated by 45° about their own axes, crossing at right angles: the edges touch,
         // and the minimum translation is vertical.
         let bar = polyhedron([0.4, 0.05, 0.05]);
         let half = std::f32::consts::FRAC_PI_8;
         let quarter = std::f32::consts::FRAC_PI_4;
         let rolled = Rotation::from_xyzw(half.sin(), 0.0, 0.0, half.cos());
         let across = Rotation::from_xyzw(0.0, 0.0, quarter.sin(), quarter.cos());
-        let reach = 0.05 / 2.0_f32.sqrt();
+        let half_diagonal = 0.05 / 2.0_f32.sqrt();
         for wanted in [0.001, 0.004, 0.01] {
-            let upper = Pose::from_parts(Vector::new(0.0, 0.0, 2.0 * reach - wanted), across * rolled);
+            let upper = Pose::from_parts(Vector::new(0.0, 0.0, 2.0 * half_diagonal - wanted), across * rolled);
             let got = penetration_depth(&Pose::from_parts(Vector::ZERO, rolled), &bar, &upper, &bar);
             assert!((got - wanted).abs() < 2e-5, "{got}, not {wanted}");
         }

@@ -2,12 +2,12 @@
 //!
 //! The kind `rapier` takes a scene as the placers left it, lets every dynamic body fall, and returns poses at rest:
 //!
-//! 1. [`decompose`]: every object becomes convex parts. Parts supplied by the object are used; otherwise VHACD computes
-//!    them, once per mesh, kept in memory and in the cache ([`hull_cache`]).
-//! 2. [`static_body`]: supports become convex parts too, with a thick slab under a flat tabletop; floor, walls and
+//! 1. `decompose`: every object becomes convex parts. Parts supplied by the object are used; otherwise VHACD computes
+//!    them, once per mesh, kept in memory and in the cache (`hull_cache`).
+//! 2. `static_body`: supports become convex parts too, with a thick slab under a flat tabletop; floor, walls and
 //!    ceiling become half-spaces.
-//! 3. [`engine`]: the simulation runs until everything sleeps or the time is over.
-//! 4. [`acceptance`]: bodies off the tabletop are removed. Bodies that still move, or penetrate another deeper than a
+//! 3. `engine`: the simulation runs until everything sleeps or the time is over.
+//! 4. `acceptance`: bodies off the tabletop are removed. Bodies that still move, or penetrate another deeper than a
 //!    limit, are respawned above the pile or removed, and the rest settles again, until no body violates a limit.
 //!
 //! **What is measured.** The penetration depth of two bodies is the largest depth of any two of their convex parts, and
@@ -19,7 +19,7 @@
 //! cached parts are read back bit by bit. The acceptance loop ends on any input: every round uses up one of a body's
 //! respawns or removes a body.
 //!
-//! **Units.** Meters, kilograms, seconds, in f64; inside the engine eighths of meters, in f32 (see [`units`]).
+//! **Units.** Meters, kilograms, seconds, in f64; inside the engine eighths of meters, in f32 (see `units`).
 
 mod acceptance;
 mod collision_shape;
