@@ -1,6 +1,6 @@
 //! Time and quality of settling 40 objects on a table of 1.2 m by 0.8 m.
 //!
-//! `cargo bench -p syntable-physics` first prints one line a seed: core seconds, simulated time, what the gate did, and
+//! `cargo bench -p syntable-physics` first prints one line per seed: core seconds, simulated time, what the acceptance check did, and
 //! the figures of the report. Real objects (Google Scanned Objects and YCB) are used where they are found.
 
 #[path = "../tests/kit/mod.rs"]
@@ -52,13 +52,13 @@ fn table(name: &str, objects: &[Arc<Object>], options: &str, seeds: u64) {
         let wall = start.elapsed().as_secs_f64();
         let core = before.zip(cpu_s()).map_or(wall, |(before, after)| after - before);
         total += core;
-        let gate = report.removed.iter().filter(|removal| !removal.reason.contains("table")).count();
+        let rejected = report.removed.iter().filter(|removal| !removal.reason.contains("table")).count();
         println!(
-            "  seed {seed}: {core:.2} core s, {wall:.2} s, {:.2} s simulated, {} dropped again, {} off the table, {gate} removed by the gate; \
+            "  seed {seed}: {core:.2} core s, {wall:.2} s, {:.2} s simulated, {} respawned, {} off the table, {rejected} rejected; \
              {:.1} mm deep, {:.4} m/s, {:.3} rad/s",
             report.simulated_s,
             report.dropped_again,
-            report.removed.len() - gate,
+            report.removed.len() - rejected,
             report.deepest_penetration_m * 1e3,
             report.residual_speed_m_s,
             report.residual_spin_rad_s,

@@ -1,18 +1,17 @@
 //! The rigid-body engine, as this crate uses it: bodies in, poses and measurements out.
 //!
 //! Settings that differ from rapier's defaults, each measured on 24 piles of 40 scanned objects:
-//! - tolerances for bodies of decimetres (`length_unit = 0.1`): a sixth of the penetration;
+//! - tolerances for bodies of decimeters (`length_unit = 0.1`): a sixth of the penetration;
 //! - one collider per convex part, not one compound per body: merging the contacts of a compound's parts leaves a few
-//!   bodies in every pile trembling for good, while single colliders let all of them fall asleep;
-//! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion rather than 5: half the deep bodies;
-//! - speculative contacts up to 2 cm ahead of a moving body, in place of swept collision tests, which computed the mass
-//!   properties of every part anew at each step and doubled the time.
+//!   bodies in every pile jittering forever, while single colliders let all of them fall asleep;
+//! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion rather than 5: half as many deep
+//!   penetrations;
+//! - speculative contacts up to 2 cm ahead of a moving body, instead of continuous collision detection, which recomputes
+//!   the mass properties of every part at each step and takes twice as long.
 
-use crate::config::{Mass, Rapier};
-use crate::depth::depth;
-use crate::fixed::Fixed;
-use crate::manifold::Polyhedra;
-use crate::shape::CollisionShape;
+use crate::collision_shape::CollisionShape;
+use crate::rapier::{Mass, Rapier};
+use crate::static_body::StaticBody;
 use crate::units;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::{Pose as EnginePose, Vector};
@@ -21,46 +20,47 @@ use rapier3d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, NarrowPhase};
 use rapier3d::pipeline::PhysicsWorld;
 use std::sync::Arc;
+use syntable_convex::{PolyhedronContacts, penetration_depth};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Aabb, Point3, Pose};
 use syntable_model::scene::BodyDraft;
 
-/// How far ahead of a moving body contacts are sought, metres.
+/// Distance ahead of a moving body at which contacts are predicted, meters.
 const SPECULATIVE_M: f64 = 0.02;
 
 /// Seconds of stillness after which a body sleeps.
 const SLEEP_AFTER_S: f32 = 0.5;
 
-/// Steps between two looks at which bodies have fallen.
-const LOOK_EVERY: usize = 8;
+/// Steps between two checks for bodies that have fallen off.
+const FALL_CHECK_STEPS: usize = 8;
 
 /// A dynamic body.
-pub struct Item {
+pub struct DynamicBody {
     /// Its shape.
     pub shape: Arc<CollisionShape>,
-    /// Middle of its bounding box, body frame.
-    middle: Point3<f64>,
+    /// Center of its bounding box, body frame.
+    center: Point3<f64>,
     mass: f64,
     friction: f32,
     rigid: Option<RigidBodyHandle>,
 }
 
-/// Two bodies in each other: an item, and another item or a fixed thing.
+/// Two penetrating bodies: a dynamic one, and another dynamic or a static one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
-    /// The item with the smaller number.
-    pub item: usize,
-    /// The other item; none for a support or a part of the room.
+    /// The dynamic body with the smaller index.
+    pub body: usize,
+    /// The other dynamic body; none for a support or a part of the room.
     pub other: Option<usize>,
-    /// Depth, metres.
+    /// Penetration depth, meters.
     pub depth: f64,
 }
 
-/// A simulation of one scene. Items have fixed numbers; one that was taken out keeps its number.
+/// A simulation of one scene. Dynamic bodies are named by indices from 0; a removed body keeps its index.
 pub struct Engine {
     world: PhysicsWorld,
-    items: Vec<Item>,
-    fixed: Vec<Fixed>,
+    bodies: Vec<DynamicBody>,
+    static_bodies: Vec<StaticBody>,
     step_s: f64,
     duration_s: f64,
     restitution: f32,
@@ -68,32 +68,33 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// An empty world with fixed things in it.
-    pub fn new(config: &Rapier, fixed: Vec<Fixed>) -> Self {
+    /// A world with static bodies only.
+    pub fn new(config: &Rapier, static_bodies: Vec<StaticBody>) -> Self {
         let mut world = PhysicsWorld {
             gravity: Vector::new(0.0, 0.0, -units::length(config.gravity_m_s2)),
             ..PhysicsWorld::default()
         };
-        world.narrow_phase = NarrowPhase::with_query_dispatcher(Polyhedra.chain(DefaultQueryDispatcher));
+        let contacts = PolyhedronContacts { units_per_meter: units::PER_METER };
+        world.narrow_phase = NarrowPhase::with_query_dispatcher(contacts.chain(DefaultQueryDispatcher));
         let parameters = &mut world.integration_parameters;
         parameters.dt = config.time_step_s as f32;
-        parameters.length_unit = 0.1 * units::PER_METRE;
+        parameters.length_unit = 0.1 * units::PER_METER;
         parameters.contact_softness.natural_frequency = 60.0;
         parameters.normalized_contact_recycle_distance = 0.01;
         parameters.max_ccd_substeps = 0;
-        for thing in &fixed {
-            for (local, part) in thing.parts() {
+        for body in &static_bodies {
+            for (local, part) in body.parts() {
                 let collider = ColliderBuilder::new(part.clone())
-                    .position(thing.pose * local)
-                    .friction(thing.friction)
+                    .position(body.pose * local)
+                    .friction(body.friction)
                     .restitution(config.restitution as f32);
                 world.insert_collider(collider, None);
             }
         }
         Self {
             world,
-            items: Vec::new(),
-            fixed,
+            bodies: Vec::new(),
+            static_bodies,
             step_s: config.time_step_s,
             duration_s: config.duration_s,
             restitution: config.restitution as f32,
@@ -101,7 +102,7 @@ impl Engine {
         }
     }
 
-    /// Does work with the engine on a pool of so many threads. Parallel parts of the engine stay inside.
+    /// Runs `work` with the engine on a pool of `threads` threads. Parallel parts of the engine stay inside.
     pub fn on_threads<T: Send>(&mut self, threads: usize, work: impl FnOnce(&mut Self) -> T + Send) -> Result<T> {
         let failed = |error: &dyn std::fmt::Display| Error::new(format!("no thread for the simulation: {error}"));
         self.world.configure_thread_pool(threads).map_err(|error| failed(&error))?;
@@ -109,26 +110,26 @@ impl Engine {
         Ok(pool.install(|| work(self)))
     }
 
-    /// Adds a dynamic body at its pose and at rest. Items are numbered from 0.
+    /// Adds a dynamic body at its pose and at rest.
     pub fn add(&mut self, body: &BodyDraft, shape: Arc<CollisionShape>, mass: Mass) {
         let mass = match mass {
             Mass::Real => body.object.mass_kg,
             Mass::Kg(kg) => kg,
         };
-        self.items.push(Item {
+        self.bodies.push(DynamicBody {
             shape,
-            middle: body.object.mesh.bounds().centre(),
+            center: body.object.mesh.bounds().centre(),
             mass,
             friction: friction(body.object.friction),
             rigid: None,
         });
-        self.put(self.items.len() - 1, &body.world_from_body);
+        self.put(self.bodies.len() - 1, &body.world_from_body);
     }
 
-    /// Puts an item at a pose and at rest, whether it was in the world or not.
-    pub fn put(&mut self, item: usize, world_from_body: &Pose) {
-        self.take(item);
-        let Item { shape, mass, friction, .. } = &self.items[item];
+    /// Puts a body at a pose and at rest, whether it was in the world or not.
+    pub fn put(&mut self, index: usize, world_from_body: &Pose) {
+        self.take(index);
+        let DynamicBody { shape, mass, friction, .. } = &self.bodies[index];
         let mut body = RigidBodyBuilder::dynamic()
             .pose(units::pose(world_from_body))
             .additional_mass_properties(shape.with_mass(*mass))
@@ -142,33 +143,33 @@ impl Engine {
                 ColliderBuilder::new(part.clone()).density(0.0).friction(*friction).restitution(self.restitution);
             self.world.insert_collider(collider, Some(rigid));
         }
-        self.items[item].rigid = Some(rigid);
+        self.bodies[index].rigid = Some(rigid);
     }
 
-    /// Takes an item out. What it touched wakes up.
-    pub fn take(&mut self, item: usize) {
-        if let Some(rigid) = self.items[item].rigid.take() {
+    /// Takes a body out of the world. Bodies that it touched wake up.
+    pub fn take(&mut self, index: usize) {
+        if let Some(rigid) = self.bodies[index].rigid.take() {
             self.world.remove_body(rigid);
         }
     }
 
-    /// Numbers of the items that are in the world, in order.
+    /// Indices of the bodies that are in the world, in order.
     pub fn present(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.items.len()).filter(|&item| self.items[item].rigid.is_some())
+        (0..self.bodies.len()).filter(|&body| self.bodies[body].rigid.is_some())
     }
 
-    /// Simulates until everything sleeps or the time is over, and gives the simulated time, s. Items that lie wholly
-    /// below `gone_below` are taken out on the way; their numbers are added to `gone`.
-    pub fn run(&mut self, gone_below: Option<f64>, gone: &mut Vec<usize>) -> f64 {
+    /// Simulates until everything sleeps or the time is over. Returns the simulated time, s. Bodies that are completely
+    /// below `min_height` are taken out on the way, and their indices are added to `fallen`.
+    pub fn run(&mut self, min_height: Option<f64>, fallen: &mut Vec<usize>) -> f64 {
         let steps = (self.duration_s / self.step_s).ceil() as usize;
         for step in 1..=steps {
             self.world.step();
-            if let Some(height) = gone_below
-                && step % LOOK_EVERY == 0
+            if let Some(height) = min_height
+                && step % FALL_CHECK_STEPS == 0
             {
-                let below: Vec<usize> = self.present().filter(|&item| self.bounds(item).max.z < height).collect();
-                below.iter().for_each(|&item| self.take(item));
-                gone.extend(below);
+                let below: Vec<usize> = self.present().filter(|&body| self.bounds(body).max.z < height).collect();
+                below.iter().for_each(|&body| self.take(body));
+                fallen.extend(below);
             }
             if self.world.islands.num_active_bodies() == 0 {
                 return step as f64 * self.step_s;
@@ -177,88 +178,89 @@ impl Engine {
         steps as f64 * self.step_s
     }
 
-    /// Whether any item is awake.
+    /// Whether any body is awake.
     pub fn is_awake(&self) -> bool {
-        self.present().any(|item| self.items[item].rigid.is_some_and(|rigid| !self.world.bodies[rigid].is_sleeping()))
+        self.present().any(|body| self.bodies[body].rigid.is_some_and(|rigid| !self.world.bodies[rigid].is_sleeping()))
     }
 
-    /// Whether an item was stopped because its numbers ran out of range.
-    pub fn is_broken(&self, item: usize) -> bool {
-        self.items[item].rigid.is_some_and(|rigid| {
+    /// Whether the engine disabled a body, or its position is not finite.
+    pub fn is_broken(&self, index: usize) -> bool {
+        self.bodies[index].rigid.is_some_and(|rigid| {
             let body = &self.world.bodies[rigid];
             !body.is_enabled() || !body.translation().is_finite()
         })
     }
 
-    /// Pose of an item that is in the world.
-    pub fn pose(&self, item: usize) -> Pose {
-        units::pose_of(&self.engine_pose(item))
+    /// Pose of a body that is in the world.
+    pub fn pose(&self, index: usize) -> Pose {
+        units::pose_of(&self.engine_pose(index))
     }
 
-    /// Middle of an item's bounding box, world, metres.
-    pub fn middle(&self, item: usize) -> Point3<f64> {
-        self.pose(item) * self.items[item].middle
+    /// Center of a body's bounding box, world, meters.
+    pub fn center(&self, index: usize) -> Point3<f64> {
+        self.pose(index) * self.bodies[index].center
     }
 
-    /// Bounding box of an item's collision shape, world, metres.
-    pub fn bounds(&self, item: usize) -> Aabb {
-        units::aabb_of(&self.items[item].shape.bounds(&self.engine_pose(item)))
+    /// Bounding box of a body's collision shape, world, meters.
+    pub fn bounds(&self, index: usize) -> Aabb {
+        units::aabb_of(&self.bodies[index].shape.bounds(&self.engine_pose(index)))
     }
 
-    /// Bounding box that an item would have at a pose, metres.
-    pub fn bounds_at(&self, item: usize, world_from_body: &Pose) -> Aabb {
-        units::aabb_of(&self.items[item].shape.bounds(&units::pose(world_from_body)))
+    /// Bounding box that a body would have at a pose, meters.
+    pub fn bounds_at(&self, index: usize, world_from_body: &Pose) -> Aabb {
+        units::aabb_of(&self.bodies[index].shape.bounds(&units::pose(world_from_body)))
     }
 
-    /// Speed of an item's centre of mass, m/s, and its angular speed, rad/s.
-    pub fn speed_and_spin(&self, item: usize) -> (f64, f64) {
-        self.items[item].rigid.map_or((0.0, 0.0), |rigid| {
+    /// Speed of a body's center of mass, m/s, and its angular speed, rad/s.
+    pub fn speeds(&self, index: usize) -> (f64, f64) {
+        self.bodies[index].rigid.map_or((0.0, 0.0), |rigid| {
             let body = &self.world.bodies[rigid];
-            (units::metres(body.linvel().length()), f64::from(body.angvel().length()))
+            (units::meters(body.linvel().length()), f64::from(body.angvel().length()))
         })
     }
 
-    /// All pairs of bodies that are in each other, in order.
+    /// All pairs of penetrating bodies, in order; the deepest static body counts for all of them.
     pub fn overlaps(&self) -> Vec<Overlap> {
-        let with_bounds = |item: usize| {
-            let pose = self.engine_pose(item);
-            (item, pose, self.items[item].shape.bounds(&pose))
+        let with_bounds = |body: usize| {
+            let pose = self.engine_pose(body);
+            (body, pose, self.bodies[body].shape.bounds(&pose))
         };
-        let items: Vec<_> = self.present().map(with_bounds).collect();
+        let bodies: Vec<_> = self.present().map(with_bounds).collect();
         let mut overlaps = Vec::new();
-        for (place, (item, pose, bounds)) in items.iter().enumerate() {
-            let shape = &*self.items[*item].shape.whole;
-            let fixed =
-                self.fixed.iter().map(|thing| depth(pose, shape, &thing.pose, &*thing.whole)).fold(0.0, f32::max);
-            let others = items[place + 1..].iter().filter(|(_, _, other)| bounds.intersects(other)).map(
+        for (i, (body, pose, bounds)) in bodies.iter().enumerate() {
+            let shape = &*self.bodies[*body].shape.whole;
+            let depths =
+                self.static_bodies.iter().map(|other| penetration_depth(pose, shape, &other.pose, &*other.whole));
+            let deepest_static = depths.fold(0.0, f32::max);
+            let others = bodies[i + 1..].iter().filter(|(_, _, other)| bounds.intersects(other)).map(
                 |(other, other_pose, _)| {
-                    (Some(*other), depth(pose, shape, other_pose, &*self.items[*other].shape.whole))
+                    (Some(*other), penetration_depth(pose, shape, other_pose, &*self.bodies[*other].shape.whole))
                 },
             );
             overlaps.extend(
-                std::iter::once((None, fixed))
+                std::iter::once((None, deepest_static))
                     .chain(others)
                     .filter(|(_, depth)| *depth > 0.0)
-                    .map(|(other, depth)| Overlap { item: *item, other, depth: units::metres(depth) }),
+                    .map(|(other, depth)| Overlap { body: *body, other, depth: units::meters(depth) }),
             );
         }
         overlaps
     }
 
-    fn engine_pose(&self, item: usize) -> EnginePose {
-        self.items[item].rigid.map_or(EnginePose::IDENTITY, |rigid| *self.world.bodies[rigid].position())
+    fn engine_pose(&self, index: usize) -> EnginePose {
+        self.bodies[index].rigid.map_or(EnginePose::IDENTITY, |rigid| *self.world.bodies[rigid].position())
     }
 
-    /// Kinetic and potential energy of all items, J.
+    /// Kinetic and potential energy of all bodies, J.
     #[cfg(test)]
     pub fn energy(&self) -> f64 {
         let gravity = self.world.gravity;
         self.present()
-            .filter_map(|item| self.items[item].rigid)
+            .filter_map(|body| self.bodies[body].rigid)
             .map(|rigid| {
                 let body = &self.world.bodies[rigid];
                 f64::from(body.kinetic_energy() - body.mass() * gravity.dot(body.center_of_mass()))
-                    / f64::from(units::PER_METRE).powi(2)
+                    / f64::from(units::PER_METER).powi(2)
             })
             .sum()
     }
@@ -270,7 +272,7 @@ impl Engine {
     }
 }
 
-/// A friction coefficient that the engine can work with.
+/// Clamps a friction coefficient to 0–10; 0.5 if it is not finite.
 pub fn friction(coefficient: f64) -> f32 {
     if coefficient.is_finite() { coefficient.clamp(0.0, 10.0) as f32 } else { 0.5 }
 }
@@ -278,19 +280,18 @@ pub fn friction(coefficient: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixed;
-    use crate::hull::Hull;
     use crate::kit;
+    use crate::static_body;
     use syntable_model::geometry::Translation3;
     use syntable_model::random::Stream;
 
     fn falling(config: &Rapier, count: usize) -> Engine {
-        let mut engine = Engine::new(config, vec![fixed::ground(0.0)]);
+        let mut engine = Engine::new(config, vec![static_body::ground(0.0)]);
         let mut stream = Stream::root(3);
         let shapes: Vec<_> = kit::kit_objects()
             .into_iter()
             .map(|object| {
-                let hull = Hull::around(&object.mesh.data().positions).expect("a hull");
+                let hull = units::hull(&object.mesh.data().positions).expect("a hull");
                 (object, Arc::new(CollisionShape::new(&[hull]).expect("a shape")))
             })
             .collect();
@@ -312,7 +313,7 @@ mod tests {
         for step in 0..1200 {
             engine.step();
             let now = engine.energy();
-            // Pushing overlapping bodies apart lifts them a little: 0.1 % of the start in one step at most.
+            // Pushing penetrating bodies apart lifts them slightly: 0.1 % of the start in one step at most.
             assert!(now <= before + 0.001 * start, "step {step}: {before} J, then {now} J");
             assert!(now <= lowest + 0.01 * start, "step {step}: {now} J after {lowest} J");
             (before, lowest) = (now, lowest.min(now));
@@ -321,21 +322,21 @@ mod tests {
     }
 
     #[test]
-    fn mass_is_the_objects_own_or_the_same_for_all() {
+    fn mass_is_the_objects_own_or_a_constant() {
         for (mass, wanted) in [(Mass::Real, 0.15), (Mass::Kg(1.0), 1.0)] {
             let engine = falling(&Rapier { mass, ..Rapier::default() }, 3);
-            for item in engine.present() {
-                // Before the first step the engine has not summed anything up.
-                let shape = &engine.items[item].shape;
-                assert!((shape.with_mass(engine.items[item].mass).mass() - wanted).abs() < 1e-6);
+            for body in engine.present() {
+                // Before the first step the engine has not computed any masses.
+                let shape = &engine.bodies[body].shape;
+                assert!((shape.with_mass(engine.bodies[body].mass).mass() - wanted).abs() < 1e-6);
             }
             // Free fall gives the potential energy m g h back as kinetic energy.
             let mut engine = engine;
             engine.step();
-            let weight: f64 = engine.items.iter().map(|item| item.mass).sum();
+            let weight: f64 = engine.bodies.iter().map(|body| body.mass).sum();
             let height = |engine: &Engine| {
-                let of = |item: usize| {
-                    engine.items[item].rigid.map_or(0.0, |r| units::metres(engine.world.bodies[r].center_of_mass().z))
+                let of = |body: usize| {
+                    engine.bodies[body].rigid.map_or(0.0, |r| units::meters(engine.world.bodies[r].center_of_mass().z))
                 };
                 engine.present().map(of).sum::<f64>() / 3.0
             };
@@ -347,16 +348,16 @@ mod tests {
     #[test]
     fn overlaps_are_those_of_the_poses() {
         let config = Rapier::default();
-        let mut engine = Engine::new(&config, vec![fixed::ground(0.0)]);
+        let mut engine = Engine::new(&config, vec![static_body::ground(0.0)]);
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
-        let hull = Hull::around(&cube.mesh.data().positions).expect("a hull");
+        let hull = units::hull(&cube.mesh.data().positions).expect("a hull");
         let shape = Arc::new(CollisionShape::new(&[hull]).expect("a shape"));
         for (x, z) in [(0.0, 0.048), (0.093, 0.06), (0.5, 0.06)] {
             engine.add(&kit::dynamic(&cube, kit::at(x, 0.0, z)), shape.clone(), config.mass);
         }
         let overlaps = engine.overlaps();
         let [table, pair] = overlaps[..] else { panic!("{overlaps:?}") };
-        assert_eq!((table.item, table.other, pair.item, pair.other), (0, None, 0, Some(1)));
+        assert_eq!((table.body, table.other, pair.body, pair.other), (0, None, 0, Some(1)));
         assert!((table.depth - 0.002).abs() < 1e-5 && (pair.depth - 0.007).abs() < 1e-5, "{overlaps:?}");
         engine.take(0);
         assert_eq!(engine.overlaps(), []);

@@ -1,10 +1,10 @@
-//! The stage: a scene in, the same scene at rest out.
+//! The stage: moves the bodies of a scene to their poses at rest.
 
-use crate::config::{Mass, Rapier, Remove};
+use crate::acceptance::{Acceptance, BodyInfo, Outcome};
 use crate::engine::Engine;
-use crate::fixed;
-use crate::gate::{Candidate, Gate, Outcome};
-use crate::library::Library;
+use crate::hull_cache::HullCache;
+use crate::rapier::{Mass, Rapier, Remove};
+use crate::static_body;
 use syntable_model::context::Context;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Pose};
@@ -14,17 +14,17 @@ use syntable_model::stage::Settler;
 /// The settler of the kind `rapier`.
 pub struct Settle {
     config: Rapier,
-    library: Library,
+    hull_cache: HullCache,
     threads: usize,
 }
 
 impl Settle {
-    /// A settler that simulates each scene on one thread, so that scenes side by side do not disturb each other.
+    /// A settler that simulates each scene on one thread: scenes run in parallel.
     pub fn new(config: Rapier) -> Self {
-        Self { library: Library::new(&config), config, threads: 1 }
+        Self { hull_cache: HullCache::new(&config), config, threads: 1 }
     }
 
-    /// The same with more threads for one scene: the same result, no sooner.
+    /// The same with more threads per scene.
     #[cfg(test)]
     pub fn with_threads(config: Rapier, threads: usize) -> Self {
         Self { threads, ..Self::new(config) }
@@ -45,55 +45,55 @@ impl Settler for Settle {
         let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
         let objects: Vec<&Object> = shaped.iter().map(|(_, body)| &*body.object).collect();
-        let shapes = self.library.shapes(&objects, context.cache, context.workers);
+        let shapes = self.hull_cache.shapes(&objects, context.cache, context.workers);
 
-        // Where objects are: no wall may cut them off.
+        // Positions of objects: no wall may be between them and the table.
         let inside: Vec<Point3<f64>> = bodies
             .iter()
             .filter(|(_, body)| body.motion == Motion::Dynamic)
             .map(|(_, body)| body.world_bounds().centre())
             .chain(tabletop.map(|tabletop| tabletop.centre()))
             .collect();
-        let mut still = Vec::new();
+        let mut static_bodies = Vec::new();
         for (_, body) in bodies.iter().filter(|(_, body)| is_room(body)) {
-            match fixed::room_part(body, &inside) {
-                Some(part) => still.push(part),
+            match static_body::room_part(body, &inside) {
+                Some(part) => static_bodies.push(part),
                 None => context.log.warn(
                     &Error::new("no collision shape can be made of its mesh, so that objects pass through it")
                         .context(body.asset.to_string()),
                 ),
             }
         }
-        let mut falling = Vec::new();
+        let mut dynamic = Vec::new();
         for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
             let shape = shape.map_err(|error| error.context(body.asset.to_string()))?;
             match body.motion {
-                Motion::Fixed => still.extend(fixed::support(body, &shape, tabletop.as_ref())),
-                Motion::Dynamic => falling.push((*handle, body, shape)),
+                Motion::Fixed => static_bodies.extend(static_body::support(body, &shape, tabletop.as_ref())),
+                Motion::Dynamic => dynamic.push((*handle, body, shape)),
             }
         }
-        still.push(fixed::ground(0.0));
+        static_bodies.push(static_body::ground(0.0));
 
-        let candidates: Vec<Candidate> = falling
+        let infos: Vec<BodyInfo> = dynamic
             .iter()
-            .map(|(_, body, _)| Candidate { role: body.role, spawn: body.spawn, name: body.asset.to_string() })
+            .map(|(_, body, _)| BodyInfo { role: body.role, spawn: body.spawn, name: body.asset.to_string() })
             .collect();
-        let mut engine = Engine::new(&self.config, still);
-        for (_, body, shape) in &falling {
+        let mut engine = Engine::new(&self.config, static_bodies);
+        for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone(), self.config.mass);
         }
         let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
-            let outcome = Gate::new(&self.config, engine, &candidates, tabletop).run(&context.stream);
-            let poses: Vec<(usize, Pose)> = engine.present().map(|item| (item, engine.pose(item))).collect();
+            let outcome = Acceptance::new(&self.config, engine, &infos, tabletop).run(&context.stream);
+            let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
             (outcome, poses)
         })?;
 
-        for (item, pose) in poses {
-            scene.set_pose(falling[item].0, pose);
+        for (index, pose) in poses {
+            scene.set_pose(dynamic[index].0, pose);
         }
         let mut report = report;
-        for (item, reason) in removed {
-            let (handle, body, _) = &falling[item];
+        for (index, reason) in removed {
+            let (handle, body, _) = &dynamic[index];
             scene.remove(*handle);
             report.removed.push(Removal { spawn: body.spawn, asset: body.asset.clone(), reason });
         }
@@ -102,6 +102,7 @@ impl Settler for Settle {
     }
 }
 
+/// Refuses bodies that cannot be simulated.
 fn check(body: &BodyDraft, mass: Mass) -> Result<()> {
     let pose = &body.world_from_body;
     if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {

@@ -1,4 +1,4 @@
-//! The settler through its public face: scenes in, scenes at rest out.
+//! The settler through its public interface.
 
 mod kit;
 
@@ -60,7 +60,7 @@ fn bodies_rest_on_a_round_table_and_not_beside_it() {
 
 #[test]
 fn friction_decides_whether_a_cube_slides() {
-    // tan 26.57° = 0.5. Above it the way is ½ g (sin θ − μ cos θ) t².
+    // tan 26.57° = 0.5. Above it the distance is ½ g (sin θ − μ cos θ) t².
     let check = |angle_deg: f64, time_s: f64, expected_m: f64| {
         let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
         let on_slope = |along: f64, up: f64| {
@@ -84,7 +84,7 @@ fn friction_decides_whether_a_cube_slides() {
 }
 
 #[test]
-fn nothing_falls_through_the_floor() {
+fn no_body_falls_through_the_floor() {
     let shapes = kit_objects();
     for floor in [true, false] {
         let mut scene = SceneBuilder::default();
@@ -98,7 +98,7 @@ fn nothing_falls_through_the_floor() {
         let report = settle("remove = \"keep\"\non_violation = \"keep\"", &mut scene);
         assert_eq!(objects(&scene).count(), 12, "{report:?}");
         for body in objects(&scene) {
-            let (low, _) = reach(body);
+            let (low, _) = z_range(body);
             assert!(low > -0.003, "{} at {low}", body.object.name);
             assert!(!floor || body.world_from_body.translation.y < 0.5, "{} behind the wall", body.object.name);
         }
@@ -106,8 +106,8 @@ fn nothing_falls_through_the_floor() {
 }
 
 #[test]
-fn what_is_off_the_tabletop_goes() {
-    // The table is 1.2 × 0.8 m, but only the middle 0.4 × 0.4 m count, and there is a step below.
+fn bodies_off_the_tabletop_are_removed() {
+    // The table is 1.2 × 0.8 m, but only the central 0.4 × 0.4 m count, and there is a step below.
     let scene = || {
         let mut scene = table_scene();
         let step = object("step", cuboid([0.0; 3], [0.3, 0.3, 0.1]), 1.0);
@@ -119,7 +119,7 @@ fn what_is_off_the_tabletop_goes() {
         scene.add(dynamic(&cube(), at(-0.205, 0.0, rest))); // beyond the width
         scene.add(dynamic(&cube(), at(0.0, 0.205, rest))); // beyond the length
         scene.add(dynamic(&cube(), at(0.9, 0.0, 0.6))); // on the step
-        scene.add(dynamic(&far, at(-1.0, -0.19, rest))); // origin outside, middle inside
+        scene.add(dynamic(&far, at(-1.0, -0.19, rest))); // origin outside, center inside
         scene
     };
     let mut kept = scene();
@@ -135,16 +135,16 @@ fn what_is_off_the_tabletop_goes() {
     assert_eq!(objects(&all).count(), 5);
 }
 
-/// A cube shut in a box that is too small for it.
-fn shut_in() -> SceneBuilder {
+/// A cube inside a hollow box that is too small for it.
+fn caged_cube() -> SceneBuilder {
     let mut scene = table_scene();
     let (inner, wall) = (0.045, 0.03);
     let side = inner + 2.0 * wall;
     let plates = (0..3).flat_map(|axis| [-1.0, 1.0].map(|sign| (axis, sign))).map(|(axis, sign)| {
-        let (mut centre, mut size) = ([0.0; 3], [side; 3]);
-        centre[axis] = sign * (inner + wall) / 2.0;
+        let (mut center, mut size) = ([0.0; 3], [side; 3]);
+        center[axis] = sign * (inner + wall) / 2.0;
         size[axis] = wall;
-        cuboid(centre, size)
+        cuboid(center, size)
     });
     let parts = plates.clone().map(|plate| plate.positions).collect();
     let cage = Object { collision: Some(Arc::new(parts)), ..(*object("cage", join(plates), 1.0)).clone() };
@@ -154,31 +154,31 @@ fn shut_in() -> SceneBuilder {
 }
 
 #[test]
-fn a_body_deep_in_another_is_dropped_again_or_removed() {
-    let mut scene = shut_in();
+fn a_body_deep_in_another_is_respawned_or_removed() {
+    let mut scene = caged_cube();
     let report = settle("on_violation = \"keep\"\nduration_s = 1.0", &mut scene);
     assert!(report.deepest_penetration_m > 0.006 && report.removed.is_empty(), "{report:?}");
 
-    let mut scene = shut_in();
+    let mut scene = caged_cube();
     let report = settle("on_violation = \"remove\"\nduration_s = 1.0", &mut scene);
     assert_eq!((report.removed.len(), report.dropped_again), (1, 0), "{report:?}");
     assert!(report.removed[0].reason.contains("mm deep in the table or the room"), "{report:?}");
     assert_eq!(report.deepest_penetration_m, 0.0);
 
-    let mut scene = shut_in();
+    let mut scene = caged_cube();
     let report = settle("", &mut scene);
     assert!(report.removed.is_empty() && report.dropped_again >= 1, "{report:?}");
     assert!(report.deepest_penetration_m < 0.005, "{report:?}");
-    let (low, high) = reach(objects(&scene).next().expect("a cube"));
-    assert!(low > TABLE_HEIGHT - 0.001, "out of the cage: {low} to {high}");
+    let (low, high) = z_range(objects(&scene).next().expect("a cube"));
+    assert!(low > TABLE_HEIGHT - 0.001, "outside the cage: {low} to {high}");
 
-    let mut scene = shut_in();
-    let report = settle("max_drops = 0", &mut scene);
+    let mut scene = caged_cube();
+    let report = settle("max_respawns = 0", &mut scene);
     assert_eq!((report.removed.len(), report.dropped_again), (1, 0), "{report:?}");
 }
 
 #[test]
-fn a_body_still_moving_is_seen() {
+fn moving_bodies_are_detected() {
     let falling = || {
         let mut scene = table_scene();
         scene.add(dynamic(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.5)));
@@ -196,14 +196,14 @@ fn a_body_still_moving_is_seen() {
     assert!(report.removed[0].reason.starts_with("still moving at 0.98"), "{report:?}");
     assert_eq!(report.residual_speed_m_s, 0.0);
 
-    // Too short for any try: all are used up, then the body goes.
+    // Too short to come to rest: all respawns are used up, then the body is removed.
     let mut scene = falling();
-    let report = settle("duration_s = 0.05\nmax_drops = 2", &mut scene);
+    let report = settle("duration_s = 0.05\nmax_respawns = 2", &mut scene);
     assert_eq!((report.dropped_again, report.removed.len()), (2, 1), "{report:?}");
 }
 
 #[test]
-fn forty_objects_pass_the_gate() {
+fn forty_objects_are_accepted() {
     let mut scene = table_scene();
     drop_objects(&mut scene, &kit_objects(), 40, 11);
     let report = settle("", &mut scene);
@@ -212,18 +212,18 @@ fn forty_objects_pass_the_gate() {
     assert_eq!(objects(&scene).count() + report.removed.len(), 40);
     assert!(objects(&scene).count() >= 25, "{report:?}");
     for body in objects(&scene) {
-        // Seen by the vertices of the mesh, not by the collision shape: in the table by no more than the limit.
-        let (low, _) = reach(body);
+        // Measured at the vertices of the mesh, not of the collision shape: penetrates the table by no more than the limit.
+        let (low, _) = z_range(body);
         assert!(low > TABLE_HEIGHT - 0.006, "{} {} at {low}", body.spawn, body.object.name);
     }
 }
 
 #[test]
-fn a_crowd_on_a_stamp_comes_to_an_end() {
+fn too_many_objects_on_a_tiny_tabletop_terminate() {
     let mut scene = table_scene();
     scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, TABLE_HEIGHT], size: [0.12, 0.12] });
     drop_objects(&mut scene, &kit_objects(), 12, 5);
-    let report = settle("max_drops = 2\nduration_s = 1.0\nmax_speed_m_s = 0.0001", &mut scene);
+    let report = settle("max_respawns = 2\nduration_s = 1.0\nmax_speed_m_s = 0.0001", &mut scene);
     assert_eq!(objects(&scene).count() + report.removed.len(), 12);
     assert!(report.residual_speed_m_s <= 0.0001 && report.deepest_penetration_m <= 0.005, "{report:?}");
 }
@@ -240,14 +240,14 @@ fn the_same_on_any_thread_and_with_any_cache() {
     let wanted = [1, 2].map(|seed| settled(&*settler(""), &NoCache, seed));
     assert_ne!(wanted[0].0, wanted[1].0);
 
-    // A cold cache, then a warm one with a settler that remembers nothing, then one that remembers.
+    // A cold cache, then a warm one with a new settler, then one that keeps shapes in memory.
     let cache = Memory::default();
     assert_eq!(settled(&*settler(""), &cache, 1), wanted[0]);
     assert_eq!(*cache.hits.lock().expect("a lock"), 0);
     let shared = settler("");
     assert_eq!(settled(&*shared, &cache, 1), wanted[0]);
     assert!(*cache.hits.lock().expect("a lock") > 0);
-    // Damaged entries are made anew.
+    // Damaged entries are recomputed.
     cache.entries.lock().expect("a lock").values_mut().for_each(|bytes| bytes.truncate(bytes.len() / 2));
     assert_eq!(settled(&*settler(""), &cache, 1), wanted[0]);
 
@@ -273,7 +273,7 @@ fn the_same_on_any_thread_and_with_any_cache() {
 }
 
 #[test]
-fn odd_meshes_settle_or_say_what_is_wrong() {
+fn degenerate_meshes_settle_or_give_an_error() {
     let soup =
         |positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>| MeshData { positions, triangles, ..Default::default() };
     let fine = [
@@ -302,7 +302,7 @@ fn odd_meshes_settle_or_say_what_is_wrong() {
             scene.add(dynamic(&object(name, data.clone(), 0.1), at(0.0, 0.0, TABLE_HEIGHT + 0.1)));
             let report = settle(options, &mut scene);
             assert_eq!(objects(&scene).count(), 1, "{name}: {report:?}");
-            let (low, _) = reach(objects(&scene).next().expect("one"));
+            let (low, _) = z_range(objects(&scene).next().expect("one"));
             assert!((low - TABLE_HEIGHT).abs() < 0.002, "{name}: {low}");
         }
     }
@@ -327,8 +327,8 @@ fn a_scene_without_objects_or_table() {
 }
 
 #[test]
-fn parts_that_an_object_brings_are_used() {
-    // The mesh is a cube of 6 cm; its collision parts say that it is a slab of 2 cm in the middle.
+fn parts_supplied_by_an_object_are_used() {
+    // The mesh is a cube of 6 cm; its collision parts say that it is a slab of 2 cm at its center.
     let slab = cuboid([0.0; 3], [0.06, 0.06, 0.02]).positions;
     let body = Object { collision: Some(Arc::new(vec![slab])), ..(*cube()).clone() };
     let check = |options: &str, height: f64| {
@@ -342,7 +342,7 @@ fn parts_that_an_object_brings_are_used() {
 }
 
 #[test]
-fn a_bowl_holds_a_ball_unless_it_is_a_hull() {
+fn a_bowl_holds_a_ball_unless_it_is_a_convex_hull() {
     let bowl = kit_objects().swap_remove(1);
     let ball = object("ball", sphere(0.02), 0.05);
     let check = |options: &str, inside: bool| {
@@ -358,7 +358,7 @@ fn a_bowl_holds_a_ball_unless_it_is_a_hull() {
 }
 
 #[test]
-fn real_tables_carry() {
+fn real_tables_support_objects() {
     let Some(root) = assets() else {
         return println!("skipped: no folder of real assets; set SYNTABLE_ASSETS");
     };
@@ -373,9 +373,9 @@ fn real_tables_carry() {
     for path in files {
         let table = object("table", read_obj(&path), 20.0);
         let bounds = table.mesh.bounds();
-        let (size, centre) = (bounds.size(), bounds.centre());
+        let (size, center) = (bounds.size(), bounds.centre());
         let mut scene = SceneBuilder::default();
-        let pose = at(-centre.x, -centre.y, -bounds.min.z);
+        let pose = at(-center.x, -center.y, -bounds.min.z);
         scene.add(draft(&table, pose, Role::Support, Motion::Fixed));
         scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, size.z], size: [size.x, size.y] });
         let places = [(0.0, 0.0), (0.3, 0.3), (-0.3, 0.3), (0.3, -0.3), (-0.3, -0.3), (0.0, 0.35)];
@@ -386,14 +386,14 @@ fn real_tables_carry() {
         println!("{}: {:.3} m high, {report:?}", path.display(), size.z);
         assert_eq!(objects(&scene).count(), 6, "{}: {report:?}", path.display());
         for body in objects(&scene) {
-            let (low, _) = reach(body);
+            let (low, _) = z_range(body);
             assert!((low - size.z).abs() < 0.004, "{}: {} at {}", path.display(), body.object.name, low - size.z);
         }
     }
 }
 
 #[test]
-fn rooms_of_any_make_hold_what_is_in_them() {
+fn rooms_of_any_shape_contain_their_objects() {
     let ball = object("ball", sphere(0.04), 0.1);
     let rolling = |scene: &mut SceneBuilder| {
         // Ramps send two balls against the walls, one to either side.
@@ -424,7 +424,7 @@ fn rooms_of_any_make_hold_what_is_in_them() {
     settle(options, &mut closed);
     assert!(ends(&closed).iter().all(|x| x.abs() < 0.8), "{:?}", ends(&closed));
 
-    // A screen with objects on both sides is a wall for both, and swallows none.
+    // A screen with objects on both sides is a wall for both, and traps none.
     let mut parted = SceneBuilder::default();
     let screen = object("screen", cuboid([0.0; 3], [0.0, 3.0, 0.3]), 1.0);
     parted.add(draft(&screen, at(0.7, 0.0, 0.15), Role::Room, Motion::Fixed));

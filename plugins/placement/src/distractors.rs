@@ -1,52 +1,52 @@
 //! Clutter on the floor around the table.
 
+use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
-use crate::surface::{OtherMaterial, check_probability};
-use crate::table::turned_bounds;
+use crate::table::rotated_bounds;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 use syntable_model::geometry::{Aabb, UnitQuaternion, Vector3, space_around};
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, Motion, Object, Role, Tabletop};
 
-/// Free space left around a distractor, metres.
+/// Minimum gap around a distractor, meters.
 const GAP_M: f64 = 0.005;
 
-/// Assets that are drawn for one distractor until one has a size that is allowed.
-const MOST_DRAWS: u32 = 32;
+/// Maximum number of assets drawn for one distractor until one is within `size_m`.
+const MAX_DRAWS: u32 = 32;
 
-/// Distractors: things that stand or lie on the floor around the table. They are seen and throw shadows, but no label
-/// speaks of them, and they never move.
+/// Places distractors on the floor around the table: static objects that are visible and cast shadows, but have no
+/// masks.
 ///
-/// A distractor stands upright or lies on one side, turned at random, with its lowest point on the floor, z = 0. Its
-/// place is uniform over the floor from `distance_m[0]` to `distance_m[1]` beside the tabletop, seen from above, within
-/// the walls of the room, and free of other bodies. What finds no place is left out. For distractors on the table, use
-/// `drop_box` with `annotated = false`.
+/// A distractor is upright or on one of its sides, with uniform yaw and its lowest point on the floor, z = 0. Its
+/// position is uniform over the floor at a horizontal distance of `distance_m[0]` to `distance_m[1]` from the tabletop,
+/// within the walls of the room and free of other bodies. A distractor for which no position is found is left out. For
+/// distractors on the table, use `drop_box` with `annotated = false`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distractors {
-    /// Pools that they are drawn from, uniformly over all their entries.
+    /// Object pools to draw from, uniformly over all their entries.
     #[schemars(length(min = 1))]
     from: Vec<ObjectPool>,
-    /// How many there are, drawn for each scene.
+    /// Number of distractors, drawn per scene; 0 to 10000.
     #[serde(default = "a_few")]
     count: IntDist,
-    /// Distance of their boxes from the tabletop's rectangle, seen from above, metres: smallest and largest.
+    /// Minimum and maximum horizontal distance between a distractor's bounding box and the tabletop, meters.
     #[serde(default = "around")]
     #[schemars(inner(range(min = 0.0, max = 1000.0)))]
     distance_m: [f64; 2],
-    /// Longest edge of their boxes, metres: smallest and largest. Others are drawn again.
+    /// Minimum and maximum of the longest edge of the bounding box, meters. Assets of other sizes are redrawn.
     #[serde(default = "sizes")]
     #[schemars(inner(range(min = 0.0, max = 1000.0)))]
     size_m: [f64; 2],
-    /// Probability that one lies on its side.
+    /// Probability that a distractor is on its side rather than upright.
     #[serde(default = "some")]
     #[schemars(range(min = 0.0, max = 1.0))]
     lying_probability: f64,
-    /// Another material for some of them, such as `{ from = "materials", probability = 0.2 }`.
+    /// Replaces the material of some distractors, such as `{ from = "materials", probability = 0.2 }`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    material: Option<OtherMaterial>,
-    /// How many places are tried for one.
+    material: Option<MaterialReplacement>,
+    /// Maximum number of positions drawn for one distractor.
     #[serde(default = "tries")]
     #[schemars(range(min = 1, max = 100000))]
     max_tries: u32,
@@ -74,18 +74,14 @@ impl Config for Distractors {
     const EXAMPLE: &'static str = "from = [\"objects\"]\ncount = { integers = [2, 10] }\ndistance_m = [0.1, 1.5]";
 
     fn build(self) -> Result<Box<dyn Placer>, Invalid> {
-        if self.from.is_empty() {
-            return Err(Invalid::new("from", "`from = []` names no pool of objects"));
-        }
         self.count.within("count", 0, 10_000)?;
         for (key, [low, high]) in [("distance_m", self.distance_m), ("size_m", self.size_m)] {
-            if !(0.0 <= low && low <= high && high <= 1000.0) {
-                let message = format!("`{key} = [{low}, {high}]` must be two numbers in 0 to 1000, the smaller first");
+            if low > high {
+                let message = format!("`{key} = [{low}, {high}]` is empty; write the smaller bound first");
                 return Err(Invalid::new(key, message));
             }
         }
-        check_probability("lying_probability", self.lying_probability)?;
-        self.material.as_ref().map_or(Ok(()), OtherMaterial::check)?;
+        self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
         Ok(Box::new(self))
     }
 }
@@ -121,9 +117,9 @@ impl Placer for Distractors {
 }
 
 impl Distractors {
-    /// An asset whose size is allowed, if one is found.
+    /// Draws an asset within `size_m`; none if too many draws fail.
     fn asset(&self, context: &Context, stream: &mut Stream) -> Result<Option<(AssetRef, Arc<Object>)>> {
-        for _ in 0..MOST_DRAWS {
+        for _ in 0..MAX_DRAWS {
             let (asset, object) = context.assets.draw_object(&self.from, stream)?;
             let edge = object.mesh.bounds().size().max();
             if (self.size_m[0]..=self.size_m[1]).contains(&edge) {
@@ -133,18 +129,18 @@ impl Distractors {
         Ok(None)
     }
 
-    /// Upright or on one of the four sides, then turned about the vertical.
+    /// Upright or on one of four sides, with uniform yaw.
     fn rotation(&self, stream: &mut Stream) -> UnitQuaternion<f64> {
-        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), stream.unit() * TAU);
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), stream.unit() * TAU);
         if !stream.chance(self.lying_probability) {
-            return turn;
+            return yaw;
         }
         let axis = if stream.chance(0.5) { Vector3::x_axis() } else { Vector3::y_axis() };
         let angle = if stream.chance(0.5) { FRAC_PI_2 } else { -FRAC_PI_2 };
-        turn * UnitQuaternion::from_axis_angle(&axis, angle)
+        yaw * UnitQuaternion::from_axis_angle(&axis, angle)
     }
 
-    /// A pose on the floor whose box overlaps none of those taken, if one is found; takes it.
+    /// Finds a pose on the floor whose box overlaps none of `taken`, and adds its box to them; none after `max_tries`.
     fn free_pose(
         &self,
         object: &Object,
@@ -154,20 +150,20 @@ impl Distractors {
         taken: &mut Vec<OrientedBox>,
         stream: &mut Stream,
     ) -> Option<Pose> {
-        let bounds = turned_bounds(&object.mesh, &rotation);
-        let (size, middle) = (bounds.size(), bounds.centre());
-        let [near, far] = self.distance_m;
-        let reach = [0, 1].map(|k| tabletop.size[k] / 2.0 + far + size[k] / 2.0);
+        let bounds = rotated_bounds(&object.mesh, &rotation);
+        let (size, center) = (bounds.size(), bounds.centre());
+        let [nearest, farthest] = self.distance_m;
+        let half_range = [0, 1].map(|k| tabletop.size[k] / 2.0 + farthest + size[k] / 2.0);
         for _ in 0..self.max_tries {
-            let at: [f64; 2] = std::array::from_fn(|k| stream.uniform(-reach[k], reach[k]));
+            let at: [f64; 2] = std::array::from_fn(|k| stream.uniform(-half_range[k], half_range[k]));
             let beside = [0, 1].map(|k| (at[k].abs() - (tabletop.size[k] + size[k]) / 2.0).max(0.0));
             let distance = beside[0].hypot(beside[1]);
-            if distance < near.max(1e-9) || distance > far {
+            if distance < nearest.max(1e-9) || distance > farthest {
                 continue;
             }
             let shift = Vector3::new(
-                tabletop.centre[0] + at[0] - middle.x,
-                tabletop.centre[1] + at[1] - middle.y,
+                tabletop.centre[0] + at[0] - center.x,
+                tabletop.centre[1] + at[1] - center.y,
                 -bounds.min.z,
             );
             let (low, high) = (bounds.min + shift, bounds.max + shift);

@@ -1,79 +1,79 @@
-//! Objects that start in a box above the table, to be dropped.
+//! Objects that start in a box above the tabletop.
 
+use crate::material::MaterialReplacement;
 use crate::oriented_box::OrientedBox;
-use crate::surface::OtherMaterial;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, Motion, Object, Role, Tabletop};
 
-/// Free space left between the boxes of any two bodies, metres.
+/// Minimum gap between the bounding boxes of any two bodies, meters.
 const GAP_M: f64 = 0.001;
 
-/// How often the box grows for one object before the object is put on top of all others.
-const MOST_GROWTHS: u32 = 16;
+/// Maximum number of times that the box grows for one object before the object is placed above all others.
+const MAX_GROWTHS: u32 = 16;
 
-/// Draws objects and starts them in a box above the tabletop, to be dropped by the settler.
+/// Draws objects and places them in a box above the tabletop, from where the settler drops them.
 ///
-/// The middle of an object's bounding box starts uniformly in a box that is `width_factor` times as wide and long as
-/// the tabletop and begins `clearance_m` above it. Objects are numbered in the order in which they are drawn.
+/// The center of each object's bounding box is uniform in a box that is `width_factor` times as wide and long as the
+/// tabletop and starts `clearance_m` above it. Objects are numbered in the order in which they are drawn.
 ///
-/// With `overlap_free`, the bounding boxes of no two bodies overlap at the start. A place is drawn up to `max_tries`
-/// times; when the box is full it grows upwards, so that every object finds a place.
+/// With `overlap_free`, no two bounding boxes overlap at the start: up to `max_tries` positions are drawn per object,
+/// then the box grows upwards until the object fits.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropBox {
-    /// Pools that the objects are drawn from, uniformly over all their entries.
+    /// Object pools to draw from, uniformly over all their entries.
     #[schemars(length(min = 1))]
     from: Vec<ObjectPool>,
-    /// How many objects there are, drawn for each scene.
+    /// Number of objects, drawn per scene; 1 to 10000, or from 0 with `annotated = false`.
     #[serde(default = "one_to_forty")]
     count: IntDist,
-    /// Whether an asset can come more than once in a scene.
+    /// Whether the same asset can occur more than once in a scene.
     #[serde(default = "yes")]
     with_replacement: bool,
-    /// Height of the box's underside above the tabletop, metres.
+    /// Height of the bottom of the box above the tabletop, meters.
     #[serde(default = "clearance")]
     #[schemars(range(min = 0.0, max = 100.0))]
     clearance_m: f64,
-    /// Height of the box, metres.
+    /// Height of the box, meters.
     #[serde(default = "height")]
     #[schemars(range(min = 0.0, max = 100.0))]
     height_m: f64,
-    /// Width and length of the box as a part of the tabletop's: 1 in the paper, 0.6 in the released program.
+    /// Ratio of the width and length of the box to those of the tabletop: 1 in the paper, 0.6 in SynTable's released code.
     #[serde(default = "one")]
     #[schemars(range(min = 0.0, max = 10.0))]
     width_factor: f64,
-    /// How objects are turned at the start.
+    /// Distribution of initial rotations.
     #[serde(default)]
     rotation: DropRotation,
-    /// Whether objects may not overlap at the start.
+    /// Whether to keep the bounding boxes of all bodies apart at the start.
     #[serde(default = "yes")]
     overlap_free: bool,
-    /// How many places are tried for an object before the box grows.
+    /// Maximum number of positions drawn for an object before the box grows, for `overlap_free`.
     #[serde(default = "tries")]
     #[schemars(range(min = 1, max = 100000))]
     max_tries: u32,
-    /// Another material for some objects, whose shape and mass stay, such as `{ from = "materials", probability = 0.2 }`.
+    /// Replaces the material of some objects, such as `{ from = "materials", probability = 0.2 }`. Shape and mass stay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    material: Option<OtherMaterial>,
-    /// Whether labels speak of the objects. Without, they are distractors: they fall, lie among the others and hide
-    /// them; what falls off the table lies on the floor.
+    material: Option<MaterialReplacement>,
+    /// Whether the objects are labeled. If not, they are distractors: they fall and occlude like objects, have no
+    /// masks, and stay on the floor when they fall off the table.
     #[serde(default = "yes")]
     annotated: bool,
 }
 
-/// How objects are turned at the start.
+/// Distribution of initial rotations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DropRotation {
     /// Uniform over all rotations.
     #[default]
     UniformSo3,
-    /// Roll, pitch and yaw about the fixed axes x, y and z, each uniform in 0 to 360 degrees, as in the paper; prefers
-    /// poses near the poles.
+    /// Roll, pitch and yaw about the fixed axes x, y and z, each uniform in 0° to 360°, as in the paper. Not uniform
+    /// over rotations: denser near the poles.
     UniformEuler,
-    /// Upright, turned about the vertical only.
+    /// Upright, with uniform rotation about the world z axis.
     UniformYaw,
 }
 
@@ -103,18 +103,8 @@ impl Config for DropBox {
         "from = [\"objects\"]\ncount = { integers = [1, 40] }\nrotation = \"uniform_euler\"\nwidth_factor = 0.6";
 
     fn build(self) -> Result<Box<dyn Placer>, Invalid> {
-        if self.from.is_empty() {
-            return Err(Invalid::new("from", "`from = []` names no pool of objects"));
-        }
         self.count.within("count", i64::from(self.annotated), 10_000)?;
-        for (key, value) in
-            [("clearance_m", self.clearance_m), ("height_m", self.height_m), ("width_factor", self.width_factor)]
-        {
-            if !(0.0..=100.0).contains(&value) {
-                return Err(Invalid::new(key, format!("`{key} = {value}` is outside 0 to 100")));
-            }
-        }
-        self.material.as_ref().map_or(Ok(()), OtherMaterial::check)?;
+        self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
         Ok(Box::new(self))
     }
 }
@@ -130,7 +120,7 @@ impl Placer for DropBox {
             .filter(|(_, body)| body.role != Role::Room)
             .map(|(_, body)| OrientedBox::new(&body.object.mesh.bounds(), &body.world_from_body, GAP_M / 2.0))
             .collect();
-        let mut space = Space::new(self, &tabletop);
+        let mut space = StartBox::new(self, &tabletop);
         for k in 0..once.as_ref().map_or(count, Vec::len) {
             let stream = context.stream.child("object").at(k as u64);
             let (asset, object) = match &once {
@@ -155,7 +145,7 @@ impl Placer for DropBox {
 }
 
 impl DropBox {
-    /// Draws objects, none twice. A bad asset is passed over.
+    /// Draws distinct objects. Assets that cannot be loaded are skipped.
     fn distinct(&self, count: usize, context: &Context) -> Result<Vec<(AssetRef, Arc<Object>)>> {
         let mut all = Vec::new();
         for pool in &self.from {
@@ -163,9 +153,9 @@ impl DropBox {
                 all.push(AssetRef { pool: pool.as_str().to_owned(), name: entry.name.clone() });
             }
         }
-        let most = self.count.range().1;
-        if most > all.len() as i64 {
-            let message = format!("`count` can become {most}, but there are {} assets to draw from", all.len());
+        let max_count = self.count.range().1;
+        if max_count > all.len() as i64 {
+            let message = format!("`count` can become {max_count}, but there are {} assets to draw from", all.len());
             return Err(Error::new(message).help("set with_replacement = true, or a smaller count"));
         }
         context.stream.child("order").shuffle(&mut all);
@@ -191,18 +181,18 @@ impl DropBox {
         }
     }
 
-    /// A pose whose box overlaps none of the boxes that are taken; takes it.
+    /// Finds a pose whose box overlaps none of `taken`, and adds its box to them.
     fn free_pose(
         &self,
         object: &Object,
         rotation: UnitQuaternion<f64>,
-        space: &mut Space,
+        space: &mut StartBox,
         taken: &mut Vec<OrientedBox>,
         stream: &Stream,
     ) -> Pose {
         let bounds = object.mesh.bounds();
         let mut tries = stream.clone();
-        for _ in 0..=MOST_GROWTHS {
+        for _ in 0..=MAX_GROWTHS {
             for _ in 0..self.max_tries {
                 let pose = pose_at(object, rotation, space.draw(&mut tries));
                 let candidate = OrientedBox::new(&bounds, &pose, GAP_M / 2.0);
@@ -224,31 +214,31 @@ impl DropBox {
 
 impl DropRotation {
     fn draw(self, stream: &mut Stream) -> UnitQuaternion<f64> {
-        let mut turn = || stream.unit() * std::f64::consts::TAU;
+        let mut angle = || stream.unit() * std::f64::consts::TAU;
         match self {
             Self::UniformSo3 => stream.rotation(),
             Self::UniformEuler => {
-                let (roll, pitch, yaw) = (turn(), turn(), turn());
+                let (roll, pitch, yaw) = (angle(), angle(), angle());
                 UnitQuaternion::from_euler_angles(roll, pitch, yaw)
             }
-            Self::UniformYaw => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn()),
+            Self::UniformYaw => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle()),
         }
     }
 }
 
-/// Where the middles of objects start.
-struct Space {
-    centre: Point3<f64>,
+/// The box of initial positions.
+struct StartBox {
+    center: Point3<f64>,
     half: [f64; 2],
     low: f64,
     high: f64,
 }
 
-impl Space {
+impl StartBox {
     fn new(options: &DropBox, tabletop: &Tabletop) -> Self {
         let low = tabletop.height() + options.clearance_m;
         Self {
-            centre: tabletop.centre(),
+            center: tabletop.centre(),
             half: tabletop.size.map(|edge| options.width_factor * edge / 2.0),
             low,
             high: low + options.height_m,
@@ -257,12 +247,12 @@ impl Space {
 
     fn draw(&self, stream: &mut Stream) -> Point3<f64> {
         let [x, y] = self.half.map(|half| stream.uniform(-half, half));
-        Point3::new(self.centre.x + x, self.centre.y + y, stream.uniform(self.low, self.high))
+        Point3::new(self.center.x + x, self.center.y + y, stream.uniform(self.low, self.high))
     }
 }
 
-/// The pose that puts the middle of an object's bounding box at a point.
-fn pose_at(object: &Object, rotation: UnitQuaternion<f64>, middle: Point3<f64>) -> Pose {
-    let shift = middle.coords - rotation * object.mesh.bounds().centre().coords;
+/// The pose that places the center of an object's bounding box at a point.
+fn pose_at(object: &Object, rotation: UnitQuaternion<f64>, center: Point3<f64>) -> Pose {
+    let shift = center.coords - rotation * object.mesh.bounds().centre().coords;
     Pose::from_parts(shift.into(), rotation)
 }

@@ -1,14 +1,14 @@
-//! Placers: room, table, objects dropped from a box, and clutter on the floor.
+//! Placers: room, table, objects that start in a box above the table, and clutter on the floor.
 //!
-//! **Invariants.** Every draw comes from a named child of the stage's stream, one per surface or object, so that what
-//! is drawn for one thing does not depend on how many draws another took. Poses put the middle of a mesh's bounding
-//! box where it should be, whatever the mesh's own origin.
+//! **Invariants.** Every random number comes from a named child of the stage's stream, one per surface or object, so
+//! that one object's draws do not depend on the number of another's. Poses place the center of a mesh's bounding box,
+//! whatever the mesh's own origin.
 
 mod distractors;
 mod drop_box;
+mod material;
 mod oriented_box;
 mod room;
-mod surface;
 mod table;
 
 pub use distractors::Distractors;

@@ -1,17 +1,17 @@
-//! Boxes with any orientation, and whether two of them overlap.
+//! Oriented bounding boxes and their overlap test.
 
 use syntable_model::geometry::{Aabb, Point3, Pose, Vector3};
 
-/// A box in the world.
+/// An oriented box in the world frame.
 #[derive(Debug, Clone)]
 pub struct OrientedBox {
-    centre: Point3<f64>,
+    center: Point3<f64>,
     /// Half edges as vectors.
     axes: [Vector3<f64>; 3],
 }
 
 impl OrientedBox {
-    /// A body's bounding box under a pose, grown by `margin` metres on all sides.
+    /// A body's bounding box at a pose, grown by `margin` meters on all sides.
     pub fn new(bounds: &Aabb, world_from_body: &Pose, margin: f64) -> Self {
         let half = bounds.size() / 2.0 + Vector3::repeat(margin);
         let axes = std::array::from_fn(|i| {
@@ -19,29 +19,29 @@ impl OrientedBox {
             axis[i] = half[i];
             world_from_body.rotation * axis
         });
-        Self { centre: world_from_body * bounds.centre(), axes }
+        Self { center: world_from_body * bounds.centre(), axes }
     }
 
-    /// Highest point above the middle, metres.
+    /// Height of the highest point above the center, meters.
     pub fn half_height(&self) -> f64 {
         self.axes.iter().map(|axis| axis.z.abs()).sum()
     }
 
-    /// Highest point, metres.
+    /// Height of the highest point, meters.
     pub fn top(&self) -> f64 {
-        self.centre.z + self.half_height()
+        self.center.z + self.half_height()
     }
 
-    /// Whether two boxes share a point (separating axes; Gottschalk, Lin and Manocha 1996).
+    /// Whether two boxes overlap or touch (separating axis theorem; Gottschalk, Lin and Manocha 1996).
     pub fn overlaps(&self, other: &Self) -> bool {
-        let between = other.centre - self.centre;
+        let between = other.center - self.center;
         let separates = |axis: Vector3<f64>| {
-            let reach = |box_: &Self| box_.axes.iter().map(|half| half.dot(&axis).abs()).sum::<f64>();
-            between.dot(&axis).abs() > reach(self) + reach(other)
+            let extent = |box_: &Self| box_.axes.iter().map(|half| half.dot(&axis).abs()).sum::<f64>();
+            between.dot(&axis).abs() > extent(self) + extent(other)
         };
         let faces = self.axes.iter().chain(&other.axes).copied();
         let edges = self.axes.iter().flat_map(|a| other.axes.iter().map(move |b| a.cross(b)));
-        // Parallel edges have no cross product; the faces' normals decide then.
+        // Parallel edges have no cross product; the face normals decide then.
         let edges = edges.filter(|axis| axis.norm_squared() > 1e-18);
         !faces.chain(edges).any(separates)
     }
@@ -52,15 +52,15 @@ mod tests {
     use super::*;
     use syntable_model::random::Stream;
 
-    /// Whether any of a fine grid of points of one box lies in the other.
+    /// Whether any point of a fine grid over one box is inside the other.
     fn share_a_grid_point(a: &OrientedBox, b: &OrientedBox) -> bool {
         let n = 20;
         let at = |i: i32| f64::from(2 * i) / f64::from(n) - 1.0;
         (0..=n).any(|i| {
             (0..=n).any(|j| {
                 (0..=n).any(|k| {
-                    let p = a.centre + a.axes[0] * at(i) + a.axes[1] * at(j) + a.axes[2] * at(k);
-                    b.axes.iter().all(|axis| (p - b.centre).dot(axis).abs() <= axis.norm_squared())
+                    let p = a.center + a.axes[0] * at(i) + a.axes[1] * at(j) + a.axes[2] * at(k);
+                    b.axes.iter().all(|axis| (p - b.center).dot(axis).abs() <= axis.norm_squared())
                 })
             })
         })
@@ -74,13 +74,13 @@ mod tests {
             let mut draw = || {
                 let half = Vector3::from_fn(|_, _| stream.uniform(0.1, 1.0));
                 let bounds = Aabb { min: Point3::from(-half), max: Point3::from(half) };
-                let middle = Vector3::from_fn(|_, _| stream.uniform(-1.2, 1.2));
-                let pose = Pose::from_parts(middle.into(), stream.rotation());
+                let center = Vector3::from_fn(|_, _| stream.uniform(-1.2, 1.2));
+                let pose = Pose::from_parts(center.into(), stream.rotation());
                 [-0.05, 0.0].map(|margin| OrientedBox::new(&bounds, &pose, margin))
             };
             let ([small, a], [_, b]) = (draw(), draw());
             let overlap = a.overlaps(&b);
-            // A shared point of the grid is an overlap; and a clear overlap contains one.
+            // A shared grid point is an overlap, and a clear overlap contains one.
             assert!(overlap || !(share_a_grid_point(&a, &b) || share_a_grid_point(&b, &a)));
             assert!(!small.overlaps(&b) || share_a_grid_point(&a, &b) || share_a_grid_point(&b, &a));
             seen[usize::from(overlap)] += 1;

@@ -1,52 +1,53 @@
 //! The room: floor, four walls and a ceiling.
 
-use crate::surface::{any_angle_deg, check_scale, drawn_surface, real_size};
+use crate::material::{any_angle_deg, check_scale, draw_material, real_size};
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, Material, Mesh, MeshData, Motion, Object, Role};
 
-/// Thickness of floor, walls and ceiling, metres; they lie outside of the room's inner size.
+/// Thickness of floor, walls and ceiling, meters. They extend outwards from the inner size.
 const THICKNESS_M: f64 = 0.1;
 
-/// A closed room around the origin: the floor's surface at z = 0, four walls and a ceiling.
+/// Places a closed room around the origin: a floor at z = 0, four walls and a ceiling.
 ///
-/// Each of the six surfaces draws its own material from the pool named for it; without a pool it is plain. With
-/// `floor_only` there is open country instead: a floor under the light kinds `environment` and `sun`. Cameras and lights are not kept inside: with the default size and tables below 2 m they always are.
+/// Each of the six surfaces draws its own material from its pool; without a pool it is plain gray. `floor_only` leaves
+/// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`. Cameras and lights are not constrained to
+/// the room; with the default size and tables below 2 m they are always inside.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
-    /// Inner edge of the floor, metres: along world x, and along y if there is no `length_m`.
+    /// Inner size of the floor along world x, and along y if `length_m` is not set, meters; 1 to 1000.
     size_m: Dist,
-    /// Inner edge of the floor along world y, metres; the floor is square without it.
+    /// Inner size of the floor along world y, meters; 1 to 1000. The floor is square without it.
     #[serde(skip_serializing_if = "Option::is_none")]
     length_m: Option<Dist>,
-    /// Inner height, metres.
+    /// Inner height, meters; 1 to 1000.
     height_m: Dist,
-    /// Pools that the surfaces' materials are drawn from.
+    /// Material pools of the surfaces.
     material: RoomMaterials,
-    /// Whether all four walls have one material, laid alike, as in most rooms.
+    /// Whether all four walls get the same material and texture mapping. Otherwise each wall draws its own.
     walls_alike: bool,
-    /// Whether there is a floor alone, without walls and ceiling.
+    /// Whether to leave out walls and ceiling.
     floor_only: bool,
-    /// Rotation of the textures, degrees, drawn for each surface.
+    /// Rotation of the textures, degrees, drawn per surface.
     texture_rotation_deg: Dist,
-    /// Size of the textures against their real size, drawn for each surface.
+    /// Scale of the textures relative to their real size, 0.001 to 1000, drawn per surface.
     texture_scale: Dist,
 }
 
-/// Pools of materials for the surfaces of a room; a surface without one is plain.
+/// Material pools of the surfaces of a room. A surface without a pool is plain gray.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RoomMaterials {
-    /// For the floor.
+    /// Pool for the floor.
     #[serde(skip_serializing_if = "Option::is_none")]
     floor: Option<MaterialPool>,
-    /// For the walls; each draws its own material unless `walls_alike` is set.
+    /// Pool for the walls. Each wall draws its own material unless `walls_alike` is set.
     #[serde(skip_serializing_if = "Option::is_none")]
     walls: Option<MaterialPool>,
-    /// For the ceiling.
+    /// Pool for the ceiling.
     #[serde(skip_serializing_if = "Option::is_none")]
     ceiling: Option<MaterialPool>,
 }
@@ -97,15 +98,15 @@ impl Placer for Room {
             let (rotation, scale) = (&self.texture_rotation_deg, &self.texture_scale);
             let surface = pool
                 .as_ref()
-                .map(|pool| drawn_surface(pool, rotation, scale, context.assets, &context.stream.child(stream)))
+                .map(|pool| draw_material(pool, rotation, scale, context.assets, &context.stream.child(stream)))
                 .transpose()?;
-            let middle = part.bounds.centre().coords;
+            let center = part.bounds.centre().coords;
             let asset = AssetRef { pool: "room".into(), name: part.name.into() };
             let object = Arc::new(slab(&part, gray)?);
             let body = BodyDraft::new(
                 asset,
                 object,
-                Pose::translation(middle.x, middle.y, middle.z),
+                Pose::translation(center.x, center.y, center.z),
                 Role::Room,
                 Motion::Fixed,
             );
@@ -115,13 +116,13 @@ impl Placer for Room {
     }
 }
 
-/// A part of the room and its box in the world.
+/// A part of the room and its bounding box, world frame.
 struct Part {
     name: &'static str,
     bounds: Aabb,
 }
 
-/// The six parts, the floor first, around an inner box of half edges `half`; they touch and do not overlap.
+/// The six parts, the floor first, around an inner box of half edges `half`. They touch and do not overlap.
 fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
     let [x, y] = half;
     let [outer_x, outer_y] = half.map(|half| half + THICKNESS_M);
@@ -139,7 +140,7 @@ fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
     ]
 }
 
-/// A box around the origin with texture coordinates in metres.
+/// A box centered at the origin with texture coordinates in meters.
 fn slab(part: &Part, gray: f32) -> Result<Object> {
     let half = part.bounds.size() / 2.0;
     let mut data = MeshData::default();

@@ -1,40 +1,41 @@
 //! The table that objects are dropped on.
 
-use crate::surface::{always, any_angle_deg, check_probability, check_scale, drawn_surface, real_size};
+use crate::material::{always, any_angle_deg, check_scale, draw_material, real_size};
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Mesh, Motion, Role, Tabletop};
 
-/// Draws a table, stands it on the floor in the middle of the room, and declares its bounding box to be the tabletop.
+/// Draws a table, places it on the floor at the center of the room, and sets the tabletop to the top of its bounding
+/// box.
 ///
-/// The tabletop is the paper's: w and l are the extents of the table's bounding box along world x and y, h its height.
-/// Legs and overhangs count, and a round table counts as the rectangle around it. The box is axis-aligned in the
-/// world, also when the table is turned: what an object meets beyond the real edge is air, and it falls off.
+/// The tabletop follows the paper: w and l are the extents of the table's bounding box along world x and y, h its
+/// height. Legs and overhangs count, and a round table counts as its bounding rectangle. The box is aligned with the
+/// world axes even if the table is rotated: objects that start beyond the real edge fall off.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// Pools that the table is drawn from, uniformly over all their entries.
+    /// Object pools to draw the table from, uniformly over all their entries.
     #[schemars(length(min = 1))]
     from: Vec<ObjectPool>,
-    /// Pool of materials, one of which is laid over the whole table; without it the table keeps its own.
+    /// Material pool. One drawn material replaces all materials of the table; without a pool it keeps its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialPool>,
-    /// Probability that a table gets a drawn material, if there is a pool of them.
+    /// Probability that the table gets a drawn material, if `material` is set.
     #[serde(default = "always")]
     #[schemars(range(min = 0.0, max = 1.0))]
     material_probability: f64,
-    /// Rotation of a drawn material's textures, degrees.
+    /// Rotation of the drawn material's textures, degrees.
     #[serde(default = "any_angle_deg")]
     texture_rotation_deg: Dist,
-    /// Size of a drawn material's textures against their real size.
+    /// Scale of the drawn material's textures relative to their real size, 0.001 to 1000.
     #[serde(default = "real_size")]
     texture_scale: Dist,
-    /// Rotation of the table about the vertical, degrees.
-    #[serde(default = "unturned")]
+    /// Rotation of the table about the world z axis, degrees.
+    #[serde(default = "no_rotation")]
     yaw_deg: Dist,
 }
 
-fn unturned() -> Dist {
+fn no_rotation() -> Dist {
     Dist::Constant(0.0)
 }
 
@@ -44,10 +45,6 @@ impl Config for Table {
     const EXAMPLE: &'static str = "from = [\"tables\"]\nmaterial = \"materials\"\nmaterial_probability = 0.5";
 
     fn build(self) -> Result<Box<dyn Placer>, Invalid> {
-        if self.from.is_empty() {
-            return Err(Invalid::new("from", "`from = []` names no pool of tables"));
-        }
-        check_probability("material_probability", self.material_probability)?;
         check_scale("texture_scale", &self.texture_scale)?;
         Ok(Box::new(self))
     }
@@ -62,7 +59,7 @@ impl Placer for Table {
         let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset"))?;
         let yaw = self.yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
-        let bounds = turned_bounds(&object.mesh, &rotation);
+        let bounds = rotated_bounds(&object.mesh, &rotation);
         let shift = Vector3::new(-bounds.centre().x, -bounds.centre().y, -bounds.min.z);
         let (size, pose) = (bounds.size(), Pose::from_parts(shift.into(), rotation));
         if size.min() < 1e-6 {
@@ -72,7 +69,7 @@ impl Placer for Table {
             Some(pool) if context.stream.child("keep").chance(self.material_probability) => {
                 let (rotation, scale, stream) =
                     (&self.texture_rotation_deg, &self.texture_scale, context.stream.child("surface"));
-                Some(drawn_surface(pool, rotation, scale, context.assets, &stream)?)
+                Some(draw_material(pool, rotation, scale, context.assets, &stream)?)
             }
             _ => None,
         };
@@ -82,8 +79,8 @@ impl Placer for Table {
     }
 }
 
-/// Bounding box of a turned mesh, exact over its vertices.
-pub fn turned_bounds(mesh: &Mesh, rotation: &UnitQuaternion<f64>) -> Aabb {
+/// Axis-aligned bounding box of the vertices of a rotated mesh.
+pub fn rotated_bounds(mesh: &Mesh, rotation: &UnitQuaternion<f64>) -> Aabb {
     if rotation.angle() == 0.0 {
         return mesh.bounds();
     }

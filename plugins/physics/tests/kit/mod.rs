@@ -17,17 +17,17 @@ use syntable_testing::assets::NoAssets;
 
 // ---- Meshes ------------------------------------------------------------------------------------
 
-/// A box with its middle at `centre`.
-pub fn cuboid(centre: [f32; 3], size: [f32; 3]) -> MeshData {
+/// A box with its center at `center`.
+pub fn cuboid(center: [f32; 3], size: [f32; 3]) -> MeshData {
     let positions = (0..8)
-        .map(|i| std::array::from_fn(|axis| centre[axis] + size[axis] * if i >> axis & 1 == 0 { -0.5 } else { 0.5 }))
+        .map(|i| std::array::from_fn(|axis| center[axis] + size[axis] * if i >> axis & 1 == 0 { -0.5 } else { 0.5 }))
         .collect();
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     MeshData { positions, triangles, ..Default::default() }
 }
 
-/// All meshes in one.
+/// Joins meshes into one.
 pub fn join(meshes: impl IntoIterator<Item = MeshData>) -> MeshData {
     let mut all = MeshData::default();
     for mesh in meshes {
@@ -38,7 +38,7 @@ pub fn join(meshes: impl IntoIterator<Item = MeshData>) -> MeshData {
     all
 }
 
-/// A grid of points that wraps around in both directions.
+/// A grid of points that is periodic in both directions.
 fn wrapped(rows: usize, columns: usize, point: impl Fn(f32, f32) -> [f32; 3]) -> MeshData {
     let positions = (0..rows * columns)
         .map(|i| point((i / columns) as f32 / rows as f32, (i % columns) as f32 / columns as f32))
@@ -54,8 +54,8 @@ fn wrapped(rows: usize, columns: usize, point: impl Fn(f32, f32) -> [f32; 3]) ->
     MeshData { positions, triangles, ..Default::default() }
 }
 
-/// A closed profile (radius, height) turned around the z axis.
-fn turned(profile: &[[f32; 2]], columns: usize) -> MeshData {
+/// A closed profile (radius, height) revolved around the z axis.
+fn revolved(profile: &[[f32; 2]], columns: usize) -> MeshData {
     let rows = profile.len();
     wrapped(rows, columns, |row, turn| {
         let [r, z] = profile[(row * rows as f32).round() as usize % rows];
@@ -69,7 +69,7 @@ pub fn sphere(radius: f32) -> MeshData {
         .map(|i| PI * i as f32 / rows as f32)
         .map(|angle| [(radius * angle.sin()).max(0.0), -radius * angle.cos()])
         .collect();
-    turned(&profile, 48)
+    revolved(&profile, 48)
 }
 
 /// Six hollow and jagged shapes of about 900 to 2000 triangles and 5 to 15 cm.
@@ -95,7 +95,7 @@ pub fn shape_kit() -> Vec<(&'static str, MeshData)> {
         let keep = |t: &[u32; 3]| t.iter().all(|&i| handle.positions[i as usize][0] > 0.037);
         MeshData { triangles: handle.triangles.iter().copied().filter(keep).collect(), ..handle.clone() }
     };
-    let mug = join([turned(&[&wall[..], &cavity[..]].concat(), 40), outside_only]);
+    let mug = join([revolved(&[&wall[..], &cavity[..]].concat(), 40), outside_only]);
     let ball = sphere(1.0);
     let blob = MeshData {
         positions: ball
@@ -121,10 +121,10 @@ pub fn shape_kit() -> Vec<(&'static str, MeshData)> {
     });
     vec![
         ("torus", torus),
-        ("bowl", turned(&bowl, 48)),
+        ("bowl", revolved(&bowl, 48)),
         ("mug", mug),
         ("blob", blob),
-        ("bone", turned(&bone, 24)),
+        ("bone", revolved(&bone, 24)),
         ("star", star),
     ]
 }
@@ -138,7 +138,7 @@ pub fn object(name: &str, data: MeshData, mass_kg: f64) -> Arc<Object> {
         name: name.into(),
         category: name.into(),
         mesh: Arc::new(Mesh::new(data).expect("a sound mesh")),
-        materials: vec![Arc::new(Material::plain("grey", [0.5; 3], 0.5))],
+        materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         mass_kg,
         friction: 0.5,
@@ -147,12 +147,12 @@ pub fn object(name: &str, data: MeshData, mass_kg: f64) -> Arc<Object> {
     })
 }
 
-/// The shape kit as objects of a plausible weight.
+/// The shape kit as objects of 0.15 kg.
 pub fn kit_objects() -> Vec<Arc<Object>> {
     shape_kit().into_iter().map(|(name, data)| object(name, data, 0.15)).collect()
 }
 
-/// The folder of real assets, if it is there.
+/// The folder of real assets, if it exists.
 pub fn assets() -> Option<PathBuf> {
     let folder = match std::env::var_os("SYNTABLE_ASSETS") {
         Some(folder) => PathBuf::from(folder),
@@ -183,7 +183,7 @@ pub fn read_obj(path: &Path) -> MeshData {
     data
 }
 
-/// Google Scanned Objects and YCB objects that fit on a table, sorted by name, weighing half of water.
+/// Google Scanned Objects and YCB objects that fit on a table, sorted by name, at half the density of water.
 pub fn real_objects(root: &Path) -> Vec<Arc<Object>> {
     let mut found = Vec::new();
     for (pool, file) in [("gso", "meshes/model.obj"), ("ycb", "google_16k/textured.obj")] {
@@ -235,8 +235,8 @@ pub fn table_scene() -> SceneBuilder {
     scene
 }
 
-/// Adds objects in random poses over the table, clear of each other: in the middle 60 % of the top, 0.2 to 1 m above
-/// it, higher where there is no room.
+/// Adds objects in random poses over the table, clear of each other: over the central 60 % of the top, 0.2 to 1 m
+/// above it, higher if there is no space.
 pub fn drop_objects(scene: &mut SceneBuilder, objects: &[Arc<Object>], count: usize, seed: u64) {
     let mut stream = Stream::root(seed).child("objects");
     let mut taken: Vec<Aabb> = Vec::new();
@@ -244,14 +244,14 @@ pub fn drop_objects(scene: &mut SceneBuilder, objects: &[Arc<Object>], count: us
         let object = stream.pick(objects).expect("objects").clone();
         let mut highest = 1.0;
         loop {
-            let middle = object.mesh.bounds().centre();
+            let center = object.mesh.bounds().centre();
             let place = Vector3::new(
                 stream.uniform(-0.36, 0.36),
                 stream.uniform(-0.24, 0.24),
                 TABLE_HEIGHT + stream.uniform(0.2, highest),
             );
             let rotation = stream.rotation();
-            let pose = Pose::from_parts((place - rotation * middle.coords).into(), rotation);
+            let pose = Pose::from_parts((place - rotation * center.coords).into(), rotation);
             let body = dynamic(&object, pose);
             let bounds = body.world_bounds();
             let apart = |other: &Aabb| (0..3).any(|i| bounds.min[i] > other.max[i] || bounds.max[i] < other.min[i]);
@@ -307,7 +307,7 @@ pub fn settle(options: &str, scene: &mut SceneBuilder) -> SettleReport {
     settle_with(&*settler(options), scene, &NoCache).expect("settles")
 }
 
-/// Poses of the objects that stayed, by spawn number, as bits.
+/// Poses of the remaining objects, by spawn number, as bits.
 pub fn pose_bits(scene: &SceneBuilder) -> Vec<(u32, Vec<u64>)> {
     objects(scene)
         .map(|body| {
@@ -322,8 +322,8 @@ pub fn objects(scene: &SceneBuilder) -> impl Iterator<Item = &BodyDraft> {
     scene.bodies().map(|(_, body)| body).filter(|body| body.role == Role::Object && body.motion == Motion::Dynamic)
 }
 
-/// Lowest and highest vertex of a body, world z, metres.
-pub fn reach(body: &BodyDraft) -> (f64, f64) {
+/// Lowest and highest vertex of a body, world z, meters.
+pub fn z_range(body: &BodyDraft) -> (f64, f64) {
     (0..body.object.mesh.data().triangles.len())
         .flat_map(|t| body.object.mesh.corners(t))
         .map(|p| (body.world_from_body * p).z)

@@ -1,6 +1,6 @@
 //! Room, table and drop box on hand-made pools.
 
-mod randomisation;
+mod randomization;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ fn refused(kind: &str, options: &str) -> String {
     format!("{error:?}")
 }
 
-/// Boxes named by their edges in millimetres, off centre, and materials named by number.
+/// Boxes named by their edges in millimeters, off center, and materials named by number.
 struct Pools(BTreeMap<&'static str, Vec<CatalogEntry>>);
 
 impl Pools {
@@ -54,7 +54,7 @@ impl Assets for Pools {
         let edges: Vec<f32> =
             asset.name.split('x').filter_map(|edge| edge.parse().ok()).map(|mm: f32| mm / 1e3).collect();
         let [a, b, c] = edges[..] else { return Err(Error::new("a bad asset")) };
-        // The origin lies off the middle, at (0.1, 0.2, 0.3) of the box.
+        // The origin is off the center, at (0.1, 0.2, 0.3) of the box.
         let corner = |i: usize| {
             let pick = |axis: usize, edge: f32, at: f32| (if i >> axis & 1 == 1 { edge } else { 0.0 }) - at * edge;
             [pick(0, a, 0.1), pick(1, b, 0.2), pick(2, c, 0.3)]
@@ -106,7 +106,7 @@ fn objects(scene: &SceneBuilder) -> Vec<&BodyDraft> {
     scene.bodies().map(|(_, body)| body).filter(|body| body.role == Role::Object).collect()
 }
 
-fn middle(body: &BodyDraft) -> Point3<f64> {
+fn center(body: &BodyDraft) -> Point3<f64> {
     body.world_from_body * body.object.mesh.bounds().centre()
 }
 
@@ -136,7 +136,7 @@ fn a_room_encloses_the_table_and_every_surface_draws_its_own_material() {
         }
         combinations.insert(names[1..].to_vec());
         assert!((bodies[0].world_bounds().max.z).abs() < 1e-9, "the floor's surface is at z = 0");
-        // The inner box is free of all parts, and every direction from its middle meets one.
+        // The inner box is free of all parts, and every direction from its center meets one.
         let size = bodies[1].world_bounds().min.x * 2.0;
         assert!((6.0..15.0).contains(&size), "{size}");
         let inner =
@@ -163,7 +163,7 @@ fn a_room_encloses_the_table_and_every_surface_draws_its_own_material() {
 }
 
 #[test]
-fn a_table_stands_on_the_floor_in_the_middle() {
+fn a_table_stands_on_the_floor_in_the_center() {
     let (scene, _) = place(&[&*table()], 1).expect("placed");
     let top = scene.tabletop.expect("a tabletop");
     assert!((Vector3::from(top.centre) - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
@@ -173,8 +173,8 @@ fn a_table_stands_on_the_floor_in_the_middle() {
     let bounds = body.world_bounds();
     assert!((bounds.min.coords - Vector3::new(-0.6, -0.4, 0.0)).norm() < 1e-6, "{bounds:?}");
     // Turned by 30°: the tabletop is the box around it.
-    let turned = placer("table", "from = [\"tables\"]\nyaw_deg = 30");
-    let (scene, _) = place(&[&*turned], 1).expect("placed");
+    let rotated = placer("table", "from = [\"tables\"]\nyaw_deg = 30");
+    let (scene, _) = place(&[&*rotated], 1).expect("placed");
     let [w, l] = scene.tabletop.expect("a tabletop").size;
     let (sin, cos) = 30_f64.to_radians().sin_cos();
     assert!((w - (1.2 * cos + 0.8 * sin)).abs() < 1e-6 && (l - (1.2 * sin + 0.8 * cos)).abs() < 1e-6, "{w} {l}");
@@ -207,8 +207,8 @@ fn objects_start_in_the_box_and_counts_cover_the_range() {
         *counts.entry(objects.len()).or_insert(0) += 1;
         for (k, body) in objects.iter().enumerate() {
             assert_eq!((body.spawn, body.motion), (k as u32, Motion::Dynamic));
-            low = low.inf(&middle(body).coords);
-            high = high.sup(&middle(body).coords);
+            low = low.inf(&center(body).coords);
+            high = high.sup(&center(body).coords);
         }
     }
     assert_eq!(counts.keys().copied().collect::<Vec<_>>(), (1..=40).collect::<Vec<_>>());
@@ -254,7 +254,7 @@ fn no_two_objects_overlap_at_the_start() {
             assert_apart(&bodies);
             for body in objects(&scene) {
                 // Small ones stay in the box; big ones do not fit, and the box grows upwards only.
-                let p = middle(body);
+                let p = center(body);
                 assert!(p.x.abs() <= 0.6 && p.y.abs() <= 0.4 && p.z >= 0.95 && p.z <= 0.75 + most, "{pool}: {p}");
             }
         }
@@ -364,7 +364,7 @@ fn options_are_checked() {
         ("room", "texture_scale = 0", "can become 0"),
         ("drop_box", "from = [\"small\"]\nmaterial = { from = \"materials\", probability = 2 }", "outside 0 to 1"),
         ("distractors", "from = []", "no pool"),
-        ("distractors", "from = [\"small\"]\ndistance_m = [2, 1]", "the smaller first"),
+        ("distractors", "from = [\"small\"]\ndistance_m = [2, 1]", "write the smaller bound first"),
         ("distractors", "from = [\"small\"]\nlying_probability = 2", "outside 0 to 1"),
         ("room", "material = { roof = \"materials\" }", "roof"),
     ] {

@@ -1,11 +1,12 @@
-//! Convex parts as bytes: what the cache keeps. Numbers keep their bits.
+//! Binary format of cached convex parts. Floats keep their bits.
 
-use crate::hull::Hull;
+use syntable_convex::ConvexHull;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"cvx1");
 
-/// `magic`, number of parts, then for every part: vertices, triangles, 3 f32 a vertex, 3 u32 a triangle; little-endian.
-pub fn encode(parts: &[Hull]) -> Vec<u8> {
+/// Encodes parts: magic and number of parts; then per part the numbers of vertices and triangles, 3 f32 per vertex and
+/// 3 u32 per triangle; all little-endian.
+pub fn encode(parts: &[ConvexHull]) -> Vec<u8> {
     let mut words = vec![MAGIC, parts.len() as u32];
     for part in parts {
         words.extend([part.points.len() as u32, part.triangles.len() as u32]);
@@ -15,8 +16,8 @@ pub fn encode(parts: &[Hull]) -> Vec<u8> {
     words.into_iter().flat_map(u32::to_le_bytes).collect()
 }
 
-/// The parts, or none if the bytes are not what [`encode`] gives: cut off, of another version, or damaged.
-pub fn decode(bytes: &[u8]) -> Option<Vec<Hull>> {
+/// Decodes parts. None if [`encode`] did not write the bytes: truncated, of another version, or damaged.
+pub fn decode(bytes: &[u8]) -> Option<Vec<ConvexHull>> {
     let (chunks, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() {
         return None;
@@ -35,10 +36,10 @@ pub fn decode(bytes: &[u8]) -> Option<Vec<Hull>> {
         let mut triple = || Some([words.next()?, words.next()?, words.next()?]);
         let points: Option<Vec<_>> = (0..vertices).map(|_| triple().map(|xyz| xyz.map(f32::from_bits))).collect();
         let triangles: Option<Vec<_>> = (0..triangles).map(|_| triple()).collect();
-        let part = Hull { points: points?, triangles: triangles? };
-        let sound = part.points.iter().flatten().all(|x| x.is_finite())
+        let part = ConvexHull { points: points?, triangles: triangles? };
+        let is_valid = part.points.iter().flatten().all(|x| x.is_finite())
             && part.triangles.iter().flatten().all(|&i| (i as usize) < vertices);
-        if !sound {
+        if !is_valid {
             return None;
         }
         parts.push(part);
@@ -49,12 +50,13 @@ pub fn decode(bytes: &[u8]) -> Option<Vec<Hull>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units;
 
     #[test]
-    fn bits_survive_and_damage_is_noticed() {
+    fn bits_survive_and_damage_is_detected() {
         let cube: Vec<[f32; 3]> =
             (0..8).map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -0.1 } else { 1.0 / 3.0 })).collect();
-        let parts = vec![Hull::around(&cube).expect("a hull"), Hull::around(&cube[..5]).expect("a hull")];
+        let parts = vec![units::hull(&cube).expect("a hull"), units::hull(&cube[..5]).expect("a hull")];
         let bytes = encode(&parts);
         let back = decode(&bytes).expect("reads back");
         assert_eq!(encode(&back), bytes);

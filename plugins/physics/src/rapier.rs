@@ -5,65 +5,69 @@ use syntable_model::prelude::*;
 
 /// Lets bodies fall and come to rest with the rapier3d rigid-body engine.
 ///
-/// Objects collide as convex parts. The run ends early when everything sleeps. Then bodies off the tabletop are taken
-/// out, and bodies that still move or are sunk deeper than a limit are dropped again or taken out, until no such body
-/// is left. The scene's settle report tells speed, spin, depth and what was removed and why.
+/// Objects collide as convex parts. The simulation ends early when all bodies sleep. Then bodies off the tabletop are
+/// removed, and bodies that still move or penetrate another too deeply are respawned or removed, until no body violates
+/// a limit. The scene's settle report gives speeds, penetration depth, and which bodies were removed and why.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Rapier {
-    /// Longest simulated time, s, of the fall and of every later try; it ends early when everything sleeps.
+    /// Maximum simulated time of the first fall and of every one after respawns, seconds. It ends early when all
+    /// bodies sleep.
     #[schemars(range(min = 0.01, max = 60.0))]
     pub(crate) duration_s: f64,
-    /// Time step, s. Longer steps are faster and sink deeper.
+    /// Time step, seconds; at most `duration_s`. Longer steps are faster, but bodies penetrate deeper.
     #[schemars(range(min = 0.0005, max = 0.04))]
     pub(crate) time_step_s: f64,
-    /// Acceleration of gravity, m/s².
+    /// Gravitational acceleration, m/s², along −z.
     #[schemars(range(min = 0.1, max = 30.0))]
     pub(crate) gravity_m_s2: f64,
-    /// Collision shape of bodies.
+    /// Collision shape of objects and supports.
     pub(crate) collision: Collision,
-    /// Most convex parts of one body, for `collision = "decomposition"`; a few more can come about.
+    /// Maximum number of convex parts per body, for `collision = "decomposition"`. The algorithm can exceed it
+    /// slightly.
     #[schemars(range(min = 1, max = 256))]
     pub(crate) max_parts: u32,
-    /// Voxels along the longest side of a mesh while it is decomposed.
+    /// Number of voxels along the longest side of a mesh, for `collision = "decomposition"`. Higher values preserve
+    /// finer details and take longer.
     #[schemars(range(min = 8, max = 400))]
     pub(crate) resolution: u32,
-    /// Volume by which a convex part may exceed what it covers, as a fraction of the whole hull's volume.
+    /// Volume by which a convex part may exceed the mesh in it, as a fraction of the volume of the mesh's convex hull,
+    /// for `collision = "decomposition"`. Lower values give more parts.
     #[schemars(range(min = 0.0001, max = 1.0))]
     pub(crate) concavity: f64,
-    /// Mass of dynamic bodies: `"real"`, the object's own, or `{ kg = 1.0 }` for all alike.
+    /// Mass of dynamic bodies: `"real"` for the object's own, or `{ kg = 1.0 }` for the same mass for all.
     pub(crate) mass: Mass,
-    /// Coefficient of restitution of all contacts: 0 does not bounce, 1 bounces back fully.
+    /// Coefficient of restitution of all contacts: 0 is inelastic, 1 fully elastic.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) restitution: f64,
-    /// Damping of angular velocity, 1/s: stands in for rolling friction.
+    /// Damping of angular velocity, 1/s. It approximates rolling friction.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub(crate) angular_damping_per_s: f64,
-    /// Which bodies are taken out for where they ended.
+    /// Which bodies are removed because of where they came to rest.
     pub(crate) remove: Remove,
-    /// What happens to a body that exceeds a limit below.
+    /// What happens to an object that violates one of the limits below.
     pub(crate) on_violation: OnViolation,
-    /// How often one body is dropped again before it is taken out.
+    /// Maximum number of times that one object is respawned before it is removed.
     #[schemars(range(max = 20))]
-    pub(crate) max_drops: u32,
-    /// Limit on the speed of a body's centre of mass, m/s.
+    pub(crate) max_respawns: u32,
+    /// Limit on the speed of an object's center of mass at the end, m/s.
     #[schemars(range(min = 0.0001, max = 10.0))]
     pub(crate) max_speed_m_s: f64,
-    /// Limit on a body's angular speed, rad/s.
+    /// Limit on an object's angular speed at the end, rad/s.
     #[schemars(range(min = 0.001, max = 100.0))]
-    pub(crate) max_spin_rad_s: f64,
-    /// Limit on how deep two bodies may be in each other, m.
+    pub(crate) max_angular_speed_rad_s: f64,
+    /// Limit on the penetration depth of two bodies, meters.
     #[schemars(range(min = 0.0005, max = 1.0))]
     pub(crate) max_penetration_m: f64,
 }
 
-/// Collision shape of bodies.
+/// Collision shape of objects and supports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Collision {
-    /// Convex parts: those that the object brings, or an approximate convex decomposition of its mesh.
+    /// Convex parts: those supplied by the object, or an approximate convex decomposition of its mesh.
     Decomposition,
-    /// One convex hull a body, as in SynTable's released code: hollow things are closed.
+    /// One convex hull per body, as in SynTable's released code. Concave shapes are filled.
     ConvexHull,
 }
 
@@ -71,31 +75,31 @@ pub enum Collision {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Mass {
-    /// The object's own.
+    /// The object's own mass.
     Real,
-    /// The same for all, kg. SynTable's released code uses 1.
-    Kg(f64),
+    /// The same mass for all bodies, kg. SynTable's released code uses 1.
+    Kg(#[schemars(range(min = 0.001, max = 1000.0))] f64),
 }
 
-/// Which bodies are taken out for where they ended.
+/// Which bodies are removed because of where they came to rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Remove {
-    /// Objects below the tabletop or beyond its width and length, judged by the middle of their bounding box.
+    /// Objects whose bounding-box center is below the tabletop or outside its width and length.
     OffTabletop,
-    /// None.
+    /// No bodies.
     Keep,
 }
 
-/// What happens to a body that exceeds a limit.
+/// What happens to an object that violates a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnViolation {
-    /// It is dropped again from above the pile with a new start pose; after `max_drops` tries it is taken out.
-    DropAgain,
-    /// It is taken out.
+    /// It is respawned above the pile in a random pose; after `max_respawns` times it is removed.
+    Respawn,
+    /// It is removed.
     Remove,
-    /// It stays as it is, and the report tells.
+    /// It stays, and the settle report shows the violation.
     Keep,
 }
 
@@ -113,10 +117,10 @@ impl Default for Rapier {
             restitution: 0.0,
             angular_damping_per_s: 0.5,
             remove: Remove::OffTabletop,
-            on_violation: OnViolation::DropAgain,
-            max_drops: 3,
+            on_violation: OnViolation::Respawn,
+            max_respawns: 3,
             max_speed_m_s: 0.01,
-            max_spin_rad_s: 0.1,
+            max_angular_speed_rad_s: 0.1,
             max_penetration_m: 0.005,
         }
     }
@@ -128,16 +132,13 @@ impl Config for Rapier {
     const EXAMPLE: &'static str = "\
 duration_s = 5.0
 remove = \"off_tabletop\"
-on_violation = \"drop_again\"
+on_violation = \"respawn\"
 max_penetration_m = 0.005
 max_speed_m_s = 0.01";
+    const RENAMED: &'static [(&'static str, &'static str)] =
+        &[("max_drops", "max_respawns"), ("max_spin_rad_s", "max_angular_speed_rad_s")];
 
     fn build(self) -> Result<Box<dyn Settler>, Invalid> {
-        if let Mass::Kg(kg) = self.mass
-            && !(0.001..=1000.0).contains(&kg)
-        {
-            return Err(Invalid::new("mass", format!("`kg = {kg:?}` is outside 0.001 to 1000")));
-        }
         if self.time_step_s > self.duration_s {
             let Self { time_step_s, duration_s, .. } = self;
             return Err(Invalid::new(
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ranges_cannot_say_is_refused_by_key() {
+    fn invalid_options_are_refused_by_key() {
         for (text, key) in [("mass = { kg = 0 }", "mass"), ("duration_s = 0.01\ntime_step_s = 0.02", "time_step_s")] {
             match ENTRY.construct_str(text) {
                 Err(ConstructError::Invalid(invalid)) => assert_eq!(invalid.key, key),

@@ -1,4 +1,4 @@
-//! Materials at random, open country, and distractors.
+//! Random materials, outdoor floors, and distractors.
 
 use super::*;
 use syntable_model::scene::{SceneId, SettleReport};
@@ -8,7 +8,7 @@ fn bodies(scene: &SceneBuilder) -> Vec<&BodyDraft> {
 }
 
 #[test]
-fn walls_alike_have_one_material_laid_alike() {
+fn walls_alike_have_one_material_and_mapping() {
     let options = "material = { floor = \"materials\", walls = \"materials\", ceiling = \"materials\" }";
     let room = placer("room", &format!("{options}\nwalls_alike = true\ntexture_scale = {{ uniform = [0.5, 2] }}"));
     let apart = placer("room", options);
@@ -21,7 +21,7 @@ fn walls_alike_have_one_material_laid_alike() {
             assert_eq!(wall.mapping, surfaces[1].mapping);
         }
         same_as_floor += usize::from(surfaces[0].material.name == surfaces[1].material.name);
-        // The pool's materials have tiles of a metre.
+        // The pool's materials have tiles of 1 m.
         assert!(surfaces.iter().all(|surface| (0.5..2.0).contains(&surface.material.tile_m)));
         assert!(surfaces[0].material.tile_m != surfaces[1].material.tile_m);
         // Floor and ceiling are those of a room whose walls differ.
@@ -37,7 +37,7 @@ fn walls_alike_have_one_material_laid_alike() {
 }
 
 #[test]
-fn open_country_is_a_floor() {
+fn floor_only_leaves_out_walls_and_ceiling() {
     let (scene, _) = place(&[&*placer("room", "floor_only = true\nsize_m = 40")], 1).expect("placed");
     let bodies = bodies(&scene);
     assert_eq!(bodies.len(), 1);
@@ -98,11 +98,11 @@ fn distractors_lie_on_the_floor_around_the_table() {
     for seed in 0..12 {
         let (scene, _) = place(&[&*room, &*table, &*clutter], seed).expect("placed");
         let bodies = bodies(&scene);
-        let things: Vec<&BodyDraft> = bodies.iter().copied().filter(|b| b.role == Role::Distractor).collect();
-        assert!(things.len() > 15, "{}", things.len());
+        let distractors: Vec<&BodyDraft> = bodies.iter().copied().filter(|b| b.role == Role::Distractor).collect();
+        assert!(distractors.len() > 15, "{}", distractors.len());
         let apart: Vec<&BodyDraft> = bodies.iter().copied().filter(|b| b.role != Role::Room).collect();
         assert_apart(&apart);
-        for body in things {
+        for body in distractors {
             assert_eq!(body.motion, Motion::Fixed);
             // Exact over the vertices, which are those of the box.
             let bounds = body.world_bounds();
@@ -121,8 +121,8 @@ fn distractors_lie_on_the_floor_around_the_table() {
     let names = |options: &str| {
         let clutter = placer("distractors", &format!("{options}\nfrom = [\"small\", \"big\"]\ncount = 9"));
         let (scene, _) = place(&[&*table, &*clutter], 3).expect("placed");
-        let things = scene.bodies().filter(|(_, body)| body.role == Role::Distractor);
-        things.map(|(_, body)| body.asset.name.clone()).collect::<std::collections::BTreeSet<_>>()
+        let distractors = scene.bodies().filter(|(_, body)| body.role == Role::Distractor);
+        distractors.map(|(_, body)| body.asset.name.clone()).collect::<std::collections::BTreeSet<_>>()
     };
     assert_eq!(names("size_m = [0.01, 0.06]").into_iter().collect::<Vec<_>>(), ["30x40x50"]);
     assert!(names("size_m = [0.5, 0.6]").is_empty());

@@ -1,28 +1,38 @@
-//! How deep two bodies are in each other. Lengths in, lengths out, whatever the unit.
+//! Penetration depth of two shapes.
 //!
-//! The depth of two convex parts is the length of the shortest translation that parts them: the distance from the
-//! origin to the boundary of their Minkowski difference (the expanding polytope algorithm; van den Bergen, GDC 2001).
-//! The polytope here grows on a fine grid and in whole numbers: with rounded numbers a ball that grazes a tabletop can
-//! come out 20 cm deep.
+//! The penetration depth of two convex shapes is the length of their minimum translation vector: the distance from the
+//! origin to the boundary of their Minkowski difference. The expanding polytope here grows on a fine integer grid.
 //!
-//! The depth of two bodies is the largest depth of any two of their parts; the way out of the union of the parts can
-//! be longer.
+//! The penetration depth of two compounds is the largest over pairs of their parts. The minimum translation of the
+//! unions can be longer.
 
-use crate::solid::{Cell, Face, Solid, directions};
+use crate::polytope::{Face, GridPoint, GridPolytope, directions};
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::{Pose, Vector};
 use parry3d::query;
 use parry3d::shape::{Compound, HalfSpace, Shape, SupportMap};
 
-/// Penetration depth of two shapes, metres; 0 if they are apart.
-pub fn depth(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) -> f32 {
+/// Grid steps from the origin to the farthest point of a Minkowski difference.
+const STEPS: f32 = (1 << 19) as f32;
+
+/// The boundary has been reached when the polytope grows by at most this much, grid steps.
+const CONVERGED: f64 = 2.0;
+
+/// Maximum number of vertices that are added to the polytope.
+const MAX_ITERATIONS: usize = 200;
+
+/// Penetration depth of two shapes, in their unit; 0 if they do not touch.
+///
+/// Convex shapes, half-spaces and compounds of them are measured. A triangle mesh has no interior: its depth is that
+/// of parry's contact.
+pub fn penetration_depth(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) -> f32 {
     match (shape1.as_shape::<Compound>(), shape2.as_shape::<Compound>()) {
         (Some(one), Some(two)) => {
             let two_from_one = pose2.inv_mul(pose1);
             let mut deepest = 0.0_f32;
             for (local, part) in one.shapes() {
-                let reach = part.compute_aabb(&(two_from_one * *local));
-                for leaf in two.bvh().intersect_aabb(&reach) {
+                let bounds = part.compute_aabb(&(two_from_one * *local));
+                for leaf in two.bvh().intersect_aabb(&bounds) {
                     let (other_local, other) = &two.shapes()[leaf as usize];
                     deepest = deepest.max(of_parts(&(*pose1 * *local), &**part, &(*pose2 * *other_local), &**other));
                 }
@@ -33,12 +43,12 @@ pub fn depth(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape)
             let parts = one.shapes().iter();
             parts.map(|(local, part)| of_parts(&(*pose1 * *local), &**part, pose2, shape2)).fold(0.0, f32::max)
         }
-        (None, Some(_)) => depth(pose2, shape2, pose1, shape1),
+        (None, Some(_)) => penetration_depth(pose2, shape2, pose1, shape1),
         (None, None) => of_parts(pose1, shape1, pose2, shape2),
     }
 }
 
-/// Depth of two shapes that are no compounds.
+/// Penetration depth of two shapes that are not compounds.
 fn of_parts(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) -> f32 {
     if !shape1.compute_aabb(pose1).intersects(&shape2.compute_aabb(pose2)) {
         return 0.0;
@@ -52,10 +62,9 @@ fn of_parts(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) 
     }
     match (shape1.as_support_map(), shape2.as_support_map()) {
         (Some(map1), Some(map2)) => {
-            let apart = query::intersection_test(pose1, shape1, pose2, shape2).is_ok_and(|test| !test.intersecting);
-            if apart { 0.0 } else { way_out(pose1, map1, pose2, map2).map_or(0.0, |(depth, _)| depth) }
+            let separated = query::intersection_test(pose1, shape1, pose2, shape2).is_ok_and(|test| !test.intersecting);
+            if separated { 0.0 } else { minimum_translation(pose1, map1, pose2, map2).map_or(0.0, |found| found.depth) }
         }
-        // The mesh of a whole room: its triangles have no thickness.
         _ => match query::contact(pose1, shape1, pose2, shape2, 0.0) {
             Ok(Some(contact)) => (-contact.dist).max(0.0),
             _ => 0.0,
@@ -63,57 +72,62 @@ fn of_parts(pose1: &Pose, shape1: &dyn Shape, pose2: &Pose, shape2: &dyn Shape) 
     }
 }
 
-/// The shortest translation that parts two convex shapes: its length, and its direction, from the first to the second.
-/// None if they are apart.
-pub fn way_out<A, B>(pose1: &Pose, shape1: &A, pose2: &Pose, shape2: &B) -> Option<(f32, Vector)>
+/// The shortest translation that separates two intersecting convex shapes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MinimumTranslation {
+    /// Its length.
+    pub depth: f32,
+    /// Its direction: unit vector from the first to the second shape. Moving the second shape by `depth · normal`
+    /// separates them.
+    pub normal: Vector,
+}
+
+/// The minimum translation vector of two convex shapes; None if they are separated.
+pub fn minimum_translation<A, B>(pose1: &Pose, shape1: &A, pose2: &Pose, shape2: &B) -> Option<MinimumTranslation>
 where
     A: SupportMap + ?Sized,
     B: SupportMap + ?Sized,
 {
-    // Everything near the first body, so that the grid can be fine.
-    let corner = |normal: Vector| shape1.support_point(pose1, normal) - shape2.support_point(pose2, -normal);
-    let largest = directions().map(|d| corner(real(d.map(|x| x as f64))).abs().max_element()).fold(0.0, f32::max);
+    let support_point = |normal: Vector| shape1.support_point(pose1, normal) - shape2.support_point(pose2, -normal);
+    let unit = |direction: GridPoint| unit_vector(direction.map(|x| x as f64));
+    let largest = directions().map(|d| support_point(unit(d)).abs().max_element()).fold(0.0, f32::max);
     let pitch = largest / STEPS;
-    let support = |normal: Vector| -> Cell { corner(normal).to_array().map(|x| (x / pitch).round() as i64) };
-    let first: Vec<Cell> = directions().map(|direction| support(real(direction.map(|x| x as f64)))).collect();
-    let mut solid = Solid::new(&first)?;
-    first.into_iter().for_each(|cell| drop(solid.insert(cell)));
-    for _ in 0..MOST_CORNERS {
-        // The face of the polytope that is nearest to the origin, from inside.
-        let distance = |face: &Face| -face.above([0; 3]);
-        let nearest = solid.faces.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let (at, normal) = (distance(nearest), real(nearest.normal()));
+    let support =
+        |normal: Vector| -> GridPoint { support_point(normal).to_array().map(|x| (x / pitch).round() as i64) };
+    let initial: Vec<GridPoint> = directions().map(|direction| support(unit(direction))).collect();
+    let mut polytope = GridPolytope::new(&initial)?;
+    initial.into_iter().for_each(|point| drop(polytope.insert(point)));
+    // Distance from the origin, which is inside, to the plane of a face.
+    let depth_of = |face: &Face| -face.distance([0; 3]);
+    for _ in 0..MAX_ITERATIONS {
+        let nearest = polytope.faces.iter().min_by(|a, b| depth_of(a).total_cmp(&depth_of(b)))?;
+        let (depth, normal) = (depth_of(nearest), unit_vector(nearest.normal()));
         let next = support(normal);
-        let beyond = nearest.above(next);
-        if at + beyond <= 0.0 {
+        let growth = nearest.distance(next);
+        if depth + growth <= 0.0 {
             return None;
         }
-        if beyond <= CLOSE || solid.insert(next).is_none() {
-            let depth = (at + beyond.max(0.0)) as f32 * pitch;
-            return (depth > 0.0).then_some((depth, normal));
+        if growth <= CONVERGED || polytope.insert(next).is_none() {
+            let depth = (depth + growth.max(0.0)) as f32 * pitch;
+            return (depth > 0.0).then_some(MinimumTranslation { depth, normal });
         }
     }
-    let nearest =
-        solid.faces.iter().map(|face| (-face.above([0; 3]), real(face.normal()))).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let depth = -gap(pose1, shape1, pose2, shape2, nearest.1);
-    (depth > 0.0).then_some((depth, nearest.1))
+    let nearest = polytope
+        .faces
+        .iter()
+        .map(|face| (depth_of(face), unit_vector(face.normal())))
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let depth = -separation_along(pose1, shape1, pose2, shape2, nearest.1);
+    (depth > 0.0).then_some(MinimumTranslation { depth, normal: nearest.1 })
 }
 
-/// Steps of the grid from the origin to the farthest corner of a Minkowski difference.
-const STEPS: f32 = (1 << 19) as f32;
-
-/// The boundary is found when it is this close, steps of the grid.
-const CLOSE: f64 = 2.0;
-
-/// The polytope grows by at most this many corners.
-const MOST_CORNERS: usize = 200;
-
-fn real(direction: [f64; 3]) -> Vector {
+fn unit_vector(direction: [f64; 3]) -> Vector {
     Vector::from(direction.map(|x| x as f32)).normalize()
 }
 
-/// How far two shapes are apart along a direction from the first to the second; negative if their shadows overlap.
-pub fn gap<A, B>(pose1: &Pose, shape1: &A, pose2: &Pose, shape2: &B, normal: Vector) -> f32
+/// Distance between two convex shapes along a unit vector from the first to the second; negative if their projections
+/// onto it overlap.
+pub fn separation_along<A, B>(pose1: &Pose, shape1: &A, pose2: &Pose, shape2: &B, normal: Vector) -> f32
 where
     A: SupportMap + ?Sized,
     B: SupportMap + ?Sized,
@@ -124,7 +138,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hull::Hull;
+    use crate::hull::{ConvexHull, HullOptions};
     use parry3d::math::Rotation;
     use parry3d::shape::{Ball, ConvexPolyhedron, SharedShape};
     use syntable_model::random::Stream;
@@ -136,7 +150,7 @@ mod tests {
     fn polyhedron(size: [f32; 3]) -> ConvexPolyhedron {
         let corners: Vec<[f32; 3]> =
             (0..8).map(|i| std::array::from_fn(|k| size[k] * if i >> k & 1 == 0 { -0.5 } else { 0.5 })).collect();
-        Hull::around(&corners).expect("a hull").polyhedron(1.0).expect("closed")
+        ConvexHull::new(&corners, &HullOptions::METERS).expect("a hull").polyhedron(1.0).expect("closed")
     }
 
     fn random_pose(stream: &mut Stream) -> Pose {
@@ -147,40 +161,40 @@ mod tests {
     }
 
     #[test]
-    fn boxes_of_known_overlap() {
+    fn boxes_of_known_depth() {
         let (one, two) = (polyhedron([0.1, 0.1, 0.1]), polyhedron([0.06, 0.3, 0.04]));
         let mut stream = Stream::root(1);
         for _ in 0..50 {
             let wanted = stream.uniform(-0.01, 0.015) as f32;
             let anywhere = random_pose(&mut stream);
             let offset = pose(stream.uniform(-0.03, 0.03) as f32, 0.0, 0.05 + 0.02 - wanted);
-            let got = depth(&anywhere, &one, &(anywhere * offset), &two);
+            let got = penetration_depth(&anywhere, &one, &(anywhere * offset), &two);
             // The grid of hulls is 8 µm.
             assert!((got - wanted.max(0.0)).abs() < 1e-5, "{got}, not {wanted}");
-            let turned = depth(&(anywhere * offset), &two, &anywhere, &one);
-            assert!((got - turned).abs() < 2e-6, "{got} one way, {turned} the other");
+            let swapped = penetration_depth(&(anywhere * offset), &two, &anywhere, &one);
+            assert!((got - swapped).abs() < 2e-6, "{got} one way, {swapped} the other");
         }
     }
 
     #[test]
-    fn two_edges_crossing() {
-        // Two square bars turned by 45° about their own axes, crossing at right angles: the edges meet, and the way
-        // out is straight up.
+    fn crossing_edges() {
+        // Two square bars rotated by 45° about their own axes, crossing at right angles: the edges touch,
+        // and the minimum translation is vertical.
         let bar = polyhedron([0.4, 0.05, 0.05]);
         let half = std::f32::consts::FRAC_PI_8;
         let quarter = std::f32::consts::FRAC_PI_4;
         let rolled = Rotation::from_xyzw(half.sin(), 0.0, 0.0, half.cos());
         let across = Rotation::from_xyzw(0.0, 0.0, quarter.sin(), quarter.cos());
-        let reach = 0.05 / 2.0_f32.sqrt();
+        let half_diagonal = 0.05 / 2.0_f32.sqrt();
         for wanted in [0.001, 0.004, 0.01] {
-            let upper = Pose::from_parts(Vector::new(0.0, 0.0, 2.0 * reach - wanted), across * rolled);
-            let got = depth(&Pose::from_parts(Vector::ZERO, rolled), &bar, &upper, &bar);
+            let upper = Pose::from_parts(Vector::new(0.0, 0.0, 2.0 * half_diagonal - wanted), across * rolled);
+            let got = penetration_depth(&Pose::from_parts(Vector::ZERO, rolled), &bar, &upper, &bar);
             assert!((got - wanted).abs() < 2e-5, "{got}, not {wanted}");
         }
     }
 
     #[test]
-    fn never_less_than_the_least_over_many_directions() {
+    fn matches_brute_force_over_many_directions() {
         // Brute force: 20,000 directions bound the depth from above and come close to it.
         let mut stream = Stream::root(2);
         let directions: Vec<Vector> =
@@ -188,45 +202,45 @@ mod tests {
         let cloud = |stream: &mut Stream| {
             let points: Vec<[f32; 3]> =
                 (0..20).map(|_| <[f64; 3]>::from(stream.direction()).map(|x| 0.05 * x as f32)).collect();
-            Hull::around(&points).expect("a hull").polyhedron(1.0).expect("closed")
+            ConvexHull::new(&points, &HullOptions::METERS).expect("a hull").polyhedron(1.0).expect("closed")
         };
         let mut touching = 0;
         for _ in 0..40 {
             let (one, two) = (cloud(&mut stream), cloud(&mut stream));
             let (a, b) = (random_pose(&mut stream), random_pose(&mut stream));
-            let gap = stream.uniform(0.06, 0.11) as f32;
-            let b = Pose::from_parts(a.translation + directions[touching] * gap, b.rotation);
-            let got = depth(&a, &one, &b, &two);
-            let reach = |pose: &Pose, shape: &ConvexPolyhedron, n: Vector| {
+            let distance = stream.uniform(0.06, 0.11) as f32;
+            let b = Pose::from_parts(a.translation + directions[touching] * distance, b.rotation);
+            let got = penetration_depth(&a, &one, &b, &two);
+            let extent = |pose: &Pose, shape: &ConvexPolyhedron, n: Vector| {
                 shape.points().iter().map(|p| (*pose * *p).dot(n)).fold(f32::NEG_INFINITY, f32::max)
             };
             let brute =
-                directions.iter().map(|&n| reach(&a, &one, n) + reach(&b, &two, -n)).fold(f32::INFINITY, f32::min);
+                directions.iter().map(|&n| extent(&a, &one, n) + extent(&b, &two, -n)).fold(f32::INFINITY, f32::min);
             touching += usize::from(got > 0.0);
-            // A direction that is off by δ costs at most size · δ; the nearest of 20,000 is within 0.04 rad.
+            // An angular error of δ costs at most size · δ; the nearest of 20,000 directions is within 0.04 rad.
             assert!(got <= brute.max(0.0) + 1e-6 && got >= brute - 0.003, "{got}, brute force {brute}");
         }
         assert!((10..40).contains(&touching), "{touching} of 40 pairs touch");
     }
 
     #[test]
-    fn a_ball_that_grazes_a_wide_slab_is_not_deep() {
-        let ball: Vec<[f32; 3]> = {
+    fn a_sphere_that_grazes_a_wide_slab_is_not_deep() {
+        let sphere: Vec<[f32; 3]> = {
             let mut stream = Stream::root(3);
             (0..500).map(|_| <[f64; 3]>::from(stream.direction()).map(|x| 0.04 * x as f32)).collect()
         };
-        let ball = Hull::around(&ball).expect("a hull").polyhedron(1.0).expect("closed");
+        let sphere = ConvexHull::new(&sphere, &HullOptions::METERS).expect("a hull").polyhedron(1.0).expect("closed");
         let slab = polyhedron([1.2, 0.8, 0.1]);
         let mut stream = Stream::root(4);
         for _ in 0..200 {
             let place = random_pose(&mut stream);
-            let lowest = ball.points().iter().map(|p| (place.rotation * *p).z).fold(f32::INFINITY, f32::min);
+            let lowest = sphere.points().iter().map(|p| (place.rotation * *p).z).fold(f32::INFINITY, f32::min);
             let wanted = stream.uniform(-1e-5, 5e-4) as f32;
             let on_top = Pose::from_parts(
                 Vector::new(place.translation.x * 0.9, place.translation.y * 0.7, 0.05 - lowest - wanted),
                 place.rotation,
             );
-            let got = depth(&on_top, &ball, &pose(0.0, 0.0, 0.0), &slab);
+            let got = penetration_depth(&on_top, &sphere, &pose(0.0, 0.0, 0.0), &slab);
             assert!((got - wanted.max(0.0)).abs() < 1e-5, "{got}, not {wanted}");
         }
     }
@@ -235,10 +249,10 @@ mod tests {
     fn half_spaces_and_compounds() {
         let floor = HalfSpace::new(Vector::Z);
         let cube = polyhedron([0.1; 3]);
-        let sunk = depth(&pose(3.0, 0.0, 0.047), &cube, &pose(0.0, 0.0, 0.0), &floor);
+        let sunk = penetration_depth(&pose(3.0, 0.0, 0.047), &cube, &pose(0.0, 0.0, 0.0), &floor);
         assert!((sunk - 0.003).abs() < 1e-5, "{sunk}");
-        assert_eq!(depth(&pose(0.0, 0.0, 0.051), &Ball::new(0.05), &pose(0.0, 0.0, 0.0), &floor), 0.0);
-        // A fork of two prongs over a bar: only one prong is in it.
+        assert_eq!(penetration_depth(&pose(0.0, 0.0, 0.051), &Ball::new(0.05), &pose(0.0, 0.0, 0.0), &floor), 0.0);
+        // A fork of two prongs over a bar: only one prong penetrates it.
         let prong = SharedShape::new(polyhedron([0.02, 0.02, 0.1]));
         let fork = Compound::new(vec![(pose(0.1, 0.0, 0.0), prong.clone()), (pose(-0.1, 0.0, 0.01), prong)]);
         let bar = polyhedron([1.0, 0.1, 0.1]);
@@ -246,7 +260,8 @@ mod tests {
             let (a, b) = (pose(0.0, 0.0, 0.1 - 0.004), pose(0.0, 0.0, 0.0));
             let bars = Compound::new(vec![(Pose::IDENTITY, SharedShape::new(bar.clone()))]);
             let other: &dyn Shape = if first { &bar } else { &bars };
-            let got = if second { depth(&b, other, &a, &fork) } else { depth(&a, &fork, &b, other) };
+            let got =
+                if second { penetration_depth(&b, other, &a, &fork) } else { penetration_depth(&a, &fork, &b, other) };
             assert!((got - 0.004).abs() < 1e-5, "{got}");
         }
     }

@@ -1,0 +1,163 @@
+//! Collision shapes by object: computed once, kept in memory up to a number of shapes, and on disk by mesh digest.
+
+use crate::collision_shape::CollisionShape;
+use crate::decompose::{DECOMPOSITION_VERSION, Method, convex_parts};
+use crate::rapier::{Collision, Rapier};
+use crate::{hull_codec, units};
+use quick_cache::sync::Cache as MemoryCache;
+use std::convert::Infallible;
+use std::sync::{Arc, OnceLock};
+use syntable_convex::{ConvexHull, HULL_VERSION};
+use syntable_model::context::{Cache, Workers};
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::error::Result;
+use syntable_model::scene::{Mesh, Object};
+
+/// Maximum number of shapes kept in memory.
+const CAPACITY: usize = 512;
+
+/// Computes collision shapes and keeps them. Threads that ask for the same shape at once wait for one computation.
+pub struct HullCache {
+    collision: Collision,
+    method: Method,
+    shapes: MemoryCache<Digest, Result<Arc<CollisionShape>>>,
+}
+
+impl HullCache {
+    /// An empty cache for the shapes of some options.
+    pub fn new(config: &Rapier) -> Self {
+        let method = match config.collision {
+            Collision::ConvexHull => Method::Hull,
+            Collision::Decomposition => Method::Decomposition {
+                resolution: config.resolution,
+                concavity: config.concavity as f32,
+                max_parts: config.max_parts,
+            },
+        };
+        Self { collision: config.collision, method, shapes: MemoryCache::new(CAPACITY) }
+    }
+
+    /// The shapes of some objects, in their order. Missing ones are computed on all workers.
+    pub fn shapes(
+        &self,
+        objects: &[&Object],
+        cache: &dyn Cache,
+        workers: &dyn Workers,
+    ) -> Vec<Result<Arc<CollisionShape>>> {
+        let shapes: Vec<OnceLock<Result<Arc<CollisionShape>>>> = objects.iter().map(|_| OnceLock::new()).collect();
+        workers.run(objects.len(), &|i| {
+            shapes[i].get_or_init(|| self.shape(objects[i], cache));
+        });
+        let shape =
+            |(shape, object): (OnceLock<_>, &&Object)| shape.into_inner().unwrap_or_else(|| self.shape(object, cache));
+        shapes.into_iter().zip(objects).map(shape).collect()
+    }
+
+    fn shape(&self, object: &Object, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
+        let compute = || Ok::<_, Infallible>(self.compute(object, cache));
+        let Ok(shape) = self.shapes.get_or_insert_with(&object_key(object), compute);
+        shape
+    }
+
+    fn compute(&self, object: &Object, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
+        let supplied = match (self.collision, &object.collision) {
+            (Collision::Decomposition, Some(parts)) => parts.iter().filter_map(|part| units::hull(part)).collect(),
+            _ => Vec::new(),
+        };
+        let parts = if supplied.is_empty() { self.cached_parts(&object.mesh, cache) } else { supplied };
+        CollisionShape::new(&parts).map(Arc::new)
+    }
+
+    fn cached_parts(&self, mesh: &Mesh, cache: &dyn Cache) -> Vec<ConvexHull> {
+        let key = self.mesh_key(mesh);
+        // Cached and computed parts are the same to the bit, since both have gone through the codec.
+        cache.get("convex-parts", key).and_then(|bytes| hull_codec::decode(&bytes)).unwrap_or_else(|| {
+            let parts = convex_parts(mesh, self.method);
+            let bytes = hull_codec::encode(&parts);
+            let parts = hull_codec::decode(&bytes).unwrap_or(parts);
+            cache.put("convex-parts", key, &bytes);
+            parts
+        })
+    }
+
+    fn mesh_key(&self, mesh: &Mesh) -> Digest {
+        let data = mesh.data();
+        let hasher =
+            Hasher::new("convex parts").number(f64::from(HULL_VERSION)).number(f64::from(DECOMPOSITION_VERSION));
+        let hasher = match self.method {
+            Method::Hull => hasher.text("hull"),
+            Method::Decomposition { resolution, concavity, max_parts } => hasher
+                .text("decomposition")
+                .number(f64::from(resolution))
+                .number(f64::from(concavity))
+                .number(f64::from(max_parts)),
+        };
+        let options = units::HULL_OPTIONS;
+        let positions: Vec<f32> = data.positions.iter().flatten().copied().collect();
+        let triangles: Vec<u8> = data.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
+        hasher
+            .number(f64::from(options.min_thickness))
+            .number(f64::from(options.tolerance))
+            .number(f64::from(options.grid))
+            .number(f64::from(options.engine_scale))
+            .number(options.max_vertices as f64)
+            .floats(positions.into_iter())
+            .bytes(&triangles)
+            .finish()
+    }
+}
+
+fn object_key(object: &Object) -> Digest {
+    let bounds = object.mesh.bounds();
+    bounds
+        .min
+        .iter()
+        .chain(bounds.max.iter())
+        .fold(Hasher::new("collision shape").digest(object.digest), |hasher, x| hasher.number(*x))
+        .number(object.mesh.data().positions.len() as f64)
+        .number(object.collision.as_ref().map_or(-1.0, |parts| parts.len() as f64))
+        .finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kit;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// Counts look-ups on disk: one per computed shape.
+    #[derive(Default)]
+    struct Counting(AtomicUsize);
+    impl Cache for Counting {
+        fn get(&self, _: &str, _: Digest) -> Option<Vec<u8>> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            // Long enough for the other threads to ask for the same shape.
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            None
+        }
+        fn put(&self, _: &str, _: Digest, _: &[u8]) {}
+    }
+
+    struct Threads;
+    impl Workers for Threads {
+        fn threads(&self) -> usize {
+            8
+        }
+        fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+            std::thread::scope(|scope| (0..jobs).for_each(|i| drop(scope.spawn(move || job(i)))));
+        }
+    }
+
+    #[test]
+    fn threads_that_want_one_shape_compute_it_once() {
+        let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
+        let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
+        let objects: Vec<&Object> = (0..8).map(|i| if i % 2 == 0 { &*cube } else { &*slab }).collect();
+        let (shapes, disk) = (HullCache::new(&Rapier::default()), Counting::default());
+        let found: Vec<_> = shapes.shapes(&objects, &disk, &Threads).into_iter().map(|s| s.expect("a shape")).collect();
+        assert_eq!(disk.0.load(Ordering::Relaxed), 2);
+        for (i, shape) in found.iter().enumerate() {
+            assert!(Arc::ptr_eq(shape, &found[i % 2]) && !Arc::ptr_eq(shape, &found[(i + 1) % 2]));
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Static bodies: supports, and floor, walls and ceiling.
+//!
+//! - A part of the room that is flat becomes a half-space behind the face towards the objects, so that nothing tunnels
+//!   through. If there are objects on both sides, it becomes a box.
+//! - The ground, z = 0, is always a half-space, whether there is a floor or not.
+//! - A support becomes convex parts as objects do. Under a flat top, a thick slab with the outline of the top replaces
+//!   thin boards: the minimum translation of a body pressed into it is always upwards.
+
+use crate::collision_shape::CollisionShape;
+use crate::engine::friction;
+use crate::units;
+use parry3d::math::{Pose as EnginePose, Rotation, Vector};
+use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
+use syntable_convex::ConvexHull;
+use syntable_model::geometry::{Aabb, Point3, Vector3};
+use syntable_model::scene::{BodyDraft, Tabletop};
+
+/// A room part is flat if its shortest edge is at most this fraction of the next longer one.
+const MAX_FLATNESS: f64 = 0.05;
+
+/// Minimum thickness of a room part that is not a half-space, meters.
+const MIN_WALL_M: f64 = 0.05;
+
+/// Thickness of the slab under a flat top, meters.
+const SLAB_M: f32 = 0.1;
+
+/// Faces within this distance of the height of the tabletop belong to it, meters.
+const TOP_TOLERANCE_M: f64 = 0.001;
+
+/// A top is flat if its faces cover at least this fraction of their convex outline.
+const MIN_COVERAGE: f64 = 0.97;
+
+/// A body that never moves.
+pub struct StaticBody {
+    /// Pose of its shape.
+    pub pose: EnginePose,
+    /// Its shape; the parts of a compound become colliders of their own.
+    pub whole: SharedShape,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+}
+
+impl StaticBody {
+    /// The parts and their poses in the frame of the shape.
+    pub fn parts(&self) -> Vec<(EnginePose, SharedShape)> {
+        match self.whole.as_shape::<Compound>() {
+            Some(compound) => compound.shapes().to_vec(),
+            None => vec![(EnginePose::IDENTITY, self.whole.clone())],
+        }
+    }
+}
+
+/// The ground: everything below a height, meters.
+pub fn ground(height: f64) -> StaticBody {
+    half_space(Point3::new(0.0, 0.0, height), Vector3::z(), 0.5)
+}
+
+/// A part of the room. `inside` are positions of objects: none may be behind it. None if it has no usable shape.
+pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody> {
+    let bounds = body.object.mesh.bounds();
+    let (size, center) = (bounds.size(), bounds.centre());
+    let mut axes = [0, 1, 2];
+    axes.sort_by(|&a, &b| size[a].total_cmp(&size[b]));
+    let thin = axes[0];
+    let pose = body.world_from_body;
+    let friction = friction(body.object.friction);
+    if size[thin] <= MAX_FLATNESS * size[axes[1]] {
+        let axis = pose * Vector3::ith(thin, 1.0);
+        for normal in [axis, -axis] {
+            let face = pose * center + normal * (size[thin] / 2.0);
+            if inside.iter().all(|p| (p - face).dot(&normal) >= 0.0) {
+                return Some(half_space(face, normal, friction));
+            }
+        }
+        // Objects on both sides: a wall of finite size.
+        let half = Vector3::from_fn(|i, _| size[i].max(MIN_WALL_M) / 2.0);
+        let corners = Aabb { min: center - half, max: center + half }.corners();
+        let points: Vec<[f32; 3]> = corners.iter().map(|p| <[f64; 3]>::from(*p).map(|x| x as f32)).collect();
+        let wall = units::hull(&points)?.polyhedron(units::PER_METER)?;
+        return Some(StaticBody { pose: units::pose(&pose), whole: SharedShape::new(wall), friction });
+    }
+    // Any other shape, such as a whole room in one mesh: its triangles.
+    let data = body.object.mesh.data();
+    let points = data.positions.iter().map(|&p| Vector::from(p) * units::PER_METER).collect();
+    let mesh = TriMesh::with_flags(points, data.triangles.clone(), TriMeshFlags::DELETE_DEGENERATE_TRIANGLES).ok()?;
+    Some(StaticBody { pose: units::pose(&pose), whole: SharedShape::new(mesh), friction })
+}
+
+/// The static bodies of a support: the slab under its top, if that is flat, and its convex parts.
+pub fn support(body: &BodyDraft, shape: &CollisionShape, tabletop: Option<&Tabletop>) -> Vec<StaticBody> {
+    let friction = friction(body.object.friction);
+    let pose = units::pose(&body.world_from_body);
+    let slab = tabletop.and_then(|tabletop| slab(body, tabletop));
+    let mut parts: Vec<SharedShape> = shape.parts.clone();
+    let mut bodies = Vec::new();
+    if let Some(slab) = slab {
+        parts = parts.into_iter().filter_map(|part| below_slab(part, &pose, &slab)).collect();
+        if let Some(shape) = slab.polyhedron(units::PER_METER) {
+            bodies.push(StaticBody { pose: EnginePose::IDENTITY, whole: SharedShape::new(shape), friction });
+        }
+    }
+    if !parts.is_empty() {
+        let whole = SharedShape::new(Compound::new(parts.into_iter().map(|p| (EnginePose::IDENTITY, p)).collect()));
+        bodies.push(StaticBody { pose, whole, friction });
+    }
+    bodies
+}
+
+fn half_space(point: Point3<f64>, normal: Vector3<f64>, friction: f32) -> StaticBody {
+    let [i, j, k]: [f64; 3] = normal.normalize().into();
+    StaticBody {
+        pose: EnginePose::from_parts(units::point(&point), Rotation::IDENTITY),
+        whole: SharedShape::new(HalfSpace::new(Vector::new(i as f32, j as f32, k as f32).normalize())),
+        friction,
+    }
+}
+
+/// The slab under a flat top, world frame; none if the top is not flat, not convex, or has a hole.
+fn slab(body: &BodyDraft, tabletop: &Tabletop) -> Option<ConvexHull> {
+    let mesh = &body.object.mesh;
+    let mut covered_area = 0.0;
+    let mut corners_xy: Vec<[f64; 2]> = Vec::new();
+    for triangle in 0..mesh.data().triangles.len() {
+        let corners = mesh.corners(triangle).map(|p| body.world_from_body * p);
+        if corners.iter().all(|p| (p.z - tabletop.height()).abs() <= TOP_TOLERANCE_M) {
+            let [a, b, c] = corners;
+            covered_area += (b - a).cross(&(c - a)).z.abs() / 2.0;
+            corners_xy.extend(corners.map(|p| [p.x, p.y]));
+        }
+    }
+    let outline = convex_outline(corners_xy);
+    if outline.len() < 3 || covered_area < MIN_COVERAGE * area(&outline) {
+        return None;
+    }
+    let top = tabletop.height() as f32;
+    let points: Vec<[f32; 3]> =
+        outline.iter().flat_map(|&[x, y]| [top, top - SLAB_M].map(|z| [x as f32, y as f32, z])).collect();
+    units::hull(&points)
+}
+
+/// The remainder of a support's part below the slab; none if the slab covers all of it.
+fn below_slab(part: SharedShape, pose: &EnginePose, slab: &ConvexHull) -> Option<SharedShape> {
+    let hull = part.as_convex_polyhedron()?;
+    let top = slab.points.iter().map(|p| p[2]).fold(f32::NEG_INFINITY, f32::max);
+    // Points are projected to the slab's mid-height, so that only its outline counts.
+    let projected = |p: [f32; 3]| [p[0], p[1], top - SLAB_M / 2.0];
+    let world: Vec<[f32; 3]> = hull.points().iter().map(|p| (*pose * *p / units::PER_METER).to_array()).collect();
+    let within = |p: &[f32; 3]| slab.max_plane_distance(projected(*p)) <= 0.002;
+    if world.iter().all(|p| within(p) && p[2] >= top - SLAB_M - 0.002) {
+        return None;
+    }
+    if world.iter().all(within) {
+        // A leg: cut off at half the height of the slab.
+        let points: Vec<[f32; 3]> = world
+            .iter()
+            .map(|p| Vector::new(p[0], p[1], p[2].min(top - SLAB_M / 2.0)) * units::PER_METER)
+            .map(|p| (pose.inverse() * p / units::PER_METER).to_array())
+            .collect();
+        return Some(SharedShape::new(units::hull(&points)?.polyhedron(units::PER_METER)?));
+    }
+    Some(part)
+}
+
+/// Convex hull of points in the plane, counterclockwise (Andrew's monotone chain).
+fn convex_outline(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    points.dedup();
+    let orientation =
+        |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
+    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
+        let mut chain: Vec<[f64; 2]> = Vec::new();
+        for p in points {
+            while chain.len() >= 2 && orientation(chain[chain.len() - 2], chain[chain.len() - 1], p) <= 0.0 {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut outline = chain(&mut points.iter().copied());
+    outline.extend(chain(&mut points.iter().rev().copied()));
+    outline
+}
+
+fn area(outline: &[[f64; 2]]) -> f64 {
+    let next = outline.iter().cycle().skip(1);
+    outline.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn convex_hulls_in_the_plane() {
+        let square = vec![[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [1.0, 1.0], [0.0, 1.0], [0.5, 0.0], [0.0, 0.0]];
+        let outline = convex_outline(square);
+        assert_eq!(outline, [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+        assert_eq!(area(&outline), 1.0);
+        assert!(convex_outline(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]).len() < 3);
+        assert!(convex_outline(Vec::new()).is_empty());
+    }
+}
