@@ -39,6 +39,7 @@ fn plugins_depend_on_the_model_alone() {
             "syntable-standard" => {
                 crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
             }
+            "syntable-write" => vec!["syntable-model", "syntable-formats"],
             _ => vec!["syntable-model"],
         };
         for dependency in ours(normal) {
@@ -57,11 +58,12 @@ fn plugins_depend_on_the_model_alone() {
 
 #[test]
 fn heavy_packages_stay_in_their_rooms() {
-    let rooms: [(&str, &[&str]); 8] = [
+    let rooms: [(&str, &[&str]); 9] = [
         ("rapier3d", &["syntable-physics"]),
         ("parry3d", &["syntable-physics"]),
         ("obvhs", &["syntable-render-cpu"]),
         ("image", &["syntable-assets", "syntable-sensor"]),
+        ("exr", &["syntable-assets", "syntable-write"]),
         ("gltf", &["syntable-assets"]),
         ("tera", &["syntable-write"]),
         ("clap", &["syntable-runtime"]),
