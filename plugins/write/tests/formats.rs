@@ -46,14 +46,25 @@ fn wrong_options_are_refused() {
         ("jsonl", "include = [\"view\"]", "include[0]: a product named `view` has the name of a field of this writer"),
         ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not a file name"),
         ("syntable", "folder = \"../up\"", "folder: `../up` is not a folder inside the dataset"),
-        ("template", "", "missing field `template`"),
-        ("template", "template = { text = \"a\" }", "data did not match any variant of untagged enum TemplateSource"),
         ("template", "template = \"a\\n{{ b\"", "template: line 2 of the template: expected"),
         ("template", "template = \"\"\npath = \"{% if %}\"", "path: line 1 of the template: expected"),
-        ("syntable", "compat = \"syntable_1\"", "unknown variant `release`, expected `coco` or `syntable_1`"),
     ] {
         let error = writer(kind, options).err().unwrap_or_else(|| panic!("{kind} {options} is accepted"));
         assert!(error.starts_with(want), "{kind} {options}: {error}");
+    }
+}
+
+#[test]
+fn options_of_another_form_are_refused() {
+    for (kind, options, want) in [
+        ("syntable", "compat = \"release\"", "unknown variant `release`, expected `coco` or `syntable_1`"),
+        ("syntable", "bbox = \"both\"", "unknown variant `both`, expected `visible` or `amodal`"),
+        ("template", "", "missing field `template`"),
+        ("template", "template = { text = \"a\" }", "data did not match any variant of untagged enum TemplateSource"),
+        ("template", "template = \"a\"\ntemplate_file = \"b\"", "unknown field `template_file`"),
+    ] {
+        let error = writer(kind, options).err().unwrap_or_else(|| panic!("{kind} {options} is accepted"));
+        assert!(error.contains(want), "{kind} {options}: {error}");
     }
 }
 

@@ -222,7 +222,7 @@ fn parts(file: &gltf::Gltf, mesh: usize) -> Vec<Part> {
 }
 
 #[test]
-fn bodies_stand_where_they_are() {
+fn bodies_have_their_poses() {
     let (file, json) = one("");
     let (scene, nodes) = (scene(), world(&file.document));
     for body in scene.bodies() {
@@ -371,7 +371,7 @@ fn textures_over_whole_bodies_become_coordinates() {
 }
 
 #[test]
-fn cameras_look_as_they_do() {
+fn cameras_have_pose_and_field_of_view() {
     let (file, json) = one("");
     let nodes = world(&file.document);
     assert_eq!(file.cameras().count(), 2);
@@ -397,7 +397,7 @@ fn cameras_look_as_they_do() {
 }
 
 #[test]
-fn glowing_lights_shine_as_much_and_the_right_way() {
+fn emissive_geometry_has_the_power_and_direction_of_its_light() {
     let (file, json) = one("");
     let nodes = world(&file.document);
     let lit = |name: &str| {
