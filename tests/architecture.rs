@@ -42,6 +42,7 @@ fn plugins_depend_on_the_model_alone() {
             }
             // Sources of meshes share the intermediate model, its repair and the registries of formats.
             "syntable-assets" | "syntable-runtime" => vec!["syntable-model", "syntable-mesh"],
+            "syntable-write" => vec!["syntable-model", "syntable-formats"],
             _ => vec!["syntable-model"],
         };
         for dependency in ours(normal) {
@@ -60,11 +61,12 @@ fn plugins_depend_on_the_model_alone() {
 
 #[test]
 fn heavy_packages_stay_in_their_rooms() {
-    let rooms: [(&str, &[&str]); 9] = [
+    let rooms: [(&str, &[&str]); 10] = [
         ("rapier3d", &["syntable-physics"]),
         ("parry3d", &["syntable-physics", "syntable-convex"]),
         ("obvhs", &["syntable-render-cpu"]),
         ("image", &["syntable-assets", "syntable-sensor"]),
+        ("exr", &["syntable-assets", "syntable-write"]),
         ("gltf", &["syntable-assets"]),
         ("base64", &["syntable-assets"]),
         ("tera", &["syntable-write"]),

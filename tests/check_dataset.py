@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Checks a dataset in SynTable's layout as a stranger would: with pycocotools, NumPy and Pillow, from its files alone.
 
-    python3 tests/check_dataset.py DATASET [--compat correct|release] [--annotations FILE]
+    python3 tests/check_dataset.py DATASET [--compat coco|syntable_1] [--annotations FILE]
 
 Checked: files and their types; ids; every mask decodes, encodes back to the same bytes, and visible masks are disjoint;
 occlusion = amodal - visible; areas, boxes and rates are those of the masks; the label policy is kept; the occlusion
@@ -31,8 +31,8 @@ IMAGE_KEYS = {
     "id", "file_name", "depth_file_name", "occlusion_order_file_name", "width", "height", "date_captured", "license",
     "coco_url", "flickr_url",
 }
-CORRECT_ANNOTATION_KEYS = {"instance_id", "amodal_bbox", "visible_area", "occluded_area", "occluded_rate_rounded", "object"}
-CORRECT_IMAGE_KEYS = {"scene_id", "view_id", "instance_ids", "camera", "label_policy", "exposure"}
+COCO_ANNOTATION_KEYS = {"instance_id", "amodal_bbox", "visible_area", "occluded_area", "occluded_rate_rounded", "object"}
+COCO_IMAGE_KEYS = {"scene_id", "view_id", "instance_ids", "camera", "label_policy", "exposure"}
 
 
 class Checker:
@@ -84,7 +84,7 @@ class Checker:
         self.expect(image_ids == sorted(image_ids), "images are not in the order of their ids")
         of = [annotation["image_id"] for annotation in annotations]
         self.expect(of == sorted(of), "annotations are not in the order of their images")
-        if self.compat == "release":
+        if self.compat == "syntable_1":
             self.expect(image_ids == of, "images[n] is not the image of annotations[n]")
         else:
             self.expect(len(known) == len(images), "an image is listed twice")
@@ -99,7 +99,7 @@ class Checker:
         self.expect(listed <= stems["rgb"], f"listed but not there: {sorted(listed - stems['rgb'])[:5]}")
 
     def image(self, image, annotations):
-        missing = (IMAGE_KEYS | (CORRECT_IMAGE_KEYS if self.compat == "correct" else set())) - image.keys()
+        missing = (IMAGE_KEYS | (COCO_IMAGE_KEYS if self.compat == "coco" else set())) - image.keys()
         if not self.expect(not missing, f"keys missing: {sorted(missing)}"):
             return
         size = (image["width"], image["height"])
@@ -123,8 +123,8 @@ class Checker:
             self.expect(np.max(np.sum(visible, axis=0, dtype=int)) <= 1, "visible masks overlap")
             self.expect(np.all(depth_mm[np.any(visible, axis=0)] > 0), "a visible pixel without depth")
         self.order(image, visible, occluded)
-        if self.compat == "correct":
-            self.correct_image(image, annotations, stem)
+        if self.compat == "coco":
+            self.coco_image(image, annotations, stem)
 
     def order(self, image, visible, occluded):
         path = self.root / image["occlusion_order_file_name"]
@@ -147,7 +147,7 @@ class Checker:
 
     def annotation(self, annotation, image):
         name = f"annotation {annotation['id']}"
-        wanted = ANNOTATION_KEYS | (CORRECT_ANNOTATION_KEYS if self.compat == "correct" else set())
+        wanted = ANNOTATION_KEYS | (COCO_ANNOTATION_KEYS if self.compat == "coco" else set())
         self.expect(not wanted - annotation.keys(), f"{name}: keys missing: {sorted(wanted - annotation.keys())}")
         self.expect((annotation["width"], annotation["height"]) == (image["width"], image["height"]), f"{name}: size")
         self.expect(annotation["category_id"] == 1 and annotation["iscrowd"] == 0, f"{name}: category or iscrowd")
@@ -164,7 +164,7 @@ class Checker:
         self.bbox_kinds -= {kind for kind, b in (("visible", visible_box), ("amodal", amodal_box)) if annotation["bbox"] != b}
         rate = annotation["occluded_rate"]
         self.expect(isinstance(rate, (int, float)) and 0 <= rate <= 1, f"{name}: rate {rate}")
-        if self.compat == "release":
+        if self.compat == "syntable_1":
             self.expect(annotation["area"] == 0, f"{name}: area {annotation['area']}, the released program writes 0")
             self.expect("area" in annotation["segmentation"], f"{name}: no area inside the segmentation")
             self.expect(annotation["visible_mask"]["area"] == v, f"{name}: area inside visible_mask, not {v}")
@@ -193,7 +193,7 @@ class Checker:
         self.expect(rate <= policy["max_occlusion_rate"], f"{name}: rate {rate}, against the label policy")
 
     def decode(self, rle, image, name):
-        keys = {"size", "counts"} | ({"area"} if self.compat == "release" else set())
+        keys = {"size", "counts"} | ({"area"} if self.compat == "syntable_1" else set())
         self.expect(set(rle) == keys, f"{name}: keys {sorted(rle)}")
         self.expect(rle["size"] == [image["height"], image["width"]], f"{name}: size {rle['size']}")
         plain = {"size": rle["size"], "counts": rle["counts"]}
@@ -205,7 +205,7 @@ class Checker:
             self.expect(coco_mask.toBbox(plain).tolist() == box(pixels > 0), f"{name}: box of the runs")
         return pixels > 0
 
-    def correct_image(self, image, annotations, stem):
+    def coco_image(self, image, annotations, stem):
         self.expect(stem == f"{image['scene_id']}_{image['view_id']}", f"{stem}: not the scene and view of the record")
         ids = [annotation["instance_id"] for annotation in annotations]
         self.expect(ids == image["instance_ids"], f"instance_ids {image['instance_ids']}, annotations {ids}")
@@ -246,7 +246,7 @@ def box(mask):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=pathlib.Path)
-    parser.add_argument("--compat", choices=["correct", "release"], default="correct", help="whose JSON it is")
+    parser.add_argument("--compat", choices=["coco", "syntable_1"], default="coco", help="form of the annotation file")
     parser.add_argument("--annotations", default="annotation_final.json", help="name of the annotation file")
     options = parser.parse_args()
     if not (options.dataset / options.annotations).is_file():

@@ -1,10 +1,10 @@
-//! What files of a 640 × 480 view cost.
+//! Time to encode the files of a 640 × 480 view.
 
 use divan::{Bencher, black_box};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
-use syntable_write::files::array::Array;
-use syntable_write::files::image::Picture;
+use syntable_write::encode::npy::Array;
+use syntable_write::encode::png::Image;
 
 const SIZE: [u32; 2] = [640, 480];
 
@@ -12,7 +12,7 @@ fn main() {
     divan::main();
 }
 
-/// A shaded picture with noise, as of a path tracer with few samples.
+/// A shaded image with noise, as of a path tracer with few samples per pixel.
 fn rgb() -> Plane<[u8; 3]> {
     let mut stream = Stream::root(1);
     Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
@@ -23,22 +23,22 @@ fn rgb() -> Plane<[u8; 3]> {
 
 #[divan::bench]
 fn png_rgb(bencher: Bencher) {
-    let picture = Picture::rgb(&rgb());
-    bencher.bench(|| black_box(&picture).encode());
+    let image = Image::rgb(&rgb());
+    bencher.bench(|| black_box(&image).encode());
 }
 
 #[divan::bench]
 fn png_depth(bencher: Bencher) {
-    let picture = Picture::gray16(&Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
+    let image = Image::gray16(&Plane::from_fn(SIZE[0], SIZE[1], |x, y| {
         (900.0 + 0.7 * f64::from(y) + 40.0 * (f64::from(x) / 50.0).sin().abs()) as u16
     }));
-    bencher.bench(|| black_box(&picture).encode());
+    bencher.bench(|| black_box(&image).encode());
 }
 
 #[divan::bench]
 fn png_mask(bencher: Bencher) {
     let mask = Mask::from_fn(SIZE[0], SIZE[1], |x, y| x.abs_diff(300).pow(2) + y.abs_diff(200).pow(2) < 6400);
-    bencher.bench(|| Picture::mask(black_box(&mask), 255).encode());
+    bencher.bench(|| Image::mask(black_box(&mask), 255).encode());
 }
 
 #[divan::bench]

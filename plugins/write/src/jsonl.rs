@@ -1,26 +1,36 @@
-//! Lines of JSON with any product.
+//! JSON Lines with any product.
 
-use crate::files::{products, shard, view};
+use crate::encode::{json_shard, view};
+use crate::include;
 use serde_json::{Map, Value as Json};
 use syntable_model::prelude::*;
 
-/// One file with one line of JSON per view (or scene): `scene` and `view`, and each included product under its name.
+/// Writes any products as JSON Lines.
 ///
-/// Masks are COCO's compressed runs with their size, arrays are nested lists, values of instances are keyed by the
-/// id. Per scene, `views` lists the views, each with its products; products of the scene stand beside it.
+/// # What it does
+///
+/// Each line is a record with the numbers `scene` and `view` and each included product under its name. Masks are COCO's
+/// compressed run lengths with their size, arrays are nested lists, and values per instance are keyed by the id.
+/// Numbers that are not finite are null. With `per = "scene"` a line has the products of the scene, and a list `views`
+/// with the products of each view.
+///
+/// # Output
+///
+/// One file for the dataset, `{id}.jsonl` or `file`, with the scenes in order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Jsonl {
-    /// The products to write.
+    /// Products to write.
+    #[schemars(length(min = 1))]
     pub include: Vec<ProductName>,
-    /// What a line is about.
+    /// What a line covers.
     pub per: LinePer,
-    /// Path of the file, relative to the dataset; the writer's id with `.jsonl` if it is not given.
+    /// Path of the file, relative to the dataset; `{id}.jsonl` if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
 }
 
-/// What a line is about.
+/// What a line covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LinePer {
@@ -42,15 +52,15 @@ impl Config for Jsonl {
     const KIND: &'static str = "jsonl";
     const EXAMPLE: &'static str = "include = [\"camera\", \"object_info\", \"occlusion_rate\"]\nper = \"view\"";
     fn build(self) -> Result<Box<dyn Writer>, Invalid> {
-        products::check(&self.include)?;
-        products::check_free(&self.include, &["scene", "view", "views"])?;
+        include::check_unique(&self.include)?;
+        include::check_free(&self.include, &["scene", "view", "views"])?;
         Ok(Box::new(self))
     }
 }
 
 impl Writer for Jsonl {
     fn reads(&self) -> Vec<String> {
-        products::names(&self.include)
+        include::names(&self.include)
     }
 
     fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -62,7 +72,9 @@ impl Writer for Jsonl {
     fn finish(&self, _: &DatasetInfo, finish: &Finish) -> Result<()> {
         let path = self.file.clone().unwrap_or_else(|| format!("{}.jsonl", finish.id()));
         finish.write(&path, |out| {
-            shard::for_each_line(finish, |_, line| writeln!(out, "{line}").map_err(|error| Error::io(&path, &error)))
+            json_shard::for_each_line(finish, |_, line| {
+                writeln!(out, "{line}").map_err(|error| Error::io(&path, &error))
+            })
         })
     }
 }
@@ -88,14 +100,14 @@ impl SceneWriter for JsonlScene {
         record.insert("view".into(), view(site)?.id.0.into());
         for name in &self.include {
             let value = json(frame, name)?;
-            if self.per == LinePer::Scene && products::of_scene(frame, name) {
+            if self.per == LinePer::Scene && include::of_scene(frame, name) {
                 self.scene.insert(name.clone(), value);
             } else {
                 record.insert(name.clone(), value);
             }
         }
         match self.per {
-            LinePer::View => shard::push_line(&mut self.lines, &record),
+            LinePer::View => json_shard::push_line(&mut self.lines, &record),
             LinePer::Scene => {
                 self.views.push(record.into());
                 Ok(())
@@ -106,7 +118,7 @@ impl SceneWriter for JsonlScene {
     fn close(mut self: Box<Self>) -> Result<()> {
         if self.per == LinePer::Scene {
             self.scene.insert("views".into(), self.views.into());
-            shard::push_line(&mut self.lines, &self.scene)?;
+            json_shard::push_line(&mut self.lines, &self.scene)?;
         }
         self.output.write_shard(&self.lines)
     }
@@ -115,7 +127,7 @@ impl SceneWriter for JsonlScene {
 /// A product as JSON.
 pub(crate) fn json(frame: &Frame, name: &str) -> Result<Json> {
     serde_json::to_value(frame.value(name)?)
-        .map_err(|error| Error::new(format!("not to be written as JSON: {error}")).context(format!("product `{name}`")))
+        .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")).context(format!("product `{name}`")))
 }
 
 register!(Jsonl);

@@ -2,23 +2,27 @@
 //!
 //! | kind | writes |
 //! | --- | --- |
-//! | [`syntable`] | SynTable's layout: pictures, depth, occlusion order, one annotation file |
-//! | [`png`] | any picture or mask |
-//! | [`npy`] | any array |
-//! | [`jsonl`] | any product, a line per view or scene |
-//! | [`template`] | any text, by a Tera template |
+//! | [`syntable`] | SynTable's layout: images, depth, occlusion order, one annotation file |
+//! | [`png`] | integer images, masks, depth |
+//! | [`exr`] | float images |
+//! | [`npy`] | numeric arrays |
+//! | [`jsonl`] | any product, one line per view or scene |
+//! | [`template`] | any text, from a Tera template |
 //! | [`gltf`] | the scene with materials, cameras and lights, for Blender and others |
-//! | [`contact_sheet`] | pictures, masks and occlusion side by side, to look at |
+//! | [`contact_sheet`] | images, masks and occlusion side by side |
 //!
-//! Generic writers put their files into a folder named as the writer's id in the recipe and name them
-//! `{product}/{scene:06}_{view:04}`, counted from 0.
+//! Generic writers put their files into a folder named after the writer's id in the recipe, as
+//! `{product}/{scene:06}_{view:04}`, counted from 0. They know no product by name: [`encode`] decides by kind of value
+//! what a file can hold.
 //!
-//! **Invariants.** Files depend on the products alone: no clock, no machine, no order of scenes. What speaks of many
-//! scenes is streamed line by line from the scenes' shards, so that memory does not grow with the dataset.
+//! **Invariants.** Files depend on the products alone: no clock, no machine, no order of scenes. Files that cover many
+//! scenes are streamed line by line from the scenes' shards, so that memory does not grow with the dataset.
 
 pub mod contact_sheet;
-pub mod files;
+pub mod encode;
+pub mod exr;
 pub mod gltf;
+mod include;
 pub mod jsonl;
 pub mod npy;
 pub mod png;

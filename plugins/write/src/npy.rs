@@ -1,20 +1,31 @@
-//! NumPy files of any array.
+//! NumPy files of numeric arrays.
 
-use crate::files::array::Array;
-use crate::files::{products, view, view_name};
+use crate::encode::kind::Kind;
+use crate::encode::npy::{self, Array};
+use crate::encode::{view, view_name};
+use crate::include;
 use std::any::TypeId;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 
-/// NumPy files: `{id}/{product}/{scene:06}_{view:04}.npy`, with the values as they are.
+/// Writes numeric arrays as NumPy files.
 ///
-/// A product of every instance is one array stacked along the first axis, with the instance ids (u16, same order) in
-/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`; masks are `[N, height, width]` of bool. `occlusion_order` is
-/// `[N, N]` of bool over the annotated instances in id order, row occludes column.
+/// # What it does
+///
+/// Stores values as they are: images as `[height, width]` or `[height, width, channels]`, masks as bool, numbers and
+/// lists of numbers as float64 or int64. A product per instance is one array with the instances along the first axis;
+/// masks become `[N, height, width]`. `occlusion_order` is `[N, N]` of bool over the annotated instances in id order:
+/// the row's object occludes the column's. Text and records do not fit; `jsonl` writes them.
+///
+/// # Output
+///
+/// `{id}/{product}/{scene:06}_{view:04}.npy`. A product per instance has its instance ids, u16 in the same order, in
+/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npy {
-    /// The products to write.
+    /// Products to write.
+    #[schemars(length(min = 1))]
     pub include: Vec<ProductName>,
 }
 
@@ -29,14 +40,14 @@ impl Config for Npy {
     const KIND: &'static str = "npy";
     const EXAMPLE: &'static str = "include = [\"depth\", \"amodal_mask\", \"occlusion_order\"]";
     fn build(self) -> Result<Box<dyn Writer>, Invalid> {
-        products::check(&self.include)?;
+        include::check_unique(&self.include)?;
         Ok(Box::new(self))
     }
 }
 
 impl Writer for Npy {
     fn reads(&self) -> Vec<String> {
-        products::names(&self.include)
+        include::names(&self.include)
     }
 
     fn scene(&self, _: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -56,23 +67,24 @@ impl SceneWriter for NpyScene {
         for name in &self.include {
             let stem = format!("{}/{name}/{name_of_view}", self.output.id());
             let save = |array: Array, end: &str| self.output.write(&format!("{stem}{end}.npy"), &array.encode());
-            let explain = |error: Error| {
-                error
-                    .context(format!("product `{name}`"))
-                    .help("npy writes numbers of one shape; jsonl writes all else")
+            let key = include::key(frame, name)?;
+            let array = |value: &Value| {
+                npy::check(&Kind::of(&key, value)).map_err(Error::new)?;
+                Array::of(value)
             };
+            let explain = |error: Error| error.context(format!("product `{name}`"));
             match frame.value(name)? {
                 Value::PerInstance(values) => {
                     let k = &view.camera.intrinsics;
                     let array = if values.is_empty() {
-                        empty_stack(frame, name, [k.height as usize, k.width as usize])
+                        empty_stack(&key, [k.height as usize, k.width as usize])
                     } else {
-                        Array::stack(values.values().map(Array::of)).map_err(explain)?
+                        Array::stack(values.values().map(array)).map_err(explain)?
                     };
                     save(array, "")?;
                     save(Array::ids(values.into_keys()), "_ids")?;
                 }
-                value => save(Array::of(&value).map_err(explain)?, "")?,
+                value => save(array(&value).map_err(explain)?, "")?,
             }
         }
         Ok(())
@@ -83,12 +95,12 @@ impl SceneWriter for NpyScene {
     }
 }
 
-/// The array of no instance: its first axis has length 0, the others are those of the product's type.
-fn empty_stack(frame: &Frame, name: &str, [height, width]: [usize; 2]) -> Array {
-    let of = products::key(frame, name).map(|key| key.type_id());
-    let (descr, rest) = if of == Some(TypeId::of::<PerInstance<Mask>>()) {
+/// The array of no instances: the first axis has length 0, the others follow from the product's type.
+fn empty_stack(key: &KeyId, [height, width]: [usize; 2]) -> Array {
+    let of = key.type_id();
+    let (descr, rest) = if of == TypeId::of::<PerInstance<Mask>>() {
         ("|b1", vec![height, width])
-    } else if of == Some(TypeId::of::<PerInstance<BBox>>()) {
+    } else if of == TypeId::of::<PerInstance<BBox>>() {
         ("<i8", vec![4])
     } else {
         ("<f8", vec![])

@@ -27,7 +27,7 @@ fn every_kind_conforms() {
     use syntable_write as _;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
-    assert_eq!(kinds, ["contact_sheet", "gltf", "jsonl", "npy", "png", "syntable", "template"]);
+    assert_eq!(kinds, ["contact_sheet", "exr", "gltf", "jsonl", "npy", "png", "syntable", "template"]);
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
     let (view, frame) = &take.views[0];
     let site = Site { dataset: &dataset, scene: &take.scene, view: Some(view) };
@@ -41,24 +41,13 @@ fn every_kind_conforms() {
 #[test]
 fn wrong_options_are_refused() {
     for (kind, options, want) in [
-        ("png", "include = []", "include: `include` names no product"),
         ("png", "include = [\"rgb\", \"rgb\"]", "include[1]: `rgb` is included twice"),
-        ("png", "include = [\"rgb\", \"radiance\"]", "include[1]: a PNG file cannot hold `radiance`"),
-        ("png", "depth_scale_mm = 0.0", "depth_scale_mm: 0 mm is no step"),
-        ("npy", "include = []", "include: `include` names no product"),
+        ("exr", "include = [\"depth\", \"depth\"]", "include[1]: `depth` is included twice"),
         ("jsonl", "include = [\"view\"]", "include[0]: a product named `view` has the name of a field of this writer"),
-        ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not the name of a file"),
+        ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not a file name"),
         ("syntable", "folder = \"../up\"", "folder: `../up` is not a folder inside the dataset"),
-        ("template", "", ": neither `template` nor `template_file` is given"),
-        (
-            "template",
-            "template = \"a\"\ntemplate_file = \"b\"",
-            "template: `template` and `template_file` are both given",
-        ),
         ("template", "template = \"a\\n{{ b\"", "template: line 2 of the template: expected"),
         ("template", "template = \"\"\npath = \"{% if %}\"", "path: line 1 of the template: expected"),
-        ("contact_sheet", "panels = []", "panels: `panels` is empty"),
-        ("contact_sheet", "panel_width_px = 0", "panel_width_px: `panel_width_px` is 0"),
     ] {
         let error = writer(kind, options).err().unwrap_or_else(|| panic!("{kind} {options} is accepted"));
         assert!(error.starts_with(want), "{kind} {options}: {error}");
@@ -66,10 +55,45 @@ fn wrong_options_are_refused() {
 }
 
 #[test]
+fn options_of_another_form_are_refused() {
+    for (kind, options, want) in [
+        ("syntable", "compat = \"release\"", "unknown variant `release`, expected `coco` or `syntable_1`"),
+        ("syntable", "bbox = \"both\"", "unknown variant `both`, expected `visible` or `amodal`"),
+        ("template", "", "missing field `template`"),
+        ("template", "template = { text = \"a\" }", "data did not match any variant of untagged enum TemplateSource"),
+        ("template", "template = \"a\"\ntemplate_file = \"b\"", "unknown field `template_file`"),
+    ] {
+        let error = writer(kind, options).err().unwrap_or_else(|| panic!("{kind} {options} is accepted"));
+        assert!(error.contains(want), "{kind} {options}: {error}");
+    }
+}
+
+/// The registry refuses what the schema excludes, so that no writer checks it again.
+#[test]
+fn limits_are_in_the_schema() {
+    use syntable_write as _;
+    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
+    let mut generator = schemars::generate::SchemaSettings::draft07().into_generator();
+    for (kind, pointer, want) in [
+        ("png", "/properties/include/minItems", json!(1)),
+        ("png", "/properties/depth_scale_mm/minimum", json!(0.001)),
+        ("exr", "/properties/include/minItems", json!(1)),
+        ("npy", "/properties/include/minItems", json!(1)),
+        ("jsonl", "/properties/include/minItems", json!(1)),
+        ("contact_sheet", "/properties/panels/minItems", json!(1)),
+        ("contact_sheet", "/properties/panel_width_px/minimum", json!(16)),
+        ("contact_sheet", "/properties/views_per_sheet/minimum", json!(1)),
+    ] {
+        let entry = registry.find(syntable_model::registry::Slot::Write, kind).expect("a registered kind");
+        assert_eq!(entry.schema(&mut generator).pointer(pointer), Some(&want), "{kind} {pointer}");
+    }
+}
+
+#[test]
 fn the_order_of_scenes_and_a_second_finish_change_nothing() {
     for (kind, options) in [
         ("syntable", "debug_masks = true"),
-        ("syntable", "compat = \"release\""),
+        ("syntable", "compat = \"syntable_1\""),
         ("jsonl", ""),
         ("jsonl", "per = \"scene\""),
         ("npy", "include = [\"amodal_mask\", \"instance\"]"),
@@ -91,7 +115,7 @@ fn the_order_of_scenes_and_a_second_finish_change_nothing() {
 }
 
 #[test]
-fn syntable_writes_one_record_an_image() {
+fn syntable_writes_one_record_per_image() {
     let folder = tempfile::tempdir().expect("a folder");
     let takes = write_all(folder.path(), "syntable", "syntable", "");
     let json = read_json(&folder.path().join("annotation_final.json"));
@@ -133,6 +157,37 @@ fn syntable_writes_one_record_an_image() {
 }
 
 #[test]
+fn the_shared_types_read_the_file_and_write_the_same_bytes() {
+    use syntable_formats::dataset::{Dataset, Layout};
+    use syntable_formats::syntable;
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = write_all(folder.path(), "syntable", "syntable", "");
+    let path = folder.path().join("annotation_final.json");
+    let file = syntable::Dataset::read(&path).expect("reads");
+    let mut bytes = Vec::new();
+    file.write(&mut bytes, "a.json", Layout::Lines).expect("memory");
+    assert!(bytes == std::fs::read(&path).expect("there"));
+    let known = file.images.iter().all(|image| image.extra.is_empty());
+    assert!(known && file.annotations.iter().all(|annotation| annotation.extra.is_empty()), "types have every field");
+    let (_, frame) = &takes[0].views[0];
+    let annotation = &file.annotations[0];
+    let id = InstanceId(annotation.instance_id.expect("written"));
+    let amodal = frame.get(AMODAL_MASK).expect("made").get(id).expect("annotated");
+    assert_eq!(&annotation.segmentation.decode().expect("sound"), amodal);
+    let object = annotation.object().expect("an object").expect("written");
+    assert_eq!((Some(&object.name), object.world_from_object[2][3]), (annotation.object_name.as_ref(), 0.7));
+    assert_eq!(file.images[0].camera().expect("a camera").expect("written").k[0], [45.7, 0.0, 32.0]);
+
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), "syntable", "syntable", "compat = \"syntable_1\"");
+    let path = folder.path().join("annotation_final.json");
+    let file = Dataset::<syntable::Image, syntable::syntable_1::Annotation>::read(&path).expect("reads");
+    let mut bytes = Vec::new();
+    file.write(&mut bytes, "a.json", Layout::Indented).expect("memory");
+    assert!(bytes == std::fs::read(&path).expect("there"));
+}
+
+#[test]
 fn syntable_can_leave_empty_images_out() {
     let folder = tempfile::tempdir().expect("a folder");
     write_all(
@@ -145,14 +200,14 @@ fn syntable_can_leave_empty_images_out() {
     let ids: Vec<_> =
         json["images"].as_array().expect("a list").iter().filter_map(|image| image["id"].as_u64()).collect();
     assert_eq!(ids, [1, 2, 3, 4, 6, 7, 8]);
-    assert!(folder.path().join("a/b/data/mono/rgb/1_1.png").is_file(), "the picture is there all the same");
+    assert!(folder.path().join("a/b/data/mono/rgb/1_1.png").is_file(), "the image file is there all the same");
     assert!(folder.path().join("a/b/parameters/recipe.toml").is_file());
 }
 
 #[test]
-fn the_released_form_has_its_quirks() {
+fn the_syntable_1_form_has_its_quirks() {
     let folder = tempfile::tempdir().expect("a folder");
-    write_all(folder.path(), "syntable", "syntable", "compat = \"release\"");
+    write_all(folder.path(), "syntable", "syntable", "compat = \"syntable_1\"");
     let json = read_json(&folder.path().join("annotation_final.json"));
     assert_eq!(len(&json["images"]), len(&json["annotations"]));
     let annotations = json["annotations"].as_array().expect("a list");
@@ -190,7 +245,7 @@ fn the_released_form_has_its_quirks() {
 
 #[test]
 fn an_empty_dataset_is_valid() {
-    for options in ["", "compat = \"release\""] {
+    for options in ["", "compat = \"syntable_1\""] {
         let folder = tempfile::tempdir().expect("a folder");
         let (writer, dataset) = (writer("syntable", options).expect("good options"), dataset(1, 1));
         write_scenes(folder.path(), "w", &*writer, &dataset, &[take(0, 1, &[Crowd::Nothing])]).expect("written");
@@ -313,12 +368,30 @@ fn lines_are_about_views_or_scenes() {
 #[test]
 fn products_that_do_not_fit_are_named() {
     for (kind, product, want) in [
-        ("png", "object_info", "product `object_info`: it cannot be shown as PNG (write it with npy or jsonl)"),
-        ("png", "occlusion_order", "product `occlusion_order`: an array with axes [\"occluder\", \"occludee\"] cannot"),
+        (
+            "png",
+            "object_info",
+            "product `object_info`: a PNG file holds images and masks, not a record; write it with npy or jsonl",
+        ),
+        (
+            "png",
+            "occlusion_order",
+            "product `occlusion_order`: a PNG file holds images and masks, not a bool array that is not an image",
+        ),
         (
             "npy",
             "camera",
-            "product `camera`: a record is no array (npy writes numbers of one shape; jsonl writes all else)",
+            "product `camera`: a NumPy file holds numbers of one shape, not a record; write it with jsonl",
+        ),
+        (
+            "npy",
+            "object_info",
+            "product `object_info`: a NumPy file holds numbers of one shape, not a record; write it with jsonl",
+        ),
+        (
+            "exr",
+            "instance",
+            "product `instance`: an EXR file holds 32-bit float images, not a u16 image; write it with npy or png",
         ),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
@@ -332,7 +405,7 @@ fn products_that_do_not_fit_are_named() {
 #[test]
 fn templates_write_any_text() {
     let folder = tempfile::tempdir().expect("a folder");
-    // YOLO's label files: class, then the middle and size of the box in shares of the image.
+    // YOLO's label files: class, then center and size of the box as fractions of the image.
     let yolo = r#"
 include = ["visible_box", "camera"]
 path = "labels/{{ scene.id | pad(width=6) }}_{{ view.id | pad }}.txt"
@@ -384,14 +457,14 @@ fn faults_of_templates_name_file_and_line() {
         write_scenes(folder.path(), "w", &*writer, &dataset(1, 1), &take).expect_err("refused").to_string()
     };
     let file = folder.path().join("labels.tera");
-    let options = format!("template_file = {:?}", file.display().to_string());
+    let options = format!("template = {{ file = {:?} }}", file.display().to_string());
     assert!(write(&options).contains("labels.tera: no such file"), "{}", write(&options));
     std::fs::write(&file, "one\n{% for x in %}\n").expect("writable");
     assert!(write(&options).contains("labels.tera:2: expected"), "{}", write(&options));
     std::fs::write(&file, "one\n\n{{ camera.width }}\n").expect("writable");
     let error = write(&options);
     assert!(error.contains("labels.tera:3: ") && error.contains("camera.width"), "{error}");
-    assert!(error.contains("must be named in `include`"), "{error}");
+    assert!(error.contains("must be listed in `include`"), "{error}");
     let error = write("template = \"x\"\npath = \"../{{ scene.id }}\"");
     assert!(error.contains("`../0` is not a path inside the dataset"), "{error}");
 }

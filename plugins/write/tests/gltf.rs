@@ -15,13 +15,13 @@ use syntable_model::scene::*;
 
 type Matrix = [[f64; 4]; 4];
 
-fn picture(width: u32, height: u32, encoding: Encoding, texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
+fn texture(width: u32, height: u32, encoding: Encoding, texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
     let texels: Vec<u8> = (0..width * height).flat_map(|i| texel(i % width, i / width)).collect();
     let digest = Hasher::new("test").number(encoding as u8 as f64).bytes(&texels).finish();
     Arc::new(Texture { width, height, texels, encoding, wrap: [Wrap::Repeat, Wrap::Clamp], digest })
 }
 
-/// A box of 20 × 30 × 40 cm with shared corners, coordinates, colours and two slots: the top is the second.
+/// A box of 20 × 30 × 40 cm with shared corners, texture coordinates, colors and two material slots: the top is the second.
 fn crate_mesh() -> Mesh {
     let corner = |i: usize| [(i & 1) as f32 * 0.2, (i >> 1 & 1) as f32 * 0.3, (i >> 2 & 1) as f32 * 0.4];
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -50,18 +50,18 @@ fn object(name: &str, mesh: Arc<Mesh>, materials: Vec<Material>) -> Arc<Object> 
     })
 }
 
-/// Everything that a material can have; pictures are where glTF does not want them.
+/// A material with every layer; its textures have other channels than glTF's.
 fn rich() -> Material {
-    let colour = picture(4, 2, Encoding::Srgb, |x, y| [x as u8 * 60, y as u8 * 100, 9, 255 - x as u8]);
-    let rough = picture(2, 2, Encoding::Linear, |x, y| [(x + 2 * y) as u8 * 40, 0, 0, 255]);
-    let metal = picture(4, 4, Encoding::Linear, |x, _| [0, 0, x as u8 * 50, 255]);
-    let laid = UvTransform { scale: [2.0, 3.0], rotation: 0.5, offset: [0.25, -0.5] };
+    let color = texture(4, 2, Encoding::Srgb, |x, y| [x as u8 * 60, y as u8 * 100, 9, 255 - x as u8]);
+    let rough = texture(2, 2, Encoding::Linear, |x, y| [(x + 2 * y) as u8 * 40, 0, 0, 255]);
+    let metal = texture(4, 4, Encoding::Linear, |x, _| [0, 0, x as u8 * 50, 255]);
+    let transform = UvTransform { scale: [2.0, 3.0], rotation: 0.5, offset: [0.25, -0.5] };
     let mut material = Material::plain("rich", [0.8, 0.7, 0.6], 0.5);
-    material.base_color.texture = Some(TextureRef { texture: colour.clone(), transform: laid });
+    material.base_color.texture = Some(TextureRef { texture: color.clone(), transform });
     material.roughness.texture = Some((rough.clone().into(), 0));
     material.metallic = Scalar { factor: 0.75, texture: Some((metal.clone().into(), 2)) };
     material.normal = Some(NormalMap { map: metal.clone().into(), strength: 0.5 });
-    material.emission = Color { factor: [300.0, 150.0, 0.0], texture: Some(colour.into()) };
+    material.emission = Color { factor: [300.0, 150.0, 0.0], texture: Some(color.into()) };
     material.ior = 1.4;
     material.alpha = Alpha::Blend { factor: 0.5 };
     material.clearcoat = Some(Clearcoat {
@@ -222,7 +222,7 @@ fn parts(file: &gltf::Gltf, mesh: usize) -> Vec<Part> {
 }
 
 #[test]
-fn bodies_stand_where_they_are() {
+fn bodies_have_their_poses() {
     let (file, json) = one("");
     let (scene, nodes) = (scene(), world(&file.document));
     for body in scene.bodies() {
@@ -257,7 +257,7 @@ fn bodies_stand_where_they_are() {
 }
 
 #[test]
-fn meshes_and_pictures_are_kept_once() {
+fn meshes_and_images_are_written_once() {
     let (file, json) = one("lights = \"none\"");
     let mesh = |i: usize| json["nodes"][i]["mesh"].as_u64().expect("a mesh");
     assert_eq!(mesh(1), mesh(2));
@@ -265,7 +265,7 @@ fn meshes_and_pictures_are_kept_once() {
     // Two slots: one material each; over all: one.
     let used: Vec<Vec<usize>> = (0..3).map(|i| parts(&file, i).iter().map(|part| part.material).collect()).collect();
     assert_eq!(used, [vec![0, 1], vec![2], vec![2]]);
-    // Colour; roughness and metalness packed; metalness as normals; as varnish; roughness as fibres.
+    // Color; roughness and metalness packed; metalness as normals; as clearcoat; roughness as sheen.
     assert_eq!(file.images().count(), 5);
     assert_eq!(json["samplers"], json!([{ "magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 33071 }]));
     for view in json["bufferViews"].as_array().expect("views") {
@@ -299,8 +299,8 @@ fn materials_are_those_of_the_scene() {
     let pbr = &rich["pbrMetallicRoughness"];
     assert_eq!(pbr["baseColorFactor"], json!([0.8, 0.7, 0.6, 0.5]));
     assert_eq!((&rich["alphaMode"], &pbr["metallicFactor"]), (&json!("BLEND"), &json!(0.75)));
-    let laid = &pbr["baseColorTexture"]["extensions"]["KHR_texture_transform"];
-    assert_eq!((&laid["scale"], &laid["rotation"]), (&json!([2.0, 3.0]), &json!(0.5)));
+    let transform = &pbr["baseColorTexture"]["extensions"]["KHR_texture_transform"];
+    assert_eq!((&transform["scale"], &transform["rotation"]), (&json!([2.0, 3.0]), &json!(0.5)));
     // Nits: factor times strength.
     let extensions = &rich["extensions"];
     assert_eq!(extensions["KHR_materials_emissive_strength"]["emissiveStrength"], json!(300.0));
@@ -321,7 +321,7 @@ fn materials_are_those_of_the_scene() {
         }
     }
 
-    // Pictures: roughness (2 × 2, red) in green, metalness (4 × 4, blue) in blue.
+    // Images: roughness (2 × 2, red) in green, metalness (4 × 4, blue) in blue.
     let (width, height, texels, samples) = decode(&file, &pbr["metallicRoughnessTexture"], &json);
     assert_eq!((width, height, samples), (4, 4, 3));
     for (i, texel) in texels.chunks(3).enumerate() {
@@ -340,7 +340,7 @@ fn materials_are_those_of_the_scene() {
 fn textures_over_whole_bodies_become_coordinates() {
     let (file, json) = one("lights = \"none\"");
     let mesh = |node: usize| json["nodes"][node]["mesh"].as_u64().expect("a mesh") as usize;
-    // By the box, half a metre a tile, a quarter turn, an eighth shifted: face by face as the renderer has it.
+    // Box-mapped with tiles of half a meter, rotated by 90°, shifted by an eighth: face by face as in the renderer.
     let part = &parts(&file, mesh(3))[0];
     let mut seen = 0;
     for triangle in &part.triangles {
@@ -371,7 +371,7 @@ fn textures_over_whole_bodies_become_coordinates() {
 }
 
 #[test]
-fn cameras_look_as_they_do() {
+fn cameras_have_pose_and_field_of_view() {
     let (file, json) = one("");
     let nodes = world(&file.document);
     assert_eq!(file.cameras().count(), 2);
@@ -387,7 +387,7 @@ fn cameras_look_as_they_do() {
         let index = json["nodes"][node]["camera"].as_u64().expect("a camera") as usize;
         let (perspective, extras) = (&json["cameras"][index]["perspective"], &json["cameras"][index]["extras"]);
         let yfov = perspective["yfov"].as_f64().expect("an angle");
-        // A point at the upper edge of a centred picture.
+        // A point at the upper edge of a centered image.
         assert!(((yfov / 2.0).tan() - 240.0 / 510.0).abs() < 1e-12);
         let aspect = perspective["aspectRatio"].as_f64().expect("a ratio");
         assert!((aspect * (yfov / 2.0).tan() - 320.0 / 500.0).abs() < 1e-12);
@@ -397,7 +397,7 @@ fn cameras_look_as_they_do() {
 }
 
 #[test]
-fn glowing_lights_shine_as_much_and_the_right_way() {
+fn emissive_geometry_has_the_power_and_direction_of_its_light() {
     let (file, json) = one("");
     let nodes = world(&file.document);
     let lit = |name: &str| {
@@ -411,7 +411,7 @@ fn glowing_lights_shine_as_much_and_the_right_way() {
         let total: f64 = triangles.iter().map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0).sum();
         let material = &json["materials"][front.material];
         let strength = &material["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"];
-        let factor = material["emissiveFactor"].as_array().expect("a colour").clone();
+        let factor = material["emissiveFactor"].as_array().expect("a color").clone();
         let radiance: Vec<f64> =
             factor.iter().map(|x| x.as_f64().expect("x") * strength.as_f64().expect("a strength")).collect();
         (area, total, radiance, material["doubleSided"].clone(), fronts.len())
@@ -444,7 +444,7 @@ fn point_lights_have_candela() {
         |i: usize| (lights[i]["type"].as_str().expect("a type"), lights[i]["intensity"].as_f64().expect("a number"));
     let kinds: Vec<&str> = (0..4).map(|i| of(i).0).collect();
     assert_eq!(kinds, ["point", "spot", "spot", "directional"]);
-    // 500 nits over a disk of 0.2 m; 1000 nits over half a square metre.
+    // 500 nits over a disk of 0.2 m; 1000 nits over half a square meter.
     assert!((of(0).1 - 500.0 * PI * 0.04).abs() < 1e-9 && (of(1).1 - 500.0).abs() < 1e-9);
     let (_, dark) = one("lights = \"none\"");
     assert!(dark.get("extensions").is_none());

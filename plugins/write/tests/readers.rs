@@ -8,16 +8,16 @@ use syntable_model::prelude::*;
 #[test]
 fn syntable_datasets_pass_the_checker() {
     for (options, compat) in [
-        ("", "correct"),
-        ("bbox = \"amodal\"\nskip_empty_images = true", "correct"),
-        ("compat = \"release\"", "release"),
-        ("debug_masks = true", "correct"),
+        ("", "coco"),
+        ("bbox = \"amodal\"\nskip_empty_images = true", "coco"),
+        ("compat = \"syntable_1\"", "syntable_1"),
+        ("debug_masks = true", "coco"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         write_all(folder.path(), "syntable", "syntable", options);
         let root = folder.path().to_str().expect("UTF-8");
         if python(&dataset_checker(), &[root, "--compat", compat]) && !options.starts_with("debug") {
-            // The evaluation of SynTable wants the released form; the reader of UOAIS-Net takes both.
+            // The evaluation of SynTable needs the syntable_1 form; the reader of UOAIS-Net takes both.
             python(&own_script("uoais_reader.py"), &[root, compat]);
         }
     }
@@ -35,7 +35,7 @@ fn the_checker_finds_what_is_wrong() {
     let text = std::fs::read_to_string(&file).expect("there");
     let mut json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let other = json.pointer("/annotations/1/visible_mask").expect("there").clone();
-    // One fault each, in different places, and what is to be said of it.
+    // One fault each, in different places, and the message that it causes.
     let faults = [
         ("/annotations/0/area", 1.into(), "annotation 1: areas [1,"),
         ("/annotations/1/visible_bbox/2", 99.into(), "annotation 2: visible_bbox"),
@@ -71,7 +71,7 @@ fn the_checker_finds_what_is_wrong() {
 }
 
 #[test]
-fn pictures_and_arrays_hold_the_values() {
+fn images_and_arrays_hold_the_values() {
     let folder = tempfile::tempdir().expect("a folder");
     let both = "\"rgb\", \"depth\", \"instance\", \"normal\", \"visible_mask\", \"amodal_mask\"";
     let arrays = format!("{both}, \"amodal_box\", \"occlusion_rate\", \"occlusion_order\"");
@@ -82,7 +82,7 @@ fn pictures_and_arrays_hold_the_values() {
 }
 
 #[test]
-fn runs_are_those_of_pycocotools() {
+fn run_lengths_equal_those_of_pycocotools() {
     let mut stream = Stream::root(3);
     let mut lines = String::new();
     for i in 0..400 {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reads a dataset as UOAIS-Net's training code and SynTable's evaluation code do (specification 3.1).
 
-    python3 uoais_reader.py DATASET correct|release
+    python3 uoais_reader.py DATASET coco|syntable_1
 
 What that code asserts is asserted, what it requires is required, and what it does with the values is done.
 """
@@ -91,7 +91,7 @@ def main():
     file = root / "annotation_final.json"
     records = register(root, file)
     things = [load(record)[1] for record in records]
-    if compat == "release":
+    if compat == "syntable_1":
         evaluate(root, file)
         assert all(things), "an image without annotations crashes the evaluation"
     assert any(things), "nothing was read"

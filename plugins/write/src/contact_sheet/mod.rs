@@ -1,41 +1,48 @@
-//! Pictures to look at: views, masks and occlusion side by side.
+//! Contact sheets: views, masks and occlusion side by side.
 
 mod panel;
 
-use crate::files::image::{Picture, Samples};
-use crate::files::view;
+use crate::encode::png::{Image, Samples};
+use crate::encode::view;
 use panel::Canvas;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
 
-/// Contact sheets: `{id}/{scene:06}_{sheet:02}.png`, a row per view, to see at a glance whether labels and pictures
-/// are right. Every instance has its own colour, the same in all panels and views of a scene.
+/// Writes contact sheets, to check images and labels at a glance.
+///
+/// # What it does
+///
+/// Each view is a row of panels. Every instance has its own color, the same in all panels and views of a scene.
+///
+/// # Output
+///
+/// `{id}/{scene:06}_{sheet:02}.png`: 8-bit RGB, up to `views_per_sheet` rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ContactSheet {
-    /// The panels of a row, from left to right.
+    /// Panels of a row, from left to right.
     #[schemars(length(min = 1, max = 16))]
     pub panels: Vec<Panel>,
-    /// Width of a panel, px; pictures are made smaller for it, never larger.
+    /// Width of a panel, px. Images are scaled down to it, never up.
     #[schemars(range(min = 16, max = 4096))]
     pub panel_width_px: u32,
-    /// Rows of a sheet; a scene with more views gets several sheets.
+    /// Maximum number of rows of a sheet; a scene with more views has several sheets.
     #[schemars(range(min = 1, max = 64))]
     pub views_per_sheet: u32,
 }
 
-/// What a panel shows.
+/// Content of a panel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Panel {
-    /// The developed picture.
+    /// The exposed image.
     Rgb,
-    /// Visible masks over the greyed picture.
+    /// Visible masks over the image in gray.
     Visible,
-    /// Outlines of the amodal masks, with the hidden parts filled.
+    /// Outlines of the amodal masks, with the occluded parts filled.
     Occlusion,
-    /// Inverse depth, near is bright.
+    /// Inverse depth: near is bright.
     Depth,
 }
 
@@ -50,13 +57,6 @@ impl Config for ContactSheet {
     const KIND: &'static str = "contact_sheet";
     const EXAMPLE: &'static str = "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320";
     fn build(self) -> Result<Box<dyn Writer>, Invalid> {
-        if self.panels.is_empty() {
-            return Err(Invalid::new("panels", "`panels` is empty").help("name at least one panel, such as \"rgb\""));
-        }
-        if self.panel_width_px == 0 || self.views_per_sheet == 0 {
-            let key = if self.panel_width_px == 0 { "panel_width_px" } else { "views_per_sheet" };
-            return Err(Invalid::new(key, format!("`{key}` is 0")));
-        }
         Ok(Box::new(self))
     }
 }
@@ -89,7 +89,7 @@ struct Sheets {
     output: Output,
     scene: u32,
     written: u32,
-    /// The rows of the sheet in the making.
+    /// Rows of the current sheet.
     rows: Vec<Canvas>,
 }
 
@@ -118,27 +118,26 @@ impl Sheets {
         let path = format!("{}/{:06}_{:02}.png", self.output.id(), self.scene, self.written);
         self.written += 1;
         let (width, height) = (sheet.width(), sheet.height());
-        Picture { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }
-            .write(&self.output, &path)
+        Image { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(&self.output, &path)
     }
 }
 
 impl Panel {
-    /// The panel at full size, to be shrunk to `shown` columns.
+    /// Draws the panel at full size, to be shrunk to `shown` columns.
     fn draw(self, frame: &Frame, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
-        // Lines that are this wide are a pixel wide when they are shown.
+        // Lines of this width are one pixel wide once the panel is shrunk.
         let line = width.div_ceil(shown.max(1));
         match self {
             Self::Rgb => frame.get(RGB).cloned(),
             Self::Visible => {
-                let mut plane = panel::grey(frame.get(RGB)?, 1.0);
+                let mut plane = panel::gray(frame.get(RGB)?, 1.0);
                 for (id, mask) in frame.get(VISIBLE_MASK)?.iter() {
                     panel::fill(&mut plane, mask, panel::color(id), 0.65);
                 }
                 Ok(plane)
             }
             Self::Occlusion => {
-                let mut plane = panel::grey(frame.get(RGB)?, 0.6);
+                let mut plane = panel::gray(frame.get(RGB)?, 0.6);
                 for (id, mask) in frame.get(OCCLUSION_MASK)?.iter() {
                     panel::fill(&mut plane, mask, panel::color(id), 0.8);
                 }
@@ -147,7 +146,7 @@ impl Panel {
                 }
                 Ok(plane)
             }
-            Self::Depth => Ok(crate::syntable::nearness(frame.get(DEPTH)?).map(|&v| [v; 3])),
+            Self::Depth => Ok(crate::syntable::inverse_depth(frame.get(DEPTH)?).map(|&v| [v; 3])),
         }
     }
 }

@@ -1,17 +1,17 @@
-//! Drawing: colours, masks, outlines, and panels put together.
+//! Drawing: colors, masks, outlines, and panels side by side.
 
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 
-/// A picture of 8-bit RGB.
+/// An 8-bit RGB color.
 pub type Color = [u8; 3];
 
-/// Between the panels, px.
+/// Gap between panels, px.
 const GAP: u32 = 4;
-/// What is behind the panels.
+/// Color of the gaps.
 const BACKGROUND: Color = [24; 3];
 
-/// Panels put together.
+/// An image composed of panels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Canvas(Plane<Color>);
 
@@ -66,13 +66,13 @@ impl Canvas {
     }
 }
 
-/// The colour of an instance: hues a golden angle apart, so that neighbouring ids differ most, in three brightnesses.
+/// The color of an instance: hues a golden angle apart, so that neighboring ids differ most, in three tones.
 pub fn color(id: InstanceId) -> Color {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let n = f64::from(id.0);
     let hue = (n * GOLDEN).fract() * 6.0;
     let (saturation, value) = [(0.85, 1.0), (0.55, 1.0), (0.9, 0.75)][usize::from(id.0 % 3)];
-    // The usual hexcone: each channel is a trapezium over the hue.
+    // HSV to RGB: each channel is a trapezoid over the hue.
     [5.0, 3.0, 1.0].map(|offset| {
         let k = (offset + hue) % 6.0;
         let level = value - value * saturation * k.min(4.0 - k).clamp(0.0, 1.0);
@@ -80,15 +80,15 @@ pub fn color(id: InstanceId) -> Color {
     })
 }
 
-/// The picture without its colours, and darker by a factor.
-pub fn grey(plane: &Plane<Color>, factor: f64) -> Plane<Color> {
+/// The image in gray, with its brightness multiplied by a factor.
+pub fn gray(plane: &Plane<Color>, factor: f64) -> Plane<Color> {
     plane.map(|&[r, g, b]| {
         let luma = 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
         [(luma * factor).round() as u8; 3]
     })
 }
 
-/// Lays a colour over the pixels of a mask.
+/// Blends a color over the pixels of a mask.
 pub fn fill(plane: &mut Plane<Color>, mask: &Mask, color: Color, opacity: f64) {
     let (width, height) = (plane.width() as usize, mask.height() as usize);
     for position in mask.runs().flatten() {
@@ -100,8 +100,8 @@ pub fn fill(plane: &mut Plane<Color>, mask: &Mask, color: Color, opacity: f64) {
     }
 }
 
-/// The pixels of a mask that are within `line` rows or columns of a pixel that is not in it, the image's edge being
-/// no such pixel.
+/// The pixels of a mask within `line` rows or columns of a pixel outside the mask. The border of the image does not count
+/// as outside.
 pub fn outline(mask: &Mask, line: u32) -> Mask {
     let plane = mask.to_plane();
     let (width, height, line) = (mask.width() as i32, mask.height() as i32, line as i32);
@@ -114,7 +114,7 @@ pub fn outline(mask: &Mask, line: u32) -> Mask {
     })
 }
 
-/// The picture at a smaller width: every new pixel is the mean of the old ones that it covers.
+/// Scales an image down to a width: each pixel is the mean of the pixels that it covers. A larger width changes nothing.
 pub fn shrink(plane: &Plane<Color>, width: u32) -> Plane<Color> {
     if width >= plane.width() {
         return plane.clone();
@@ -143,7 +143,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn colours_differ() {
+    fn colors_differ() {
         let colors: Vec<Color> = (1..=40).map(|id| color(InstanceId(id))).collect();
         assert_eq!(colors.iter().collect::<BTreeSet<_>>().len(), 40);
         for pair in colors.windows(2) {
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_shrink_by_means() {
+    fn images_shrink_by_means() {
         let plane = Plane::from_fn(4, 2, |x, y| [(x * 10 + y * 100) as u8; 3]);
         let small = shrink(&plane, 2);
         assert_eq!((small.width(), small.height()), (2, 1));
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn panels_are_put_together() {
+    fn panels_are_composed() {
         let panel = |width, height, value| Plane::from_fn(width, height, move |_, _| [value; 3]);
         let row = Canvas::beside(&[panel(2, 2, 1), panel(3, 1, 2)]);
         assert_eq!((row.width(), row.height()), (2 + GAP + 3, 2));

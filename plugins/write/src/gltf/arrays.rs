@@ -168,7 +168,7 @@ fn box_axes(normal: Vector3<f64>) -> (usize, Vector3<f64>, Vector3<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gltf::geometry::{Laid, texcoords};
+    use crate::gltf::geometry::{UvSource, texcoords};
     use syntable_model::scene::MeshData;
 
     #[test]
@@ -218,7 +218,7 @@ mod tests {
         for data in [data.clone(), MeshData { normals, ..data }] {
             let flat = data.normals.is_empty();
             let mesh = Mesh::new(data).expect("sound");
-            let uvs = texcoords(&mesh, Laid::Own, true);
+            let uvs = texcoords(&mesh, UvSource::Mesh, true);
             let (arrays, tangents) = Arrays::own(&mesh, uvs, true).with_tangents();
             // Both middle vertices are doubled either way.
             assert_eq!((arrays.positions.len(), flat), (6, flat));

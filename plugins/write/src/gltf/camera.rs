@@ -1,7 +1,7 @@
 //! Cameras.
 //!
-//! A glTF camera looks along its -z with y up and has its principal point in the middle. The vertical field of view is
-//! that of the focal length; matrix, distortion, lens and exposure stand in `extras`.
+//! A glTF camera looks along its -z with y up and has its principal point in the center. The vertical field of view
+//! follows from the focal length; matrix, distortion, lens and exposure are in `extras`.
 
 use super::document::{Camera as Json, Node, Perspective};
 use super::glb::Glb;
@@ -9,10 +9,10 @@ use super::node;
 use serde_json::json;
 use syntable_model::scene::{Exposure, View};
 
-/// What is nearer to the camera is not seen, metres.
+/// Distance of the near plane, m.
 const NEAR_M: f64 = 0.01;
 
-/// Adds a view's camera; gives its node.
+/// Adds a view's camera. Returns its node.
 pub fn add(glb: &mut Glb, view: &View) -> Node {
     let name = format!("view {}", view.id.0);
     let k = &view.camera.intrinsics;
@@ -38,7 +38,7 @@ pub fn add(glb: &mut Glb, view: &View) -> Node {
     };
     glb.document.cameras.push(Json { name: name.clone(), kind: "perspective", perspective, extras });
     let node = node(name, &view.camera.world_from_camera);
-    // From x right, y up, z backwards to x right, y down, z forward is half a turn about x: the product with (1, 0, 0, 0).
+    // x right, y up, z backward to x right, y down, z forward is 180° about x: the product with (1, 0, 0, 0).
     let rotation = node.rotation.map(|[x, y, z, w]| [w, z, -y, -x]);
     Node { camera: Some(glb.document.cameras.len() - 1), rotation, ..node }
 }

@@ -1,4 +1,4 @@
-//! The part of glTF 2.0 that is written, as types; names and defaults are the standard's.
+//! The part of glTF 2.0 that is written, as types. Names and defaults are those of the standard.
 
 use serde::Serialize;
 use serde_json::Value as Json;
@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 /// An index into one of the document's lists.
 pub type Index = usize;
 
-/// Leaves out what is empty: the standard allows no empty list.
+/// Whether a list is omitted: the standard allows no empty list.
 fn none<T>(items: &[T]) -> bool {
     items.is_empty()
 }
@@ -222,7 +222,7 @@ impl MaterialExtensions {
         self.names().is_empty()
     }
 
-    /// Names of those that are there.
+    /// Names of the extensions in use.
     pub fn names(&self) -> Vec<&'static str> {
         [
             ("KHR_materials_clearcoat", self.clearcoat.is_some()),
@@ -293,7 +293,7 @@ pub struct EmissiveStrength {
 #[derive(Debug, Clone, Serialize)]
 pub struct TextureInfo {
     pub index: Index,
-    /// Of normal maps only.
+    /// Strength, of normal maps only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f32>,
     #[serde(skip_serializing_if = "Option::is_none")]

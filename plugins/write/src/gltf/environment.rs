@@ -1,13 +1,13 @@
-//! Light from all around, which glTF has no word for: a picture beside the file, and a note in `extras`.
+//! Environment maps, which glTF cannot express: an HDR image beside the file, and a note in `extras`.
 
 use serde_json::{Value as Json, json};
 use syntable_model::scene::{EnvironmentLight, Light};
 
-/// A picture to be written: its name and its bytes.
-pub type Picture = (String, Vec<u8>);
+/// An HDR file: its name and its bytes.
+pub type HdrFile = (String, Vec<u8>);
 
-/// Notes and pictures of the environment maps among some lights. The pictures' names begin with a stem.
-pub fn export(lights: &[Light], stem: &str) -> (Vec<Json>, Vec<Picture>) {
+/// Notes and HDR files of the environment maps among some lights. The file names start with `stem`.
+pub fn export(lights: &[Light], stem: &str) -> (Vec<Json>, Vec<HdrFile>) {
     let around =
         lights.iter().filter_map(|light| if let Light::Environment(light) = light { Some(light) } else { None });
     around
@@ -24,8 +24,8 @@ pub fn export(lights: &[Light], stem: &str) -> (Vec<Json>, Vec<Picture>) {
         .unzip()
 }
 
-/// The map in nits as Radiance HDR (Ward, "Real Pixels", Graphics Gems II), without run lengths. A shared exponent makes
-/// the largest mantissa 128 or more, so that no texel looks like the mark of a coded row.
+/// The map in nits as Radiance HDR (Ward, "Real Pixels", Graphics Gems II), without run lengths. The shared exponent makes
+/// the largest mantissa 128 or more, so that no texel reads as the marker of an encoded row.
 fn radiance_hdr(light: &EnvironmentLight) -> Vec<u8> {
     let (width, height) = (light.map.width(), light.map.height());
     let mut file = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
@@ -67,8 +67,8 @@ mod tests {
         assert_eq!((rgbe([0.0; 3]), rgbe([1.0; 3])), ([0; 4], [128, 128, 128, 129]));
         let map = EnvironmentMap::new("sky", 2, 1, vec![[1.0, 0.5, 0.25]; 2]).expect("sound");
         let light = Light::Environment(EnvironmentLight { map: Arc::new(map), scale: [2.0; 3], rotation: 0.5 });
-        let (notes, pictures) = export(&[light], "000001");
+        let (notes, files) = export(&[light], "000001");
         assert_eq!((&notes[0]["file"], &notes[0]["rotation_rad"]), (&json!("000001_environment.hdr"), &json!(0.5)));
-        assert!(pictures[0].1.ends_with(b"-Y 1 +X 2\n\x80\x40\x20\x82\x80\x40\x20\x82"), "{:?}", pictures[0]);
+        assert!(files[0].1.ends_with(b"-Y 1 +X 2\n\x80\x40\x20\x82\x80\x40\x20\x82"), "{:?}", files[0]);
     }
 }

@@ -1,4 +1,4 @@
-//! Meshes as vertex arrays, each kept once, however many bodies and materials use it.
+//! Meshes as vertex arrays. Each is written once, for all bodies and materials that use it.
 
 use super::arrays::Arrays;
 use super::document::{Attributes, Index};
@@ -15,22 +15,22 @@ pub struct Geometry {
     pub attributes: Attributes,
     /// Slot and indices; one slot if a material covers the whole mesh.
     pub parts: Vec<(usize, Index)>,
-    /// Digest of what it was made from.
+    /// Digest of the mesh, its texture mapping and its needs.
     pub digest: Digest,
 }
 
-/// How a body wants its mesh.
+/// Where the texture coordinates of a body come from.
 #[derive(Debug, Clone, Copy)]
-pub enum Laid {
-    /// With the mesh's own slots and texture coordinates.
-    Own,
-    /// One material over all; `tile_m` is the size of its tiles.
-    Over { mapping: TextureMapping, tile_m: f32 },
+pub enum UvSource {
+    /// The mesh, with its own material slots.
+    Mesh,
+    /// A mapping of one material that covers the whole mesh; `tile_m` is the size of its tiles.
+    Override { mapping: TextureMapping, tile_m: f32 },
 }
 
-/// What a body's materials look at.
+/// Vertex attributes that a body's materials need.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Wants {
+pub struct Needs {
     /// Texture coordinates.
     pub uvs: bool,
     /// Tangents, for normal maps.
@@ -40,46 +40,46 @@ pub struct Wants {
 /// All meshes of a file.
 #[derive(Debug, Clone, Default)]
 pub struct Geometries {
-    /// Digests by address; the meshes are held, so that no address comes twice.
+    /// Digests by address. The meshes are kept alive, so that no address is reused.
     known: BTreeMap<usize, (Arc<Mesh>, Digest)>,
     geometries: BTreeMap<Digest, Geometry>,
     arrays: BTreeMap<Digest, Attributes>,
-    /// Indices by mesh and whether they are parted by slots.
+    /// Indices by mesh, split by material slot or not.
     parts: BTreeMap<(Digest, bool), Vec<(usize, Index)>>,
 }
 
 impl Geometries {
-    /// The arrays of a mesh, written when they are first asked for.
-    pub fn get(&mut self, glb: &mut Glb, mesh: &Arc<Mesh>, laid: Laid, wants: Wants) -> Geometry {
+    /// The arrays of a mesh, written on first use.
+    pub fn get(&mut self, glb: &mut Glb, mesh: &Arc<Mesh>, source: UvSource, needs: Needs) -> Geometry {
         let content = self.digest(mesh);
-        let key = match laid {
-            Laid::Own => Hasher::new("own"),
-            // Without textures it does not matter how they are laid.
-            Laid::Over { .. } if !wants.uvs => Hasher::new("over"),
-            Laid::Over { mapping: TextureMapping::Uv(UvTransform { scale, rotation, offset }), .. } => {
+        let key = match source {
+            UvSource::Mesh => Hasher::new("own"),
+            // Without textures the mapping does not matter.
+            UvSource::Override { .. } if !needs.uvs => Hasher::new("over"),
+            UvSource::Override { mapping: TextureMapping::Uv(UvTransform { scale, rotation, offset }), .. } => {
                 Hasher::new("uv").floats([scale[0], scale[1], rotation, offset[0], offset[1]].into_iter())
             }
-            Laid::Over { mapping: TextureMapping::Box { rotation, offset }, tile_m } => {
+            UvSource::Override { mapping: TextureMapping::Box { rotation, offset }, tile_m } => {
                 Hasher::new("box").floats([rotation, offset[0], offset[1], tile_m].into_iter())
             }
         };
-        let key = key.digest(content).bytes(&[wants.uvs.into(), wants.tangents.into()]).finish();
+        let key = key.digest(content).bytes(&[needs.uvs.into(), needs.tangents.into()]).finish();
         if let Some(geometry) = self.geometries.get(&key) {
             return geometry.clone();
         }
-        let by_slot = matches!(laid, Laid::Own);
-        let split = match laid {
-            Laid::Over { mapping: TextureMapping::Box { rotation, offset }, tile_m } if wants.uvs => {
+        let by_slot = matches!(source, UvSource::Mesh);
+        let split = match source {
+            UvSource::Override { mapping: TextureMapping::Box { rotation, offset }, tile_m } if needs.uvs => {
                 Some(Arrays::boxed(mesh, rotation, offset, tile_m))
             }
-            _ if wants.tangents => Some(Arrays::own(mesh, texcoords(mesh, laid, wants.uvs), by_slot)),
+            _ if needs.tangents => Some(Arrays::own(mesh, texcoords(mesh, source, needs.uvs), by_slot)),
             _ => None,
         };
         let (attributes, parts) = match split {
-            Some(arrays) => arrays.write(glb, wants.tangents),
+            Some(arrays) => arrays.write(glb, needs.tangents),
             None => {
                 let mut attributes = self.arrays(glb, mesh, content);
-                let uvs = texcoords(mesh, laid, wants.uvs);
+                let uvs = texcoords(mesh, source, needs.uvs);
                 attributes.texcoord = (!uvs.is_empty()).then(|| glb.vectors(&uvs, false));
                 (attributes, self.parts(glb, mesh, content, by_slot))
             }
@@ -89,7 +89,7 @@ impl Geometries {
         geometry
     }
 
-    /// Positions, normals and colours, shared by all ways to lay textures.
+    /// Positions, normals and colors, shared by all texture mappings.
     fn arrays(&mut self, glb: &mut Glb, mesh: &Mesh, content: Digest) -> Attributes {
         let write = || {
             let data = mesh.data();
@@ -109,7 +109,7 @@ impl Geometries {
         self.arrays.entry(content).or_insert_with(write).clone()
     }
 
-    /// Indices of all triangles, parted by material slots or not.
+    /// Indices of all triangles, split by material slot or not.
     fn parts(&mut self, glb: &mut Glb, mesh: &Mesh, content: Digest, by_slot: bool) -> Vec<(usize, Index)> {
         let (data, slots) = (mesh.data(), slots(mesh, by_slot));
         let write = || write_parts(glb, &data.triangles, &slots, data.positions.len());
@@ -153,20 +153,19 @@ pub(super) fn write_parts(
     parts.iter().map(|(&slot, part)| (slot, glb.indices(part, vertices))).collect()
 }
 
-/// The mesh's own texture coordinates, v downwards, moved if they are to be. A texture on a mesh without any shows one
-/// texel.
-pub(super) fn texcoords(mesh: &Mesh, laid: Laid, wanted: bool) -> Vec<[f32; 2]> {
+/// The mesh's own texture coordinates, transformed, with v down. A texture on a mesh without coordinates shows one texel.
+pub(super) fn texcoords(mesh: &Mesh, source: UvSource, wanted: bool) -> Vec<[f32; 2]> {
     let data = mesh.data();
-    match laid {
+    match source {
         _ if data.uvs.is_empty() && wanted => vec![v_down([0.0; 2]); data.positions.len()],
-        Laid::Over { mapping: TextureMapping::Uv(transform), .. } if wanted => {
+        UvSource::Override { mapping: TextureMapping::Uv(transform), .. } if wanted => {
             data.uvs.iter().map(|&uv| v_down(apply(&transform, uv))).collect()
         }
         _ => data.uvs.iter().map(|&uv| v_down(uv)).collect(),
     }
 }
 
-/// glTF counts v downwards from the top of the picture.
+/// v with its origin at the top of the image, as in glTF.
 pub(super) fn v_down([u, v]: [f32; 2]) -> [f32; 2] {
     [u, 1.0 - v]
 }
@@ -178,7 +177,7 @@ pub(super) fn apply(transform: &UvTransform, [u, v]: [f32; 2]) -> [f32; 2] {
     [(cos * x - sin * y) as f32 + transform.offset[0], (sin * x + cos * y) as f32 + transform.offset[1]]
 }
 
-/// A unit vector, as the standard demands; upwards if there is no direction.
+/// A unit vector, as the standard requires; +z if there is no direction.
 pub(super) fn unit(normal: [f32; 3]) -> [f32; 3] {
     let normal = Vector3::from(normal.map(f64::from)).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
     normal.unwrap_or_else(Vector3::z).map(|x| x as f32).into()

@@ -1,4 +1,4 @@
-//! A document with its binary data, and the container of both (GLB 2).
+//! A document with its binary data, and their container (GLB 2).
 
 use super::document::{Accessor, Buffer, BufferView, Document, Index};
 use syntable_model::error::{Error, Result};
@@ -27,7 +27,7 @@ impl Glb {
         self.document.buffer_views.len() - 1
     }
 
-    /// Adds vectors of two to four numbers; `bounded` states their bounds, as positions need.
+    /// Adds vectors of two to four numbers. `bounded` also states their bounds, as the standard requires of positions.
     pub fn vectors<const N: usize>(&mut self, vectors: &[[f32; N]], bounded: bool) -> Index {
         let buffer_view = self.view(vectors.iter().flatten().flat_map(|x| x.to_le_bytes()), Some(ARRAY_BUFFER));
         let bound = |start: f32, pick: fn(f32, f32) -> f32| {
@@ -51,10 +51,10 @@ impl Glb {
         })
     }
 
-    /// Adds indices of vertices, of which there are `vertices`.
+    /// Adds indices into `vertices` vertices.
     pub fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> Index {
         let corners = triangles.iter().flatten();
-        // The largest number of a type is no index.
+        // The largest value of a type is not a valid index.
         let (component_type, buffer_view) = if vertices <= usize::from(u16::MAX) {
             (U16, self.view(corners.flat_map(|&i| (i as u16).to_le_bytes()), Some(ELEMENT_ARRAY_BUFFER)))
         } else {
@@ -75,13 +75,13 @@ impl Glb {
             self.document.buffers = vec![Buffer { byte_length: self.bytes.len() }];
         }
         let mut json = serde_json::to_vec(&self.document)
-            .map_err(|error| Error::new(format!("not to be written as JSON: {error}")))?;
+            .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
         json.resize(json.len().next_multiple_of(4), b' ');
         let length = 12 + 8 + json.len() + 8 + self.bytes.len();
         let word = |size: usize| -> Result<[u8; 4]> {
             let size = u32::try_from(size).map_err(|_| {
                 Error::new(format!("{size} bytes are more than a GLB file can hold"))
-                    .help("use smaller textures or fewer objects, or leave the gltf writer out")
+                    .help("use smaller textures or fewer objects, or remove the gltf writer")
             })?;
             Ok(size.to_le_bytes())
         };

@@ -1,9 +1,9 @@
-//! Lights: glowing geometry, or the point, spot and directional lights of KHR_lights_punctual.
+//! Lights: emissive geometry, or the point, spot and directional lights of KHR_lights_punctual.
 //!
-//! Geometry glows with the light's radiance, so that a path tracer sees the same light. It reflects nothing: black, with
-//! an index of refraction of one. Rectangles and disks shine to one side; a black back keeps the other dark. Spheres and
-//! disks are polyhedra whose size makes up for the missing roundness: a convex body's mean shadow is a quarter of its
-//! surface (Cauchy), so that spheres keep their surface, and disks their area.
+//! Emissive geometry has the light's radiance, so that a path tracer computes the same illumination. It reflects nothing:
+//! black, with an index of refraction of 1. Rectangles and disks emit to one side; black geometry behind them keeps the
+//! other dark. Spheres and disks become polyhedra of the same power: the mean projected area of a convex body is a
+//! quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area.
 
 use super::document::{
     Attributes, DocumentExtensions, EmissiveStrength, Index, Ior, Material, MaterialExtensions, Mesh, Node,
@@ -19,21 +19,21 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use syntable_model::geometry::{Matrix3, Point3, Pose, Rotation3, Translation3, UnitQuaternion, Vector3};
 use syntable_model::scene::Light;
 
-/// What becomes of lights.
+/// Representation of lights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightMode {
-    /// Spheres, rectangles and disks become glowing geometry, right in path tracers; suns become directional lights.
+    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; suns become directional lights.
     Emissive,
-    /// Spheres become point lights, rectangles and disks spot lights, suns directional lights: for viewers.
+    /// Spheres become point lights, rectangles and disks spot lights, suns directional lights: for rasterizing viewers.
     Punctual,
     /// No lights.
     None,
 }
 
-/// Distance of a black back behind a glowing front, metres.
+/// Distance of the black back behind the emissive front, m.
 const BACK_M: f32 = 1e-4;
-/// Corners of a disk; twice as many as rings of a sphere.
+/// Corners of a disk; twice the number of rings of a sphere.
 const CORNERS: u32 = 48;
 
 /// The lights of a file.
@@ -44,22 +44,22 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// Adds a light; gives its node. None for light from all around, which glTF has no word for.
+    /// Adds a light. Returns its node; none for an environment map, which glTF cannot express.
     pub fn add(&mut self, glb: &mut Glb, number: usize, light: &Light, mode: LightMode) -> Option<Node> {
         let solid = mode == LightMode::Emissive;
-        let at = |centre: &Point3<f64>, turn| Pose::from_parts(Translation3::from(centre.coords), turn);
+        let at = |center: &Point3<f64>, rotation| Pose::from_parts(Translation3::from(center.coords), rotation);
         let named = |what: &str| format!("light {number} ({what})");
         let extras = json!({ "light": number });
         match light {
             Light::Sphere(sphere) if solid => {
                 let mesh = self.body(glb, named("sphere"), &["sphere"], sphere.radiance);
                 let pose = at(&sphere.centre, UnitQuaternion::identity());
-                Some(glowing(named("sphere"), &pose, [sphere.radius; 3], mesh, extras))
+                Some(emissive(named("sphere"), &pose, [sphere.radius; 3], mesh, extras))
             }
             Light::Rect(rect) => {
                 let (u, v) = (rect.half_u.norm(), rect.half_v.norm());
                 let axes = Matrix3::from_columns(&[rect.half_u / u, rect.half_v / v, rect.normal()]);
-                let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+                let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
                 if !solid {
                     return Some(spot(
                         glb,
@@ -71,7 +71,7 @@ impl Lights {
                     ));
                 }
                 let mesh = self.body(glb, named("rectangle"), &["square", "square's back"], rect.radiance);
-                Some(glowing(named("rectangle"), &at(&rect.centre, turn), [u, v, 1.0], mesh, extras))
+                Some(emissive(named("rectangle"), &at(&rect.centre, rotation), [u, v, 1.0], mesh, extras))
             }
             Light::Disk(disk) => {
                 let area = PI * disk.radius * disk.radius;
@@ -80,7 +80,7 @@ impl Lights {
                 }
                 let mesh = self.body(glb, named("disk"), &["disk", "disk's back"], disk.radiance);
                 let pose = at(&disk.centre, facing(&disk.normal));
-                Some(glowing(named("disk"), &pose, [disk.radius, disk.radius, 1.0], mesh, extras))
+                Some(emissive(named("disk"), &pose, [disk.radius, disk.radius, 1.0], mesh, extras))
             }
             Light::Sphere(sphere) => {
                 let area = PI * sphere.radius * sphere.radius;
@@ -98,7 +98,7 @@ impl Lights {
         }
     }
 
-    /// A mesh of a glowing shape and, where it has one, its black back.
+    /// A mesh of an emissive shape and its black back, if it has one.
     fn body(&mut self, glb: &mut Glb, name: String, shapes: &[&'static str], radiance: [f64; 3]) -> Index {
         let mut primitives = Vec::new();
         for (i, &shape) in shapes.iter().enumerate() {
@@ -164,26 +164,26 @@ impl Lights {
     }
 }
 
-fn glowing(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> Node {
+fn emissive(name: String, pose: &Pose, scale: [f64; 3], mesh: Index, extras: Json) -> Node {
     Node { mesh: Some(mesh), scale: Some(scale), extras, ..node(name, pose) }
 }
 
-/// A flat lamp as a spot light, which shines along its -z: as many candela along its axis, falling to nothing at the
-/// sides (with the square of the cosine in most viewers, where a flat lamp has the cosine).
+/// An area light as a spot light along its -z. The intensity on the axis is the same; it falls to 0 at 90° (with the
+/// squared cosine in most viewers, where an area light has the cosine).
 fn spot(
     glb: &mut Glb,
     name: String,
-    centre: &Point3<f64>,
+    center: &Point3<f64>,
     normal: &Vector3<f64>,
     radiance: [f64; 3],
     area: f64,
 ) -> Node {
     let cone = Spot { inner_cone_angle: 0.0, outer_cone_angle: FRAC_PI_2 };
-    let pose = Pose::from_parts(Translation3::from(centre.coords), facing(&-normal));
+    let pose = Pose::from_parts(Translation3::from(center.coords), facing(&-normal));
     punctual(glb, name, &pose, "spot", radiance, area, Some(cone))
 }
 
-/// Intensity is colour times candela, or lux for directional lights: `each` times `factor`.
+/// A punctual light. Color times intensity is `each` times `factor`, in candela, or in lux for directional lights.
 fn punctual(
     glb: &mut Glb,
     name: String,
@@ -221,14 +221,14 @@ fn disk() -> Vec<[f64; 2]> {
     (0..CORNERS).map(|i| f64::from(i) * step).map(|angle| [radius * angle.cos(), radius * angle.sin()]).collect()
 }
 
-/// A convex polygon that looks along z.
+/// A convex polygon facing +z.
 fn flat(outline: Vec<[f64; 2]>, z: f32) -> Shape {
     let positions: Vec<_> = outline.iter().map(|&[x, y]| [x as f32, y as f32, z]).collect();
     let triangles = (1..positions.len() as u32 - 1).map(|i| [0, i, i + 1]).collect();
     (positions, vec![[0.0, 0.0, 1.0]; outline.len()], triangles)
 }
 
-/// Rings and sectors, with the surface 4π of a unit sphere.
+/// A sphere of rings and sectors with the surface area 4π of the unit sphere.
 fn sphere() -> Shape {
     let rings = CORNERS / 2;
     let mut unit = vec![Vector3::z()];
@@ -277,10 +277,10 @@ mod tests {
     }
 
     #[test]
-    fn shapes_are_as_large_as_what_they_stand_for() {
+    fn shapes_have_the_area_of_what_they_approximate() {
         let ball = mesh(sphere());
         assert!((ball.area() / (4.0 * PI) - 1.0).abs() < 1e-6, "{}", ball.area());
-        // Closed and outwards: nearly the volume of the ball.
+        // Closed and facing outward: nearly the volume of the ball.
         assert!((ball.signed_volume() / (4.0 * PI / 3.0) - 1.0).abs() < 0.01, "{}", ball.signed_volume());
         assert!((mesh(flat(disk(), 0.0)).area() / PI - 1.0).abs() < 1e-6);
         assert!((mesh(flat(square(), 0.0)).area() - 4.0).abs() < 1e-6);

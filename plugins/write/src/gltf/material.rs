@@ -1,8 +1,8 @@
-//! Materials: the model's are glTF's own, so that little is translated.
+//! Materials. The model's are those of glTF, so that most values are copied.
 //!
-//! glTF wants roughness and metalness in green and blue of one picture, varnish in red and green, and so on; pictures
-//! that keep them elsewhere are packed anew. Roughness and metalness share their place, too: where they are laid
-//! differently, the metalness map gives way to its mean.
+//! glTF has roughness and metalness in green and blue of one texture, clearcoat in red and green, and so on; textures
+//! with other channels are repacked. Roughness and metalness also share one texture transform: where theirs differ, the
+//! metalness texture is replaced by its mean.
 
 use super::document::{
     Clearcoat, EmissiveStrength, Index, Ior, Material as Json, MaterialExtensions, Pbr, Sheen, TextureInfo,
@@ -15,7 +15,7 @@ use syntable_model::digest::Digest;
 use syntable_model::error::Result;
 use syntable_model::scene::{Alpha, Color, Encoding, Material, NormalMap, Scalar};
 
-/// Thickness of a body with a medium, metres: for viewers that do not trace rays. Path tracers see the real one.
+/// Thickness of a body with an interior medium, m, for viewers that do not trace rays. Path tracers use the geometry.
 const THICKNESS_M: f32 = 0.01;
 
 /// All materials of a file.
@@ -26,7 +26,7 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// The index of a material, written when it is first asked for.
+    /// The index of a material, written on first use.
     pub fn get(&mut self, glb: &mut Glb, material: &Material) -> Result<Index> {
         if let Some(&index) = self.known.get(&material.digest) {
             return Ok(index);
@@ -40,15 +40,15 @@ impl Materials {
     }
 
     fn translate(&mut self, glb: &mut Glb, material: &Material) -> Result<Json> {
-        let [r, g, b] = material.base_color.factor.map(share);
+        let [r, g, b] = material.base_color.factor.map(unit);
         let (alpha_mode, alpha_cutoff, alpha) = match material.alpha {
-            // Without a texture there is nothing to cut out.
-            Alpha::Mask { cutoff } if material.base_color.texture.is_some() => (Some("MASK"), Some(share(cutoff)), 1.0),
-            Alpha::Blend { factor } => (Some("BLEND"), None, share(factor)),
+            // Without a texture the mask is opaque everywhere.
+            Alpha::Mask { cutoff } if material.base_color.texture.is_some() => (Some("MASK"), Some(unit(cutoff)), 1.0),
+            Alpha::Blend { factor } => (Some("BLEND"), None, unit(factor)),
             _ => (None, None, 1.0),
         };
         let (rough, mut metal) = (channel(&material.roughness), channel(&material.metallic));
-        let mut metallic_factor = share(material.metallic.factor);
+        let mut metallic_factor = unit(material.metallic.factor);
         if let (Some((rough, _)), Some(used)) = (rough, metal)
             && rough.transform != used.0.transform
         {
@@ -57,7 +57,7 @@ impl Materials {
         }
         let mut emission = material.emission.factor.map(|x| if x > 0.0 && x.is_finite() { x } else { 0.0 });
         let brightest = emission.into_iter().fold(0.0, f32::max);
-        let glows = brightest > 0.0;
+        let emissive = brightest > 0.0;
         let mut extensions = MaterialExtensions::default();
         if brightest > 1.0 {
             emission = emission.map(|x| x / brightest);
@@ -73,15 +73,15 @@ impl Materials {
                 base_color_factor: [r, g, b, alpha],
                 base_color_texture: self.color(glb, &material.base_color)?,
                 metallic_factor,
-                roughness_factor: share(material.roughness.factor),
+                roughness_factor: unit(material.roughness.factor),
                 metallic_roughness_texture: self.textures.packed(glb, [None, rough, metal, None])?,
             },
             normal_texture: self.normal(glb, &material.normal)?,
-            emissive_texture: if glows { self.color(glb, &material.emission)? } else { None },
-            emissive_factor: glows.then_some(emission),
+            emissive_texture: if emissive { self.color(glb, &material.emission)? } else { None },
+            emissive_factor: emissive.then_some(emission),
             alpha_mode,
             alpha_cutoff,
-            // The surfaces of a medium are closed: they have one side, and refract at it.
+            // The surface of a medium is closed and refracts: it has one side.
             double_sided: extensions.volume.is_none(),
             extensions,
             extras: match material.licence.as_str() {
@@ -95,29 +95,29 @@ impl Materials {
         if let Some(coat) = &material.clearcoat {
             let (strength, rough) = (channel(&coat.strength), channel(&coat.roughness));
             extensions.clearcoat = Some(Clearcoat {
-                clearcoat_factor: share(coat.strength.factor),
+                clearcoat_factor: unit(coat.strength.factor),
                 clearcoat_texture: self.textures.packed(glb, [strength, None, None, None])?,
-                clearcoat_roughness_factor: share(coat.roughness.factor),
+                clearcoat_roughness_factor: unit(coat.roughness.factor),
                 clearcoat_roughness_texture: self.textures.packed(glb, [None, rough, None, None])?,
                 clearcoat_normal_texture: self.normal(glb, &coat.normal)?,
             });
         }
         if let Some(sheen) = &material.sheen {
             extensions.sheen = Some(Sheen {
-                sheen_color_factor: sheen.color.factor.map(share),
+                sheen_color_factor: sheen.color.factor.map(unit),
                 sheen_color_texture: self.color(glb, &sheen.color)?,
-                sheen_roughness_factor: share(sheen.roughness.factor),
+                sheen_roughness_factor: unit(sheen.roughness.factor),
                 sheen_roughness_texture: self.textures.packed(glb, [None, None, None, channel(&sheen.roughness)])?,
             });
         }
         if let Some(transmission) = &material.transmission {
             extensions.transmission = Some(Transmission {
-                transmission_factor: share(transmission.share.factor),
+                transmission_factor: unit(transmission.share.factor),
                 transmission_texture: self.textures.packed(glb, [channel(&transmission.share), None, None, None])?,
             });
             extensions.volume = transmission.volume.map(|volume| Volume {
                 thickness_factor: THICKNESS_M,
-                attenuation_color: volume.attenuation_color.map(share),
+                attenuation_color: volume.attenuation_color.map(unit),
                 attenuation_distance: Some(volume.attenuation_distance_m).filter(|m| m.is_finite() && *m > 0.0),
             });
         }
@@ -125,12 +125,12 @@ impl Materials {
     }
 
     fn color(&mut self, glb: &mut Glb, color: &Color) -> Result<Option<TextureInfo>> {
-        color.texture.as_ref().map(|used| self.textures.picture(glb, used, Encoding::Srgb)).transpose()
+        color.texture.as_ref().map(|used| self.textures.texture(glb, used, Encoding::Srgb)).transpose()
     }
 
     fn normal(&mut self, glb: &mut Glb, normal: &Option<NormalMap>) -> Result<Option<TextureInfo>> {
         let Some(NormalMap { map, strength }) = normal else { return Ok(None) };
-        let info = self.textures.picture(glb, map, Encoding::Linear)?;
+        let info = self.textures.texture(glb, map, Encoding::Linear)?;
         Ok(Some(TextureInfo { scale: Some(*strength).filter(|scale| scale.is_finite()), ..info }))
     }
 }
@@ -140,12 +140,12 @@ pub fn has_normal_map(material: &Material) -> bool {
     material.normal.is_some() || material.clearcoat.as_ref().is_some_and(|coat| coat.normal.is_some())
 }
 
-/// The channel of a texture that a number comes from.
+/// The channel of a texture that a scalar is read from.
 fn channel(scalar: &Scalar) -> Option<Channel<'_>> {
     scalar.texture.as_ref().map(|(used, channel)| (used, *channel))
 }
 
-/// Into [0, 1]; NaN counts as 0.
-fn share(x: f32) -> f32 {
+/// Clamps to [0, 1]; NaN becomes 0.
+fn unit(x: f32) -> f32 {
     if x > 0.0 { x.min(1.0) } else { 0.0 }
 }

@@ -1,13 +1,13 @@
-//! Scenes as glTF 2.0, to be opened in Blender and other programs.
+//! Scenes as glTF 2.0, for Blender and other programs.
 //!
 //! | module | writes |
 //! | --- | --- |
-//! | [`geometry`], [`arrays`] | meshes, once each |
-//! | [`material`], [`texture`] | materials, with pictures packed as glTF wants them |
-//! | [`light`], [`environment`], [`camera`] | what their names say |
+//! | [`geometry`], [`arrays`] | meshes, each once |
+//! | [`material`], [`texture`] | materials, with their textures packed into glTF's channels |
+//! | [`light`], [`environment`], [`camera`] | lights, environment maps, cameras |
 //! | [`document`], [`glb`] | JSON and container |
 //!
-//! **Frames.** glTF is y up. The root node turns its children from this program's z up, so that everything below has the
+//! **Frames.** glTF is y up, the dataset z up. The root node rotates between them, so that its children have the
 //! coordinates of the world and of the body frames.
 
 mod arrays;
@@ -22,9 +22,9 @@ mod texture;
 
 pub use light::LightMode;
 
-use crate::files::{view, view_name};
+use crate::encode::{view, view_name};
 use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
-use geometry::{Geometries, Laid, Wants};
+use geometry::{Geometries, Needs, UvSource};
 use glb::Glb;
 use light::Lights;
 use material::Materials;
@@ -34,24 +34,30 @@ use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::scene::Body;
 
-/// The settled scene as binary glTF 2.0 (`.glb`), for Blender and other programs: `{id}/{scene:06}.glb`, or
-/// `{id}/{scene:06}_{view:04}.glb` for every view.
+/// Writes settled scenes as binary glTF 2.0, for Blender and other programs.
 ///
-/// It holds all bodies with their materials and textures (clearcoat, sheen, transmission, volume, index of refraction,
-/// emissive strength, texture transforms), the cameras and the lights. Units are metres, nits, lux and candela. glTF is
-/// y up: the root node `world` turns everything; below it stand the coordinates of the dataset, z up. Bodies that share a
-/// mesh share it in the file. `extras` hold what glTF has no word for: instance ids, camera matrices, distortion, lens and
-/// exposure. Environment maps are written beside the file, in nits, as `_environment.hdr` after the file's name.
+/// # What it does
+///
+/// A file has all bodies with their materials and textures (clearcoat, sheen, transmission, volume, index of refraction,
+/// emissive strength, texture transforms), the cameras and the lights. Units are meters, nits, lux and candela. glTF is
+/// y up: the root node `world` rotates the scene; its children have the coordinates of the dataset, z up. Bodies that
+/// share a mesh share it in the file. `extras` hold what glTF cannot express: instance ids, camera matrices, distortion,
+/// lens and exposure.
+///
+/// # Output
+///
+/// `{id}/{scene:06}.glb`, or `{id}/{scene:06}_{view:04}.glb` per view. An environment map is a Radiance HDR file beside
+/// it, in nits, whose name ends in `_environment.hdr` instead of `.glb`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gltf {
-    /// What becomes of lights. Environment maps stand beside the file in any case.
+    /// Representation of lights. Environment maps are written in any case.
     pub lights: LightMode,
-    /// What a file is about.
+    /// What a file covers.
     pub per: FilePer,
 }
 
-/// What a file is about.
+/// What a file covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FilePer {
@@ -137,15 +143,15 @@ impl SceneWriter for GltfScene {
 
 /// Adds the lights of a view, and writes its environment maps beside the file.
 fn light(export: &mut Export, view: &View, mode: LightMode, output: &Output, stem: &str) -> Result<()> {
-    let (notes, pictures) = environment::export(&view.lights, stem);
-    for (name, bytes) in pictures {
+    let (notes, maps) = environment::export(&view.lights, stem);
+    for (name, bytes) in maps {
         output.write(&format!("{}/{name}", output.id()), &bytes)?;
     }
     export.lights(&view.lights, notes, mode);
     Ok(())
 }
 
-/// A file being made.
+/// A file under construction.
 #[derive(Debug, Clone, Default)]
 struct Export {
     glb: Glb,
@@ -197,15 +203,15 @@ impl Export {
             Some(surface) => vec![&surface.material],
             None => object.materials.iter().map(|material| &**material).collect(),
         };
-        let laid = match &body.surface {
-            Some(surface) => Laid::Over { mapping: surface.mapping, tile_m: surface.material.tile_m },
-            None => Laid::Own,
+        let mapping = match &body.surface {
+            Some(surface) => UvSource::Override { mapping: surface.mapping, tile_m: surface.material.tile_m },
+            None => UvSource::Mesh,
         };
-        let wants = Wants {
+        let needs = Needs {
             uvs: used.iter().any(|material| material.textures().next().is_some()),
             tangents: used.iter().any(|material| material::has_normal_map(material)),
         };
-        let geometry = self.geometries.get(&mut self.glb, &object.mesh, laid, wants);
+        let geometry = self.geometries.get(&mut self.glb, &object.mesh, mapping, needs);
         let mut materials = Vec::new();
         for &(slot, _) in &geometry.parts {
             let material = used.get(slot).or(used.last()).ok_or_else(|| Error::new("an object without materials"))?;

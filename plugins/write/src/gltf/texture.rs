@@ -1,12 +1,13 @@
-//! Pictures, embedded as PNG, each once.
+//! Images, embedded as PNG, each once.
 
 use super::document::{
     Image, Index, Sampler, Texture as JsonTexture, TextureInfo, TextureInfoExtensions, TextureTransform,
 };
 use super::glb::Glb;
-use crate::files::image::{Picture, Samples};
+use crate::encode::png::{self, Samples};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use syntable_model::color::{linear_to_srgb, srgb_to_linear};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
 use syntable_model::scene::{Encoding, Texture, TextureRef, UvTransform, Wrap};
@@ -17,7 +18,7 @@ const LINEAR_MIPMAP_LINEAR: u32 = 9_987;
 /// One channel of a texture.
 pub type Channel<'a> = (&'a TextureRef, u8);
 
-/// All pictures of a file.
+/// The images and textures of a file.
 #[derive(Debug, Clone, Default)]
 pub struct Textures {
     images: BTreeMap<Digest, Index>,
@@ -25,19 +26,20 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// A texture with colours encoded as its place wants them.
-    pub fn picture(&mut self, glb: &mut Glb, used: &TextureRef, encoding: Encoding) -> Result<TextureInfo> {
+    /// Adds a texture with its colors in an encoding.
+    pub fn texture(&mut self, glb: &mut Glb, used: &TextureRef, encoding: Encoding) -> Result<TextureInfo> {
         let texture = &*used.texture;
-        let key = Hasher::new("picture").digest(texture.digest).bytes(&[encoding as u8]).finish();
-        self.info(glb, key, used, || Picture {
+        let key = Hasher::new("texture").digest(texture.digest).bytes(&[encoding as u8]).finish();
+        self.info(glb, key, used, || png::Image {
             width: texture.width,
             height: texture.height,
             samples: samples(encoded(texture, encoding)),
         })
     }
 
-    /// A texture whose channels come from others; a channel that nobody asks for is white. What already has the right
-    /// channels is used as it is; otherwise a new picture is made, as large as the largest. All are laid as the first.
+    /// Adds a texture whose channels come from other textures; a channel without a source is white. A texture that has
+    /// the right channels already is used as it is; otherwise a new image is packed, as large as the largest source.
+    /// The transform is that of the first source.
     pub fn packed(&mut self, glb: &mut Glb, channels: [Option<Channel<'_>>; 4]) -> Result<Option<TextureInfo>> {
         let Some((first, _)) = channels.iter().flatten().next() else { return Ok(None) };
         let ready = |(target, channel): (usize, &Option<Channel<'_>>)| match channel {
@@ -49,7 +51,7 @@ impl Textures {
             None => true,
         };
         if channels.iter().enumerate().all(ready) {
-            return self.picture(glb, first, first.texture.encoding).map(Some);
+            return self.texture(glb, first, first.texture.encoding).map(Some);
         }
         let mut hasher = Hasher::new("packed");
         for channel in &channels {
@@ -73,7 +75,7 @@ impl Textures {
                     texel[target] = from[4 * (y * texture.width as usize + x) + usize::from((*channel).min(3))];
                 }
             }
-            Picture { width, height, samples: samples(Cow::Owned(texels)) }
+            png::Image { width, height, samples: samples(Cow::Owned(texels)) }
         };
         self.info(glb, hasher.finish(), first, pack).map(Some)
     }
@@ -83,12 +85,12 @@ impl Textures {
         glb: &mut Glb,
         key: Digest,
         used: &TextureRef,
-        picture: impl FnOnce() -> Picture,
+        image: impl FnOnce() -> png::Image,
     ) -> Result<TextureInfo> {
         let source = match self.images.get(&key) {
             Some(&image) => image,
             None => {
-                let buffer_view = glb.view(picture().encode()?, None);
+                let buffer_view = glb.view(image().encode()?, None);
                 glb.document.images.push(Image { buffer_view, mime_type: "image/png" });
                 self.images.insert(key, glb.document.images.len() - 1);
                 glb.document.images.len() - 1
@@ -118,23 +120,23 @@ impl Textures {
     }
 }
 
-/// A transform where v points up as one of KHR_texture_transform, where it points down; none if nothing moves.
+/// A texture transform with v up as one of KHR_texture_transform, with v down; none for the identity.
 ///
 /// There `u' = c·sx·u + s·sy·V + ox` and `V' = -s·sx·u + c·sy·V + oy`; with `V = 1 - v` the rotation stays and the offset
 /// `(x, y)` becomes `(x - s·sy, 1 - y - c·sy)`.
-fn transform(laid: &UvTransform) -> Option<TextureTransform> {
-    if *laid == UvTransform::default() {
+fn transform(uv: &UvTransform) -> Option<TextureTransform> {
+    if *uv == UvTransform::default() {
         return None;
     }
     let sane = |x: f32, or: f32| if x.is_finite() { x } else { or };
-    let ([sx, sy], rotation) = (laid.scale.map(|x| sane(x, 1.0)), sane(laid.rotation, 0.0));
-    let [x, y] = laid.offset.map(|x| sane(x, 0.0));
+    let ([sx, sy], rotation) = (uv.scale.map(|x| sane(x, 1.0)), sane(uv.rotation, 0.0));
+    let [x, y] = uv.offset.map(|x| sane(x, 0.0));
     let (s, c) = f64::from(rotation).sin_cos();
     let (s, c) = (s as f32, c as f32);
     Some(TextureTransform { offset: [x - s * sy, 1.0 - y - c * sy], rotation, scale: [sx, sy] })
 }
 
-/// Texels with colours in an encoding.
+/// Texels with their colors in an encoding.
 fn encoded(texture: &Texture, wanted: Encoding) -> Cow<'_, [u8]> {
     if texture.encoding == wanted {
         return Cow::Borrowed(&texture.texels);
@@ -142,20 +144,8 @@ fn encoded(texture: &Texture, wanted: Encoding) -> Cow<'_, [u8]> {
     let code: Vec<u8> = (0..=255_u8)
         .map(|value| f64::from(value) / 255.0)
         .map(|x| match wanted {
-            Encoding::Linear => {
-                if x <= 0.040_45 {
-                    x / 12.92
-                } else {
-                    ((x + 0.055) / 1.055).powf(2.4)
-                }
-            }
-            Encoding::Srgb => {
-                if x <= 0.003_130_8 {
-                    12.92 * x
-                } else {
-                    1.055 * x.powf(1.0 / 2.4) - 0.055
-                }
-            }
+            Encoding::Linear => srgb_to_linear(x),
+            Encoding::Srgb => linear_to_srgb(x),
         })
         .map(|x| (x * 255.0).round() as u8)
         .collect();
@@ -167,7 +157,7 @@ fn encoded(texture: &Texture, wanted: Encoding) -> Cow<'_, [u8]> {
     )
 }
 
-/// Without alpha where everything is opaque.
+/// Texels as RGB if all are opaque, else as RGBA.
 fn samples(texels: Cow<'_, [u8]>) -> Samples {
     if texels.chunks_exact(4).all(|texel| texel[3] == 255) {
         Samples::Rgb8(texels.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect())
@@ -176,7 +166,7 @@ fn samples(texels: Cow<'_, [u8]>) -> Samples {
     }
 }
 
-/// Mean of a channel, linear.
+/// Mean of a channel, as a linear value in [0, 1].
 pub fn mean((used, channel): Channel<'_>) -> f32 {
     let texels = encoded(&used.texture, Encoding::Linear);
     let channel = usize::from(channel.min(3));
@@ -189,13 +179,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn transforms_agree_with_the_extension_when_v_is_turned_over() {
-        let laid = UvTransform { scale: [2.0, -1.5], rotation: 0.7, offset: [0.2, -0.3] };
-        let there = transform(&laid).expect("it moves");
+    fn transforms_agree_with_the_extension_when_v_is_flipped() {
+        let uv = UvTransform { scale: [2.0, -1.5], rotation: 0.7, offset: [0.2, -0.3] };
+        let there = transform(&uv).expect("not the identity");
         let (s, c) = there.rotation.sin_cos();
         for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.3, 0.8)] {
-            let (x, y) = (u * laid.scale[0], v * laid.scale[1]);
-            let want = [c * x - s * y + laid.offset[0], s * x + c * y + laid.offset[1]];
+            let (x, y) = (u * uv.scale[0], v * uv.scale[1]);
+            let want = [c * x - s * y + uv.offset[0], s * x + c * y + uv.offset[1]];
             let (x, y) = (u * there.scale[0], (1.0 - v) * there.scale[1]);
             let got = [c * x + s * y + there.offset[0], 1.0 - (-s * x + c * y + there.offset[1])];
             assert!((got[0] - want[0]).abs() < 1e-5 && (got[1] - want[1]).abs() < 1e-5, "{got:?} {want:?}");

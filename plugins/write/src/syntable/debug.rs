@@ -1,16 +1,16 @@
 //! The files of SynTable's switch `--save-segmentation-data`.
 //!
-//! `k` is the object's spawn number, with gaps where objects were removed. Values are the released program's: visible
-//! and occlusion masks are 0 and 1, amodal masks 0 and the instance id, ids modulo 256.
+//! `k` is the object's spawn number, with gaps where objects were removed. The values are those of the released program:
+//! visible and occlusion masks are 0 and 1, amodal masks 0 and the instance id, ids modulo 256.
 
 use super::SynTable;
 use super::record::Labels;
-use crate::files::image::Picture;
+use crate::encode::{pfm, png::Image};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{DEPTH, INSTANCE};
 
-/// Writes the files of a view that is named `name`.
+/// Writes the files of the view `name`.
 pub fn write(
     config: &SynTable,
     output: &Output,
@@ -21,31 +21,22 @@ pub fn write(
 ) -> Result<()> {
     let path = |rest: String| config.path(&format!("data/mono/{rest}"));
     let depth = frame.get(DEPTH)?;
-    output.write(&path(format!("depth/{name}.pfm")), &pfm(depth))?;
-    Picture::gray8(&nearness(depth)).write(output, &path(format!("depth/visuals/{name}.png")))?;
+    output.write(&path(format!("depth/{name}.pfm")), &pfm::encode(depth))?;
+    Image::gray8(&inverse_depth(depth)).write(output, &path(format!("depth/visuals/{name}.png")))?;
     let ids = frame.get(INSTANCE)?.map(|id| id.0 as u8);
-    Picture::gray8(&ids).write(output, &path(format!("instance/{name}.png")))?;
+    Image::gray8(&ids).write(output, &path(format!("instance/{name}.png")))?;
     for &id in labels.ids() {
         let k = site.scene.body(id).map_or(0, |body| body.spawn);
         let [visible, amodal, occlusion] = labels.masks(id)?;
-        Picture::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
-        Picture::mask(amodal, id.0 as u8).write(output, &path(format!("amodal/{name}_{k}.png")))?;
-        Picture::mask(occlusion, 1).write(output, &path(format!("occlusion/{name}_{k}.png")))?;
+        Image::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
+        Image::mask(amodal, id.0 as u8).write(output, &path(format!("amodal/{name}_{k}.png")))?;
+        Image::mask(occlusion, 1).write(output, &path(format!("occlusion/{name}_{k}.png")))?;
     }
     Ok(())
 }
 
-/// A PFM file of float32, rows from the bottom up, little-endian.
-fn pfm(plane: &Plane<f32>) -> Vec<u8> {
-    let mut file = format!("Pf\n{} {}\n-1.000000\n", plane.width(), plane.height()).into_bytes();
-    for row in plane.data().chunks_exact(plane.width() as usize).rev() {
-        file.extend(row.iter().flat_map(|depth| depth.to_le_bytes()));
-    }
-    file
-}
-
-/// Inverse depth, the nearest as 255, nothing as 0.
-pub fn nearness(depth: &Plane<f32>) -> Plane<u8> {
+/// Inverse depth relative to the nearest pixel, which becomes 255; 0 where there is no depth.
+pub fn inverse_depth(depth: &Plane<f32>) -> Plane<u8> {
     let near = depth.data().iter().copied().filter(|d| d.is_finite() && *d > 0.0).fold(f32::INFINITY, f32::min);
     depth.map(|&d| if d.is_finite() && d > 0.0 { (near / d * 255.0).round() as u8 } else { 0 })
 }

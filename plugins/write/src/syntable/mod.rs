@@ -1,80 +1,89 @@
-//! SynTable's dataset layout.
+//! The layout of SynTable datasets.
 
 mod debug;
 mod merge;
 mod record;
 
-pub(crate) use debug::nearness;
+pub(crate) use debug::inverse_depth;
 
-use crate::files::array::Array;
-use crate::files::image::{Picture, Rounding, depth_units};
-use crate::files::{shard, view};
+use crate::encode::npy::Array;
+use crate::encode::png::{Image, Rounding, depth_units};
+use crate::encode::view;
 use record::Labels;
+use syntable_formats::shard;
+use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CAMERA, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK,
     OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 
-/// SynTable's layout, as SynTable's and UOAIS-Net's readers want it:
+/// Writes the dataset layout that the readers of SynTable and UOAIS-Net expect.
 ///
-/// - `data/mono/rgb/{scene}_{view}.png`, 8-bit RGB;
-/// - `data/mono/depth/{scene}_{view}.png`, 16-bit, whole millimetres along the optical axis, truncated; 0 is none;
-/// - `data/mono/occlusion_order/{scene}_{view}.npy`, float64 `[N, N]`, 1 where the row's object occludes the column's;
-/// - `annotation_final.json`: COCO's structure. `segmentation` is the amodal mask; `visible_mask`, `occluded_mask`,
-///   `occluded_rate` and boxes stand beside it;
+/// # What it does
+///
+/// The annotation file has COCO's structure. `segmentation` is the amodal mask of an object; `visible_mask`,
+/// `occluded_mask`, `occluded_rate` and boxes are fields beside it. Image ids are
+/// `scene · views_per_scene + view + 1`. Row and column n of the occlusion order belong to the n-th annotation of the
+/// image, which is `instance_ids[n]` of the image's record. Dates are constant.
+///
+/// # Output
+///
+/// - `data/mono/rgb/{scene}_{view}.png`: 8-bit RGB.
+/// - `data/mono/depth/{scene}_{view}.png`: 16-bit depth along the optical axis, whole millimeters, truncated; 0 where
+///   there is none.
+/// - `data/mono/occlusion_order/{scene}_{view}.npy`: float64 `[N, N]`, 1 where the row's object occludes the column's.
+/// - `annotation_final.json`: the annotations of all images.
 /// - `parameters/recipe.toml`: the resolved recipe.
-///
-/// Image ids are `scene · views_per_scene + view + 1`. Row and column n of the order matrix belong to the n-th
-/// annotation of the image, which is `instance_ids[n]` of the image's record. Dates are constants.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SynTable {
-    /// `correct`: one record an image, real areas, rates in full precision, camera, object poses and label policy.
-    /// `release`: as the released program writes, for its own code: the image's record repeated for every annotation,
-    /// area 0, foreign areas inside the masks, rates of two decimals, no object without a visible pixel or with a
-    /// rate that rounds to 1.00, no image without annotations.
+    /// Form of the annotation file: `coco` for COCO's readers, `syntable_1` for programs that rely on the files of
+    /// SynTable's release.
     pub compat: Compat,
-    /// The box under `bbox`: SynTable's is `visible`; COCO's convention for an amodal `segmentation` is `amodal`. Both
-    /// boxes are written under their own names too, in the `correct` mode.
-    pub bbox: Bbox,
-    /// Leaves images without annotations out of the annotation file; some readers of test sets ask for it. Their
-    /// pictures are written all the same.
+    /// Mask whose box is written as `bbox`: `visible` as in SynTable, or `amodal` to fit `segmentation`. The `coco` form
+    /// also has both boxes under their own names.
+    pub bbox: BoxSource,
+    /// Leaves images without annotations out of the annotation file, as some readers of test sets require. Their image
+    /// files are written all the same. The `syntable_1` form never has such images.
     pub skip_empty_images: bool,
-    /// Also writes what SynTable's switch `--save-segmentation-data` does, except the pictures of single objects:
-    /// instance maps, visible, amodal and occlusion masks as PNG, depth as PFM and as an 8-bit view.
+    /// Also writes the files of SynTable's switch `--save-segmentation-data`, except the images of single objects: instance
+    /// maps, visible, amodal and occlusion masks as PNG, depth as PFM in meters and as 8-bit inverse depth.
     pub debug_masks: bool,
-    /// Name of the annotation file.
+    /// File name of the annotation file.
     pub annotation_file: String,
-    /// Folder inside the dataset that everything is written to; empty for the dataset's own.
+    /// Folder inside the dataset for all files; empty for the dataset's own.
     pub folder: String,
 }
 
-/// Whose JSON it is.
+/// Form of the annotation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Compat {
-    /// As a COCO reader expects it.
-    Correct,
-    /// As the released program writes it.
-    Release,
+    /// One record per image, true areas, rates in full precision; camera, object poses and label policy.
+    Coco,
+    /// The image's record repeated for every annotation, area 0, sums of instance ids as areas of the amodal masks, rates
+    /// of two decimals. Objects without a visible pixel or with a rate that rounds to 1.00 are left out, and so are
+    /// images without annotations.
+    #[serde(rename = "syntable_1")]
+    Syntable1,
 }
 
-/// A box.
+/// Mask whose box is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Bbox {
-    /// Of the visible mask.
+pub enum BoxSource {
+    /// The visible mask.
     Visible,
-    /// Of the amodal mask.
+    /// The amodal mask.
     Amodal,
 }
 
 impl Default for SynTable {
     fn default() -> Self {
         Self {
-            compat: Compat::Correct,
-            bbox: Bbox::Visible,
+            compat: Compat::Coco,
+            bbox: BoxSource::Visible,
             skip_empty_images: false,
             debug_masks: false,
             annotation_file: "annotation_final.json".into(),
@@ -86,10 +95,10 @@ impl Default for SynTable {
 impl Config for SynTable {
     type Stage = dyn Writer;
     const KIND: &'static str = "syntable";
-    const EXAMPLE: &'static str = "compat = \"correct\"\nskip_empty_images = false";
+    const EXAMPLE: &'static str = "compat = \"coco\"\nskip_empty_images = false";
     fn build(self) -> Result<Box<dyn Writer>, Invalid> {
         if self.annotation_file.is_empty() || self.annotation_file.contains(['/', '\\']) {
-            let message = format!("`{}` is not the name of a file", self.annotation_file);
+            let message = format!("`{}` is not a file name", self.annotation_file);
             return Err(Invalid::new("annotation_file", message));
         }
         let inside = |part: &str| !part.is_empty() && part != "." && part != "..";
@@ -114,7 +123,7 @@ impl Writer for SynTable {
             VISIBLE_BOX,
             AMODAL_BOX
         ];
-        if self.compat == Compat::Correct {
+        if self.compat == Compat::Coco {
             keys.extend(keys![OBJECT_INFO, CAMERA, EXPOSURE, DENOISER, LABEL_POLICY]);
         }
         if self.debug_masks {
@@ -149,30 +158,26 @@ struct SynTableScene {
 
 impl SceneWriter for SynTableScene {
     fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
-        let name = format!("{}_{}", site.scene.id.0, view(site)?.id.0);
-        let path = |folder: &str, end: &str| self.config.path(&format!("data/mono/{folder}/{name}.{end}"));
-        Picture::rgb(frame.get(RGB)?).write(&self.output, &path("rgb", "png"))?;
+        let Self { config, output, lines } = self;
+        let (scene, view) = (site.scene.id.0, view(site)?.id.0);
+        Image::rgb(frame.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
         let depth = frame.get(DEPTH)?.map(|&depth| depth_units(depth, 1.0, Rounding::Truncate));
-        Picture::gray16(&depth).write(&self.output, &path("depth", "png"))?;
-        let labels = Labels::of(frame)?.annotated_by(self.config.compat);
-        self.output.write(&path("occlusion_order", "npy"), &order_matrix(&labels).encode())?;
-        if self.config.debug_masks {
-            debug::write(&self.config, &self.output, site, frame, &labels, &name)?;
+        Image::gray16(&depth).write(output, &config.path(&depth_path(scene, view)))?;
+        let labels = Labels::of(frame)?.annotated_by(config.compat);
+        output.write(&config.path(&occlusion_order_path(scene, view)), &order_matrix(&labels).encode())?;
+        if config.debug_masks {
+            debug::write(config, output, site, frame, &labels, &format!("{scene}_{view}"))?;
         }
 
-        let image = match self.config.compat {
-            Compat::Correct => record::image(site, frame, &labels, &name)?,
-            Compat::Release => record::released_image(site, frame, &name)?,
+        let image = match config.compat {
+            Compat::Coco => record::image(site, frame, &labels)?,
+            Compat::Syntable1 => record::image_1(site, frame)?,
         };
-        shard::push_line(&mut self.lines, &("image", labels.ids().len(), image))?;
-        for &id in labels.ids() {
-            let annotation = match self.config.compat {
-                Compat::Correct => record::annotation(site, frame, &labels, id, self.config.bbox)?,
-                Compat::Release => record::released_annotation(site, &labels, id, self.config.bbox)?,
-            };
-            shard::push_line(&mut self.lines, &("annotation", annotation))?;
-        }
-        Ok(())
+        shard::push_image(lines, labels.ids().len(), &image)?;
+        labels.ids().iter().try_for_each(|&id| match config.compat {
+            Compat::Coco => shard::push_annotation(lines, &record::annotation(site, frame, &labels, id, config.bbox)?),
+            Compat::Syntable1 => shard::push_annotation(lines, &record::annotation_1(site, &labels, id, config.bbox)?),
+        })
     }
 
     fn close(self: Box<Self>) -> Result<()> {

@@ -1,9 +1,13 @@
 //! The records of images and annotations.
 
-use super::{Bbox, Compat};
-use crate::files::view;
+use super::{BoxSource, Compat};
+use crate::encode::view;
 use crate::jsonl::json;
-use serde_json::{Value as Json, json};
+use serde_json::Value as Json;
+use syntable_formats::segmentation::Rle;
+use syntable_formats::syntable::{
+    Annotation, Image, OBJECT_CATEGORY, depth_path, occlusion_order_path, rgb_path, syntable_1,
+};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER,
@@ -11,7 +15,7 @@ use syntable_model::product::standard::{
 };
 use syntable_model::product::{BBox, OcclusionOrder};
 
-/// The date of every record: the dataset knows no clock.
+/// The date of every record: files do not depend on the clock.
 pub const DATE: &str = "1970-01-01 00:00:00.000000";
 
 /// The labels of a view, and which of its instances are annotated.
@@ -28,7 +32,7 @@ pub struct Labels<'a> {
 }
 
 /// The labels of one instance.
-struct Object<'a> {
+struct ObjectLabels<'a> {
     visible: &'a Mask,
     amodal: &'a Mask,
     occlusion: &'a Mask,
@@ -53,10 +57,9 @@ impl<'a> Labels<'a> {
         })
     }
 
-    /// Leaves out what the released program leaves out: objects with no visible pixel, or with a rate that is 1.00
-    /// when rounded.
+    /// Drops what SynTable 1 drops: objects without a visible pixel, or with a rate that rounds to 1.00.
     pub fn annotated_by(mut self, compat: Compat) -> Self {
-        if compat == Compat::Release {
+        if compat == Compat::Syntable1 {
             let seen = |id: &InstanceId| self.visible.get(*id).is_some_and(|mask| !mask.is_empty());
             let hidden = |id: &InstanceId| self.rate.get(*id).is_some_and(|&rate| two_decimals(rate) >= 1.0);
             self.ids.retain(|id| seen(id) && !hidden(id));
@@ -81,14 +84,14 @@ impl<'a> Labels<'a> {
         Ok([object.visible, object.amodal, object.occlusion])
     }
 
-    fn object(&self, id: InstanceId) -> Result<Object<'a>> {
+    fn object(&self, id: InstanceId) -> Result<ObjectLabels<'a>> {
         fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Result<&'a T> {
             product.get(id).ok_or_else(|| {
                 Error::new(format!("instance {id} is in `occlusion_order` but not in `{name}`"))
                     .help("all label products must come from one annotator, or from annotators that agree")
             })
         }
-        Ok(Object {
+        Ok(ObjectLabels {
             visible: of(self.visible, id, VISIBLE_MASK.name())?,
             amodal: of(self.amodal, id, AMODAL_MASK.name())?,
             occlusion: of(self.occlusion, id, OCCLUSION_MASK.name())?,
@@ -99,104 +102,98 @@ impl<'a> Labels<'a> {
     }
 }
 
-/// The record of an image.
-pub fn image(site: &Site, frame: &Frame, labels: &Labels, name: &str) -> Result<Json> {
-    let mut record = released_image(site, frame, name)?;
-    let more = [
-        ("scene_id", site.scene.id.0.into()),
-        ("view_id", view(site)?.id.0.into()),
-        ("instance_ids", labels.ids().iter().map(|id| id.0).collect()),
-        ("depth_unit_mm", 1.into()),
-        ("camera", json(frame, CAMERA.name())?),
-        ("exposure", json(frame, EXPOSURE.name())?),
-        ("denoiser", json(frame, DENOISER.name())?),
-        ("label_policy", json(frame, LABEL_POLICY.name())?),
-    ];
-    for (key, value) in more {
-        record[key] = value;
-    }
-    Ok(record)
+/// The record of an image in the coco form.
+pub fn image(site: &Site, frame: &Frame, labels: &Labels) -> Result<Image> {
+    Ok(Image {
+        scene_id: Some(site.scene.id.0),
+        view_id: Some(view(site)?.id.0),
+        instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
+        depth_unit_mm: Some(1),
+        camera: Some(json(frame, CAMERA.name())?),
+        exposure: Some(json(frame, EXPOSURE.name())?),
+        denoiser: Some(json(frame, DENOISER.name())?),
+        label_policy: Some(json(frame, LABEL_POLICY.name())?),
+        ..image_1(site, frame)?
+    })
 }
 
-/// The record of an image with the released program's keys.
-pub fn released_image(site: &Site, frame: &Frame, name: &str) -> Result<Json> {
+/// The record of an image in the syntable_1 form.
+pub fn image_1(site: &Site, frame: &Frame) -> Result<Image> {
     let rgb = frame.get(RGB)?;
-    Ok(json!({
-        "id": image_id(site)?,
-        "file_name": format!("data/mono/rgb/{name}.png"),
-        "depth_file_name": format!("data/mono/depth/{name}.png"),
-        "occlusion_order_file_name": format!("data/mono/occlusion_order/{name}.npy"),
-        "width": rgb.width(),
-        "height": rgb.height(),
-        "date_captured": DATE,
-        "license": 1,
-        "coco_url": "",
-        "flickr_url": "",
-    }))
+    let (scene, view) = (site.scene.id.0, view(site)?.id.0);
+    Ok(Image {
+        id: image_id(site)?,
+        file_name: rgb_path(scene, view),
+        depth_file_name: Some(depth_path(scene, view)),
+        occlusion_order_file_name: Some(occlusion_order_path(scene, view)),
+        width: rgb.width(),
+        height: rgb.height(),
+        date_captured: Some(DATE.into()),
+        license: Some(1),
+        coco_url: Some(String::new()),
+        flickr_url: Some(String::new()),
+        ..Image::default()
+    })
 }
 
-/// The record of an annotation, without its id.
-pub fn annotation(site: &Site, frame: &Frame, labels: &Labels, id: InstanceId, bbox: Bbox) -> Result<Json> {
+/// The record of an annotation in the coco form, without its id.
+pub fn annotation(site: &Site, frame: &Frame, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<Annotation> {
     let object = labels.object(id)?;
-    let info = frame.get(OBJECT_INFO)?.get(id).map(serde_json::to_value).transpose();
-    let info = info.map_err(|error| Error::new(format!("instance {id} in `object_info`: {error}")))?;
-    Ok(json!({
-        "image_id": image_id(site)?,
-        "category_id": 1,
-        "instance_id": id.0,
-        "object_name": object_name(site, id),
-        "bbox": object.bbox(bbox),
-        "visible_bbox": array(object.visible_box),
-        "amodal_bbox": array(object.amodal_box),
-        "width": object.amodal.width(),
-        "height": object.amodal.height(),
-        "iscrowd": 0,
-        "area": object.amodal.area(),
-        "visible_area": object.visible.area(),
-        "occluded_area": object.occlusion.area(),
-        "occluded_rate": object.rate,
-        "occluded_rate_rounded": two_decimals(object.rate),
-        "segmentation": rle(object.amodal),
-        "visible_mask": rle(object.visible),
-        "occluded_mask": rle(object.occlusion),
-        "object": info,
-    }))
+    let info = frame.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
+    Ok(Annotation {
+        id: 0,
+        image_id: image_id(site)?,
+        category_id: OBJECT_CATEGORY,
+        instance_id: Some(id.0),
+        object_name: Some(object_name(site, id)),
+        bbox: object.bbox(bbox),
+        visible_bbox: Some(object.visible_box.into()),
+        amodal_bbox: Some(object.amodal_box.into()),
+        width: Some(object.amodal.width()),
+        height: Some(object.amodal.height()),
+        iscrowd: 0,
+        area: object.amodal.area().into(),
+        visible_area: Some(object.visible.area().into()),
+        occluded_area: Some(object.occlusion.area().into()),
+        occluded_rate: object.rate,
+        occluded_rate_rounded: Some(two_decimals(object.rate)),
+        segmentation: Rle::encode(object.amodal),
+        visible_mask: Rle::encode(object.visible),
+        occluded_mask: Rle::encode(object.occlusion),
+        object: Some(info.map_err(|error| Error::new(format!("instance {id} in `object_info`: {error}")))?),
+        extra: Default::default(),
+    })
 }
 
-/// The record of an annotation, without its id, with the released program's keys and values.
-///
-/// Its area is 0, and the area inside `segmentation` is the sum of the instance ids over the mask instead of a number
-/// of pixels; those inside the other masks are right.
-pub fn released_annotation(site: &Site, labels: &Labels, id: InstanceId, bbox: Bbox) -> Result<Json> {
+/// The record of an annotation in the syntable_1 form, without its id.
+pub fn annotation_1(site: &Site, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<syntable_1::Annotation> {
     let object = labels.object(id)?;
-    let with_area = |mask: &Mask, area: u64| {
-        let mut rle = rle(mask);
-        rle["area"] = area.into();
-        rle
-    };
-    Ok(json!({
-        "image_id": image_id(site)?,
-        "category_id": 1,
-        "bbox": object.bbox(bbox),
-        "visible_bbox": array(object.visible_box),
-        "width": object.amodal.width(),
-        "height": object.amodal.height(),
-        "object_name": object_name(site, id),
-        "iscrowd": 0,
-        "segmentation": with_area(object.amodal, u64::from(object.amodal.area()) * u64::from(id.0)),
-        "area": 0,
-        "visible_mask": with_area(object.visible, object.visible.area().into()),
-        "occluded_mask": with_area(object.occlusion, object.occlusion.area().into()),
-        "occluded_rate": two_decimals(object.rate),
-    }))
+    let with_area = |mask: &Mask, area: u64| Rle { area: Some(area), ..Rle::encode(mask) };
+    Ok(syntable_1::Annotation {
+        id: 0,
+        image_id: image_id(site)?,
+        category_id: OBJECT_CATEGORY,
+        bbox: object.bbox(bbox),
+        visible_bbox: object.visible_box.into(),
+        width: object.amodal.width(),
+        height: object.amodal.height(),
+        object_name: object_name(site, id),
+        iscrowd: 0,
+        segmentation: with_area(object.amodal, u64::from(object.amodal.area()) * u64::from(id.0)),
+        area: 0,
+        visible_mask: with_area(object.visible, object.visible.area().into()),
+        occluded_mask: with_area(object.occlusion, object.occlusion.area().into()),
+        occluded_rate: two_decimals(object.rate),
+        extra: Default::default(),
+    })
 }
 
-impl Object<'_> {
-    fn bbox(&self, which: Bbox) -> [i32; 4] {
-        array(match which {
-            Bbox::Visible => self.visible_box,
-            Bbox::Amodal => self.amodal_box,
-        })
+impl ObjectLabels<'_> {
+    fn bbox(&self, source: BoxSource) -> [i32; 4] {
+        match source {
+            BoxSource::Visible => self.visible_box.into(),
+            BoxSource::Amodal => self.amodal_box.into(),
+        }
     }
 }
 
@@ -207,20 +204,11 @@ fn image_id(site: &Site) -> Result<u64> {
 }
 
 /// The asset's name; not unique within an image.
-fn object_name<'a>(site: &Site<'a>, id: InstanceId) -> &'a str {
-    site.scene.body(id).map_or("", |body| &body.asset.name)
+fn object_name(site: &Site, id: InstanceId) -> String {
+    site.scene.body(id).map_or(String::new(), |body| body.asset.name.clone())
 }
 
-fn array(bbox: BBox) -> [i32; 4] {
-    bbox.into()
-}
-
-/// A mask as COCO's compressed runs.
-fn rle(mask: &Mask) -> Json {
-    json!({ "size": [mask.height(), mask.width()], "counts": mask.to_coco() })
-}
-
-/// Rounded to two decimals as Python's `round` does: by the exact decimal value, ties to even.
+/// Rounds to two decimals as Python's `round` does: by the exact decimal value, ties to even.
 fn two_decimals(rate: f64) -> f64 {
     format!("{rate:.2}").parse().unwrap_or(rate)
 }

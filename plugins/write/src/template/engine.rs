@@ -12,12 +12,12 @@ pub struct Template {
     text: String,
 }
 
-/// What is wrong with a template, and in which of its lines.
+/// A fault of a template, and its line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
-    /// From 1.
+    /// Line of the template, from 1, if it is known.
     pub line: Option<usize>,
-    /// The message.
+    /// The message, on one line.
     pub message: String,
 }
 
@@ -25,7 +25,7 @@ pub struct Fault {
 const NAME: &str = "template";
 
 impl Template {
-    /// Parses a template. Nothing is escaped: what is written need not be HTML.
+    /// Parses a template. Nothing is escaped: the text need not be HTML.
     pub fn new(text: &str) -> Result<Self, Fault> {
         let mut tera = Tera::default();
         tera.autoescape_on(Vec::new());
@@ -41,7 +41,7 @@ impl Template {
     }
 }
 
-/// `{{ number | pad(width = 6) }}`: a whole number with zeros in front, as file names want it.
+/// `{{ number | pad(width = 6) }}`: an integer with leading zeros, for file names.
 fn pad(value: &Json, arguments: &HashMap<String, Json>) -> tera::Result<Json> {
     let width = match arguments.get("width").map(Json::as_u64) {
         None => 4,
@@ -50,30 +50,22 @@ fn pad(value: &Json, arguments: &HashMap<String, Json>) -> tera::Result<Json> {
     };
     match value.as_u64() {
         Some(number) => Ok(format!("{number:0width$}").into()),
-        None => Err(tera::Error::msg(format!("`pad` takes a whole number, not {value}"))),
+        None => Err(tera::Error::msg(format!("`pad` takes an integer of at least 0, not {value}"))),
     }
 }
 
 impl Fault {
     fn of(error: &tera::Error, text: &str) -> Self {
-        // The outermost message says only that rendering or parsing failed.
+        // The outermost message only says that rendering or parsing failed.
         let mut messages = Vec::new();
         let mut cause = error.source();
         while let Some(inner) = cause {
             messages.push(inner.to_string());
             cause = inner.source();
         }
-        if messages.is_empty() {
-            messages.push(error.to_string());
-        }
-        let all = messages.join(": ");
-        let line = parser_line(&all).or_else(|| line_of_quoted(&all, text));
-        // The parser draws the line and its neighbours; what it says stands behind `=`.
-        let message = match all.rsplit_once("\n  = ").or_else(|| all.rsplit_once("= ")) {
-            Some((_, said)) if parser_line(&all).is_some() => said.trim().to_owned(),
-            _ => all.replace(&format!(" while rendering '{NAME}'"), ""),
-        };
-        Self { line, message: message.split_whitespace().collect::<Vec<_>>().join(" ") }
+        let message = if messages.is_empty() { error.to_string() } else { messages.join(": ") };
+        let (line, message) = locate(&message, text);
+        Self { line, message }
     }
 
     /// As an error of a file.
@@ -86,17 +78,22 @@ impl Fault {
     }
 }
 
-/// The line in the parser's ` --> 3:14`.
-fn parser_line(message: &str) -> Option<usize> {
-    let (_, place) = message.split_once("--> ")?;
-    place.split_once(':')?.0.trim().parse().ok()
-}
-
-/// The line of the text that holds what the message quotes. Rendering does not say where it was; a name that is not
-/// known is most often written once.
-fn line_of_quoted(message: &str, text: &str) -> Option<usize> {
+/// The line that a message of Tera is about, and the message on one line without its drawing of the place. Tera's errors
+/// have no position, so its words are parsed here and nowhere else.
+fn locate(message: &str, text: &str) -> (Option<usize>, String) {
+    let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    // The parser draws the line between ` --> 3:14` and `  = `, which starts the message.
+    let parser = message.split_once("--> ").and_then(|(_, rest)| {
+        let line = rest.split_once(':')?.0.trim().parse().ok()?;
+        Some((line, rest.split_once("\n  = ")?.1))
+    });
+    if let Some((line, message)) = parser {
+        return (Some(line), one_line(message));
+    }
+    // The renderer quotes what it does not know. The line is the first that contains a quoted name.
     let quoted = message.split(['`', '\'']).skip(1).step_by(2).filter(|quoted| !quoted.is_empty() && *quoted != NAME);
-    quoted.filter_map(|quoted| text.lines().position(|line| line.contains(quoted))).next().map(|line| line + 1)
+    let mut lines = quoted.filter_map(|quoted| text.lines().position(|line| line.contains(quoted)));
+    (lines.next().map(|line| line + 1), one_line(&message.replace(&format!(" while rendering '{NAME}'"), "")))
 }
 
 #[cfg(test)]
@@ -111,16 +108,19 @@ mod tests {
 
     #[test]
     fn faults_name_the_line() {
+        // The fault is where the parser stops: at the word after the unclosed bracket.
         let syntax = fault("one\ntwo {{ a\nthree");
-        assert!(matches!(syntax.line, Some(2 | 3)), "{syntax:?}");
-        assert!(syntax.message.contains("expected"), "{syntax:?}");
+        assert_eq!(syntax.line, Some(3), "{syntax:?}");
+        assert!(syntax.message.starts_with("expected "), "{syntax:?}");
+        let tag = fault("one\n\n\n{% if %}");
+        assert_eq!(tag.line, Some(4), "{tag:?}");
         let unknown = fault("one\ntwo\n{{ b.c }}");
         assert_eq!(unknown.line, Some(3), "{unknown:?}");
         assert!(unknown.message.contains("`b.c`"), "{unknown:?}");
         let filter = fault("one\n{{ a | nothing }}");
         assert_eq!(filter.line, Some(2), "{filter:?}");
         assert!(filter.message.contains("nothing"), "{filter:?}");
-        assert!(fault("{{ f | pad }}").message.contains("`pad` takes a whole number, not 0.5"));
+        assert!(fault("{{ f | pad }}").message.contains("`pad` takes an integer of at least 0, not 0.5"));
     }
 
     #[test]

@@ -4,39 +4,68 @@ mod engine;
 
 pub use engine::{Fault, Template};
 
-use crate::files::{products, shard, view};
+use crate::encode::{json_shard, view};
+use crate::include;
 use crate::jsonl::json as encode;
 use serde_json::{Map, Value as Json, json};
-use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use syntable_model::prelude::*;
 
-/// Text files by a [Tera](https://keats.github.io/tera/docs) template, one per view, scene or dataset.
+/// Writes text files of any format from a [Tera](https://keats.github.io/tera/docs) template.
 ///
-/// The template sees each included product under its name, as JSON (masks as COCO runs with their size, arrays as
-/// nested lists, values of instances keyed by the id), and `scene.id`, `view.id`, `dataset` (`name`, `seed`, `scenes`,
-/// `views_per_scene`, `program`) and `writer` (its id). Per scene, `views` lists the views with their products; per
-/// dataset, `scenes` lists the scenes with theirs. `{{ scene.id | pad(width=6) }}` writes zeros in front.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+/// # What it does
+///
+/// The template is rendered once per view, scene or dataset. It sees:
+///
+/// - each included product under its name, as JSON: masks are COCO's compressed run lengths with their size, arrays are
+///   nested lists, values per instance are keyed by the id;
+/// - `scene.id` and `view.id`, counted from 0;
+/// - `views` with `per = "scene"`: the views of the scene, each with `view.id` and its products;
+/// - `scenes` with `per = "dataset"`: the scenes, each with `scene.id`, its products and `views`;
+/// - `dataset`: `name`, `seed`, `scenes`, `views_per_scene` and `program`;
+/// - `writer`: the id of this writer.
+///
+/// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`.
+///
+/// # Output
+///
+/// One text file per view, scene or dataset, at `path`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct TextTemplate {
-    /// The products that the template uses.
+    /// Products that the template uses.
+    #[serde(default)]
     pub include: Vec<ProductName>,
-    /// What a file is about.
+    /// What a file covers.
+    #[serde(default)]
     pub per: FilePer,
-    /// The template itself. Give this or `template_file`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub template: Option<String>,
-    /// A file that holds the template. Give this or `template`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub template_file: Option<AssetPath>,
-    /// Template of the file's path, relative to the dataset. If it is not given: `{{ writer }}/000000_0000.txt` with
-    /// the numbers of scene and view, `{{ writer }}/000000.txt` with the scene's, or `{{ writer }}.txt`.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// The template: its text, or `{ file = "labels.tera" }`.
+    pub template: TemplateSource,
+    /// Template of the file's path, relative to the dataset. If left out: `{id}/{scene:06}_{view:04}.txt` per view,
+    /// `{id}/{scene:06}.txt` per scene, `{id}.txt` for the dataset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path: Option<String>,
 }
 
-/// What a file is about.
+/// Where the template is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum TemplateSource {
+    /// In the recipe: the text itself.
+    Text(String),
+    /// In a file.
+    File(TemplateFile),
+}
+
+/// A file with a template.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TemplateFile {
+    /// Path of the file, UTF-8 text.
+    pub file: AssetPath,
+}
+
+/// What a file covers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FilePer {
@@ -45,16 +74,17 @@ pub enum FilePer {
     View,
     /// One scene with all its views.
     Scene,
-    /// All scenes. The included products of the whole dataset are held in memory, so include small ones.
+    /// The dataset. The included products of all scenes are held in memory, at most 512 MiB as JSON.
     Dataset,
 }
 
-/// What a template of the whole dataset may hold, as JSON text.
+/// Maximum size of the included products of all scenes, bytes of JSON.
 const LARGEST_DATASET: usize = 512 << 20;
 
 impl Config for TextTemplate {
     type Stage = dyn Writer;
     const KIND: &'static str = "template";
+    const RENAMED: &'static [(&'static str, &'static str)] = &[("template_file", "template.file")];
     const EXAMPLE: &'static str = r#"include = ["visible_box"]
 per = "view"
 path = "boxes/{{ scene.id | pad(width=6) }}_{{ view.id | pad(width=4) }}.csv"
@@ -63,26 +93,20 @@ template = """
 {% endfor %}""""#;
 
     fn build(self) -> Result<Box<dyn Writer>, Invalid> {
-        products::check_unique(&self.include)?;
-        products::check_free(&self.include, &["dataset", "scene", "view", "scenes", "views", "writer"])?;
+        include::check_unique(&self.include)?;
+        include::check_free(&self.include, &["dataset", "scene", "view", "scenes", "views", "writer"])?;
         let invalid = |key: &str, fault: Fault| {
             let line = fault.line.map_or(String::new(), |line| format!("line {line} of the template: "));
             Invalid::new(key, format!("{line}{}", fault.message))
         };
         let path = Template::new(self.path.as_deref().unwrap_or(self.per.default_path()));
         let path = path.map_err(|fault| invalid("path", fault))?;
-        let body = OnceLock::new();
-        match (&self.template, &self.template_file) {
-            (Some(text), None) => {
-                let template = Template::new(text).map_err(|fault| invalid("template", fault))?;
-                body.get_or_init(|| Ok(template));
+        let body = match &self.template {
+            TemplateSource::Text(text) => {
+                Template::new(text).map(Ok).map_err(|fault| invalid("template", fault))?.into()
             }
-            (None, Some(_)) => {}
-            (None, None) => return Err(Invalid::new("", "neither `template` nor `template_file` is given")),
-            (Some(_), Some(_)) => {
-                return Err(Invalid::new("template", "`template` and `template_file` are both given"));
-            }
-        }
+            TemplateSource::File(_) => OnceLock::new(),
+        };
         Ok(Box::new(TemplateWriter(Arc::new(Templates { config: self, path, body }))))
     }
 }
@@ -97,34 +121,38 @@ impl FilePer {
     }
 }
 
-/// The templates, shared by the scenes that are being written.
+/// The templates, shared by all scenes.
 struct Templates {
     config: TextTemplate,
     path: Template,
-    /// Parsed when it is first used, if it is in a file.
+    /// Parsed on first use if it is in a file.
     body: OnceLock<Result<Template>>,
 }
 
 impl Templates {
     fn body(&self) -> Result<&Template> {
         let body = self.body.get_or_init(|| {
-            // A template that is not inline is in a file: `build` has seen to it.
-            let path = self.config.template_file.as_ref().map_or(Path::new(""), AssetPath::path);
-            let text = std::fs::read_to_string(path).map_err(|error| Error::io(path, &error))?;
-            Template::new(&text).map_err(|fault| fault.into_error(&path.display().to_string()))
+            let (name, text) = match &self.config.template {
+                TemplateSource::Text(text) => ("`template`".to_owned(), text.clone()),
+                TemplateSource::File(TemplateFile { file }) => {
+                    let text = std::fs::read_to_string(file.path()).map_err(|error| Error::io(file.path(), &error))?;
+                    (file.path().display().to_string(), text)
+                }
+            };
+            Template::new(&text).map_err(|fault| fault.into_error(&name))
         });
         body.as_ref().map_err(Clone::clone)
     }
 
-    /// The path and the text for a context.
+    /// Renders path and text.
     fn render(&self, context: &Json) -> Result<(String, String)> {
         let path = self.path.render(context).map_err(|fault| fault.into_error("`path`"))?;
-        let name = match &self.config.template_file {
-            Some(file) => file.path().display().to_string(),
-            None => "`template`".to_owned(),
+        let name = match &self.config.template {
+            TemplateSource::Text(_) => "`template`".to_owned(),
+            TemplateSource::File(TemplateFile { file }) => file.path().display().to_string(),
         };
         let text = self.body()?.render(context).map_err(|fault| {
-            fault.into_error(&name).help("products that a template uses must be named in `include`")
+            fault.into_error(&name).help("products that a template uses must be listed in `include`")
         })?;
         Ok((path.trim().to_owned(), text))
     }
@@ -146,11 +174,11 @@ struct TemplateWriter(Arc<Templates>);
 
 impl Writer for TemplateWriter {
     fn reads(&self) -> Vec<String> {
-        products::names(&self.0.config.include)
+        include::names(&self.0.config.include)
     }
 
     fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
-        // A file that cannot be read or parsed is found before anything is rendered.
+        // A file that cannot be read or parsed is reported before anything is rendered.
         self.0.body()?;
         let context = self.0.context(site.dataset, output.id());
         let scene = Map::from_iter([("scene".to_owned(), json!({ "id": site.scene.id.0 }))]);
@@ -162,7 +190,7 @@ impl Writer for TemplateWriter {
             return Ok(());
         }
         let (mut scenes, mut size) = (Vec::<Json>::new(), 0);
-        shard::for_each_line(finish, |scene, line| {
+        json_shard::for_each_line(finish, |scene, line| {
             size += line.len();
             if size > LARGEST_DATASET {
                 return Err(Error::new(format!("the included products are more than {} MiB", LARGEST_DATASET >> 20))
@@ -189,7 +217,7 @@ struct TemplateScene {
     context: Map<String, Json>,
     /// The scene's own fields.
     scene: Map<String, Json>,
-    /// The views so far, unless every view has its own file.
+    /// The views so far; empty if every view has its own file.
     views: Vec<Json>,
 }
 
@@ -199,7 +227,7 @@ impl SceneWriter for TemplateScene {
         let mut record = Map::from_iter([("view".to_owned(), json!({ "id": view(site)?.id.0 }))]);
         for name in &self.templates.config.include {
             let value = encode(frame, name.as_str())?;
-            if products::of_scene(frame, name.as_str()) {
+            if include::of_scene(frame, name.as_str()) {
                 self.scene.insert(name.as_str().to_owned(), value);
             } else {
                 record.insert(name.as_str().to_owned(), value);
@@ -226,7 +254,7 @@ impl SceneWriter for TemplateScene {
             }
             FilePer::Dataset => {
                 let mut line = Vec::new();
-                shard::push_line(&mut line, &self.scene)?;
+                json_shard::push_line(&mut line, &self.scene)?;
                 self.output.write_shard(&line)
             }
         }

@@ -89,7 +89,7 @@ fn scene(id: u32, objects: usize) -> Scene {
         name: "tetra".into(),
         category: "solid".into(),
         mesh: Arc::new(mesh.expect("sound")),
-        materials: vec![Arc::new(Material::plain("grey", [0.5; 3], 0.5))],
+        materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
         mass_kg: 0.25,
         friction: 0.5,
@@ -231,6 +231,9 @@ fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene:
     put(&mut frame).expect("first");
     frame.put(RGB, Plane::from_fn(WIDTH, HEIGHT, |_, _| [0; 3].map(|_| stream.below(256) as u8))).expect("first");
     let normal = |hits: &Vec<InstanceId>| if hits.is_empty() { [0.0; 3] } else { [0.6, 0.0, -0.8_f32] };
+    let glow =
+        |hits: &Vec<InstanceId>| hits.iter().map(|id| f32::from(id.0).exp2() - 2.5).fold(1e-20, |sum, x| sum + x);
+    frame.put(RADIANCE, rays.map(|hits| [glow(hits), 1.0 / 3.0, 1e9])).expect("first");
     frame.put(NORMAL, rays.map(normal)).expect("first");
     frame.put(ALBEDO, rays.map(|hits| [hits.len() as f32 / 8.0, 0.5, 2.0])).expect("first");
     frame
@@ -309,23 +312,28 @@ pub fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// Runs a script of the real readers, or says that they are not here.
+/// Runs a script of the reference readers, or reports that they are not installed.
 pub fn python(script: &Path, arguments: &[&str]) -> bool {
     static HERE: OnceLock<bool> = OnceLock::new();
-    let here = *HERE.get_or_init(|| {
-        let modules = Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"]).output();
-        modules.is_ok_and(|output| output.status.success())
+    python_with("numpy, pycocotools, PIL", &HERE, script, arguments)
+}
+
+/// Runs a script that needs some modules, or reports that they are not installed.
+pub fn python_with(modules: &str, here: &OnceLock<bool>, script: &Path, arguments: &[&str]) -> bool {
+    let here = *here.get_or_init(|| {
+        let output = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+        output.is_ok_and(|output| output.status.success())
     });
     if !here {
-        let what = "python3 with numpy, pycocotools and pillow";
+        let what = format!("python3 with {modules}");
         assert!(std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none_or(|v| v != "1"), "{what} must be here");
         eprintln!("skipped: no {what}");
         return false;
     }
     let output = Command::new("python3").arg(script).args(arguments).output().expect("python3 starts");
-    let said = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-    assert!(output.status.success(), "{} {arguments:?}\n{}{}", script.display(), said[0], said[1]);
-    eprint!("{}", said[0]);
+    let printed = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(output.status.success(), "{} {arguments:?}\n{}{}", script.display(), printed[0], printed[1]);
+    eprint!("{}", printed[0]);
     true
 }
 

@@ -1,9 +1,14 @@
-//! What several writers need: encoders, names and shards.
+//! Encoders of files, by kind of value.
+//!
+//! Each encoder has one function that decides from a product's [`Kind`](kind::Kind) how it is stored, or why it cannot
+//! be: no encoder knows products by name.
 
-pub mod array;
-pub mod image;
-pub mod products;
-pub mod shard;
+pub mod exr;
+pub mod json_shard;
+pub mod kind;
+pub mod npy;
+pub mod pfm;
+pub mod png;
 
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{SceneId, View, ViewId};

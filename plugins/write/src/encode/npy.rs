@@ -1,17 +1,28 @@
-//! NumPy arrays and their files (format 1.0).
+//! NumPy files (format 1.0).
 
+use super::kind::{Form, Kind};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, Mask, Tensor, Value};
 use syntable_model::scene::InstanceId;
 
+/// Refuses a kind of value that is not an array of numbers. A refusal is a reason and a remedy.
+pub fn check(kind: &Kind) -> Result<(), String> {
+    match kind.form {
+        Form::Text | Form::Record | Form::PerInstance => {
+            Err(format!("a NumPy file holds numbers of one shape, not a {}; write it with jsonl", kind.form))
+        }
+        Form::Number | Form::Mask | Form::List | Form::Image { .. } | Form::Tensor(_) => Ok(()),
+    }
+}
+
 /// An array: element type as NumPy writes it, shape, elements in C order, little-endian.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Array {
-    /// Such as `<f8` or `|b1`.
+    /// Element type, such as `<f8` or `|b1`.
     pub descr: &'static str,
     /// Lengths of the axes; none for a single number.
     pub shape: Vec<usize>,
-    /// The elements.
+    /// The elements in C order.
     pub bytes: Vec<u8>,
 }
 
@@ -21,7 +32,7 @@ impl Array {
         Self { descr: "<f8", shape: vec![rows, columns], bytes: elements.flat_map(f64::to_le_bytes).collect() }
     }
 
-    /// The array that a value is: a tensor, a mask, a number, or nested lists of numbers of one shape.
+    /// The array of a tensor, a mask, a number, or nested lists of numbers of one shape.
     pub fn of(value: &Value) -> Result<Self> {
         match value {
             Value::Tensor(tensor) => Ok(Self::of_tensor(tensor)),
@@ -30,13 +41,13 @@ impl Array {
             Value::Int(value) => Ok(Self { descr: "<i8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
             Value::Float(value) => Ok(Self { descr: "<f8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
             Value::List(values) => Self::stack(values.iter().map(Self::of)),
-            Value::Text(_) => Err(Error::new("text is no array")),
-            Value::Record(_) => Err(Error::new("a record is no array")),
-            Value::PerInstance(_) => Err(Error::new("values of instances inside another value are no array")),
+            Value::Text(_) => Err(Error::new("text is not an array")),
+            Value::Record(_) => Err(Error::new("a record is not an array")),
+            Value::PerInstance(_) => Err(Error::new("values per instance inside another value are not an array")),
         }
     }
 
-    /// Arrays of one shape and type, stacked along a new first axis. No array at all gives an empty f64 array.
+    /// Stacks arrays of one shape and type along a new first axis. No array gives an empty f64 array.
     pub fn stack(arrays: impl Iterator<Item = Result<Self>>) -> Result<Self> {
         let mut stacked: Option<Self> = None;
         let mut count = 0;
@@ -50,7 +61,7 @@ impl Array {
                 }
                 Some(first) => {
                     return Err(Error::new(format!(
-                        "elements {:?} of {} and {:?} of {} make no array",
+                        "elements {:?} of {} and {:?} of {} do not make an array; write them with jsonl",
                         first.shape, first.descr, array.shape, array.descr
                     )));
                 }
@@ -140,9 +151,12 @@ mod tests {
         check([[1_i64, 2], [3, 4]].into(), "<i8", &[2, 2], 32);
         check(Value::List(vec![]), "<f8", &[0], 0);
         for (value, want) in [
-            ("text".into(), "text is no array"),
-            (Value::List(vec![1_i64.into(), 1.5.into()]), "elements [] of <i8 and [] of <f8 make no array"),
-            (PerInstance::<f64>::default().encode(), "values of instances inside another value are no array"),
+            ("text".into(), "text is not an array"),
+            (
+                Value::List(vec![1_i64.into(), 1.5.into()]),
+                "elements [] of <i8 and [] of <f8 do not make an array; write them with jsonl",
+            ),
+            (PerInstance::<f64>::default().encode(), "values per instance inside another value are not an array"),
         ] {
             assert_eq!(Array::of(&value).expect_err("refused").to_string(), want);
         }

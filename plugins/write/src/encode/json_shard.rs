@@ -1,4 +1,4 @@
-//! Lines of JSON that a writer keeps for each scene until the end of the run.
+//! Shards: lines of JSON that a writer keeps for each scene until the end of the run.
 
 use serde::Serialize;
 use std::io::BufRead;
@@ -9,12 +9,12 @@ use syntable_model::stage::Finish;
 /// Appends a value as one line.
 pub fn push_line(lines: &mut Vec<u8>, value: &impl Serialize) -> Result<()> {
     serde_json::to_writer(&mut *lines, value)
-        .map_err(|error| Error::new(format!("not to be written as JSON: {error}")))?;
+        .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
     lines.push(b'\n');
     Ok(())
 }
 
-/// Calls `each` with every line of the shards of some scenes, without line ends, in order. Memory is bounded by one
+/// Calls `each` with every line of the shards of all scenes, without line breaks, in order. Memory is bounded by one
 /// line.
 pub fn for_each_line(finish: &Finish, mut each: impl FnMut(SceneId, &str) -> Result<()>) -> Result<()> {
     for &scene in finish.scenes() {

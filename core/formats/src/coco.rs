@@ -1,0 +1,124 @@
+//! COCO's instance annotations.
+
+use crate::Extra;
+use crate::segmentation::Segmentation;
+use serde::de::{Error as _, Unexpected};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value as Json;
+
+/// A COCO annotation file.
+pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
+
+/// What the dataset is. All fields may be missing.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Info {
+    /// Name or description of the dataset.
+    pub description: String,
+    /// Home page.
+    pub url: String,
+    /// Version of the dataset.
+    pub version: String,
+    /// Year of release.
+    pub year: i64,
+    /// Author, or the program that wrote it.
+    pub contributor: String,
+    /// Date in any form.
+    pub date_created: String,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+/// A license of images.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct License {
+    /// Unique in the file.
+    pub id: u64,
+    /// Name of the license.
+    pub name: String,
+    /// Its text.
+    #[serde(default)]
+    pub url: String,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+/// A category of objects.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Category {
+    /// Unique in the file.
+    pub id: u64,
+    /// Such as `mug`.
+    pub name: String,
+    /// Such as `kitchen`; empty if there is none.
+    #[serde(default)]
+    pub supercategory: String,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+/// An image.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Image {
+    /// Unique in the file.
+    pub id: u64,
+    /// Path of the image, relative to the image folder of the dataset.
+    pub file_name: String,
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// Id of the image's license.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub license: Option<u64>,
+    /// Date in any form.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub date_captured: Option<String>,
+    /// Address of the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coco_url: Option<String>,
+    /// Address of the original image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flickr_url: Option<String>,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+/// An object in an image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Annotation {
+    /// Unique in the file.
+    pub id: u64,
+    /// The image's id.
+    pub image_id: u64,
+    /// The category's id.
+    pub category_id: u64,
+    /// The mask; missing in files of boxes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segmentation: Option<Segmentation>,
+    /// Area of the mask, px². Evaluation sorts objects into small, medium and large by it.
+    pub area: f64,
+    /// `[x, y, width, height]`, px; (0, 0) is the top left corner of the image.
+    pub bbox: [f64; 4],
+    /// 1 for a crowd of objects, which evaluation ignores; 0 for a single object. Read from numbers and booleans.
+    #[serde(default, deserialize_with = "flag")]
+    pub iscrowd: u8,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+/// A flag that some tools write as a boolean.
+fn flag<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
+    match Json::deserialize(deserializer)? {
+        Json::Bool(flag) => Ok(flag.into()),
+        Json::Number(number) if number.as_u64().is_some_and(|flag| flag < 2) => {
+            Ok(u8::from(number.as_u64() == Some(1)))
+        }
+        other => Err(D::Error::invalid_value(Unexpected::Other(&other.to_string()), &"0, 1, true or false")),
+    }
+}

@@ -1,0 +1,200 @@
+//! Whole annotation files.
+
+use crate::Extra;
+use crate::coco::{Category, Info, License};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+use std::fs::File;
+use std::io::{BufReader, Read, Write};
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+
+/// An annotation file in memory: images of type `I`, annotations of type `A`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Dataset<I, A> {
+    /// What the dataset is.
+    #[serde(default)]
+    pub info: Info,
+    /// Licenses that images refer to.
+    #[serde(default)]
+    pub licenses: Vec<License>,
+    /// Categories that annotations refer to.
+    pub categories: Vec<Category>,
+    /// Images. SynTable 1 repeats an image for every annotation, so that the n-th image is that of the n-th annotation.
+    pub images: Vec<I>,
+    /// Annotations.
+    pub annotations: Vec<A>,
+    /// Sections that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+impl<I: DeserializeOwned, A: DeserializeOwned> Dataset<I, A> {
+    /// Reads a file.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+        Self::from_reader(BufReader::new(file)).map_err(|error| error.in_file(path))
+    }
+
+    /// Reads JSON. An error names the line and the field.
+    pub fn from_reader(reader: impl Read) -> Result<Self> {
+        let mut json = serde_json::Deserializer::from_reader(reader);
+        let dataset = serde_path_to_error::deserialize(&mut json).map_err(|error| {
+            let path = error.path().to_string();
+            located(&error.into_inner(), if path == "." { None } else { Some(&path) })
+        })?;
+        json.end().map_err(|error| located(&error, None))?;
+        Ok(dataset)
+    }
+}
+
+impl<I: Serialize, A: Serialize> Dataset<I, A> {
+    /// Writes the file. `path` names it in errors.
+    pub fn write(&self, out: &mut dyn Write, path: &str, layout: Layout) -> Result<()> {
+        let mut file = DatasetWriter::new(out, path, layout)?;
+        file.header(&self.info, &self.licenses, &self.categories)?;
+        file.images(|images| self.images.iter().try_for_each(|image| images.record(image)))?;
+        file.annotations(|annotations| self.annotations.iter().try_for_each(|record| annotations.record(record)))?;
+        for (name, section) in &self.extra {
+            file.section(name, section)?;
+        }
+        file.finish()
+    }
+}
+
+/// An error of the parser with its line and field.
+fn located(error: &serde_json::Error, field: Option<&str>) -> Error {
+    let text = error.to_string();
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let field = field.map_or(String::new(), |field| format!("`{field}`: "));
+    Error::new(format!("{field}{}", text.strip_suffix(&place).unwrap_or(&text))).at_line(error.line())
+}
+
+/// Line breaks of an annotation file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layout {
+    /// One record per line.
+    Lines,
+    /// Indented by four spaces, as Python's `json.dump(…, indent=4)` writes.
+    Indented,
+}
+
+/// Writes an annotation file record by record, so that memory does not grow with the dataset. Sections come in the
+/// order of [`Dataset`].
+pub struct DatasetWriter<'a> {
+    out: &'a mut dyn Write,
+    path: &'a str,
+    layout: Layout,
+    /// Whether the next section or record is the first of its kind.
+    first: bool,
+}
+
+impl<'a> DatasetWriter<'a> {
+    /// Starts a file. `path` names it in errors.
+    pub fn new(out: &'a mut dyn Write, path: &'a str, layout: Layout) -> Result<Self> {
+        let mut file = Self { out, path, layout, first: true };
+        file.put("{")?;
+        Ok(file)
+    }
+
+    /// Writes what comes before the images.
+    pub fn header(&mut self, info: &Info, licenses: &[License], categories: &[Category]) -> Result<()> {
+        self.section("info", info)?;
+        self.section("licenses", &licenses)?;
+        self.section("categories", &categories)
+    }
+
+    /// Writes a section of any content.
+    pub fn section(&mut self, name: &str, value: &impl Serialize) -> Result<()> {
+        let text = self.text(value, 1)?;
+        self.begin(name)?;
+        self.put(&text)
+    }
+
+    /// Writes the images that `fill` adds.
+    pub fn images(&mut self, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+        self.list("images", fill)
+    }
+
+    /// Writes the annotations that `fill` adds.
+    pub fn annotations(&mut self, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+        self.list("annotations", fill)
+    }
+
+    /// Ends the file.
+    pub fn finish(mut self) -> Result<()> {
+        self.put("\n}\n")
+    }
+
+    fn list(&mut self, name: &str, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+        self.begin(name)?;
+        self.put("[")?;
+        let mut records = Records { file: self, empty: true };
+        fill(&mut records)?;
+        let close = if records.empty { "]" } else { "\n    ]" };
+        self.put(close)
+    }
+
+    fn begin(&mut self, name: &str) -> Result<()> {
+        let separator = if std::mem::take(&mut self.first) { "" } else { "," };
+        let name = self.text(&name, 1)?;
+        self.put(&format!("{separator}\n    {name}: "))
+    }
+
+    /// The JSON of a value that starts at some depth of indentation.
+    fn text(&self, value: &impl Serialize, depth: usize) -> Result<String> {
+        let text = match self.layout {
+            Layout::Lines => serde_json::to_string(value),
+            Layout::Indented => indented(value, depth),
+        };
+        text.map_err(|error| Error::new(format!("cannot be written as JSON: {error}")).in_file(self.path))
+    }
+
+    fn put(&mut self, text: &str) -> Result<()> {
+        self.out.write_all(text.as_bytes()).map_err(|error| Error::io(self.path, &error))
+    }
+}
+
+/// A list of records that is being written.
+pub struct Records<'w, 'a> {
+    file: &'w mut DatasetWriter<'a>,
+    empty: bool,
+}
+
+impl Records<'_, '_> {
+    /// Adds a record.
+    pub fn record(&mut self, record: &impl Serialize) -> Result<()> {
+        let text = self.file.text(record, 2)?;
+        self.put(&text)
+    }
+
+    /// Adds a record that is JSON text on one line already. It is copied, and parsed only to be indented.
+    pub fn raw(&mut self, record: &str) -> Result<()> {
+        match self.file.layout {
+            Layout::Lines => self.put(record),
+            Layout::Indented => {
+                let record: Json = serde_json::from_str(record)
+                    .map_err(|error| Error::new(format!("a record is not JSON: {error}")).in_file(self.file.path))?;
+                self.record(&record)
+            }
+        }
+    }
+
+    fn put(&mut self, text: &str) -> Result<()> {
+        let separator = if std::mem::take(&mut self.empty) { "" } else { "," };
+        let indent = if self.file.layout == Layout::Lines { "" } else { "        " };
+        self.file.put(&format!("{separator}\n{indent}{text}"))
+    }
+}
+
+/// JSON as Python's `json.dump(…, indent=4)` writes it at some depth.
+fn indented(value: &impl Serialize, depth: usize) -> serde_json::Result<String> {
+    let mut text = Vec::new();
+    let formatter = serde_json::ser::PrettyFormatter::with_indent(b"    ");
+    value.serialize(&mut serde_json::Serializer::with_formatter(&mut text, formatter))?;
+    // Line breaks inside strings are escaped, so every line break is one of the formatter.
+    let text = String::from_utf8(text).map_err(serde::ser::Error::custom)?;
+    Ok(text.replace('\n', &format!("\n{}", "    ".repeat(depth))))
+}

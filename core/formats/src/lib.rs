@@ -1,0 +1,29 @@
+//! Annotation files as types, shared by whoever writes, merges, reads, checks or evaluates them.
+//!
+//! | module | holds |
+//! | --- | --- |
+//! | [`coco`] | COCO's instance annotations, as any tool writes them |
+//! | [`syntable`] | SynTable's annotations: COCO's structure with visible, amodal and occluded masks |
+//! | [`segmentation`] | masks in JSON: run lengths, compressed or not, and polygons |
+//! | [`dataset`] | a whole annotation file: reading, and writing record by record |
+//! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
+//!
+//! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
+//! `[x, y, width, height]` in pixels, with `width = last column - first column + 1`.
+//!
+//! **Reading is tolerant.** Fields that a type does not know are kept in its `extra` and written back after the known
+//! ones; inside run-length encoded masks they are dropped. Optional fields may be missing. An error names the file, the
+//! line and the field, such as `annotations[4].segmentation.size`.
+//!
+//! **Writing is exact.** The order of fields is the order of the types' fields. Numbers are the shortest decimals that
+//! read back as the same value. The same values always give the same bytes.
+
+pub mod coco;
+pub mod dataset;
+mod polygon;
+pub mod segmentation;
+pub mod shard;
+pub mod syntable;
+
+/// Fields that a type does not know, in the order of the file.
+pub type Extra = serde_json::Map<String, serde_json::Value>;

@@ -1,0 +1,74 @@
+//! Polygons to masks, with the pixels that pycocotools sets.
+//!
+//! An outline is traced on a grid five times as fine as the pixels. Where the trace passes the center of a column, the
+//! mask changes between unset and set from that row on.
+
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Mask;
+
+/// Grid lines per pixel.
+const FINE: f64 = 5.0;
+/// Largest coordinate of an outline, px: it bounds the length of a trace.
+const LARGEST: f64 = 65_536.0;
+
+/// The mask of one outline `[x0, y0, x1, y1, …]`. Parts outside the image are cut off.
+pub fn rasterize(outline: &[f64], width: u32, height: u32) -> Result<Mask> {
+    if outline.len() < 6 || outline.len() % 2 == 1 {
+        return Err(Error::new(format!("a polygon of {} numbers", outline.len()))
+            .help("a polygon is a list x0, y0, x1, y1, … of at least three points"));
+    }
+    if let Some(wrong) = outline.iter().find(|value| value.is_nan() || value.abs() > LARGEST) {
+        return Err(Error::new(format!("a polygon has the coordinate {wrong}; the largest is {LARGEST} px")));
+    }
+    let trace = trace(outline.as_chunks().0);
+    let mut flips: Vec<u32> = trace.windows(2).filter_map(|step| crossing(step[0], step[1], width, height)).collect();
+    flips.sort_unstable();
+    // Two changes at one pixel cancel each other.
+    let mut changes: Vec<u32> = Vec::with_capacity(flips.len());
+    for flip in flips {
+        if changes.last() == Some(&flip) {
+            changes.pop();
+        } else {
+            changes.push(flip);
+        }
+    }
+    Ok(Mask::from_flips(width, height, &changes))
+}
+
+/// Points of the closed outline on the fine grid, one step apart along the longer axis of each edge.
+fn trace(points: &[[f64; 2]]) -> Vec<[i64; 2]> {
+    let grid = |point: &[f64; 2]| point.map(|value| (FINE * value + 0.5) as i64);
+    let corners: Vec<[i64; 2]> = points.iter().chain(&points[..1]).map(grid).collect();
+    let mut trace = Vec::new();
+    for edge in corners.windows(2) {
+        let steps = [0, 1].map(|axis| edge[1][axis].abs_diff(edge[0][axis]) as i64);
+        let long = usize::from(steps[0] < steps[1]);
+        // Edges are walked upwards, so that an edge has the same points in both directions.
+        let backward = edge[0][long] > edge[1][long];
+        let (from, to) = if backward { (edge[1], edge[0]) } else { (edge[0], edge[1]) };
+        let slope = (to[1 - long] - from[1 - long]) as f64 / steps[long].max(1) as f64;
+        trace.extend((0..=steps[long]).map(|step| {
+            let t = if backward { steps[long] - step } else { step };
+            let mut point = [0; 2];
+            point[long] = from[long] + t;
+            point[1 - long] = (from[1 - long] as f64 + slope * t as f64 + 0.5) as i64;
+            point
+        }));
+    }
+    trace
+}
+
+/// The position `x · height + y` from which on the mask changes, if a step of the trace passes a column's center.
+fn crossing(from: [i64; 2], to: [i64; 2], width: u32, height: u32) -> Option<u32> {
+    if from[0] == to[0] {
+        return None;
+    }
+    let pixel = |fine: i64| (fine as f64 + 0.5) / FINE - 0.5;
+    let x = pixel(if to[0] < from[0] { to[0] } else { to[0] - 1 });
+    if x.floor() != x || x < 0.0 || x > f64::from(width) - 1.0 {
+        return None;
+    }
+    let y = pixel(to[1].min(from[1])).clamp(0.0, f64::from(height)).ceil();
+    let position = x as u32 * height + y as u32;
+    (position < width * height).then_some(position)
+}

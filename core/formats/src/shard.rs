@@ -1,0 +1,70 @@
+//! The records of one scene.
+//!
+//! A run writes the images and annotations of each scene to a shard of its own, and merges all shards at the end.
+//! A shard has a line `["image", annotations, record]` for every view, followed by that many lines
+//! `["annotation", record]`, whose ids are 0 until the merge counts them. Merging copies the records as text: memory is
+//! bounded by one line.
+
+use serde::Serialize;
+use syntable_model::error::{Error, Result};
+
+/// How an annotation's record starts before it has its id.
+const UNNUMBERED: &str = "{\"id\":0,";
+
+/// Appends the line of an image that `annotations` lines of annotations follow.
+pub fn push_image(shard: &mut Vec<u8>, annotations: usize, image: &impl Serialize) -> Result<()> {
+    push(shard, &("image", annotations, image))
+}
+
+/// Appends the line of an annotation. Its `id` must be the first field, and 0.
+pub fn push_annotation(shard: &mut Vec<u8>, annotation: &impl Serialize) -> Result<()> {
+    push(shard, &("annotation", annotation))
+}
+
+fn push(shard: &mut Vec<u8>, line: &impl Serialize) -> Result<()> {
+    serde_json::to_writer(&mut *shard, line)
+        .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))?;
+    shard.push(b'\n');
+    Ok(())
+}
+
+/// A line of a shard, without its line break.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Line<'a> {
+    /// An image.
+    Image {
+        /// Number of lines of annotations that follow.
+        annotations: usize,
+        /// The image's record.
+        record: &'a str,
+    },
+    /// An annotation.
+    Annotation(Unnumbered<'a>),
+}
+
+/// The record of an annotation without its id.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unnumbered<'a> {
+    rest: &'a str,
+}
+
+impl<'a> Line<'a> {
+    /// Reads a line; none if it is not one of a shard. The records' own content is not looked at.
+    pub fn parse(line: &'a str) -> Option<Self> {
+        let body = line.strip_prefix('[')?.strip_suffix(']')?;
+        if let Some(rest) = body.strip_prefix("\"image\",") {
+            let (annotations, record) = rest.split_once(',')?;
+            Some(Self::Image { annotations: annotations.parse().ok()?, record })
+        } else {
+            let record = body.strip_prefix("\"annotation\",")?;
+            Some(Self::Annotation(Unnumbered { rest: record.strip_prefix(UNNUMBERED)? }))
+        }
+    }
+}
+
+impl Unnumbered<'_> {
+    /// The record with an id.
+    pub fn numbered(&self, id: u64) -> String {
+        format!("{{\"id\":{id},{}", self.rest)
+    }
+}

@@ -1,0 +1,140 @@
+//! OpenEXR files.
+
+use super::kind::{Form, Kind, Semantic};
+use exr::meta::attribute::{AttributeValue, Chromaticities};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, Text, WritableImage, f16,
+};
+use exr::{compression::Compression, math::Vec2};
+use std::io::Cursor;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{DType, Tensor, Value};
+
+/// Precision of the samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// 32-bit floats: values are stored as they are.
+    Float,
+    /// 16-bit floats: 11 significant bits, up to 65504; larger values become infinite.
+    Half,
+}
+
+/// How a product becomes the channels of an EXR file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coding {
+    /// Names of the channels, in the order of the product.
+    pub channels: &'static [&'static str],
+    /// Whether the channels are linear Rec. 709.
+    color: bool,
+    unit: &'static str,
+}
+
+impl Coding {
+    /// How a kind of value is stored. A refusal is a reason and a remedy.
+    pub fn of(kind: &Kind) -> Result<Self, String> {
+        let channels = match kind.form {
+            Form::Image { dtype: DType::F32, channels } => channels.unwrap_or(1),
+            ref form @ (Form::Image { .. } | Form::Mask) => {
+                return Err(format!("an EXR file holds 32-bit float images, not a {form}; write it with npy or png"));
+            }
+            ref form => {
+                return Err(format!("an EXR file holds 32-bit float images, not a {form}; write it with npy or jsonl"));
+            }
+        };
+        // Programs show R, G and B in color, and take X, Y and Z for a vector.
+        let vector = kind.semantic == Semantic::Normal || (kind.semantic == Semantic::Data && kind.unit == "m");
+        let names: &[&str] = match channels {
+            1 if kind.semantic == Semantic::Depth => &["Z"],
+            1 => &["Y"],
+            2 => &["X", "Y"],
+            3 if vector => &["X", "Y", "Z"],
+            3 => &["R", "G", "B"],
+            4 => &["R", "G", "B", "A"],
+            _ => {
+                return Err(format!(
+                    "an EXR file names up to 4 channels, not those of a {}; write it with npy",
+                    kind.form
+                ));
+            }
+        };
+        Ok(Self { channels: names, color: kind.semantic == Semantic::Color, unit: kind.unit })
+    }
+
+    /// The bytes of the file of a value whose kind has this coding.
+    pub fn encode(&self, value: &Value, precision: Precision) -> Result<Vec<u8>> {
+        let Value::Tensor(Tensor { shape, bytes, .. }) = value else {
+            return Err(Error::new("a value that is not an image"));
+        };
+        let size = Vec2(shape[1], shape[0]);
+        let values = || bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
+        let channel = |(index, name): (usize, &&str)| {
+            let values = values().skip(index).step_by(self.channels.len());
+            let samples = match precision {
+                Precision::Float => FlatSamples::F32(values.collect()),
+                Precision::Half => FlatSamples::F16(values.map(f16::from_f32).collect()),
+            };
+            AnyChannel::new(Text::from(*name), samples)
+        };
+        let channels: SmallVec<_> = self.channels.iter().enumerate().map(channel).collect();
+        // ZIP loses nothing.
+        let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
+        let mut layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+        if !self.unit.is_empty() {
+            layer.attributes.other.insert(Text::from("unit"), AttributeValue::Text(Text::from(self.unit)));
+        }
+        if self.color && self.unit == "nit" {
+            layer.attributes.white_luminance = Some(1.0);
+        }
+        let mut image = Image::from_layer(layer);
+        if self.color {
+            let [red, green, blue, white] = REC_709.map(|[x, y]| Vec2(x, y));
+            image.attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
+        }
+        let mut file = Cursor::new(Vec::new());
+        image
+            .write()
+            .non_parallel()
+            .to_buffered(&mut file)
+            .map_err(|error| Error::new(format!("a {} × {} EXR: {error}", size.0, size.1)))?;
+        Ok(file.into_inner())
+    }
+}
+
+/// CIE x and y of the primaries of Rec. 709 and of its white point, D65.
+const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_named_by_the_kind_of_value() {
+        let names = |channels, semantic, unit| {
+            let form = Form::Image { dtype: DType::F32, channels };
+            Coding::of(&Kind { form, semantic, unit }).expect("a float image").channels.join("")
+        };
+        assert_eq!(names(None, Semantic::Depth, "m"), "Z");
+        assert_eq!(names(Some(1), Semantic::Data, ""), "Y");
+        assert_eq!(names(Some(2), Semantic::Data, "px"), "XY");
+        assert_eq!(names(Some(3), Semantic::Color, "nit"), "RGB");
+        assert_eq!(names(Some(3), Semantic::Normal, ""), "XYZ");
+        assert_eq!(names(Some(3), Semantic::Data, "m"), "XYZ");
+        assert_eq!(names(Some(3), Semantic::Data, ""), "RGB");
+        assert_eq!(names(Some(4), Semantic::Color, ""), "RGBA");
+        for (form, want) in [
+            (
+                Form::Image { dtype: DType::F32, channels: Some(5) },
+                "an EXR file names up to 4 channels, not those of a f32",
+            ),
+            (
+                Form::Image { dtype: DType::U16, channels: None },
+                "an EXR file holds 32-bit float images, not a u16 image; ",
+            ),
+            (Form::Mask, "an EXR file holds 32-bit float images, not a mask; write it with npy or png"),
+            (Form::Record, "an EXR file holds 32-bit float images, not a record; write it with npy or jsonl"),
+        ] {
+            let refusal = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
+            assert!(refusal.starts_with(want), "{refusal}");
+        }
+    }
+}
