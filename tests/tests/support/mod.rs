@@ -10,10 +10,13 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the checkout is there")
 }
 
-/// The real assets, if this machine has them: `$SYNTABLE_ASSETS`, or `shared/assets` beside the checkout.
-pub fn assets() -> Option<PathBuf> {
-    let named = std::env::var_os("SYNTABLE_ASSETS").map(PathBuf::from);
-    named.or_else(|| Some(root().join("../shared/assets"))).filter(|folder| folder.join("gso").is_dir())
+/// Folders of assets to test with: the small one of the checkout, and where it exists a larger one, named by
+/// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
+pub fn assets() -> Vec<PathBuf> {
+    let larger = std::env::var_os("SYNTABLE_ASSETS").map_or_else(|| root().join("../shared/assets"), PathBuf::from);
+    let mut folders = vec![root().join("tests/fixtures/assets")];
+    folders.extend(Some(larger).filter(|folder| folder.join("gso").is_dir()));
+    folders
 }
 
 /// Whether a tool that a test needs may be missing.

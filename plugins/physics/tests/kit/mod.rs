@@ -152,13 +152,17 @@ pub fn kit_objects() -> Vec<Arc<Object>> {
     shape_kit().into_iter().map(|(name, data)| object(name, data, 0.15)).collect()
 }
 
-/// The folder of real assets, if it is there.
-pub fn assets() -> Option<PathBuf> {
-    let folder = match std::env::var_os("SYNTABLE_ASSETS") {
+/// Folders of scanned assets: the small one of the checkout, and where it exists a larger one, named by
+/// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
+pub fn assets() -> Vec<PathBuf> {
+    let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let larger = match std::env::var_os("SYNTABLE_ASSETS") {
         Some(folder) => PathBuf::from(folder),
-        None => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"),
+        None => crate_folder.join("../../../shared/assets"),
     };
-    folder.is_dir().then_some(folder)
+    let mut folders = vec![crate_folder.join("../../tests/fixtures/assets")];
+    folders.extend(Some(larger).filter(|folder| folder.is_dir()));
+    folders
 }
 
 /// Positions and fan-triangulated faces of an OBJ file.
