@@ -38,7 +38,7 @@ const SAYS: [(&str, &str); 76] = [
     ("reject_malformed.gltf", "line 32 column"),
     ("reject_material_without_albedo", "no colour map"),
     (
-        "reject_millimetres",
+        "reject_millimeters",
         "object extent 221.908 m is outside the allowed range of 0.0005 m to 10 m (set `scale = 0.001`",
     ),
     ("reject_missing_buffer_file.gltf", "no file `not_there.bin`"),
@@ -152,7 +152,7 @@ fn odd_inputs_load_as_what_they_are() {
         assert_eq!(fact(&look(name), "volume"), "0.4800 litre", "{name}");
         assert_eq!(fact(&look(name), "closed"), "yes", "{name}");
     }
-    for name in ["accept_extra_properties.ply", "accept_obj_vertex_colours"] {
+    for name in ["accept_extra_properties.ply", "accept_obj_vertex_colors"] {
         assert_eq!(fact(&look(name), "vertex colours"), "yes", "{name}");
     }
     assert_eq!(fact(&look("warn_non_manifold"), "volume"), "0.4800 litre");
