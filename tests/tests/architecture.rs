@@ -83,6 +83,8 @@ fn the_top_level_is_what_the_card_says() {
         .collect();
     found.sort();
     let expected = [
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
         "Cargo.lock",
         "Cargo.toml",
         "LICENSE-APACHE",
@@ -90,8 +92,10 @@ fn the_top_level_is_what_the_card_says() {
         "README.md",
         "book",
         "core",
+        "deny.toml",
         "plugins",
         "recipes",
+        "rust-toolchain.toml",
         "schemas",
         "tests",
     ];
