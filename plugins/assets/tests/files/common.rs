@@ -1,4 +1,4 @@
-//! Shared by the tests: the folder of real assets, and loading through the registry.
+//! Shared by the tests: the folders of assets, and loading through the registry.
 
 use std::path::{Path, PathBuf};
 use syntable_model::context::Collected;
@@ -7,18 +7,21 @@ use syntable_model::inspect::{Inspection, inspect};
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
 use syntable_model::stage::AssetSource;
 
-/// The folder of real assets, or none after a line that says so.
-pub fn assets(below: &str) -> Option<PathBuf> {
-    let folder = match std::env::var_os("SYNTABLE_ASSETS") {
+/// The small assets of the checkout.
+pub fn fixtures() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/assets")
+}
+
+/// Folders with an `INDEX.md` to test with: that of the checkout, and where it exists a larger one, named by
+/// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
+pub fn roots() -> Vec<PathBuf> {
+    let larger = match std::env::var_os("SYNTABLE_ASSETS") {
         Some(folder) => PathBuf::from(folder),
         None => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"),
     };
-    let folder = folder.join(below);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no real assets in {}; set SYNTABLE_ASSETS to their folder", folder.display());
-    None
+    let mut roots = vec![fixtures()];
+    roots.extend(Some(larger).filter(|folder| folder.join("INDEX.md").is_file()));
+    roots
 }
 
 /// Inspects a path; also gives the warnings.

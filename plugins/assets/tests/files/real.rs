@@ -1,17 +1,20 @@
 //! Real collections, compared with the figures of their index, which other programs (trimesh, Pillow) computed.
 
-use crate::common::{assets, fact, look, source_of};
+use crate::common::{fact, look, roots, source_of};
+use std::path::Path;
 use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, Object, Topology, Volume};
 use syntable_model::stage::AssetSource;
 
 /// Rows of the table after a heading of the index, cells trimmed, without its head.
-fn table(heading: &str) -> Option<Vec<Vec<String>>> {
-    let index = std::fs::read_to_string(assets("")?.join("INDEX.md")).expect("an index");
+fn table(root: &Path, heading: &str) -> Vec<Vec<String>> {
+    let index = std::fs::read_to_string(root.join("INDEX.md")).expect("an index");
     let (_, section) = index.split_once(&format!("\n## {heading}\n")).expect("a heading");
     let rows = section.lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
     let cells = |row: &str| row.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
-    Some(rows.skip(2).map(cells).collect())
+    let rows: Vec<Vec<String>> = rows.skip(2).map(cells).collect();
+    assert!(!rows.is_empty(), "{heading}");
+    rows
 }
 
 fn numbers(cell: &str) -> Vec<f64> {
@@ -67,10 +70,10 @@ fn check_row(row: &[String], object: &Object, warnings: &[String]) {
     );
 }
 
-fn check_collection(heading: &str, kind: &str, folder: &str) {
-    let Some(rows) = table(heading) else { return };
-    let source = source_of(kind, &assets(folder).expect("there"), "");
-    let catalog = source.catalog(&Collected::default()).expect("a catalogue");
+fn check_collection(root: &Path, kind: &str, folder: &str) {
+    let rows = table(root, folder);
+    let source = source_of(kind, &root.join(folder), "");
+    let catalog = source.catalog(&Collected::default()).expect("a catalog");
     let mut names: Vec<&str> = rows.iter().map(|row| row[0].as_str()).collect();
     names.sort_unstable();
     assert_eq!(catalog.entries.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>(), names);
@@ -84,187 +87,201 @@ fn check_collection(heading: &str, kind: &str, folder: &str) {
 
 #[test]
 fn google_scanned_objects_agree_with_the_index() {
-    check_collection("gso", "google_scanned_objects", "gso");
+    for root in roots() {
+        check_collection(&root, "google_scanned_objects", "gso");
+    }
 }
 
 #[test]
 fn ycb_objects_agree_with_the_index() {
-    check_collection("ycb", "ycb", "ycb");
-    let Some(folder) = assets("ycb") else { return };
-    let catalog = source_of("ycb", &folder, "").catalog(&Collected::default()).expect("a catalogue");
-    assert_eq!(catalog.entries[0].category, "cracker_box");
+    for root in roots() {
+        check_collection(&root, "ycb", "ycb");
+        let catalog = source_of("ycb", &root.join("ycb"), "").catalog(&Collected::default()).expect("a catalog");
+        assert_eq!(catalog.entries[0].category, "cracker_box");
+    }
 }
 
 #[test]
 fn tables_agree_with_the_index() {
-    let Some(rows) = table("tables (OBJ)") else { return };
-    let source = source_of("mesh_folder", &assets("tables").expect("there"), "");
-    let catalog = source.catalog(&Collected::default()).expect("a catalogue");
-    let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
-    assert_eq!(names, ["aws_CoffeeTable_01", "aws_KitchenTable_01", "table_wide", "wooden_table_02"]);
-    for row in &rows {
-        let (object, warnings) = load(&*source, &row[0]);
-        check_row(row, &object, &warnings);
+    for root in roots() {
+        let rows = table(&root, "tables (OBJ)");
+        let source = source_of("mesh_folder", &root.join("tables"), "");
+        let catalog = source.catalog(&Collected::default()).expect("a catalog");
+        let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
+        assert_eq!(names, ["aws_CoffeeTable_01", "aws_KitchenTable_01", "table_wide", "wooden_table_02"]);
+        for row in &rows {
+            let (object, warnings) = load(&*source, &row[0]);
+            check_row(row, &object, &warnings);
+        }
     }
 }
 
 #[test]
 fn gltf_files_agree_with_the_index() {
-    let Some(rows) = table("tables and objects in glTF") else { return };
-    let root = assets("").expect("there");
-    for row in &rows {
-        let (kind, path) = row[0].split_once('/').expect("a folder");
-        let source = source_of("mesh_folder", &root.join(kind), "");
-        let name = path.split('/').next().expect("a folder");
-        let (object, warnings) = load(&*source, name);
-        // The index keeps the scene's axes, y up; ours are z up. It counts before cleaning.
-        let [x, y, z] = numbers(&row[1])[..] else { panic!("{row:?}") };
-        for (axis, want) in [x, z, y].into_iter().enumerate() {
-            let got = object.mesh.bounds().size()[axis];
-            assert!((got - want).abs() < 6e-4 * want, "{name}: {got} for {want} on axis {axis}");
+    for root in roots() {
+        let rows = table(&root, "tables and objects in glTF");
+        for row in &rows {
+            let (kind, path) = row[0].split_once('/').expect("a folder");
+            let source = source_of("mesh_folder", &root.join(kind), "");
+            let name = path.split('/').next().expect("a folder");
+            let (object, warnings) = load(&*source, name);
+            // The index keeps the scene's axes, y up; ours are z up. It counts before cleaning.
+            let [x, y, z] = numbers(&row[1])[..] else { panic!("{row:?}") };
+            for (axis, want) in [x, z, y].into_iter().enumerate() {
+                let got = object.mesh.bounds().size()[axis];
+                assert!((got - want).abs() < 6e-4 * want, "{name}: {got} for {want} on axis {axis}");
+            }
+            let dropped: usize = warnings
+                .iter()
+                .filter(|warning| warning.contains("were dropped"))
+                .filter_map(|warning| warning.split_whitespace().find_map(|word| word.parse::<usize>().ok()))
+                .sum();
+            let triangles = object.mesh.data().triangles.len() + dropped;
+            assert_eq!(triangles.to_string(), row[2], "{name}: {warnings:?}");
+            let extensions: Vec<&str> =
+                row[5].split([' ', ',', ';']).filter(|word| word.starts_with("KHR_materials")).collect();
+            for extension in extensions {
+                assert!(
+                    !warnings.iter().any(|warning| warning.contains(extension)),
+                    "{name}: {extension} is read: {warnings:?}"
+                );
+            }
+            let images: usize = row[6].parse().expect("a count");
+            let textured = object.materials.iter().any(|material| material.base_color.texture.is_some());
+            assert_eq!(textured, images > 0, "{name}");
         }
-        let dropped: usize = warnings
-            .iter()
-            .filter(|warning| warning.contains("were dropped"))
-            .filter_map(|warning| warning.split_whitespace().find_map(|word| word.parse::<usize>().ok()))
-            .sum();
-        let triangles = object.mesh.data().triangles.len() + dropped;
-        assert_eq!(triangles.to_string(), row[2], "{name}: {warnings:?}");
-        let extensions: Vec<&str> =
-            row[5].split([' ', ',', ';']).filter(|word| word.starts_with("KHR_materials")).collect();
-        for extension in extensions {
-            assert!(
-                !warnings.iter().any(|warning| warning.contains(extension)),
-                "{name}: {extension} is read: {warnings:?}"
-            );
-        }
-        let images: usize = row[6].parse().expect("a count");
-        let textured = object.materials.iter().any(|material| material.base_color.texture.is_some());
-        assert_eq!(textured, images > 0, "{name}");
     }
 }
 
 #[test]
 fn gltf_materials_are_those_of_the_file() {
-    let Some(root) = assets("gltf") else { return };
-    let source = source_of("mesh_folder", &root, "");
-    let (car, _) = load(&*source, "ToyCar");
-    let named = |name: &str| car.materials.iter().find(|material| material.name == name).expect(name);
-    let fabric = named("Fabric");
-    let normal = fabric.normal.as_ref().expect("a normal map");
-    assert_eq!(normal.map.transform.scale, [3.0, 3.0]);
-    let color = fabric.base_color.texture.as_ref().expect("a texture");
-    assert_eq!((color.transform.scale, fabric.base_color.factor), ([3.0, 3.0], [0.15; 3]));
-    assert!(named("ToyCar").emission.texture.is_some());
-    assert_eq!((named("Glass").base_color.factor, named("Glass").roughness.factor), ([0.3, 0.8, 0.3], 0.0));
-    let glass = named("Glass").transmission.as_ref().expect("glass");
-    assert_eq!((glass.share.factor, glass.volume), (1.0, None));
-    let sheen = fabric.sheen.as_ref().expect("fibres");
-    assert_eq!((sheen.color.factor, sheen.roughness.factor), ([1.0, 0.0, 0.0], 0.5));
-    let coat = named("ToyCar").clearcoat.as_ref().expect("varnish");
-    assert_eq!((coat.strength.factor, coat.roughness.factor), (1.0, 0.0));
-    assert_eq!(coat.strength.texture.as_ref().map(|(_, channel)| *channel), Some(0));
-    let (wicker, _) = load(&*source, "ClearcoatWicker");
-    let coat = wicker.materials[0].clearcoat.as_ref().expect("varnish");
-    assert!(coat.normal.is_some() && coat.roughness.factor == 0.1);
-    let (holder, _) = load(&*source, "GlassHurricaneCandleHolder");
-    let volumes: Vec<_> =
-        holder.materials.iter().filter_map(|material| material.transmission.as_ref()?.volume).collect();
-    assert_eq!(volumes, [Volume { attenuation_color: [0.8, 0.95, 1.0], attenuation_distance_m: 0.001 }]);
-    let (vase, _) = load(&*source, "GlassVaseFlowers");
-    let blended = vase.materials.iter().find(|material| material.name == "GlassAlpha").expect("blended glass");
-    assert_eq!(blended.alpha, Alpha::Blend { factor: 0.3 });
-    let clear = vase.materials.iter().find_map(|material| material.transmission.as_ref()?.volume).expect("glass");
-    assert_eq!(clear.attenuation_distance_m, f32::INFINITY);
-    let (spheres, _) = load(&*source, "MetalRoughSpheresNoTextures");
-    let second = spheres.materials.iter().find(|material| material.name == "mat_1").expect("a material");
-    assert!((second.roughness.factor - 1.0 / 6.0).abs() < 1e-6);
+    for root in roots() {
+        let source = source_of("mesh_folder", &root.join("gltf"), "");
+        let (car, _) = load(&*source, "ToyCar");
+        let named = |name: &str| car.materials.iter().find(|material| material.name == name).expect(name);
+        let fabric = named("Fabric");
+        let normal = fabric.normal.as_ref().expect("a normal map");
+        assert_eq!(normal.map.transform.scale, [3.0, 3.0]);
+        let color = fabric.base_color.texture.as_ref().expect("a texture");
+        assert_eq!((color.transform.scale, fabric.base_color.factor), ([3.0, 3.0], [0.15; 3]));
+        assert!(named("ToyCar").emission.texture.is_some());
+        assert_eq!((named("Glass").base_color.factor, named("Glass").roughness.factor), ([0.3, 0.8, 0.3], 0.0));
+        let glass = named("Glass").transmission.as_ref().expect("glass");
+        assert_eq!((glass.share.factor, glass.volume), (1.0, None));
+        let sheen = fabric.sheen.as_ref().expect("fibres");
+        assert_eq!((sheen.color.factor, sheen.roughness.factor), ([1.0, 0.0, 0.0], 0.5));
+        let coat = named("ToyCar").clearcoat.as_ref().expect("varnish");
+        assert_eq!((coat.strength.factor, coat.roughness.factor), (1.0, 0.0));
+        assert_eq!(coat.strength.texture.as_ref().map(|(_, channel)| *channel), Some(0));
+        let (wicker, _) = load(&*source, "ClearcoatWicker");
+        let coat = wicker.materials[0].clearcoat.as_ref().expect("varnish");
+        assert!(coat.normal.is_some() && coat.roughness.factor == 0.1);
+        let (holder, _) = load(&*source, "GlassHurricaneCandleHolder");
+        let volumes: Vec<_> =
+            holder.materials.iter().filter_map(|material| material.transmission.as_ref()?.volume).collect();
+        assert_eq!(volumes, [Volume { attenuation_color: [0.8, 0.95, 1.0], attenuation_distance_m: 0.001 }]);
+        let (vase, _) = load(&*source, "GlassVaseFlowers");
+        let blended = vase.materials.iter().find(|material| material.name == "GlassAlpha").expect("blended glass");
+        assert_eq!(blended.alpha, Alpha::Blend { factor: 0.3 });
+        let clear = vase.materials.iter().find_map(|material| material.transmission.as_ref()?.volume).expect("glass");
+        assert_eq!(clear.attenuation_distance_m, f32::INFINITY);
+        let (spheres, _) = load(&*source, "MetalRoughSpheresNoTextures");
+        let second = spheres.materials.iter().find(|material| material.name == "mat_1").expect("a material");
+        assert!((second.roughness.factor - 1.0 / 6.0).abs() < 1e-6);
+    }
 }
 
 #[test]
 fn bop_models_agree_with_the_index() {
-    let Some(rows) = table("bop") else { return };
-    let root = assets("bop").expect("there");
-    let source = source_of("bop_models", &root, "");
-    let catalog = source.catalog(&Collected::default()).expect("a catalogue");
-    let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
-    assert_eq!(names, ["lmo/obj_000005", "ycbv/obj_000001", "ycbv/obj_000002"]);
-    for row in &rows {
-        let name = row[0].trim_start_matches("bop/").replace("/models/", "/").replace(".ply", "");
-        let (object, warnings) = load(&*source, &name);
-        // The scan of LM-O has a few faces that are turned over.
-        let turned =
-            name.starts_with("lmo") && warnings.iter().all(|warning| warning.contains("oriented inconsistently"));
-        assert!(warnings.is_empty() || turned, "{name}: {warnings:?}");
-        let millimeters: Vec<f64> = numbers(&row[1]).iter().map(|x| x * 1e-3).collect();
-        check_size(&name, &object, &millimeters, 0.000_051);
-        assert_eq!(object.mesh.data().triangles.len().to_string(), row[2], "{name}");
-        assert_eq!(Topology::of(&object.mesh).is_closed(), row[5] == "yes", "{name}");
-        assert_eq!(row[4].starts_with("red"), !object.mesh.data().colors.is_empty(), "{name}");
-        assert_eq!(row[4].starts_with("texture"), object.materials[0].base_color.texture.is_some(), "{name}");
-    }
-    let without = source_of("bop_models", &root, "exclude_datasets = [\"ycbv\"]");
-    assert_eq!(without.catalog(&Collected::default()).expect("a catalogue").entries.len(), 1);
-    for (below, want) in [("lmo", "lmo/obj_000005"), ("lmo/models", "lmo/obj_000005")] {
-        let source = source_of("bop_models", &root.join(below), "");
-        assert_eq!(source.catalog(&Collected::default()).expect(below).entries[0].name, want);
-        load(&*source, want);
+    for root in roots() {
+        let rows = table(&root, "bop");
+        let root = root.join("bop");
+        let source = source_of("bop_models", &root, "");
+        let catalog = source.catalog(&Collected::default()).expect("a catalog");
+        let names: Vec<&str> = catalog.entries.iter().map(|entry| entry.name.as_str()).collect();
+        assert_eq!(names, ["lmo/obj_000005", "ycbv/obj_000001", "ycbv/obj_000002"]);
+        for row in &rows {
+            let name = row[0].trim_start_matches("bop/").replace("/models/", "/").replace(".ply", "");
+            let (object, warnings) = load(&*source, &name);
+            // The scan of LM-O has a few faces that are turned over.
+            let turned = name.starts_with("lmo") && warnings.iter().all(|warning| warning.contains("oriented inconsistently"));
+            assert!(warnings.is_empty() || turned, "{name}: {warnings:?}");
+            let millimeters: Vec<f64> = numbers(&row[1]).iter().map(|x| x * 1e-3).collect();
+            check_size(&name, &object, &millimeters, 0.000_051);
+            assert_eq!(object.mesh.data().triangles.len().to_string(), row[2], "{name}");
+            assert_eq!(Topology::of(&object.mesh).is_closed(), row[5] == "yes", "{name}");
+            assert_eq!(row[4].starts_with("red"), !object.mesh.data().colors.is_empty(), "{name}");
+            assert_eq!(row[4].starts_with("texture"), object.materials[0].base_color.texture.is_some(), "{name}");
+        }
+        let without = source_of("bop_models", &root, "exclude_datasets = [\"ycbv\"]");
+        assert_eq!(without.catalog(&Collected::default()).expect("a catalog").entries.len(), 1);
+        for (below, want) in [("lmo", "lmo/obj_000005"), ("lmo/models", "lmo/obj_000005")] {
+            let source = source_of("bop_models", &root.join(below), "");
+            assert_eq!(source.catalog(&Collected::default()).expect(below).entries[0].name, want);
+            load(&*source, want);
+        }
     }
 }
 
 #[test]
 fn a_ycb_box_is_the_same_in_bop() {
-    let Some(root) = assets("") else { return };
-    // ycbv/obj_000002 was made from 003_cracker_box: millimeters and centerd.
-    let (ycb, _) = load(&*source_of("ycb", &root.join("ycb"), ""), "003_cracker_box");
-    let (bop, _) = load(&*source_of("bop_models", &root.join("bop"), ""), "ycbv/obj_000002");
-    let size = ycb.mesh.bounds().size() - bop.mesh.bounds().size();
-    assert!(size.norm() < 1e-5, "{size:?}");
-    let volumes = [&ycb, &bop].map(|object| Topology::of(&object.mesh).solid_volume());
-    assert!((volumes[0] - volumes[1]).abs() < 1e-4 * volumes[0], "{volumes:?}");
+    for root in roots() {
+        // ycbv/obj_000002 was made from 003_cracker_box: millimeters and centerd.
+        let (ycb, _) = load(&*source_of("ycb", &root.join("ycb"), ""), "003_cracker_box");
+        let (bop, _) = load(&*source_of("bop_models", &root.join("bop"), ""), "ycbv/obj_000002");
+        let size = ycb.mesh.bounds().size() - bop.mesh.bounds().size();
+        assert!(size.norm() < 1e-5, "{size:?}");
+        let volumes = [&ycb, &bop].map(|object| Topology::of(&object.mesh).solid_volume());
+        assert!((volumes[0] - volumes[1]).abs() < 1e-4 * volumes[0], "{volumes:?}");
+    }
 }
 
 #[test]
 fn material_folders_are_complete() {
-    let Some(rows) = table("materials") else { return };
-    let root = assets("materials").expect("there");
-    let source = source_of("pbr_folder", &root, "tile_m = 0.5");
-    let log = Collected::default();
-    assert_eq!(source.catalog(&log).expect("a catalogue").entries.len(), rows.len());
-    for row in &rows {
-        let material = source.load(&row[0], &log).expect(&row[0]).into_material().expect("a material");
-        let names = row[2].to_ascii_lowercase();
-        let any = |words: &[&str]| words.iter().any(|word| names.contains(word));
-        assert!(material.base_color.texture.is_some(), "{row:?}");
-        assert!(material.roughness.texture.is_some(), "{row:?}");
-        assert_eq!(material.metallic.texture.is_some(), any(&["_met"]), "{row:?}");
-        assert_eq!(material.normal.is_some(), any(&["nor_gl", "normalgl", "_nrm"]), "{row:?}");
-        assert_eq!(material.tile_m, 0.5);
+    for root in roots() {
+        let rows = table(&root, "materials");
+        let root = root.join("materials");
+        let source = source_of("pbr_folder", &root, "tile_m = 0.5\nlicence = \"CC0-1.0\"");
+        let log = Collected::default();
+        assert_eq!(source.catalog(&log).expect("a catalog").entries.len(), rows.len());
+        for row in &rows {
+            let material = source.load(&row[0], &log).expect(&row[0]).into_material().expect("a material");
+            let names = row[2].to_ascii_lowercase();
+            let any = |words: &[&str]| words.iter().any(|word| names.contains(word));
+            assert!(material.base_color.texture.is_some(), "{row:?}");
+            assert!(material.roughness.texture.is_some(), "{row:?}");
+            assert_eq!(material.metallic.texture.is_some(), any(&["_met"]), "{row:?}");
+            assert_eq!(material.normal.is_some(), any(&["nor_gl", "normalgl", "_nrm"]), "{row:?}");
+            assert_eq!(material.tile_m, 0.5);
+        }
+        assert!(log.warnings().is_empty(), "{:?}", log.warnings());
     }
-    assert!(log.warnings().is_empty(), "{:?}", log.warnings());
 }
 
 #[test]
 fn environment_maps_agree_with_the_index() {
-    let Some(rows) = table("hdri") else { return };
-    let root = assets("hdri").expect("there");
-    for row in &rows {
-        let (found, warnings) = look(&root.join(&row[0]));
-        let found = found.expect(&row[0]);
-        assert!(warnings.is_empty());
-        assert_eq!(fact(&found, "size"), row[1]);
-        for (name, cell) in [("mean radiance", &row[2]), ("largest radiance", &row[3])] {
-            let [got, want]: [f64; 2] = [fact(&found, name), cell].map(|text| text.parse().expect(text));
-            assert!((got - want).abs() <= 2e-3 * want + 1e-3, "{}: {name} {got}, index {want}", row[0]);
+    for root in roots() {
+        let rows = table(&root, "hdri");
+        let root = root.join("hdri");
+        for row in &rows {
+            let (found, warnings) = look(&root.join(&row[0]));
+            let found = found.expect(&row[0]);
+            assert!(warnings.is_empty());
+            assert_eq!(fact(&found, "size"), row[1]);
+            for (name, cell) in [("mean radiance", &row[2]), ("largest radiance", &row[3])] {
+                let [got, want]: [f64; 2] = [fact(&found, name), cell].map(|text| text.parse().expect(text));
+                assert!((got - want).abs() <= 2e-3 * want + 1e-3, "{}: {name} {got}, index {want}", row[0]);
+            }
         }
-    }
-    let source = source_of("environment_folder", &root, "");
-    let catalog = source.catalog(&Collected::default()).expect("a catalogue");
-    assert_eq!(catalog.entries.len(), rows.len());
-    for entry in catalog.entries {
-        let map = source.load(&entry.name, &Collected::default()).expect("loads").into_environment().expect("a map");
-        assert_eq!(map.width(), 2 * map.height());
-        // Indoors by day: the ceiling is not black and no direction is negative.
-        assert!(map.mean().iter().all(|&x| x > 0.0), "{}", entry.name);
+        let source = source_of("environment_folder", &root, "");
+        let catalog = source.catalog(&Collected::default()).expect("a catalog");
+        assert_eq!(catalog.entries.len(), rows.len());
+        for entry in catalog.entries {
+            let map =
+                source.load(&entry.name, &Collected::default()).expect("loads").into_environment().expect("a map");
+            assert_eq!(map.width(), 2 * map.height());
+            // Indoors by day: the ceiling is not black and no direction is negative.
+            assert!(map.mean().iter().all(|&x| x > 0.0), "{}", entry.name);
+        }
     }
 }

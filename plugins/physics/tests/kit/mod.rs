@@ -142,7 +142,7 @@ pub fn object(name: &str, data: MeshData, mass_kg: f64) -> Arc<Object> {
         collision: None,
         mass_kg,
         friction: 0.5,
-        licence: String::new(),
+        license: String::new(),
         digest: Hasher::new("test object").floats(corners.into_iter()).finish(),
     })
 }
@@ -152,13 +152,17 @@ pub fn kit_objects() -> Vec<Arc<Object>> {
     shape_kit().into_iter().map(|(name, data)| object(name, data, 0.15)).collect()
 }
 
-/// The folder of real assets, if it exists.
-pub fn assets() -> Option<PathBuf> {
-    let folder = match std::env::var_os("SYNTABLE_ASSETS") {
+/// Folders of scanned assets: the small one of the checkout, and where it exists a larger one, named by
+/// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
+pub fn assets() -> Vec<PathBuf> {
+    let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let larger = match std::env::var_os("SYNTABLE_ASSETS") {
         Some(folder) => PathBuf::from(folder),
-        None => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"),
+        None => crate_folder.join("../../../shared/assets"),
     };
-    folder.is_dir().then_some(folder)
+    let mut folders = vec![crate_folder.join("../../tests/fixtures/assets")];
+    folders.extend(Some(larger).filter(|folder| folder.is_dir()));
+    folders
 }
 
 /// Positions and fan-triangulated faces of an OBJ file.
@@ -231,7 +235,7 @@ pub fn table_scene() -> SceneBuilder {
     let mut scene = SceneBuilder::default();
     scene.add(draft(&floor, at(0.0, 0.0, 0.0), Role::Room, Motion::Fixed));
     scene.add(draft(&table, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
-    scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, TABLE_HEIGHT], size: [1.2, 0.8] });
+    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, TABLE_HEIGHT], size: [1.2, 0.8] });
     scene
 }
 
@@ -244,7 +248,7 @@ pub fn drop_objects(scene: &mut SceneBuilder, objects: &[Arc<Object>], count: us
         let object = stream.pick(objects).expect("objects").clone();
         let mut highest = 1.0;
         loop {
-            let center = object.mesh.bounds().centre();
+            let center = object.mesh.bounds().center();
             let place = Vector3::new(
                 stream.uniform(-0.36, 0.36),
                 stream.uniform(-0.24, 0.24),

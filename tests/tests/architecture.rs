@@ -1,0 +1,150 @@
+//! What the architecture promises: who depends on whom, and what every kind of stage looks like.
+
+mod support;
+use std::collections::BTreeMap;
+use std::fs;
+use support::root;
+use syntable_model::registry::{Registry, Slot};
+use syntable_standard as _;
+
+/// Dependencies of every crate of the workspace by crate name: (normal, for tests only).
+fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
+    let mut crates = BTreeMap::new();
+    for group in ["core", "plugins"] {
+        for entry in fs::read_dir(root().join(group)).expect("readable") {
+            let manifest = entry.expect("readable").path().join("Cargo.toml");
+            let table: toml::Table = fs::read_to_string(&manifest).expect("a manifest").parse().expect("TOML");
+            let name = table["package"]["name"].as_str().expect("named").to_owned();
+            let of = |key: &str| -> Vec<String> {
+                table
+                    .get(key)
+                    .and_then(toml::Value::as_table)
+                    .map_or(Vec::new(), |table| table.keys().cloned().collect())
+            };
+            crates.insert(name, (of("dependencies"), of("dev-dependencies")));
+        }
+    }
+    crates
+}
+
+#[test]
+fn plugins_depend_on_the_model_alone() {
+    let crates = dependencies();
+    let ours = |names: &[String]| -> Vec<String> {
+        names.iter().filter(|name| name.starts_with("syntable-")).cloned().collect()
+    };
+    for (name, (normal, tests)) in &crates {
+        let allowed: Vec<&str> = match name.as_str() {
+            "syntable-model" | "syntable-convex" => vec![],
+            "syntable-physics" => vec!["syntable-model", "syntable-convex"],
+            "syntable-standard" => {
+                crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
+            }
+            // Sources of meshes share the intermediate model, its repair and the registries of formats.
+            "syntable-assets" | "syntable-runtime" => vec!["syntable-model", "syntable-mesh"],
+            "syntable-write" => vec!["syntable-model", "syntable-formats"],
+            _ => vec!["syntable-model"],
+        };
+        for dependency in ours(normal) {
+            assert!(allowed.contains(&dependency.as_str()), "{name} must not depend on {dependency}");
+        }
+        for dependency in ours(tests) {
+            // What a denoiser does to a picture is measured on rendered ones.
+            let rendered = (name.as_str(), dependency.as_str()) == ("syntable-denoise", "syntable-render-cpu");
+            assert!(
+                rendered || ["syntable-model", "syntable-testing"].contains(&dependency.as_str()),
+                "{name} tests with {dependency}"
+            );
+        }
+    }
+}
+
+#[test]
+fn heavy_packages_stay_in_their_rooms() {
+    let rooms: [(&str, &[&str]); 10] = [
+        ("rapier3d", &["syntable-physics"]),
+        ("parry3d", &["syntable-physics", "syntable-convex"]),
+        ("obvhs", &["syntable-render-cpu"]),
+        ("image", &["syntable-assets", "syntable-sensor"]),
+        ("exr", &["syntable-assets", "syntable-write"]),
+        ("gltf", &["syntable-assets"]),
+        ("base64", &["syntable-assets"]),
+        ("tera", &["syntable-write"]),
+        ("clap", &["syntable-runtime"]),
+        ("libloading", &["syntable-denoise"]),
+    ];
+    for (name, (normal, _)) in dependencies() {
+        for (package, rooms) in rooms {
+            assert!(!normal.iter().any(|d| d == package) || rooms.contains(&name.as_str()), "{package} in {name}");
+        }
+    }
+}
+
+#[test]
+fn the_top_level_is_what_the_card_says() {
+    let mut found: Vec<String> = fs::read_dir(root())
+        .expect("readable")
+        .map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned())
+        .filter(|name| !name.starts_with('.') && name != "target" && name != "data")
+        .collect();
+    found.sort();
+    let expected = [
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "Cargo.lock",
+        "Cargo.toml",
+        "LICENSE-APACHE",
+        "LICENSE-MIT",
+        "README.md",
+        "book",
+        "core",
+        "deny.toml",
+        "plugins",
+        "recipes",
+        "rust-toolchain.toml",
+        "schemas",
+        "tests",
+    ];
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn every_kind_keeps_the_house_rules() {
+    for entry in Registry::linked().expect("no clash").entries() {
+        let snake = entry.kind.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        assert!(snake && !entry.kind.is_empty(), "{}.{} is not snake_case", entry.slot, entry.kind);
+        syntable_testing::conformance::entry(entry);
+    }
+}
+
+#[test]
+fn every_annotator_works_with_its_defaults() {
+    let registry = Registry::linked().expect("no clash");
+    for slot in [Slot::Sensor, Slot::Annotate, Slot::Render, Slot::Views, Slot::Lights, Slot::Camera, Slot::Settle] {
+        for entry in registry.of_slot(slot) {
+            if entry.kind != "fixed_poses" {
+                entry
+                    .construct_str("")
+                    .unwrap_or_else(|error| panic!("{slot}.{} has no defaults: {error:?}", entry.kind));
+            }
+        }
+    }
+}
+
+/// Paths in backquotes on the architecture page exist, so that the page cannot rot.
+#[test]
+fn paths_named_in_the_book_exist() {
+    let page = fs::read_to_string(root().join("book/src/architecture.md")).expect("the architecture page");
+    let mut seen = 0;
+    for word in page.split('`').skip(1).step_by(2) {
+        let top = word.split('/').next().unwrap_or_default();
+        if word.contains('/')
+            && ["core", "plugins", "tests", "recipes", "schemas", "book"].contains(&top)
+            && !word.contains(['*', '{', '<'])
+        {
+            seen += 1;
+            assert!(root().join(word).exists(), "the architecture page names {word}, which does not exist");
+        }
+    }
+    assert!(seen >= 10, "only {seen} paths are named");
+}

@@ -1,0 +1,45 @@
+//! `check --asset` on bad and odd inputs: each behaves as its name says.
+
+mod support;
+use support::{assets, syntable, text};
+
+#[test]
+fn broken_inputs_behave_as_their_names_say() {
+    let mut wrong = Vec::new();
+    let mut seen = 0;
+    let folders: Vec<_> =
+        assets().iter().map(|folder| folder.join("broken")).filter(|folder| folder.is_dir()).collect();
+    for entry in folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("readable")) {
+        let path = entry.expect("readable").path();
+        let name = path.file_name().expect("named").to_string_lossy().into_owned();
+        let want = match name.split('_').next() {
+            Some("reject") => (2, None),
+            Some("warn") => (0, Some(true)),
+            Some("accept") => (0, Some(false)),
+            _ => continue,
+        };
+        seen += 1;
+        let output = syntable().args(["check", "--asset"]).arg(&path).output().expect("starts");
+        let said = text(&output);
+        let warned = said.contains("warning:");
+        let right = output.status.code() == Some(want.0)
+            && want.1.is_none_or(|want| want == warned)
+            && !said.contains("panicked")
+            && (want.0 == 0 || said.lines().any(|line| line.starts_with("error:") && line.contains(&name)));
+        if !right {
+            wrong.push(format!("{name}: exit {:?}\n{said}", output.status.code()));
+        }
+    }
+    assert_eq!(seen, 99 * folders.len(), "inputs in {folders:?}");
+    assert!(wrong.is_empty(), "{} of {seen} are wrong:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+#[test]
+fn an_asset_is_described_and_a_missing_one_named() {
+    let output = syntable().args(["check", "--asset", "no/such/model.obj"]).output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output).contains("no/such/model.obj"), "{}", text(&output));
+    let output = syntable().args(["check", "--asset", "README.md"]).output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output).contains("no known kind of asset") && text(&output).contains("OBJ"), "{}", text(&output));
+}

@@ -1,0 +1,119 @@
+//! Every shipped recipe loads, plans, and passes the checkers that editors use; broken ones fail there, too.
+
+mod support;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use support::{assets, ok, root, skip, syntable, text};
+
+/// All recipes of the checkout that users start from.
+fn shipped() -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![root().join("recipes")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("readable") {
+            let path = entry.expect("readable").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "toml") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    assert!(found.len() >= 4, "{found:?}");
+    found.push(root().join("core/runtime/src/cli/scaffold/recipe.toml"));
+    found
+}
+
+#[test]
+fn shipped_recipes_plan() {
+    for recipe in shipped() {
+        let plan = ok(syntable().arg("plan").arg(&recipe).env("ASSETS", "/assets"));
+        assert!(plan.contains("annotate.masks"), "{}\n{plan}", recipe.display());
+    }
+}
+
+#[test]
+fn shipped_recipes_find_real_assets() {
+    for assets in assets() {
+        for recipe in shipped() {
+            let output = syntable().arg("check").arg(&recipe).env("ASSETS", &assets).output().expect("starts");
+            let said = text(&output);
+            // Assets may have their faults, recipes none.
+            let sound = said.contains("no mistake found") && !said.contains("warning[");
+            assert!(output.status.success() && sound, "{}\n{said}", recipe.display());
+        }
+    }
+}
+
+/// Mistakes that an editor shows while one types, each made in the quickstart recipe.
+fn broken(folder: &Path) -> Vec<PathBuf> {
+    let good = std::fs::read_to_string(root().join("recipes/quickstart.toml")).expect("there");
+    let mistakes = [
+        ("unknown_key", "samples_per_pixel", "sampels_per_pixel"),
+        ("unknown_kind", "kind = \"drop_box\"", "kind = \"dropbox\""),
+        ("wrong_type", "scenes = 2", "scenes = \"two\""),
+        ("out_of_range", "samples_per_pixel = 16", "samples_per_pixel = 0"),
+        ("unknown_section", "[views]", "[viewss]"),
+        ("missing_scenes", "scenes = 2", ""),
+    ];
+    mistakes
+        .into_iter()
+        .map(|(name, from, to)| {
+            assert!(good.contains(from), "the quickstart recipe has no `{from}`");
+            let path = folder.join(format!("{name}.toml"));
+            std::fs::write(&path, good.replace(from, to)).expect("writable");
+            path
+        })
+        .collect()
+}
+
+fn check_with(tool: &str, run: impl Fn(&Path) -> Command) {
+    if !Command::new(tool).arg("--version").output().is_ok_and(|output| output.status.success()) {
+        return skip(tool);
+    }
+    let passes = |recipe: &Path| {
+        let output = run(recipe).output().expect("starts");
+        (output.status.success(), text(&output))
+    };
+    for recipe in shipped() {
+        let (good, said) = passes(&recipe);
+        assert!(good, "{tool} refuses {}:\n{said}", recipe.display());
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    for recipe in broken(folder.path()) {
+        let (good, _) = passes(&recipe);
+        assert!(!good, "{tool} accepts {}", recipe.display());
+        let ours = syntable().arg("check").arg(&recipe).output().expect("starts");
+        assert_eq!(ours.status.code(), Some(2), "we accept {}", recipe.display());
+    }
+}
+
+#[test]
+fn taplo_agrees() {
+    let schema = format!("file://{}", root().join("schemas/recipe.schema.json").display());
+    check_with("taplo", |recipe| {
+        let mut taplo = Command::new("taplo");
+        taplo.args(["check", "--schema", &schema]).arg(recipe);
+        taplo
+    });
+}
+
+#[test]
+fn tombi_agrees() {
+    let schema = root().join("schemas/recipe.schema.json");
+    check_with("tombi", |recipe| {
+        // The schema is the one beside the recipe's own `#:schema` line, wherever the file lies.
+        let body = std::fs::read_to_string(recipe).expect("readable");
+        let body: Vec<&str> = body.lines().filter(|line| !line.starts_with("#:schema")).collect();
+        let copy = std::env::temp_dir().join(format!(
+            "tombi-{}-{}",
+            std::process::id(),
+            recipe.file_name().expect("named").to_string_lossy()
+        ));
+        std::fs::write(&copy, format!("#:schema {}\n{}\n", schema.display(), body.join("\n"))).expect("writable");
+        let mut tombi = Command::new("tombi");
+        tombi.args(["lint", "--offline"]).arg(copy);
+        tombi
+    });
+}

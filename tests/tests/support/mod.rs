@@ -1,0 +1,102 @@
+//! What the whole-program tests share: the binary, small recipes, comparing folders.
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Root of the checkout.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().expect("the checkout is there")
+}
+
+/// Folders of assets to test with: the small one of the checkout, and where it exists a larger one, named by
+/// `SYNTABLE_ASSETS` or in `shared/assets` beside the checkout.
+pub fn assets() -> Vec<PathBuf> {
+    let larger = std::env::var_os("SYNTABLE_ASSETS").map_or_else(|| root().join("../shared/assets"), PathBuf::from);
+    let mut folders = vec![root().join("tests/fixtures/assets")];
+    folders.extend(Some(larger).filter(|folder| folder.join("gso").is_dir()));
+    folders
+}
+
+/// Whether a tool that a test needs may be missing.
+pub fn skip(what: &str) {
+    assert!(
+        std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none(),
+        "{what} is missing, and SYNTABLE_REQUIRE_TOOLS is set"
+    );
+    eprintln!("skipped: {what} is missing");
+}
+
+/// The program, ready to be given arguments. Cached results go to a folder that all tests share.
+pub fn syntable() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_syntable-under-test"));
+    command.env("SYNTABLE_CACHE", root().join("target/test-cache")).current_dir(root());
+    command
+}
+
+/// Runs a command that must succeed; gives its standard output.
+pub fn ok(command: &mut Command) -> String {
+    let output = command.output().expect("the program starts");
+    assert!(output.status.success(), "{command:?}\n{}", text(&output));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Runs a command that must fail with an exit code; gives its standard error.
+pub fn fails(command: &mut Command, code: i32) -> String {
+    let output = command.output().expect("the program starts");
+    assert_eq!(output.status.code(), Some(code), "{command:?}\n{}", text(&output));
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Both outputs of a program.
+pub fn text(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Arguments that make any recipe small.
+pub const SMALL: [&str; 8] = [
+    "--set",
+    "camera.resolution=[64, 48]",
+    "--set",
+    "render.samples_per_pixel=2",
+    "--set",
+    "place[2].count={ integers = [2, 5] }",
+    "--set",
+    "settle.duration_s=2.0",
+];
+
+/// `syntable run` of the quickstart recipe, small, into a folder.
+pub fn small_run(out: &Path, more: &[&str]) -> Command {
+    let mut command = syntable();
+    command.args(["run", "recipes/quickstart.toml", "--out"]).arg(out).args(SMALL).args(more);
+    command
+}
+
+/// All files below a folder by relative path, with their content.
+pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    fn walk(folder: &Path, root: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
+        for entry in std::fs::read_dir(folder).expect("readable") {
+            let path = entry.expect("readable").path();
+            if path.is_dir() {
+                walk(&path, root, files);
+            } else {
+                let name = path.strip_prefix(root).expect("below").to_string_lossy().into_owned();
+                files.insert(name, std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    let mut found = BTreeMap::new();
+    walk(folder, folder, &mut found);
+    found
+}
+
+/// Two folders must hold the same files, byte for byte.
+pub fn assert_same(left: &Path, right: &Path) {
+    let (a, b) = (files(left), files(right));
+    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(&a), names(&b), "{} and {} hold different files", left.display(), right.display());
+    for (name, bytes) in &a {
+        assert!(bytes == &b[name], "{name} differs between {} and {}", left.display(), right.display());
+    }
+}
