@@ -1,53 +1,75 @@
 //! Daylight through windows.
 
-use crate::brightness::{Brightness, check_temperature, complete};
-use crate::per::Per;
-use crate::radius::check_bounds;
-use crate::room::inside;
+use crate::lights::brightness::check_temperature;
+use crate::lights::brightness::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, TEMPERATURE_K};
+use crate::lights::per::Per;
+use crate::lights::room::inside;
 use nalgebra::{Point3, Vector3};
 use syntable_model::geometry::Aabb;
 use syntable_model::photometry::{blackbody, polygon_illuminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, Light, RectLight};
 
-/// Free space between a window and its wall, metres.
+/// Gap between a window and its wall, meters.
 const BEFORE_WALL_M: f64 = 0.01;
 
-/// Least distance of a window from the room's edges, metres.
+/// Minimum distance of a window from the edges of its wall, meters.
 const MARGIN_M: f64 = 0.1;
 
-/// Daylight through windows: bright rectangles in a row just before a wall of the room.
+/// Daylight through windows: bright rectangles in a row just in front of a wall of the room.
 ///
-/// All windows of a view have one size and one luminance, that of the sky which is seen through them. Their brightness
-/// is the illuminance in lux that all of them together would give, with nothing in between, at the middle of the
-/// tabletop on a level plane, by Lambert's formula for polygons. Where a wall is too short or too low, fewer windows
-/// are there, or smaller ones.
+/// All windows of a view have the same size and luminance, that of the sky behind them. `brightness.illuminance_lx` is
+/// the illuminance that all of them together give at the center of the tabletop on a horizontal plane, by Lambert's
+/// formula for polygons. Where a wall is too short or too low, windows are fewer or smaller.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindowLight {
-    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    /// Whether windows are sampled per `view` or once per `scene`.
     per: Per,
-    /// How many walls have windows; which ones is random.
+    /// Number of walls with windows, from 0 to 4, chosen at random.
+    #[schemars(extend("minimum" = WALLS[0], "maximum" = WALLS[1]))]
     walls: IntDist,
-    /// How many windows a wall has, drawn for each wall.
+    /// Number of windows in a wall, sampled per wall, from 1 to 100.
+    #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
-    /// Width of a window, metres.
+    /// Width of a window, meters, from 0.05 to 1000.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     width_m: Dist,
-    /// Height of a window, metres.
+    /// Height of a window, meters, from 0.05 to 1000.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     height_m: Dist,
-    /// Height of the lower edge above the floor, metres.
+    /// Height of the lower edge above the floor, meters, from 0 to 1000.
+    #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
     sill_m: Dist,
-    /// Distance between neighbouring windows, metres.
+    /// Gap between neighboring windows, meters, from 0 to 1000.
+    #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
     spacing_m: Dist,
-    /// Colour temperature of the daylight, kelvin.
+    /// Color temperature of the daylight, kelvin, from 1000 to 40,000.
+    #[schemars(extend("minimum" = TEMPERATURE_K[0], "maximum" = TEMPERATURE_K[1]))]
     temperature_k: Dist,
-    /// Illuminance that all windows together give at the middle of the tabletop on a level plane, lux. With 0 lx there
-    /// is no light. Log-uniform in 200 to 3000 lx unless brightness is given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    illuminance_lx: Option<Dist>,
-    /// Luminance of the sky in the windows, nits (cd/m²); takes the place of `illuminance_lx` if given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    luminance_nits: Option<Dist>,
+    /// Brightness: `{ illuminance_lx = 800 }` of all windows together, or `{ luminance_nits = 5000 }` of the sky. Zero
+    /// brightness leaves the windows out.
+    brightness: WindowBrightness,
+}
+
+/// Limits of `walls`.
+const WALLS: [i64; 2] = [0, 4];
+/// Limits of `count`.
+const COUNT: [i64; 2] = [1, 100];
+/// Limits of `width_m` and `height_m`, meters.
+const SIZE_M: [f64; 2] = [0.05, 1000.0];
+/// Limits of `sill_m` and `spacing_m`, meters.
+const GAP_M: [f64; 2] = [0.0, 1000.0];
+
+/// Brightness of windows, as one of two photometric quantities.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum WindowBrightness {
+    /// Unoccluded illuminance that all windows together give at the center of the tabletop on a horizontal plane, lux,
+    /// from 0 to 10⁷.
+    IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
+    /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰.
+    LuminanceNits(#[schemars(extend("minimum" = LUMINANCE_NITS[0], "maximum" = LUMINANCE_NITS[1]))] Dist),
 }
 
 impl Default for WindowLight {
@@ -61,8 +83,7 @@ impl Default for WindowLight {
             sill_m: Dist::Uniform(0.7, 1.0),
             spacing_m: Dist::Uniform(0.3, 1.0),
             temperature_k: Dist::Uniform(5000.0, 7500.0),
-            illuminance_lx: None,
-            luminance_nits: None,
+            brightness: WindowBrightness::IlluminanceLx(Dist::LogUniform(200.0, 3000.0)),
         }
     }
 }
@@ -71,29 +92,27 @@ impl Config for WindowLight {
     type Stage = dyn LightSampler;
     const KIND: &'static str = "window_light";
     const EXAMPLE: &'static str = "walls = 1\ncount = { integers = [1, 3] }\ntemperature_k = { uniform = [5000, 7500] }\n\
-        illuminance_lx = { log_uniform = [200, 3000] }";
-
-    fn completed(mut self) -> Self {
-        complete(&mut self.illuminance_lx, &self.luminance_nits, &None, Dist::LogUniform(200.0, 3000.0));
-        self
-    }
+        brightness = { illuminance_lx = { log_uniform = [200, 3000] } }";
+    const RENAMED: &'static [(&'static str, &'static str)] =
+        &[("illuminance_lx", "brightness.illuminance_lx"), ("luminance_nits", "brightness.luminance_nits")];
 
     fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
-        self.walls.within("walls", 0, 4)?;
-        self.count.within("count", 1, 100)?;
-        for (key, dist, least) in [
-            ("width_m", &self.width_m, 0.05),
-            ("height_m", &self.height_m, 0.05),
-            ("sill_m", &self.sill_m, 0.0),
-            ("spacing_m", &self.spacing_m, 0.0),
-        ] {
-            let (low, high) = dist.range();
-            check_bounds(key, key, [low, high], least)?;
+        self.walls.within("walls", WALLS[0], WALLS[1])?;
+        self.count.within("count", COUNT[0], COUNT[1])?;
+        self.width_m.within("width_m", SIZE_M[0], SIZE_M[1])?;
+        self.height_m.within("height_m", SIZE_M[0], SIZE_M[1])?;
+        self.sill_m.within("sill_m", GAP_M[0], GAP_M[1])?;
+        self.spacing_m.within("spacing_m", GAP_M[0], GAP_M[1])?;
+        check_temperature("temperature_k", &self.temperature_k)?;
+        match &self.brightness {
+            WindowBrightness::IlluminanceLx(lux) => {
+                lux.within("brightness.illuminance_lx", ILLUMINANCE_LX[0], ILLUMINANCE_LX[1])?;
+            }
+            WindowBrightness::LuminanceNits(nits) => {
+                nits.within("brightness.luminance_nits", LUMINANCE_NITS[0], LUMINANCE_NITS[1])?;
+            }
         }
-        check_temperature(&self.temperature_k)?;
-        let light = self.completed();
-        light.brightness().check()?;
-        Ok(Box::new(light))
+        Ok(Box::new(self))
     }
 }
 register!(WindowLight);
@@ -109,8 +128,8 @@ impl LightSampler for WindowLight {
         let room = inside(scene);
         let mut walls = Wall::all(&room);
         if walls.is_empty() {
-            return Err(Error::new("there is no wall for a window")
-                .help("place a room, or take the light kind `environment` instead of `window_light`"));
+            return Err(Error::new("the scene has no wall for a window")
+                .help("place a room, or use the light `environment` instead of `window_light`"));
         }
         stream.child("which").shuffle(&mut walls);
         walls.truncate(self.walls.draw(&mut stream.child("walls")).max(0) as usize);
@@ -125,11 +144,13 @@ impl LightSampler for WindowLight {
         let tabletop = scene.tabletop.centre();
         let per_nit: f64 =
             windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
-        let luminance = self.brightness().draw(
-            &mut stream.child("brightness"),
-            |lux| if lux > 0.0 { lux / per_nit } else { 0.0 },
-            |_| 0.0,
-        );
+        let luminance = match &self.brightness {
+            WindowBrightness::IlluminanceLx(lux) => match draw("brightness", lux) {
+                0.0 => 0.0,
+                lux => lux / per_nit,
+            },
+            WindowBrightness::LuminanceNits(nits) => draw("brightness", nits),
+        };
         if !luminance.is_finite() && !windows.is_empty() {
             let message = format!("no window reaches above the tabletop at {:.2} m", tabletop.z);
             return Err(Error::new(message).help("make `sill_m` or `height_m` larger"));
@@ -141,30 +162,20 @@ impl LightSampler for WindowLight {
     }
 }
 
-impl WindowLight {
-    fn brightness(&self) -> Brightness<'_> {
-        Brightness {
-            illuminance_lx: self.illuminance_lx.as_ref(),
-            luminance_nits: self.luminance_nits.as_ref(),
-            luminous_flux_lm: None,
-        }
-    }
-}
-
 /// The inner face of a wall.
 struct Wall {
-    /// The middle of its lower edge.
+    /// Center of its lower edge.
     foot: Point3<f64>,
-    /// Into the room.
+    /// Unit normal that points into the room.
     inwards: Vector3<f64>,
-    /// To the right, seen from inside.
+    /// Unit vector to the right, seen from inside.
     along: Vector3<f64>,
     length: f64,
     height: f64,
 }
 
 impl Wall {
-    /// The walls of a room; a room that is open sideways or upwards counts as 20 m there.
+    /// The walls of a room. A side without a wall counts as 20 m away.
     fn all(room: &Aabb) -> Vec<Self> {
         const OPEN_M: f64 = 20.0;
         let limit = |low: f64, high: f64| match (low.is_finite(), high.is_finite()) {
@@ -194,7 +205,7 @@ impl Wall {
         walls
     }
 
-    /// As many windows as fit, at least one, in a row whose place along the wall is random; dark.
+    /// A row of as many windows as fit, at least one, at a random position along the wall. Their radiance is zero.
     fn windows(
         &self,
         count: usize,

@@ -1,30 +1,42 @@
 //! The sun.
 
-use crate::brightness::check_temperature;
-use crate::per::Per;
+use crate::lights::brightness::check_temperature;
+use crate::lights::brightness::limits::{ILLUMINANCE_LX, TEMPERATURE_K};
+use crate::lights::environment::DIAMETER_DEG;
+use crate::lights::per::Per;
 use nalgebra::Vector3;
 use syntable_model::photometry::blackbody;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, DirectionalLight, Light};
 
-/// The sun, or the moon: light from a small round patch of the sky. It shines through
-/// nothing: with a closed room it is outside.
+/// The sun or the moon: light from a small disk, infinitely far away. Walls block it: with a closed room it is outside.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sun {
-    /// Whether it is drawn anew for every `view`, or once for all views of a `scene`.
+    /// Whether the sun is sampled per `view` or once per `scene`.
     per: Per,
-    /// Elevation above the horizon, degrees.
+    /// Elevation above the horizon, degrees, from -90 to 90.
+    #[schemars(extend("minimum" = ELEVATION_DEG[0], "maximum" = ELEVATION_DEG[1]))]
     elevation_deg: Dist,
-    /// Direction that it stands in, degrees from world x, anticlockwise seen from above.
+    /// Azimuth, degrees from world x, counterclockwise seen from above, from -3600 to 3600.
+    #[schemars(extend("minimum" = AZIMUTH_DEG[0], "maximum" = AZIMUTH_DEG[1]))]
     azimuth_deg: Dist,
-    /// Angle under which it is seen, degrees. A larger one makes softer shadows.
+    /// Angular diameter, degrees, from 0.01 to 90. A larger sun casts softer shadows.
+    #[schemars(extend("minimum" = DIAMETER_DEG[0], "maximum" = DIAMETER_DEG[1]))]
     angular_diameter_deg: Dist,
-    /// Illuminance on a plane that faces it, lux: 100,000 for the sun high in a clear sky. With 0 lx there is no light.
+    /// Unoccluded illuminance on a plane that faces the sun, lux, from 0 to 10⁷: 100,000 high in a clear sky. 0 leaves
+    /// the sun out.
+    #[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))]
     illuminance_lx: Dist,
-    /// Colour temperature, kelvin: 2500 at sunset, 5500 at noon.
+    /// Color temperature, kelvin, from 1000 to 40,000: 2500 at sunset, 5500 at noon.
+    #[schemars(extend("minimum" = TEMPERATURE_K[0], "maximum" = TEMPERATURE_K[1]))]
     temperature_k: Dist,
 }
+
+/// Limits of `elevation_deg`, degrees.
+const ELEVATION_DEG: [f64; 2] = [-90.0, 90.0];
+/// Limits of `azimuth_deg`, degrees.
+const AZIMUTH_DEG: [f64; 2] = [-3600.0, 3600.0];
 
 impl Default for Sun {
     fn default() -> Self {
@@ -46,11 +58,11 @@ impl Config for Sun {
         "elevation_deg = { uniform = [20, 60] }\nilluminance_lx = { uniform = [20000, 90000] }";
 
     fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
-        self.elevation_deg.within("elevation_deg", -90.0, 90.0)?;
-        self.azimuth_deg.within("azimuth_deg", -3600.0, 3600.0)?;
-        self.angular_diameter_deg.within("angular_diameter_deg", 0.01, 90.0)?;
-        self.illuminance_lx.within("illuminance_lx", 0.0, 1e7)?;
-        check_temperature(&self.temperature_k)?;
+        self.elevation_deg.within("elevation_deg", ELEVATION_DEG[0], ELEVATION_DEG[1])?;
+        self.azimuth_deg.within("azimuth_deg", AZIMUTH_DEG[0], AZIMUTH_DEG[1])?;
+        self.angular_diameter_deg.within("angular_diameter_deg", DIAMETER_DEG[0], DIAMETER_DEG[1])?;
+        self.illuminance_lx.within("illuminance_lx", ILLUMINANCE_LX[0], ILLUMINANCE_LX[1])?;
+        check_temperature("temperature_k", &self.temperature_k)?;
         Ok(Box::new(self))
     }
 }

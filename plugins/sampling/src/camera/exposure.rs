@@ -1,7 +1,7 @@
 //! The exposure option of cameras: `"auto"`, `{ auto = { compensation_ev = 0.5 } }` or `{ ev100 = 9 }`.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Error as _, MapAccess, Visitor};
+use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
@@ -65,15 +65,10 @@ impl<'de> Visitor<'de> for TextOrTable {
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ExposureOption, A::Error> {
         let tagged = Tagged::deserialize(serde::de::value::MapAccessDeserializer::new(map))?;
-        let (exposure, stops) = match tagged {
-            Tagged::Auto(Auto { compensation_ev }) => (Exposure::Auto { compensation_ev }, compensation_ev),
-            Tagged::Ev100(ev100) => (Exposure::Fixed { ev100 }, ev100),
-        };
-        if (-40.0..=40.0).contains(&stops) {
-            Ok(ExposureOption(exposure))
-        } else {
-            Err(A::Error::custom(format!("an exposure of {stops} EV is outside -40 to 40")))
-        }
+        Ok(ExposureOption(match tagged {
+            Tagged::Auto(Auto { compensation_ev }) => Exposure::Auto { compensation_ev },
+            Tagged::Ev100(ev100) => Exposure::Fixed { ev100 },
+        }))
     }
 }
 
@@ -83,18 +78,21 @@ impl JsonSchema for ExposureOption {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let stops = || json_schema!({ "type": "number", "minimum": -40, "maximum": 40 });
+        let stops = |description: &str| json_schema!({ "description": description, "type": "number", "minimum": -40, "maximum": 40 });
         json_schema!({
-            "description": "How scene light becomes a picture: \"auto\", { auto = { compensation_ev = 0.5 } } (stops brighter) or { ev100 = 9.0 } (fixed).",
+            "description": "How luminance maps to image brightness: \"auto\", { auto = { compensation_ev = 0.5 } } or { ev100 = 9.0 }.",
             "type": ["string", "object"],
             "pattern": "^auto$",
             "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
             "properties": {
                 "auto": {
+                    "description": "The light meter of `rgb_camera` chooses the exposure.",
                     "type": "object", "additionalProperties": false,
-                    "properties": { "compensation_ev": stops() }
+                    "properties": {
+                        "compensation_ev": stops("Stops brighter (positive) or darker than the meter chooses; 0 by default.")
+                    }
                 },
-                "ev100": stops()
+                "ev100": stops("Fixed exposure value at ISO 100: 1.2 · 2^EV100 nits become white.")
             }
         })
     }

@@ -1,9 +1,9 @@
-//! The room around the table, as lights need it.
+//! The free space around the table.
 
 use syntable_model::geometry::{Aabb, space_around};
 use syntable_model::scene::{Role, Scene};
 
-/// The inside of the room around the middle of the tabletop; infinite where nothing bounds it.
+/// The inside of the room around the center of the tabletop; infinite where no wall, floor or ceiling bounds it.
 pub fn inside(scene: &Scene) -> Aabb {
     let parts = scene.bodies().iter().filter(|body| body.role == Role::Room);
     let boxes = parts.map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)));

@@ -1,19 +1,19 @@
-//! Points on a hemisphere around a place above the table: what views and lights share.
+//! Points on a hemisphere above the table.
 
 use nalgebra::{Point3, Vector3};
 use std::f64::consts::TAU;
 use syntable_model::random::Stream;
 use syntable_model::scene::Tabletop;
 
-/// Elevations above the horizon that mean the whole upper hemisphere, degrees.
+/// Elevations above the horizon that span the upper hemisphere, degrees.
 pub const HEMISPHERE_DEG: [f64; 2] = [0.0, 90.0];
 
-/// The middle of the hemispheres: `offset` metres above the middle of the tabletop.
-pub fn centre(tabletop: &Tabletop, offset: f64) -> Point3<f64> {
+/// The center of the hemispheres: `offset` meters above the center of the tabletop.
+pub fn center(tabletop: &Tabletop, offset: f64) -> Point3<f64> {
     tabletop.centre() + Vector3::new(0.0, 0.0, offset)
 }
 
-/// A direction uniform over the part of the upper unit hemisphere between two elevations, degrees.
+/// A unit vector, uniform over the part of the upper hemisphere between two elevations in degrees.
 ///
 /// The paper's formula: azimuth 2πu, polar angle acos(1 − v), where `1 − v` = sin(elevation) is uniform; the whole
 /// hemisphere has v in [0, 1).
