@@ -7,6 +7,7 @@ mod frame;
 mod key;
 mod mask;
 mod plane;
+mod serialize;
 pub mod standard;
 mod value;
 
