@@ -44,7 +44,14 @@ fn every_kind_conforms() {
         });
     }
     conformance::annotator(&*annotator("masks", "image_frame = \"extend\""), &world.site(), make_frame);
-    assert!(registry.entries()[3].construct_str("max_occlusion_rate = 1.5").is_err());
+}
+
+#[test]
+fn values_outside_the_limits_of_the_schema_are_rejected() {
+    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
+    let masks = registry.entries().iter().find(|entry| entry.kind == "masks").expect("registered");
+    assert!(masks.construct_str("max_occlusion_rate = 1.0").is_ok());
+    assert!(masks.construct_str("max_occlusion_rate = 1.5").is_err());
 }
 
 #[test]
@@ -112,7 +119,7 @@ fn the_camera_projects_its_world() {
 }
 
 #[test]
-fn lights_and_report_are_told() {
+fn lights_and_the_settle_report_are_recorded() {
     use syntable_model::geometry::{Point3, Vector3};
     let mut world = World::new(1);
     world.view.lights = vec![
