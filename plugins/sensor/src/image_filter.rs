@@ -1,14 +1,14 @@
-//! Rows of pixels: spread over threads, filtered, filled with random numbers.
+//! Images computed row by row on several threads, Gaussian filters, and fields of normal random numbers.
 
 use std::sync::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::product::Plane;
 use syntable_model::random::Stream;
 
-/// Rows that one job works on.
+/// Rows per job.
 const BAND: usize = 16;
 
-/// Calls `job(y, row)` for every row of a picture, in any order, on several threads.
+/// Calls `job(y, row)` for every row of an image, in any order, on several threads.
 pub fn rows<T: Send>(workers: &dyn Workers, width: u32, data: &mut [T], job: impl Fn(u32, &mut [T]) + Sync) {
     let width = width as usize;
     if width == 0 {
@@ -23,7 +23,7 @@ pub fn rows<T: Send>(workers: &dyn Workers, width: u32, data: &mut [T], job: imp
     });
 }
 
-/// A picture from a function that fills its rows.
+/// An image from a function that fills its rows.
 pub fn filled<T: Copy + Send + Default>(
     workers: &dyn Workers,
     [width, height]: [u32; 2],
@@ -34,16 +34,16 @@ pub fn filled<T: Copy + Send + Default>(
     Plane::from_vec(width, height, data)
 }
 
-/// A Gaussian of standard deviation `sigma` at whole numbers from 0 to four deviations, symmetric about 0, such that
-/// all weights sum to one.
+/// One half of a symmetric Gaussian kernel: weights at 0, 1, … up to four standard deviations. The whole kernel sums to
+/// one.
 pub fn gaussian(sigma: f64) -> Vec<f32> {
     let radius = (4.0 * sigma).ceil() as usize;
-    let weights: Vec<f64> = (0..=radius).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let weights: Vec<f64> = (0..=radius).map(|k| libm::exp(-0.5 * (k as f64 / sigma).powi(2))).collect();
     let sum = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
     weights.into_iter().map(|weight| (weight / sum) as f32).collect()
 }
 
-/// A number or vector of numbers that can be filtered.
+/// A pixel that can be filtered.
 pub trait Filtered: Copy + Default + Send + Sync {
     /// `self + weight · other`.
     fn plus(self, weight: f32, other: Self) -> Self;
@@ -64,10 +64,10 @@ where
     }
 }
 
-/// A picture convolved with a symmetric kernel along both axes. It is continued beyond its frame by reflection at the
-/// frame's edge, so that a kernel of sum one keeps the picture's mean.
-pub fn convolved<T: Filtered>(workers: &dyn Workers, picture: &Plane<T>, half: &[f32]) -> Plane<T> {
-    let size = [picture.width(), picture.height()];
+/// An image convolved with a symmetric kernel along both axes. It is continued by reflection at its edges, so a kernel
+/// that sums to one preserves the mean.
+pub fn convolved<T: Filtered>(workers: &dyn Workers, image: &Plane<T>, half: &[f32]) -> Plane<T> {
+    let size = [image.width(), image.height()];
     let along = |length: u32, at: u32, get: &dyn Fn(u32) -> T| {
         let mut sum = T::default().plus(half[0], get(at));
         for (k, &weight) in half.iter().enumerate().skip(1) {
@@ -78,7 +78,7 @@ pub fn convolved<T: Filtered>(workers: &dyn Workers, picture: &Plane<T>, half: &
     };
     let across = filled(workers, size, |y, row: &mut [T]| {
         for (x, out) in row.iter_mut().enumerate() {
-            *out = along(size[0], x as u32, &|x| *picture.at(x, y));
+            *out = along(size[0], x as u32, &|x| *image.at(x, y));
         }
     });
     filled(workers, size, |y, row: &mut [T]| {
@@ -88,7 +88,7 @@ pub fn convolved<T: Filtered>(workers: &dyn Workers, picture: &Plane<T>, half: &
     })
 }
 
-/// A coordinate beyond 0..length, mirrored back at the frame's edge as often as it takes.
+/// A coordinate reflected at the edges of 0..length until it is inside.
 fn reflected(at: i64, length: u32) -> u32 {
     let length = i64::from(length);
     let folded = at.rem_euclid(2 * length);
@@ -97,13 +97,13 @@ fn reflected(at: i64, length: u32) -> u32 {
 
 /// Two independent standard normal numbers (Box and Muller).
 pub fn normal_pair(stream: &mut Stream) -> [f64; 2] {
-    let radius = (-2.0 * (1.0 - stream.unit()).ln()).sqrt();
-    let (sine, cosine) = (std::f64::consts::TAU * stream.unit()).sin_cos();
+    let radius = (-2.0 * libm::log(1.0 - stream.unit())).sqrt();
+    let (sine, cosine) = libm::sincos(std::f64::consts::TAU * stream.unit());
     [radius * cosine, radius * sine]
 }
 
-/// Standard normal numbers, one a pixel, correlated as white noise is after a Gaussian of `sigma` pixels; independent
-/// for `sigma` = 0. Mean 0 and variance 1 everywhere, at the frame too.
+/// Standard normal numbers, one per pixel: white noise filtered by a Gaussian of `sigma` pixels, or independent for
+/// `sigma` = 0. Mean 0 and variance 1 everywhere, also at the edges.
 pub fn normal_field(workers: &dyn Workers, [width, height]: [u32; 2], sigma: f64, stream: &Stream) -> Plane<f32> {
     let half = if sigma > 0.0 { gaussian(sigma) } else { vec![1.0] };
     let margin = half.len() as u32 - 1;

@@ -11,7 +11,7 @@ use syntable_testing::{conformance, stats, workers::Threads};
 
 const SIZE: [u32; 2] = [160, 120];
 const FOCAL_PX: f64 = 600.0;
-/// Of noise only what goes along the ray.
+/// Axial noise only.
 const AXIAL: &str = "lateral_px = 0\nedge_loss = 0\n";
 
 /// Clean products: depth, reflectance and normal of every pixel.
@@ -24,7 +24,7 @@ fn frame(at: impl FnMut(u32, u32) -> (f64, f64, [f32; 3])) -> Frame {
     frame
 }
 
-/// A wall square to the camera.
+/// A wall at normal incidence.
 fn wall(depth: f64, reflectance: f64) -> Frame {
     frame(|_, _| (depth, reflectance, [0.0, 0.0, -1.0]))
 }
@@ -43,7 +43,7 @@ fn depth(options: &str, frame: Frame) -> Plane<f32> {
     seen_by(&Serial, options, frame, 3).get(DEPTH_SENSED).expect("made").clone()
 }
 
-fn share(plane: &Plane<f32>, columns: std::ops::Range<u32>, is: impl Fn(f32) -> bool) -> f64 {
+fn fraction(plane: &Plane<f32>, columns: std::ops::Range<u32>, is: impl Fn(f32) -> bool) -> f64 {
     let all = (0..SIZE[1]).flat_map(|y| columns.clone().map(move |x| (x, y)));
     let (hits, count) = all.fold((0, 0), |(hits, n), (x, y)| (hits + u32::from(is(*plane.at(x, y))), n + 1));
     f64::from(hits) / f64::from(count)
@@ -59,7 +59,7 @@ fn it_conforms() {
 }
 
 #[test]
-fn a_stream_decides_and_threads_do_not_and_clean_depth_stays() {
+fn the_stream_decides_threads_do_not_and_clean_depth_is_kept() {
     for model in ["l515", "d435", "azure_kinect"] {
         let options = format!("model = \"{model}\"\nnoise = {{ uniform = [0.5, 1.5] }}\ndropout = 0.05");
         let see = |workers: &dyn Workers, seed| seen_by(workers, &options, step(0.9, 1.4), seed);
@@ -73,14 +73,14 @@ fn a_stream_decides_and_threads_do_not_and_clean_depth_stays() {
         let principle = if model == "d435" { "stereo" } else { "time_of_flight" };
         assert!(report[principle].is_object(), "{report}");
         let noise = report["noise"].as_f64().expect("a number");
-        let measured = report["measured_share"].as_f64().expect("a number");
+        let measured = report["measured_fraction"].as_f64().expect("a number");
         assert!((0.5..1.5).contains(&noise) && (0.6..0.96).contains(&measured), "{report}");
     }
 }
 
 #[test]
 fn time_of_flight_has_the_stated_noise() {
-    // The formula of the documentation, with the parameters of the models, in the middle of the picture.
+    // The formula of the documentation, with the parameters of the models, in the center of the image.
     let law = |[floor, shot, background]: [f64; 3], z: f64, reflectance: f64| {
         let light = reflectance / (0.95 * z * z);
         (floor * floor + shot * shot / light + (background / light).powi(2)).sqrt() / 1000.0
@@ -111,7 +111,7 @@ fn time_of_flight_has_the_stated_noise() {
         assert!(stats::z_test_p(&squares, want) > level, "{model} at {z} m: σ is not {}", want.sqrt());
         assert!(depth.data().iter().all(|z| (f64::from(*z) / unit - (f64::from(*z) / unit).round()).abs() < 1e-2));
     }
-    // What the makers state: 2.5 mm at 1 m, 15.5 mm at 9 m; at most 17 mm at 3.86 m on 15 %. 3 mm at
+    // Manufacturers' figures: 2.5 mm at 1 m, 15.5 mm at 9 m; at most 17 mm at 3.86 m on 15 %. 3 mm at
     // 3 m are BlenderProc's.
     assert!((law(l515, 1.0, 0.95) - 0.0025).abs() < 5e-5 && (law(l515, 9.0, 0.95) - 0.0155).abs() < 1e-4);
     assert!((law(azure, 1.0, 0.95) - 0.001).abs() < 1e-5 && (law(azure, 3.86, 0.15) - 0.017).abs() < 1e-4);
@@ -129,8 +129,8 @@ fn stereo_has_the_stated_noise() {
             let options = format!("model = \"d435\"\n{AXIAL}unit_mm = 0.01");
             let frame = seen_by(&Serial, &options, wall(z, 0.5), seed);
             let depth = frame.get(DEPTH_SENSED).expect("made");
-            assert_eq!(share(depth, 0..band, |z| z == 0.0), 1.0, "the band at {z} m");
-            assert_eq!(share(depth, band + 1..SIZE[0], |z| z > 0.0), 1.0, "beside the band at {z} m");
+            assert_eq!(fraction(depth, 0..band, |z| z == 0.0), 1.0, "the band at {z} m");
+            assert_eq!(fraction(depth, band + 1..SIZE[0], |z| z > 0.0), 1.0, "beside the band at {z} m");
             let at = (band + 1..SIZE[0]).step_by(11).flat_map(|x| (0..SIZE[1]).step_by(11).map(move |y| (x, y)));
             // In disparity the noise is Gaussian at every depth.
             errors.extend(at.map(|(x, y)| scale / f64::from(*depth.at(x, y)) - scale / z));
@@ -142,7 +142,7 @@ fn stereo_has_the_stated_noise() {
 }
 
 #[test]
-fn neighbours_in_stereo_are_correlated_as_a_gaussian_is() {
+fn neighbors_in_stereo_are_correlated_as_a_gaussian_is() {
     let mut products = Vec::new();
     for seed in 0..30 {
         let options = format!("model = \"d435\"\n{AXIAL}unit_mm = 0.001\nstereo = {{ disparity_step_px = 0 }}");
@@ -161,15 +161,15 @@ fn neighbours_in_stereo_are_correlated_as_a_gaussian_is() {
 fn outside_its_range_nothing_is_measured() {
     for (model, near, far, more) in [
         ("l515", 0.25, 9.0, ""),
-        // The band that the right camera does not see would fill the whole narrow picture.
+        // The band that the right camera does not see would fill the whole narrow image.
         ("d435", 0.18, 10.0, "stereo = { baseline_m = 0.02 }"),
         ("azure_kinect", 0.5, 3.86, ""),
     ] {
         let options = format!("model = \"{model}\"\n{AXIAL}noise = 0\n{more}");
-        let all = |z: f64| share(&depth(&options, wall(z, 0.95)), 60..159, |z| z > 0.0);
+        let all = |z: f64| fraction(&depth(&options, wall(z, 0.95)), 60..159, |z| z > 0.0);
         assert_eq!([near * 0.95, far * 1.05].map(all), [0.0; 2], "{model}");
         // Right of the band, which is 61 px wide then.
-        let inside = share(&depth(&options, wall(near * 1.1, 0.95)), 120..150, |z| z > 0.0);
+        let inside = fraction(&depth(&options, wall(near * 1.1, 0.95)), 120..150, |z| z > 0.0);
         assert_eq!(inside, 1.0, "{model}");
     }
     let nothing = depth("", frame(|_, _| (f64::INFINITY, 0.0, [0.0; 3])));
@@ -178,7 +178,7 @@ fn outside_its_range_nothing_is_measured() {
 
 #[test]
 fn dark_and_steep_surfaces_give_no_light_back() {
-    let measured = |options: &str, frame: Frame| share(&depth(options, frame), 50..150, |z| z > 0.0);
+    let measured = |options: &str, frame: Frame| fraction(&depth(options, frame), 50..150, |z| z > 0.0);
     // At 2 m a 15 % surface at 3.9 m sends as much as one of 0.15 · (2 / 3.9)² = 3.9 %.
     assert!(measured("", wall(2.0, 0.06)) > 0.99 && measured("", wall(2.0, 0.025)) < 0.01);
     assert!(measured("model = \"d435\"", wall(2.0, 0.001)) > 0.99);
@@ -226,12 +226,12 @@ fn edges_lose_measurements_and_fly() {
     let quiet = "noise = 0\nlateral_px = 0\n";
     for (model, loss) in [("l515", 0.2), ("azure_kinect", 0.4), ("d435", 0.4)] {
         let seen = depth(&format!("model = \"{model}\"\n{quiet}"), step(1.0, 1.5));
-        let lost = share(&seen, 99..101, |z| z == 0.0);
+        let lost = fraction(&seen, 99..101, |z| z == 0.0);
         assert!((lost - loss).abs() < 0.1, "{model}: {lost}");
-        assert_eq!(share(&seen, 60..99, |z| (z - 1.0).abs() < 1e-3), 1.0, "{model}");
-        assert_eq!(share(&seen, 101..160, |z| (z - 1.5).abs() < 2e-3), 1.0, "{model}");
+        assert_eq!(fraction(&seen, 60..99, |z| (z - 1.0).abs() < 1e-3), 1.0, "{model}");
+        assert_eq!(fraction(&seen, 101..160, |z| (z - 1.5).abs() < 2e-3), 1.0, "{model}");
         // Only light that is timed mixes.
-        let between = share(&seen, 99..101, |z| (1.01..1.49).contains(&z)) / (1.0 - lost);
+        let between = fraction(&seen, 99..101, |z| (1.01..1.49).contains(&z)) / (1.0 - lost);
         let want = match model {
             "l515" => 0.4,
             "azure_kinect" => 0.5,
@@ -240,11 +240,11 @@ fn edges_lose_measurements_and_fly() {
         assert!((between - want).abs() < 0.12, "{model}: {between}");
     }
     let seen = depth(&format!("{quiet}edge_loss = 0\ntime_of_flight = {{ flying_pixels = 0 }}"), step(1.0, 1.5));
-    assert_eq!(share(&seen, 99..101, |z| z == 1.0 || z == 1.5), 1.0);
+    assert_eq!(fraction(&seen, 99..101, |z| z == 1.0 || z == 1.5), 1.0);
 }
 
 #[test]
-fn near_things_throw_a_shadow_to_their_left() {
+fn near_objects_cast_a_shadow_to_their_left() {
     // A board before a wall, seen from the left camera: f b (1/z − 1/z') pixels of the wall are hidden from the right.
     let board = || frame(|x, _| (if (80..110).contains(&x) { 0.8 } else { 1.6 }, 0.9, [0.0, 0.0, -1.0]));
     let quiet = "model = \"d435\"\nnoise = 0\nlateral_px = 0\nedge_loss = 0\nstereo = { disparity_step_px = 0 }";
@@ -261,16 +261,29 @@ fn near_things_throw_a_shadow_to_their_left() {
 }
 
 #[test]
-fn wrong_options_are_refused_by_name() {
+fn wrong_options_are_rejected_by_name() {
     for (options, want) in [
         ("model = \"d415\"", "unknown variant `d415`"),
-        ("model = \"d435\"\ntime_of_flight = {}", "time_of_flight: `d435` does not time light"),
-        ("stereo = { baseline_m = 0.1 }", "stereo: `l515` is no stereo camera"),
-        ("range_m = [2, 1]", "range_m: `range_m = [2, 1]` is no range"),
-        ("edge_loss = 1.5", "edge_loss: `edge_loss = 1.5` is outside 0 to 1"),
+        ("model = \"d435\"\ntime_of_flight = {}", "time_of_flight: `d435` is not a time-of-flight camera"),
+        ("stereo = { baseline_m = 0.1 }", "stereo: `l515` is not a stereo camera"),
+        ("range_m = [2, 1]", "range_m: `range_m = [2, 1]` is empty"),
         ("noise = { uniform = [-1, 1] }", "noise: `noise` can become -1"),
-        ("time_of_flight = { reach_m = 0 }", "time_of_flight.reach_m"),
-        ("dropout = 2", "dropout: `dropout = 2` is outside"),
+    ] {
+        let got = refusal("depth_camera", options);
+        assert!(got.contains(want), "{options}: {got}");
+    }
+}
+
+#[test]
+fn values_outside_the_limits_of_the_schema_are_rejected() {
+    for (options, want) in [
+        ("edge_loss = 1.5", "edge_loss"),
+        ("dropout = 2", "dropout"),
+        ("range_m = [-1, 1]", "range_m"),
+        ("unit_mm = 0", "unit_mm"),
+        ("max_angle_deg = 91", "max_angle_deg"),
+        ("time_of_flight = { reach_m = 0 }", "reach_m"),
+        ("model = \"d435\"\nstereo = { baseline_m = 0 }", "baseline_m"),
     ] {
         let got = refusal("depth_camera", options);
         assert!(got.contains(want), "{options}: {got}");

@@ -1,20 +1,20 @@
-//! Depth from two pictures.
+//! Depth from two images.
 
-use super::models::Matching;
+use super::parameters::StereoParameters;
 use super::surface::{Hit, Surface};
 use super::{Camera, steepness};
-use crate::grid::filled;
+use crate::image_filter::filled;
 use syntable_model::context::Workers;
 use syntable_model::product::Plane;
 use syntable_model::random::Stream;
 
-/// Growth of noise with the angle: 0.0001 over 0.0012 + 0.0019 (1 − 0.4)², of Nguyen et al. at 1 m.
+/// Growth of noise with the angle of incidence: 0.0001 over 0.0012 + 0.0019 (1 − 0.4)², from Nguyen et al. at 1 m.
 const ANGLE: f64 = 0.053;
 
-/// Which pixels the right camera does not see: something nearer is in its way, or they lie outside its picture.
+/// Pixels that the right camera does not see, because of a nearer surface or because they are outside its image.
 ///
-/// Every row is drawn into the right picture, where a point of inverse depth w lies `f b w` pixels farther left; the
-/// nearest wins. A pixel is hidden if what won is nearer by more than a pixel of disparity.
+/// Every row is projected into the right image, where a point of inverse depth w is `f b w` pixels farther left; the
+/// nearest surface wins. A pixel is hidden if the winner is nearer by more than one pixel of disparity.
 pub fn hidden(depth: &Plane<f32>, focal_px: f64, baseline_m: f64, workers: &dyn Workers) -> Plane<bool> {
     let (width, height) = (depth.width(), depth.height());
     filled(workers, [width, height], |y, row: &mut [bool]| {
@@ -22,7 +22,7 @@ pub fn hidden(depth: &Plane<f32>, focal_px: f64, baseline_m: f64, workers: &dyn 
             let z = f64::from(*depth.at(x as u32, y));
             (z.is_finite() && z > 0.0).then(|| focal_px * baseline_m / z)
         };
-        // The cells left and right of where a pixel comes to lie; none beside the picture.
+        // The cells left and right of the projection of a pixel; none outside the image.
         let cells = |x: usize, shift: f64| {
             let at = x as f64 - shift;
             (at >= -0.5).then(|| [at.floor(), at.ceil()].map(|cell| cell.max(0.0) as usize))
@@ -41,16 +41,16 @@ pub fn hidden(depth: &Plane<f32>, focal_px: f64, baseline_m: f64, workers: &dyn 
     })
 }
 
-/// The depth that is measured of what is seen, m, with a standard normal number; none without measurement.
+/// The measured depth of a hit, meters, given a standard normal number; none without a measurement.
 pub fn measured(
-    matching: &Matching,
+    matching: &StereoParameters,
     camera: &Camera,
     surface: &Surface,
     hit: &Hit,
     normal: f64,
     stream: &mut Stream,
 ) -> Option<f64> {
-    if surface.edges(hit.at) != 0 && stream.chance(camera.shared.edge_loss) {
+    if surface.edges(hit.at) != 0 && stream.chance(camera.common.edge_loss) {
         return None;
     }
     let scale = matching.focal_length_px * matching.baseline_m;

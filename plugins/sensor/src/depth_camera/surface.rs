@@ -1,13 +1,13 @@
-//! What a depth camera looks at: depth, its edges, the angles of incidence.
+//! The surfaces in front of a depth camera: depth, depth edges and angles of incidence.
 
-use crate::grid::filled;
+use crate::image_filter::filled;
 use syntable_model::context::Workers;
 use syntable_model::geometry::Vector3;
 use syntable_model::product::Plane;
 use syntable_model::scene::Camera;
 
-/// The four neighbours of a pixel, as bits and as steps.
-pub const NEIGHBOURS: [(u8, [i64; 2]); 4] = [(1, [1, 0]), (2, [-1, 0]), (4, [0, 1]), (8, [0, -1])];
+/// The four neighbors of a pixel, as bits and as steps.
+pub const NEIGHBORS: [(u8, [i64; 2]); 4] = [(1, [1, 0]), (2, [-1, 0]), (4, [0, 1]), (8, [0, -1])];
 
 /// The rendered surface.
 pub struct Surface<'a> {
@@ -17,28 +17,28 @@ pub struct Surface<'a> {
     edges: Plane<u8>,
 }
 
-/// What is seen at a pixel.
+/// The surface point at a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Hit {
-    /// The pixel.
+    /// Column and row of the pixel.
     pub at: [u32; 2],
-    /// Distance along the optical axis, m.
+    /// Distance along the optical axis, meters.
     pub depth: f64,
-    /// Distance along the ray over distance along the axis.
+    /// Ratio of the distance along the ray to the depth.
     pub slant: f64,
     /// Cosine of the angle between ray and normal, in [0, 1].
     pub cosine: f64,
 }
 
 impl Hit {
-    /// The angle between ray and normal.
+    /// Angle of incidence, between ray and normal, radians.
     pub fn angle(&self) -> f64 {
-        self.cosine.acos()
+        libm::acos(self.cosine)
     }
 }
 
 impl<'a> Surface<'a> {
-    /// Finds the edges: neighbours whose depths differ by more than `step_m` beyond what their slopes say.
+    /// Finds the edges: neighbors whose depths differ by more than `step_m` beyond the slope of the surface.
     pub fn new(
         camera: &'a Camera,
         depth: &'a Plane<f32>,
@@ -49,7 +49,7 @@ impl<'a> Surface<'a> {
         let edges = filled(workers, [depth.width(), depth.height()], |y, row: &mut [u8]| {
             for (x, edges) in row.iter_mut().enumerate() {
                 let at = [x as i64, i64::from(y)];
-                *edges = NEIGHBOURS
+                *edges = NEIGHBORS
                     .iter()
                     .filter(|(_, step)| is_edge(depth, at, *step, step_m))
                     .fold(0, |bits, (bit, _)| bits | bit);
@@ -58,19 +58,19 @@ impl<'a> Surface<'a> {
         Self { camera, depth, normal, edges }
     }
 
-    /// The edges of a pixel, as bits of [`NEIGHBOURS`].
+    /// The edges of a pixel, as bits of [`NEIGHBORS`].
     pub fn edges(&self, [x, y]: [u32; 2]) -> u8 {
         *self.edges.at(x, y)
     }
 
-    /// What is seen at a pixel's centre.
+    /// The surface point at the center of a pixel.
     pub fn hit(&self, at: [u32; 2]) -> Option<Hit> {
         let inverse = inverse(self.depth, at.map(i64::from)).filter(|w| *w > 0.0)?;
         self.facing(at, 1.0 / inverse)
     }
 
-    /// What is seen at (x, y), px from the first pixel's centre. Depth is interpolated within a surface, where its
-    /// inverse is linear; at edges it is that of the nearest pixel.
+    /// The surface point at (x, y), pixels from the center of the first pixel. Depth is interpolated within a surface,
+    /// where its inverse is linear; at edges it is that of the nearest pixel.
     pub fn near(&self, x: f64, y: f64) -> Option<Hit> {
         let x = x.clamp(0.0, f64::from(self.depth.width() - 1));
         let y = y.clamp(0.0, f64::from(self.depth.height() - 1));
@@ -95,13 +95,13 @@ impl<'a> Surface<'a> {
         let ray = self.camera.unproject(f64::from(at[0]) + 0.5, f64::from(at[1]) + 0.5)?;
         let slant = ray.norm();
         let normal = Vector3::from(self.normal.at(at[0], at[1]).map(f64::from));
-        // Without a normal a surface is seen squarely.
+        // Without a normal, incidence is normal.
         let cosine = if normal == Vector3::zeros() { 1.0 } else { (-normal.dot(&ray) / slant).clamp(0.0, 1.0) };
         Some(Hit { at, depth, slant, cosine })
     }
 }
 
-/// One over the depth of a pixel, 0 where nothing is; none outside the frame.
+/// One over the depth of a pixel, 0 for the background; none outside the image.
 fn inverse(depth: &Plane<f32>, [x, y]: [i64; 2]) -> Option<f64> {
     if !(0..i64::from(depth.width())).contains(&x) || !(0..i64::from(depth.height())).contains(&y) {
         return None;
@@ -110,10 +110,10 @@ fn inverse(depth: &Plane<f32>, [x, y]: [i64; 2]) -> Option<f64> {
     Some(if z.is_finite() && z > 0.0 { 1.0 / z } else { 0.0 })
 }
 
-/// Whether there is an edge between a pixel and its neighbour.
+/// Whether there is an edge between a pixel and its neighbor.
 ///
-/// On a plane the inverse depth is linear in the picture. What one neighbour has beyond the slope on either side, the
-/// smaller of both, is a step, and times both depths it is a step in metres.
+/// On a plane the inverse depth is linear in the image. The difference to the neighbor beyond the slope on either side,
+/// the smaller of both, is a step of the inverse depth; times both depths it is a step in meters.
 fn is_edge(depth: &Plane<f32>, [x, y]: [i64; 2], [dx, dy]: [i64; 2], step_m: f64) -> bool {
     let at = |k: i64| inverse(depth, [x + k * dx, y + k * dy]);
     let (Some(here), Some(there)) = (at(0), at(1)) else { return false };

@@ -2,29 +2,29 @@
 
 use syntable_model::photometry::luminance;
 
-/// Luminance that saturates the picture at an exposure value for ISO 100, nits: `78 / (100 · 0.65) · 2^EV100`, from
+/// Luminance that saturates the image at an exposure value for ISO 100, nits: `78 / (100 · 0.65) · 2^EV100`, from
 /// the saturation-based speed of ISO 12232 and a lens that passes 65 % (Lagarde and de Rousiers, SIGGRAPH 2014).
 pub fn white_nits(ev100: f64) -> f64 {
-    1.2 * ev100.exp2()
+    1.2 * libm::exp2(ev100)
 }
 
 /// Calibration constant of reflected-light meters, ISO 2720: `2^EV100 = L · 100 / K`.
 const METER_K: f64 = 12.5;
-/// The share of darkest and of brightest pixels that the average leaves out.
+/// Fraction of the darkest and of the brightest pixels that the average leaves out.
 const TAIL: f64 = 0.1;
-/// The share of pixels that may burn out before the meter stops down.
-const BURNT: f64 = 0.01;
-/// How far it stops down at most. What is brighter still is a lamp, which no exposure would save.
+/// Fraction of pixels that may clip before the meter lowers the exposure.
+const CLIPPED: f64 = 0.01;
+/// Maximum reduction of the exposure, stops. Brighter pixels are lights, which no exposure recovers.
 const GUARD_EV: f64 = 2.0;
-/// The exposure of a picture without light.
+/// Exposure value of an image without light.
 const DARK_EV100: f64 = 0.0;
 
-/// The exposure value for ISO 100 that an automatic camera chooses for a picture in nits.
+/// The exposure value for ISO 100 that an automatic camera chooses for an image in nits.
 ///
-/// The log-average luminance of the pixels between the 10th and the 90th percentile goes through the meter's equation.
-/// Then white is raised so that 99 % of the pixels are not above it, by two stops at most; pixels that two stops would
-/// not save, such as a lamp in the picture, do not count in this. Pixels without light, or that are not finite, never
-/// count; a picture without light has EV 0.
+/// The meter equation is applied to the log-average luminance of the pixels between the 10th and the 90th percentile.
+/// Then white is raised by up to two stops until 99 % of the pixels are below it; pixels that two stops would not
+/// recover, such as a light in the image, do not count here. Pixels that are zero or not finite never count; an image
+/// without light has EV 0.
 pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
     let lit: Vec<f32> = radiance
         .iter()
@@ -35,25 +35,25 @@ pub fn ev100_of(radiance: &[[f32; 3]]) -> f64 {
         return DARK_EV100;
     }
     let mut sorted = lit.clone();
-    let rank = |share: f64| ((lit.len() - 1) as f64 * share).round() as usize;
+    let rank = |fraction: f64| ((lit.len() - 1) as f64 * fraction).round() as usize;
     let (low, high) = (rank(TAIL), rank(1.0 - TAIL));
-    // A selection leaves the smaller values in front of the selected one.
+    // A selection leaves the smaller values before the selected one.
     let high_nits = *sorted.select_nth_unstable_by(high, f32::total_cmp).1;
     let low_nits = *sorted[..=high].select_nth_unstable_by(low, f32::total_cmp).1;
-    // Summed in image order: the same on every machine.
+    // In image order, so that the sum is reproducible.
     let (mut sum_ln, mut count) = (0.0, 0);
     for y in lit.iter().copied().filter(|y| (low_nits..=high_nits).contains(y)) {
-        sum_ln += f64::from(y).ln();
+        sum_ln += libm::log(f64::from(y));
         count += 1;
     }
     let mean_ln = sum_ln / f64::from(count);
-    let metered = (mean_ln.exp() * 100.0 / METER_K).log2();
-    let saved_nits = white_nits(metered + GUARD_EV) as f32;
-    let mut saved: Vec<f32> = lit.into_iter().filter(|y| *y <= saved_nits).collect();
-    // The middle pixels are far below what is saved, so that there is at least one.
-    let bright = ((saved.len() - 1) as f64 * (1.0 - BURNT)).round() as usize;
-    let bright_nits = *saved.select_nth_unstable_by(bright, f32::total_cmp).1;
-    (f64::from(bright_nits) / white_nits(0.0)).log2().clamp(metered, metered + GUARD_EV)
+    let metered = libm::log2(libm::exp(mean_ln) * 100.0 / METER_K);
+    let recoverable_nits = white_nits(metered + GUARD_EV) as f32;
+    let mut recoverable: Vec<f32> = lit.into_iter().filter(|y| *y <= recoverable_nits).collect();
+    // The metered pixels are far below that limit, so there is at least one.
+    let bright = ((recoverable.len() - 1) as f64 * (1.0 - CLIPPED)).round() as usize;
+    let bright_nits = *recoverable.select_nth_unstable_by(bright, f32::total_cmp).1;
+    libm::log2(f64::from(bright_nits) / white_nits(0.0)).clamp(metered, metered + GUARD_EV)
 }
 
 #[cfg(test)]
@@ -91,15 +91,15 @@ mod tests {
     }
 
     #[test]
-    fn highlights_stop_the_exposure_down_but_not_for_ever() {
+    fn highlights_lower_the_exposure_by_two_stops_at_most() {
         // White of the metered exposure is 1.2 nits; 5 % of the pixels at twice that cost one stop.
-        let with = |share: usize, nits: f32| -> Vec<[f32; 3]> {
-            (0..1000).map(|i| if i < share { [nits; 3] } else { [0.125; 3] }).collect()
+        let with = |count: usize, nits: f32| -> Vec<[f32; 3]> {
+            (0..1000).map(|i| if i < count { [nits; 3] } else { [0.125; 3] }).collect()
         };
         close(ev100_of(&with(50, 2.4)), 1.0);
         close(ev100_of(&with(50, 1.0)), 0.0);
         close(ev100_of(&with(50, 4.8)), 2.0);
-        // A lamp cannot be saved, and does not make the rest dark.
+        // A light cannot be recovered, and does not darken the rest.
         close(ev100_of(&with(50, 5.0)), 0.0);
         close(ev100_of(&with(50, 1e6)), 0.0);
         close(ev100_of(&with(5, 1e6)), 0.0);

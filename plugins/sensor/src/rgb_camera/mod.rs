@@ -1,4 +1,4 @@
-//! From light to an 8-bit picture.
+//! From radiance to an 8-bit image.
 
 mod agx;
 mod jpeg;
@@ -15,45 +15,43 @@ pub use noise::Noise;
 pub use tone::{Curve, Developer, Tone};
 pub use white_balance::WhiteBalance;
 
-use crate::grid::filled;
+use crate::image_filter::filled;
 use crate::view;
 use std::borrow::Cow;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{EXPOSURE, RADIANCE, RGB};
 use syntable_model::scene::Exposure;
 
-/// Makes the 8-bit picture from the radiance: exposure, tone curve, sRGB encoding, rounding; and, if their tables are
-/// given, what a lens and an image sensor add.
+/// Turns radiance into an 8-bit image: exposure, tone curve, sRGB encoding and rounding; and, if their tables are given,
+/// the effects of a lens and an image sensor.
 ///
 /// The effects come in the order of a camera: vignetting, chromatic aberration, blur, exposure, noise, white balance,
-/// tone curve, JPEG. White balance follows the noise, because a camera scales what it has read out. Every number that
-/// can be a distribution is drawn anew for every view. `exposure` in the output says all that was applied.
+/// tone curve, JPEG. White balance follows the noise, because a camera scales what it has read out. Distributions are
+/// sampled per view. The product `exposure` records everything that was applied.
 ///
-/// A fixed exposure maps `1.2 · 2^EV100` nits to white. An automatic one meters the picture as a reflected-light meter
-/// does (ISO 2720, K = 12.5) on the log-average luminance of the middle 80 % of the pixels, and stops down if more than
-/// 1 % of what two stops can save would be burnt out. It meters what reaches the sensor.
+/// A fixed exposure maps `1.2 · 2^EV100` nits to white. An automatic exposure works as a reflected-light meter (ISO 2720,
+/// K = 12.5) on the log-average luminance of the central 80 % of the pixels by luminance. It then lowers the exposure by
+/// up to two stops while more than 1 % of the recoverable pixels clip. It meters the light that reaches the sensor.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RgbCamera {
-    /// How luminance becomes brightness: `filmic` lifts the middle tones to where a meter wants them and rolls the
-    /// highlights off; `srgb` is proportional up to white; `linear` is `srgb` without the sRGB encoding; `agx` is
-    /// `filmic` with more room for highlights, in which bright colours fade to white.
+    /// Tone curve.
     pub tone: Tone,
-    /// Light lost towards the corners; off if left out.
+    /// Darkening towards the corners; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vignetting: Option<Vignetting>,
-    /// Coloured fringes towards the corners; off if left out.
+    /// Color fringes towards the corners; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub chromatic_aberration: Option<ChromaticAberration>,
-    /// Blur of lens and focus; off if left out.
+    /// Blur of lens and focus; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blur: Option<Blur>,
-    /// Which light is made white.
+    /// The light that becomes white: `"none"` (the default), `"auto"` or `{ kelvin = 4000 }`.
     pub white_balance: WhiteBalance,
-    /// Photon and read-out noise; off if left out.
+    /// Shot noise and read noise; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<Noise>,
-    /// Traces of compression; off if left out.
+    /// JPEG compression artifacts; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub jpeg: Option<Jpeg>,
 }
@@ -91,12 +89,12 @@ impl Sensor for RgbCamera {
         let mut light = Cow::Borrowed(frame.get(RADIANCE)?);
         let intrinsics = &view.camera.intrinsics;
         if let Some(vignetting) = &self.vignetting {
-            let told = vignetting.apply(finite(&mut light), intrinsics, workers, &stream("vignetting"));
-            applied.push(("vignetting", told));
+            let record = vignetting.apply(finite(&mut light), intrinsics, workers, &stream("vignetting"));
+            applied.push(("vignetting", record));
         }
         if let Some(aberration) = &self.chromatic_aberration {
-            let told = aberration.apply(finite(&mut light), intrinsics, workers, &stream("chromatic_aberration"));
-            applied.push(("chromatic_aberration", told));
+            let record = aberration.apply(finite(&mut light), intrinsics, workers, &stream("chromatic_aberration"));
+            applied.push(("chromatic_aberration", record));
         }
         if let Some(blur) = &self.blur {
             applied.push(("blur", blur.apply(finite(&mut light), workers, &stream("blur"))));
@@ -106,27 +104,27 @@ impl Sensor for RgbCamera {
             Exposure::Auto { compensation_ev } => ("auto", ev100_of(light.data()) - compensation_ev),
         };
         let white = white_nits(ev100);
-        // The light is judged without noise, as by a camera that has seen more than one picture of it.
+        // The light is estimated without noise, as by a camera that averages several images.
         let balance = self.white_balance.gains(light.data(), &stream("white_balance"));
         if let Some(noise) = &self.noise {
             applied.push(("noise", noise.apply(finite(&mut light), white, workers, &stream("noise"))));
         }
         let mut gains = [1.0; 3];
-        if let Some((balanced, told)) = balance {
+        if let Some((balanced, record)) = balance {
             gains = balanced;
-            applied.push(("white_balance", told));
+            applied.push(("white_balance", record));
         }
         let developer = Developer::new(self.tone, white);
-        let mut picture = filled(workers, [light.width(), light.height()], |y, row: &mut [[u8; 3]]| {
+        let mut image = filled(workers, [light.width(), light.height()], |y, row: &mut [[u8; 3]]| {
             for (x, code) in row.iter_mut().enumerate() {
                 let nits = light.at(x as u32, y);
                 *code = developer.code(std::array::from_fn(|c| nits[c] * gains[c]));
             }
         });
         if let Some(jpeg) = &self.jpeg {
-            applied.push(("jpeg", jpeg.apply(&mut picture, &stream("jpeg"))?));
+            applied.push(("jpeg", jpeg.apply(&mut image, &stream("jpeg"))?));
         }
-        frame.put(RGB, picture)?;
+        frame.put(RGB, image)?;
         let exposure = [
             ("mode", mode.into()),
             ("ev100", ev100.into()),
@@ -137,7 +135,7 @@ impl Sensor for RgbCamera {
     }
 }
 
-/// The picture to work on. Not a number is dark and infinity is very bright, so that a filter does not spread them.
+/// The image to modify. NaN becomes 0 and infinity very bright, so that filters do not spread them.
 fn finite<'a>(light: &'a mut Cow<'_, Plane<[f32; 3]>>) -> &'a mut Plane<[f32; 3]> {
     const BRIGHT_NITS: f32 = 1e12;
     if let Cow::Borrowed(rendered) = *light {

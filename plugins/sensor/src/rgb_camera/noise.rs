@@ -1,6 +1,6 @@
-//! The noise of an image sensor.
+//! Noise of an image sensor.
 
-use crate::grid::rows;
+use crate::image_filter::rows;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::context::Workers;
@@ -9,20 +9,22 @@ use syntable_model::error::Invalid;
 use syntable_model::product::{Plane, Value};
 use syntable_model::random::Stream;
 
-/// Poisson–Gauss noise of photons and read-out, before white balance and tone curve.
+/// Poisson–Gaussian noise of photons and read-out, before white balance and tone curve.
 ///
 /// With `x` the linear signal, 1 at white, a pixel collects `Poisson(W x)` electrons, `W = full_well_e · 100 / iso`,
-/// and its read-out adds a Gaussian of `read_noise_e` electrons. The noise of `x` has the variance `a x + b` with
-/// `a = 1 / W` and `b = (read_noise_e / W)²` (Foi et al., IEEE Trans. Image Processing 17, 2008; EMVA 1288 states the same in electrons). Channels and pixels are independent: there is no colour filter array.
+/// and read-out adds a Gaussian of `read_noise_e` electrons. The noise of `x` has the variance `a x + b` with
+/// `a = 1 / W` and `b = (read_noise_e / W)²` (Foi et al., IEEE Trans. Image Processing 17, 2008; EMVA 1288 states the
+/// same in electrons). Channels and pixels are independent: there is no color filter array.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {
-    /// Sensitivity, ISO. The picture's brightness stays: a higher ISO says that fewer electrons made it.
+    /// ISO sensitivity, from 1 to 1,000,000. It does not change the brightness: a higher value means fewer electrons.
+    #[schemars(extend("minimum" = ISO[0], "maximum" = ISO[1]))]
     pub iso: Dist,
-    /// Electrons that white is at ISO 100. Pixels of 1.4 µm hold about 5,000, of 3 µm about 15,000.
+    /// Electrons at white at ISO 100. Pixels of 1.4 µm hold about 5,000, pixels of 3 µm about 15,000.
     #[schemars(range(min = 10.0, max = 1e7))]
     pub full_well_e: f64,
-    /// Standard deviation of the read-out, electrons.
+    /// Standard deviation of the read noise, electrons.
     #[schemars(range(min = 0.0, max = 1e5))]
     pub read_noise_e: f64,
 }
@@ -33,27 +35,20 @@ impl Default for Noise {
     }
 }
 
-/// Means from which a Poisson number is drawn as a Gaussian: its skewness is then below 0.15.
+/// Mean from which Poisson numbers are approximated by a Gaussian: their skewness is then below 0.15.
 const MANY: f64 = 50.0;
+/// Limits of `iso`.
+const ISO: [f64; 2] = [1.0, 1e6];
 
 impl Noise {
     pub(super) fn check(&self) -> Result<(), Invalid> {
-        self.iso.within("noise.iso", 1.0, 1e6)?;
-        for (key, value, low, high) in
-            [("full_well_e", self.full_well_e, 10.0, 1e7), ("read_noise_e", self.read_noise_e, 0.0, 1e5)]
-        {
-            if !(low..=high).contains(&value) {
-                let message = format!("`{key} = {value}` electrons is outside {low} to {high}");
-                return Err(Invalid::new(format!("noise.{key}"), message));
-            }
-        }
-        Ok(())
+        self.iso.within("noise.iso", ISO[0], ISO[1])
     }
 
-    /// Adds noise to a picture in which `white` is white; tells how much.
+    /// Adds noise to an image in which `white` nits are white. Returns the parameters.
     pub(super) fn apply(
         &self,
-        picture: &mut Plane<[f32; 3]>,
+        image: &mut Plane<[f32; 3]>,
         white: f64,
         workers: &dyn Workers,
         stream: &Stream,
@@ -62,7 +57,7 @@ impl Noise {
         let electrons_at_white = self.full_well_e * 100.0 / iso;
         let (to_electrons, to_nits) = (electrons_at_white / white, white / electrons_at_white);
         let pixels = stream.child("pixels");
-        rows(workers, picture.width(), picture.data_mut(), |y, row| {
+        rows(workers, image.width(), image.data_mut(), |y, row| {
             let mut stream = pixels.at(y.into());
             for pixel in row {
                 *pixel = pixel.map(|nits| {
@@ -80,13 +75,13 @@ impl Noise {
     }
 }
 
-/// Electrons read out where `mean` are expected.
+/// A random number of electrons, read noise included, where `mean` are expected.
 fn counted(mean: f64, read_noise: f64, stream: &mut Stream) -> f64 {
     if mean >= MANY {
         return mean + (mean + read_noise * read_noise).sqrt() * stream.normal();
     }
-    // Inversion: the terms of the distribution are taken off a uniform number, one after the other.
-    let (mut left, mut term, mut count) = (stream.unit(), (-mean).exp(), 0.0);
+    // Inversion: subtract the terms of the distribution from a uniform number, one after the other.
+    let (mut left, mut term, mut count) = (stream.unit(), libm::exp(-mean), 0.0);
     while left >= term && count < 10.0 * MANY {
         left -= term;
         count += 1.0;
@@ -112,7 +107,7 @@ mod tests {
             let mut expected = vec![(-mean).exp() * f64::from(draws)];
             (1..bins).for_each(|k| expected.push(expected[k - 1] * mean / k as f64));
             expected.push(f64::from(draws) - expected.iter().sum::<f64>());
-            // Bins of few counts go together.
+            // Bins with few counts are merged.
             let (mut o, mut e) = (Vec::new(), Vec::new());
             let mut open = (0, 0.0);
             for (count, want) in observed.into_iter().zip(expected) {

@@ -1,27 +1,28 @@
-//! Tone curves and the sRGB encoding, as a table of decision levels.
+//! Tone curves, as tables of decision levels.
 
 use super::agx::{self, Agx};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use syntable_model::color::linear_to_srgb;
 
-/// How luminance becomes brightness.
+/// Tone curve, from luminance to brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Tone {
-    /// Middle tones as a meter wants them, highlights rolled off, sRGB-encoded.
+    /// A metered gray becomes 18 %, highlights roll off (Reinhard et al., 2002), sRGB-encoded.
     #[default]
     Filmic,
-    /// Proportional up to white, sRGB-encoded.
+    /// Linear up to white, sRGB-encoded.
     Srgb,
-    /// Proportional up to white, not encoded: code = 255 · luminance / white.
+    /// Linear up to white, not encoded: code = 255 · luminance / white.
     Linear,
-    /// Middle tones as a meter wants them; bright colours fade to white instead of burning out. White is not reached
-    /// before three stops above the white of the other curves.
+    /// A metered gray becomes 18 %, and bright colors fade to white instead of clipping (after AgX by Sobotka, 2022).
+    /// White is three stops above the white of the other curves.
     Agx,
 }
 
 impl Tone {
-    /// Its name in recipes and in the output.
+    /// Name in recipes and in the output.
     pub fn name(self) -> &'static str {
         match self {
             Self::Filmic => "filmic",
@@ -31,24 +32,24 @@ impl Tone {
         }
     }
 
-    /// The brightness in [0, 1] of a grey of `x` = luminance / white.
+    /// The brightness in [0, 1] of a gray of `x` = luminance / white.
     pub fn brightness(self, x: f64) -> f64 {
         match self {
-            Self::Filmic => srgb_encode(shoulder(GAIN * x.min(1.0))),
-            Self::Srgb => srgb_encode(x.min(1.0)),
+            Self::Filmic => linear_to_srgb(shoulder(GAIN * x.min(1.0))),
+            Self::Srgb => linear_to_srgb(x.min(1.0)),
             Self::Linear => x.min(1.0),
             Self::Agx => agx::sigmoid(GAIN * x),
         }
     }
 }
 
-/// Gain of the filmic curve: a metered grey, `12.5 / 100 · 2^EV` nits of `1.2 · 2^EV`, comes out as 18 %.
+/// Gain of the filmic curve: a metered gray, `12.5 / 100 · 2^EV` nits of `1.2 · 2^EV`, becomes 18 %.
 pub(super) const GAIN: f64 = 0.18 * 1.2 * 100.0 / 12.5;
-/// Where the filmic curve leaves the straight line.
+/// End of the linear part of the filmic curve.
 const KNEE: f64 = 0.4;
 
-/// A straight line up to the knee, then the curve of Reinhard et al. (2002, equation 4), `t (1 + t/T²) / (1 + t)`,
-/// scaled so that it continues the line smoothly and reaches 1 at [`GAIN`].
+/// Linear up to the knee, then the curve of Reinhard et al. (2002, equation 4), `t (1 + t/T²) / (1 + t)`, scaled so that
+/// it continues the line smoothly and reaches 1 at [`GAIN`].
 fn shoulder(x: f64) -> f64 {
     if x <= KNEE {
         return x;
@@ -57,16 +58,11 @@ fn shoulder(x: f64) -> f64 {
     (KNEE + (1.0 - KNEE) * t * (1.0 + t / (t_white * t_white)) / (1.0 + t)).min(1.0)
 }
 
-/// The sRGB encoding (IEC 61966-2-1) of a linear value in [0, 1].
-pub(super) fn srgb_encode(x: f64) -> f64 {
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// What turns light into codes, for a given white.
+/// Converts radiance into 8-bit codes, for a given white.
 pub enum Developer {
-    /// A curve for every channel by itself.
+    /// One curve applied to each channel.
     Curve(Box<Curve>),
-    /// A curve in a smaller gamut.
+    /// A curve in a reduced gamut.
     Agx(Box<Agx>),
 }
 
@@ -79,7 +75,7 @@ impl Developer {
         }
     }
 
-    /// The codes of a colour in nits.
+    /// The codes of a color in nits.
     pub fn code(&self, nits: [f32; 3]) -> [u8; 3] {
         match self {
             Self::Curve(curve) => nits.map(|nits| curve.code(nits)),
@@ -88,15 +84,14 @@ impl Developer {
     }
 }
 
-/// How many equal bins of [0, white] are looked up.
+/// Number of equal bins of [0, white] in the lookup table.
 const BINS: usize = 4096;
 
-/// A curve for every channel by itself and a given white, as a table: exact to the rounding of `255 · brightness`, and
-/// quick.
+/// A curve for one channel and a given white, as a lookup table that is exact to the rounding of `255 · brightness`.
 pub struct Curve {
-    /// The smallest luminance of every code above 0, nits; code `n` begins at `levels[n - 1]`.
+    /// Smallest luminance of every code above 0, nits; code `n` begins at `levels[n - 1]`.
     levels: [f32; 255],
-    /// The code at the lower end of every bin.
+    /// Code at the lower end of every bin.
     bins: Vec<u8>,
     bins_per_nit: f32,
 }
@@ -116,7 +111,7 @@ impl Curve {
         Self { levels, bins, bins_per_nit }
     }
 
-    /// The code of a luminance in nits: `255 · brightness`, rounded half up. Not a number is 0.
+    /// The code of a luminance in nits: `255 · brightness`, rounded half up. NaN is 0.
     pub fn code(&self, nits: f32) -> u8 {
         // The cast sends negative numbers and NaN to 0, and large ones to the last bin.
         let bin = ((nits * self.bins_per_nit) as usize).min(BINS - 1);
@@ -144,7 +139,7 @@ mod tests {
 
     #[test]
     fn known_points() {
-        // A fixed white is white in every curve; a metered grey is 18 % in the filmic one, sRGB code 118.
+        // A fixed white is white in every curve; a metered gray is 18 % in the filmic one, sRGB code 118.
         for tone in [Tone::Filmic, Tone::Srgb, Tone::Linear] {
             let curve = Curve::new(tone, 9.6);
             assert_eq!([9.6, 1e9, f32::INFINITY].map(|nits| curve.code(nits)), [255; 3], "{tone:?}");

@@ -11,31 +11,31 @@ use syntable_model::photometry::{blackbody, luminance};
 use syntable_model::product::Value;
 use syntable_model::random::Stream;
 
-/// Which light is made white: `"none"`, `"auto"` or `{ kelvin = 4000 }`.
+/// The light that becomes white: `"none"`, `"auto"` or `{ kelvin = 4000 }`.
 ///
-/// The channels are scaled after von Kries, in linear Rec. 709, so that the light of a black body at that temperature
-/// becomes a grey of the same luminance.
+/// The channels are scaled by von Kries gains in linear Rec. 709, so that light of a black body at that temperature
+/// becomes a gray of the same luminance.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum WhiteBalance {
-    /// The channels stay as they are: light of the colour of D65 is white.
+    /// No gains: light of the chromaticity of D65 is white.
     #[default]
     None,
-    /// The light is estimated from the picture.
+    /// The light is estimated from the image.
     ///
-    /// Robust grey world: the median of red over green and that of blue over green stand for a grey surface (Buchsbaum,
-    /// J. Franklin Institute 1980, with means; medians let coloured things fill up to half of the picture). Only
-    /// pixels between the 10th and the 90th percentile of luminance count. Of all black bodies from 2500 K to 10000 K
-    /// the one is taken that comes nearest in the logarithms of both ratios: a green table is no green light.
+    /// Robust gray world: the medians of red over green and of blue over green stand for a gray surface (Buchsbaum,
+    /// J. Franklin Institute 1980, with means; with medians, colored objects can fill up to half of the image). Only
+    /// pixels between the 10th and the 90th percentile of luminance count. The estimate is the black body from 2500 K to
+    /// 10,000 K that is nearest in the logarithms of both ratios, so that a green table is not taken for green light.
     Auto,
-    /// The light of a black body at this temperature, K.
+    /// Light of a black body at this temperature, kelvin, from 2000 to 40,000.
     Kelvin(Dist),
 }
 
-/// Temperatures that can be made white, K. Below, a black body has hardly any blue.
+/// Limits of `kelvin`. Below, a black body has hardly any blue.
 const KELVIN: [f64; 2] = [2000.0, 40_000.0];
-/// Temperatures that are looked for, in reciprocal megakelvin.
+/// Range of estimated temperatures, reciprocal megakelvin.
 const MIRED: std::ops::RangeInclusive<u32> = 100..=400;
-/// The share of darkest and of brightest pixels that the estimate leaves out.
+/// Fraction of the darkest and of the brightest pixels that the estimate leaves out.
 const TAIL: f64 = 0.1;
 
 impl WhiteBalance {
@@ -46,14 +46,14 @@ impl WhiteBalance {
         }
     }
 
-    /// The gains of the channels for a picture, and what to tell of them; none if the channels stay.
+    /// The gains of the channels for an image, and their record; none without white balance.
     pub(super) fn gains(&self, radiance: &[[f32; 3]], stream: &Stream) -> Option<([f32; 3], Value)> {
         let (mode, kelvin) = match self {
             Self::None => return None,
             Self::Auto => ("auto", estimated(radiance)),
             Self::Kelvin(kelvin) => ("kelvin", Some(kelvin.draw(&mut stream.child("kelvin")))),
         };
-        // Without light there is nothing to balance.
+        // An image without light has no estimate.
         let gains = kelvin.map_or([1.0; 3], |kelvin| blackbody(kelvin).map(f64::recip));
         let record = Value::record([
             ("mode", mode.into()),
@@ -64,28 +64,29 @@ impl WhiteBalance {
     }
 }
 
-/// The temperature of the light in a picture, K; none if nothing in it can tell.
+/// The estimated temperature of the light in an image, kelvin; none if no pixel is lit.
 pub fn estimated(radiance: &[[f32; 3]]) -> Option<f64> {
-    let told: Vec<(f32, [f32; 3])> = radiance
+    let lit: Vec<(f32, [f32; 3])> = radiance
         .iter()
         .filter(|pixel| pixel.iter().all(|v| v.is_finite() && *v > 0.0))
         .map(|&pixel| (luminance(pixel.map(f64::from)) as f32, pixel))
         .collect();
-    let last = told.len().checked_sub(1)?;
-    let mut sorted: Vec<f32> = told.iter().map(|(y, _)| *y).collect();
-    let mut quantile = |share: f64| *sorted.select_nth_unstable_by((last as f64 * share) as usize, f32::total_cmp).1;
+    let last = lit.len().checked_sub(1)?;
+    let mut sorted: Vec<f32> = lit.iter().map(|(y, _)| *y).collect();
+    let mut quantile =
+        |fraction: f64| *sorted.select_nth_unstable_by((last as f64 * fraction) as usize, f32::total_cmp).1;
     let (low, high) = (quantile(TAIL), quantile(1.0 - TAIL));
     let ratio = |channel: usize| {
         let mut ratios: Vec<f32> =
-            told.iter().filter(|(y, _)| (low..=high).contains(y)).map(|(_, pixel)| pixel[channel] / pixel[1]).collect();
+            lit.iter().filter(|(y, _)| (low..=high).contains(y)).map(|(_, pixel)| pixel[channel] / pixel[1]).collect();
         let middle = ratios.len() / 2;
         let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
-        f64::from(median).ln()
+        libm::log(f64::from(median))
     };
     let (red, blue) = (ratio(0), ratio(2));
     let distance = |mired: u32| {
         let [r, g, b] = blackbody(1e6 / f64::from(mired));
-        ((r / g).ln() - red).powi(2) + ((b / g).ln() - blue).powi(2)
+        (libm::log(r / g) - red).powi(2) + (libm::log(b / g) - blue).powi(2)
     };
     let nearest = MIRED.map(|mired| (distance(mired), mired)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(1e6 / f64::from(nearest.1))
@@ -142,9 +143,12 @@ impl JsonSchema for WhiteBalance {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let kelvin = generator.subschema_for::<Dist>();
+        let mut kelvin = generator.subschema_for::<Dist>();
+        kelvin.insert("description".into(), "Temperature of a black body, kelvin, from 2000 to 40,000.".into());
+        kelvin.insert("minimum".into(), KELVIN[0].into());
+        kelvin.insert("maximum".into(), KELVIN[1].into());
         json_schema!({
-            "description": "Which light is made white: \"none\", \"auto\" (estimated from the picture) or { kelvin = 4000 }.",
+            "description": "The light that becomes white: \"none\", \"auto\" (estimated from the image) or { kelvin = 4000 }.",
             "type": ["string", "object"],
             "pattern": "^(none|auto)$",
             "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
@@ -157,21 +161,21 @@ impl JsonSchema for WhiteBalance {
 mod tests {
     use super::*;
 
-    /// A room of grey things, two fifths of the picture a saturated colour.
+    /// A room of gray objects; two fifths of the image have a saturated color.
     fn room(kelvin: f64, paint: [f64; 3]) -> Vec<[f32; 3]> {
         let light = blackbody(kelvin);
         let mut stream = Stream::root(3);
         (0..5000)
             .map(|i| {
-                let grey = stream.uniform(0.1, 0.9);
+                let gray = stream.uniform(0.1, 0.9);
                 let tint = if i % 5 < 2 { paint } else { [1.0; 3] };
-                std::array::from_fn(|c| (100.0 * grey * tint[c] * light[c]) as f32)
+                std::array::from_fn(|c| (100.0 * gray * tint[c] * light[c]) as f32)
             })
             .collect()
     }
 
     #[test]
-    fn the_light_is_found_in_spite_of_coloured_things() {
+    fn the_light_is_found_in_spite_of_colored_objects() {
         for kelvin in [2700.0, 4000.0, 6500.0, 9000.0] {
             for paint in [[1.0; 3], [1.0, 0.2, 0.1], [0.3, 1.0, 0.3]] {
                 let got = estimated(&room(kelvin, paint)).expect("lit");
@@ -183,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_chosen_light_becomes_grey_of_the_same_luminance() {
+    fn the_chosen_light_becomes_gray_of_the_same_luminance() {
         let balance = WhiteBalance::Kelvin(Dist::Constant(3200.0));
         let (gains, _) = balance.gains(&[], &Stream::root(0)).expect("asked for");
         let light = blackbody(3200.0);
