@@ -4,8 +4,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VISIBLE_MASK};
 
 /// Tight bounding boxes of the visible and amodal masks: first column, first row, width and height in pixels, with
-/// width = last − first + 1.
-/// The box of an empty mask is all zeros.
+/// width = last − first + 1. The box of an empty mask is all zeros.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Boxes {}

@@ -93,7 +93,8 @@ impl Default for CeilingLight {
 impl Config for CeilingLight {
     type Stage = dyn LightSampler;
     const KIND: &'static str = "ceiling_light";
-    const EXAMPLE: &'static str = "size_m = [2.0, 2.0]\ntemperature_k = { uniform = [2000, 6500] }\nbrightness = { illuminance_lx = { uniform = [100, 2000] } }";
+    const EXAMPLE: &'static str = "size_m = [2.0, 2.0]\ntemperature_k = { uniform = [2000, 6500] }\n\
+        brightness = { illuminance_lx = { uniform = [100, 2000] } }";
     const RENAMED: &'static [(&'static str, &'static str)] = &[
         ("illuminance_lx", "brightness.illuminance_lx"),
         ("luminance_nits", "brightness.luminance_nits"),

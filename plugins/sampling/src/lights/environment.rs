@@ -233,8 +233,8 @@ fn scale_to(lux: f64, map: &EnvironmentMap) -> Result<f64> {
     Ok(lux / per_unit)
 }
 
-/// The brightest direction of a map above the horizon: the mean over all texels within 1 % of the maximum, so the sun is
-/// at the center of a wide bright patch.
+/// The brightest direction of a map above the horizon: the mean over all texels within 1 % of the maximum, so that the
+/// sun is at the center of a wide bright patch.
 fn brightest(map: &EnvironmentMap) -> Vector3<f64> {
     let (width, height) = (map.width() as usize, map.height() as usize);
     let above = || map.texels().iter().take(width * (height / 2).max(1)).enumerate();

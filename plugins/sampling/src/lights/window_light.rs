@@ -91,7 +91,8 @@ impl Default for WindowLight {
 impl Config for WindowLight {
     type Stage = dyn LightSampler;
     const KIND: &'static str = "window_light";
-    const EXAMPLE: &'static str = "walls = 1\ncount = { integers = [1, 3] }\ntemperature_k = { uniform = [5000, 7500] }\n\
+    const EXAMPLE: &'static str = "walls = 1\ncount = { integers = [1, 3] }\n\
+        temperature_k = { uniform = [5000, 7500] }\n\
         brightness = { illuminance_lx = { log_uniform = [200, 3000] } }";
     const RENAMED: &'static [(&'static str, &'static str)] =
         &[("illuminance_lx", "brightness.illuminance_lx"), ("luminance_nits", "brightness.luminance_nits")];

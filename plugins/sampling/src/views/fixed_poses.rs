@@ -68,7 +68,8 @@ fn z_axis() -> [f64; 3] {
 impl Config for FixedPoses {
     type Stage = dyn ViewSampler;
     const KIND: &'static str = "fixed_poses";
-    const EXAMPLE: &'static str = "poses = [\n    { look_at = { eye_m = [0.9, 0.0, 0.7], target_m = [0.0, 0.0, 0.05] } },\n    \
+    const EXAMPLE: &'static str = "poses = [\n    \
+        { look_at = { eye_m = [0.9, 0.0, 0.7], target_m = [0.0, 0.0, 0.05] } },\n    \
         { look_at = { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0] } },\n]";
 
     fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {

@@ -128,7 +128,7 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
             for corner in rect.corners() {
                 assert!((0..2).all(|k| corner[k].abs() < inner[k]) && (0.05..2.55).contains(&corner.z), "{corner}");
             }
-            // One centimetre before its wall, facing the room.
+            // One centimeter in front of its wall, facing the room.
             let normal = rect.normal();
             let axis = if normal.x.abs() > 0.5 { 0 } else { 1 };
             assert!((rect.centre[axis].abs() - (inner[axis] - 0.01)).abs() < 1e-6, "{rect:?}");
@@ -173,14 +173,14 @@ fn under_skies(options: &str, seed: u64) -> Result<Vec<Light>> {
 
 #[test]
 fn environment_maps_give_the_requested_illuminance() {
-    let (mut names, mut turns) = (std::collections::BTreeMap::<String, u32>::new(), Vec::new());
+    let (mut names, mut rotations) = (std::collections::BTreeMap::<String, u32>::new(), Vec::new());
     for seed in 0..400 {
         let lights =
             under_skies("source = { map = { from = [\"skies\"] } }\nbrightness = { illuminance_lx = 5000 }", seed)
                 .expect("a sky");
         let [Light::Environment(sky)] = &lights[..] else { panic!("{lights:?}") };
         *names.entry(sky.map.name.clone()).or_default() += 1;
-        turns.push(sky.rotation / TAU);
+        rotations.push(sky.rotation / TAU);
         if seed < 4 {
             let got = illuminance(&lights[0], Point3::origin(), Vector3::z());
             assert!((got / 5000.0 - 1.0).abs() < 0.01, "{got} lx");
@@ -189,7 +189,7 @@ fn environment_maps_give_the_requested_illuminance() {
     }
     // 200 ± 4 standard deviations of a binomial.
     assert!(names.len() == 2 && names.values().all(|count| (160..=240).contains(count)), "{names:?}");
-    assert!(kolmogorov_smirnov(turns) < bound(400));
+    assert!(kolmogorov_smirnov(rotations) < bound(400));
     let raw = under_skies(
         "brightness = { luminance_scale = 3 }\nsource = { map = { from = [\"skies\"], rotation_deg = 90 } }",
         1,
@@ -225,14 +225,14 @@ fn a_map_has_its_sun_where_it_is_brightest() {
     let options = "brightness = { illuminance_lx = 1000 }\nsource = { map = { from = [\"skies\"], rotation_deg = 90, sun = { ratio = 3 } } }";
     let shell = views("hemisphere_shell", "").shell(&scene);
     let drawn = lights("environment", options).lights(&scene, &camera, &shell, &context).expect("lights");
-    let [sun @ Light::Directional(disc), sky @ Light::Environment(_)] = &drawn[..] else { panic!("{drawn:?}") };
-    assert!((illuminance(sun, Point3::origin(), disc.towards) / 3000.0 - 1.0).abs() < 0.05, "{disc:?}");
-    assert!((luminance(disc.irradiance) - 3000.0).abs() < 1e-6);
+    let [sun @ Light::Directional(disk), sky @ Light::Environment(_)] = &drawn[..] else { panic!("{drawn:?}") };
+    assert!((illuminance(sun, Point3::origin(), disk.towards) / 3000.0 - 1.0).abs() < 0.05, "{disk:?}");
+    assert!((luminance(disk.irradiance) - 3000.0).abs() < 1e-6);
     // The sky is bright just where its sun is.
-    let at = luminance(seen(sky, Point3::origin(), disc.towards));
+    let at = luminance(seen(sky, Point3::origin(), disk.towards));
     let aside = luminance(seen(sky, Point3::origin(), Vector3::new(0.6, -0.6, 0.5).normalize()));
     assert!((at / aside - 50.0).abs() < 1e-3, "{at} {aside}");
-    assert!((disc.towards.z - 33.75_f64.to_radians().sin()).abs() < 0.01, "{disc:?}");
+    assert!((disk.towards.z - 33.75_f64.to_radians().sin()).abs() < 0.01, "{disk:?}");
     let refusal = refused(Slot::Lights, "environment", "source = { constant = { sun = { ratio = 2 } } }");
     assert!(refusal.contains("unknown field `sun`"), "{refusal}");
 }

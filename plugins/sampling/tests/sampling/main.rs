@@ -166,11 +166,11 @@ fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
     let [mut radius, mut polar, mut azimuth] = [Vec::new(), Vec::new(), Vec::new()];
     for seed in 0..n {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
-        let from_centre = pose.translation.vector - shell.centre.coords;
-        let r = from_centre.norm();
+        let from_center = pose.translation.vector - shell.centre.coords;
+        let r = from_center.norm();
         radius.push((r - 0.7) / (0.7 * 0.7));
-        polar.push(from_centre.z / r);
-        azimuth.push((from_centre.y.atan2(from_centre.x) / std::f64::consts::TAU).rem_euclid(1.0));
+        polar.push(from_center.z / r);
+        azimuth.push((from_center.y.atan2(from_center.x) / std::f64::consts::TAU).rem_euclid(1.0));
         // The center of the tabletop is seen at the principal point, and up is up.
         let p = pose.inverse_transform_point(&scene.tabletop.centre());
         let [u, v] = k.project(&p);
@@ -188,15 +188,15 @@ fn views_follow_their_options() {
     let scene = scene(None);
     let options = "radius = { meters = [0.7, 1.4] }\nelevation_deg = [30, 60]\ncenter_offset_m = 0.1\nlook_at = \"shell_center\"\nroll_deg = 90";
     let sampler = views("hemisphere_shell", options);
-    let centre = Point3::new(0.0, 0.0, 0.85);
-    assert_eq!((sampler.shell(&scene).centre, sampler.shell(&scene).radius), (centre, [0.7, 1.4]));
+    let center = Point3::new(0.0, 0.0, 0.85);
+    assert_eq!((sampler.shell(&scene).centre, sampler.shell(&scene).radius), (center, [0.7, 1.4]));
     let mut sines = Vec::new();
     for seed in 0..2000 {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
-        let from_centre = pose.translation.vector - centre.coords;
-        sines.push((from_centre.z / from_centre.norm() - 0.5) / (0.75_f64.sqrt() - 0.5));
-        assert!((0.7..=1.4).contains(&from_centre.norm()));
-        assert!((pose * Vector3::z() + from_centre.normalize()).norm() < 1e-9, "looks at the center of the shell");
+        let from_center = pose.translation.vector - center.coords;
+        sines.push((from_center.z / from_center.norm() - 0.5) / (0.75_f64.sqrt() - 0.5));
+        assert!((0.7..=1.4).contains(&from_center.norm()));
+        assert!((pose * Vector3::z() + from_center.normalize()).norm() < 1e-9, "looks at the center of the shell");
         // Rolled by a quarter turn: what was right is now up, so the camera's x axis points down in the world.
         assert!((pose * Vector3::x()).z < 0.0 && (pose * Vector3::y()).z.abs() < 1e-9);
     }
@@ -308,7 +308,7 @@ fn illuminance(light: &Light, point: Point3<f64>, normal: Vector3<f64>) -> f64 {
     let u = normal.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize();
     let v = normal.cross(&u);
     let n = 1200;
-    // Uniform in the disc is uniform in cos θ dω: every direction has the weight π / N.
+    // Uniform in the disk is uniform in cos θ dω: every direction has the weight π / N.
     let mut sum = 0.0;
     for i in 0..n {
         for j in 0..n {
@@ -326,9 +326,9 @@ fn illuminance(light: &Light, point: Point3<f64>, normal: Vector3<f64>) -> f64 {
 fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
     let hit = match light {
         Light::Sphere(sphere) => {
-            let to_centre = sphere.centre - origin;
-            let along = to_centre.dot(&ray);
-            along > 0.0 && to_centre.norm_squared() - along * along < sphere.radius * sphere.radius
+            let to_center = sphere.centre - origin;
+            let along = to_center.dot(&ray);
+            along > 0.0 && to_center.norm_squared() - along * along < sphere.radius * sphere.radius
         }
         Light::Rect(rect) => {
             let normal = rect.half_u.cross(&rect.half_v).normalize();
@@ -350,8 +350,8 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
         Light::Disk(disk) if hit => disk.radiance,
         Light::Directional(sun) if hit => sun.radiance(),
         Light::Environment(sky) => {
-            let turned = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -sky.rotation) * ray;
-            let [u, v] = EnvironmentMap::coordinates(&turned);
+            let rotated = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -sky.rotation) * ray;
+            let [u, v] = EnvironmentMap::coordinates(&rotated);
             let (width, height) = (sky.map.width() as usize, sky.map.height() as usize);
             let (x, y) = ((u * width as f64) as usize % width, ((v * height as f64) as usize).min(height - 1));
             let texel = sky.map.texels()[y * width + x];
@@ -392,7 +392,7 @@ fn ceiling_lights_give_the_requested_illuminance() {
         let lights = draw(&*lights("ceiling_light", options), &scene, 3).expect("lights");
         assert_eq!(lights.len(), count, "{options}");
         let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
-            Light::Rect(rect) => sum + rect.centre.coords / lights.len() as f64,
+            Light::Rect(rect) => sum + rect.center.coords / lights.len() as f64,
             other => panic!("{other:?}"),
         });
         let facing = (middle - scene.tabletop.centre().coords).normalize();
@@ -420,12 +420,12 @@ fn sphere_lights_are_where_the_paper_has_them() {
         counts[lights.len()] += 1;
         for light in lights {
             let Light::Sphere(sphere) = light else { panic!("{light:?}") };
-            let from_centre = sphere.centre - Point3::new(0.0, 0.0, 0.95);
-            radius.push(from_centre.norm() - (0.7 * 1.7 + 0.1));
-            polar.push(from_centre.z / from_centre.norm());
+            let from_center = sphere.centre - Point3::new(0.0, 0.0, 0.95);
+            radius.push(from_center.norm() - (0.7 * 1.7 + 0.1));
+            polar.push(from_center.z / from_center.norm());
             warmth.push(sphere.radiance[0] / sphere.radiance[2]);
             // Never among the cameras, never through the tabletop.
-            assert!(from_centre.norm() - sphere.radius >= 0.7 * 1.7 && sphere.centre.z - sphere.radius > 0.75);
+            assert!(from_center.norm() - sphere.radius >= 0.7 * 1.7 && sphere.centre.z - sphere.radius > 0.75);
         }
     }
     let n = radius.len();

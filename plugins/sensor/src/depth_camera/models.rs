@@ -26,7 +26,7 @@ pub enum Model {
     /// deviation of at most 17 mm, taken here for a 15 % surface at 3.86 m; on a 95 % surface 1 mm at 1 m and 3 mm at
     /// 3 m. Sources: range and unit from Microsoft's pages "Azure Kinect DK hardware specifications" and "Azure Kinect
     /// DK depth camera"; the 17 mm are theirs too, confirmed by Tölgyessy et al. (Sensors 21, 413, 2021); the noise on
-    /// bright surfaces is that of BlenderProc's code, which cites them: 0.5 mm, and 1 mm for every metre beyond 0.5 m.
+    /// bright surfaces is that of BlenderProc's code, which cites them: 0.5 mm, and 1 mm for every meter beyond 0.5 m.
     AzureKinect,
 }
 

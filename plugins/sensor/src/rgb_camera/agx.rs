@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_curve_has_its_ends_its_middle_and_its_slope() {
+    fn the_curve_has_the_stated_ends_gray_and_slope() {
         assert!((sigmoid(GRAY) - linear_to_srgb(0.18)).abs() < 1e-12);
         assert!((sigmoid(GRAY * 6.5_f64.exp2()) - 1.0).abs() < 1e-12 && sigmoid(1e9) <= 1.0);
         assert!(sigmoid(GRAY * (-10.0_f64).exp2()).abs() < 1e-12 && sigmoid(0.0) == 0.0);

@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn the_chosen_light_becomes_gray_of_the_same_luminance() {
         let balance = WhiteBalance::Kelvin(Dist::Constant(3200.0));
-        let (gains, _) = balance.gains(&[], &Stream::root(0)).expect("asked for");
+        let (gains, _) = balance.gains(&[], &Stream::root(0)).expect("a white balance");
         let light = blackbody(3200.0);
         let balanced: [f64; 3] = std::array::from_fn(|c| light[c] * f64::from(gains[c]));
         assert!(balanced.iter().all(|v| (v - 1.0).abs() < 1e-6), "{balanced:?}");
