@@ -392,7 +392,7 @@ fn ceiling_lights_give_the_requested_illuminance() {
         let lights = draw(&*lights("ceiling_light", options), &scene, 3).expect("lights");
         assert_eq!(lights.len(), count, "{options}");
         let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
-            Light::Rect(rect) => sum + rect.center.coords / lights.len() as f64,
+            Light::Rect(rect) => sum + rect.centre.coords / lights.len() as f64,
             other => panic!("{other:?}"),
         });
         let facing = (middle - scene.tabletop.centre().coords).normalize();
