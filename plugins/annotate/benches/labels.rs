@@ -11,7 +11,7 @@ fn main() {
     divan::main();
 }
 
-/// Discs scattered over the picture, the first in front, with a table behind the lower half.
+/// Disks scattered over the image, the first in front, with a table behind the lower half.
 fn discs(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
     let [width, height] = SIZE;
     let mut stream = Stream::root(objects as u64);

@@ -3,8 +3,8 @@
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VISIBLE_MASK};
 
-/// Tight boxes of the visible and amodal masks: first column and row, and how many of each (width = last − first + 1).
-/// The box of an empty mask is all zeros.
+/// Tight bounding boxes of the visible and amodal masks: first column, first row, width and height in pixels, with
+/// width = last − first + 1. The box of an empty mask is all zeros.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Boxes {}

@@ -1,12 +1,14 @@
 //! The camera of a view.
 
-use crate::matrix::{matrix, pose};
+use crate::matrix::pose;
 use crate::object_info::view;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::CAMERA;
+use syntable_model::scene;
 
-/// Intrinsics and pose of the view: `K` (3 × 3) for pixel centres at half-integers, image size, `world_from_camera`
-/// and `camera_from_world` (4 × 4, metres), and the conventions in words.
+/// Intrinsics and pose of the view: `K` (3 × 3) for pixel centers at half-integers, image size, `world_from_camera`
+/// and `camera_from_world` (4 × 4, meters), lens distortion and depth of field if there are any, and the conventions in
+/// words.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Camera {}
@@ -30,28 +32,50 @@ impl Annotator for Camera {
     }
 
     fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
-        let camera = &view(site)?.camera;
-        let k = &camera.intrinsics;
-        let mut record = vec![
-            ("width", k.width.into()),
-            ("height", k.height.into()),
-            ("K", matrix(k.matrix())),
-            ("world_from_camera", pose(&camera.world_from_camera)),
-            ("camera_from_world", pose(&camera.world_from_camera.inverse())),
-            ("camera_axes", "x right, y down, z forward".into()),
-            ("world_axes", "right-handed, z up".into()),
-            ("length_unit", "m".into()),
-            ("pixel_centres", "half-integers: the image's top-left corner is (0, 0)".into()),
-        ];
-        if let Some(distortion) = &camera.distortion {
-            let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
-            record.push(("distortion_k1_k2_p1_p2_k3", Value::from([k1, k2, p1, p2, k3])));
+        frame.put(CAMERA, Value::of(&CameraView::from(&view(site)?.camera))?)
+    }
+}
+
+/// The product `camera`.
+#[derive(Serialize)]
+struct CameraView {
+    width: u32,
+    height: u32,
+    #[serde(rename = "K")]
+    k: [[f64; 3]; 3],
+    world_from_camera: [[f64; 4]; 4],
+    camera_from_world: [[f64; 4]; 4],
+    camera_axes: &'static str,
+    world_axes: &'static str,
+    length_unit: &'static str,
+    pixel_centres: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    aperture_radius_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    focus_distance_m: Option<f64>,
+}
+
+impl From<&scene::Camera> for CameraView {
+    fn from(camera: &scene::Camera) -> Self {
+        Self {
+            width: camera.intrinsics.width,
+            height: camera.intrinsics.height,
+            k: camera.intrinsics.matrix(),
+            world_from_camera: pose(&camera.world_from_camera),
+            camera_from_world: pose(&camera.world_from_camera.inverse()),
+            camera_axes: "x right, y down, z forward",
+            world_axes: "right-handed, z up",
+            length_unit: "m",
+            pixel_centres: "half-integers: the image's top-left corner is (0, 0)",
+            distortion_k1_k2_p1_p2_k3: camera.distortion.map(|distortion| {
+                let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
+                [k1, k2, p1, p2, k3]
+            }),
+            aperture_radius_m: camera.lens.map(|lens| lens.aperture_radius_m),
+            focus_distance_m: camera.lens.map(|lens| lens.focus_distance_m),
         }
-        if let Some(lens) = &camera.lens {
-            record.push(("aperture_radius_m", lens.aperture_radius_m.into()));
-            record.push(("focus_distance_m", lens.focus_distance_m.into()));
-        }
-        frame.put(CAMERA, Value::record(record))
     }
 }
 

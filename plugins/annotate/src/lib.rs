@@ -7,10 +7,10 @@
 //! | [`object_info`] | asset, category, mass and poses of every object |
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
-//! | [`settle_report`] | how the scene came to rest |
+//! | [`settle_report`] | result of the physics simulation |
 //!
 //! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
-//! products of a view speak of the same instances: those that [`masks`] annotates.
+//! products of a view cover the same instances: those that [`masks`] annotates.
 
 pub mod boxes;
 pub mod camera;

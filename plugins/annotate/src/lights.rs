@@ -1,12 +1,11 @@
 //! The lights of a view.
 
 use crate::object_info::view;
-use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::LIGHTS;
 use syntable_model::scene::Light;
 
-/// All lights of the view, those of the scene included: shape, place in the world (metres) and emitted radiance
+/// All lights of the view, including those of the scene: shape, position in the world (meters) and emitted radiance
 /// (linear Rec. 709, nits).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -31,48 +30,77 @@ impl Annotator for Lights {
     }
 
     fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
-        let lights = view(site)?.lights.iter().map(describe).collect::<Vec<_>>();
-        frame.put(LIGHTS, lights.into())
+        let lights: Vec<LightView> = view(site)?.lights.iter().map(LightView::from).collect();
+        frame.put(LIGHTS, Value::of(&lights)?)
     }
 }
 
-fn describe(light: &Light) -> Value {
-    let point = |p: &Point3<f64>| Value::from([p.x, p.y, p.z]);
-    let vector = |v: &Vector3<f64>| Value::from([v.x, v.y, v.z]);
-    match light {
-        Light::Sphere(light) => Value::record([
-            ("shape", "sphere".into()),
-            ("centre_world_m", point(&light.centre)),
-            ("radius_m", light.radius.into()),
-            ("radiance_nits", light.radiance.into()),
-        ]),
-        Light::Rect(light) => Value::record([
-            ("shape", "rect".into()),
-            ("centre_world_m", point(&light.centre)),
-            ("half_u_world_m", vector(&light.half_u)),
-            ("half_v_world_m", vector(&light.half_v)),
-            ("normal_world", vector(&light.normal())),
-            ("radiance_nits", light.radiance.into()),
-        ]),
-        Light::Disk(light) => Value::record([
-            ("shape", "disk".into()),
-            ("centre_world_m", point(&light.centre)),
-            ("normal_world", vector(&light.normal)),
-            ("radius_m", light.radius.into()),
-            ("radiance_nits", light.radiance.into()),
-        ]),
-        Light::Directional(light) => Value::record([
-            ("shape", "directional".into()),
-            ("towards_world", vector(&light.towards)),
-            ("half_angle_deg", light.half_angle.to_degrees().into()),
-            ("irradiance_lx", light.irradiance.into()),
-        ]),
-        Light::Environment(light) => Value::record([
-            ("shape", "environment".into()),
-            ("map", light.map.name.as_str().into()),
-            ("scale_nits", light.scale.into()),
-            ("rotation_deg", light.rotation.to_degrees().into()),
-        ]),
+/// An entry of the product `lights`.
+#[derive(Serialize)]
+#[serde(tag = "shape", rename_all = "snake_case")]
+enum LightView<'a> {
+    Sphere {
+        centre_world_m: [f64; 3],
+        radius_m: f64,
+        radiance_nits: [f64; 3],
+    },
+    Rect {
+        centre_world_m: [f64; 3],
+        half_u_world_m: [f64; 3],
+        half_v_world_m: [f64; 3],
+        normal_world: [f64; 3],
+        radiance_nits: [f64; 3],
+    },
+    Disk {
+        centre_world_m: [f64; 3],
+        normal_world: [f64; 3],
+        radius_m: f64,
+        radiance_nits: [f64; 3],
+    },
+    Directional {
+        towards_world: [f64; 3],
+        half_angle_deg: f64,
+        irradiance_lx: [f64; 3],
+    },
+    Environment {
+        map: &'a str,
+        scale_nits: [f64; 3],
+        rotation_deg: f64,
+    },
+}
+
+impl<'a> From<&'a Light> for LightView<'a> {
+    fn from(light: &'a Light) -> Self {
+        match light {
+            Light::Sphere(light) => Self::Sphere {
+                centre_world_m: light.centre.into(),
+                radius_m: light.radius,
+                radiance_nits: light.radiance,
+            },
+            Light::Rect(light) => Self::Rect {
+                centre_world_m: light.centre.into(),
+                half_u_world_m: light.half_u.into(),
+                half_v_world_m: light.half_v.into(),
+                normal_world: light.normal().into(),
+                radiance_nits: light.radiance,
+            },
+            Light::Disk(light) => Self::Disk {
+                centre_world_m: light.centre.into(),
+                normal_world: light.normal.into(),
+                radius_m: light.radius,
+                radiance_nits: light.radiance,
+            },
+            Light::Directional(light) => Self::Directional {
+                towards_world: light.towards.into(),
+                half_angle_deg: light.half_angle.to_degrees(),
+                irradiance_lx: light.irradiance,
+            },
+            Light::Environment(light) => Self::Environment {
+                map: &light.map.name,
+                scale_nits: light.scale,
+                rotation_deg: light.rotation.to_degrees(),
+            },
+        }
     }
 }
 

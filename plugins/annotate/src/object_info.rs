@@ -1,16 +1,16 @@
-//! What the objects of a view are and where they lie.
+//! Identity and pose of the objects of a view.
 
 use crate::matrix::pose;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, OBJECT_INFO};
 use syntable_model::scene::Body;
 
-/// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the body frame in metres;
+/// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the object frame in meters;
 /// the camera frame is x right, y down, z forward.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectInfo {
-    /// Which objects to describe: the `annotated` ones, or `all` objects of the scene, seen or not.
+    /// Objects to describe: the `annotated` ones (the default), or `all` objects of the scene, visible or not.
     pub objects: Which,
 }
 
@@ -18,7 +18,7 @@ pub struct ObjectInfo {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Which {
-    /// Those that have an amodal mask in the view.
+    /// Objects that have an amodal mask in the view.
     Annotated,
     /// All objects of the scene.
     All,
@@ -62,31 +62,49 @@ impl Annotator for ObjectInfo {
             .objects()
             .iter()
             .filter(|body| annotated.is_none_or(|masks| masks.get(body.id).is_some()))
-            .map(|body| (body.id, describe(body, &camera_from_world)))
-            .collect();
+            .map(|body| Ok((body.id, Value::of(&ObjectView::new(body, &camera_from_world))?)))
+            .collect::<Result<_>>()?;
         frame.put(OBJECT_INFO, info)
     }
 }
 
-/// The view of a site, for an annotator that runs once a view.
+/// The view of a site, for annotators that run once per view.
 pub(crate) fn view<'a>(site: &Site<'a>) -> Result<&'a View> {
-    site.view.ok_or_else(|| Error::new("a product of a view was asked for without a view"))
+    site.view.ok_or_else(|| Error::new("a product of a view was requested without a view"))
 }
 
-fn describe(body: &Body, camera_from_world: &Pose) -> Value {
-    let object = &body.object;
-    Value::record([
-        ("asset", body.asset.to_string().into()),
-        ("pool", body.asset.pool.as_str().into()),
-        ("name", body.asset.name.as_str().into()),
-        ("category", object.category.as_str().into()),
-        ("spawn", body.spawn.into()),
-        ("mass_kg", object.mass_kg.into()),
-        ("licence", object.licence.as_str().into()),
-        ("digest", object.digest.to_string().into()),
-        ("world_from_object", pose(&body.world_from_body)),
-        ("camera_from_object", pose(&(camera_from_world * body.world_from_body))),
-    ])
+/// An entry of the product `object_info`.
+#[derive(Serialize)]
+struct ObjectView<'a> {
+    /// Pool and name.
+    asset: String,
+    pool: &'a str,
+    name: &'a str,
+    category: &'a str,
+    spawn: u32,
+    mass_kg: f64,
+    licence: &'a str,
+    digest: String,
+    world_from_object: [[f64; 4]; 4],
+    camera_from_object: [[f64; 4]; 4],
+}
+
+impl<'a> ObjectView<'a> {
+    fn new(body: &'a Body, camera_from_world: &Pose) -> Self {
+        let object = &body.object;
+        Self {
+            asset: body.asset.to_string(),
+            pool: &body.asset.pool,
+            name: &body.asset.name,
+            category: &object.category,
+            spawn: body.spawn,
+            mass_kg: object.mass_kg,
+            licence: &object.licence,
+            digest: object.digest.to_string(),
+            world_from_object: pose(&body.world_from_body),
+            camera_from_object: pose(&(camera_from_world * body.world_from_body)),
+        }
+    }
 }
 
 register!(ObjectInfo);

@@ -1,11 +1,11 @@
-//! How a scene came to rest.
+//! The result of the physics simulation.
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::SETTLE_REPORT;
-use syntable_model::scene::Removal;
+use syntable_model::scene;
 
-/// Residual speed, deepest penetration and removed objects of the scene, as the settler reported them, and the number
-/// of objects that stayed.
+/// Number of objects in the scene, and the report of the settler: residual speed, maximum penetration and removed
+/// objects.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SettleReport {}
@@ -29,27 +29,52 @@ impl Annotator for SettleReport {
     }
 
     fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
-        let report = &site.scene.settle;
-        let record = Value::record([
-            ("objects", (site.scene.objects().len() as i64).into()),
-            ("attempt", site.scene.attempt.into()),
-            ("simulated_s", report.simulated_s.into()),
-            ("residual_speed_m_s", report.residual_speed_m_s.into()),
-            ("residual_spin_rad_s", report.residual_spin_rad_s.into()),
-            ("deepest_penetration_m", report.deepest_penetration_m.into()),
-            ("dropped_again", report.dropped_again.into()),
-            ("removed", report.removed.iter().map(removal).collect::<Vec<_>>().into()),
-        ]);
-        frame.put(SETTLE_REPORT, record)
+        frame.put(SETTLE_REPORT, Value::of(&Report::from(site.scene))?)
     }
 }
 
-fn removal(removal: &Removal) -> Value {
-    Value::record([
-        ("spawn", removal.spawn.into()),
-        ("asset", removal.asset.to_string().into()),
-        ("reason", removal.reason.as_str().into()),
-    ])
+/// The product `settle_report`.
+#[derive(Serialize)]
+struct Report<'a> {
+    objects: usize,
+    attempt: u32,
+    simulated_s: f64,
+    residual_speed_m_s: f64,
+    residual_spin_rad_s: f64,
+    deepest_penetration_m: f64,
+    dropped_again: u32,
+    removed: Vec<Removal<'a>>,
+}
+
+/// A removed object.
+#[derive(Serialize)]
+struct Removal<'a> {
+    spawn: u32,
+    /// Pool and name.
+    asset: String,
+    reason: &'a str,
+}
+
+impl<'a> From<&'a Scene> for Report<'a> {
+    fn from(scene: &'a Scene) -> Self {
+        let report = &scene.settle;
+        Self {
+            objects: scene.objects().len(),
+            attempt: scene.attempt,
+            simulated_s: report.simulated_s,
+            residual_speed_m_s: report.residual_speed_m_s,
+            residual_spin_rad_s: report.residual_spin_rad_s,
+            deepest_penetration_m: report.deepest_penetration_m,
+            dropped_again: report.dropped_again,
+            removed: report.removed.iter().map(Removal::from).collect(),
+        }
+    }
+}
+
+impl<'a> From<&'a scene::Removal> for Removal<'a> {
+    fn from(removal: &'a scene::Removal) -> Self {
+        Self { spawn: removal.spawn, asset: removal.asset.to_string(), reason: &removal.reason }
+    }
 }
 
 register!(SettleReport);

@@ -199,7 +199,7 @@ fn hidden_objects_are_kept_or_left_out() {
 }
 
 #[test]
-fn an_empty_picture_has_no_annotation() {
+fn an_empty_image_has_no_annotation() {
     let rays = Rays::new([5, 4], [5, 4], 2, |_, _| vec![3]);
     check_all_policies(&rays);
     let frame = annotate(&rays, "").expect("labels");
@@ -235,7 +235,7 @@ fn planes_that_disagree_are_refused() {
         frame.put(INSTANCE, rays.instance().map(|_| InstanceId(2))).expect("first");
         frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
     });
-    assert!(wrong.starts_with("instance 2 is seen at pixel (0, 0) but not in the coverage plane"), "{wrong}");
+    assert!(wrong.starts_with("instance 2 is visible at pixel (0, 0) but not in the coverage plane"), "{wrong}");
     let wrong = labels(&|frame| {
         frame.put(INSTANCE, rays.instance()).expect("first");
         frame.put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(false, false)).expect("first");

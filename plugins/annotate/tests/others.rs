@@ -44,7 +44,14 @@ fn every_kind_conforms() {
         });
     }
     conformance::annotator(&*annotator("masks", "image_frame = \"extend\""), &world.site(), make_frame);
-    assert!(registry.entries()[3].construct_str("max_occlusion_rate = 1.5").is_err());
+}
+
+#[test]
+fn values_outside_the_limits_of_the_schema_are_rejected() {
+    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
+    let masks = registry.entries().iter().find(|entry| entry.kind == "masks").expect("registered");
+    assert!(masks.construct_str("max_occlusion_rate = 1.0").is_ok());
+    assert!(masks.construct_str("max_occlusion_rate = 1.5").is_err());
 }
 
 #[test]
@@ -112,7 +119,7 @@ fn the_camera_projects_its_world() {
 }
 
 #[test]
-fn lights_and_report_are_told() {
+fn lights_and_the_settle_report_are_recorded() {
     use syntable_model::geometry::{Point3, Vector3};
     let mut world = World::new(1);
     world.view.lights = vec![
@@ -140,4 +147,58 @@ fn lights_and_report_are_told() {
     assert_eq!((&report["objects"], &report["attempt"]), (&json!(1), &json!(1)));
     assert_eq!(report["removed"], json!([{ "spawn": 0, "asset": "pool/tetra", "reason": "fell off the table" }]));
     assert_eq!(annotator("settle_report", "").scope(), syntable_model::product::Scope::Scene);
+}
+
+#[test]
+fn records_keep_their_fields_and_their_order() {
+    use syntable_model::geometry::{Point3, Vector3};
+    use syntable_model::scene::{DirectionalLight, DiskLight, Distortion, EnvironmentLight, EnvironmentMap, ThinLens};
+    let names = |value: &Value| match value {
+        Value::Record(fields) => fields.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>().join(" "),
+        other => panic!("{other:?}"),
+    };
+    let mut world = World::new(1);
+    world.view.camera.distortion = Some(Distortion { radial: [1.0, 2.0, 3.0], tangential: [4.0, 5.0] });
+    world.view.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.5 });
+    let (up, white) = (Vector3::z(), [1.0; 3]);
+    world.view.lights = vec![
+        Light::Disk(DiskLight { centre: Point3::origin(), normal: up, radius: 0.5, radiance: white }),
+        Light::Directional(DirectionalLight { towards: up, half_angle: std::f64::consts::PI / 4.0, irradiance: white }),
+        Light::Environment(EnvironmentLight {
+            map: std::sync::Arc::new(EnvironmentMap::constant([1.0; 3])),
+            scale: white,
+            rotation: std::f64::consts::PI,
+        }),
+    ];
+    let mut frame = Frame::new();
+    run(&world, "camera", "", &mut frame);
+    run(&world, "lights", "", &mut frame);
+    run(&world, "settle_report", "", &mut frame);
+    run(&world, "object_info", "objects = \"all\"", &mut frame);
+    assert_eq!(
+        names(&frame.value("camera").expect("made")),
+        "width height K world_from_camera camera_from_world camera_axes world_axes length_unit pixel_centres \
+         distortion_k1_k2_p1_p2_k3 aperture_radius_m focus_distance_m"
+    );
+    assert_eq!(json(&frame, "camera")["distortion_k1_k2_p1_p2_k3"], json!([1.0, 2.0, 4.0, 5.0, 3.0]));
+    let Ok(Value::List(lights)) = frame.value("lights") else { panic!("a list") };
+    assert_eq!(
+        lights.iter().map(names).collect::<Vec<_>>(),
+        [
+            "shape centre_world_m normal_world radius_m radiance_nits",
+            "shape towards_world half_angle_deg irradiance_lx",
+            "shape map scale_nits rotation_deg"
+        ]
+    );
+    let lights = json(&frame, "lights");
+    assert_eq!((&lights[1]["half_angle_deg"], &lights[2]["rotation_deg"]), (&json!(45.0), &json!(180.0)));
+    assert_eq!(
+        names(&frame.value("settle_report").expect("made")),
+        "objects attempt simulated_s residual_speed_m_s residual_spin_rad_s deepest_penetration_m dropped_again removed"
+    );
+    let Ok(Value::PerInstance(objects)) = frame.value("object_info") else { panic!("one record per object") };
+    assert_eq!(
+        objects.values().map(names).collect::<Vec<_>>(),
+        ["asset pool name category spawn mass_kg licence digest world_from_object camera_from_object"]
+    );
 }

@@ -1,36 +1,17 @@
-//! Cameras, view samplers and light samplers.
+//! Camera models, view samplers and light samplers.
 //!
-//! - Camera: [`Pinhole`].
-//! - Views: [`HemisphereShell`] (the paper's), [`Orbit`], [`FixedPoses`].
-//! - Lights: [`SphereLights`] (the paper's), [`CeilingLight`], [`WindowLight`], [`Environment`], [`Sun`].
+//! - [`camera`]: `pinhole`.
+//! - [`views`]: `hemisphere_shell` (the paper's), `orbit`, `fixed_poses`.
+//! - [`lights`]: `sphere_lights` (the paper's), `ceiling_light`, `window_light`, `sun`, `environment`.
 //!
-//! **Invariants.** A view's pose and lights are functions of the scene, the view's number and the stream. Distances
-//! are metres, light is photometric: an option in lux is the illuminance that a light alone gives, unoccluded, at the
-//! middle of the tabletop: on a plane that faces a lamp, on the level plane for windows and the sky.
+//! Every kind is in a file of its name; `common` holds the geometry that views and lights share.
+//!
+//! **Invariants.** The pose and the lights of a view are functions of the scene, the view's number and the random
+//! stream. Lengths are meters. Light is photometric: an option in lux is the unoccluded illuminance that the light
+//! alone gives at the center of the tabletop, on a plane that faces a light, or on the horizontal plane for windows and
+//! environments.
 
-mod brightness;
-mod ceiling_light;
-mod environment;
-mod exposure;
-mod fixed_poses;
-mod hemisphere_shell;
-mod lens;
-mod orbit;
-mod per;
-mod pinhole;
-mod radius;
-mod room;
-mod shell;
-mod sphere_lights;
-mod sun;
-mod window_light;
-
-pub use ceiling_light::CeilingLight;
-pub use environment::Environment;
-pub use fixed_poses::FixedPoses;
-pub use hemisphere_shell::HemisphereShell;
-pub use orbit::Orbit;
-pub use pinhole::Pinhole;
-pub use sphere_lights::SphereLights;
-pub use sun::Sun;
-pub use window_light::WindowLight;
+pub mod camera;
+mod common;
+pub mod lights;
+pub mod views;

@@ -5,7 +5,7 @@ use syntable_model::context::{Collected, Context, NoCache, Serial};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, DEPTH, NORMAL, RADIANCE};
 use syntable_model::registry::{Registry, Slot, Stage};
-use syntable_sensor::rgb::{Developer, Tone, ev100_of, white_nits};
+use syntable_sensor::rgb_camera::{Developer, Tone, ev100_of, white_nits};
 use syntable_testing::{assets::NoAssets, scenes};
 
 const SIZE: [u32; 2] = [640, 480];
@@ -19,7 +19,7 @@ fn noisy_light() -> Plane<[f32; 3]> {
     Plane::from_fn(SIZE[0], SIZE[1], |_, _| [0.0; 3].map(|_: f64| stream.unit() as f32 * 100.0))
 }
 
-/// Metering and developing a noisy picture.
+/// Metering and developing a noisy image.
 #[divan::bench(args = [Tone::Filmic, Tone::Agx])]
 fn develop(bencher: Bencher, tone: Tone) {
     let radiance = noisy_light();

@@ -1,24 +1,25 @@
-//! Sensors: what real cameras make of what was rendered.
+//! Sensors: what real cameras make of rendered images.
 //!
 //! | kind | provides |
 //! | --- | --- |
-//! | [`rgb_camera`](rgb::RgbCamera) | the 8-bit picture and what made it: exposure, lens errors, noise, tone curve, JPEG |
-//! | [`depth_camera`](depth::DepthCamera) | depth as a RealSense L515 or D435 or an Azure Kinect measures it |
+//! | [`rgb_camera`](rgb_camera::RgbCamera) | the 8-bit image, and the settings of exposure, lens errors, noise, tone curve and JPEG |
+//! | [`depth_camera`](depth_camera::DepthCamera) | depth as a RealSense L515 or D435 or an Azure Kinect measures it |
 //!
-//! From the bottom up: `grid` spreads rows of pixels over threads and filters them; [`rgb`] and [`depth`] hold one
-//! effect a file.
+//! `image_filter` computes and filters images row by row on several threads; [`rgb_camera`] and [`depth_camera`] hold
+//! one effect per file.
 //!
-//! **Invariants.** A picture is a pure function of the site, of the products that a sensor declares to read and of its
-//! stream. Every row of pixels has a stream of its own, so that threads only decide when it is computed. What was
-//! rendered is never changed: labels and clean depth stay as they are.
+//! **Invariants.** An output is a pure function of the view, of the products that the sensor declares to read and of its
+//! random stream. Every row of pixels has a stream of its own, so results do not depend on threads. Logarithms,
+//! exponentials and angles come from `libm`, so results do not depend on the system either. Rendered products are never
+//! changed: labels and clean depth stay as they are.
 
-pub mod depth;
-mod grid;
-pub mod rgb;
+pub mod depth_camera;
+mod image_filter;
+pub mod rgb_camera;
 
 use syntable_model::prelude::*;
 
-/// The view of a site: sensors run once a view.
+/// The view of a site: sensors run once per view.
 fn view<'a>(site: &Site<'a>) -> Result<&'a View> {
-    site.view.ok_or_else(|| Error::new("a product of a view was asked for without a view"))
+    site.view.ok_or_else(|| Error::new("a product of a view was requested without a view"))
 }

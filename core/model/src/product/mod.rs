@@ -8,6 +8,7 @@ mod form;
 mod key;
 mod mask;
 mod plane;
+mod serialize;
 pub mod standard;
 mod store;
 mod value;

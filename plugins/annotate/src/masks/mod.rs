@@ -18,38 +18,39 @@ use syntable_model::product::{BitPlane, OcclusionOrder};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Masks {
-    /// What of an object lies outside the image: `clip` leaves it out of everything; `extend` counts it as hidden in
-    /// the occlusion rate, up to one image size beyond every edge. Masks end at the image's edges either way.
+    /// How to treat the part of an object outside the image: `clip` (the default) ignores it; `extend` counts it as
+    /// hidden in the occlusion rate, up to one image size beyond every edge. Masks end at the edges of the image either
+    /// way.
     pub image_frame: ImageFrame,
-    /// What table and room do: `occlude`, what they hide of an object is hidden and part of its amodal mask; `clip`,
-    /// it is not part of the object (SynTable's released program).
+    /// How to treat the part of an object behind table and room: with `occlude` (the default) it is hidden and part of
+    /// the amodal mask; with `clip` it is not part of the object (SynTable's released program).
     pub table_and_room: TableAndRoom,
-    /// Objects with fewer visible pixels are not annotated. 0 keeps fully hidden objects; SynTable's released program
-    /// is 1.
+    /// Minimum number of visible pixels of an annotated object. 0 (the default) keeps fully hidden objects; SynTable's
+    /// released program has 1.
     pub min_visible_px: u32,
-    /// Objects that are hidden by more than this share are not annotated. 1 keeps all; SynTable's released program is
+    /// Maximum occlusion rate of an annotated object. 1 (the default) keeps all objects; SynTable's released program has
     /// 0.995.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub max_occlusion_rate: f64,
 }
 
-/// What labels say about the world beyond the image's edges.
+/// Treatment of the part of an object outside the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageFrame {
-    /// Nothing: an object is what of it lies in the image.
+    /// Ignored: only the part inside the image counts.
     Clip,
-    /// The occlusion rate counts what lies outside as hidden.
+    /// Counted as hidden in the occlusion rate.
     Extend,
 }
 
-/// What table and room do to the objects behind them.
+/// Treatment of the part of an object behind table and room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum TableAndRoom {
-    /// They hide: the hidden part belongs to the amodal mask.
+    /// Hidden: it belongs to the amodal mask.
     Occlude,
-    /// They cut: the hidden part does not belong to the amodal mask.
+    /// Cut off: it does not belong to the amodal mask.
     Clip,
 }
 
@@ -69,10 +70,6 @@ impl Config for Masks {
     const KIND: &'static str = "masks";
     const EXAMPLE: &'static str = "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 0";
     fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
-        if !(0.0..=1.0).contains(&self.max_occlusion_rate) {
-            let message = format!("{} is not a share between 0 and 1", self.max_occlusion_rate);
-            return Err(Invalid::new("max_occlusion_rate", message));
-        }
         Ok(Box::new(self))
     }
 }
@@ -148,7 +145,7 @@ impl Masks {
         }
     }
 
-    /// Share of an object's amodal area that is hidden: `1 − |V| / (|A| + outside)`. None if it is not annotated.
+    /// Fraction of an object's amodal area that is hidden: `1 − |V| / (|A| + outside)`. None if it is not annotated.
     fn occlusion_rate(&self, masks: &ObjectMasks, outside: u64) -> Option<f64> {
         let (visible, amodal) = (u64::from(masks.visible.area()), u64::from(masks.amodal.area()));
         if amodal == 0 || visible < u64::from(self.min_visible_px) {
@@ -192,7 +189,7 @@ fn check_objects(coverage: &BitPlane, objects: usize) -> Result<()> {
     if coverage.objects() == objects {
         return Ok(());
     }
-    Err(Error::new(format!("the coverage plane knows {} objects, the scene {objects}", coverage.objects())))
+    Err(Error::new(format!("the coverage plane has {} objects, the scene {objects}", coverage.objects())))
 }
 
 register!(Masks);

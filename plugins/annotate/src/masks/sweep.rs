@@ -28,7 +28,7 @@ pub struct ObjectMasks {
     pub occlusion: Mask,
 }
 
-/// What a sweep finds. Object `i` has the instance id `i + 1`.
+/// Result of a sweep. Object `i` has the instance id `i + 1`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sweep {
     /// The masks of every object.
@@ -46,9 +46,9 @@ impl Sweep {
     }
 }
 
-/// Finds the masks of all objects and who occludes whom. Costs O(H·W·⌈M/64⌉ + runs).
+/// Finds the masks of all objects and their occlusion order. Costs O(H·W·⌈M/64⌉ + runs).
 ///
-/// `coverage` must be of the picture's size and have no margin, and must contain every object that `first` shows.
+/// `coverage` must have the size of the image and no margin, and must contain every object that `first` shows.
 pub fn sweep(first: &Plane<InstanceId>, coverage: &BitPlane) -> Result<Sweep> {
     let (width, height) = (first.width(), first.height());
     if (coverage.width(), coverage.height(), coverage.margin()) != (width, height, [0, 0]) {
@@ -123,7 +123,7 @@ fn own_bit(id: InstanceId, word: usize, bits: usize) -> u64 {
 fn disagreement(position: usize, height: usize, word: usize, visible: u64) -> Error {
     let id = word * 64 + visible.trailing_zeros() as usize + 1;
     Error::new(format!(
-        "instance {id} is seen at pixel ({}, {}) but not in the coverage plane",
+        "instance {id} is visible at pixel ({}, {}) but not in the coverage plane",
         position / height,
         position % height
     ))
@@ -148,7 +148,7 @@ fn occluded_sets(first: &Plane<InstanceId>, coverage: &BitPlane) -> Vec<u64> {
     rows
 }
 
-/// For every object, how many pixels of a plane with margins it covers outside the picture.
+/// For every object, the number of pixels that it covers in the margins of a plane, outside the image.
 pub fn area_outside(wide: &BitPlane) -> Vec<u64> {
     let [mx, my] = wide.margin().map(|margin| margin as usize);
     let (height, words, row_words) = (wide.height() as usize, wide.words(), wide.row_words());

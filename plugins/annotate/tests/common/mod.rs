@@ -43,7 +43,7 @@ impl World {
             name: "tetra".into(),
             category: "solid".into(),
             mesh: Arc::new(mesh),
-            materials: vec![Arc::new(Material::plain("grey", [0.5; 3], 0.5))],
+            materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
             mass_kg: 0.25,
             friction: 0.5,
@@ -88,7 +88,7 @@ impl World {
     }
 }
 
-/// The bodies that every pixel's ray meets, front to back, on a picture with a margin. Id `objects + 1` is the table.
+/// The bodies that the ray of every pixel hits, front to back, on an image with a margin. Id `objects + 1` is the table.
 pub struct Rays {
     pub width: i32,
     pub height: i32,

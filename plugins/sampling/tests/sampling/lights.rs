@@ -1,4 +1,4 @@
-//! Windows, skies, suns and down-lights, and the units of brightness.
+//! Windows, environments, suns and downlights, and the units of brightness.
 
 use super::*;
 use std::f64::consts::{PI, TAU};
@@ -10,11 +10,11 @@ fn total(lights: &[Light], point: Point3<f64>, normal: Vector3<f64>) -> f64 {
 }
 
 #[test]
-fn down_lights_give_the_lux_that_was_asked_for() {
+fn downlights_give_the_requested_illuminance() {
     let scene = scene(Some(2.5));
     for options in [
-        "shape = \"disk\"\nsize_m = [0.3, 0.3]\ncount = 9\nspacing_m = 0.8\nilluminance_lx = 400",
-        "shape = \"disk\"\nsize_m = [2.0, 2.0]\ncount = 1\nshift_m = 1.0\nilluminance_lx = 400",
+        "shape = \"disk\"\nsize_m = [0.3, 0.3]\ncount = 9\nspacing_m = 0.8\nbrightness = { illuminance_lx = 400 }",
+        "shape = \"disk\"\nsize_m = [2.0, 2.0]\ncount = 1\nshift_m = 1.0\nbrightness = { illuminance_lx = 400 }",
     ] {
         let lights = draw(&*lights("ceiling_light", options), &scene, 5).expect("lights");
         let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
@@ -30,7 +30,7 @@ fn down_lights_give_the_lux_that_was_asked_for() {
 }
 
 #[test]
-fn lights_are_drawn_for_every_view_or_once_a_scene() {
+fn lights_are_sampled_per_view_or_per_scene() {
     for kind in ["sphere_lights", "ceiling_light", "window_light", "environment", "sun"] {
         assert!(!lights(kind, "").once_per_scene(), "{kind}");
         assert!(lights(kind, "per = \"scene\"").once_per_scene(), "{kind}");
@@ -47,55 +47,60 @@ fn lumens_become_nits() {
         other => panic!("{other:?}"),
     };
     // A bulb of 806 lm (an old 60 W one) and radius 3 cm has Φ = 4π² r² L.
-    let bulb = draw(&*lights("sphere_lights", "count = 1\nsize_m = 0.03\nluminous_flux_lm = 806"), &scene, 1);
+    let bulb =
+        draw(&*lights("sphere_lights", "count = 1\nsize_m = 0.03\nbrightness = { luminous_flux_lm = 806 }"), &scene, 1);
     assert!((nits(&bulb.expect("a bulb")[0]) / (806.0 / (4.0 * PI * PI * 9e-4)) - 1.0).abs() < 1e-9);
-    let panels = "count = 2\nsize_m = [0.6, 1.2]\nluminous_flux_lm = 3600";
+    let panels = "count = 2\nsize_m = [0.6, 1.2]\nbrightness = { luminous_flux_lm = 3600 }";
     let panels = draw(&*lights("ceiling_light", panels), &scene, 1).expect("panels");
     assert!(panels.iter().all(|panel| (nits(panel) / (3600.0 / (PI * 0.72)) - 1.0).abs() < 1e-9));
-    let spots = "shape = \"disk\"\nsize_m = [0.1, 0.1]\nluminous_flux_lm = 500";
+    let spots = "shape = \"disk\"\nsize_m = [0.1, 0.1]\nbrightness = { luminous_flux_lm = 500 }";
     let spots = draw(&*lights("ceiling_light", spots), &scene, 1).expect("spots");
     assert!((nits(&spots[0]) / (500.0 / (PI * PI * 0.0025)) - 1.0).abs() < 1e-9);
 }
 
 #[test]
-fn a_resolved_recipe_shows_the_brightness_in_use() {
+fn a_resolved_recipe_shows_the_brightness_and_the_source() {
     let registry = Registry::linked().expect("no clash");
     let shown = |kind: &str, options: &str| {
         let options = registry.find(Slot::Lights, kind).expect(kind).construct_str(options).expect(options).options;
-        let keys = ["illuminance_lx", "luminance_nits", "luminous_flux_lm", "luminance_scale", "temperature_k"];
-        keys.into_iter().filter(|key| options.contains_key(*key)).collect::<Vec<_>>()
+        let keys = |name: &str| options[name].as_table().expect("a table").keys().cloned().collect::<Vec<_>>();
+        (keys("brightness"), if kind == "environment" { keys("source") } else { Vec::new() })
     };
-    assert_eq!(shown("ceiling_light", ""), ["illuminance_lx", "temperature_k"]);
-    assert_eq!(shown("ceiling_light", "luminous_flux_lm = 900"), ["luminous_flux_lm", "temperature_k"]);
-    // Resolved recipes of old have both.
-    assert_eq!(shown("sphere_lights", "illuminance_lx = 5\nluminance_nits = 7"), ["luminance_nits", "temperature_k"]);
-    assert_eq!(shown("window_light", "luminance_nits = 7"), ["luminance_nits", "temperature_k"]);
-    assert_eq!(shown("environment", "from = [\"skies\"]\nluminance_scale = 1"), ["luminance_scale"]);
-    assert_eq!(shown("environment", ""), ["illuminance_lx", "temperature_k"]);
+    let one = |key: &str| vec![key.to_owned()];
+    assert_eq!(shown("ceiling_light", "").0, one("illuminance_lx"));
+    assert_eq!(shown("ceiling_light", "brightness = { luminous_flux_lm = 900 }").0, one("luminous_flux_lm"));
+    assert_eq!(shown("sphere_lights", "brightness = { luminance_nits = 7 }").0, one("luminance_nits"));
+    assert_eq!(shown("window_light", "brightness = { luminance_nits = 7 }").0, one("luminance_nits"));
+    assert_eq!(shown("environment", ""), (one("illuminance_lx"), one("constant")));
+    let map = "source = { map = { from = [\"skies\"] } }\nbrightness = { luminance_scale = 1 }";
+    assert_eq!(shown("environment", map), (one("luminance_scale"), one("map")));
     for (kind, options, want) in [
-        ("sphere_lights", "luminous_flux_lm = 5\nilluminance_lx = 7", "keep one of"),
-        ("ceiling_light", "luminous_flux_lm = 5\nluminance_nits = 7", "keep one of"),
-        ("ceiling_light", "luminous_flux_lm = -1", "can become -1"),
-        ("environment", "illuminance_lx = 5\nluminance_scale = 7", "keep one of"),
-        ("environment", "from = [\"skies\"]\ntemperature_k = 5000", "their own colours"),
-        ("environment", "temperature_k = 5", "outside 1000 to 40000"),
-        ("sun", "elevation_deg = 100", "outside -90 to 90"),
-        ("sun", "angular_diameter_deg = 0", "can become 0"),
-        ("window_light", "walls = 5", "can become 5"),
-        ("window_light", "width_m = 0", "at least"),
+        ("sphere_lights", "brightness = { luminous_flux_lm = 5, illuminance_lx = 7 }", "brightness"),
+        ("ceiling_light", "brightness = { luminous_flux_lm = -1 }", "brightness.luminous_flux_lm"),
+        ("ceiling_light", "brightness = {}", "brightness"),
+        ("ceiling_light", "brightness = 3", "brightness"),
+        ("ceiling_light", "illuminance_lx = 3", "illuminance_lx"),
+        ("window_light", "brightness = { luminous_flux_lm = 5 }", "luminous_flux_lm"),
+        ("environment", "brightness = { luminance_nits = 7 }", "luminance_nits"),
+        ("environment", "source = { map = { from = [\"skies\"], temperature_k = 5000 } }", "temperature_k"),
+        ("environment", "source = { constant = { temperature_k = 5 } }", "source.constant.temperature_k"),
+        ("sun", "elevation_deg = 100", "elevation_deg"),
+        ("sun", "angular_diameter_deg = 0", "angular_diameter_deg"),
+        ("window_light", "walls = 5", "walls"),
+        ("window_light", "width_m = 0", "width_m"),
     ] {
         let error = refused(Slot::Lights, kind, options);
         assert!(error.contains(want), "{options}: {error}");
     }
 }
 
-/// The scene of the other tests in a room of some inner size, of slabs.
+/// The scene of the other tests in a room with these inner dimensions, built of slabs.
 fn room(size: [f32; 3]) -> Scene {
     let [x, y, z] = size.map(f64::from);
     let mut scene = SceneBuilder::default();
     scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
-    let thing = scenes::object("thing", scenes::box_mesh([0.1; 3]), [0.5; 3]);
-    scene.add(scenes::body(thing, [0.0, 0.0, 0.8], Role::Object));
+    let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
+    scene.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
     for (at, edges) in [
         ([0.0, 0.0, -0.05], [size[0], size[1], 0.1]),
         ([0.0, 0.0, z + 0.05], [size[0], size[1], 0.1]),
@@ -110,12 +115,12 @@ fn room(size: [f32; 3]) -> Scene {
 }
 
 #[test]
-fn windows_stand_in_the_walls_and_give_the_lux_that_was_asked_for() {
+fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
     let scene = room([6.0, 4.0, 2.6]);
     let inner = [3.0, 2.0, 2.6];
     let mut sides = [0; 4];
     for seed in 0..60 {
-        let options = "walls = { integers = [1, 2] }\nilluminance_lx = 600";
+        let options = "walls = { integers = [1, 2] }\nbrightness = { illuminance_lx = 600 }";
         let windows = draw(&*lights("window_light", options), &scene, seed).expect("windows");
         assert!((1..=6).contains(&windows.len()), "{windows:?}");
         for window in &windows {
@@ -123,7 +128,7 @@ fn windows_stand_in_the_walls_and_give_the_lux_that_was_asked_for() {
             for corner in rect.corners() {
                 assert!((0..2).all(|k| corner[k].abs() < inner[k]) && (0.05..2.55).contains(&corner.z), "{corner}");
             }
-            // One centimetre before its wall, facing the room.
+            // One centimeter in front of its wall, facing the room.
             let normal = rect.normal();
             let axis = if normal.x.abs() > 0.5 { 0 } else { 1 };
             assert!((rect.centre[axis].abs() - (inner[axis] - 0.01)).abs() < 1e-6, "{rect:?}");
@@ -167,36 +172,44 @@ fn under_skies(options: &str, seed: u64) -> Result<Vec<Light>> {
 }
 
 #[test]
-fn skies_give_the_lux_that_was_asked_for() {
-    let (mut names, mut turns) = (std::collections::BTreeMap::<String, u32>::new(), Vec::new());
+fn environment_maps_give_the_requested_illuminance() {
+    let (mut names, mut rotations) = (std::collections::BTreeMap::<String, u32>::new(), Vec::new());
     for seed in 0..400 {
-        let lights = under_skies("from = [\"skies\"]\nilluminance_lx = 5000", seed).expect("a sky");
+        let lights =
+            under_skies("source = { map = { from = [\"skies\"] } }\nbrightness = { illuminance_lx = 5000 }", seed)
+                .expect("a sky");
         let [Light::Environment(sky)] = &lights[..] else { panic!("{lights:?}") };
         *names.entry(sky.map.name.clone()).or_default() += 1;
-        turns.push(sky.rotation / TAU);
+        rotations.push(sky.rotation / TAU);
         if seed < 4 {
             let got = illuminance(&lights[0], Point3::origin(), Vector3::z());
             assert!((got / 5000.0 - 1.0).abs() < 0.01, "{got} lx");
-            assert!(sky.scale[0] == sky.scale[1] && sky.scale[1] == sky.scale[2], "colours stay");
+            assert!(sky.scale[0] == sky.scale[1] && sky.scale[1] == sky.scale[2], "the map keeps its hues");
         }
     }
     // 200 ± 4 standard deviations of a binomial.
     assert!(names.len() == 2 && names.values().all(|count| (160..=240).contains(count)), "{names:?}");
-    assert!(kolmogorov_smirnov(turns) < bound(400));
-    let raw = under_skies("from = [\"skies\"]\nluminance_scale = 3\nrotation_deg = 90", 1).expect("a sky");
+    assert!(kolmogorov_smirnov(rotations) < bound(400));
+    let raw = under_skies(
+        "brightness = { luminance_scale = 3 }\nsource = { map = { from = [\"skies\"], rotation_deg = 90 } }",
+        1,
+    )
+    .expect("a sky");
     let Light::Environment(sky) = &raw[0] else { panic!("{raw:?}") };
     assert_eq!((sky.scale, sky.rotation), ([3.0; 3], PI / 2.0));
     // Even light: E = π L.
-    let even = under_skies("illuminance_lx = 1000\ntemperature_k = 3000", 1).expect("a sky");
+    let even =
+        under_skies("brightness = { illuminance_lx = 1000 }\nsource = { constant = { temperature_k = 3000 } }", 1)
+            .expect("a sky");
     let Light::Environment(light) = &even[0] else { panic!("{even:?}") };
     assert!((luminance(light.scale) - 1000.0 / PI).abs() < 1e-6 && light.scale[0] > light.scale[2]);
-    let error = under_skies("from = [\"dark\"]", 1).expect_err("dark").to_string();
-    assert!(error.contains("no light from above"), "{error}");
-    assert!(under_skies("illuminance_lx = 0", 1).expect("none").is_empty());
+    let error = under_skies("source = { map = { from = [\"dark\"] } }", 1).expect_err("dark").to_string();
+    assert!(error.contains("no light above the horizon"), "{error}");
+    assert!(under_skies("brightness = { illuminance_lx = 0 }", 1).expect("none").is_empty());
 }
 
 #[test]
-fn a_sky_has_its_sun_where_it_is_brightest() {
+fn a_map_has_its_sun_where_it_is_brightest() {
     // A bright patch of 4 × 4 texels around 33.75° of elevation, to the left of +x; the rest is even.
     let (width, height) = (64_usize, 32_usize);
     let mut texels = vec![[1.0; 3]; width * height];
@@ -209,23 +222,23 @@ fn a_sky_has_its_sun_where_it_is_brightest() {
     let context = Context { stream: Stream::root(1), assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
     let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
     let scene = scene(None);
-    let options = "from = [\"skies\"]\nilluminance_lx = 1000\nrotation_deg = 90\nsun = { ratio = 3 }";
+    let options = "brightness = { illuminance_lx = 1000 }\nsource = { map = { from = [\"skies\"], rotation_deg = 90, sun = { ratio = 3 } } }";
     let shell = views("hemisphere_shell", "").shell(&scene);
     let drawn = lights("environment", options).lights(&scene, &camera, &shell, &context).expect("lights");
-    let [sun @ Light::Directional(disc), sky @ Light::Environment(_)] = &drawn[..] else { panic!("{drawn:?}") };
-    assert!((illuminance(sun, Point3::origin(), disc.towards) / 3000.0 - 1.0).abs() < 0.05, "{disc:?}");
-    assert!((luminance(disc.irradiance) - 3000.0).abs() < 1e-6);
+    let [sun @ Light::Directional(disk), sky @ Light::Environment(_)] = &drawn[..] else { panic!("{drawn:?}") };
+    assert!((illuminance(sun, Point3::origin(), disk.towards) / 3000.0 - 1.0).abs() < 0.05, "{disk:?}");
+    assert!((luminance(disk.irradiance) - 3000.0).abs() < 1e-6);
     // The sky is bright just where its sun is.
-    let at = luminance(seen(sky, Point3::origin(), disc.towards));
+    let at = luminance(seen(sky, Point3::origin(), disk.towards));
     let aside = luminance(seen(sky, Point3::origin(), Vector3::new(0.6, -0.6, 0.5).normalize()));
     assert!((at / aside - 50.0).abs() < 1e-3, "{at} {aside}");
-    assert!((disc.towards.z - 33.75_f64.to_radians().sin()).abs() < 0.01, "{disc:?}");
-    let refusal = refused(Slot::Lights, "environment", "sun = { ratio = 2 }");
-    assert!(refusal.contains("no place for a sun"), "{refusal}");
+    assert!((disk.towards.z - 33.75_f64.to_radians().sin()).abs() < 0.01, "{disk:?}");
+    let refusal = refused(Slot::Lights, "environment", "source = { constant = { sun = { ratio = 2 } } }");
+    assert!(refusal.contains("unknown field `sun`"), "{refusal}");
 }
 
 #[test]
-fn the_sun_stands_where_it_should() {
+fn the_sun_has_its_elevation_and_azimuth() {
     let scene = scene(None);
     let options = "elevation_deg = 30\nazimuth_deg = 90\nilluminance_lx = 50000\nangular_diameter_deg = 20";
     let drawn = draw(&*lights("sun", options), &scene, 1).expect("a sun");

@@ -101,7 +101,7 @@ fn intrinsics(options: &str) -> (Intrinsics, Exposure) {
 
 #[test]
 fn intrinsics_are_the_released_ones() {
-    let exact = "focal_length_mm = 1.88\naperture_mm = [2.6327803436685087, 1.9573321100745658]";
+    let exact = "intrinsics = { physical = { focal_length_mm = 1.88, sensor_size_mm = [2.6327803436685087, 1.9573321100745658] } }";
     let (k, exposure) = intrinsics(exact);
     assert!((k.fx - 457.01).abs() < 0.005 && (k.fy - 461.04).abs() < 0.005, "{k:?}");
     assert_eq!((k.width, k.height, k.cx, k.cy), (640, 480, 320.0, 240.0));
@@ -115,29 +115,24 @@ fn intrinsics_are_the_released_ones() {
 }
 
 #[test]
-fn intrinsics_come_from_a_matrix_or_a_field_of_view() {
+fn intrinsics_come_from_pixels_or_a_field_of_view() {
     let (k, exposure) = intrinsics(
-        "resolution = [800, 600]\nk = [[700.0, 0, 390.5], [0, 710.0, 310.25], [0, 0, 1]]\nexposure = { ev100 = 9 }",
+        "resolution = [800, 600]\nintrinsics = { pixels = { fx = 700, fy = 710, cx = 390.5, cy = 310.25 } }\nexposure = { ev100 = 9 }",
     );
     assert_eq!((k.fx, k.fy, k.cx, k.cy, k.width, k.height), (700.0, 710.0, 390.5, 310.25, 800, 600));
     assert_eq!(exposure, Exposure::Fixed { ev100: 9.0 });
-    let (k, exposure) = intrinsics("fov_deg = 90\nexposure = { auto = { compensation_ev = 0.5 } }");
+    let (k, exposure) = intrinsics("intrinsics = { fov_deg = 90 }\nexposure = { auto = { compensation_ev = 0.5 } }");
     assert!((k.fx - 320.0).abs() < 1e-9 && k.fx == k.fy, "{k:?}");
     assert_eq!(exposure, Exposure::Auto { compensation_ev: 0.5 });
     for (options, want) in [
-        ("focal_length_mm = 2", "needs `aperture_mm`"),
-        ("aperture_mm = [2, 2]", "needs `focal_length_mm`"),
-        ("fov_deg = 60\nk = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "more than one way"),
-        ("fov_deg = 60\nfocal_length_mm = 2\naperture_mm = [2, 2]", "more than one way"),
-        ("k = [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]", "skew"),
-        ("k = [[0, 0, 0], [0, 1, 0], [0, 0, 1]]", "above zero"),
-        ("k = [[1, 0, 0], [0, 1, 0], [0, 0, 2]]", "no matrix of intrinsics"),
-        ("k = [[1, 0, 0], [0, 1, 0]]", "length"),
-        ("focal_length_mm = 0\naperture_mm = [2, 2]", "above zero"),
-        ("resolution = [0, 480]", "outside 1 to 16384"),
-        ("fov_deg = 180", "outside"),
+        ("intrinsics = { physical = { focal_length_mm = 2 } }", "sensor_size_mm"),
+        ("intrinsics = { physical = { sensor_size_mm = [2, 2] } }", "focal_length_mm"),
+        ("intrinsics = { fov_deg = 60, pixels = { fx = 1, fy = 1, cx = 0, cy = 0 } }", "intrinsics"),
+        ("intrinsics = 60", "intrinsics"),
+        ("intrinsics = { fov = 60 }", "fov_deg"),
+        ("intrinsics = { pixels = { fx = 1, fy = 1, cx = 0 } }", "cy"),
+        ("fov_deg = 60", "fov_deg"),
         ("exposure = \"bright\"", "auto"),
-        ("exposure = { ev100 = 100 }", "outside -40 to 40"),
         ("exposure = { ev = 1 }", "ev100"),
     ] {
         let error = refused(Slot::Camera, "pinhole", options);
@@ -171,12 +166,12 @@ fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
     let [mut radius, mut polar, mut azimuth] = [Vec::new(), Vec::new(), Vec::new()];
     for seed in 0..n {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
-        let from_centre = pose.translation.vector - shell.centre.coords;
-        let r = from_centre.norm();
+        let from_center = pose.translation.vector - shell.centre.coords;
+        let r = from_center.norm();
         radius.push((r - 0.7) / (0.7 * 0.7));
-        polar.push(from_centre.z / r);
-        azimuth.push((from_centre.y.atan2(from_centre.x) / std::f64::consts::TAU).rem_euclid(1.0));
-        // The tabletop's middle is seen at the principal point, and up is up.
+        polar.push(from_center.z / r);
+        azimuth.push((from_center.y.atan2(from_center.x) / std::f64::consts::TAU).rem_euclid(1.0));
+        // The center of the tabletop is seen at the principal point, and up is up.
         let p = pose.inverse_transform_point(&scene.tabletop.centre());
         let [u, v] = k.project(&p);
         assert!(p.z > 0.0 && (u - 320.0).abs() < 1e-6 && (v - 240.0).abs() < 1e-6, "{u} {v}");
@@ -191,24 +186,24 @@ fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
 #[test]
 fn views_follow_their_options() {
     let scene = scene(None);
-    let options = "radius = { metres = [0.7, 1.4] }\nelevation_deg = [30, 60]\ncentre_offset_m = 0.1\nlook_at = \"shell_centre\"\nroll_deg = 90";
+    let options = "radius = { meters = [0.7, 1.4] }\nelevation_deg = [30, 60]\ncenter_offset_m = 0.1\nlook_at = \"shell_center\"\nroll_deg = 90";
     let sampler = views("hemisphere_shell", options);
-    let centre = Point3::new(0.0, 0.0, 0.85);
-    assert_eq!((sampler.shell(&scene).centre, sampler.shell(&scene).radius), (centre, [0.7, 1.4]));
+    let center = Point3::new(0.0, 0.0, 0.85);
+    assert_eq!((sampler.shell(&scene).centre, sampler.shell(&scene).radius), (center, [0.7, 1.4]));
     let mut sines = Vec::new();
     for seed in 0..2000 {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
-        let from_centre = pose.translation.vector - centre.coords;
-        sines.push((from_centre.z / from_centre.norm() - 0.5) / (0.75_f64.sqrt() - 0.5));
-        assert!((0.7..=1.4).contains(&from_centre.norm()));
-        assert!((pose * Vector3::z() + from_centre.normalize()).norm() < 1e-9, "looks at the shell's middle");
-        // Rolled by a quarter: what was right is now up, so the camera's x axis points down in the world.
+        let from_center = pose.translation.vector - center.coords;
+        sines.push((from_center.z / from_center.norm() - 0.5) / (0.75_f64.sqrt() - 0.5));
+        assert!((0.7..=1.4).contains(&from_center.norm()));
+        assert!((pose * Vector3::z() + from_center.normalize()).norm() < 1e-9, "looks at the center of the shell");
+        // Rolled by a quarter turn: what was right is now up, so the camera's x axis points down in the world.
         assert!((pose * Vector3::x()).z < 0.0 && (pose * Vector3::y()).z.abs() < 1e-9);
     }
     let d = kolmogorov_smirnov(sines);
     assert!(d < bound(2000), "{d}");
     // The one object of the scene is a triangle in a box of 0.2 m from (-0.05, -0.05), at 0.8 m.
-    let objects = views("hemisphere_shell", "look_at = \"objects_centre\"");
+    let objects = views("hemisphere_shell", "look_at = \"objects_center\"");
     let pose = with_context(1, |context| objects.pose(&scene, ViewId(0), context)).expect("a pose");
     let seen = pose.inverse_transform_point(&Point3::new(0.05, 0.05, 0.8));
     assert!(seen.z > 0.0 && seen.x.abs() < 1e-6 && seen.y.abs() < 1e-6, "{seen}");
@@ -217,11 +212,9 @@ fn views_follow_their_options() {
     assert!((low - 0.8 * 0.7).abs() < 1e-12 && (high - 1.7 * 0.8 * 0.7).abs() < 1e-12);
     for (options, want) in [
         ("radius = { of_table = [1.7, 1.0] }", "smaller bound first"),
-        ("radius = { metres = [0, 1.0] }", "at least"),
-        ("radius = { meters = [1, 2] }", "meters"),
+        ("radius = { metres = [1, 2] }", "metres"),
         ("elevation_deg = [60, 30]", "smaller bound first"),
-        ("elevation_deg = [60, 95]", "passes 90"),
-        ("look_at = \"table\"", "tabletop_centre"),
+        ("look_at = \"table\"", "tabletop_center"),
     ] {
         let error = refused(Slot::Views, "hemisphere_shell", options);
         assert!(error.contains(want), "{options}: {error}");
@@ -231,7 +224,7 @@ fn views_follow_their_options() {
 #[test]
 fn an_orbit_goes_round() {
     let scene = scene(None);
-    let sampler = views("orbit", "distance = { metres = 2 }\nelevation_deg = 30\nstart_deg = 90\nstep_deg = 90");
+    let sampler = views("orbit", "distance = { meters = 2 }\nelevation_deg = 30\nstart_deg = 90\nstep_deg = 90");
     for (view, want) in [(0, [0.0, 1.0]), (1, [-1.0, 0.0]), (2, [0.0, -1.0]), (3, [1.0, 0.0])] {
         let pose = with_context(0, |context| sampler.pose(&scene, ViewId(view), context)).expect("a pose");
         let flat = 2.0 * 30_f64.to_radians().cos();
@@ -244,11 +237,11 @@ fn an_orbit_goes_round() {
 }
 
 #[test]
-fn listed_poses_are_taken_as_they_are() {
+fn listed_poses_are_used_unchanged() {
     let scene = scene(None);
     let options = "poses = [
-        { eye_m = [1.0, 0.0, 0.5] },
-        { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0], roll_deg = 180 },
+        { look_at = { eye_m = [1.0, 0.0, 0.5] } },
+        { look_at = { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0], roll_deg = 180 } },
         { world_from_camera = [[0, 0, -1, 2], [1, 0, 0, 3], [0, -1, 0, 4], [0, 0, 0, 1]] },
     ]";
     let sampler = views("fixed_poses", options);
@@ -260,7 +253,7 @@ fn listed_poses_are_taken_as_they_are() {
     assert!((first.translation.vector - Vector3::new(1.0, 0.0, 1.25)).norm() < 1e-12, "relative to the tabletop");
     assert!((first * Vector3::z() - Vector3::new(-1.0, 0.0, -0.5).normalize()).norm() < 1e-9);
     let second = pose(&*sampler, 1).expect("a pose");
-    // Rolled by half a turn: world +y, which was up, points down in the picture.
+    // Rolled by half a turn: world +y, which was up, points down in the image.
     assert!((second * Vector3::y() - Vector3::y()).norm() < 1e-9, "{second}");
     let third = pose(&*sampler, 2).expect("a pose");
     assert!((third * Vector3::z() + Vector3::x()).norm() < 1e-9 && (third * Vector3::x() - Vector3::y()).norm() < 1e-9);
@@ -272,26 +265,29 @@ fn listed_poses_are_taken_as_they_are() {
     );
     let error = pose(&*sampler, 3).expect_err("no fourth").to_string();
     assert!(error.contains("view 3 has no pose; 3 are listed"), "{error}");
-    let world =
-        views("fixed_poses", "relative_to = \"world\"\nposes = [{ eye_m = [1, 0, 2], target_m = [0, 0, 0.7] }]");
+    let world = views(
+        "fixed_poses",
+        "relative_to = \"world\"\nposes = [{ look_at = { eye_m = [1, 0, 2], target_m = [0, 0, 0.7] } }]",
+    );
     assert!((pose(&*world, 0).expect("a pose").translation.vector.z - 2.0).abs() < 1e-12);
     for (options, want) in [
         ("", "poses"),
-        ("poses = []", "lists no view"),
-        ("poses = [{ target_m = [0, 0, 0] }]", "needs `eye_m`"),
-        ("poses = [{ eye_m = [0, 0, 1] }]", "parallel"),
-        ("poses = [{ eye_m = [0, 0, 0] }]", "same point"),
+        ("poses = [{ look_at = { target_m = [0, 0, 0] } }]", "eye_m"),
+        ("poses = [{ eye_m = [1, 0, 0] }]", "look_at"),
+        ("poses = [{ look_at = { eye_m = [1, 0, 0] } }, { look_at = { eye_m = [0, 0, 1] } }]", "poses[1].look_at"),
+        ("poses = [{ look_at = { eye_m = [0, 0, 1] } }]", "parallel"),
+        ("poses = [{ look_at = { eye_m = [0, 0, 0] } }]", "same point"),
         (
             "poses = [{ world_from_camera = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
-            "no rigid motion",
+            "not a rigid transform",
         ),
         (
             "poses = [{ world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]] }]",
-            "no rigid motion",
+            "not a rigid transform",
         ),
         (
-            "poses = [{ eye_m = [1, 0, 0], world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
-            "stands alone",
+            "poses = [{ world_from_camera = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]] }]",
+            "poses[0].world_from_camera[3]",
         ),
     ] {
         let error = refused(Slot::Views, "fixed_poses", options);
@@ -312,7 +308,7 @@ fn illuminance(light: &Light, point: Point3<f64>, normal: Vector3<f64>) -> f64 {
     let u = normal.cross(&Vector3::new(0.3, 0.5, 0.8)).normalize();
     let v = normal.cross(&u);
     let n = 1200;
-    // Uniform in the disc is uniform in cos θ dω: every direction has the weight π / N.
+    // Uniform in the disk is uniform in cos θ dω: every direction has the weight π / N.
     let mut sum = 0.0;
     for i in 0..n {
         for j in 0..n {
@@ -330,9 +326,9 @@ fn illuminance(light: &Light, point: Point3<f64>, normal: Vector3<f64>) -> f64 {
 fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
     let hit = match light {
         Light::Sphere(sphere) => {
-            let to_centre = sphere.centre - origin;
-            let along = to_centre.dot(&ray);
-            along > 0.0 && to_centre.norm_squared() - along * along < sphere.radius * sphere.radius
+            let to_center = sphere.centre - origin;
+            let along = to_center.dot(&ray);
+            along > 0.0 && to_center.norm_squared() - along * along < sphere.radius * sphere.radius
         }
         Light::Rect(rect) => {
             let normal = rect.half_u.cross(&rect.half_v).normalize();
@@ -354,8 +350,8 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
         Light::Disk(disk) if hit => disk.radiance,
         Light::Directional(sun) if hit => sun.radiance(),
         Light::Environment(sky) => {
-            let turned = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -sky.rotation) * ray;
-            let [u, v] = EnvironmentMap::coordinates(&turned);
+            let rotated = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -sky.rotation) * ray;
+            let [u, v] = EnvironmentMap::coordinates(&rotated);
             let (width, height) = (sky.map.width() as usize, sky.map.height() as usize);
             let (x, y) = ((u * width as f64) as usize % width, ((v * height as f64) as usize).min(height - 1));
             let texel = sky.map.texels()[y * width + x];
@@ -366,9 +362,10 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
 }
 
 #[test]
-fn sphere_lights_give_the_lux_that_was_asked_for() {
+fn sphere_lights_give_the_requested_illuminance() {
     let scene = scene(None);
-    let sampler = lights("sphere_lights", "count = 1\nilluminance_lx = 800\nsize_m = { uniform = [0.2, 0.6] }");
+    let sampler =
+        lights("sphere_lights", "count = 1\nbrightness = { illuminance_lx = 800 }\nsize_m = { uniform = [0.2, 0.6] }");
     for seed in 0..4 {
         let lights = draw(&*sampler, &scene, seed).expect("lights");
         let [light @ Light::Sphere(sphere)] = &lights[..] else { panic!("{lights:?}") };
@@ -379,12 +376,17 @@ fn sphere_lights_give_the_lux_that_was_asked_for() {
 }
 
 #[test]
-fn ceiling_lights_give_the_lux_that_was_asked_for() {
+fn ceiling_lights_give_the_requested_illuminance() {
     for (options, ceiling, count, height) in [
-        ("illuminance_lx = 500", Some(15.0), 1, 14.99),
-        ("illuminance_lx = 500\nsize_m = [1.5, 0.4]\nheight_m = 2.4", Some(3.0), 1, 2.4),
-        ("illuminance_lx = 500\ncount = 4\nsize_m = [0.6, 0.6]\nspacing_m = 1.2\nheight_m = 9", Some(2.6), 4, 2.59),
-        ("illuminance_lx = 500\nshift_m = 1.5", None, 1, 3.75),
+        ("brightness = { illuminance_lx = 500 }", Some(15.0), 1, 14.99),
+        ("brightness = { illuminance_lx = 500 }\nsize_m = [1.5, 0.4]\nheight_m = 2.4", Some(3.0), 1, 2.4),
+        (
+            "brightness = { illuminance_lx = 500 }\ncount = 4\nsize_m = [0.6, 0.6]\nspacing_m = 1.2\nheight_m = 9",
+            Some(2.6),
+            4,
+            2.59,
+        ),
+        ("brightness = { illuminance_lx = 500 }\nshift_m = 1.5", None, 1, 3.75),
     ] {
         let scene = scene(ceiling);
         let lights = draw(&*lights("ceiling_light", options), &scene, 3).expect("lights");
@@ -418,12 +420,12 @@ fn sphere_lights_are_where_the_paper_has_them() {
         counts[lights.len()] += 1;
         for light in lights {
             let Light::Sphere(sphere) = light else { panic!("{light:?}") };
-            let from_centre = sphere.centre - Point3::new(0.0, 0.0, 0.95);
-            radius.push(from_centre.norm() - (0.7 * 1.7 + 0.1));
-            polar.push(from_centre.z / from_centre.norm());
+            let from_center = sphere.centre - Point3::new(0.0, 0.0, 0.95);
+            radius.push(from_center.norm() - (0.7 * 1.7 + 0.1));
+            polar.push(from_center.z / from_center.norm());
             warmth.push(sphere.radiance[0] / sphere.radiance[2]);
             // Never among the cameras, never through the tabletop.
-            assert!(from_centre.norm() - sphere.radius >= 0.7 * 1.7 && sphere.centre.z - sphere.radius > 0.75);
+            assert!(from_center.norm() - sphere.radius >= 0.7 * 1.7 && sphere.centre.z - sphere.radius > 0.75);
         }
     }
     let n = radius.len();
@@ -438,15 +440,15 @@ fn sphere_lights_are_where_the_paper_has_them() {
 }
 
 #[test]
-fn the_released_lights_can_be_asked_for() {
+fn the_released_lights_can_be_configured() {
     let scene = scene(Some(15.0));
     let spheres = lights(
         "sphere_lights",
-        "count = 1\nsize_m = { uniform = [0.3, 0.7] }\ntemperature_k = 6500\nluminance_nits = { uniform = [0, 30000] }",
+        "count = 1\nsize_m = { uniform = [0.3, 0.7] }\ntemperature_k = 6500\nbrightness = { luminance_nits = { uniform = [0, 30000] } }",
     );
     let ceiling = lights(
         "ceiling_light",
-        "size_m = [15, 15]\nheight_m = 5\ntemperature_k = 6500\nluminance_nits = { uniform = [100, 1500] }",
+        "size_m = [15, 15]\nheight_m = 5\ntemperature_k = 6500\nbrightness = { luminance_nits = { uniform = [100, 1500] } }",
     );
     for seed in 0..50 {
         let drawn = draw(&*spheres, &scene, seed).expect("lights");
@@ -456,24 +458,22 @@ fn the_released_lights_can_be_asked_for() {
         let [Light::Rect(rect)] = drawn[..] else { panic!("{drawn:?}") };
         assert!((100.0..1500.0).contains(&luminance(rect.radiance)) && rect.centre.z == 5.0);
     }
-    let none = lights("sphere_lights", "count = 2\nilluminance_lx = 0");
+    let none = lights("sphere_lights", "count = 2\nbrightness = { illuminance_lx = 0 }");
     assert!(draw(&*none, &scene, 1).expect("lights").is_empty(), "a light of 0 lx is none");
     let engulfing = lights("sphere_lights", "count = 1\nsize_m = 5");
     let error = draw(&*engulfing, &scene, 1).expect_err("too large").to_string();
-    assert!(error.contains("reaches the tabletop's middle"), "{error}");
+    assert!(error.contains("reaches the center of the tabletop"), "{error}");
 }
 
 #[test]
 fn light_options_are_checked_and_examples_build() {
     for (kind, options, want) in [
-        ("sphere_lights", "count = -1", "can become -1"),
-        ("sphere_lights", "radius = { metres = [2, 1] }", "smaller bound first"),
-        ("sphere_lights", "temperature_k = 100", "outside 1000 to 40000"),
-        ("sphere_lights", "size_m = 0", "can become 0"),
-        ("sphere_lights", "illuminance_lx = { uniform = [-1, 5] }", "can become -1"),
-        ("ceiling_light", "size_m = [0, 1]", "at least"),
-        ("ceiling_light", "shift_m = -1", "at least"),
-        ("ceiling_light", "luminance_nits = -1", "can become -1"),
+        ("sphere_lights", "count = -1", "count"),
+        ("sphere_lights", "radius = { meters = [2, 1] }", "smaller bound first"),
+        ("sphere_lights", "temperature_k = 100", "temperature_k"),
+        ("sphere_lights", "size_m = 0", "size_m"),
+        ("sphere_lights", "brightness = { illuminance_lx = { uniform = [-1, 5] } }", "can become -1"),
+        ("ceiling_light", "brightness = { luminance_nits = -1 }", "brightness.luminance_nits"),
     ] {
         let error = refused(Slot::Lights, kind, options);
         assert!(error.contains(want), "{options}: {error}");
@@ -485,6 +485,50 @@ fn light_options_are_checked_and_examples_build() {
         let text = built.options.to_string();
         let again = entry.construct_str(&text).unwrap_or_else(|error| panic!("{text}: {error:?}"));
         assert_eq!(again.options, built.options, "{}", entry.kind);
+    }
+}
+
+#[test]
+fn values_outside_the_limits_of_the_schema_are_rejected() {
+    use Slot::{Camera, Lights, Views};
+    for (slot, kind, options, want) in [
+        (Camera, "pinhole", "resolution = [0, 480]", "resolution"),
+        (Camera, "pinhole", "intrinsics = { fov_deg = 180 }", "fov_deg"),
+        (Camera, "pinhole", "intrinsics = { pixels = { fx = 0, fy = 1, cx = 0, cy = 0 } }", "fx"),
+        (
+            Camera,
+            "pinhole",
+            "intrinsics = { physical = { focal_length_mm = 0, sensor_size_mm = [2, 2] } }",
+            "focal_length_mm",
+        ),
+        (
+            Camera,
+            "pinhole",
+            "intrinsics = { physical = { focal_length_mm = 2, sensor_size_mm = [2, 0] } }",
+            "sensor_size_mm",
+        ),
+        (Camera, "pinhole", "exposure = { ev100 = 100 }", "ev100"),
+        (Camera, "pinhole", "exposure = { auto = { compensation_ev = -41 } }", "compensation_ev"),
+        (
+            Camera,
+            "pinhole",
+            "intrinsics = { fov_deg = 60 }\nlens = { f_number = 2, focal_length_mm = -1 }",
+            "focal_length_mm",
+        ),
+        (Views, "hemisphere_shell", "radius = { meters = [0, 1.0] }", "meters"),
+        (Views, "hemisphere_shell", "elevation_deg = [60, 95]", "elevation_deg"),
+        (Views, "hemisphere_shell", "center_offset_m = -1", "center_offset_m"),
+        (Views, "orbit", "distance = { of_table = 0 }", "of_table"),
+        (Views, "orbit", "elevation_deg = -1", "elevation_deg"),
+        (Views, "fixed_poses", "poses = []", "poses"),
+        (Lights, "ceiling_light", "size_m = [0, 1]", "size_m"),
+        (Lights, "ceiling_light", "shift_m = -1", "shift_m"),
+        (Lights, "ceiling_light", "height_m = 0", "height_m"),
+        (Lights, "sphere_lights", "radius = { beyond_views_m = [-1, 1] }", "beyond_views_m"),
+        (Lights, "environment", "source = { map = { from = [] } }", "from"),
+    ] {
+        let error = refused(slot, kind, options);
+        assert!(error.contains(want), "{options}: {error}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! A view without lens and scene to speak of, and a way to run a sensor on planes.
+//! A minimal view, and a harness that runs a sensor on given planes.
 
 #![allow(dead_code)]
 
@@ -33,7 +33,7 @@ fn constructed(kind: &str, options: &str) -> Result<Constructed, String> {
     })
 }
 
-/// A view with the principal point in the middle.
+/// A view with the principal point at the center of the image.
 pub fn view(size: [u32; 2], focal_px: f64, exposure: Exposure) -> View {
     let mut view = scenes::view([0.0, -1.0, 1.0], [0.0; 3], size, 60.0);
     (view.camera.intrinsics.fx, view.camera.intrinsics.fy) = (focal_px, focal_px);

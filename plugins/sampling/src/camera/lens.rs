@@ -1,0 +1,173 @@
+//! The lens of a camera: distortion and depth of field.
+
+use syntable_model::geometry::{Point3, Pose};
+use syntable_model::prelude::*;
+use syntable_model::scene::{Camera, Distortion, Intrinsics, ThinLens};
+
+/// Coefficients of Brown–Conrady lens distortion, with OpenCV's names and meaning.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DistortionOptions {
+    /// Radial coefficient of r²: negative is barrel distortion, positive is pincushion distortion. 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    k1: f64,
+    /// Radial coefficient of r⁴; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    k2: f64,
+    /// Tangential coefficient, vertical; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    p1: f64,
+    /// Tangential coefficient, horizontal; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    p2: f64,
+    /// Radial coefficient of r⁶; 0 by default.
+    #[schemars(range(min = -1e6, max = 1e6))]
+    k3: f64,
+}
+
+impl DistortionOptions {
+    /// The distortion. Rejects coefficients that map two directions to one pixel, or leave pixels without a direction.
+    pub fn distortion(&self, intrinsics: Intrinsics) -> Result<Distortion, Invalid> {
+        const STEPS: u32 = 32;
+        let Self { k1, k2, p1, p2, k3 } = *self;
+        let distortion = Distortion { radial: [k1, k2, k3], tangential: [p1, p2] };
+        let camera = Camera { distortion: Some(distortion), ..Camera::pinhole(intrinsics, Pose::identity()) };
+        for i in 0..=STEPS {
+            for j in 0..=STEPS {
+                let inner = (1..STEPS).contains(&i) && (1..STEPS).contains(&j);
+                // A fine grid along the border, a coarse one inside.
+                if inner && (i % 4 != 0 || j % 4 != 0) {
+                    continue;
+                }
+                let part = |step: u32, pixels: u32| f64::from(pixels) * f64::from(step) / f64::from(STEPS);
+                let (u, v) = (part(i, intrinsics.width), part(j, intrinsics.height));
+                if camera.unproject(u, v).is_none() {
+                    let message = format!(
+                        "`distortion` with k1 = {k1}, k2 = {k2}, k3 = {k3}, p1 = {p1}, p2 = {p2} folds the image over \
+                         before pixel ({u}, {v}): nothing can be seen there"
+                    );
+                    return Err(Invalid::new("distortion", message)
+                        .help("use coefficients that were calibrated at this field of view, or a smaller one"));
+                }
+            }
+        }
+        Ok(distortion)
+    }
+}
+
+/// Depth of field: objects off the focal plane are blurred.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LensOptions {
+    /// F-number, the focal length over the diameter of the aperture, sampled per view, from 0.1 to 1000. Smaller values
+    /// blur more.
+    #[schemars(extend("minimum" = F_NUMBER[0], "maximum" = F_NUMBER[1]))]
+    f_number: Dist,
+    /// Distance in focus: `"tabletop"` (the default), the depth of the center of the tabletop; `"nearest_object"`, the
+    /// depth of the center of the object nearest to the camera in the image; or `{ distance_m = 0.8 }`.
+    #[serde(default)]
+    focus: Focus,
+    /// Focal length of the lens, millimeters. Required unless `intrinsics.physical` has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-3, max = 1e6))]
+    focal_length_mm: Option<f64>,
+}
+
+/// Limits of `f_number`.
+const F_NUMBER: [f64; 2] = [0.1, 1000.0];
+/// Limits of `distance_m`, meters.
+const DISTANCE_M: [f64; 2] = [0.001, 1e6];
+
+/// Distance in focus.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum Focus {
+    /// Center of the tabletop.
+    #[default]
+    Tabletop,
+    /// Center of the nearest object in the image; of the tabletop if there is none.
+    NearestObject,
+    /// Distance along the optical axis, meters, sampled per view, from 0.001 to 1,000,000.
+    DistanceM(#[schemars(extend("minimum" = DISTANCE_M[0], "maximum" = DISTANCE_M[1]))] Dist),
+}
+
+/// A lens with a known focal length.
+#[derive(Debug)]
+pub struct Lens {
+    options: LensOptions,
+    focal_length_m: f64,
+}
+
+/// The focal length that the intrinsics give, millimeters.
+#[derive(Debug, Clone, Copy)]
+pub enum FocalLength {
+    /// That of `intrinsics.physical`.
+    Physical(f64),
+    /// The intrinsics, of this form, give angles only.
+    Unknown(&'static str),
+}
+
+impl LensOptions {
+    /// The lens for a camera.
+    pub fn lens(self, camera: FocalLength) -> Result<Lens, Invalid> {
+        self.f_number.within("lens.f_number", F_NUMBER[0], F_NUMBER[1])?;
+        if let Focus::DistanceM(distance) = &self.focus {
+            distance.within("lens.focus.distance_m", DISTANCE_M[0], DISTANCE_M[1])?;
+        }
+        let millimeters = match (self.focal_length_mm, camera) {
+            (Some(_), FocalLength::Physical(own)) => {
+                let message = format!("the focal length is {own} mm already, by `intrinsics.physical`");
+                return Err(Invalid::new("lens.focal_length_mm", message).help("leave it out of `lens`"));
+            }
+            (Some(length), FocalLength::Unknown(_)) | (None, FocalLength::Physical(length)) => length,
+            (None, FocalLength::Unknown(form)) => {
+                let message = format!("`lens` needs a focal length, which `intrinsics.{form}` does not determine");
+                return Err(Invalid::new("lens", message).help("add focal_length_mm to `lens`"));
+            }
+        };
+        Ok(Lens { options: self, focal_length_m: millimeters / 1e3 })
+    }
+}
+
+impl Lens {
+    /// The lens in focus for a view. `camera` has everything but the lens.
+    pub fn focused(&self, scene: &Scene, camera: &Camera, context: &Context) -> Result<ThinLens> {
+        let tabletop = depth(camera, scene.tabletop.centre());
+        let distance = match &self.options.focus {
+            Focus::Tabletop => tabletop,
+            Focus::NearestObject => nearest_object(scene, camera).unwrap_or(tabletop),
+            Focus::DistanceM(distance) => distance.draw(&mut context.stream.child("focus")),
+        };
+        if distance <= self.focal_length_m {
+            let message = format!(
+                "the distance in focus is {distance:.4} m, where a lens of {} mm cannot focus",
+                self.focal_length_m * 1e3
+            );
+            return Err(Error::new(message).help("set lens.focus to another distance, or change the views"));
+        }
+        let f_number = self.options.f_number.draw(&mut context.stream.child("f_number"));
+        Ok(ThinLens { aperture_radius_m: self.focal_length_m / (2.0 * f_number), focus_distance_m: distance })
+    }
+}
+
+/// Depth of a point along the optical axis, meters.
+fn depth(camera: &Camera, point: Point3<f64>) -> f64 {
+    camera.world_from_camera.inverse_transform_point(&point).z
+}
+
+/// Depth of the center of the object nearest to the camera, among objects whose center is in the image.
+fn nearest_object(scene: &Scene, camera: &Camera) -> Option<f64> {
+    let (width, height) = (f64::from(camera.intrinsics.width), f64::from(camera.intrinsics.height));
+    scene
+        .objects()
+        .iter()
+        .map(|body| body.world_from_body * body.object.mesh.bounds().centre())
+        .map(|center| camera.world_from_camera.inverse_transform_point(&center))
+        .filter(|p| p.z > 0.0)
+        .filter(|p| {
+            let [u, v] = camera.project(p);
+            (0.0..width).contains(&u) && (0.0..height).contains(&v)
+        })
+        .min_by(|a, b| a.coords.norm().total_cmp(&b.coords.norm()))
+        .map(|p| p.z)
+}

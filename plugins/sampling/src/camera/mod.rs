@@ -1,0 +1,8 @@
+//! Camera models.
+
+mod exposure;
+mod intrinsics;
+mod lens;
+mod pinhole;
+
+pub use pinhole::Pinhole;

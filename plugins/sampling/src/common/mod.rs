@@ -1,0 +1,4 @@
+//! What several samplers share.
+
+pub mod bounds;
+pub mod shell;

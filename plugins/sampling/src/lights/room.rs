@@ -1,0 +1,11 @@
+//! The free space around the table.
+
+use syntable_model::geometry::{Aabb, space_around};
+use syntable_model::scene::{Role, Scene};
+
+/// The inside of the room around the center of the tabletop; infinite where no wall, floor or ceiling bounds it.
+pub fn inside(scene: &Scene) -> Aabb {
+    let parts = scene.bodies().iter().filter(|body| body.role == Role::Room);
+    let boxes = parts.map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)));
+    space_around(&scene.tabletop.centre(), boxes)
+}

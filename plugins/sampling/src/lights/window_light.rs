@@ -1,0 +1,240 @@
+//! Daylight through windows.
+
+use crate::lights::brightness::check_temperature;
+use crate::lights::brightness::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, TEMPERATURE_K};
+use crate::lights::per::Per;
+use crate::lights::room::inside;
+use nalgebra::{Point3, Vector3};
+use syntable_model::geometry::Aabb;
+use syntable_model::photometry::{blackbody, polygon_illuminance};
+use syntable_model::prelude::*;
+use syntable_model::scene::{Camera, Light, RectLight};
+
+/// Gap between a window and its wall, meters.
+const BEFORE_WALL_M: f64 = 0.01;
+
+/// Minimum distance of a window from the edges of its wall, meters.
+const MARGIN_M: f64 = 0.1;
+
+/// Daylight through windows: bright rectangles in a row just in front of a wall of the room.
+///
+/// All windows of a view have the same size and luminance, that of the sky behind them. `brightness.illuminance_lx` is
+/// the illuminance that all of them together give at the center of the tabletop on a horizontal plane, by Lambert's
+/// formula for polygons. Where a wall is too short or too low, windows are fewer or smaller.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WindowLight {
+    /// Whether windows are sampled per `view` or once per `scene`.
+    per: Per,
+    /// Number of walls with windows, from 0 to 4, chosen at random.
+    #[schemars(extend("minimum" = WALLS[0], "maximum" = WALLS[1]))]
+    walls: IntDist,
+    /// Number of windows in a wall, sampled per wall, from 1 to 100.
+    #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
+    count: IntDist,
+    /// Width of a window, meters, from 0.05 to 1000.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
+    width_m: Dist,
+    /// Height of a window, meters, from 0.05 to 1000.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
+    height_m: Dist,
+    /// Height of the lower edge above the floor, meters, from 0 to 1000.
+    #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
+    sill_m: Dist,
+    /// Gap between neighboring windows, meters, from 0 to 1000.
+    #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
+    spacing_m: Dist,
+    /// Color temperature of the daylight, kelvin, from 1000 to 40,000.
+    #[schemars(extend("minimum" = TEMPERATURE_K[0], "maximum" = TEMPERATURE_K[1]))]
+    temperature_k: Dist,
+    /// Brightness: `{ illuminance_lx = 800 }` of all windows together, or `{ luminance_nits = 5000 }` of the sky. Zero
+    /// brightness leaves the windows out.
+    brightness: WindowBrightness,
+}
+
+/// Limits of `walls`.
+const WALLS: [i64; 2] = [0, 4];
+/// Limits of `count`.
+const COUNT: [i64; 2] = [1, 100];
+/// Limits of `width_m` and `height_m`, meters.
+const SIZE_M: [f64; 2] = [0.05, 1000.0];
+/// Limits of `sill_m` and `spacing_m`, meters.
+const GAP_M: [f64; 2] = [0.0, 1000.0];
+
+/// Brightness of windows, as one of two photometric quantities.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum WindowBrightness {
+    /// Unoccluded illuminance that all windows together give at the center of the tabletop on a horizontal plane, lux,
+    /// from 0 to 10⁷.
+    IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
+    /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰.
+    LuminanceNits(#[schemars(extend("minimum" = LUMINANCE_NITS[0], "maximum" = LUMINANCE_NITS[1]))] Dist),
+}
+
+impl Default for WindowLight {
+    fn default() -> Self {
+        Self {
+            per: Per::default(),
+            walls: IntDist::Constant(1),
+            count: IntDist::Integers(1, 3),
+            width_m: Dist::Uniform(0.8, 2.0),
+            height_m: Dist::Uniform(1.0, 1.6),
+            sill_m: Dist::Uniform(0.7, 1.0),
+            spacing_m: Dist::Uniform(0.3, 1.0),
+            temperature_k: Dist::Uniform(5000.0, 7500.0),
+            brightness: WindowBrightness::IlluminanceLx(Dist::LogUniform(200.0, 3000.0)),
+        }
+    }
+}
+
+impl Config for WindowLight {
+    type Stage = dyn LightSampler;
+    const KIND: &'static str = "window_light";
+    const EXAMPLE: &'static str = "walls = 1\ncount = { integers = [1, 3] }\n\
+        temperature_k = { uniform = [5000, 7500] }\n\
+        brightness = { illuminance_lx = { log_uniform = [200, 3000] } }";
+    const RENAMED: &'static [(&'static str, &'static str)] =
+        &[("illuminance_lx", "brightness.illuminance_lx"), ("luminance_nits", "brightness.luminance_nits")];
+
+    fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
+        self.walls.within("walls", WALLS[0], WALLS[1])?;
+        self.count.within("count", COUNT[0], COUNT[1])?;
+        self.width_m.within("width_m", SIZE_M[0], SIZE_M[1])?;
+        self.height_m.within("height_m", SIZE_M[0], SIZE_M[1])?;
+        self.sill_m.within("sill_m", GAP_M[0], GAP_M[1])?;
+        self.spacing_m.within("spacing_m", GAP_M[0], GAP_M[1])?;
+        check_temperature("temperature_k", &self.temperature_k)?;
+        match &self.brightness {
+            WindowBrightness::IlluminanceLx(lux) => {
+                lux.within("brightness.illuminance_lx", ILLUMINANCE_LX[0], ILLUMINANCE_LX[1])?;
+            }
+            WindowBrightness::LuminanceNits(nits) => {
+                nits.within("brightness.luminance_nits", LUMINANCE_NITS[0], LUMINANCE_NITS[1])?;
+            }
+        }
+        Ok(Box::new(self))
+    }
+}
+register!(WindowLight);
+
+impl LightSampler for WindowLight {
+    fn once_per_scene(&self) -> bool {
+        self.per == Per::Scene
+    }
+
+    fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
+        let stream = &context.stream;
+        let draw = |name: &str, dist: &Dist| dist.draw(&mut stream.child(name));
+        let room = inside(scene);
+        let mut walls = Wall::all(&room);
+        if walls.is_empty() {
+            return Err(Error::new("the scene has no wall for a window")
+                .help("place a room, or use the light `environment` instead of `window_light`"));
+        }
+        stream.child("which").shuffle(&mut walls);
+        walls.truncate(self.walls.draw(&mut stream.child("walls")).max(0) as usize);
+        let size = [draw("width", &self.width_m), draw("height", &self.height_m)];
+        let (sill, spacing) = (draw("sill", &self.sill_m), draw("spacing", &self.spacing_m));
+        let mut windows = Vec::new();
+        for (i, wall) in walls.iter().enumerate() {
+            let stream = stream.child("wall").at(i as u64);
+            let count = self.count.draw(&mut stream.child("count")).max(1) as usize;
+            windows.extend(wall.windows(count, size, sill, spacing, &mut stream.child("place")));
+        }
+        let tabletop = scene.tabletop.centre();
+        let per_nit: f64 =
+            windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
+        let luminance = match &self.brightness {
+            WindowBrightness::IlluminanceLx(lux) => match draw("brightness", lux) {
+                0.0 => 0.0,
+                lux => lux / per_nit,
+            },
+            WindowBrightness::LuminanceNits(nits) => draw("brightness", nits),
+        };
+        if !luminance.is_finite() && !windows.is_empty() {
+            let message = format!("no window reaches above the tabletop at {:.2} m", tabletop.z);
+            return Err(Error::new(message).help("make `sill_m` or `height_m` larger"));
+        }
+        let color = blackbody(draw("temperature", &self.temperature_k));
+        let radiance = color.map(|channel| channel * luminance);
+        let lit = windows.into_iter().map(|window| Light::Rect(RectLight { radiance, ..window }));
+        Ok(if luminance > 0.0 { lit.collect() } else { Vec::new() })
+    }
+}
+
+/// The inner face of a wall.
+struct Wall {
+    /// Center of its lower edge.
+    foot: Point3<f64>,
+    /// Unit normal that points into the room.
+    inwards: Vector3<f64>,
+    /// Unit vector to the right, seen from inside.
+    along: Vector3<f64>,
+    length: f64,
+    height: f64,
+}
+
+impl Wall {
+    /// The walls of a room. A side without a wall counts as 20 m away.
+    fn all(room: &Aabb) -> Vec<Self> {
+        const OPEN_M: f64 = 20.0;
+        let limit = |low: f64, high: f64| match (low.is_finite(), high.is_finite()) {
+            (true, true) => [low, high],
+            (true, false) => [low, low + OPEN_M],
+            (false, true) => [high - OPEN_M, high],
+            (false, false) => [-OPEN_M / 2.0, OPEN_M / 2.0],
+        };
+        let extent: [[f64; 2]; 2] = [0, 1].map(|axis| limit(room.min[axis], room.max[axis]));
+        let floor = if room.min.z.is_finite() { room.min.z } else { 0.0 };
+        let height = if room.max.z.is_finite() { room.max.z - floor } else { OPEN_M };
+        let mut walls = Vec::new();
+        for axis in 0..2 {
+            for (place, side) in [(room.min[axis], 1.0), (room.max[axis], -1.0)] {
+                if !place.is_finite() {
+                    continue;
+                }
+                let [low, high] = extent[1 - axis];
+                let mut foot = Point3::new(0.0, 0.0, floor);
+                (foot[axis], foot[1 - axis]) = (place, (low + high) / 2.0);
+                let mut inwards = Vector3::zeros();
+                inwards[axis] = side;
+                // along × up points into the room.
+                walls.push(Self { foot, inwards, along: Vector3::z().cross(&inwards), length: high - low, height });
+            }
+        }
+        walls
+    }
+
+    /// A row of as many windows as fit, at least one, at a random position along the wall. Their radiance is zero.
+    fn windows(
+        &self,
+        count: usize,
+        [width, height]: [f64; 2],
+        sill: f64,
+        spacing: f64,
+        stream: &mut Stream,
+    ) -> Vec<RectLight> {
+        let free = (self.length - 2.0 * MARGIN_M).max(0.05);
+        let width = width.min(free);
+        let count = count.min((1.0 + (free - width) / (width + spacing)).floor() as usize).max(1);
+        let row = count as f64 * width + (count as f64 - 1.0) * spacing;
+        let shift = stream.uniform(-0.5, 0.5) * (free - row).max(0.0);
+        // A low ceiling lowers the windows before it shortens them.
+        let top = (self.height - MARGIN_M).max(0.05);
+        let height = height.min(top);
+        let sill = sill.min(top - height);
+        (0..count)
+            .map(|i| {
+                let at = shift - row / 2.0 + width / 2.0 + i as f64 * (width + spacing);
+                let up = Vector3::z() * (sill + height / 2.0);
+                RectLight {
+                    centre: self.foot + self.along * at + up + self.inwards * BEFORE_WALL_M,
+                    half_u: self.along * (width / 2.0),
+                    half_v: Vector3::z() * (height / 2.0),
+                    radiance: [0.0; 3],
+                }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,167 @@
+//! Views whose poses are listed in the recipe.
+
+use crate::views::look_at::rolled;
+use nalgebra::{Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use syntable_model::geometry::look_at;
+use syntable_model::prelude::*;
+use syntable_model::scene::{Tabletop, ViewId};
+
+/// Camera poses from a list, the same in every scene: view `i` takes entry `i`, and there are as many views as entries.
+///
+/// An entry is `{ look_at = { eye_m = [x, y, z], target_m = [x, y, z] } }` or
+/// `{ world_from_camera = [[..], [..], [..], [..]] }`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FixedPoses {
+    /// Poses of the views, in order; at least one.
+    #[schemars(length(min = 1))]
+    poses: Vec<PoseEntry>,
+    /// Origin of the coordinates in `poses`; the axes are those of the world.
+    #[serde(default)]
+    relative_to: Origin,
+}
+
+/// Origin of listed poses.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Origin {
+    /// Center of the tabletop, whose height differs between tables.
+    #[default]
+    TabletopCenter,
+    /// Origin of the world, on the floor.
+    World,
+}
+
+/// A camera pose.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum PoseEntry {
+    /// Position, target and up vector.
+    LookAt(LookAtPose),
+    /// Rigid 4 × 4 matrix, row by row. Its columns are the camera's right, down and forward axes and its position in
+    /// meters.
+    WorldFromCamera([[f64; 4]; 4]),
+}
+
+/// A camera pose from a position and a target.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct LookAtPose {
+    /// Position of the camera, meters.
+    eye_m: [f64; 3],
+    /// Point that the camera looks at, meters; the origin by default.
+    #[serde(default)]
+    target_m: [f64; 3],
+    /// Direction that points up in the image; z by default. Must not be parallel to the viewing direction.
+    #[serde(default = "z_axis")]
+    up: [f64; 3],
+    /// Rotation of the camera about its optical axis, degrees; positive is clockwise seen from behind the camera. 0 by
+    /// default.
+    #[serde(default)]
+    roll_deg: f64,
+}
+
+fn z_axis() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+impl Config for FixedPoses {
+    type Stage = dyn ViewSampler;
+    const KIND: &'static str = "fixed_poses";
+    const EXAMPLE: &'static str = "poses = [\n    \
+        { look_at = { eye_m = [0.9, 0.0, 0.7], target_m = [0.0, 0.0, 0.05] } },\n    \
+        { look_at = { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0] } },\n]";
+
+    fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
+        let pose = |(i, entry): (usize, PoseEntry)| match entry {
+            PoseEntry::LookAt(pose) => pose.pose(&format!("poses[{i}].look_at")),
+            PoseEntry::WorldFromCamera(rows) => from_matrix(rows, &format!("poses[{i}].world_from_camera")),
+        };
+        let poses = self.poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
+        Ok(Box::new(Listed { poses, relative_to: self.relative_to }))
+    }
+}
+register!(FixedPoses);
+
+impl LookAtPose {
+    fn pose(&self, key: &str) -> Result<Pose, Invalid> {
+        let (eye, target) = (Point3::from(self.eye_m), Point3::from(self.target_m));
+        let up = Vector3::from(self.up);
+        if (target - eye).norm() < 1e-9 {
+            let message = format!("`eye_m` and `target_m` are the same point, {:?}", self.eye_m);
+            return Err(Invalid::new(key, message).help("move one of them"));
+        }
+        if (target - eye).cross(&up).norm() < 1e-9 {
+            let message = format!("`up = {:?}` is parallel to the viewing direction", self.up);
+            return Err(Invalid::new(key, message).help("set `up` to another axis, such as [0, 1, 0]"));
+        }
+        Ok(rolled(look_at(eye, target, up), self.roll_deg))
+    }
+}
+
+fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, Invalid> {
+    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        let message = format!("the last row of `world_from_camera` is {:?}", rows[3]);
+        return Err(
+            Invalid::new(format!("{key}[3]"), message).help("write the matrix row by row, ending in [0, 0, 0, 1]")
+        );
+    }
+    let rotation = Matrix3::from_fn(|r, c| rows[r][c]);
+    let error = (rotation * rotation.transpose() - Matrix3::identity()).abs().max();
+    let determinant = rotation.determinant();
+    if error > 1e-4 || determinant < 0.0 {
+        let message = format!(
+            "`world_from_camera` is not a rigid transform: R Rᵀ differs from the identity by {error:.1e}, and the \
+             determinant is {determinant:.3}"
+        );
+        return Err(Invalid::new(key, message)
+            .help("its upper left 3 × 3 block must be a rotation, without scale or mirroring"));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
+        &rotation,
+        1e-12,
+        100,
+        Rotation3::from_matrix_unchecked(rotation),
+    ));
+    Ok(Pose::from_parts(Translation3::new(rows[0][3], rows[1][3], rows[2][3]), rotation))
+}
+
+struct Listed {
+    poses: Vec<Pose>,
+    relative_to: Origin,
+}
+
+impl Listed {
+    fn origin(&self, tabletop: &Tabletop) -> Translation3<f64> {
+        match self.relative_to {
+            Origin::TabletopCenter => Translation3::from(tabletop.centre().coords),
+            Origin::World => Translation3::identity(),
+        }
+    }
+}
+
+impl ViewSampler for Listed {
+    fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
+        let pose = self.poses.get(view.0 as usize).ok_or_else(|| {
+            Error::new(format!("view {} has no pose; {} are listed", view.0, self.poses.len()))
+                .help("set dataset.views_per_scene to the number of poses, or list more")
+        })?;
+        Ok(self.origin(&scene.tabletop) * pose)
+    }
+
+    /// The shell around the center of the tabletop that contains all poses.
+    fn shell(&self, scene: &Scene) -> Shell {
+        let center = scene.tabletop.centre();
+        let origin = self.origin(&scene.tabletop);
+        let radius = self
+            .poses
+            .iter()
+            .map(|pose| ((origin * pose).translation.vector - center.coords).norm())
+            .fold([f64::INFINITY, 0.0], |[low, high], r| [r.min(low), r.max(high)]);
+        Shell { centre: center, radius }
+    }
+
+    fn count(&self) -> Option<u32> {
+        Some(self.poses.len() as u32)
+    }
+}

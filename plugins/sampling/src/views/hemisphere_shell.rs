@@ -1,0 +1,79 @@
+//! The paper's views: anywhere in a hemispherical shell around the table.
+
+use crate::common::bounds::check_order;
+use crate::common::shell::{HEMISPHERE_DEG, center, direction};
+use crate::views::look_at::{LookAt, rolled};
+use crate::views::radius::ViewRadius;
+use nalgebra::Vector3;
+use syntable_model::geometry::look_at;
+use syntable_model::prelude::*;
+use syntable_model::scene::ViewId;
+
+/// Camera positions in a hemispherical shell above the table (SynTable, "viewpoints"): uniform in direction and in
+/// distance, looking at the center of the tabletop.
+///
+/// With w and l the tabletop's extents and h its height: r is uniform in 1.0 to 1.7 times max(w/2, l/2), and the
+/// camera is at (r sin θ cos φ, r sin θ sin φ, r cos θ + h + 0.2 m) with φ = 2πu and θ = acos(1 − v). The released
+/// program uses `radius = { of_table = [0.8, 1.36] }`. Nothing keeps the camera out of walls and objects; with the
+/// default room and tables up to 4 m it stays inside the room.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct HemisphereShell {
+    /// Smallest and largest distance from the center of the shell: `{ of_table = [1.0, 1.7] }`, multiples of
+    /// max(w/2, l/2), or `{ meters = [0.7, 1.4] }`.
+    radius: ViewRadius,
+    /// Height of the center of the shell above the tabletop, meters.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    center_offset_m: f64,
+    /// Smallest and largest elevation above the horizon, seen from the center of the shell, degrees.
+    #[schemars(inner(range(min = 0.0, max = 90.0)))]
+    elevation_deg: [f64; 2],
+    /// The point that the camera looks at.
+    look_at: LookAt,
+    /// Rotation of the camera about its optical axis, degrees; positive is clockwise seen from behind the camera.
+    roll_deg: Dist,
+}
+
+impl Default for HemisphereShell {
+    fn default() -> Self {
+        Self {
+            radius: ViewRadius::OfTable([1.0, 1.7]),
+            center_offset_m: 0.2,
+            elevation_deg: HEMISPHERE_DEG,
+            look_at: LookAt::TabletopCenter,
+            roll_deg: Dist::Constant(0.0),
+        }
+    }
+}
+
+impl Config for HemisphereShell {
+    type Stage = dyn ViewSampler;
+    const KIND: &'static str = "hemisphere_shell";
+    const EXAMPLE: &'static str =
+        "radius = { of_table = [1.0, 1.7] }\ncenter_offset_m = 0.2\nlook_at = \"tabletop_center\"";
+    const RENAMED: &'static [(&'static str, &'static str)] =
+        &[("centre_offset_m", "center_offset_m"), ("radius.metres", "radius.meters")];
+
+    fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
+        self.radius.check("radius")?;
+        check_order("elevation_deg", self.elevation_deg)?;
+        Ok(Box::new(self))
+    }
+}
+register!(HemisphereShell);
+
+impl ViewSampler for HemisphereShell {
+    fn pose(&self, scene: &Scene, _: ViewId, context: &Context) -> Result<Pose> {
+        let [low, high] = self.radius.in_meters(&scene.tabletop);
+        let r = context.stream.child("radius").uniform(low, high);
+        let direction = direction(self.elevation_deg, &mut context.stream.child("direction"));
+        let eye = center(&scene.tabletop, self.center_offset_m) + r * direction;
+        let target = self.look_at.point(scene, self.center_offset_m);
+        let roll = self.roll_deg.draw(&mut context.stream.child("roll"));
+        Ok(rolled(look_at(eye, target, Vector3::z()), roll))
+    }
+
+    fn shell(&self, scene: &Scene) -> Shell {
+        Shell { centre: center(&scene.tabletop, self.center_offset_m), radius: self.radius.in_meters(&scene.tabletop) }
+    }
+}

@@ -1,0 +1,75 @@
+//! Views evenly spaced on a circle around the table.
+
+use crate::common::shell::center;
+use crate::views::look_at::LookAt;
+use crate::views::radius::ViewDistance;
+use nalgebra::Vector3;
+use syntable_model::geometry::look_at;
+use syntable_model::prelude::*;
+use syntable_model::scene::ViewId;
+
+/// Camera positions on a circle around the table: view `i` is at azimuth `start_deg + i · step_deg`, at a constant
+/// elevation and distance. Nothing is random. With a positive step, views go counterclockwise seen from above.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Orbit {
+    /// Distance from the center of the orbit: `{ of_table = 1.35 }`, a multiple of max(w/2, l/2), or
+    /// `{ meters = 1.0 }`.
+    distance: ViewDistance,
+    /// Height of the center of the orbit above the tabletop, meters.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    center_offset_m: f64,
+    /// Elevation above the horizon, seen from the center of the orbit, degrees.
+    #[schemars(range(min = 0.0, max = 90.0))]
+    elevation_deg: f64,
+    /// Azimuth of the first view, degrees from world x, counterclockwise seen from above.
+    #[schemars(range(min = -3600.0, max = 3600.0))]
+    start_deg: f64,
+    /// Azimuth from one view to the next, degrees; 0 keeps the camera in place.
+    #[schemars(range(min = -3600.0, max = 3600.0))]
+    step_deg: f64,
+    /// The point that the camera looks at.
+    look_at: LookAt,
+}
+
+impl Default for Orbit {
+    fn default() -> Self {
+        Self {
+            distance: ViewDistance::OfTable(1.35),
+            center_offset_m: 0.2,
+            elevation_deg: 40.0,
+            start_deg: 0.0,
+            step_deg: 30.0,
+            look_at: LookAt::TabletopCenter,
+        }
+    }
+}
+
+impl Config for Orbit {
+    type Stage = dyn ViewSampler;
+    const KIND: &'static str = "orbit";
+    const EXAMPLE: &'static str = "distance = { meters = 1.2 }\nelevation_deg = 35\nstep_deg = 30";
+    const RENAMED: &'static [(&'static str, &'static str)] =
+        &[("centre_offset_m", "center_offset_m"), ("distance.metres", "distance.meters")];
+
+    fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
+        Ok(Box::new(self))
+    }
+}
+register!(Orbit);
+
+impl ViewSampler for Orbit {
+    fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
+        let r = self.distance.in_meters(&scene.tabletop);
+        let azimuth = (self.start_deg + self.step_deg * f64::from(view.0)).to_radians();
+        let (sin, cos) = self.elevation_deg.to_radians().sin_cos();
+        let direction = Vector3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin);
+        let eye = center(&scene.tabletop, self.center_offset_m) + r * direction;
+        Ok(look_at(eye, self.look_at.point(scene, self.center_offset_m), Vector3::z()))
+    }
+
+    fn shell(&self, scene: &Scene) -> Shell {
+        let radius = [self.distance.in_meters(&scene.tabletop); 2];
+        Shell { centre: center(&scene.tabletop, self.center_offset_m), radius }
+    }
+}

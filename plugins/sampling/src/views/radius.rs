@@ -1,0 +1,55 @@
+//! Distances of cameras: multiples of the table's size, or meters.
+
+use crate::common::bounds::check_order;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use syntable_model::error::Invalid;
+use syntable_model::scene::Tabletop;
+
+/// Smallest and largest distance of the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ViewRadius {
+    /// Multiples of half the tabletop's longer edge, max(w/2, l/2); at least 0.001.
+    OfTable(#[schemars(inner(range(min = 0.001)))] [f64; 2]),
+    /// Meters; at least 0.001.
+    Meters(#[schemars(inner(range(min = 0.001)))] [f64; 2]),
+}
+
+impl ViewRadius {
+    /// The bounds for a table, meters.
+    pub fn in_meters(self, tabletop: &Tabletop) -> [f64; 2] {
+        match self {
+            Self::OfTable(factors) => factors.map(|factor| factor * tabletop.half_extent()),
+            Self::Meters(meters) => meters,
+        }
+    }
+
+    /// Rejects bounds in the wrong order.
+    pub fn check(self, key: &str) -> Result<(), Invalid> {
+        match self {
+            Self::OfTable(bounds) => check_order(&format!("{key}.of_table"), bounds),
+            Self::Meters(bounds) => check_order(&format!("{key}.meters"), bounds),
+        }
+    }
+}
+
+/// Distance of the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ViewDistance {
+    /// Multiple of half the tabletop's longer edge, max(w/2, l/2); at least 0.001.
+    OfTable(#[schemars(range(min = 0.001))] f64),
+    /// Meters; at least 0.001.
+    Meters(#[schemars(range(min = 0.001))] f64),
+}
+
+impl ViewDistance {
+    /// The distance for a table, meters.
+    pub fn in_meters(self, tabletop: &Tabletop) -> f64 {
+        match self {
+            Self::OfTable(factor) => factor * tabletop.half_extent(),
+            Self::Meters(meters) => meters,
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! From radiance to an 8-bit image.
+
+mod agx;
+mod jpeg;
+mod lens;
+mod meter;
+mod noise;
+mod tone;
+mod white_balance;
+
+pub use jpeg::Jpeg;
+pub use lens::{Blur, ChromaticAberration, Vignetting};
+pub use meter::{ev100_of, white_nits};
+pub use noise::Noise;
+pub use tone::{Curve, Developer, Tone};
+pub use white_balance::WhiteBalance;
+
+use crate::image_filter::filled;
+use crate::view;
+use std::borrow::Cow;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{EXPOSURE, RADIANCE, RGB};
+use syntable_model::scene::Exposure;
+
+/// Turns radiance into an 8-bit image: exposure, tone curve, sRGB encoding and rounding; and, if their tables are given,
+/// the effects of a lens and an image sensor.
+///
+/// The effects come in the order of a camera: vignetting, chromatic aberration, blur, exposure, noise, white balance,
+/// tone curve, JPEG. White balance follows the noise, because a camera scales what it has read out. Distributions are
+/// sampled per view. The product `exposure` records everything that was applied.
+///
+/// A fixed exposure maps `1.2 · 2^EV100` nits to white. An automatic exposure works as a reflected-light meter (ISO 2720,
+/// K = 12.5) on the log-average luminance of the central 80 % of the pixels by luminance. It then lowers the exposure by
+/// up to two stops while more than 1 % of the recoverable pixels clip. It meters the light that reaches the sensor.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RgbCamera {
+    /// Tone curve.
+    pub tone: Tone,
+    /// Darkening towards the corners; none by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vignetting: Option<Vignetting>,
+    /// Color fringes towards the corners; none by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub chromatic_aberration: Option<ChromaticAberration>,
+    /// Blur of lens and focus; none by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blur: Option<Blur>,
+    /// The light that becomes white: `"none"` (the default), `"auto"` or `{ kelvin = 4000 }`.
+    pub white_balance: WhiteBalance,
+    /// Shot noise and read noise; none by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Noise>,
+    /// JPEG compression artifacts; none by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jpeg: Option<Jpeg>,
+}
+
+impl Config for RgbCamera {
+    type Stage = dyn Sensor;
+    const KIND: &'static str = "rgb_camera";
+    const EXAMPLE: &'static str = "tone = \"filmic\"\nwhite_balance = \"auto\"\nvignetting = { natural = 0.6 }\n\
+         blur = { sigma_px = { uniform = [0.3, 0.8] } }\nnoise = { iso = { log_uniform = [100, 1600] } }\n\
+         jpeg = { quality = 92 }";
+    fn build(self) -> Result<Box<dyn Sensor>, Invalid> {
+        self.vignetting.as_ref().map_or(Ok(()), Vignetting::check)?;
+        self.chromatic_aberration.as_ref().map_or(Ok(()), ChromaticAberration::check)?;
+        self.blur.as_ref().map_or(Ok(()), Blur::check)?;
+        self.white_balance.check()?;
+        self.noise.as_ref().map_or(Ok(()), Noise::check)?;
+        self.jpeg.as_ref().map_or(Ok(()), Jpeg::check)?;
+        Ok(Box::new(self))
+    }
+}
+
+impl Sensor for RgbCamera {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![RADIANCE]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![RGB, EXPOSURE]
+    }
+
+    fn sense(&self, site: &Site, context: &Context, frame: &mut Frame) -> Result<()> {
+        let view = view(site)?;
+        let (workers, stream) = (context.workers, |effect: &str| context.stream.child(effect));
+        let mut applied: Vec<(&str, Value)> = Vec::new();
+        let mut light = Cow::Borrowed(frame.get(RADIANCE)?);
+        let intrinsics = &view.camera.intrinsics;
+        if let Some(vignetting) = &self.vignetting {
+            let record = vignetting.apply(finite(&mut light), intrinsics, workers, &stream("vignetting"));
+            applied.push(("vignetting", record));
+        }
+        if let Some(aberration) = &self.chromatic_aberration {
+            let record = aberration.apply(finite(&mut light), intrinsics, workers, &stream("chromatic_aberration"));
+            applied.push(("chromatic_aberration", record));
+        }
+        if let Some(blur) = &self.blur {
+            applied.push(("blur", blur.apply(finite(&mut light), workers, &stream("blur"))));
+        }
+        let (mode, ev100) = match view.exposure {
+            Exposure::Fixed { ev100 } => ("fixed", ev100),
+            Exposure::Auto { compensation_ev } => ("auto", ev100_of(light.data()) - compensation_ev),
+        };
+        let white = white_nits(ev100);
+        // The light is estimated without noise, as by a camera that averages several images.
+        let balance = self.white_balance.gains(light.data(), &stream("white_balance"));
+        if let Some(noise) = &self.noise {
+            applied.push(("noise", noise.apply(finite(&mut light), white, workers, &stream("noise"))));
+        }
+        let mut gains = [1.0; 3];
+        if let Some((balanced, record)) = balance {
+            gains = balanced;
+            applied.push(("white_balance", record));
+        }
+        let developer = Developer::new(self.tone, white);
+        let mut image = filled(workers, [light.width(), light.height()], |y, row: &mut [[u8; 3]]| {
+            for (x, code) in row.iter_mut().enumerate() {
+                let nits = light.at(x as u32, y);
+                *code = developer.code(std::array::from_fn(|c| nits[c] * gains[c]));
+            }
+        });
+        if let Some(jpeg) = &self.jpeg {
+            applied.push(("jpeg", jpeg.apply(&mut image, &stream("jpeg"))?));
+        }
+        frame.put(RGB, image)?;
+        let exposure = [
+            ("mode", mode.into()),
+            ("ev100", ev100.into()),
+            ("white_nits", white.into()),
+            ("tone", self.tone.name().into()),
+        ];
+        frame.put(EXPOSURE, Value::record(exposure.into_iter().chain(applied)))
+    }
+}
+
+/// The image to modify. NaN becomes 0 and infinity very bright, so that filters do not spread them.
+fn finite<'a>(light: &'a mut Cow<'_, Plane<[f32; 3]>>) -> &'a mut Plane<[f32; 3]> {
+    const BRIGHT_NITS: f32 = 1e12;
+    if let Cow::Borrowed(rendered) = *light {
+        let finite = |v: f32| if v > 0.0 { v.min(BRIGHT_NITS) } else { 0.0 };
+        *light = Cow::Owned(rendered.map(|pixel| pixel.map(finite)));
+    }
+    light.to_mut()
+}
+
+register!(RgbCamera);
