@@ -28,22 +28,23 @@ fn dependencies() -> BTreeMap<String, (Vec<String>, Vec<String>)> {
 }
 
 #[test]
-fn plugins_depend_on_the_model_alone() {
+fn plugins_depend_on_the_model_and_on_neutral_libraries() {
+    /// Libraries of the core that know no stage: any plugin may use them.
+    const NEUTRAL: [&str; 5] =
+        ["syntable-simd", "syntable-prepare", "syntable-mesh", "syntable-convex", "syntable-formats"];
     let crates = dependencies();
     let ours = |names: &[String]| -> Vec<String> {
         names.iter().filter(|name| name.starts_with("syntable-")).cloned().collect()
     };
     for (name, (normal, tests)) in &crates {
         let allowed: Vec<&str> = match name.as_str() {
-            "syntable-model" | "syntable-convex" => vec![],
-            "syntable-physics" => vec!["syntable-model", "syntable-convex"],
+            "syntable-model" | "syntable-simd" => vec![],
+            name if NEUTRAL.contains(&name) => vec!["syntable-model", "syntable-simd"],
+            "syntable-runtime" | "syntable-testing" => vec!["syntable-model"],
             "syntable-standard" => {
                 crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
             }
-            // Sources of meshes share the intermediate model, its repair and the registries of formats.
-            "syntable-assets" | "syntable-runtime" => vec!["syntable-model", "syntable-mesh"],
-            "syntable-write" => vec!["syntable-model", "syntable-formats"],
-            _ => vec!["syntable-model"],
+            _ => std::iter::once("syntable-model").chain(NEUTRAL).collect(),
         };
         for dependency in ours(normal) {
             assert!(allowed.contains(&dependency.as_str()), "{name} must not depend on {dependency}");

@@ -1,12 +1,12 @@
-//! Errors of pictures before and after denoising, against a reference of many samples.
+//! Errors of images before and after denoising, against a reference of many samples.
 //!
-//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [ROUGHEN [FOLDER]]]` renders the middle of the room of the
+//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [REGULARIZE [FOLDER]]]` renders the middle of the room of the
 //! renderer's bench with 1 to 64 samples a pixel and with `REFERENCE` (512), all with the option
-//! `roughen = ROUGHEN` (0.3, as recipes have it), and writes the pictures to `FOLDER`. The
+//! `regularize = REGULARIZE` (0.3, as recipes have it), and writes the images to `FOLDER`. The
 //! reference has noise too: 512 samples are good for errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise,
 //! if it is to be compared.
 //!
-//! PSNR is of the sRGB-encoded picture, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
+//! PSNR is of the sRGB-encoded image, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
 //! channels of (x − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
 
 use std::path::Path;
@@ -23,12 +23,12 @@ use syntable_testing::workers::Threads;
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
 
-type Picture = [[f32; 3]];
+type Image = [[f32; 3]];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let many = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(512);
-    let roughen = arguments.get(1).and_then(|a| a.parse().ok()).unwrap_or(0.3);
+    let regularize = arguments.get(1).and_then(|a| a.parse().ok()).unwrap_or(0.3);
     let folder = arguments.get(2);
     let mut denoisers = vec![("guided", denoiser("guided", ""))];
     match std::env::var("SYNTABLE_OIDN") {
@@ -38,28 +38,28 @@ fn main() {
     let (scene, view) = (room::scene(), room::view(WIDTH, HEIGHT));
     let wants: Vec<KeyId> =
         denoisers.iter().flat_map(|(_, denoiser)| denoiser.guides()).chain([RADIANCE.id()]).collect();
-    let reference = render(&scene, &view, (many, roughen), 100, &[RADIANCE.id()]);
+    let reference = render(&scene, &view, (many, regularize), 100, &[RADIANCE.id()]);
     let reference = reference.get(RADIANCE).expect("made").data();
     let white = white(reference);
-    let keep = |name: &str, picture: &Picture| {
+    let keep = |name: &str, image: &Image| {
         if let Some(folder) = folder {
-            write(&Path::new(folder).join(name), picture, white);
+            write(&Path::new(folder).join(name), image, white);
         }
     };
     keep("reference.png", reference);
-    println!("samples  picture       PSNR    relMSE  light     time");
+    println!("samples  image       PSNR    relMSE  light     time");
     for samples in [1, 2, 4, 8, 16, 32, 64] {
-        let frame = render(&scene, &view, (samples, roughen), 1, &wants);
+        let frame = render(&scene, &view, (samples, regularize), 1, &wants);
         let noisy = frame.get(RADIANCE).expect("made").data();
-        let tell = |name: &str, picture: &Picture, seconds: f64| {
+        let tell = |name: &str, image: &Image, seconds: f64| {
             println!(
                 "{samples:7}  {name:8} {:6.2} dB  {:8.5}  {:.4}  {:4.0} ms",
-                psnr(picture, reference, white),
-                relative_error(picture, reference),
-                sum(picture) / sum(reference),
+                psnr(image, reference, white),
+                relative_error(image, reference),
+                sum(image) / sum(reference),
                 1e3 * seconds,
             );
-            keep(&format!("{name}-{samples}.png"), picture);
+            keep(&format!("{name}-{samples}.png"), image);
         };
         tell("noisy", noisy, 0.0);
         for (name, denoiser) in &denoisers {
@@ -82,8 +82,8 @@ fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
     }
 }
 
-fn render(scene: &Arc<Scene>, view: &View, (samples, roughen): (u32, f64), seed: u64, wants: &[KeyId]) -> Frame {
-    let options = CpuPath { samples_per_pixel: samples, roughen, ..CpuPath::default() };
+fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), seed: u64, wants: &[KeyId]) -> Frame {
+    let options = CpuPath { samples_per_pixel: samples, regularize, ..CpuPath::default() };
     let mut session = CpuPathRenderer::new(options).expect("sound options").session();
     session.load(scene, &Threads(2)).expect("loads");
     let mut frame = Frame::new();
@@ -95,15 +95,15 @@ fn render(scene: &Arc<Scene>, view: &View, (samples, roughen): (u32, f64), seed:
     frame
 }
 
-fn sum(picture: &Picture) -> f64 {
-    picture.iter().flatten().map(|&x| f64::from(x)).sum()
+fn sum(image: &Image) -> f64 {
+    image.iter().flatten().map(|&x| f64::from(x)).sum()
 }
 
 fn luminance(c: &[f32; 3]) -> f64 {
     0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
 }
 
-fn white(reference: &Picture) -> f64 {
+fn white(reference: &Image) -> f64 {
     let logs: f64 = reference.iter().map(|c| luminance(c).max(1e-6).ln()).sum();
     (logs / reference.len() as f64).exp() * 5.56
 }
@@ -113,24 +113,24 @@ fn srgb(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-fn mean_of(a: &Picture, r: &Picture, f: impl Fn(f64, f64) -> f64) -> f64 {
+fn mean_of(a: &Image, r: &Image, f: impl Fn(f64, f64) -> f64) -> f64 {
     let pairs = a.iter().flatten().zip(r.iter().flatten());
     pairs.map(|(&a, &r)| f(a.into(), r.into())).sum::<f64>() / (3 * r.len()) as f64
 }
 
-fn psnr(a: &Picture, r: &Picture, white: f64) -> f64 {
+fn psnr(a: &Image, r: &Image, white: f64) -> f64 {
     -10.0 * mean_of(a, r, |a, r| (srgb(a / white) - srgb(r / white)).powi(2)).log10()
 }
 
-fn relative_error(a: &Picture, r: &Picture) -> f64 {
+fn relative_error(a: &Image, r: &Image) -> f64 {
     let mean = r.iter().map(luminance).sum::<f64>() / r.len() as f64;
     mean_of(a, r, |a, r| (a - r).powi(2) / (r * r + 0.01 * mean * mean))
 }
 
-fn write(path: &Path, picture: &Picture, white: f64) {
-    let bytes: Vec<u8> = picture.iter().flatten().map(|&x| (srgb(f64::from(x) / white) * 255.0 + 0.5) as u8).collect();
+fn write(path: &Path, image: &Image, white: f64) {
+    let bytes: Vec<u8> = image.iter().flatten().map(|&x| (srgb(f64::from(x) / white) * 255.0 + 0.5) as u8).collect();
     let file = std::fs::File::create(path).expect("the folder exists");
     let mut encoder = png::Encoder::new(file, WIDTH, HEIGHT);
     encoder.set_color(png::ColorType::Rgb);
-    encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes)).expect("the picture can be written");
+    encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes)).expect("the image can be written");
 }

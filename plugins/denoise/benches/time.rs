@@ -1,4 +1,4 @@
-//! Time of the guided filter on a picture of 640 × 480 with one and with four samples a pixel, on one and two threads.
+//! Time of the guided filter on an image of 640 × 480 with one and with four samples per pixel, on one and two threads.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -15,7 +15,7 @@ fn main() {
 
 #[divan::bench(args = [(1, 1), (1, 2), (4, 2)], sample_count = 10)]
 fn guided(bencher: Bencher, (samples, threads): (u32, usize)) {
-    let frame = Room::new(640, 480).frame(samples, 0, 1);
+    let frame = Room::new(640, 480).frame(samples, 1);
     let denoiser = Guided::default().build().expect("sound defaults");
     bencher.bench(|| denoiser.denoise(&frame, &Threads(threads)).expect("denoises"));
 }

@@ -1,12 +1,12 @@
-//! Denoisers: stages that make a picture of few samples look like one of many.
+//! Denoisers: stages that remove sampling noise from images.
 //!
-//! | kind | what it is |
+//! | kind | method |
 //! | --- | --- |
-//! | [`guided`] | a filter of its own, guided by colour, normals, depth and ids |
-//! | [`oidn`] | Open Image Denoise, loaded while the program runs, if the user has it |
+//! | [`guided`] | edge-avoiding filter, guided by albedo, normals, depth and ids |
+//! | [`oidn`] | Open Image Denoise, loaded at run time if the user has it |
 //!
-//! **Invariants.** A picture does not depend on the number of threads. Nothing is linked that the user may not have; a
-//! library is opened when the first picture comes, never by `check` or `plan`.
+//! **Invariants.** The image does not depend on the number of threads. Nothing is linked that the user may not have; the
+//! library is opened when the first image is denoised, never by `check` or `plan`.
 
 pub mod guided;
 pub mod oidn;

@@ -1,4 +1,4 @@
-//! The guided filter against closed forms and a converged picture.
+//! The guided filter against closed forms and a converged image.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn denoise(frame: &Frame) -> Vec<Rgb> {
     denoiser.denoise(frame, &Threads(2)).expect("denoises").radiance.data().to_vec()
 }
 
-/// A pixel of a made-up picture.
+/// A pixel of a synthetic image.
 #[derive(Clone, Copy)]
 struct Pixel {
     radiance: Rgb,
@@ -44,7 +44,7 @@ const WALL: Pixel = Pixel {
     untinted: None,
 };
 
-fn picture(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Frame {
+fn image(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Frame {
     let pixels = Plane::from_fn(width, height, &mut pixel);
     let mut frame = Frame::new();
     frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
@@ -83,13 +83,13 @@ fn the_kind_keeps_the_house_rules() {
 }
 
 #[test]
-fn a_picture_without_noise_stays() {
+fn an_image_without_noise_stays() {
     let textured = |x: u32, y: u32| {
         let shade = 0.5 + 0.4 * ((x / 7 + y / 5) % 2) as f32;
         let light = 5.0 + 4.0 * (0.2 * x as f32).sin() * (0.13 * y as f32).cos();
         Pixel { radiance: [light * shade, light * 0.3, light * 2.0], albedo: [shade; 3], variance: 0.0, ..WALL }
     };
-    let frame = picture(70, 50, textured);
+    let frame = image(70, 50, textured);
     for (after, before) in denoise(&frame).iter().zip(frame.get(RADIANCE).expect("put").data()) {
         for c in 0..3 {
             assert!((after[c] - before[c]).abs() <= 1e-3 * before[c], "{before:?} became {after:?}");
@@ -101,7 +101,7 @@ fn a_picture_without_noise_stays() {
 fn error_on_a_wall_falls_as_a_mean_of_its_neighbours() {
     for (variance_known, deviation) in [(false, 0.5), (true, 0.5), (true, 0.1)] {
         let mut stream = Stream::root(7);
-        let frame = picture(96, 80, |_, _| {
+        let frame = image(96, 80, |_, _| {
             let radiance = [10.0 * noise(&mut stream, deviation); 3];
             let variance = if variance_known { (10.0 * deviation).powi(2) as f32 } else { f32::INFINITY };
             Pixel { radiance, variance, ..WALL }
@@ -124,7 +124,7 @@ fn light_does_not_cross_from_one_body_or_face_to_the_next() {
     let other = Pixel { id: 2, albedo: [0.46; 3], radiance: [1.0; 3], normal: [0.0, -1.0, 0.0], ..WALL };
     let behind = Pixel { depth: 3.0, radiance: [90.0; 3], ..WALL };
     let parts = [WALL, turned, other, behind];
-    let frame = picture(96, 40, |x, _| {
+    let frame = image(96, 40, |x, _| {
         let part = parts[x as usize / 24];
         Pixel { radiance: part.radiance.map(|r| r * noise(&mut stream, 0.2)), ..part }
     });
@@ -140,9 +140,9 @@ fn light_does_not_cross_from_one_body_or_face_to_the_next() {
 
 #[test]
 fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
-    // Grey of 0.49 lit to 50 nits; the sky counts as white, of 1 nit. Halves of the pixels at the edge show one of them.
+    // Gray of 0.49 lit to 50 nits; the sky counts as white, of 1 nit. Halves of the pixels at the edge show one of them.
     let mut stream = Stream::root(4);
-    let frame = picture(64, 40, |x, _| {
+    let frame = image(64, 40, |x, _| {
         let light = 50.0 * noise(&mut stream, 0.3);
         let wall = Pixel { radiance: [light; 3], variance: 225.0, albedo: [0.49; 3], ..WALL };
         match x {
@@ -166,7 +166,7 @@ fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
 fn a_speck_is_cut_but_a_sure_highlight_is_kept() {
     for (variance, kept) in [(f32::INFINITY, false), (4.0, true)] {
         let mut stream = Stream::root(5);
-        let frame = picture(48, 48, |x, y| {
+        let frame = image(48, 48, |x, y| {
             let light = if (x, y) == (24, 24) { 1000.0 } else { 10.0 * noise(&mut stream, 0.2) };
             Pixel { radiance: [light; 3], variance, ..WALL }
         });
@@ -180,7 +180,7 @@ fn a_speck_is_cut_but_a_sure_highlight_is_kept() {
 #[test]
 fn what_is_no_number_stays_where_it_is() {
     let mut stream = Stream::root(1);
-    let frame = picture(40, 40, |x, y| {
+    let frame = image(40, 40, |x, y| {
         let pixel = Pixel { radiance: [10.0 * noise(&mut stream, 0.3); 3], ..WALL };
         match (x, y) {
             (5, 5) => Pixel { radiance: [f32::NAN; 3], ..pixel },
@@ -194,7 +194,7 @@ fn what_is_no_number_stays_where_it_is() {
         }
     });
     let after = denoise(&frame);
-    assert_eq!(after[20 * 40 + 20], [5e4; 3], "a lamp passes");
+    assert_eq!(after[20 * 40 + 20], [5e4; 3], "a light passes");
     for (number, pixel) in after.iter().enumerate() {
         let odd = [(5, 5), (20, 5), (20, 20), (35, 10), (37, 37)].contains(&(number % 40, number / 40));
         assert!(odd || pixel.iter().all(|x| (4.0..16.0).contains(x)), "pixel {number}: {pixel:?}");
@@ -205,7 +205,7 @@ fn what_is_no_number_stays_where_it_is() {
 fn any_size_and_any_number_of_threads() {
     for (width, height) in [(1, 1), (1, 9), (31, 2), (33, 17), (130, 70)] {
         let mut stream = Stream::root(2);
-        let frame = picture(width, height, |_, y| {
+        let frame = image(width, height, |_, y| {
             let id = 1 + (y / 9) as u16;
             Pixel { radiance: [10.0 * noise(&mut stream, 0.3), 3.0, 20.0], id, ..WALL }
         });
@@ -222,15 +222,15 @@ fn any_size_and_any_number_of_threads() {
 #[test]
 fn a_room_gets_better_at_few_samples_and_no_worse_at_many() {
     let room = Room::new(64, 48);
-    let reference = room.frame(1200, 1, 99);
+    let reference = room.frame(1024, 99);
     let reference = reference.get(RADIANCE).expect("put").data();
     let scale = mean(reference.iter().map(|&c| luminance(c)));
-    let error = |picture: &[Rgb]| {
-        let pairs = picture.iter().flatten().zip(reference.iter().flatten());
+    let error = |image: &[Rgb]| {
+        let pairs = image.iter().flatten().zip(reference.iter().flatten());
         mean(pairs.map(|(a, r)| (a - r).powi(2) / (r * r + 0.01 * (scale * scale) as f32)))
     };
     for (samples, factor) in [(1, 0.3), (4, 0.45), (128, 1.0)] {
-        let frame = room.frame(samples, 0, 5);
+        let frame = room.frame(samples, 5);
         let (before, after) = (error(frame.get(RADIANCE).expect("put").data()), error(&denoise(&frame)));
         assert!(after < factor * before, "{samples} samples: relMSE {before} became {after}");
     }

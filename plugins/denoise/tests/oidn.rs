@@ -21,7 +21,7 @@ fn denoiser(options: &str) -> Box<dyn Denoiser> {
 
 #[test]
 fn a_missing_or_wrong_library_is_named_with_a_way_out() {
-    let frame = Room::new(8, 8).frame(1, 0, 1);
+    let frame = Room::new(8, 8).frame(1, 1);
     for library in ["/nowhere/libOpenImageDenoise.so.2", file!()] {
         let denoiser = denoiser(&format!("library = {library:?}"));
         let before = denoiser.ready().expect_err("no library");
@@ -41,9 +41,9 @@ fn it_denoises_with_the_library_of_the_user() {
         return;
     };
     let room = Room::new(97, 71);
-    let (frame, reference) = (room.frame(4, 0, 1), room.frame(400, 1, 2));
-    let error = |picture: &Plane<[f32; 3]>| {
-        let pairs = picture.data().iter().flatten().zip(reference.get(RADIANCE).expect("put").data().iter().flatten());
+    let (frame, reference) = (room.frame(4, 1), room.frame(512, 2));
+    let error = |image: &Plane<[f32; 3]>| {
+        let pairs = image.data().iter().flatten().zip(reference.get(RADIANCE).expect("put").data().iter().flatten());
         pairs.map(|(a, r)| f64::from((a - r).powi(2) / (r * r + 1.0))).sum::<f64>()
     };
     let options = format!("library = {library:?}\nquality = \"fast\"\nclean_guides = false");
@@ -51,9 +51,9 @@ fn it_denoises_with_the_library_of_the_user() {
     stage.ready().expect("the library is there");
     let first = stage.denoise(&frame, &Threads(2)).expect("denoises");
     let second = stage.denoise(&frame, &Threads(2)).expect("denoises again");
-    assert_eq!(first.radiance, second.radiance, "the same picture twice");
+    assert_eq!(first.radiance, second.radiance, "the same image twice");
     let alone = denoiser(&options).denoise(&frame, &Threads(1)).expect("denoises");
-    assert_eq!(first.radiance, alone.radiance, "the same picture on one thread");
+    assert_eq!(first.radiance, alone.radiance, "the same image on one thread");
     let (before, after) = (error(frame.get(RADIANCE).expect("put")), error(&first.radiance));
     assert!(after < 0.4 * before, "{before} became {after}");
     let Value::Record(report) = &first.report else { panic!("a record") };

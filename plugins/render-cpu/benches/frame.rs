@@ -1,7 +1,7 @@
 //! A whole frame: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a globe, 640 × 480.
 //!
 //! `cargo bench -p syntable-render-cpu --bench frame [-- SAMPLES [THREADS [PICTURE.ppm]]]` prints processor seconds for
-//! one sample a pixel, rays a path and rays a second, for pictures of few and of many bounces, and what labels cost.
+//! one sample per pixel, rays per path and rays per second, for images of few and of many bounces, and what labels cost.
 
 use std::time::Instant;
 use syntable_model::prelude::*;

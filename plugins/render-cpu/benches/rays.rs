@@ -34,7 +34,7 @@ fn trace(bencher: Bencher, class: &str) {
     });
 }
 
-/// Label rays of a 640 × 480 picture: the first hit in every instance, by tiles of 8 × 8.
+/// Label rays of a 640 × 480 image: the first hit in every instance, by tiles of 8 × 8.
 #[divan::bench(threads = [1, 2], sample_count = 10)]
 fn labels(bencher: Bencher) {
     let scene = &SCENE.0;

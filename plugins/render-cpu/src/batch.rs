@@ -1,11 +1,11 @@
 //! The paths that are traced together, field by field in rows, so that lanes load and store whole registers.
 
-use crate::bsdf::{Drawn, Layered, Layers, Lobe, Substance};
+use crate::bsdf::{BsdfParameters, CoatingParameters, LayerInputs, Layered, Lobe};
 use crate::bvh::Hit;
-use crate::material::Component;
-use crate::real::{Int, Real};
-use crate::vec3::Vec3;
+use crate::layer::LayerSample;
 use crate::world::Surface;
+use syntable_simd::Vec3;
+use syntable_simd::{Int, Real};
 
 /// Paths in a batch; a multiple of every number of lanes. Many, so that few lanes are idle when most paths have ended;
 /// few, so that the rows stay in the nearest caches.
@@ -29,11 +29,11 @@ pub(crate) struct Paths {
     pub normal: Rows,
     /// Density of the last scattered direction, per steradian.
     pub pdf: Row,
-    /// Width of what the path sees, metres, and how fast it grows, metres a metre.
+    /// Width of what the path sees, meters, and how fast it grows, meters per meter.
     pub width: Row,
     pub spread: Row,
     /// Least roughness of what comes.
-    pub roughen: Row,
+    pub regularize: Row,
     /// Of the sampler.
     pub seed: IntRow,
     pub index: IntRow,
@@ -56,8 +56,8 @@ pub(crate) struct Surfaces {
     pub position: Rows,
     pub face: Rows,
     pub normal: Rows,
-    /// Above zero where `normal` is bent away from `face`.
-    pub bent: Row,
+    /// Above zero where `normal` is perturbed away from `face`.
+    pub perturbed: Row,
     pub base_color: Rows,
     pub roughness: Row,
     pub metallic: Row,
@@ -70,8 +70,8 @@ pub(crate) struct Surfaces {
 pub(crate) struct LayerRows {
     /// Number of the lobe.
     pub lobe: Row,
-    pub coat: Row,
-    pub coat_roughness: Row,
+    pub clearcoat: Row,
+    pub clearcoat_roughness: Row,
     pub sheen: Row,
     pub sheen_roughness: Row,
     /// Index of refraction beyond over that on this side.
@@ -84,11 +84,11 @@ pub(crate) struct Shadows {
     pub direction: Rows,
     pub distance: Row,
     pub contribution: Rows,
-    /// What of the contribution the first surface mirrors without colouring it; written at the first bounce, for guides.
-    pub gloss: Rows,
+    /// What of the contribution the first surface mirrors without coloring it; written at the first bounce, for guides.
+    pub specular: Rows,
     pub slot: IntRow,
     /// For surfaces that cover in part; written where a scene has any.
-    pub coin: IntRow,
+    pub alpha_seed: IntRow,
 }
 
 /// What guides denoisers, by slot: the first surface that is no mirror.
@@ -96,21 +96,21 @@ pub(crate) struct Guides {
     pub albedo: [[f32; 3]; BATCH],
     /// World.
     pub normal: [[f32; 3]; BATCH],
-    /// Colour of the mirrors so far.
+    /// Color of the mirrors so far.
     tint: [Vec3; BATCH],
     pending: [bool; BATCH],
-    /// Whether the first surface is a mirror or a glass.
+    /// Whether the first surface is a mirror or glass.
     behind: [bool; BATCH],
-    /// Light from lamps that the first surface mirrors without colouring it.
-    pub direct_gloss: [[f32; 3]; BATCH],
-    /// Share of the light from elsewhere that is such.
-    gloss_share: [[f32; 3]; BATCH],
-    /// Light found up to the first surface's lamps.
+    /// Light from lights that the first surface mirrors without coloring it.
+    pub direct_specular: [[f32; 3]; BATCH],
+    /// Fraction of the light from elsewhere that is such.
+    specular_fraction: [[f32; 3]; BATCH],
+    /// Light found up to the first surface's lights.
     pub first: [[f32; 3]; BATCH],
 }
 
 impl Guides {
-    /// A path that has met nothing yet: white, as lamps and sky stay.
+    /// Resets a path to white, which lights and sky keep.
     #[inline(always)]
     pub fn clear(&mut self, slot: usize) {
         self.albedo[slot] = [1.0; 3];
@@ -118,43 +118,44 @@ impl Guides {
         self.tint[slot] = Vec3::ONE;
         self.pending[slot] = true;
         self.behind[slot] = false;
-        self.direct_gloss[slot] = [0.0; 3];
-        self.gloss_share[slot] = [0.0; 3];
+        self.direct_specular[slot] = [0.0; 3];
+        self.specular_fraction[slot] = [0.0; 3];
         self.first[slot] = [0.0; 3];
     }
 
-    /// Keeps which share of what comes by a scattering at the first surface, in the lanes whose bits are set, is mirrored
-    /// without colour.
+    /// Keeps the fraction of what comes by a scattering at the first surface, in the lanes whose bits are set, is mirrored
+    /// without color.
     #[inline(always)]
-    pub fn scatter<T: Real>(&mut self, share: Vec3<T>, slots: T::Int, mut lanes: u32) {
+    pub fn scatter<T: Real>(&mut self, fraction: Vec3<T>, slots: T::Int, mut lanes: u32) {
         let (mut rows, mut slot) = ([[0.0; 8]; 3], [0; 8]);
-        share.x.store(&mut rows[0]);
-        share.y.store(&mut rows[1]);
-        share.z.store(&mut rows[2]);
+        fraction.x.store(&mut rows[0]);
+        fraction.y.store(&mut rows[1]);
+        fraction.z.store(&mut rows[2]);
         slots.store(&mut slot);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 7;
             lanes &= lanes - 1;
-            self.gloss_share[slot[lane] as usize % BATCH] = rows.map(|row| row[lane]);
+            self.specular_fraction[slot[lane] as usize % BATCH] = rows.map(|row| row[lane]);
         }
     }
 
-    /// What of a path's light the first surface mirrored without colouring it. What is seen in a mirror or through glass
-    /// counts as coloured, as for the other guides.
+    /// What of a path's light the first surface mirrored without coloring it. What is seen in a mirror or through glass
+    /// counts as colored, as for the other guides.
     #[inline(always)]
-    pub fn gloss(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
+    pub fn specular(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
         if self.behind[slot] {
             return [0.0; 3];
         }
         std::array::from_fn(|c| {
-            let gloss = self.direct_gloss[slot][c] + (light[c] - self.first[slot][c]) * self.gloss_share[slot][c];
-            gloss.clamp(0.0, light[c].max(0.0))
+            let specular =
+                self.direct_specular[slot][c] + (light[c] - self.first[slot][c]) * self.specular_fraction[slot][c];
+            specular.clamp(0.0, light[c].max(0.0))
         })
     }
 
-    /// A surface on the way; `last` if none after it counts.
+    /// Adds a surface on the path; `last` if none after it counts.
     #[inline(always)]
-    pub fn meet(&mut self, slot: usize, surface: &Surface, last: bool) {
+    pub fn add_surface(&mut self, slot: usize, surface: &Surface, last: bool) {
         if !self.pending[slot] {
             return;
         }
@@ -202,7 +203,7 @@ impl Batch {
                 pdf: ROW,
                 width: ROW,
                 spread: ROW,
-                roughen: ROW,
+                regularize: ROW,
                 seed: INTS,
                 index: INTS,
                 slot: INTS,
@@ -212,15 +213,15 @@ impl Batch {
                 position: ROWS,
                 face: ROWS,
                 normal: ROWS,
-                bent: ROW,
+                perturbed: ROW,
                 base_color: ROWS,
                 roughness: ROW,
                 metallic: ROW,
                 dielectric_f0: ROW,
                 layers: LayerRows {
                     lobe: ROW,
-                    coat: ROW,
-                    coat_roughness: ROW,
+                    clearcoat: ROW,
+                    clearcoat_roughness: ROW,
                     sheen: ROW,
                     sheen_roughness: ROW,
                     eta: ROW,
@@ -231,9 +232,9 @@ impl Batch {
                 direction: ROWS,
                 distance: ROW,
                 contribution: ROWS,
-                gloss: ROWS,
+                specular: ROWS,
                 slot: INTS,
-                coin: INTS,
+                alpha_seed: INTS,
             },
             guides: Guides {
                 albedo: [[0.0; 3]; BATCH],
@@ -241,8 +242,8 @@ impl Batch {
                 tint: [Vec3::ZERO; BATCH],
                 pending: [false; BATCH],
                 behind: [false; BATCH],
-                direct_gloss: [[0.0; 3]; BATCH],
-                gloss_share: [[0.0; 3]; BATCH],
+                direct_specular: [[0.0; 3]; BATCH],
+                specular_fraction: [[0.0; 3]; BATCH],
                 first: [[0.0; 3]; BATCH],
             },
             radiance: [[0.0; 3]; BATCH],
@@ -306,7 +307,7 @@ impl Paths {
         for rows in [&mut self.origin, &mut self.direction, &mut self.throughput, &mut self.normal] {
             compress(load::<T>(rows, from), mask, rows, to);
         }
-        for row in [&mut self.pdf, &mut self.width, &mut self.spread, &mut self.roughen] {
+        for row in [&mut self.pdf, &mut self.width, &mut self.spread, &mut self.regularize] {
             T::load(&row[from..]).compress(mask, &mut row[to..]);
         }
         for row in [&mut self.seed, &mut self.index, &mut self.slot] {
@@ -354,38 +355,38 @@ impl Surfaces {
         set(&mut self.position, i, surface.position);
         set(&mut self.face, i, surface.face);
         set(&mut self.normal, i, surface.normal);
-        self.bent[i] = if surface.bent { 1.0 } else { 0.0 };
-        let substance = &surface.component.substance;
-        set(&mut self.base_color, i, substance.base_color);
-        self.roughness[i] = substance.roughness;
-        self.metallic[i] = substance.metallic;
-        self.dielectric_f0[i] = substance.dielectric_f0;
+        self.perturbed[i] = if surface.is_perturbed { 1.0 } else { 0.0 };
+        let parameters = &surface.layer.parameters;
+        set(&mut self.base_color, i, parameters.base_color);
+        self.roughness[i] = parameters.roughness;
+        self.metallic[i] = parameters.metallic;
+        self.dielectric_f0[i] = parameters.dielectric_f0;
     }
 
     /// Scattering by the layers of the surfaces from `at` on.
     #[inline(always)]
-    pub fn layered<T: Real>(&self, at: usize, substance: &Substance<T>, wo: Vec3<T>) -> Layered<T> {
+    pub fn layered<T: Real>(&self, at: usize, parameters: &BsdfParameters<T>, wo: Vec3<T>) -> Layered<T> {
         let rows = &self.layers;
-        let above = Layers {
-            coat: T::load(&rows.coat[at..]),
-            coat_roughness: T::load(&rows.coat_roughness[at..]),
+        let coating = CoatingParameters {
+            clearcoat: T::load(&rows.clearcoat[at..]),
+            clearcoat_roughness: T::load(&rows.clearcoat_roughness[at..]),
             sheen: T::load(&rows.sheen[at..]),
             sheen_roughness: T::load(&rows.sheen_roughness[at..]),
         };
-        let drawn = Drawn { lobe: T::load(&rows.lobe[at..]), above, eta: T::load(&rows.eta[at..]) };
-        Layered::new(&drawn, substance, wo)
+        let drawn = LayerInputs { lobe: T::load(&rows.lobe[at..]), coating, eta: T::load(&rows.eta[at..]) };
+        Layered::new(&drawn, parameters, wo)
     }
 
     /// What [`Self::set`] leaves out.
     #[inline(always)]
     pub fn set_layers(&mut self, i: usize, surface: &Surface) {
-        let Component { lobe, above, ior, .. } = &surface.component;
+        let LayerSample { lobe, coating, ior, .. } = &surface.layer;
         let rows = &mut self.layers;
         rows.lobe[i] = *lobe as u32 as f32;
-        rows.coat[i] = above.coat;
-        rows.coat_roughness[i] = above.coat_roughness;
-        rows.sheen[i] = above.sheen;
-        rows.sheen_roughness[i] = above.sheen_roughness;
-        rows.eta[i] = if surface.inside && *lobe == Lobe::Glass { 1.0 / ior } else { *ior };
+        rows.clearcoat[i] = coating.clearcoat;
+        rows.clearcoat_roughness[i] = coating.clearcoat_roughness;
+        rows.sheen[i] = coating.sheen;
+        rows.sheen_roughness[i] = coating.sheen_roughness;
+        rows.eta[i] = if surface.inside && *lobe == Lobe::Refraction { 1.0 / ior } else { *ior };
     }
 }

@@ -1,9 +1,9 @@
 //! Rays of a camera.
 
 use crate::bvh::Ray;
-use crate::vec3::{Vec3, vec3};
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::Camera;
+use syntable_simd::{Vec3, vec3};
 
 /// A camera ready to give rays. Without distortion they are affine in the pixel coordinates; computed in f64 and
 /// rounded once.
@@ -16,7 +16,7 @@ pub(crate) struct RayCamera {
     along_v: Vector3<f64>,
     /// Rows of the rotation, camera from world.
     rows: [Vec3; 3],
-    /// Angle that a pixel subtends in the middle of the picture, radians.
+    /// Angle that a pixel subtends at the center of the image, radians.
     pub pixel_angle: f32,
     warp: Option<Box<Warp>>,
     pub lens: Option<Lens>,
@@ -35,10 +35,10 @@ struct Warp {
 /// A lens of finite aperture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lens {
-    /// The aperture's radius along the picture's axes, world, metres.
+    /// The aperture's radius along the image's axes, world, meters.
     pub right: Vec3,
     pub down: Vec3,
-    /// Depth of the plane of focus, metres.
+    /// Depth of the plane of focus, meters.
     pub focus: f32,
 }
 
@@ -67,8 +67,8 @@ impl RayCamera {
         }
     }
 
-    /// The ray through (u, v), px from the top-left corner of the picture, from the lens's middle. The direction
-    /// advances one metre along the optical axis, so that distances are depths. None where the distortion has no
+    /// The ray through (u, v), px from the top-left corner of the image, from the center of the lens. The direction
+    /// advances one meter along the optical axis, so that distances are depths. None where the distortion has no
     /// inverse.
     #[inline]
     pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
@@ -96,7 +96,7 @@ impl RayCamera {
         [self.along_u, self.along_v].map(|d| vec3(d.x as f32, d.y as f32, d.z as f32))
     }
 
-    /// Whether rays are bent by distortion.
+    /// Whether rays are perturbed by distortion.
     pub fn is_warped(&self) -> bool {
         self.warp.is_some()
     }
@@ -119,7 +119,7 @@ impl RayCamera {
     }
 
     /// A direction of the world in the camera's frame.
-    pub fn turned(&self, v: Vec3) -> Vec3 {
+    pub fn rotate_to_camera(&self, v: Vec3) -> Vec3 {
         let [x, y, z] = self.rows;
         vec3(x.dot(v), y.dot(v), z.dot(v))
     }
@@ -147,19 +147,19 @@ mod tests {
         let intrinsics = Intrinsics { width: 640, height: 480, fx: 457.0, fy: 461.0, cx: 311.5, cy: 240.0 };
         let world_from_camera = look_at(Point3::new(1.0, -2.0, 1.5), Point3::new(0.1, 0.2, 0.7), Vector3::z());
         let straight = Camera::pinhole(intrinsics, world_from_camera);
-        let bent = Camera {
+        let perturbed = Camera {
             distortion: Some(Distortion { radial: [-0.2, 0.05, 0.0], tangential: [1e-3, -2e-3] }),
             ..straight
         };
-        for (camera, p) in [straight, bent].into_iter().flat_map(|camera| {
+        for (camera, p) in [straight, perturbed].into_iter().flat_map(|camera| {
             [[0.15, 0.05, 0.9], [-0.4, 0.3, 0.2], [0.5, 0.6, 1.0]].map(|p| (camera, Point3::from(p)))
         }) {
             let p_camera = world_from_camera.inverse_transform_point(&p);
             let [u, v] = camera.project(&p_camera);
             let rays = RayCamera::new(&camera);
             let ray = rays.ray(u, v).expect("within");
-            let met = Vec3::from(ray.origin) + Vec3::from(ray.direction) * p_camera.z as f32;
-            assert!((met - vec3(p.x as f32, p.y as f32, p.z as f32)).length() < 1e-6, "{met:?}");
+            let hit = Vec3::from(ray.origin) + Vec3::from(ray.direction) * p_camera.z as f32;
+            assert!((hit - vec3(p.x as f32, p.y as f32, p.z as f32)).length() < 1e-6, "{hit:?}");
             // Between corners, to a thousandth of a pixel.
             if let Some(warped) = rays.warped(u as u32, v as u32, [u.fract() as f32, v.fract() as f32]) {
                 assert!((warped - Vec3::from(ray.direction)).length() < 1e-3 / 457.0, "{warped:?} {ray:?}");
@@ -167,7 +167,7 @@ mod tests {
                 assert!(camera.distortion.is_none());
             }
             let forward = world_from_camera * Vector3::z();
-            let forward = rays.turned(vec3(forward.x as f32, forward.y as f32, forward.z as f32));
+            let forward = rays.rotate_to_camera(vec3(forward.x as f32, forward.y as f32, forward.z as f32));
             assert!((forward - vec3(0.0, 0.0, 1.0)).length() < 1e-6);
         }
     }

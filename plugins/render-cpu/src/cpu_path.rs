@@ -1,12 +1,11 @@
-//! `cpu_path`: the renderer of everyone without a GPU.
+//! `cpu_path`: the path tracer as a stage.
 
-use crate::cache::SceneCache;
 use crate::camera::RayCamera;
+use crate::film::{Budget, Film};
 use crate::labels::{LabelCaster, Labels};
 use crate::light::Lights;
 use crate::path::{PathTracer, PixelSums, Settings, Statistics, Strategy};
-use crate::picture::{Budget, Picture};
-use crate::world::World;
+use crate::world::{Caches, World};
 use std::sync::Arc;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
@@ -16,6 +15,7 @@ use syntable_model::product::standard::{
     INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE, RADIANCE_UNTINTED,
     RADIANCE_UNTINTED_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
+use syntable_simd::Processor;
 
 /// What is gathered on the way for denoisers.
 const OF_GUIDES: [KeyId; 6] = [
@@ -27,39 +27,37 @@ const OF_GUIDES: [KeyId; 6] = [
     RADIANCE_UNTINTED_VARIANCE.id(),
 ];
 
-/// Path tracing on the processor: soft shadows, light that bounces, glossy surfaces. Unbiased, and the same picture on
-/// any number of threads. Needs no GPU.
+/// Path tracing on the CPU: soft shadows, global illumination, glossy surfaces. Unbiased, and the same image on any number
+/// of threads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CpuPath {
-    /// Paths traced for every pixel. Noise falls with the square root; powers of two are spread most evenly.
+    /// Paths per pixel. Noise falls with the square root; powers of two are stratified best.
     #[schemars(range(min = 1, max = 1_048_576))]
     pub samples_per_pixel: u32,
-    /// How often light may be scattered between lamp and camera; 1 is direct light alone.
+    /// Maximum path depth. 1 renders direct illumination only, 0 only what emits.
     #[schemars(range(min = 0, max = 256))]
     pub max_bounces: u32,
-    /// Bounces after which a faint path may be ended at random, which costs a little noise and saves much time.
+    /// Bounces after which Russian roulette may end faint paths: a little more noise in much less time.
     #[schemars(range(min = 1, max = 257))]
     pub russian_roulette_from: u32,
-    /// Largest luminance that one connection of a path to a light may bring by scattering, nits. Removes rare bright
-    /// specks, and some true light with them; without it the picture is unbiased.
+    /// Maximum luminance of one indirect contribution to a path, nits. Removes fireflies, and some true light with them;
+    /// without it the image is unbiased.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
-    pub clamp_nits: Option<f64>,
-    /// Least perceptual roughness of surfaces that light meets on its way to a rough one (Kaplanyan and Dachsbacher,
-    /// "Path Space Regularization", 2013). Bright specks come from lamps that a rough surface sees in a smooth one; with
-    /// 0.3 or so, such caustics are blurred rather than speckled, and nothing is lost. What the camera sees directly or
-    /// in mirrors stays as it is. 0 leaves all as it is.
+    pub max_indirect_luminance: Option<f64>,
+    /// Minimum perceptual roughness of surfaces after the first rough bounce (path-space regularization, Kaplanyan and
+    /// Dachsbacher, 2013). 0.3 or so blurs caustics, which are fireflies otherwise, without losing light; what the camera
+    /// sees directly or in mirrors is unchanged. 0 disables it.
     #[schemars(range(min = 0.0, max = 1.0))]
-    pub roughen: f64,
-    /// Noise at which a square of 16 × 16 pixels gets no more samples: the standard error over the luminance, such as
-    /// 0.02. `samples_per_pixel` is then the most that a pixel gets. Without it, all get as many.
+    pub regularize: f64,
+    /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such as
+    /// 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get as many.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub noise: Option<f64>,
-    /// Seconds that a picture may take; `samples_per_pixel` is then the most that a pixel gets. How many fit depends on
-    /// the machine and on what else it does, so that such pictures are not the same twice; `render_report` tells how
-    /// many they were.
+    /// Time limit per image, seconds; `samples_per_pixel` is then the maximum. The number of samples depends on the
+    /// machine and its load, so such images are not reproducible; `render_report` has the number.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub time_s: Option<f64>,
@@ -71,8 +69,8 @@ impl Default for CpuPath {
             samples_per_pixel: 64,
             max_bounces: 8,
             russian_roulette_from: 3,
-            clamp_nits: None,
-            roughen: 0.0,
+            max_indirect_luminance: None,
+            regularize: 0.0,
             noise: None,
             time_s: None,
         }
@@ -82,6 +80,7 @@ impl Default for CpuPath {
 impl Config for CpuPath {
     type Stage = dyn Renderer;
     const KIND: &'static str = "cpu_path";
+    const RENAMED: &[(&str, &str)] = &[("clamp_nits", "max_indirect_luminance"), ("roughen", "regularize")];
     const EXAMPLE: &'static str = "samples_per_pixel = 64\nmax_bounces = 8";
 
     fn build(self) -> Result<Box<dyn Renderer>, Invalid> {
@@ -89,19 +88,19 @@ impl Config for CpuPath {
     }
 }
 
-/// The renderer of [`CpuPath`]; what its sessions share.
+/// The renderer of [`CpuPath`]; state shared by its sessions.
 pub struct CpuPathRenderer {
     options: CpuPath,
     settings: Settings,
     budget: Budget,
-    cache: Arc<SceneCache>,
+    caches: Arc<Caches>,
 }
 
 /// A session of [`CpuPathRenderer`].
 pub struct CpuPathSession {
     settings: Settings,
     budget: Budget,
-    cache: Arc<SceneCache>,
+    caches: Arc<Caches>,
     world: Option<World>,
     statistics: Statistics,
 }
@@ -109,16 +108,19 @@ pub struct CpuPathSession {
 impl CpuPathRenderer {
     /// Builds the renderer.
     pub fn new(options: CpuPath) -> Result<Self, Invalid> {
-        let clamp = match options.clamp_nits {
+        let max_indirect_luminance = match options.max_indirect_luminance {
             Some(nits) if nits <= 0.0 || nits.is_nan() => {
-                return Err(Invalid::new("clamp_nits", format!("`clamp_nits = {nits}` leaves no light"))
-                    .help("give a luminance above 0, or leave the key out to clamp nothing"));
+                return Err(Invalid::new(
+                    "max_indirect_luminance",
+                    format!("`max_indirect_luminance = {nits}` leaves no light"),
+                )
+                .help("give a luminance above 0, or leave the key out for no limit"));
             }
             Some(nits) => nits as f32,
             None => f32::INFINITY,
         };
         if options.samples_per_pixel == 0 {
-            return Err(Invalid::new("samples_per_pixel", "`samples_per_pixel = 0` makes no picture")
+            return Err(Invalid::new("samples_per_pixel", "`samples_per_pixel = 0` renders no image")
                 .help("give at least 1; leave `radiance` and `rgb` out of the writers to render labels alone"));
         }
         for (key, value) in [("noise", options.noise), ("time_s", options.time_s)] {
@@ -127,20 +129,20 @@ impl CpuPathRenderer {
                     .help(format!("give a number above 0, or leave `{key}` out")));
             }
         }
-        if !(0.0..=1.0).contains(&options.roughen) {
-            return Err(Invalid::new("roughen", format!("`roughen = {}` is outside 0 to 1", options.roughen)));
+        if !(0.0..=1.0).contains(&options.regularize) {
+            return Err(Invalid::new("regularize", format!("`regularize = {}` is outside 0 to 1", options.regularize)));
         }
         let budget = Budget { samples: options.samples_per_pixel, noise: options.noise, seconds: options.time_s };
         let settings = Settings {
             samples: options.samples_per_pixel,
             max_bounces: options.max_bounces,
             roulette_from: options.russian_roulette_from.max(1),
-            clamp,
-            roughen: options.roughen as f32,
+            max_indirect_luminance,
+            regularize: options.regularize as f32,
             strategy: Strategy::Combined,
-            one_lane: false,
+            processor: Processor::detect(),
         };
-        Ok(Self { options, settings, budget, cache: Arc::new(SceneCache::new()) })
+        Ok(Self { options, settings, budget, caches: Arc::default() })
     }
 
     /// Opens a session of the concrete type.
@@ -148,7 +150,7 @@ impl CpuPathRenderer {
         CpuPathSession {
             settings: self.settings,
             budget: self.budget,
-            cache: self.cache.clone(),
+            caches: self.caches.clone(),
             world: None,
             statistics: Statistics::default(),
         }
@@ -185,13 +187,13 @@ impl Renderer for CpuPathRenderer {
     fn cost(&self) -> String {
         let CpuPath { samples_per_pixel, max_bounces, .. } = self.options;
         format!(
-            "{samples_per_pixel} paths a pixel of up to {max_bounces} bounces; labels cost less than one path a pixel"
+            "{samples_per_pixel} paths per pixel of up to {max_bounces} bounces; labels cost less than one path per pixel"
         )
     }
 }
 
 impl CpuPathSession {
-    /// What was traced since the session was opened.
+    /// Counts since the session was opened.
     pub fn statistics(&self) -> Statistics {
         self.statistics
     }
@@ -203,47 +205,44 @@ impl CpuPathSession {
     }
 
     #[cfg(test)]
-    pub(crate) fn one_lane(mut self) -> Self {
-        self.settings.one_lane = true;
+    pub(crate) fn portable(mut self) -> Self {
+        self.settings.processor = Processor::portable();
         self
     }
 
-    /// Traces paths for whatever they are wanted for.
-    fn picture(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Frame) -> Result<()> {
+    /// Traces paths for the products that need them.
+    fn trace(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Frame) -> Result<()> {
         let Some(world) = &self.world else { return Err(not_loaded()) };
-        let lights = Lights::new(&request.view.lights, world, &self.cache)?;
+        let lights = Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?;
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
         let guides = request.wants.iter().any(|want| OF_GUIDES.contains(want));
         let tracer = tracer.with_guides(guides);
         let (width, height) = size(request);
-        let picture = Picture::trace(&tracer, width, height, &self.budget, request.workers);
-        self.statistics.add(&picture.statistics);
+        let film = Film::trace(&tracer, width, height, &self.budget, request.workers);
+        self.statistics.add(&film.statistics);
         let workers = request.workers;
         for &want in request.wants {
             if want == RADIANCE.id() {
-                frame.put(RADIANCE, picture.radiance(workers))?;
+                frame.put(RADIANCE, film.radiance(workers))?;
             } else if want == RADIANCE_VARIANCE.id() {
-                frame.put(RADIANCE_VARIANCE, picture.plane(workers, 0.0, |sums| sums.variance() as f32))?;
+                frame.put(RADIANCE_VARIANCE, film.plane(workers, 0.0, |sums| sums.variance() as f32))?;
             } else if want == ALBEDO_MEAN.id() {
-                frame.put(ALBEDO_MEAN, picture.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
+                frame.put(ALBEDO_MEAN, film.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
             } else if want == NORMAL_MEAN.id() {
-                let mean = |sums: &PixelSums| camera.turned(sums.mean_normal().into()).array();
-                frame.put(NORMAL_MEAN, picture.plane(workers, [0.0; 3], mean))?;
+                let mean = |sums: &PixelSums| camera.rotate_to_camera(sums.mean_normal().into()).array();
+                frame.put(NORMAL_MEAN, film.plane(workers, [0.0; 3], mean))?;
             } else if want == RADIANCE_GLOSS.id() {
-                frame.put(RADIANCE_GLOSS, picture.plane(workers, [0.0; 3], |sums| sums.gloss.mean(sums.samples)))?;
+                frame.put(RADIANCE_GLOSS, film.plane(workers, [0.0; 3], |sums| sums.specular.mean(sums.samples)))?;
             } else if want == RADIANCE_GLOSS_VARIANCE.id() {
-                let variance = |sums: &PixelSums| sums.gloss.variance(sums.samples);
-                frame.put(RADIANCE_GLOSS_VARIANCE, picture.plane(workers, 0.0, variance))?;
+                let variance = |sums: &PixelSums| sums.specular.variance(sums.samples);
+                frame.put(RADIANCE_GLOSS_VARIANCE, film.plane(workers, 0.0, variance))?;
             } else if want == RADIANCE_UNTINTED.id() {
-                frame.put(
-                    RADIANCE_UNTINTED,
-                    picture.plane(workers, [0.0; 3], |sums| sums.untinted.mean(sums.samples)),
-                )?;
+                frame.put(RADIANCE_UNTINTED, film.plane(workers, [0.0; 3], |sums| sums.untinted.mean(sums.samples)))?;
             } else if want == RADIANCE_UNTINTED_VARIANCE.id() {
                 let variance = |sums: &PixelSums| sums.untinted.variance(sums.samples);
-                frame.put(RADIANCE_UNTINTED_VARIANCE, picture.plane(workers, 0.0, variance))?;
+                frame.put(RADIANCE_UNTINTED_VARIANCE, film.plane(workers, 0.0, variance))?;
             } else if want == RENDER_REPORT.id() {
-                frame.put(RENDER_REPORT, picture.report(workers))?;
+                frame.put(RENDER_REPORT, film.report(workers))?;
             }
         }
         Ok(())
@@ -254,7 +253,7 @@ impl RenderSession for CpuPathSession {
     fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
         // The last scene is let go first, so that two are never held at once.
         self.world = None;
-        self.world = Some(World::new(scene, &self.cache, workers));
+        self.world = Some(World::new(scene, &self.caches, workers));
         Ok(())
     }
 
@@ -265,7 +264,7 @@ impl RenderSession for CpuPathSession {
         {
             let world = self.world.as_ref().ok_or_else(not_loaded)?;
             let bits = |key: Key<BitPlane>, margin: [u32; 2]| {
-                wants(key.id()).then(|| BitPlane::new(width, height, margin, world.objects))
+                wants(key.id()).then(|| BitPlane::new(width, height, margin, world.scene.objects))
             };
             let color =
                 |key: Key<Plane<[f32; 3]>>| wants(key.id()).then(|| Plane::from_fn(width, height, |_, _| [0.0; 3]));
@@ -285,7 +284,7 @@ impl RenderSession for CpuPathSession {
             labels.put(frame)?;
         }
         let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
-        if of_paths.into_iter().chain(OF_GUIDES).any(wants) { self.picture(request, &camera, frame) } else { Ok(()) }
+        if of_paths.into_iter().chain(OF_GUIDES).any(wants) { self.trace(request, &camera, frame) } else { Ok(()) }
     }
 }
 

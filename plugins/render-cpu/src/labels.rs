@@ -1,4 +1,4 @@
-//! All labels from one cast a pixel: what lies on the ray through the pixel's centre, at any depth.
+//! All labels from one cast per pixel: what is on the ray through the pixel center, at any depth.
 //!
 //! The first hit in every body decides everything: the nearest of them is what is seen, all of them are what covers
 //! the pixel. Since both come from the same hits, what is seen is covered, exactly. Of bodies at equal depth the one
@@ -6,21 +6,16 @@
 
 use crate::bvh::{Hit, Ray, SceneBvh};
 use crate::camera::RayCamera;
-use crate::vec3::Vec3;
 use crate::world::World;
-use std::sync::{Mutex, PoisonError};
+use parking_lot::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::product::{BitPlane, Plane};
 use syntable_model::scene::InstanceId;
+use syntable_prepare::labels::{BASE_LAYER, LABEL_ALPHA, instance_id};
+use syntable_simd::Vec3;
 
 /// Edge of the squares of pixels that are cast together.
 const TILE: i32 = 8;
-
-/// Where a surface covers in part, it is there for labels from one half on.
-const LABEL_ALPHA: f32 = 0.5 - f32::EPSILON;
-
-/// Draws the base of a layered material, whose normals labels show.
-const LAST_DRAW: f32 = 1.0 - f32::EPSILON;
 
 /// The planes to fill; those that are not wanted are none.
 #[derive(Debug, Default)]
@@ -35,7 +30,7 @@ pub(crate) struct Labels {
     pub coverage_before_support_wide: Option<BitPlane>,
 }
 
-/// What one pixel's ray met.
+/// Hits of one pixel's ray.
 #[derive(Clone, Copy)]
 struct Pixel {
     x: i32,
@@ -65,7 +60,7 @@ struct Tile {
 
 impl<'a> LabelCaster<'a> {
     pub fn new(world: &'a World, camera: &'a RayCamera, width: u32, height: u32) -> Self {
-        let cutouts = (0..world.len()).filter(|&i| world.body_has_cutouts(i));
+        let cutouts = (0..world.scene.bodies.len()).filter(|&i| world.scene.bodies[i].has_cutouts());
         let cutouts = cutouts.map(|i| (i as u32, world.alone(i))).collect();
         Self { world, camera, width: width as i32, height: height as i32, cutouts }
     }
@@ -85,7 +80,7 @@ impl<'a> LabelCaster<'a> {
                 let right = (left + TILE).min(self.width + margin_x);
                 let tile = self.tile([left, top, right, bottom]);
                 let surfaces: Vec<_> = tile.pixels.iter().map(|pixel| self.surface(pixel, shaded)).collect();
-                let mut labels = labels.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut labels = labels.lock();
                 self.store(&mut labels, &tile, &surfaces);
             }
         });
@@ -101,7 +96,7 @@ impl<'a> LabelCaster<'a> {
             tile.pixels.iter().enumerate().filter_map(|(number, pixel)| Some((number, self.ray(pixel)?))).collect();
         let rays: Vec<Ray> = seen.iter().map(|(_, ray)| *ray).collect();
         self.world.bvh.all_instances_tile(&rays, 0.0, f32::INFINITY, |number, hit| {
-            if !self.world.body_has_cutouts(hit.instance as usize) {
+            if !self.world.scene.bodies[hit.instance as usize].has_cutouts() {
                 tile.hits.push((seen[number].0 as u32, hit));
             }
         });
@@ -118,7 +113,7 @@ impl<'a> LabelCaster<'a> {
             if pixel.first.is_none_or(|first| (hit.t, hit.instance) < (first.t, first.instance)) {
                 pixel.first = Some(hit);
             }
-            if hit.instance as usize >= self.world.things && hit.t < pixel.support {
+            if hit.instance as usize >= self.world.scene.foreground && hit.t < pixel.support {
                 pixel.support = hit.t;
             }
         }
@@ -133,7 +128,7 @@ impl<'a> LabelCaster<'a> {
         (0..self.width).contains(&pixel.x) && (0..self.height).contains(&pixel.y)
     }
 
-    /// Normal in the camera's frame and base colour of what a pixel sees.
+    /// Normal in the camera's frame and base color of what a pixel sees.
     fn surface(&self, pixel: &Pixel, shaded: bool) -> [[f32; 3]; 2] {
         match pixel.first {
             Some(hit) if shaded && self.inside(pixel) => {
@@ -142,8 +137,8 @@ impl<'a> LabelCaster<'a> {
                 let distance = hit.t * direction.length();
                 let width = self.camera.pixel_angle * distance;
                 let surface =
-                    self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width, LAST_DRAW);
-                [self.camera.turned(surface.normal).array(), surface.albedo.array()]
+                    self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width, BASE_LAYER);
+                [self.camera.rotate_to_camera(surface.normal).array(), surface.albedo.array()]
             }
             _ => [[0.0; 3]; 2],
         }
@@ -157,7 +152,8 @@ impl<'a> LabelCaster<'a> {
                     depth.data_mut()[index] = pixel.first.map_or(f32::INFINITY, |hit| hit.t);
                 }
                 if let Some(instance) = &mut labels.instance {
-                    instance.data_mut()[index] = pixel.first.map_or(InstanceId::BACKGROUND, |hit| id(hit.instance));
+                    instance.data_mut()[index] =
+                        pixel.first.map_or(InstanceId::BACKGROUND, |hit| instance_id(hit.instance));
                 }
                 if let Some(plane) = &mut labels.normal {
                     plane.data_mut()[index] = *normal;
@@ -168,14 +164,14 @@ impl<'a> LabelCaster<'a> {
             }
         }
         for &(number, hit) in &tile.hits {
-            if hit.instance as usize >= self.world.objects {
+            if hit.instance as usize >= self.world.scene.objects {
                 continue;
             }
             let pixel = &tile.pixels[number as usize];
             let before = hit.t <= pixel.support;
             let put = |plane: &mut Option<BitPlane>| {
                 if let Some(plane) = plane {
-                    plane.insert(pixel.x, pixel.y, id(hit.instance));
+                    plane.insert(pixel.x, pixel.y, instance_id(hit.instance));
                 }
             };
             put(&mut labels.coverage_wide);
@@ -190,9 +186,4 @@ impl<'a> LabelCaster<'a> {
             }
         }
     }
-}
-
-/// Body `i` of a scene has the id `i + 1`.
-fn id(instance: u32) -> InstanceId {
-    InstanceId(instance as u16 + 1)
 }

@@ -1,18 +1,18 @@
-//! Gives back what the filter takes away.
+//! Restores the energy that the filter lost.
 //!
-//! Light of few samples is many dark pixels and few bright ones. Cutting specks, and weighing taps by how alike they are,
-//! favours the dark ones; so the filtered picture is too dark, by several hundredths at one or two samples. Over wide
-//! areas the noisy picture's mean is right, and the filtered one is scaled to it.
+//! Images of few samples are many dark pixels and few bright ones. Clamping fireflies, and weighing taps by similarity,
+//! favors the dark ones; so the filtered image is too dark, by several hundredths at one or two samples. Over wide areas
+//! the mean of the noisy image is right, and the filtered one is scaled to it.
 
 use super::luminance;
 
-/// Edge of the squares over which light is added up, px. Neighbouring squares are averaged with a deviation of one square.
+/// Edge of the squares over which light is added up, px. Neighboring squares are averaged with a deviation of one square.
 const CELL: usize = 32;
 
 /// Light of a pixel that counts at most, as a multiple of what it is after the filter.
 const MOST: f32 = 30.0;
 
-/// What a dark pixel counts as in that, as a share of the mean.
+/// What a dark pixel counts as in that, as a fraction of the mean.
 const LEAST: f32 = 0.05;
 
 /// Light in squares, before and after.
@@ -78,7 +78,7 @@ impl Cells {
     }
 }
 
-/// Sums over neighbours along one axis, whose squares are `stride` apart and `count` in number, with the weights of a
+/// Sums over neighbors along one axis, whose squares are `stride` apart and `count` in number, with the weights of a
 /// binomial of variance 1.
 fn blurred(sums: &[[f64; 2]], count: usize, stride: usize) -> Vec<[f64; 2]> {
     let sum = |at: usize| {

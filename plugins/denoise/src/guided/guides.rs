@@ -1,4 +1,4 @@
-//! What tells surfaces apart: normals, the planes that pixels lie on, ids, and colour where these are mixed.
+//! Guides: normals, the planes of pixels, ids, and albedo where bodies are mixed.
 
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
 use syntable_model::context::Workers;
@@ -6,23 +6,23 @@ use syntable_model::context::Workers;
 /// Id of the margin; no tap takes anything from what has a negative id.
 pub(super) const NOTHING: f32 = -1.0;
 
-/// Id of pixels that show a lamp, the sky or nothing.
+/// Id of pixels that show a light, the sky or nothing.
 pub(super) const NO_SURFACE: f32 = -2.0;
 
 /// Relative distance from a pixel's plane that costs one e-fold.
 const PLANE: f32 = 0.055;
 
-/// At the border of bodies: what a squared difference of normals costs, as a share of what it costs elsewhere.
+/// At the border of bodies: what a squared difference of normals costs, as a fraction of what it costs elsewhere.
 const BORDER_NORMAL: f32 = 0.37;
 
-/// At the border of bodies: e-folds for each squared difference of the colours' luminance.
+/// At the border of bodies: e-folds for each squared difference of the colors' luminance.
 const BORDER_COLOR: f32 = 17.0;
 
-/// The guides of a picture.
+/// The guides of an image.
 pub(super) struct Guides {
     /// Mean normal, camera frame.
     pub normal: [Padded; 3],
-    /// Luminance of the mean base colour.
+    /// Luminance of the mean base color.
     pub color: Padded,
     /// 1 / depth, 1/m: affine in pixel coordinates on a plane, whatever the focal length. 0 for nothing.
     pub disparity: Padded,
@@ -30,7 +30,7 @@ pub(super) struct Guides {
     pub id: Padded,
     /// Change of the disparity from one pixel to the next, along x and y.
     slope: [Padded; 2],
-    /// 1 where another body, or none, is among the eight neighbours, else 0.
+    /// 1 where another body, or none, is among the eight neighbors, else 0.
     pub border: Padded,
 }
 
@@ -47,12 +47,12 @@ impl Guides {
         let zero = || Padded::new(size, 0.0);
         let (mut along_x, mut along_y, mut border) = (zero(), zero(), zero());
         let stride = size.stride();
-        fill(size, workers, [&mut along_x, &mut along_y, &mut border], |spot| {
-            let at = spot.at;
+        fill(size, workers, [&mut along_x, &mut along_y, &mut border], |position| {
+            let at = position.at;
             [
                 slope(&disparity, &id, at, 1),
                 slope(&disparity, &id, at, stride),
-                foreign(id.chunk(at), around(at, stride).map(|there| id.chunk(there))),
+                border_of(id.chunk(at), around(at, stride).map(|there| id.chunk(there))),
             ]
         });
         Self { normal, color, disparity, id, slope: [along_x, along_y], border }
@@ -62,7 +62,7 @@ impl Guides {
     /// light is looked at; from 8 on they are worth nothing. `per_normal` is what a squared difference of normals costs.
     ///
     /// Inside a body, taps must be of that body and near its plane. At its border a pixel shows two bodies, and its depth
-    /// and id speak of one of them: there the mean normal and colour alone decide.
+    /// and id speak of one of them: there the mean normal and color alone decide.
     #[inline(always)]
     pub fn cost(&self, here: usize, there: usize, dx: f32, dy: f32, per_normal: &Chunk) -> Chunk {
         let [nx, ny, nz] = &self.normal;
@@ -89,20 +89,20 @@ impl Guides {
     }
 }
 
-/// The indices of the eight neighbours.
+/// The indices of the eight neighbors.
 fn around(at: usize, stride: usize) -> [usize; 8] {
     let (up, down) = (at - stride, at + stride);
     [up - 1, up, up + 1, at - 1, at + 1, down - 1, down, down + 1]
 }
 
-fn foreign(ids: &Chunk, neighbours: [&Chunk; 8]) -> Chunk {
+fn border_of(ids: &Chunk, neighbours: [&Chunk; 8]) -> Chunk {
     std::array::from_fn(|i| {
         let other = neighbours.iter().any(|ids_there| ids_there[i] != NOTHING && ids_there[i] != ids[i]);
         if ids[i] >= 0.0 && other { 1.0 } else { 0.0 }
     })
 }
 
-/// The smaller of the differences to the two neighbours of the same body; 0 if there is none.
+/// The smaller of the differences to the two neighbors of the same body; 0 if there is none.
 fn slope(disparity: &Padded, id: &Padded, at: usize, step: usize) -> Chunk {
     let [before, here, after] = [at - step, at, at + step].map(|i| (disparity.chunk(i), id.chunk(i)));
     std::array::from_fn(|i| {

@@ -1,16 +1,16 @@
-//! `guided`: a filter of its own that looks at albedo, normals, depth and ids.
+//! `guided`: an edge-avoiding filter guided by albedo, normals, depth and ids.
 //!
-//! The light comes in two parts ([`Part`]), filtered each in its own way ([`tuning`]) and added up in the end: what the
-//! surfaces mirror without colouring it, and the rest without the surfaces' colour, so that textures stay sharp whatever
-//! happens to the light on them. Every pixel's noise is estimated and specks are cut ([`noise`]). Then come levels of 5 × 5
-//! taps at distances of 1, 2, 4, 8, … px ([`smooth`]): the edge-avoiding à-trous transform of Dammertz et al. (High
-//! Performance Graphics 2010), led by variance as Schied et al. have it (High Performance Graphics 2017, section 4.2 and
-//! 4.3). A tap is worth less the more its normal differs, the farther it is from the pixel's plane and the less likely its
-//! light is the same within the noise that is left; so a quiet picture stays as it is.
+//! The radiance comes in two parts ([`Part`]), filtered each with its own [`tuning`] and added up in the end: the specular
+//! part, and the rest demodulated by the albedo, so that textures stay sharp. The noise of every pixel is estimated and
+//! fireflies are clamped ([`noise`]). Then come levels of 5 × 5 taps at distances of 1, 2, 4, 8, … px ([`smooth`]): the
+//! edge-avoiding à-trous transform of Dammertz et al. (High Performance Graphics 2010), led by variance as in Schied et al.
+//! (High Performance Graphics 2017, sections 4.2 and 4.3). The weight of a tap falls with the difference of its normal, its
+//! distance from the pixel's plane, and the difference of its light relative to the remaining noise; so an image without
+//! noise stays as it is.
 //!
-//! Of its own are: planes found from depth without knowing the camera ([`guides`]), normals that count for less the
-//! noisier the light is, borders of bodies that go by mean colours and normals, a first level that compares means
-//! rather than samples, and light that is given back where the filter took it ([`balance`]).
+//! Beyond these papers: planes are found from depth without the camera ([`guides`]), normals count for less the noisier the
+//! light is, borders of bodies use mean colors and normals, the first level compares means rather than samples, and energy
+//! that the filter lost is restored ([`balance`]).
 
 mod balance;
 mod guides;
@@ -20,7 +20,7 @@ mod smooth;
 mod tuning;
 
 use guides::{Guides, NO_SURFACE, NOTHING};
-use planes::{CHUNK, Padded, Size, Spot, fill};
+use planes::{CHUNK, ChunkPosition, Padded, Size, fill};
 use smooth::Level;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
@@ -30,27 +30,28 @@ use syntable_model::product::standard::{
 };
 use tuning::Tuning;
 
-/// The largest light that is reckoned with, nits, so that its square is a number.
+/// Maximum radiance, nits, so that its square is finite.
 const MOST: f32 = 1e12;
 
-/// How much the light of a pixel is thought to differ from the product of mean colour and mean light, as a share of it.
-const UNEVEN: f32 = 0.2;
+/// Assumed difference between the radiance of a pixel and the product of mean albedo and mean light, as a fraction of it.
+const RESIDUAL: f32 = 0.2;
 
-/// Most levels.
+/// Maximum number of levels.
 const LEVELS: u32 = 5;
 
-/// Takes the noise out of pictures of few samples by averaging over likely neighbours, guided by colour, normals, depth
-/// and ids. Fast, on the processor, the same everywhere; nothing needs to be installed. With more samples it does less.
+/// Removes noise from images of few samples by averaging over similar neighbors, guided by albedo, normals, depth and ids.
+/// Runs on the CPU, gives the same image on every machine, and needs nothing installed.
 ///
-/// It is meant for 1 to 64 samples a pixel. Bright specks are cut, and their light is spread over their surroundings.
+/// Made for 1 to 64 samples per pixel; with more it does less. Fireflies are clamped, and their light is spread over their
+/// surroundings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Guided {
-    /// How unlike the light of two pixels may be, relative to their noise, to be averaged. More is smoother, less keeps
-    /// faint shadows and mirror images.
+    /// Tolerance for differences of light between pixels, relative to their noise. Higher values are smoother, lower ones
+    /// keep faint shadows and reflections.
     #[schemars(range(min = 0.1, max = 10.0))]
     pub strength: f64,
-    /// How far averages reach: 2, 6, 14, 30 or 62 pixels.
+    /// Number of filter levels, which sets the radius: 2, 6, 14, 30 or 62 pixels.
     #[schemars(range(min = 1, max = 5))]
     pub levels: u32,
 }
@@ -102,7 +103,7 @@ impl Denoiser for Guided {
         };
         let size = input.size();
         let guides = input.surfaces(size, workers);
-        let parts = [Part::Matte, Part::Gloss].map(|part| self.filter(&input, part, &guides, workers));
+        let parts = [Part::Diffuse, Part::Specular].map(|part| self.filter(&input, part, &guides, workers));
         let report = Value::record([
             ("name", Self::KIND.into()),
             ("strength", self.strength.into()),
@@ -113,13 +114,13 @@ impl Denoiser for Guided {
 }
 
 impl Guided {
-    /// One part of the light without its noise.
+    /// Filters one part of the radiance.
     fn filter(&self, input: &Input, part: Part, guides: &Guides, workers: &dyn Workers) -> Filtered {
         let (size, strength, tuning) = (input.size(), self.strength as f32, part.tuning());
         let signal = input.signal(size, part, guides, workers);
         let known = input.variances[part as usize].data().iter().any(|v| v.is_finite());
         let noise = noise::estimate(size, workers, guides, &signal, known, tuning);
-        // A guess from the neighbours is good enough for the filter, but no reason to trust a pixel's own light.
+        // A guess from the neighbors is good enough for the filter, but no reason to trust a pixel's own light.
         let noise_before = if known { noise.signal.variance.clone() } else { Padded::new(size, f32::INFINITY) };
         let (mut now, mut next) = (noise.signal, signal);
         let levels = tuning.levels.iter().take_while(|(step, _)| *step < 1 << self.levels);
@@ -140,25 +141,25 @@ impl Guided {
     }
 }
 
-/// A part of the light.
+/// A part of the radiance.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Part {
-    /// What has the colour of the surface: divided by it.
-    Matte,
-    /// What the surface mirrors as it comes.
-    Gloss,
+    /// Divided by the albedo.
+    Diffuse,
+    /// Specular reflection at the first surface.
+    Specular,
 }
 
 impl Part {
     fn tuning(self) -> &'static Tuning {
         match self {
-            Self::Matte => &tuning::MATTE,
-            Self::Gloss => &tuning::GLOSS,
+            Self::Diffuse => &tuning::DIFFUSE,
+            Self::Specular => &tuning::SPECULAR,
         }
     }
 }
 
-/// Light of a part, without the colour of what it falls on, and what is known of its noise.
+/// Light of a part, without the color of what it falls on, and what is known of its noise.
 struct Signal {
     /// Linear Rec. 709, nits.
     color: [Padded; 3],
@@ -175,7 +176,7 @@ impl Signal {
     }
 }
 
-/// A part of the light without its noise.
+/// A filtered part of the radiance.
 struct Filtered {
     /// As [`Signal::color`].
     color: [Padded; 3],
@@ -183,7 +184,7 @@ struct Filtered {
     noise_before: Padded,
 }
 
-/// The products of a frame.
+/// Products read.
 struct Input<'a> {
     radiance: &'a Plane<[f32; 3]>,
     /// By [`Part`].
@@ -201,7 +202,7 @@ impl Input<'_> {
         Size { width: self.radiance.width() as usize, height: self.radiance.height() as usize }
     }
 
-    /// Whether there is a surface and sound light at a pixel. Lamps, the sky and broken pixels pass as they are, and
+    /// Whether there is a surface and sound light at a pixel. Lights, the sky and broken pixels pass as they are, and
     /// nothing is taken from them.
     fn surface(&self, pixel: usize) -> bool {
         let depth = self.depth.data()[pixel];
@@ -209,31 +210,32 @@ impl Input<'_> {
         lit && self.instance.data()[pixel].0 != 0 && depth.is_finite() && depth > 1e-6
     }
 
-    /// What the light is divided by.
+    /// Divisor of the diffuse part.
     fn factor(&self, pixel: usize) -> [f32; 3] {
-        self.albedo.data()[pixel].map(|share| LEAST_TINT + if share.is_finite() { share.clamp(0.0, 1.0) } else { 1.0 })
+        self.albedo.data()[pixel]
+            .map(|albedo| LEAST_TINT + if albedo.is_finite() { albedo.clamp(0.0, 1.0) } else { 1.0 })
     }
 
-    /// A pixel's light of a part. At the `border` of bodies colour and light change together, so that the colour is taken
-    /// from their mean, not sample by sample: neighbours that show as much of each body are alike then, too.
+    /// A pixel's light of a part. At the `border` of bodies color and light change together, so that the color is taken
+    /// from their mean, not sample by sample: neighbors that show as much of each body are alike then, too.
     fn light(&self, pixel: usize, part: Part, border: bool) -> [f32; 3] {
-        let gloss = self.parts[Part::Gloss as usize].data()[pixel];
+        let specular = self.parts[Part::Specular as usize].data()[pixel];
         let light = match part {
-            Part::Gloss => gloss,
-            Part::Matte if border => {
+            Part::Specular => specular,
+            Part::Diffuse if border => {
                 let (all, factor) = (self.radiance.data()[pixel], self.factor(pixel));
-                std::array::from_fn(|c| (all[c] - gloss[c]) / factor[c])
+                std::array::from_fn(|c| (all[c] - specular[c]) / factor[c])
             }
-            Part::Matte => self.parts[Part::Matte as usize].data()[pixel],
+            Part::Diffuse => self.parts[Part::Diffuse as usize].data()[pixel],
         };
         light.map(|nits| if nits.is_finite() { nits.clamp(0.0, MOST) } else { 0.0 })
     }
 
-    /// A part of the light.
+    /// A part of the radiance.
     fn signal(&self, size: Size, part: Part, guides: &Guides, workers: &dyn Workers) -> Signal {
         let mut signal = Signal::new(size);
         let Signal { color: [r, g, b], luminance: l, variance: v } = &mut signal;
-        fill(size, workers, [r, g, b, l, v], |Spot { x, y, at }| {
+        fill(size, workers, [r, g, b, l, v], |ChunkPosition { x, y, at }| {
             let mut out = [[0.0; CHUNK]; 5];
             for i in 0..CHUNK.min(size.width - x) {
                 let pixel = y * size.width + x + i;
@@ -252,13 +254,13 @@ impl Input<'_> {
         signal
     }
 
-    /// What tells surfaces apart.
+    /// The guides.
     fn surfaces(&self, size: Size, workers: &dyn Workers) -> Guides {
         let zero = || Padded::new(size, 0.0);
         let (mut normal, mut color, mut disparity) = ([zero(), zero(), zero()], zero(), zero());
         let mut id = Padded::new(size, NOTHING);
         let [nx, ny, nz] = &mut normal;
-        fill(size, workers, [nx, ny, nz, &mut color, &mut disparity, &mut id], |Spot { x, y, .. }| {
+        fill(size, workers, [nx, ny, nz, &mut color, &mut disparity, &mut id], |ChunkPosition { x, y, .. }| {
             let mut out = [[0.0; CHUNK]; 6];
             out[5] = [NOTHING; CHUNK];
             for i in 0..CHUNK.min(size.width - x) {
@@ -278,8 +280,8 @@ impl Input<'_> {
         Guides::new(size, workers, normal, color, disparity, id)
     }
 
-    /// The picture of its filtered parts.
-    fn join(&self, size: Size, guides: &Guides, [matte, gloss]: &[Filtered; 2]) -> Plane<[f32; 3]> {
+    /// Joins the filtered parts.
+    fn join(&self, size: Size, guides: &Guides, [diffuse, specular]: &[Filtered; 2]) -> Plane<[f32; 3]> {
         let mut joined = Plane::from_fn(self.radiance.width(), self.radiance.height(), |x, y| {
             let (x, y) = (x as usize, y as usize);
             let pixel = y * size.width + x;
@@ -287,18 +289,19 @@ impl Input<'_> {
                 return self.radiance.data()[pixel];
             }
             let (at, factor) = (size.index(x, y), self.factor(pixel));
-            // Where light and colour both change in a pixel, the mean of their product is not the product of their means.
+            // Where light and color both change in a pixel, the mean of their product is not the product of their means.
             // What it is instead is known as well as the pixel's own light is.
             let (own, scale) = (self.radiance.data()[pixel], luminance(factor));
-            let noise = matte.noise_before.at(at) * scale * scale + gloss.noise_before.at(at);
-            let error = (UNEVEN * luminance(own)).powi(2);
+            let noise = diffuse.noise_before.at(at) * scale * scale + specular.noise_before.at(at);
+            let error = (RESIDUAL * luminance(own)).powi(2);
             let trust = (error / (error + noise + 1e-30)).powi(2);
             let border = guides.border.at(at) > 0.0;
-            let [untinted, mirrored] = [self.light(pixel, Part::Matte, border), self.light(pixel, Part::Gloss, border)];
+            let [untinted, mirrored] =
+                [self.light(pixel, Part::Diffuse, border), self.light(pixel, Part::Specular, border)];
             std::array::from_fn(|c| {
-                let uneven = own[c] - (untinted[c] * factor[c] + mirrored[c]);
-                let uneven = if uneven.is_finite() { trust * uneven } else { 0.0 };
-                (matte.color[c].at(at) * factor[c] + gloss.color[c].at(at) + uneven).max(0.0)
+                let residual = own[c] - (untinted[c] * factor[c] + mirrored[c]);
+                let residual = if residual.is_finite() { trust * residual } else { 0.0 };
+                (diffuse.color[c].at(at) * factor[c] + specular.color[c].at(at) + residual).max(0.0)
             })
         });
         balance::restore(size.width, self.radiance.data(), joined.data_mut(), |pixel| self.surface(pixel));
@@ -310,15 +313,6 @@ impl Input<'_> {
 #[inline(always)]
 fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
-}
-
-/// Whether eight numbers can be taken at a time. The result is the same either way: every operation is an IEEE operation
-/// of one number.
-fn wide() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return is_x86_feature_detected!("avx2");
-    #[cfg(not(target_arch = "x86_64"))]
-    false
 }
 
 register!(Guided);

@@ -1,30 +1,31 @@
-//! How noisy every pixel is, and the specks that are too bright to be spread.
+//! Noise estimation per pixel, and clamping of fireflies.
 
+use super::Signal;
 use super::guides::{Guides, falloff};
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
 use super::tuning::Tuning;
-use super::{Signal, wide};
 use syntable_model::context::Workers;
+use syntable_simd::{Processor, Simd, Task};
 
-/// Reach of the window, px.
+/// Radius of the window, px.
 const REACH: isize = 3;
 
-/// Light is no speck that a pixel's own samples say is there, but for so many standard deviations.
+/// Number of standard deviations below a pixel's own estimate up to which its light is never clamped.
 const SURE: f32 = 3.0;
 
-/// How many taps the window without guides counts for, so that a pixel without likes is not believed to be quiet.
+/// Weight, in taps, of the window without guides, so that a pixel without similar neighbors does not count as noise-free.
 const PRIOR: f32 = 0.7;
 
-/// What the window says.
+/// Estimates from the window.
 pub(super) struct Noise {
-    /// The signal without specks, and with a variance that is believed.
+    /// The signal without fireflies and with a smoothed variance.
     pub signal: Signal,
     /// Mean luminance of the window, and the variance of that mean.
     pub pilot: [Padded; 2],
 }
 
-/// Looks at the neighbours of every pixel. The variance is the mean of the renderer's estimates, if it has any (`known`),
-/// since one of few samples is worth little by itself; otherwise it is the neighbours' own spread.
+/// Estimates noise from the neighbors of every pixel. The variance is the mean of the renderer's estimates, if it has any (`known`),
+/// since one of few samples is worth little by itself; otherwise it is the neighbors' own spread.
 pub(super) fn estimate(
     size: Size,
     workers: &dyn Workers,
@@ -37,29 +38,40 @@ pub(super) fn estimate(
     let mut pilot = [Padded::new(size, 0.0), Padded::new(size, 0.0)];
     let Signal { color: [r, g, b], luminance, variance } = &mut signal;
     let [mean, of_mean] = &mut pilot;
-    let (stride, wide) = (size.stride() as isize, wide());
-    fill(size, workers, [r, g, b, luminance, variance, mean, of_mean], |spot| {
-        #[cfg(target_arch = "x86_64")]
-        if wide {
-            // SAFETY: `wide` says that the processor has AVX2.
-            return unsafe { look_wide(guides, from, known, tuning, spot.at, stride) };
-        }
-        look(guides, from, known, tuning, spot.at, stride)
+    let (stride, processor) = (size.stride() as isize, Processor::detect());
+    fill(size, workers, [r, g, b, luminance, variance, mean, of_mean], |position| {
+        processor.run(Window { guides, from, known, tuning, at: position.at, stride })
     });
     Noise { signal, pilot }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn look_wide(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize, stride: isize) -> [Chunk; 7] {
-    look(guides, from, known, tuning, at, stride)
+/// The window around a chunk, as a task.
+struct Window<'a> {
+    guides: &'a Guides,
+    from: &'a Signal,
+    known: bool,
+    tuning: &'a Tuning,
+    /// Index of the chunk's first pixel.
+    at: usize,
+    stride: isize,
+}
+
+impl Task for Window<'_> {
+    type Output = [Chunk; 7];
+
+    // The compiler makes lanes of the loops over a chunk: as many as the instruction set has.
+    #[inline(always)]
+    fn run<S: Simd>(self) -> [Chunk; 7] {
+        let Self { guides, from, known, tuning, at, stride } = self;
+        look(guides, from, known, tuning, at, stride)
+    }
 }
 
 #[inline(always)]
 fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize, stride: isize) -> [Chunk; 7] {
     let zero = [0.0; CHUNK];
     let per_normal = [tuning.per_normal; CHUNK];
-    // Sums over likes: weights, their squares, luminance, its square, variance; and over all surfaces.
+    // Sums over similar taps: weights, their squares, luminance, its square, variance; and over all surfaces.
     let (mut w1, mut w2, mut m1, mut m2, mut mv) = (zero, zero, zero, zero, zero);
     let (mut all, mut all_l, mut all_v) = (zero, zero, zero);
     for dy in -REACH..=REACH {
@@ -91,13 +103,13 @@ fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize,
         let mean = m1[i] / (w1[i] + 1e-6);
         let spread = m2[i] / (w1[i] + 1e-6) - mean * mean;
         let spread = if spread > 0.0 { spread } else { 0.0 };
-        let usual = mean + tuning.speck * spread.sqrt();
-        // Light that the pixel's own samples agree on is no speck.
+        let usual = mean + tuning.firefly * spread.sqrt();
+        // Light that the pixel's own samples agree on is not clamped.
         let sure = if known { l[i] - SURE * v[i].sqrt() } else { 0.0 };
         let limit = if usual > sure { usual } else { sure };
         let kept = if w1[i] > 3.0 && l[i] > limit { limit } else { l[i] };
-        let share = kept / (l[i] + 1e-30);
-        let share = if kept < l[i] { share } else { 1.0 };
+        let factor = kept / (l[i] + 1e-30);
+        let factor = if kept < l[i] { factor } else { 1.0 };
         let loose = all_l[i] / (all[i] + 1e-6);
         let variance = if known {
             (mv[i] + v[i] + PRIOR * all_v[i] / (all[i] + 1e-6)) / (w1[i] + 1.0 + PRIOR)
@@ -106,7 +118,7 @@ fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize,
         };
         let total = w1[i] + 1.0;
         for c in 0..3 {
-            out[c][i] = color[c][i] * share;
+            out[c][i] = color[c][i] * factor;
         }
         out[3][i] = kept;
         out[4][i] = variance;

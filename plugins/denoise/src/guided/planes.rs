@@ -1,12 +1,12 @@
 //! Planes of numbers with a margin, so that inner loops need no special case at the border.
 
-use std::sync::{Mutex, PoisonError};
+use parking_lot::Mutex;
 use syntable_model::context::Workers;
 
 /// Numbers that inner loops take at a time, px.
 pub(super) const CHUNK: usize = 32;
 
-/// Margin around the picture: how far a tap may reach, px.
+/// Margin around the image: how far a tap may reach, px.
 pub(super) const MARGIN: usize = 32;
 
 /// One chunk of a row.
@@ -15,7 +15,7 @@ pub(super) type Chunk = [f32; CHUNK];
 /// Rows in a job.
 const BAND: usize = 16;
 
-/// Size of a picture, and of the planes that hold it.
+/// Size of an image, and of the planes that hold it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Size {
     pub width: usize,
@@ -42,7 +42,7 @@ impl Size {
     }
 }
 
-/// A picture of one number a pixel, with margins.
+/// An image of one number per pixel, with margins.
 #[derive(Debug, Clone)]
 pub(super) struct Padded(Vec<f32>);
 
@@ -66,7 +66,7 @@ impl Padded {
 
 /// Where a chunk is.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Spot {
+pub(super) struct ChunkPosition {
     /// Column and row of its first pixel, px.
     pub x: usize,
     pub y: usize,
@@ -74,12 +74,12 @@ pub(super) struct Spot {
     pub at: usize,
 }
 
-/// Fills `N` planes chunk by chunk. Margins stay as they are; what is right of the picture is filled too.
+/// Fills `N` planes chunk by chunk. Margins stay as they are; what is right of the image is filled too.
 pub(super) fn fill<const N: usize>(
     size: Size,
     workers: &dyn Workers,
     planes: [&mut Padded; N],
-    job: impl Fn(Spot) -> [Chunk; N] + Sync,
+    job: impl Fn(ChunkPosition) -> [Chunk; N] + Sync,
 ) {
     let stride = size.stride();
     let mut bands: Vec<Vec<&mut [f32]>> = (0..size.height.div_ceil(BAND)).map(|_| Vec::with_capacity(N)).collect();
@@ -89,11 +89,11 @@ pub(super) fn fill<const N: usize>(
     }
     let bands: Vec<_> = bands.into_iter().map(Mutex::new).collect();
     workers.run(bands.len(), &|number| {
-        let mut band = bands[number].lock().unwrap_or_else(PoisonError::into_inner);
+        let mut band = bands[number].lock();
         let first = number * BAND;
         for y in first..(first + BAND).min(size.height) {
             for x in (0..size.width).step_by(CHUNK) {
-                let values = job(Spot { x, y, at: size.index(x, y) });
+                let values = job(ChunkPosition { x, y, at: size.index(x, y) });
                 let start = (y - first) * stride + MARGIN + x;
                 for (plane, values) in band.iter_mut().zip(&values) {
                     plane[start..start + CHUNK].copy_from_slice(values);

@@ -3,8 +3,9 @@
 use super::guides::{Guides, falloff};
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
 use super::tuning::Tuning;
-use super::{Signal, luminance, wide};
+use super::{Signal, luminance};
 use syntable_model::context::Workers;
+use syntable_simd::{Processor, Simd, Task};
 
 /// What a level works on.
 pub(super) struct Level<'a> {
@@ -23,25 +24,32 @@ pub(super) struct Level<'a> {
 
 /// Filters.
 pub(super) fn smooth(size: Size, workers: &dyn Workers, level: &Level, to: &mut Signal) {
-    let (stride, wide) = (size.stride() as isize, wide());
+    let (stride, processor) = (size.stride() as isize, Processor::detect());
     let Signal { color: [r, g, b], luminance, variance } = to;
-    fill(size, workers, [r, g, b, luminance, variance], |spot| {
-        #[cfg(target_arch = "x86_64")]
-        if wide {
-            // SAFETY: `wide` says that the processor has AVX2.
-            return unsafe { level.chunk_wide(spot.at, stride) };
-        }
-        level.chunk(spot.at, stride)
+    fill(size, workers, [r, g, b, luminance, variance], |position| {
+        processor.run(Taps { level, at: position.at, stride })
     });
 }
 
-impl Level<'_> {
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn chunk_wide(&self, at: usize, stride: isize) -> [Chunk; 5] {
-        self.chunk(at, stride)
-    }
+/// The taps of a chunk, as a task.
+struct Taps<'a> {
+    level: &'a Level<'a>,
+    /// Index of the chunk's first pixel.
+    at: usize,
+    stride: isize,
+}
 
+impl Task for Taps<'_> {
+    type Output = [Chunk; 5];
+
+    // The compiler makes lanes of the loops over a chunk: as many as the instruction set has.
+    #[inline(always)]
+    fn run<S: Simd>(self) -> [Chunk; 5] {
+        self.level.chunk(self.at, self.stride)
+    }
+}
+
+impl Level<'_> {
     #[inline(always)]
     fn chunk(&self, at: usize, stride: isize) -> [Chunk; 5] {
         let Self { guides, from, .. } = self;
@@ -52,7 +60,7 @@ impl Level<'_> {
         let level = self.pilot.map_or(&from.luminance, |[mean, _]| mean).chunk(at);
         let mut per_normal = [0.0; CHUNK];
         for i in 0..CHUNK {
-            // The noisier, the more a tap may be turned away.
+            // The noisier, the more a tap may be rotated away.
             let spread = scale * (own[i] / (level[i] * level[i] + 1e-12)).sqrt();
             let spread = if spread > least { spread } else { least };
             per_normal[i] = 1.0 / if spread < most { spread } else { most };

@@ -1,4 +1,4 @@
-//! How the two parts of the light are filtered. The numbers are those of least error over pictures of 2 to 16 samples.
+//! How the two parts of the light are filtered. The numbers are those of least error over images of 2 to 16 samples.
 
 /// What suits a part.
 pub(super) struct Tuning {
@@ -11,28 +11,28 @@ pub(super) struct Tuning {
     pub kernel: [f32; 3],
     /// Squared difference of normals that costs one e-fold, for noise as strong as the light; and between which bounds.
     pub normal: (f32, f32, f32),
-    /// What a squared difference of normals costs in the window that tells specks and noise.
+    /// What a squared difference of normals costs in the window that estimates fireflies and noise.
     pub per_normal: f32,
-    /// A pixel is a speck from so many standard deviations of its neighbours above their mean.
-    pub speck: f32,
+    /// A pixel is a firefly from so many standard deviations of its neighbors above their mean.
+    pub firefly: f32,
 }
 
-/// Light with the surface's colour: even over wide areas once it is divided by that colour.
-pub(super) const MATTE: Tuning = Tuning {
+/// Light with the surface's color: even over wide areas once it is divided by that color.
+pub(super) const DIFFUSE: Tuning = Tuning {
     levels: &[(1, 12.0), (2, 1.8), (4, 2.0), (8, 1.3), (16, 1.3)],
     pilot_sigmas: 4.2,
     kernel: [1.0, 0.75, 0.25],
     normal: (0.28, 0.007, 1.0),
     per_normal: 32.0,
-    speck: 1.6,
+    firefly: 1.6,
 };
 
-/// Light without: mirror images of lamps and bodies, which move with the normal, and end sharply.
-pub(super) const GLOSS: Tuning = Tuning {
+/// Light without: mirror images of lights and bodies, which move with the normal, and end sharply.
+pub(super) const SPECULAR: Tuning = Tuning {
     levels: &[(1, 12.0), (4, 1.9)],
     pilot_sigmas: 2.0,
     kernel: [1.0, 0.92, 0.55],
     normal: (0.12, 0.008, 0.08),
     per_normal: 65.0,
-    speck: 6.0,
+    firefly: 6.0,
 };

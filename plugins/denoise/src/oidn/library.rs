@@ -51,7 +51,7 @@ pub(super) struct Device {
 // SAFETY: a device of the library may be used from any thread; `&mut self` keeps the calls apart.
 unsafe impl Send for Device {}
 
-/// A picture to filter, and how.
+/// An image to filter, and how.
 pub(super) struct Job<'a> {
     pub width: usize,
     pub height: usize,
@@ -170,7 +170,7 @@ impl Device {
         self.version >= major * 10_000 + minor * 100
     }
 
-    /// Filters a picture.
+    /// Filters an image.
     pub fn filter(&mut self, job: Job) -> Result<()> {
         let Job { width, height, color, albedo, normal, .. } = job;
         assert!([color.len(), albedo.len(), normal.len()] == [width * height; 3], "pictures of one size");

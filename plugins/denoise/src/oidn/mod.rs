@@ -3,8 +3,9 @@
 mod library;
 
 use library::{Device, Job};
-use std::sync::{Mutex, PoisonError};
+use parking_lot::Mutex;
 use syntable_model::context::Workers;
+use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO_MEAN, NORMAL_MEAN, RADIANCE};
 
@@ -40,7 +41,7 @@ impl Quality {
     }
 }
 
-/// Open Image Denoise: a neural network for path-traced pictures, from a library that is loaded while the program runs.
+/// Open Image Denoise: a neural network for path-traced images, from a library that is loaded while the program runs.
 /// It is not part of this program: `pip install pyoidn` or the archives of its releases have it. Versions from 1.4 are
 /// understood. It runs on the processor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -70,7 +71,7 @@ impl Config for Oidn {
     }
 }
 
-/// The denoiser of [`Oidn`]: one device, opened when the first picture comes.
+/// The denoiser of [`Oidn`]: one device, opened when the first image comes.
 struct OidnDenoiser {
     options: Oidn,
     device: Mutex<Option<Device>>,
@@ -91,7 +92,7 @@ impl Denoiser for OidnDenoiser {
         let mut albedo = rendered.get(ALBEDO_MEAN)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
         let mut normal = rendered.get(NORMAL_MEAN)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
         let scale = 1.0 / white(radiance.data());
-        let mut held = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut held = self.device.lock();
         let device = match &mut *held {
             Some(device) => device,
             none => none.insert(self.open(workers.threads())?),
@@ -142,9 +143,9 @@ fn finite(x: f32) -> f32 {
 }
 
 /// The radiance that is to count as white: about five times the log-average, where a light meter would put it. It is a
-/// function of the picture alone, which the library's own exposure need not be.
+/// function of the image alone, which the library's own exposure need not be.
 fn white(pixels: &[[f32; 3]]) -> f32 {
-    let luminance = |c: &[f32; 3]| 0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2]);
+    let luminance = |c: &[f32; 3]| luminance(c.map(f64::from));
     let lit = pixels.iter().map(luminance).filter(|l| *l > 0.0);
     let (sum, count) = lit.fold((0.0, 0_u32), |(sum, count), l| (sum + l.ln(), count + 1));
     if count == 0 { 1.0 } else { (5.0 * (sum / f64::from(count)).exp()) as f32 }

@@ -5,9 +5,9 @@
 //! scattering, less than one by what Smith's model loses.
 
 use super::ggx::{self, Ggx};
-use crate::real::{Int, Real, at_least, at_most};
-use crate::vec3::vec3;
 use std::sync::LazyLock;
+use syntable_simd::vec3;
+use syntable_simd::{Int, Real, at_least, at_most};
 
 /// Cells along the cosine and along the roughness; few, so that the table leaves room in the nearest cache.
 pub(super) const CELLS: usize = 20;

@@ -1,10 +1,10 @@
 //! The GGX microfacet distribution with height-correlated Smith masking, isotropic, in the local frame with z along
 //! the shading normal.
 
-use crate::approx::sin_cos_turns;
-use crate::real::{Real, at_least, complement, inverse};
-use crate::vec3::{Vec3, vec3};
 use std::f32::consts::PI;
+use syntable_simd::functions::sin_cos_turns;
+use syntable_simd::{Real, at_least, complement, inverse};
+use syntable_simd::{Vec3, vec3};
 
 /// Smallest α: rougher than a mirror by an angle too small to see, but within the range of `f32`.
 pub(super) const MIN_ALPHA: f32 = 1e-3;
@@ -20,7 +20,7 @@ pub(super) struct Ggx<T> {
     alpha2: T,
     /// √(α² + (1 − α²) μₒ²): what masking is made of.
     stretch: T,
-    /// Share of the cap of visible normals below the horizon that can reflect upwards.
+    /// Fraction of the cap of visible normals below the horizon that can reflect upwards.
     bound: T,
     /// Factor of the density that makes it that of sampled directions.
     per_density: T,
@@ -67,8 +67,8 @@ impl<T: Real> Ggx<T> {
         // The cap's edge gives no normal at all: then straight up.
         let square = h.dot(h);
         let sound = square.gt(T::splat(1e-30));
-        let h = h * inverse(T::pick(sound, square, T::splat(1.0)).sqrt());
-        let h = Vec3::pick(sound, h, Vec3::broadcast(vec3(0.0, 0.0, 1.0)));
+        let h = h * inverse(T::select(sound, square, T::splat(1.0)).sqrt());
+        let h = Vec3::select(sound, h, Vec3::broadcast(vec3(0.0, 0.0, 1.0)));
         h * (self.wo.dot(h) * 2.0_f32) - self.wo
     }
 

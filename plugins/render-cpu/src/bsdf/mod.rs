@@ -4,46 +4,47 @@
 //! - **specular**: GGX with height-correlated Smith masking and Schlick's Fresnel term;
 //! - **multiple scattering** between microfacets, which Smith's model leaves out (Kulla and Conty, 2017; the Fresnel
 //!   average after Fdez-Agüera, JCGT 2019), so that rough metals do not darken;
-//! - **diffuse**: Lambert's, weighted by what the dielectric interface lets in and out,
+//! - **diffuse**: Lambertian, weighted by what the dielectric interface lets in and out,
 //!   `(1 − Eₛ(μₒ)) (1 − Eₛ(μᵢ)) / (1 − Ēₛ)`, where Eₛ is the albedo of the two lobes above.
 //!
-//! Over these may lie [varnish](veil) and [fibres](sheen), and light may [pass](glass) instead of being scattered. A path
-//! meets one of these layers, drawn at random with a known probability: the others only say what is left for it.
+//! Above these may be [clearcoat](coating) and [sheen], and light may be [transmitted](transmission) instead of being
+//! scattered. A path scatters from one of these layers, selected at random with a known probability; the others only
+//! attenuate it.
 //!
 //! A white dielectric and a white metal of any roughness reflect all light, nothing more and nothing less. Reflectance
 //! rises to one at grazing angles, as Schlick has it, unless it is below 2 % at normal incidence: no real surface is,
 //! so it then fades with it (Lagarde and de Rousiers, 2014), and a dielectric with index 1 is purely diffuse.
 
 mod albedo;
+mod coating;
 mod ggx;
-mod glass;
 mod layered;
 mod sheen;
 #[cfg(test)]
 mod tests;
-mod veil;
+mod transmission;
 
 pub(crate) use albedo::{Table, table};
-pub(crate) use layered::{Drawn, Layered, Lobe};
-pub(crate) use veil::{COAT_F0, Layers, coat_albedo, sheen_albedo};
+pub(crate) use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
+pub(crate) use layered::{LayerInputs, Layered, Lobe};
 
-use glass::Glass;
+use coating::CoatingAttenuation;
 use sheen::Sheen;
-use veil::Veil;
+use transmission::Transmission;
 
-use crate::approx::sin_cos_turns;
-use crate::real::{Mask as _, Real, at_least, at_most, complement, inverse, max, min};
-use crate::vec3::{Rgb, Vec3, vec3};
 use albedo::{Albedo, Row};
 use ggx::Ggx;
 use std::f32::consts::FRAC_1_PI;
+use syntable_simd::functions::sin_cos_turns;
+use syntable_simd::{Mask as _, Real, at_least, at_most, complement, inverse, max, min};
+use syntable_simd::{Rgb, Vec3, vec3};
 
 /// Cosine-weighted mean of Schlick's rise.
 const SCHLICK_MEAN: f32 = 1.0 / 21.0;
 
-/// What a material is at a point.
+/// BSDF parameters of a shading point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Substance<T = f32> {
+pub(crate) struct BsdfParameters<T = f32> {
     /// Diffuse albedo of the dielectric, reflectance of the metal at normal incidence.
     pub base_color: Rgb<T>,
     /// Perceptual roughness in [0, 1]; α is its square.
@@ -70,12 +71,12 @@ pub(crate) struct Bsdf<T: Real = f32> {
     diffuse: Rgb<T>,
     dielectric: Interface<T>,
     /// Probability of sampling the specular lobe.
-    specular_share: T,
+    specular_probability: T,
 }
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Scattered<T: Real> {
+pub(crate) struct BsdfSample<T: Real> {
     /// Whether there is one.
     pub valid: T::Mask,
     pub wi: Vec3<T>,
@@ -85,8 +86,8 @@ pub(crate) struct Scattered<T: Real> {
     pub pdf: T,
     /// Whether the specular lobe was sampled.
     pub specular: T::Mask,
-    /// Whether it goes on beyond the surface.
-    pub passes: T::Mask,
+    /// Whether it continues on the other side of the surface.
+    pub transmitted: T::Mask,
 }
 
 /// Reflection at a dielectric's surface: at normal incidence, at grazing incidence, after more than one bounce.
@@ -105,7 +106,7 @@ impl<T: Real> Interface<T> {
     }
 }
 
-/// Share of the light that leaves after more than one bounce, of that which Smith's model loses (Kulla and Conty).
+/// Fraction of the light that leaves after more than one bounce, of that which Smith's model loses (Kulla and Conty).
 #[inline(always)]
 fn multiple_reflectance<T: Real>(f0: T, f90: T, albedo_mean: T) -> T {
     let fresnel_mean = f0 + (f90 - f0) * SCHLICK_MEAN;
@@ -115,8 +116,8 @@ fn multiple_reflectance<T: Real>(f0: T, f90: T, albedo_mean: T) -> T {
 impl<T: Real> Bsdf<T> {
     /// `wo` is unit length with z > 0.
     #[inline(always)]
-    pub fn new(substance: &Substance<T>, wo: Vec3<T>, table: &'static Table) -> Self {
-        let Substance { base_color, roughness, metallic, dielectric_f0 } = *substance;
+    pub fn new(parameters: &BsdfParameters<T>, wo: Vec3<T>, table: &'static Table) -> Self {
+        let BsdfParameters { base_color, roughness, metallic, dielectric_f0 } = *parameters;
         let row = Row::new(roughness);
         let (own, mean) = (row.at(table, wo.z), row.mean(table));
         let lost = at_least(complement(own.white()), 0.0);
@@ -141,8 +142,8 @@ impl<T: Real> Bsdf<T> {
 
         let specular = (f0 * own.facing).luminance() + f90 * own.grazing;
         let rest = body.luminance() + multiple.luminance() * lost;
-        let share = min(at_least(specular / at_least(specular + rest, 1e-6), 0.05), T::splat(0.95));
-        let share = T::pick(specular.le(T::splat(0.0)), T::splat(0.0), share);
+        let probability = min(at_least(specular / at_least(specular + rest, 1e-6), 0.05), T::splat(0.95));
+        let probability = T::select(specular.le(T::splat(0.0)), T::splat(0.0), probability);
         Self {
             table,
             wo,
@@ -153,11 +154,11 @@ impl<T: Real> Bsdf<T> {
             multiple: multiple * (lost * (T::splat(FRAC_1_PI) / lost_mean)),
             diffuse: body * (T::splat(FRAC_1_PI) / through_mean),
             dielectric,
-            specular_share: T::pick(rest.le(T::splat(1e-4)), one, share),
+            specular_probability: T::select(rest.le(T::splat(1e-4)), one, probability),
         }
     }
 
-    /// BSDF times the cosine of `wi`: the glossy lobes and the matte one; and the density of sampling it. `wi` is unit
+    /// BSDF times the cosine of `wi`: the glossy lobes and the diffuse one; and the density of sampling it. `wi` is unit
     /// length with z > 0.
     #[inline(always)]
     pub fn lobes(&self, wi: Vec3<T>) -> ([Rgb<T>; 2], T) {
@@ -170,7 +171,8 @@ impl<T: Real> Bsdf<T> {
         let albedo = self.row.at(self.table, wi.z);
         let multiple = self.multiple * at_least(complement(albedo.white()), 0.0);
         let diffuse = self.diffuse * at_least(complement(self.dielectric.albedo(albedo)), 0.0);
-        let pdf = self.specular_share * self.ggx.pdf(density) + complement(self.specular_share) * wi.z * FRAC_1_PI;
+        let pdf = self.specular_probability * self.ggx.pdf(density)
+            + complement(self.specular_probability) * wi.z * FRAC_1_PI;
         ([(specular + multiple) * wi.z, diffuse * wi.z], pdf)
     }
 
@@ -184,22 +186,22 @@ impl<T: Real> Bsdf<T> {
     /// Samples a direction, which may point into the surface; also gives whether the specular lobe was sampled.
     #[inline(always)]
     pub fn direction(&self, [u, v]: [T; 2]) -> (Vec3<T>, T::Mask) {
-        let share = self.specular_share;
-        let specular = u.lt(share);
-        let glossy = self.ggx.sample([u / at_least(share, 1e-6), v]);
-        let r2 = (u - share) / at_least(complement(share), 1e-6);
+        let probability = self.specular_probability;
+        let specular = u.lt(probability);
+        let glossy = self.ggx.sample([u / at_least(probability, 1e-6), v]);
+        let r2 = (u - probability) / at_least(complement(probability), 1e-6);
         let (sin, cos) = sin_cos_turns(v);
         let r = at_least(r2, 0.0).sqrt();
         let matte = vec3(r * cos, r * sin, at_least(complement(r2), 0.0).sqrt());
-        (Vec3::pick(specular, glossy, matte), specular)
+        (Vec3::select(specular, glossy, matte), specular)
     }
 
     /// Samples a direction.
     #[inline(always)]
-    pub fn sample(&self, uv: [T; 2]) -> Scattered<T> {
+    pub fn sample(&self, uv: [T; 2]) -> BsdfSample<T> {
         let (wi, specular) = self.direction(uv);
         let (value, pdf) = self.evaluate(wi);
         let valid = wi.z.gt(T::splat(1e-6)) & pdf.gt(T::splat(0.0)) & pdf.lt(T::splat(f32::INFINITY));
-        Scattered { valid, wi, weight: value * inverse(pdf), pdf, specular, passes: T::Mask::splat(false) }
+        BsdfSample { valid, wi, weight: value * inverse(pdf), pdf, specular, transmitted: T::Mask::splat(false) }
     }
 }

@@ -1,20 +1,20 @@
-//! Fibres that stand off a cloth: the distribution of Estevez and Kulla ("Production Friendly Microfacet Sheen BRDF",
+//! Sheen fibers that stand off a cloth: the distribution of Estevez and Kulla ("Production Friendly Microfacet Sheen BRDF",
 //! 2017) with the visibility of Neubelt and Pettineo (2013), as glTF's KHR_materials_sheen has it.
 //!
 //! At grazing angles and low roughness the lobe as published reflects more than it receives; it is then divided by its
 //! albedo, the larger of both directions', so that it stays reciprocal and never gives more than it gets.
 
 use super::albedo::{CELLS, cell};
-use crate::approx::{pow, sin_cos_turns};
-use crate::real::{Int, Real, at_least, at_most, complement, inverse, max};
-use crate::vec3::{Vec3, vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
 use std::sync::LazyLock;
+use syntable_simd::functions::{pow, sin_cos_turns};
+use syntable_simd::{Int, Real, at_least, at_most, complement, inverse, max};
+use syntable_simd::{Vec3, vec3};
 
-/// Smallest α, at roughness 0.2: below it the lobe is a thin rim that no picture resolves.
+/// Smallest α, at roughness 0.2: below it the lobe is a thin rim that no image resolves.
 const MIN_ALPHA: f32 = 0.04;
 
-/// The lobe at a point for one outgoing direction, colour left out.
+/// The lobe at a point for one outgoing direction, color left out.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sheen<T: Real = f32> {
     wo: Vec3<T>,

@@ -3,12 +3,12 @@
 use super::*;
 use syntable_model::random::Stream;
 
-fn substance(base: f32, roughness: f32, metallic: f32) -> Substance {
-    Substance { base_color: Rgb::all(base), roughness, metallic, dielectric_f0: 0.04 }
+fn parameters(base: f32, roughness: f32, metallic: f32) -> BsdfParameters {
+    BsdfParameters { base_color: Rgb::all(base), roughness, metallic, dielectric_f0: 0.04 }
 }
 
-fn bsdf(substance: &Substance, wo: Vec3) -> Bsdf {
-    Bsdf::new(substance, wo, table())
+fn bsdf(parameters: &BsdfParameters, wo: Vec3) -> Bsdf {
+    Bsdf::new(parameters, wo, table())
 }
 
 fn towards(mu: f32, turn: f32) -> Vec3 {
@@ -36,7 +36,7 @@ fn white_furnace() {
     for roughness in ROUGHNESSES {
         for metallic in [0.0, 0.5, 1.0] {
             for mu in COSINES {
-                let bsdf = bsdf(&substance(1.0, roughness, metallic), towards(mu, 0.3));
+                let bsdf = bsdf(&parameters(1.0, roughness, metallic), towards(mu, 0.3));
                 let got = albedo(&bsdf, 16384);
                 assert!((got - 1.0).abs() < 0.008, "roughness {roughness} metallic {metallic} cos {mu}: {got}");
             }
@@ -48,7 +48,7 @@ fn white_furnace() {
 fn a_black_dielectric_reflects_fresnel_alone() {
     // Smooth: Schlick's formula itself.
     for mu in [0.3, 0.6, 1.0] {
-        let bsdf = bsdf(&substance(0.0, 0.0, 0.0), towards(mu, 0.0));
+        let bsdf = bsdf(&parameters(0.0, 0.0, 0.0), towards(mu, 0.0));
         let want = f64::from(0.04 + 0.96 * (1.0 - mu).powi(5));
         assert!((albedo(&bsdf, 4096) - want).abs() < 3e-3, "cos {mu}");
     }
@@ -59,7 +59,7 @@ fn reciprocity() {
     let mut stream = Stream::root(4);
     for _ in 0..2000 {
         let mut unit = || stream.unit() as f32;
-        let s = substance(unit(), unit(), unit());
+        let s = parameters(unit(), unit(), unit());
         let (a, b) = (towards(0.02 + 0.98 * unit(), unit()), towards(0.02 + 0.98 * unit(), unit()));
         let there = bsdf(&s, a).evaluate(b).0.x / b.z;
         let back = bsdf(&s, b).evaluate(a).0.x / a.z;
@@ -74,7 +74,7 @@ fn samples_follow_their_density() {
     for (roughness, metallic, mu) in
         [(0.3, 0.0, 0.3), (0.45, 1.0, 0.9), (0.6, 0.5, 0.1), (0.8, 1.0, 0.5), (1.0, 0.0, 0.7), (1.0, 1.0, 0.15)]
     {
-        let bsdf = bsdf(&substance(0.6, roughness, metallic), towards(mu, 0.6));
+        let bsdf = bsdf(&parameters(0.6, roughness, metallic), towards(mu, 0.6));
         let mut stream = Stream::root(11);
         let mut counts = vec![0_u32; rows * columns];
         let mut below = 0;
@@ -126,10 +126,10 @@ fn narrow_lobes_have_unit_density() {
     // Too narrow for cells: the density of the specular lobe integrates to what is sampled above the horizon.
     for roughness in [0.03, 0.1, 0.2] {
         for mu in [0.2, 0.7, 1.0] {
-            let s = Substance { base_color: Rgb::ONE, roughness, metallic: 1.0, dielectric_f0: 0.04 };
+            let s = BsdfParameters { base_color: Rgb::ONE, roughness, metallic: 1.0, dielectric_f0: 0.04 };
             let wo = towards(mu, 0.0);
             let bsdf = bsdf(&s, wo);
-            assert!(bsdf.specular_share > 0.9);
+            assert!(bsdf.specular_probability > 0.9);
             // Over half vectors in polar coordinates of the slope, where the lobe is wide.
             let (mut sum, n) = (0.0_f64, 400);
             let alpha = f64::from(roughness * roughness).max(1e-3);
@@ -159,7 +159,7 @@ fn narrow_lobes_have_unit_density() {
 
 #[test]
 fn index_one_is_lamberts_law() {
-    let s = Substance { dielectric_f0: 0.0, ..substance(0.7, 0.5, 0.0) };
+    let s = BsdfParameters { dielectric_f0: 0.0, ..parameters(0.7, 0.5, 0.0) };
     for (o, i) in [(1.0, 1.0), (0.1, 0.9), (0.3, 0.02)] {
         let (value, pdf) = bsdf(&s, towards(o, 0.0)).evaluate(towards(i, 0.4));
         assert!(
@@ -169,11 +169,12 @@ fn index_one_is_lamberts_law() {
     }
 }
 
-/// A base under varnish and fibres, or one of these, with numbers from a stream.
+/// A base under clearcoat and sheen fibers, or one of these, with numbers from a stream.
 fn layered(wo: Vec3, lobe: Lobe, unit: &mut dyn FnMut() -> f32) -> (Layered, Bsdf) {
-    let s = substance(unit(), unit(), unit());
-    let above = Layers { coat: unit(), coat_roughness: unit(), sheen: unit(), sheen_roughness: unit() };
-    (Layered::new(&Drawn { lobe: lobe as u32 as f32, above, eta: 1.5 }, &s, wo), bsdf(&s, wo))
+    let s = parameters(unit(), unit(), unit());
+    let coating =
+        CoatingParameters { clearcoat: unit(), clearcoat_roughness: unit(), sheen: unit(), sheen_roughness: unit() };
+    (Layered::new(&LayerInputs { lobe: lobe as u32 as f32, coating, eta: 1.5 }, &s, wo), bsdf(&s, wo))
 }
 
 #[test]
@@ -228,7 +229,7 @@ fn glass_reflects_and_bends_as_snell_and_fresnel_say() {
     let no = false;
     for (mu, eta) in [(1.0_f32, 1.5_f32), (0.5, 1.5), (0.9, 1.0 / 1.5), (0.4, 1.0 / 1.5)] {
         let wo = towards(mu, 0.0);
-        let glass = Glass::new(wo, 0.0, eta, no, Rgb::ONE);
+        let transmission = Transmission::new(wo, 0.0, eta, no, Rgb::ONE);
         let sin_t = (1.0 - mu * mu).sqrt() / eta;
         let (ci, ct) = (f64::from(mu), (1.0 - f64::from(sin_t).powi(2)).max(0.0).sqrt());
         let eta = f64::from(eta);
@@ -236,8 +237,8 @@ fn glass_reflects_and_bends_as_snell_and_fresnel_say() {
             ((eta * ci - ct) / (eta * ci + ct)).powi(2) / 2.0 + ((ci - eta * ct) / (ci + eta * ct)).powi(2) / 2.0;
         let mut reflected = 0;
         for i in 0..1000 {
-            let coin = (i as f32 + 0.5) / 1000.0;
-            let passed = glass.sample([0.37, (i as f32 * 0.618).fract()], coin);
+            let random = (i as f32 + 0.5) / 1000.0;
+            let passed = transmission.sample([0.37, (i as f32 * 0.618).fract()], random);
             assert!(passed.valid && (passed.weight.x - 1.0).abs() < 1e-6);
             if passed.wi.z > 0.0 {
                 reflected += 1;

@@ -2,11 +2,11 @@
 
 use super::{
     build::build,
-    lanes::Lanes,
     ray::{BAND, Line, Shear},
     walk::{self, Sink, Visit},
     wide::{Block, Bounds, Leaf, Nodes, WIDTH},
 };
+use syntable_simd::Wide;
 
 /// An 8-wide tree over the triangles of a mesh, in the mesh's own frame.
 ///
@@ -20,7 +20,7 @@ pub struct MeshBvh {
 }
 
 impl MeshBvh {
-    /// Builds the tree. `positions` are in metres, `triangles` index into them; a hit's
+    /// Builds the tree. `positions` are in meters, `triangles` index into them; a hit's
     /// `primitive` is a position in `triangles`. Takes 1 to 2 µs a triangle.
     ///
     /// # Panics
@@ -65,23 +65,18 @@ impl MeshBvh {
 
     /// Offers to `sink` what the ray, given in this mesh's frame, meets in `[from, sink.limit()]`;
     /// true if the sink ended it. No reported distance is less than `near`, at least `from`.
-    ///
-    /// # Safety
-    /// The CPU has the features of `L`.
     #[inline(always)]
-    pub(super) unsafe fn walk<L: Lanes, const SORT: bool, S: Sink>(
+    pub(super) fn walk<L: Wide, const SORT: bool, S: Sink>(
         &self,
         line: &Line<L>,
         from: f32,
         near: f32,
         sink: &mut S,
     ) -> bool {
-        // SAFETY: the caller vouches for the CPU, `build` for the tree.
-        unsafe {
-            let Some((slabs, shear)) = line.aim(self.reach, BAND) else { return false };
-            let mut visit = Triangles { blocks: self.nodes.blocks.as_ptr(), shear, from, sink };
-            walk::leaves::<L, _, SORT>(&self.nodes, &slabs, near, &mut visit)
-        }
+        let Some((slabs, shear)) = line.aim(self.reach, BAND) else { return false };
+        let mut visit = Triangles { blocks: self.nodes.blocks.as_ptr(), shear, from, sink };
+        // SAFETY: `build` made the tree.
+        unsafe { walk::leaves::<L, _, SORT>(&self.nodes, &slabs, near, &mut visit) }
     }
 
     /// Checks that every finite triangle sits in exactly one leaf, inside that leaf's box.
@@ -112,7 +107,7 @@ struct Triangles<'a, S> {
     sink: &'a mut S,
 }
 
-impl<L: Lanes, S: Sink> Visit<L> for Triangles<'_, S> {
+impl<L: Wide, S: Sink> Visit<L> for Triangles<'_, S> {
     const AMONG_NODES: bool = true;
 
     #[inline(always)]
@@ -122,10 +117,8 @@ impl<L: Lanes, S: Sink> Visit<L> for Triangles<'_, S> {
 
     #[inline(always)]
     unsafe fn leaf(&mut self, leaf: usize, near: f32) -> bool {
-        // SAFETY: a mesh's leaves lie in its blocks; the caller vouches for the CPU.
-        unsafe {
-            let leaf = &*self.blocks.add(leaf).cast::<Leaf>();
-            walk::leaf::<L>(leaf, &self.shear, self.from, near, self.sink)
-        }
+        // SAFETY: a mesh's leaves are in its blocks.
+        let leaf = unsafe { &*self.blocks.add(leaf).cast::<Leaf>() };
+        walk::leaf::<L>(leaf, &self.shear, self.from, near, self.sink)
     }
 }

@@ -1,15 +1,13 @@
 //! Ray tracing: an 8-wide tree per mesh, a small tree of instances per scene.
 //!
-//! Plain `f32` arrays in and out; metres throughout. Build a [`MeshBvh`] once per mesh, place it
+//! Plain `f32` arrays in and out; meters throughout. Build a [`MeshBvh`] once per mesh, place it
 //! any number of times in a [`SceneBvh`], and ask that for first hits, shadows, or the first hit in
 //! every instance. Module by module: `wide` is the tree, `build` makes it, `ray` is what a walk
-//! precomputes, `lanes` the arithmetic, `walk` the traversal and triangle test, `query` the
-//! questions, `frustum` what rules out boxes for a whole tile, `kernel` the choice of instruction set.
+//! precomputes, `walk` the traversal and triangle test, `query` the questions, `frustum` what rules out
+//! boxes for a whole tile.
 
 mod build;
 mod frustum;
-mod kernel;
-mod lanes;
 mod mesh;
 mod query;
 mod ray;
@@ -27,7 +25,7 @@ pub use scene::{Instance, SceneBvh};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
-    /// Where it starts, metres.
+    /// Where it starts, meters.
     pub origin: [f32; 3],
     /// Where it goes.
     pub direction: [f32; 3],

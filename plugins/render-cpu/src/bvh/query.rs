@@ -3,13 +3,12 @@
 use super::{
     Hit, Ray,
     frustum::Frustum,
-    kernel::Task,
-    lanes::Lanes,
     ray::{Line, PLACED_BAND},
     scene::SceneBvh,
     walk::{self, Candidate, Sink, Visit},
     wide::{Link, Node, WIDTH},
 };
+use syntable_simd::{Simd, Task, Wide};
 
 /// First hit that `keep` accepts.
 pub(super) struct Closest<'a, F> {
@@ -21,14 +20,13 @@ pub(super) struct Closest<'a, F> {
 }
 
 impl<F: Fn(&Hit) -> bool> Task for Closest<'_, F> {
-    type Out = Option<Hit>;
+    type Output = Option<Hit>;
 
     #[inline(always)]
-    unsafe fn run<L: Lanes>(self) -> Option<Hit> {
+    fn run<S: Simd>(self) -> Option<Hit> {
         let Self { scene, ray, from, to, keep } = self;
         let mut sink = Nearest::new(to, keep);
-        // SAFETY: the caller vouches for the CPU.
-        unsafe { walk_scene::<L, true, _>(scene, ray, from, &mut sink) };
+        walk_scene::<S::Wide, true, _>(scene, ray, from, &mut sink);
         sink.found()
     }
 }
@@ -43,49 +41,38 @@ pub(super) struct Any<'a, F> {
 }
 
 impl<F: Fn(&Hit) -> bool> Task for Any<'_, F> {
-    type Out = bool;
+    type Output = bool;
 
     #[inline(always)]
-    unsafe fn run<L: Lanes>(self) -> bool {
+    fn run<S: Simd>(self) -> bool {
         let Self { scene, ray, from, to, keep } = self;
-        // SAFETY: as in `Closest`.
-        unsafe { walk_scene::<L, false, _>(scene, ray, from, &mut First { to, instance: 0, keep }) }
+        walk_scene::<S::Wide, false, _>(scene, ray, from, &mut First { to, instance: 0, keep })
     }
 }
 
 /// Offers to `sink` what the ray meets, in any instance; true if the sink ended it.
-///
-/// # Safety
-/// The CPU has the features of `L`.
 #[inline(always)]
-unsafe fn walk_scene<L: Lanes, const SORT: bool, S: SceneSink>(
-    scene: &SceneBvh,
-    ray: &Ray,
-    from: f32,
-    sink: &mut S,
-) -> bool {
-    // SAFETY: the caller vouches for the CPU, `SceneBvh::build` for the tree.
-    unsafe {
-        let line = Line::<L>::new(ray);
-        let mut visit = Instances::<L, S, SORT> { scene, line, from, sink };
-        if scene.nodes.root.is_leaf() {
-            // No instance or one: its mesh has its own box.
-            return scene.nodes.root != Link::NONE && visit.leaf(scene.nodes.root.index(), from);
-        }
-        let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { return false };
-        walk::leaves::<L, _, SORT>(&scene.nodes, &slabs, from, &mut visit)
+fn walk_scene<L: Wide, const SORT: bool, S: SceneSink>(scene: &SceneBvh, ray: &Ray, from: f32, sink: &mut S) -> bool {
+    let line = Line::<L>::new(ray);
+    let mut visit = Instances::<L, S, SORT> { scene, line, from, sink };
+    if scene.nodes.root.is_leaf() {
+        // No instance or one: its mesh has its own box. SAFETY: `SceneBvh::build` made the tree.
+        return scene.nodes.root != Link::NONE && unsafe { visit.leaf(scene.nodes.root.index(), from) };
     }
+    let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { return false };
+    // SAFETY: as above.
+    unsafe { walk::leaves::<L, _, SORT>(&scene.nodes, &slabs, from, &mut visit) }
 }
 
 /// Walks every instance met, all into one sink.
-struct Instances<'a, L: Lanes, S, const SORT: bool> {
+struct Instances<'a, L: Wide, S, const SORT: bool> {
     scene: &'a SceneBvh,
     line: Line<L>,
     from: f32,
     sink: &'a mut S,
 }
 
-impl<L: Lanes, S: SceneSink, const SORT: bool> Visit<L> for Instances<'_, L, S, SORT> {
+impl<L: Wide, S: SceneSink, const SORT: bool> Visit<L> for Instances<'_, L, S, SORT> {
     const AMONG_NODES: bool = false;
 
     #[inline(always)]
@@ -96,12 +83,10 @@ impl<L: Lanes, S: SceneSink, const SORT: bool> Visit<L> for Instances<'_, L, S, 
     #[inline(always)]
     unsafe fn leaf(&mut self, instance: usize, near: f32) -> bool {
         self.sink.enter(instance as u32);
-        // SAFETY: leaves of the top level are instances; the caller vouches for the CPU.
-        unsafe {
-            let placed = self.scene.instances.get_unchecked(instance);
-            let line = self.line.seen_from(&placed.object_from_world);
-            placed.mesh.walk::<L, SORT, S>(&line, self.from, near, self.sink)
-        }
+        // SAFETY: leaves of the top level are instances.
+        let placed = unsafe { self.scene.instances.get_unchecked(instance) };
+        let line = self.line.seen_from(&placed.object_from_world);
+        placed.mesh.walk::<L, SORT, S>(&line, self.from, near, self.sink)
     }
 }
 
@@ -115,22 +100,21 @@ pub(super) struct All<'a, F> {
 }
 
 impl<F: FnMut(Hit)> Task for All<'_, F> {
-    type Out = ();
+    type Output = ();
 
     #[inline(always)]
-    unsafe fn run<L: Lanes>(self) {
+    fn run<S: Simd>(self) {
         let Self { scene, ray, from, to, visit } = self;
-        // SAFETY: as in `Closest`.
-        unsafe {
-            let line = Line::<L>::new(ray);
-            let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { return };
-            walk::leaves::<L, _, true>(&scene.nodes, &slabs, from, &mut Each { scene, line, from, to, visit });
-        }
+        let line = Line::<S::Wide>::new(ray);
+        let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { return };
+        let mut each = Each { scene, line, from, to, visit };
+        // SAFETY: `SceneBvh::build` made the tree.
+        unsafe { walk::leaves::<S::Wide, _, true>(&scene.nodes, &slabs, from, &mut each) };
     }
 }
 
 /// Walks every instance met, each for itself.
-struct Each<'a, L: Lanes, F> {
+struct Each<'a, L: Wide, F> {
     scene: &'a SceneBvh,
     line: Line<L>,
     from: f32,
@@ -138,7 +122,7 @@ struct Each<'a, L: Lanes, F> {
     visit: F,
 }
 
-impl<L: Lanes, F: FnMut(Hit)> Visit<L> for Each<'_, L, F> {
+impl<L: Wide, F: FnMut(Hit)> Visit<L> for Each<'_, L, F> {
     const AMONG_NODES: bool = false;
 
     #[inline(always)]
@@ -168,16 +152,15 @@ pub(super) struct Tile<'a, F> {
 }
 
 impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
-    type Out = ();
+    type Output = ();
 
     #[inline(always)]
-    unsafe fn run<L: Lanes>(self) {
+    fn run<S: Simd>(self) {
         let Self { scene, rays, from, to, mut visit } = self;
         let Some(frustum) = Frustum::around(rays, scene.reach) else {
             for (number, ray) in rays.iter().enumerate() {
                 let visit = |hit| visit(number, hit);
-                // SAFETY: the caller vouches for the CPU.
-                unsafe { All { scene, ray, from, to, visit }.run::<L>() };
+                All { scene, ray, from, to, visit }.run::<S>();
             }
             return;
         };
@@ -198,23 +181,19 @@ impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
             return;
         }
         for (number, ray) in rays.iter().enumerate() {
-            // SAFETY: the caller vouches for the CPU.
-            let (line, start) = unsafe { (Line::<L>::new(ray), L::splat(from)) };
-            // SAFETY: as above.
-            let Some((slabs, _)) = (unsafe { line.aim(scene.reach, PLACED_BAND) }) else { continue };
+            let (line, start) = (Line::<S::Wide>::new(ray), S::Wide::splat(from));
+            let Some((slabs, _)) = line.aim(scene.reach, PLACED_BAND) else { continue };
             for node in &nodes {
-                // SAFETY: as above; a link that a ray meets is an instance.
-                unsafe {
-                    let (mut hits, near) = slabs.test(node, start, to);
-                    let near = L::store(near);
-                    while hits != 0 {
-                        let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
-                        hits &= hits - 1;
-                        let instance = node.links[slot].index();
-                        let hit = within::<L>(scene, instance, &line, from, to, near.0[slot]);
-                        if let Some(hit) = hit {
-                            visit(number, hit);
-                        }
+                let (mut hits, near) = slabs.test(node, start, to);
+                let near = S::Wide::store(near);
+                while hits != 0 {
+                    let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
+                    hits &= hits - 1;
+                    let instance = node.links[slot].index();
+                    // SAFETY: a link that a ray meets is an instance.
+                    let hit = unsafe { within::<S::Wide>(scene, instance, &line, from, to, near.0[slot]) };
+                    if let Some(hit) = hit {
+                        visit(number, hit);
                     }
                 }
             }
@@ -225,9 +204,9 @@ impl<F: FnMut(usize, Hit)> Task for Tile<'_, F> {
 /// The first hit in one instance.
 ///
 /// # Safety
-/// The CPU has the features of `L`; `instance` is in range.
+/// `instance` is in range.
 #[inline(always)]
-unsafe fn within<L: Lanes>(
+unsafe fn within<L: Wide>(
     scene: &SceneBvh,
     instance: usize,
     line: &Line<L>,
@@ -237,12 +216,10 @@ unsafe fn within<L: Lanes>(
 ) -> Option<Hit> {
     let mut nearest = Nearest::new(to, |_: &Hit| true);
     nearest.instance = instance as u32;
-    // SAFETY: the caller's promises.
-    unsafe {
-        let placed = scene.instances.get_unchecked(instance);
-        let line = line.seen_from(&placed.object_from_world);
-        placed.mesh.walk::<L, true, _>(&line, from, near, &mut nearest);
-    }
+    // SAFETY: the caller's promise.
+    let placed = unsafe { scene.instances.get_unchecked(instance) };
+    let line = line.seen_from(&placed.object_from_world);
+    placed.mesh.walk::<L, true, _>(&line, from, near, &mut nearest);
     nearest.found()
 }
 

@@ -2,10 +2,10 @@
 
 use super::{
     Ray,
-    lanes::Lanes,
     walk::each_axis,
     wide::{Bounds, Column},
 };
+use syntable_simd::Wide;
 
 /// Half-width of the error band put around every box, as a multiple of the largest coordinate in
 /// play. Shearing a corner in [`super::walk`] errs by less than `2 ε` of it and the slab test by
@@ -15,14 +15,14 @@ pub(super) const BAND: f32 = 4.0 * f32::EPSILON;
 /// The same for boxes of instances, where moving the ray to the object's frame adds its own error.
 pub(super) const PLACED_BAND: f32 = 16.0 * f32::EPSILON;
 
-/// Direction components below this share of the largest count as this share: a parallel slab then
+/// Direction components below this fraction of the largest count as this share: a parallel slab then
 /// gives finite distances, and over the whole range the ray strays far less than [`BAND`].
 const FLATTEST: f32 = 1e-12;
 
 /// Directions whose every component is below this count as zero; keeps reciprocals finite.
 const SHORTEST: f32 = 1e-24;
 
-/// Orders for [`Lanes::shuffle`]: one of x, y and z everywhere, and the three moved round by one
+/// Orders for [`Wide::shuffle`]: one of x, y and z everywhere, and the three moved round by one
 /// and by two.
 const X: i32 = 0b00_00_00_00;
 const Y: i32 = 0b01_01_01_01;
@@ -32,100 +32,82 @@ const ROUND_TWICE: i32 = 0b11_01_00_10;
 
 /// A ray in some frame. Both halves of the lanes hold x, y, z and something finite.
 #[derive(Clone, Copy)]
-pub(super) struct Line<L: Lanes> {
+pub(super) struct Line<L: Wide> {
     origin: L::V,
     direction: L::V,
 }
 
-impl<L: Lanes> Line<L> {
-    /// # Safety
-    /// The CPU has the features of `L`.
+impl<L: Wide> Line<L> {
     #[inline(always)]
-    pub unsafe fn new(ray: &Ray) -> Self {
-        let numbers: *const f32 = std::ptr::from_ref(ray).cast();
-        // SAFETY: a ray is six numbers in a row; the caller vouches for the CPU.
-        unsafe {
-            let direction = L::twice(numbers.add(2));
-            Self { origin: L::twice(numbers), direction: L::shuffle::<0b00_11_10_01>(direction) }
-        }
+    pub fn new(ray: &Ray) -> Self {
+        // SAFETY: a ray is six numbers in a row.
+        let &[ox, oy, oz, dx, dy, dz] = unsafe { &*std::ptr::from_ref(ray).cast::<[f32; 6]>() };
+        let direction = L::twice(&[oz, dx, dy, dz]);
+        Self { origin: L::twice(&[ox, oy, oz, dx]), direction: L::shuffle::<0b00_11_10_01>(direction) }
     }
 
     /// The ray seen from another frame. The direction keeps its length there, so distances along the
     /// ray mean the same in both. `m` holds the columns of a 3×4 matrix.
-    ///
-    /// # Safety
-    /// The CPU has the features of `L`.
     #[inline(always)]
-    pub unsafe fn seen_from(&self, m: &[Column; 4]) -> Self {
-        // SAFETY: the caller's promise.
-        unsafe {
-            let (x, y, z, shift) = (L::load(&m[0]), L::load(&m[1]), L::load(&m[2]), L::load(&m[3]));
-            let (o, d) = (self.origin, self.direction);
-            let origin = L::mul_add(z, L::shuffle::<Z>(o), shift);
-            let origin = L::mul_add(y, L::shuffle::<Y>(o), origin);
-            let direction = L::mul_add(y, L::shuffle::<Y>(d), L::mul(z, L::shuffle::<Z>(d)));
-            Self {
-                origin: L::mul_add(x, L::shuffle::<X>(o), origin),
-                direction: L::mul_add(x, L::shuffle::<X>(d), direction),
-            }
+    pub fn seen_from(&self, m: &[Column; 4]) -> Self {
+        let (x, y, z, shift) = (L::load(&m[0]), L::load(&m[1]), L::load(&m[2]), L::load(&m[3]));
+        let (o, d) = (self.origin, self.direction);
+        let origin = L::mul_add(z, L::shuffle::<Z>(o), shift);
+        let origin = L::mul_add(y, L::shuffle::<Y>(o), origin);
+        let direction = L::mul_add(y, L::shuffle::<Y>(d), L::mul(z, L::shuffle::<Z>(d)));
+        Self {
+            origin: L::mul_add(x, L::shuffle::<X>(o), origin),
+            direction: L::mul_add(x, L::shuffle::<X>(d), direction),
         }
     }
 
     /// Readies the ray for boxes and triangles whose largest absolute coordinate is `reach`, with one
     /// of the bands. `None` if the direction is zero or anything is not finite: such a ray hits nothing.
-    ///
-    /// # Safety
-    /// The CPU has the features of `L`.
     #[inline(always)]
-    pub unsafe fn aim(&self, reach: f32, band: f32) -> Option<(Slabs<L>, Shear)> {
+    pub fn aim(&self, reach: f32, band: f32) -> Option<(Slabs<L>, Shear)> {
         let (o, d) = (self.origin, self.direction);
-        // SAFETY: the caller's promise.
-        unsafe {
-            let (sign, rest) = (L::splat(-0.0), L::splat(f32::from_bits(0x7fff_ffff)));
-            let (size, distance) = (L::and(d, rest), L::and(o, rest));
-            let (largest, farthest) = (widest::<L>(size), widest::<L>(distance));
-            let most = L::splat(f32::MAX);
-            let finite = L::and(L::le(size, most), L::le(distance, most));
-            let sound = L::bits(L::and(finite, L::le(L::splat(SHORTEST), largest)));
-            if sound & 7 != 7 {
-                return None;
-            }
-            let flattest = L::mul(largest, L::splat(FLATTEST));
-            let steepness = L::div(L::splat(1.0), L::max(size, flattest));
-            let inverse = L::or(steepness, L::and(d, sign));
-            let band = L::mul(L::mul(L::add(farthest, L::splat(reach)), L::splat(band)), steepness);
-            let near_shift = L::neg_mul_add(o, inverse, L::or(band, sign));
-            let far_shift = L::neg_mul_add(o, inverse, band);
-            let negative = L::bits(d) as usize;
-            let slabs = Slabs {
-                inverse: spread::<L>(inverse),
-                near_shift: spread::<L>(near_shift),
-                far_shift: spread::<L>(far_shift),
-                near: each_axis!(a => size_of::<Column>() * (2 * a + (negative >> a & 1))),
-            };
-            let along = L::bits(L::le(largest, size)).trailing_zeros() as usize % 4;
-            let shear = Shear { origin: L::store(o), direction: L::store(d), inverse: L::store(inverse), along };
-            Some((slabs, shear))
+        let (sign, rest) = (L::splat(-0.0), L::splat(f32::from_bits(0x7fff_ffff)));
+        let (size, distance) = (L::and(d, rest), L::and(o, rest));
+        let (largest, farthest) = (widest::<L>(size), widest::<L>(distance));
+        let most = L::splat(f32::MAX);
+        let finite = L::and(L::le(size, most), L::le(distance, most));
+        let sound = L::bits(L::and(finite, L::le(L::splat(SHORTEST), largest)));
+        if sound & 7 != 7 {
+            return None;
         }
+        let flattest = L::mul(largest, L::splat(FLATTEST));
+        let steepness = L::div(L::splat(1.0), L::max(size, flattest));
+        let inverse = L::or(steepness, L::and(d, sign));
+        let band = L::mul(L::mul(L::add(farthest, L::splat(reach)), L::splat(band)), steepness);
+        let near_shift = L::neg_mul_add(o, inverse, L::or(band, sign));
+        let far_shift = L::neg_mul_add(o, inverse, band);
+        let negative = L::bits(d) as usize;
+        let slabs = Slabs {
+            inverse: spread::<L>(inverse),
+            near_shift: spread::<L>(near_shift),
+            far_shift: spread::<L>(far_shift),
+            near: each_axis!(a => size_of::<Column>() * (2 * a + (negative >> a & 1))),
+        };
+        let along = L::bits(L::le(largest, size)).trailing_zeros() as usize % 4;
+        let shear = Shear { origin: L::store(o), direction: L::store(d), inverse: L::store(inverse), along };
+        Some((slabs, shear))
     }
 }
 
 /// The largest of x, y and z, in the places of all three.
 #[inline(always)]
-unsafe fn widest<L: Lanes>(v: L::V) -> L::V {
-    // SAFETY: the caller vouches for the CPU.
-    unsafe { L::max(L::max(v, L::shuffle::<ROUND>(v)), L::shuffle::<ROUND_TWICE>(v)) }
+fn widest<L: Wide>(v: L::V) -> L::V {
+    L::max(L::max(v, L::shuffle::<ROUND>(v)), L::shuffle::<ROUND_TWICE>(v))
 }
 
 /// x, y and z, each in all lanes.
 #[inline(always)]
-unsafe fn spread<L: Lanes>(v: L::V) -> [L::V; 3] {
-    // SAFETY: the caller vouches for the CPU.
-    unsafe { [L::shuffle::<X>(v), L::shuffle::<Y>(v), L::shuffle::<Z>(v)] }
+fn spread<L: Wide>(v: L::V) -> [L::V; 3] {
+    [L::shuffle::<X>(v), L::shuffle::<Y>(v), L::shuffle::<Z>(v)]
 }
 
 /// A ray ready to be tested against boxes.
-pub(super) struct Slabs<L: Lanes> {
+pub(super) struct Slabs<L: Wide> {
     /// 1 / direction, finite.
     pub inverse: [L::V; 3],
     /// A plane at `p` is met at `p · inverse + shift`. The shifts for near and far planes differ by

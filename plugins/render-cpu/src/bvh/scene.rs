@@ -1,11 +1,11 @@
 //! The tree of a scene: placed instances of mesh trees.
 
 use std::sync::Arc;
+use syntable_simd::Processor;
 
 use super::{
     Hit, Ray,
     build::build,
-    kernel::Kernel,
     mesh::MeshBvh,
     query::{All, Any, Closest, Tile},
     ray::{Affine, IDENTITY, columns, invert, transform_bounds},
@@ -15,7 +15,7 @@ use super::{
 /// One placed mesh.
 #[derive(Clone, Debug)]
 pub struct Instance {
-    /// Rows of a 3×4 matrix, translation last: metres to metres.
+    /// Rows of a 3×4 matrix, translation last: meters to meters.
     pub world_from_object: Affine,
     /// The mesh's tree, shared.
     pub mesh: Arc<MeshBvh>,
@@ -35,7 +35,7 @@ pub(super) struct Placed {
 
 /// A two-level tree; microseconds to build for tens of instances.
 ///
-/// Distances are in units of the ray's direction: metres for a unit direction. Ranges are closed,
+/// Distances are in units of the ray's direction: meters for a unit direction. Ranges are closed,
 /// `from ≤ t ≤ to`, and a negative `from` counts as 0. Rays with a zero or non-finite direction or
 /// origin hit nothing. Answers depend on the instances alone, not on the CPU or the order of the
 /// walk: of hits at equal distance the earlier instance's wins, within it the lower primitive's.
@@ -45,7 +45,7 @@ pub struct SceneBvh {
     pub(super) instances: Vec<Placed>,
     /// Largest absolute world coordinate.
     pub(super) reach: f32,
-    kernel: Kernel,
+    processor: Processor,
 }
 
 impl SceneBvh {
@@ -61,12 +61,12 @@ impl SceneBvh {
             .unzip();
         let nodes = build(&boxes, 1, |_, items| numbers[items[0] as usize]);
         let reach = nodes.bounds.reach();
-        Self { nodes, instances, reach, kernel: Kernel::detect() }
+        Self { nodes, instances, reach, processor: Processor::detect() }
     }
 
     /// The same scene computed without AVX2; gives the same answers, bit for bit.
     pub fn portable(self) -> Self {
-        Self { kernel: Kernel::Portable, ..self }
+        Self { processor: Processor::portable(), ..self }
     }
 
     /// Number of instances.
@@ -94,7 +94,7 @@ impl SceneBvh {
     /// hits farther than the answer, in any order.
     #[inline]
     pub fn closest_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
-        self.kernel.run(Closest { scene: self, ray, from: forward(from), to, keep })
+        self.processor.run(Closest { scene: self, ray, from: forward(from), to, keep })
     }
 
     /// Whether anything is in the way: a shadow ray.
@@ -106,21 +106,21 @@ impl SceneBvh {
     /// Whether anything that `keep` lets through is in the way.
     #[inline]
     pub fn any_where(&self, ray: &Ray, from: f32, to: f32, keep: impl Fn(&Hit) -> bool) -> bool {
-        self.kernel.run(Any { scene: self, ray, from: forward(from), to, keep })
+        self.processor.run(Any { scene: self, ray, from: forward(from), to, keep })
     }
 
     /// Calls `visit` with the first hit in each instance, at any depth behind the others, in no
     /// particular order of instances.
     #[inline]
     pub fn all_instances(&self, ray: &Ray, from: f32, to: f32, visit: impl FnMut(Hit)) {
-        self.kernel.run(All { scene: self, ray, from: forward(from), to, visit });
+        self.processor.run(All { scene: self, ray, from: forward(from), to, visit });
     }
 
     /// [`Self::all_instances`] for every ray of a tile: `visit` also gets the ray's position in
     /// `rays`. A little faster than ray by ray when the rays share an origin and are close together.
     #[inline]
     pub fn all_instances_tile(&self, rays: &[Ray], from: f32, to: f32, visit: impl FnMut(usize, Hit)) {
-        self.kernel.run(Tile { scene: self, rays, from: forward(from), to, visit });
+        self.processor.run(Tile { scene: self, rays, from: forward(from), to, visit });
     }
 
     /// Checks the top level's invariants.

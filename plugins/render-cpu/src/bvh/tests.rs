@@ -1,10 +1,10 @@
 //! Answers against brute force, against paper, and against each other.
 
 use std::sync::Arc;
+use syntable_simd::{Processor, Simd, Task};
 
 use super::{
     Affine, Hit, IDENTITY, Instance, MeshBvh, Ray, SceneBvh,
-    lanes::Portable,
     ray::{BAND, Line, columns, invert},
     walk::{self, Candidate, Sink},
     wide::{Leaf, MAX_DEPTH},
@@ -105,16 +105,23 @@ impl Sink for Best {
 
 /// The nearest triangle of one instance, by the same triangle test and no tree.
 fn brute(soup: &Soup, place: &Affine, ray: &Ray, from: f32) -> Option<Candidate> {
-    // SAFETY: portable lanes need no feature.
-    let (_, shear) = unsafe { Line::<Portable>::new(ray).seen_from(&columns(&invert(place)?)).aim(0.0, BAND) }?;
-    let mut best = Best(None);
-    for (number, triangle) in soup.triangles.iter().enumerate() {
-        let mut leaf = Leaf::EMPTY;
-        leaf.set(0, &triangle.map(|i| soup.positions[i as usize]), number as u32);
-        // SAFETY: portable lanes need no feature.
-        unsafe { walk::leaf::<Portable>(&leaf, &shear, from, from, &mut best) };
+    struct Brute<'a>(&'a Soup, &'a Affine, &'a Ray, f32);
+    impl Task for Brute<'_> {
+        type Output = Option<Candidate>;
+        fn run<S: Simd>(self) -> Option<Candidate> {
+            let Self(soup, place, ray, from) = self;
+            let line = Line::<S::Wide>::new(ray).seen_from(&columns(&invert(place)?));
+            let (_, shear) = line.aim(0.0, BAND)?;
+            let mut best = Best(None);
+            for (number, triangle) in soup.triangles.iter().enumerate() {
+                let mut leaf = Leaf::EMPTY;
+                leaf.set(0, &triangle.map(|i| soup.positions[i as usize]), number as u32);
+                walk::leaf::<S::Wide>(&leaf, &shear, from, from, &mut best);
+            }
+            best.0
+        }
     }
-    best.0
+    Processor::portable().run(Brute(soup, place, ray, from))
 }
 
 /// Möller and Trumbore in `f64`: distance, and how far inside the nearest edge as a weight.

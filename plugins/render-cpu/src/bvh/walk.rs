@@ -1,4 +1,4 @@
-//! The walk itself: one ray through one tree, written once for every kind of [`Lanes`].
+//! The walk itself: one ray through one tree, written once for every kind of [`Wide`].
 //!
 //! Boxes are tested with the plane columns picked by the ray's signs, and grown by the ray's error
 //! band. Triangles are tested in the ray's sheared frame (Woop, Benthin and Wald, "Watertight
@@ -11,10 +11,10 @@
 //! skipped when nothing in it could win; and equal distances go to the lower number.
 
 use super::{
-    lanes::Lanes,
     ray::{Shear, Slabs},
-    wide::{Column, Leaf, Link, Node, Nodes, STACK, WIDTH},
+    wide::{Block, Column, Leaf, Link, Node, Nodes, STACK, WIDTH},
 };
+use syntable_simd::{Wide, prefetch};
 
 /// `[f(0), f(1), f(2)]`, written out: a closure would be compiled without the CPU features of the
 /// function around it, and then not be inlined.
@@ -55,35 +55,31 @@ pub(super) trait Sink {
     fn offer(&mut self, candidate: Candidate) -> bool;
 }
 
-impl<L: Lanes> Slabs<L> {
+impl<L: Wide> Slabs<L> {
     /// Which of the node's boxes the ray meets in `[from, to]`, as bits, and where it enters them.
-    ///
-    /// # Safety
-    /// The CPU has the features of `L`.
     #[inline(always)]
-    pub unsafe fn test(&self, node: &Node, from: L::V, to: f32) -> (u32, L::V) {
+    pub fn test(&self, node: &Node, from: L::V, to: f32) -> (u32, L::V) {
         const FAR: usize = size_of::<Column>();
         let planes: *const Column = node.planes.as_ptr();
-        // SAFETY: the caller's promise; the offsets are those of the node's six planes.
-        unsafe {
-            let near = each_axis!(a => {
-                let plane = L::load(&*planes.byte_add(self.near[a]));
-                L::mul_add(plane, self.inverse[a], self.near_shift[a])
-            });
-            let far = each_axis!(a => {
-                let plane = L::load(&*planes.byte_add(self.near[a] ^ FAR));
-                L::mul_add(plane, self.inverse[a], self.far_shift[a])
-            });
-            let enter = L::max(L::max(near[0], near[1]), L::max(near[2], from));
-            let leave = L::min(L::min(far[0], far[1]), L::min(far[2], L::splat(to)));
-            (L::bits(L::le(enter, leave)), enter)
-        }
+        let near = each_axis!(a => {
+            // SAFETY: `near` holds the offsets of three of the node's six planes.
+            let plane = unsafe { L::load(&*planes.byte_add(self.near[a])) };
+            L::mul_add(plane, self.inverse[a], self.near_shift[a])
+        });
+        let far = each_axis!(a => {
+            // SAFETY: and those of the other three differ in one bit.
+            let plane = unsafe { L::load(&*planes.byte_add(self.near[a] ^ FAR)) };
+            L::mul_add(plane, self.inverse[a], self.far_shift[a])
+        });
+        let enter = L::max(L::max(near[0], near[1]), L::max(near[2], from));
+        let leave = L::min(L::min(far[0], far[1]), L::min(far[2], L::splat(to)));
+        (L::bits(L::le(enter, leave)), enter)
     }
 }
 
 /// Does something with the leaves that a walk comes to. A trait rather than closures: a closure
 /// would be compiled without the CPU features of the function around it.
-pub(super) trait Visit<L: Lanes> {
+pub(super) trait Visit<L: Wide> {
     /// Whether leaves lie in the blocks of the tree, and not elsewhere.
     const AMONG_NODES: bool;
 
@@ -94,7 +90,7 @@ pub(super) trait Visit<L: Lanes> {
     /// Implementations are `#[inline(always)]`.
     ///
     /// # Safety
-    /// The CPU has the features of `L`; the leaf is one of the tree the visitor was made for.
+    /// The leaf is one of the tree the visitor was made for.
     unsafe fn leaf(&mut self, leaf: usize, near: f32) -> bool;
 }
 
@@ -103,10 +99,10 @@ pub(super) trait Visit<L: Lanes> {
 /// and with `from`.
 ///
 /// # Safety
-/// The CPU has the features of `L`, `nodes` is as [`Nodes::validate`] wants it, and `visit` was
+/// `nodes` is as [`Nodes::validate`] wants it, and `visit` was
 /// made for them.
 #[inline(always)]
-pub(super) unsafe fn leaves<L: Lanes, V: Visit<L>, const SORT: bool>(
+pub(super) unsafe fn leaves<L: Wide, V: Visit<L>, const SORT: bool>(
     nodes: &Nodes,
     slabs: &Slabs<L>,
     from: f32,
@@ -121,8 +117,7 @@ pub(super) unsafe fn leaves<L: Lanes, V: Visit<L>, const SORT: bool>(
     let mut stack = [const { std::mem::MaybeUninit::<u64>::uninit() }; STACK];
     let mut height = 0;
     let blocks = nodes.blocks.as_ptr();
-    // SAFETY: the caller vouches for the CPU.
-    let start = unsafe { L::splat(from) };
+    let start = L::splat(from);
     let (mut link, mut near) = (nodes.root, from.to_bits());
     loop {
         if link.is_leaf() {
@@ -132,20 +127,16 @@ pub(super) unsafe fn leaves<L: Lanes, V: Visit<L>, const SORT: bool>(
                 return true;
             }
         } else {
-            // SAFETY: links lead to nodes by the tree's invariants; the caller vouches for the CPU.
-            let (node, (mut hits, enter)) = unsafe {
-                let node = &*blocks.add(link.0 as usize).cast::<Node>();
-                (node, slabs.test(node, start, visit.limit()))
-            };
+            // SAFETY: links lead to nodes by the tree's invariants.
+            let node = unsafe { &*blocks.add(link.0 as usize).cast::<Node>() };
+            let (mut hits, enter) = slabs.test(node, start, visit.limit());
             if hits != 0 {
-                // SAFETY: the caller vouches for the CPU.
-                let enter = if SORT { unsafe { L::store(enter) } } else { Column([0.0; WIDTH]) };
+                let enter = if SORT { L::store(enter) } else { Column([0.0; WIDTH]) };
                 let slot = hits.trailing_zeros() as usize & (WIDTH - 1);
                 hits &= hits - 1;
                 (link, near) = (node.links[slot], enter.0[slot].to_bits());
                 if V::AMONG_NODES {
-                    // SAFETY: the caller vouches for the CPU.
-                    unsafe { L::prefetch(blocks.wrapping_add(link.index())) };
+                    prefetch_node(blocks.wrapping_add(link.index()));
                 }
                 if hits == 0 {
                     continue;
@@ -158,8 +149,7 @@ pub(super) unsafe fn leaves<L: Lanes, V: Visit<L>, const SORT: bool>(
                     hits &= hits - 1;
                     let link = node.links[slot];
                     if V::AMONG_NODES {
-                        // SAFETY: the caller vouches for the CPU.
-                        unsafe { L::prefetch(blocks.wrapping_add(link.index())) };
+                        prefetch_node(blocks.wrapping_add(link.index()));
                     }
                     let mut other = entry(enter.0[slot].to_bits(), link);
                     if SORT {
@@ -200,16 +190,21 @@ pub(super) unsafe fn leaves<L: Lanes, V: Visit<L>, const SORT: bool>(
     }
 }
 
+/// Asks for the four cache lines of a node, or the first four of a leaf.
+#[inline(always)]
+fn prefetch_node(block: *const Block) {
+    for line in 0..4 {
+        prefetch(block.wrapping_add(line));
+    }
+}
+
 /// Tests one leaf's triangles in `[from, limit]` and offers the hits in lane order; true if the
 /// sink ended the walk. `near` is the near distance of the leaf's box.
-///
-/// # Safety
-/// The CPU has the features of `L`.
 #[inline(always)]
-pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink: &mut impl Sink) -> bool {
+pub(super) fn leaf<L: Wide>(leaf: &Leaf, ray: &Shear, from: f32, near: f32, sink: &mut impl Sink) -> bool {
     /// Axes of the sheared frame by the last one's.
     const AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
-    // SAFETY: the caller vouches for the CPU; axes are below 3.
+    // SAFETY: axes are below 3.
     unsafe {
         let axes = AXES[ray.along & 3];
         let origin = each_axis!(a => L::splat(*ray.origin.0.get_unchecked(axes[a])));
@@ -217,7 +212,7 @@ pub(super) unsafe fn leaf<L: Lanes>(leaf: &Leaf, ray: &Shear, from: f32, near: f
         let along = L::sub(L::splat(-0.0), L::splat(*ray.inverse.0.get_unchecked(axes[2])));
         let shear_x = L::mul(L::splat(*ray.direction.0.get_unchecked(axes[0])), along);
         let shear_y = L::mul(L::splat(*ray.direction.0.get_unchecked(axes[1])), along);
-        // Seen from the corners: all signs are turned, products of two are the same.
+        // Seen from the corners: all signs are rotated, products of two are the same.
         let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = each_axis!(corner => {
             let p = each_axis!(a => {
                 let column = leaf.corners[corner].get_unchecked(axes[a]);

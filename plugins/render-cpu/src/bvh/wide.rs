@@ -1,7 +1,7 @@
-//! The 8-wide tree: nodes and leaves as columns, one lane per child or triangle.
+//! The 8-wide tree: nodes and leaves as columns, one lane per child or triangle. A node has up to `WIDTH` children, a leaf
+//! up to `WIDTH` triangles.
 
-/// Children per node and triangles per leaf.
-pub(super) const WIDTH: usize = 8;
+pub(super) use syntable_simd::{Column, WIDTH};
 
 /// Deepest node level a tree may have, the root being level 1; keeps [`STACK`] sufficient.
 pub(super) const MAX_DEPTH: usize = 32;
@@ -9,11 +9,6 @@ pub(super) const MAX_DEPTH: usize = 32;
 /// Stack entries a walk may need: every node on the path leaves at most seven siblings behind,
 /// and the deepest one pushes all eight of its children.
 pub(super) const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
-
-/// Eight values side by side, aligned for one vector load.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-pub(super) struct Column(pub [f32; WIDTH]);
 
 /// An axis-aligned box; empty iff some `lo > hi`.
 #[derive(Clone, Copy, Debug, PartialEq)]

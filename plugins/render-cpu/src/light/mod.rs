@@ -1,39 +1,33 @@
-//! The lights of a view: choosing one, sampling it, meeting it.
+//! The lights of a view: selecting one, sampling it, intersecting it.
 //!
-//! Lights are of three sorts. Shapes are opaque where they shine: a path that meets one ends there, and it hides what is
-//! behind it; the back of a rectangle or disk is not there at all. Bodies that glow are met as bodies. Distant lights
-//! are met by what meets nothing else.
+//! There are three sorts. Area lights are opaque where they emit: a path that hits one ends there, and it occludes what is
+//! behind it; the back of a rectangle or disk is invisible. Emissive bodies are hit as bodies. Distant lights are hit by
+//! rays that hit nothing else.
 //!
-//! A light is chosen in proportion to what it could give at the point unshadowed.
+//! A light is selected in proportion to an estimate of its unshadowed irradiance at the point.
 
-mod convert;
 mod disk;
-mod distant;
-mod emitter;
 mod rect;
-mod sky;
 mod sphere;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use emitter::{Emitter, Glowing};
-pub(crate) use sky::Sky;
-
 use crate::bvh::Hit;
-use crate::real::{Int as _, Mask, Real, inverse};
-use crate::vec3::{Rgb, Vec3};
-use crate::world::World;
 use disk::Disk;
-use distant::Distant;
 use rect::Rect;
 use sphere::Sphere;
+use syntable_model::error::Result;
+use syntable_model::scene;
+use syntable_prepare::{AreaLight, EmissiveBody, EmitterPoint, LightTable, PreparedScene, SceneCache, SurfacePoint};
+use syntable_simd::{Int as _, Mask, Real, inverse};
+use syntable_simd::{Rgb, Vec3};
 
-/// A direction towards a light.
+/// A sampled direction towards a light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Towards<T: Real> {
+pub(crate) struct LightSample<T: Real> {
     /// Unit length.
     pub direction: Vec3<T>,
-    /// To the light's surface, metres.
+    /// To the light's surface, meters.
     pub distance: T,
     /// Density per steradian.
     pub pdf: T,
@@ -41,39 +35,48 @@ pub(crate) struct Towards<T: Real> {
     pub valid: T::Mask,
 }
 
-/// Where a ray meets a light.
+/// Where a ray hits a light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightHit<T: Real> {
-    /// Whether it does.
-    pub met: T::Mask,
+    /// Whether it hits one.
+    pub is_hit: T::Mask,
     /// Metres.
     pub distance: T,
     /// Number of the light.
     index: T::Int,
 }
 
+/// A light with a shape.
 #[derive(Clone, Copy, Debug)]
-enum Shape {
-    Sphere(Sphere),
-    Rect(Rect),
-    Disk(Disk),
-}
+struct Shape<'a>(&'a AreaLight);
 
 /// All lights of a view.
 #[derive(Default)]
 pub(crate) struct Lights<'a> {
-    shapes: Vec<Shape>,
-    distant: Vec<Distant>,
-    emitters: &'a [Emitter],
-    /// For what a glowing body emits at a point.
-    world: Option<&'a World>,
+    table: LightTable,
+    emitters: &'a [EmissiveBody],
+    /// For what an emissive body emits at a point.
+    scene: Option<&'a PreparedScene>,
+}
+
+impl<'a> Lights<'a> {
+    /// Checks and converts the lights of a view; the emissive bodies of the scene are lights too.
+    pub fn new(lights: &[scene::Light], scene: &'a PreparedScene, cache: &SceneCache) -> Result<Self> {
+        Ok(Self { table: LightTable::new(lights, cache)?, emitters: &scene.emitters, scene: Some(scene) })
+    }
+
+    /// Lights of no scene.
+    #[cfg(test)]
+    pub fn alone(lights: &[scene::Light]) -> Result<Self> {
+        Ok(Self { table: LightTable::new(lights, &SceneCache::default())?, ..Self::default() })
+    }
 }
 
 impl Lights<'_> {
     /// Number of lights.
     #[inline(always)]
     fn count(&self) -> usize {
-        self.shapes.len() + self.emitters.len() + self.distant.len()
+        self.table.area.len() + self.emitters.len() + self.table.distant.len()
     }
 
     /// Whether there is no light.
@@ -81,10 +84,10 @@ impl Lights<'_> {
         self.count() == 0
     }
 
-    /// Whether what meets nothing may find light.
+    /// Whether there are distant lights.
     #[inline(always)]
     pub fn has_distant(&self) -> bool {
-        !self.distant.is_empty()
+        !self.table.distant.is_empty()
     }
 
     /// Importance of a light; the only light's is one. (No closures here or where this is called: they would not be
@@ -94,12 +97,12 @@ impl Lights<'_> {
         if self.count() == 1 {
             return T::splat(1.0);
         }
-        if let Some(shape) = self.shapes.get(light) {
-            return shape.importance(p, n);
+        if let Some(light) = self.table.area.get(light) {
+            return Shape(light).importance(p, n);
         }
         let (p, n) = (Lanes::of(p), Lanes::of(n));
         let mut out = [0.0; 8];
-        self.importance_by_lane(light - self.shapes.len(), &p, &n, &mut out[..T::WIDTH]);
+        self.importance_by_lane(light - self.table.area.len(), &p, &n, &mut out[..T::WIDTH]);
         T::load(&out)
     }
 
@@ -109,7 +112,7 @@ impl Lights<'_> {
         for (lane, out) in out.iter_mut().enumerate() {
             *out = match self.emitters.get(light) {
                 Some(emitter) => emitter.importance(p.get(lane), n.get(lane)),
-                None => self.distant[light - self.emitters.len()].importance(n.get(lane)),
+                None => self.table.distant[light - self.emitters.len()].importance(n.get(lane)),
             };
         }
     }
@@ -117,7 +120,7 @@ impl Lights<'_> {
     /// Samples a light for a point with unit normal `n`, in proportion to what it could give there unshadowed. Also
     /// gives the light's radiance.
     #[inline(always)]
-    pub fn sample<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, [mut u, v]: [T; 2]) -> (Towards<T>, Rgb<T>) {
+    pub fn sample<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, [mut u, v]: [T; 2]) -> (LightSample<T>, Rgb<T>) {
         let (zero, one) = (T::splat(0.0), T::splat(1.0));
         let (mut total, mut importance, mut chosen) = (zero, zero, T::Int::splat(u32::MAX));
         if self.count() == 1 {
@@ -125,34 +128,35 @@ impl Lights<'_> {
         } else {
             for index in 0..self.count() {
                 let own = self.importance(index, p, n);
-                // One pass: the newcomer takes over with its share of the total so far, and `u` stays uniform.
+                // One pass: the newcomer takes over with its fraction of the total so far, and `u` stays uniform.
                 let shines = own.gt(zero);
                 total = total + own;
-                let share = own / total;
-                let taken = shines & u.lt(share);
-                let rescaled = T::pick(taken, u / share, (u - share) / (one - share));
-                u = T::pick(shines, rescaled, u);
-                importance = T::pick(taken, own, importance);
-                chosen = T::Int::pick(taken, T::Int::splat(index as u32), chosen);
+                let probability = own / total;
+                let taken = shines & u.lt(probability);
+                let rescaled = T::select(taken, u / probability, (u - probability) / (one - probability));
+                u = T::select(shines, rescaled, u);
+                importance = T::select(taken, own, importance);
+                chosen = T::Int::select(taken, T::Int::splat(index as u32), chosen);
             }
             u = u.smaller(T::splat(1.0 - f32::EPSILON));
         }
-        let mut sampled = Towards { direction: n, distance: zero, pdf: one, valid: T::Mask::splat(false) };
+        let mut sampled = LightSample { direction: n, distance: zero, pdf: one, valid: T::Mask::splat(false) };
         let mut radiance = Vec3::all(zero);
-        for (index, shape) in self.shapes.iter().enumerate() {
+        for (index, light) in self.table.area.iter().enumerate() {
+            let shape = Shape(light);
             let mine = chosen.equals(T::Int::splat(index as u32));
             if mine.any() {
                 let own = shape.sample(p, [u, v]);
-                sampled = Towards {
-                    direction: Vec3::pick(mine, own.direction, sampled.direction),
-                    distance: T::pick(mine, own.distance, sampled.distance),
-                    pdf: T::pick(mine, own.pdf, sampled.pdf),
+                sampled = LightSample {
+                    direction: Vec3::select(mine, own.direction, sampled.direction),
+                    distance: T::select(mine, own.distance, sampled.distance),
+                    pdf: T::select(mine, own.pdf, sampled.pdf),
                     valid: mine & own.valid | sampled.valid,
                 };
-                radiance = Vec3::pick(mine, Vec3::broadcast(shape.radiance()), radiance);
+                radiance = Vec3::select(mine, Vec3::broadcast(light.radiance()), radiance);
             }
         }
-        if self.shapes.len() < self.count() {
+        if self.table.area.len() < self.count() {
             self.sample_others(p, chosen, [u, v], &mut sampled, &mut radiance);
         }
         sampled.pdf = sampled.pdf * (importance / total.larger(T::splat(f32::MIN_POSITIVE)));
@@ -160,14 +164,14 @@ impl Lights<'_> {
         (sampled, radiance)
     }
 
-    /// Samples glowing bodies and distant lights in the lanes that chose one.
+    /// Samples emissive bodies and distant lights in the lanes that chose one.
     #[inline(never)]
     fn sample_others<T: Real>(
         &self,
         p: Vec3<T>,
         chosen: T::Int,
         [u, v]: [T; 2],
-        sampled: &mut Towards<T>,
+        sampled: &mut LightSample<T>,
         radiance: &mut Rgb<T>,
     ) {
         let (p, u, v, mut choice) = (Lanes::of(p), lanes(u), lanes(v), [0_u32; 8]);
@@ -176,7 +180,7 @@ impl Lights<'_> {
             (Lanes::of(sampled.direction), lanes(sampled.distance), lanes(sampled.pdf), [0.0_f32; 8]);
         let mut light = Lanes::of(*radiance);
         for lane in 0..T::WIDTH {
-            let Some(number) = (choice[lane] as usize).checked_sub(self.shapes.len()) else { continue };
+            let Some(number) = (choice[lane] as usize).checked_sub(self.table.area.len()) else { continue };
             let uv = [u[lane], v[lane]];
             if let Some(emitter) = self.emitters.get(number) {
                 let point = emitter.sample(uv);
@@ -188,23 +192,19 @@ impl Lights<'_> {
                     directions.set(lane, direction);
                     (distances[lane], pdfs[lane], valid[lane]) =
                         (distance, point.density * distance * distance / cos, 1.0);
-                    let hit = Hit {
-                        t: distance,
-                        u: point.u,
-                        v: point.v,
-                        primitive: point.primitive,
-                        instance: emitter.instance,
-                    };
-                    light.set(lane, self.world.map_or(Rgb::ZERO, |world| world.emission(&hit, point.position)));
+                    let EmitterPoint { primitive, u, v, position, .. } = point;
+                    let on_body = SurfacePoint { instance: emitter.instance, primitive, u, v };
+                    let emission = self.scene.map_or(Rgb::ZERO, |scene| scene.emission(&on_body, position));
+                    light.set(lane, emission);
                 }
-            } else if let Some(distant) = self.distant.get(number.wrapping_sub(self.emitters.len())) {
+            } else if let Some(distant) = self.table.distant.get(number.wrapping_sub(self.emitters.len())) {
                 let (direction, pdf) = distant.sample(uv);
                 directions.set(lane, direction);
                 (distances[lane], pdfs[lane], valid[lane]) = (f32::INFINITY, pdf, 1.0);
-                light.set(lane, distant.seen(direction).0);
+                light.set(lane, distant.radiance(direction).0);
             }
         }
-        *sampled = Towards {
+        *sampled = LightSample {
             direction: directions.load(),
             distance: T::load(&distances),
             pdf: T::load(&pdfs),
@@ -219,119 +219,112 @@ impl Lights<'_> {
         let zero = T::splat(0.0);
         let (mut total, mut pdf, mut radiance) = (zero, zero, Vec3::all(zero));
         for index in 0..self.count() {
-            let mine = hit.met & hit.index.equals(T::Int::splat(index as u32));
+            let mine = hit.is_hit & hit.index.equals(T::Int::splat(index as u32));
             let own = self.importance(index, p, n);
             total = total + own;
-            if let Some(shape) = self.shapes.get(index)
+            if let Some(light) = self.table.area.get(index)
                 && mine.any()
             {
-                pdf = T::pick(mine, own * shape.pdf(p, hit.distance), pdf);
-                radiance = Vec3::pick(mine, Vec3::broadcast(shape.radiance()), radiance);
+                let shape = Shape(light);
+                pdf = T::select(mine, own * shape.pdf(p, hit.distance), pdf);
+                radiance = Vec3::select(mine, Vec3::broadcast(light.radiance()), radiance);
             }
         }
         (pdf * inverse(total.larger(T::splat(f32::MIN_POSITIVE))), radiance)
     }
 
-    /// Density with which [`Self::sample`] finds a point of a body that glows, from `p` with normal `n`; `cos` is that of
+    /// Density with which [`Self::sample`] finds a point of a body that emits, from `p` with normal `n`; `cos` is that of
     /// the ray with the triangle's normal.
     pub fn body_pdf(&self, p: Vec3, n: Vec3, hit: &Hit, cos: f32) -> f32 {
         let Some(number) = self.emitters.iter().position(|emitter| emitter.instance == hit.instance) else {
             return 0.0;
         };
-        let share = self.share(p, n, self.shapes.len() + number);
-        share * self.emitters[number].density(hit.primitive) * hit.t * hit.t / cos.abs().max(1e-6)
+        let probability = self.selection_probability(p, n, self.table.area.len() + number);
+        probability * self.emitters[number].density(hit.primitive) * hit.t * hit.t / cos.abs().max(1e-6)
     }
 
-    /// Light from distant lights along a direction that meets nothing, each times a weight of its density of being
+    /// Radiance of distant lights along a direction that hits nothing, each times a weight of its density of being
     /// sampled at `p` with normal `n`.
     pub fn distant(&self, p: Vec3, n: Vec3, direction: Vec3, weight: impl Fn(f32) -> f32) -> Rgb {
-        let first = self.shapes.len() + self.emitters.len();
-        self.distant.iter().enumerate().fold(Rgb::ZERO, |sum, (number, distant)| {
-            let (radiance, pdf) = distant.seen(direction);
+        let first = self.table.area.len() + self.emitters.len();
+        self.table.distant.iter().enumerate().fold(Rgb::ZERO, |sum, (number, distant)| {
+            let (radiance, pdf) = distant.radiance(direction);
             if radiance.is_black() {
                 return sum;
             }
-            sum + radiance * weight(pdf * self.share(p, n, first + number))
+            sum + radiance * weight(pdf * self.selection_probability(p, n, first + number))
         })
     }
 
-    /// Probability of choosing a light.
-    fn share(&self, p: Vec3, n: Vec3, light: usize) -> f32 {
+    /// Probability of selecting a light.
+    fn selection_probability(&self, p: Vec3, n: Vec3, light: usize) -> f32 {
         let total: f32 = (0..self.count()).map(|index| self.importance::<f32>(index, p, n)).sum();
         self.importance::<f32>(light, p, n) / total.max(f32::MIN_POSITIVE)
     }
 
-    /// The first light that a ray with a unit direction meets closer than `to`.
+    /// The first light that a ray with a unit direction hits closer than `to`.
     #[inline(always)]
     pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> LightHit<T> {
-        let mut first = LightHit { met: T::Mask::splat(false), distance: to, index: T::Int::splat(u32::MAX) };
-        for (index, shape) in self.shapes.iter().enumerate() {
+        let mut first = LightHit { is_hit: T::Mask::splat(false), distance: to, index: T::Int::splat(u32::MAX) };
+        for (index, light) in self.table.area.iter().enumerate() {
+            let shape = Shape(light);
             let distance = shape.intersect(origin, direction);
             let nearer = distance.lt(first.distance);
             first = LightHit {
-                met: first.met | nearer,
-                distance: T::pick(nearer, distance, first.distance),
-                index: T::Int::pick(nearer, T::Int::splat(index as u32), first.index),
+                is_hit: first.is_hit | nearer,
+                distance: T::select(nearer, distance, first.distance),
+                index: T::Int::select(nearer, T::Int::splat(index as u32), first.index),
             };
         }
         first
     }
 
-    /// Whether a light hides what lies at distance `to`, which may be a light itself.
+    /// Whether a light occludes what is at distance `to`, which may be a light itself.
     #[inline(always)]
-    pub fn hide<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> T::Mask {
-        if !self.shapes.is_empty() && self.count() > 1 {
-            self.intersect(origin, direction, to * (1.0_f32 - 1e-4)).met
+    pub fn occlude<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> T::Mask {
+        if !self.table.area.is_empty() && self.count() > 1 {
+            self.intersect(origin, direction, to * (1.0_f32 - 1e-4)).is_hit
         } else {
             T::Mask::splat(false)
         }
     }
 }
 
-impl Shape {
-    #[inline(always)]
-    fn radiance(&self) -> Rgb {
-        match self {
-            Self::Sphere(sphere) => sphere.radiance,
-            Self::Rect(rect) => rect.radiance,
-            Self::Disk(disk) => disk.radiance,
-        }
-    }
-
+impl Shape<'_> {
     #[inline(always)]
     fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
-        match self {
-            Self::Sphere(sphere) => sphere.importance(p, n),
-            Self::Rect(rect) => rect.importance(p, n),
-            Self::Disk(disk) => disk.importance(p, n),
+        match self.0 {
+            AreaLight::Sphere(sphere) => Sphere(sphere).importance(p, n),
+            AreaLight::Rect(rect) => Rect(rect).importance(p, n),
+            AreaLight::Disk(disk) => Disk(disk).importance(p, n),
         }
     }
 
     #[inline(always)]
-    fn sample<T: Real>(&self, p: Vec3<T>, uv: [T; 2]) -> Towards<T> {
-        match self {
-            Self::Sphere(sphere) => sphere.sample(p, uv),
-            Self::Rect(rect) => rect.sample(p, uv),
-            Self::Disk(disk) => disk.sample(p, uv),
+    fn sample<T: Real>(&self, p: Vec3<T>, uv: [T; 2]) -> LightSample<T> {
+        match self.0 {
+            AreaLight::Sphere(sphere) => Sphere(sphere).sample(p, uv),
+            AreaLight::Rect(rect) => Rect(rect).sample(p, uv),
+            AreaLight::Disk(disk) => Disk(disk).sample(p, uv),
         }
     }
 
     #[inline(always)]
     fn pdf<T: Real>(&self, p: Vec3<T>, distance: T) -> T {
-        match self {
-            Self::Sphere(sphere) => sphere.pdf(p),
-            Self::Rect(rect) => rect.pdf(p, distance),
-            Self::Disk(disk) => disk.pdf(p, distance),
+        match self.0 {
+            AreaLight::Sphere(sphere) => Sphere(sphere).pdf(p),
+            AreaLight::Rect(rect) => Rect(rect).pdf(p, distance),
+            AreaLight::Disk(disk) => Disk(disk).pdf(p, distance),
         }
     }
 
     /// Distance to the lit surface; infinite if the ray misses it.
     #[inline(always)]
     fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
-        match self {
-            Self::Sphere(sphere) => sphere.intersect(origin, direction),
-            Self::Rect(rect) => rect.intersect(origin, direction),
-            Self::Disk(disk) => disk.intersect(origin, direction),
+        match self.0 {
+            AreaLight::Sphere(sphere) => Sphere(sphere).intersect(origin, direction),
+            AreaLight::Rect(rect) => Rect(rect).intersect(origin, direction),
+            AreaLight::Disk(disk) => Disk(disk).intersect(origin, direction),
         }
     }
 }

@@ -1,24 +1,24 @@
 //! Rectangle lights: near ones sampled uniformly in solid angle (Ureña, Fajardo and King, EGSR 2013), far ones by area.
 
-use super::Towards;
-use crate::approx::{acos, sin_cos_turns};
-use crate::real::{Mask as _, Real, at_least, at_most, complement, inverse, max, min};
-use crate::vec3::{Rgb, Vec3, vec3};
+use super::LightSample;
 use std::f32::consts::{FRAC_1_PI, PI};
+use std::ops::Deref;
+use syntable_prepare::RectLight;
+use syntable_simd::functions::{acos, sin_cos_turns};
+use syntable_simd::{Mask as _, Real, at_least, at_most, complement, inverse, max, min};
+use syntable_simd::{Vec3, vec3};
 
-/// A one-sided rectangle that shines evenly.
+/// A rectangle light.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rect {
-    pub centre: Vec3,
-    /// Unit vectors along the edges and out of the lit side.
-    pub x: Vec3,
-    pub y: Vec3,
-    pub normal: Vec3,
-    /// Half lengths of the edges.
-    pub half: [f32; 2],
-    pub radiance: Rgb,
-    /// Luminance of the radiance.
-    pub luminance: f32,
+pub(super) struct Rect<'a>(pub &'a RectLight);
+
+impl Deref for Rect<'_> {
+    type Target = RectLight;
+
+    #[inline(always)]
+    fn deref(&self) -> &RectLight {
+        self.0
+    }
 }
 
 /// From this squared distance, in squared diagonals, the rectangle is sampled by area: its solid angle is then small
@@ -37,11 +37,11 @@ struct Spherical<T> {
     solid_angle: T,
 }
 
-impl Rect {
-    /// Coordinates of `p - centre` along the edges, and its height over the lit side.
+impl Rect<'_> {
+    /// Coordinates of `p - center` along the edges, and its height over the emitting side.
     #[inline(always)]
     fn local<T: Real>(&self, p: Vec3<T>) -> Vec3<T> {
-        let d = p - Vec3::broadcast(self.centre);
+        let d = p - Vec3::broadcast(self.center);
         vec3(d.dot(Vec3::broadcast(self.x)), d.dot(Vec3::broadcast(self.y)), d.dot(Vec3::broadcast(self.normal)))
     }
 
@@ -73,7 +73,7 @@ impl Rect {
     }
 
     #[inline(always)]
-    pub fn sample<T: Real>(&self, p: Vec3<T>, [u, v]: [T; 2]) -> Towards<T> {
+    pub fn sample<T: Real>(&self, p: Vec3<T>, [u, v]: [T; 2]) -> LightSample<T> {
         let local = self.local(p);
         let far = self.is_far(local);
         let [a, b] = self.half;
@@ -81,7 +81,7 @@ impl Rect {
         let mut solid_angle = T::splat(1.0);
         if (!far).any() {
             let spherical = self.spherical(local);
-            to = Vec3::pick(far, to, spherical.point(u, v));
+            to = Vec3::select(far, to, spherical.point(u, v));
             solid_angle = spherical.solid_angle;
         }
         let distance2 = to.dot(to);
@@ -89,27 +89,27 @@ impl Rect {
         let by_area = distance2 * distance / at_least(local.z * self.area(), 1e-30);
         let direction =
             Vec3::broadcast(self.x) * to.x + Vec3::broadcast(self.y) * to.y + Vec3::broadcast(self.normal) * to.z;
-        Towards {
+        LightSample {
             direction: direction * inverse(distance),
             distance,
-            pdf: T::pick(far, by_area, inverse(solid_angle)),
+            pdf: T::select(far, by_area, inverse(solid_angle)),
             valid: local.z.gt(T::splat(0.0)),
         }
     }
 
-    /// Density of [`Self::sample`] for a direction that meets the lit side at a distance.
+    /// Density of [`Self::sample`] for a direction that hits the emitting side at a distance.
     #[inline(always)]
     pub fn pdf<T: Real>(&self, p: Vec3<T>, distance: T) -> T {
         let local = self.local(p);
         let far = self.is_far(local);
         let mut pdf = distance * distance * distance / at_least(local.z * self.area(), 1e-30);
         if (!far).any() {
-            pdf = T::pick(far, pdf, inverse(self.spherical(local).solid_angle));
+            pdf = T::select(far, pdf, inverse(self.spherical(local).solid_angle));
         }
-        T::pick(local.z.gt(T::splat(0.0)), pdf, T::splat(0.0))
+        T::select(local.z.gt(T::splat(0.0)), pdf, T::splat(0.0))
     }
 
-    /// Distance to the lit side; infinite if the ray misses it.
+    /// Distance to the emitting side; infinite if the ray misses it.
     #[inline(always)]
     pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
         let falling = -direction.dot(Vec3::broadcast(self.normal));
@@ -118,23 +118,23 @@ impl Rect {
         let x = (local.x + t * direction.dot(Vec3::broadcast(self.x))).abs();
         let y = (local.y + t * direction.dot(Vec3::broadcast(self.y))).abs();
         let zero = T::splat(0.0);
-        let met = falling.gt(zero) & local.z.gt(zero) & x.le(T::splat(self.half[0])) & y.le(T::splat(self.half[1]));
-        T::pick(met, t, T::splat(f32::INFINITY))
+        let is_hit = falling.gt(zero) & local.z.gt(zero) & x.le(T::splat(self.half[0])) & y.le(T::splat(self.half[1]));
+        T::select(is_hit, t, T::splat(f32::INFINITY))
     }
 
     /// An upper estimate of the irradiance at a point, unshadowed, up to a factor.
     #[inline(always)]
     pub fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
-        let to = Vec3::broadcast(self.centre) - p;
+        let to = Vec3::broadcast(self.center) - p;
         let height = -to.dot(Vec3::broadcast(self.normal));
         let distance2 = at_least(to.dot(to), 1e-20);
         let [a, b] = self.half;
         let reach = (a * a + b * b).sqrt();
         let per_distance = inverse(distance2.sqrt());
-        let lift = at_least(at_most((n.dot(to) + reach) * per_distance, 1.0), 0.0);
+        let cosine = at_least(at_most((n.dot(to) + reach) * per_distance, 1.0), 0.0);
         // Area times cosine over squared distance; close up, no more than the whole hemisphere.
-        let share = at_most(height * (self.area() * FRAC_1_PI) * per_distance / distance2, 1.0);
-        at_least(share, 0.0) * lift * (PI * self.luminance)
+        let form_factor = at_most(height * (self.area() * FRAC_1_PI) * per_distance / distance2, 1.0);
+        at_least(form_factor, 0.0) * cosine * (PI * self.luminance)
     }
 }
 
@@ -153,6 +153,6 @@ impl<T: Real> Spherical<T> {
         let h = h0 + v * (h1 - h0);
         let h2 = h * h;
         let y = clamp(h * (d2 / at_least(complement(h2), 1e-6)).sqrt(), self.y);
-        vec3(x, T::pick(h2.lt(T::splat(1.0 - 1e-6)), y, self.y[1]), self.z)
+        vec3(x, T::select(h2.lt(T::splat(1.0 - 1e-6)), y, self.y[1]), self.z)
     }
 }

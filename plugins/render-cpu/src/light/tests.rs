@@ -1,7 +1,6 @@
 //! Lights against closed forms.
 
 use super::*;
-use crate::vec3::vec3;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, Vector3};
@@ -10,6 +9,7 @@ use syntable_model::random::Stream;
 use syntable_model::scene::{
     DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, RectLight, SphereLight,
 };
+use syntable_simd::vec3;
 
 fn sphere(centre: [f64; 3], radius: f64, nits: f64) -> Light {
     Light::Sphere(SphereLight { centre: centre.into(), radius, radiance: [nits; 3] })
@@ -97,15 +97,15 @@ fn densities_belong_to_the_samples() {
         let (s, _) = lights.sample(p, n, [stream.unit() as f32, stream.unit() as f32]);
         assert!(s.valid, "all shine here");
         let hits = (0..4_u32).map(|index| {
-            let distance = lights.shapes[index as usize].intersect(p, s.direction);
-            LightHit { met: distance.is_finite(), distance, index }
+            let distance = Shape(&lights.table.area[index as usize]).intersect(p, s.direction);
+            LightHit { is_hit: distance.is_finite(), distance, index }
         });
         let near = hits.min_by(|a, b| (a.distance - s.distance).abs().total_cmp(&(b.distance - s.distance).abs()));
         // Rounding may lose a sample on the very edge.
         let Some(hit) = near.filter(|hit| (hit.distance - s.distance).abs() < 1e-2 * s.distance) else { continue };
         seen[hit.index as usize] += 1;
         let (pdf, radiance) = lights.pdf(p, n, &hit);
-        assert_eq!(radiance, lights.shapes[hit.index as usize].radiance());
+        assert_eq!(radiance, lights.table.area[hit.index as usize].radiance());
         assert!((pdf - s.pdf).abs() < 2e-3 * s.pdf, "light {}: {pdf} {}", hit.index, s.pdf);
     }
     assert!(seen.iter().sum::<i32>() > 3990 && seen.iter().all(|&count| count > 30), "{seen:?}");
@@ -121,14 +121,14 @@ fn one_sided_and_opaque() {
     let (up, down) = (vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, -1.0));
     let first = |o: Vec3, d: Vec3| {
         let hit = lights.intersect(o, d, 100.0);
-        hit.met.then(|| (lights.shapes[hit.index as usize].radiance().x, hit.distance))
+        hit.is_hit.then(|| (lights.table.area[hit.index as usize].radiance().x, hit.distance))
     };
     assert_eq!(first(Vec3::ZERO, up), Some((9.0, 0.4)));
     assert_eq!(first(vec3(0.5, 0.0, 0.0), up), Some((7.0, 1.0)));
     assert_eq!(first(vec3(0.5, 0.0, 2.0), down), None);
     assert_eq!(first(vec3(0.0, 0.0, 0.5), up), Some((9.0, 0.1)), "from within");
-    assert!(lights.hide(Vec3::ZERO, up, 1.0) && !lights.hide(Vec3::ZERO, up, 0.4));
-    assert!(!lights.hide(vec3(0.5, 0.0, 0.0), up, 1.0));
+    assert!(lights.occlude(Vec3::ZERO, up, 1.0) && !lights.occlude(Vec3::ZERO, up, 0.4));
+    assert!(!lights.occlude(vec3(0.5, 0.0, 0.0), up, 1.0));
 }
 
 #[test]
@@ -202,7 +202,7 @@ fn a_sky_gives_what_a_sum_over_directions_gives() {
         }
     }
     check(&lights, [0.0; 3], n.into(), want);
-    // The map's own convention, turned: a direction and its texel.
+    // The map's own convention, rotated: a direction and its texel.
     let d = EnvironmentMap::direction([21.5 / 32.0, 5.5 / 16.0]);
     let (s, c) = f64::sin_cos(rotation);
     let turned = [c * d.x - s * d.y, s * d.x + c * d.y, d.z];
@@ -215,11 +215,11 @@ fn densities_of_distant_lights_are_those_of_their_samples() {
     let sky = EnvironmentLight { map: map(), scale: [1.0; 3], rotation: 2.0 };
     let lights = Lights::alone(&[Light::Directional(sun), Light::Environment(sky)]).expect("sound");
     let mut stream = Stream::root(5);
-    for distant in &lights.distant {
+    for distant in &lights.table.distant {
         let mut differing = 0;
         for _ in 0..4000 {
             let (direction, pdf) = distant.sample([stream.unit() as f32, stream.unit() as f32]);
-            let (_, again) = distant.seen(direction);
+            let (_, again) = distant.radiance(direction);
             differing += u32::from((again / pdf - 1.0).abs() > 1e-3);
         }
         // At the edge of a texel or of the cone rounding may choose the other side.

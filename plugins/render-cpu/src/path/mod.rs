@@ -1,15 +1,15 @@
 //! The path tracer: light that reaches the camera, by sampling paths from the camera.
 //!
-//! At every surface a light is sampled and a scattered direction is sampled; both estimates of direct light are
-//! combined by multiple importance sampling with the power heuristic (Veach, 1997). Faint paths end at random.
+//! At every surface an emitter is sampled and the BSDF is sampled; both estimates of direct light are combined by multiple
+//! importance sampling with the power heuristic (Veach, 1997). Russian roulette ends faint paths.
 //!
-//! Paths run in batches, bounce by bounce: first all rays are traced, then all surfaces looked up, then all scattering
-//! computed in lanes, then all shadow rays traced; paths that ended are squeezed out after every step. A path's light
-//! depends on its pixel and sample alone, not on its batch.
+//! Paths run in batches, bounce by bounce: first all rays are traced, then all surfaces evaluated, then all scattering
+//! computed in lanes, then all shadow rays traced; batches are compacted after every step. The radiance of a path depends
+//! on its pixel and sample alone, not on its batch.
 //!
-//! A batch goes from `start` through `meet` and `scatter`, bounce by bounce; `sums` keeps what it found.
+//! A batch goes from `start` through `intersect` and `scatter`, bounce by bounce; `sums` accumulates per pixel.
 
-mod meet;
+mod intersect;
 mod scatter;
 mod start;
 mod sums;
@@ -21,22 +21,22 @@ use crate::batch::{BATCH, Batch, get};
 use crate::bvh::Ray;
 use crate::camera::RayCamera;
 use crate::light::Lights;
-use crate::real::{Int, Real, at_least, at_most, inverse};
-use crate::sampler::Order;
-use crate::vec3::{Rgb, Vec3};
 use crate::world::World;
+use syntable_prepare::SampleOrder;
+use syntable_simd::{Int, Processor, Real, Simd, at_least, at_most, inverse};
+use syntable_simd::{Rgb, Vec3};
 
-/// A light is seen if nothing is closer by more than this share of its distance: lamps may lie flat on a ceiling.
+/// A light is visible if nothing is closer by more than this fraction of its distance: lights may be flat on a ceiling.
 const TOUCHING: f32 = 1e-4;
 
-/// Numbers of the coins that draw layers, and that decide between reflection and passage; those of roulette are smaller.
-const DRAW: u32 = 0x1000;
-const PASSAGE: u32 = 0x2000;
+/// Sampler dimensions for layer selection and for reflection or transmission; those below 0x1000 are Russian roulette's.
+const LAYER_DIMENSION: u32 = 0x1000;
+const TRANSMISSION_DIMENSION: u32 = 0x2000;
 
-/// Sets the numbers of paths that are traced for guides alone apart.
+/// Changes the seed of paths that are traced for guides alone.
 const GUIDES: u64 = 0x5851_f42d_4c95_7f2d;
 
-/// How many mirrors and panes guides for denoisers look through.
+/// Number of mirrors and thin sheets that denoising guides look through.
 const GUIDE_BOUNCES: u32 = 2;
 
 /// Which estimates of direct light are used; tests compare them.
@@ -44,39 +44,39 @@ const GUIDE_BOUNCES: u32 = 2;
 pub(crate) enum Strategy {
     /// Both, combined.
     Combined,
-    /// Lights are only sampled.
+    /// Emitter sampling alone.
     #[cfg(test)]
-    Lights,
-    /// Lights are only found by scattered rays.
+    Emitters,
+    /// BSDF sampling alone.
     #[cfg(test)]
-    Scattering,
+    Bsdf,
 }
 
-/// Options of a picture.
+/// Options of an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
-    /// Samples a pixel that are planned, so that textures are read as finely as they can show.
+    /// Planned samples per pixel; more of them read textures at finer levels.
     pub samples: u32,
     pub max_bounces: u32,
-    /// Bounces after which paths may be ended at random.
+    /// Bounces after which Russian roulette may end paths.
     pub roulette_from: u32,
-    /// Largest luminance that one connection to a light may bring by scattering, nits.
-    pub clamp: f32,
-    /// Least perceptual roughness of what a path meets after it was scattered by something rough.
-    pub roughen: f32,
+    /// Maximum luminance of one indirect contribution, nits.
+    pub max_indirect_luminance: f32,
+    /// Minimum perceptual roughness after the first rough bounce.
+    pub regularize: f32,
     pub strategy: Strategy,
-    /// Whether paths are computed one at a time though the processor can do eight; tests compare them.
-    pub one_lane: bool,
+    /// Instruction set; tests compare them.
+    pub processor: Processor,
 }
 
-/// What was traced.
+/// Counts of paths and rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Paths started.
     pub paths: u64,
-    /// Rays that looked for the first surface, camera rays included.
+    /// Rays that searched for the first surface, camera rays included.
     pub rays: u64,
-    /// Rays that asked whether a light is hidden.
+    /// Rays that tested whether a light is occluded.
     pub shadow_rays: u64,
 }
 
@@ -95,28 +95,28 @@ pub(crate) struct PathTracer<'a> {
     lights: &'a Lights<'a>,
     camera: &'a RayCamera,
     settings: Settings,
-    order: Order,
-    /// Width of a camera ray's cone, metres a metre.
+    order: SampleOrder,
+    /// Growth of a camera ray's cone, meters per meter.
     spread: f32,
     gather: Gather,
 }
 
-/// What paths are traced for.
+/// What paths gather.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Gather {
     Light,
-    /// And guides for denoisers on the way.
+    /// Light, and denoising guides on the way.
     LightAndGuides,
     /// Guides alone: paths end at the first surface that is no mirror.
     Guides,
 }
 
 impl<'a> PathTracer<'a> {
-    /// `seed` is the picture's.
+    /// A tracer with the seed of the image.
     pub fn new(world: &'a World, lights: &'a Lights<'a>, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
-        // Samples of a pixel share its area, so that each may see finer than it.
+        // The samples of a pixel divide its area, so that each may see finer than it.
         let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
-        let order = Order::new(seed, settings.samples);
+        let order = SampleOrder::new(seed, settings.samples);
         Self { world, lights, camera, settings, order, spread: camera.pixel_angle * sharpness, gather: Gather::Light }
     }
 
@@ -130,7 +130,7 @@ impl<'a> PathTracer<'a> {
         self.gather != Gather::Light
     }
 
-    /// The same for guides alone, with so many samples a pixel and numbers of its own.
+    /// The same for guides alone, with `samples` per pixel and a seed of its own.
     pub fn for_guides(&self, samples: u32) -> Self {
         let settings = Settings { samples, ..self.settings };
         let tracer = Self::new(self.world, self.lights, self.camera, settings, self.order.seed() ^ GUIDES);
@@ -139,48 +139,35 @@ impl<'a> PathTracer<'a> {
 
     /// Adds samples to the sums of a tile.
     pub fn trace(&self, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            /// # Safety
-            /// The processor has AVX2.
-            #[target_feature(enable = "avx2")]
-            unsafe fn eight(tracer: &PathTracer, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
-                tracer.trace_in_lanes::<crate::real::Eight>(task, sums, statistics);
-            }
-            if crate::real::has_eight() && !self.settings.one_lane {
-                // SAFETY: just asked.
-                return unsafe { eight(self, task, sums, statistics) };
-            }
-        }
-        self.trace_in_lanes::<f32>(task, sums, statistics);
+        self.settings.processor.run(Trace { tracer: self, task, sums, statistics });
     }
 
     #[inline(always)]
     fn trace_in_lanes<T: Real>(&self, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
         let mut batch = Batch::new();
-        let mut turn = task.first();
-        while !task.is_over(turn) {
-            let first = turn;
-            let count = self.start::<T>(&mut batch, task, &mut turn);
+        let mut cursor = task.first();
+        while !task.is_over(cursor) {
+            let first = cursor;
+            let count = self.start::<T>(&mut batch, task, &mut cursor);
             match self.gather {
                 Gather::Guides => self.follow_guides::<T>(&mut batch, count),
                 _ => self.follow::<T>(&mut batch, count, statistics),
             }
             // In the order of the samples, whatever the batches.
-            let mut turn = first;
+            let mut cursor = first;
             for slot in 0..count {
-                let sums = &mut sums[task.pixel(turn)];
+                let sums = &mut sums[task.pixel(cursor)];
                 if self.gather != Gather::Guides {
                     sums.add(batch.radiance[slot]);
                 }
                 if self.gather == Gather::LightAndGuides {
                     let (radiance, guides) = (batch.radiance[slot], &batch.guides);
-                    sums.add_parts(radiance, guides.gloss(slot, radiance), guides.albedo[slot]);
+                    sums.add_parts(radiance, guides.specular(slot, radiance), guides.albedo[slot]);
                 }
                 if self.has_guides() {
                     sums.add_guides(batch.guides.albedo[slot], batch.guides.normal[slot]);
                 }
-                turn = task.after(turn);
+                cursor = task.after(cursor);
             }
         }
     }
@@ -194,8 +181,8 @@ impl<'a> PathTracer<'a> {
         for bounce in 0..=self.settings.max_bounces {
             statistics.rays += alive as u64;
             self.find_surfaces(batch, alive, bounce);
-            alive = self.meet_lights::<T>(batch, alive, bounce);
-            self.look_up(batch, alive, bounce);
+            alive = self.intersect_lights::<T>(batch, alive, bounce);
+            self.evaluate_surfaces(batch, alive, bounce);
             if bounce == self.settings.max_bounces || alive == 0 {
                 return;
             }
@@ -205,10 +192,10 @@ impl<'a> PathTracer<'a> {
             for i in 0..shadows {
                 let shadow = &batch.shadows;
                 let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
-                if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING), shadow.coin[i]) {
-                    deposit(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
+                if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING), shadow.alpha_seed[i]) {
+                    add_radiance(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
                     if split && bounce == 0 {
-                        deposit(&mut batch.guides.direct_gloss, shadow.slot[i], get(&shadow.gloss, i));
+                        add_radiance(&mut batch.guides.direct_specular, shadow.slot[i], get(&shadow.specular, i));
                     }
                 }
             }
@@ -224,8 +211,8 @@ impl<'a> PathTracer<'a> {
         let mut alive = count;
         for bounce in 0..=GUIDE_BOUNCES {
             self.find_surfaces(batch, alive, bounce);
-            alive = self.meet_lights::<T>(batch, alive, bounce);
-            self.look_up(batch, alive, bounce);
+            alive = self.intersect_lights::<T>(batch, alive, bounce);
+            self.evaluate_surfaces(batch, alive, bounce);
             if !batch.end_guided(alive) {
                 return;
             }
@@ -239,11 +226,11 @@ impl<'a> PathTracer<'a> {
         for i in 0..alive {
             let ray =
                 Ray { origin: get(&batch.paths.origin, i).array(), direction: get(&batch.paths.direction, i).array() };
-            let coin = match self.world.has_cutouts {
-                true => coin(batch.paths.seed[i], batch.paths.index[i], bounce),
+            let seed = match self.world.scene.has_cutouts {
+                true => alpha_seed(batch.paths.seed[i], batch.paths.index[i], bounce),
                 false => 0,
             };
-            let hit = self.world.closest(&ray, f32::INFINITY, coin);
+            let hit = self.world.closest(&ray, f32::INFINITY, seed);
             if let Some(hit) = &hit {
                 self.world.prefetch(hit);
             }
@@ -251,20 +238,20 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Scatters the paths of a batch, with layers only if the scene has any; gives the numbers of paths that go on and of
+    /// Scatters the paths of a batch, with layers only if the scene has any; returns the numbers of paths that go on and of
     /// shadow rays.
     #[inline(always)]
     fn scatter_all<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> (usize, usize) {
-        match self.world.is_layered {
+        match self.world.scene.is_layered {
             true => self.scatter::<T, true>(batch, alive, bounce),
             false => self.scatter::<T, false>(batch, alive, bounce),
         }
     }
 
-    /// A colour with its luminance limited.
+    /// A color with its luminance limit_luminance.
     #[inline(always)]
-    fn limited<T: Real>(&self, color: Rgb<T>) -> Rgb<T> {
-        let limit = self.settings.clamp;
+    fn limit_luminance<T: Real>(&self, color: Rgb<T>) -> Rgb<T> {
+        let limit = self.settings.max_indirect_luminance;
         if limit == f32::INFINITY {
             return color;
         }
@@ -272,29 +259,46 @@ impl<'a> PathTracer<'a> {
     }
 }
 
-/// Seeds the numbers of a ray for surfaces that cover in part.
+/// [`PathTracer::trace`] as a task.
+struct Trace<'a> {
+    tracer: &'a PathTracer<'a>,
+    task: &'a Task<'a>,
+    sums: &'a mut [PixelSums],
+    statistics: &'a mut Statistics,
+}
+
+impl syntable_simd::Task for Trace<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self) {
+        self.tracer.trace_in_lanes::<S::Real>(self.task, self.sums, self.statistics);
+    }
+}
+
+/// Seed of a ray's random numbers for surfaces that cover in part.
 #[inline(always)]
-fn coin<I: Int>(seed: I, index: I, bounce: u32) -> I {
+fn alpha_seed<I: Int>(seed: I, index: I, bounce: u32) -> I {
     seed ^ index.times(I::splat(0x9e37_79b1)) ^ I::splat((bounce + 1).wrapping_mul(0x85eb_ca77))
 }
 
-/// Adds light to a path's sum.
+/// Adds a contribution to the radiance of a path.
 #[inline(always)]
-fn deposit(radiance: &mut [[f32; 3]; BATCH], slot: u32, found: Vec3) {
+fn add_radiance(radiance: &mut [[f32; 3]; BATCH], slot: u32, contribution: Vec3) {
     let sum = &mut radiance[slot as usize % BATCH];
-    *sum = [sum[0] + found.x, sum[1] + found.y, sum[2] + found.z];
+    *sum = [sum[0] + contribution.x, sum[1] + contribution.y, sum[2] + contribution.z];
 }
 
-/// Whether a colour is more than black, and a number.
+/// Whether a color is above black and finite.
 #[inline(always)]
 fn is_light<T: Real>(color: Rgb<T>) -> T::Mask {
     let sum = color.x + color.y + color.z;
     sum.gt(T::splat(0.0)) & sum.lt(T::splat(f32::INFINITY))
 }
 
-/// Power heuristic with exponent two.
+/// Power power_heuristic with exponent two.
 #[inline(always)]
-fn heuristic<T: Real>(own: T, other: T) -> T {
+fn power_heuristic<T: Real>(own: T, other: T) -> T {
     // As a quotient, so that squares of large densities cannot overflow.
     let ratio = other / own;
     inverse(ratio * ratio + 1.0_f32)

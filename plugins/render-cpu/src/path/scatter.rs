@@ -1,21 +1,52 @@
-//! Where paths go on: towards lights and in scattered directions.
+//! Continuing paths: emitter sampling, BSDF sampling, compaction.
 
-use super::{Gather, PASSAGE, PathTracer, Strategy, coin, heuristic, is_light};
-use crate::batch::{Batch, compress, load};
-use crate::bsdf::{Bsdf, Layered, Substance, table};
-use crate::real::{Int, Mask, Real, at_least, at_most, complement, inverse};
-use crate::sampler::Sampler;
-use crate::vec3::{Basis, Rgb, Vec3, vec3};
+use super::{Gather, PathTracer, Strategy, TRANSMISSION_DIMENSION, alpha_seed, is_light, power_heuristic};
+use crate::batch::{Batch, Guides, Paths, Shadows, compress, load};
+use crate::bsdf::{Bsdf, BsdfParameters, BsdfSample, Layered, table};
+use syntable_prepare::Sampler;
+use syntable_simd::{Basis, Int, Mask, Real, Rgb, Vec3, at_least, at_most, complement, inverse, vec3};
 
-/// How fast the cone of a path widens after a diffuse bounce, metres a metre: textures seen by bounced light are
-/// read coarsely, which leaves their mean and takes their noise.
+/// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
+/// which keeps their mean and removes their noise.
 const DIFFUSE_SPREAD: f32 = 0.25;
 
-/// A scattering counts as rough from this α on.
+/// A bounce counts as rough from this α on.
 const ROUGH: f32 = 0.1;
 
+/// The surfaces of some lanes, ready to scatter.
+struct Shading<T: Real> {
+    /// Lanes that scatter.
+    active: T::Mask,
+    sampler: Sampler<T::Int>,
+    slot: T::Int,
+    throughput: Rgb<T>,
+    position: Vec3<T>,
+    /// Where rays on the side of `face` start.
+    origin: Vec3<T>,
+    face: Vec3<T>,
+    normal: Vec3<T>,
+    /// Around `normal`.
+    basis: Basis<T>,
+    /// Whether `normal` differs from `face`.
+    perturbed: T::Mask,
+    parameters: BsdfParameters<T>,
+    bsdf: Bsdf<T>,
+    /// Of layered scenes.
+    layered: Option<Layered<T>>,
+}
+
+/// Continuation of some paths.
+struct Continuation<T: Real> {
+    /// Lanes that go on.
+    going: T::Mask,
+    origin: Vec3<T>,
+    direction: Vec3<T>,
+    throughput: Rgb<T>,
+    sample: BsdfSample<T>,
+}
+
 impl PathTracer<'_> {
-    /// Samples lights and scattered directions; gives the numbers of paths that go on and of shadow rays.
+    /// Samples emitters and BSDFs; returns the numbers of paths that go on and of shadow rays.
     #[inline(always)]
     pub(super) fn scatter<T: Real, const LAYERED: bool>(
         &self,
@@ -23,147 +54,203 @@ impl PathTracer<'_> {
         alive: usize,
         bounce: u32,
     ) -> (usize, usize) {
-        let Batch { paths, hits, surfaces, shadows, numbers, guides, .. } = batch;
-        let split = self.gather == Gather::LightAndGuides && bounce == 0;
-        let zero = T::splat(0.0);
         let (mut next, mut cast) = (0, 0);
         for at in (0..alive).step_by(T::WIDTH) {
-            let active = T::load(&numbers[at..]).lt(T::splat(alive as f32));
-            let active = active & T::load(&hits.t[at..]).lt(T::splat(f32::INFINITY));
-            let sampler = Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) };
-            let slot = T::Int::load(&paths.slot[at..]);
-            let throughput: Rgb<T> = load(&paths.throughput, at);
-
-            let (face, normal) = (load(&surfaces.face, at), load(&surfaces.normal, at));
-            let shading = Basis::around(normal);
-            let bent = T::load(&surfaces.bent[at..]).gt(zero);
-            let mut wo = shading.to_local(-load::<T>(&paths.direction, at));
-            let active = active & wo.z.gt(T::splat(1e-5));
-            wo.z = at_least(wo.z, 1e-5);
-            let substance = Substance {
-                base_color: load(&surfaces.base_color, at),
-                roughness: T::load(&surfaces.roughness[at..]),
-                metallic: T::load(&surfaces.metallic[at..]),
-                dielectric_f0: T::load(&surfaces.dielectric_f0[at..]),
-            };
-            let bsdf = Bsdf::new(&substance, wo, table());
-            let layered = LAYERED.then(|| surfaces.layered(at, &substance, wo));
-            let position = load(&surfaces.position, at);
-            let origin = departure(position, face);
-
+            let shading = self.shading::<T, LAYERED>(batch, alive, at);
+            let split = self.gather == Gather::LightAndGuides && bounce == 0;
             if !self.lights.is_empty() {
-                let (light, radiance) = self.lights.sample(origin, normal, sampler.pair(2 + 2 * bounce));
-                let wi = shading.to_local(light.direction);
-                let (value, pdf) = match &layered {
-                    Some(layered) => layered.evaluate(&bsdf, wi),
-                    None => bsdf.evaluate(wi),
-                };
-                let weight = match self.settings.strategy {
-                    Strategy::Combined => heuristic(light.pdf, pdf),
-                    #[cfg(test)]
-                    Strategy::Lights => T::splat(1.0),
-                    #[cfg(test)]
-                    Strategy::Scattering => zero,
-                };
-                let factor = terminator(face, normal, bent, light.direction) * weight * inverse(light.pdf);
-                let contribution = self.limited(throughput * value * radiance * factor);
-                let above = wi.z.gt(T::splat(1e-6)) & light.direction.dot(face).gt(zero);
-                let seen = !self.lights.hide(origin, light.direction, light.distance);
-                let chosen = active & light.valid & above & is_light(contribution) & seen;
-                compress(origin, chosen, &mut shadows.origin, cast);
-                compress(light.direction, chosen, &mut shadows.direction, cast);
-                compress(contribution, chosen, &mut shadows.contribution, cast);
-                if split {
-                    let share = gloss_share(&bsdf, layered.as_ref(), substance.metallic, wi);
-                    compress(contribution * share, chosen, &mut shadows.gloss, cast);
-                }
-                light.distance.compress(chosen, &mut shadows.distance[cast..]);
-                slot.compress(chosen, &mut shadows.slot[cast..]);
-                if self.world.has_cutouts {
-                    let coins = shadow_coin(sampler.seed, sampler.index, bounce);
-                    coins.compress(chosen, &mut shadows.coin[cast..]);
-                }
-                cast += chosen.to_bits().count_ones() as usize;
+                cast = self.sample_emitters(&shading, &mut batch.shadows, cast, bounce, split);
             }
-
-            let uv = sampler.pair(3 + 2 * bounce);
-            let scattered = match &layered {
-                Some(layered) => layered.sample(&bsdf, uv, sampler.coin(PASSAGE + bounce)),
-                None => bsdf.sample(uv),
-            };
-            if split {
-                let share = gloss_share(&bsdf, layered.as_ref(), substance.metallic, scattered.wi);
-                let share = Vec3::pick(scattered.passes, Vec3::all(zero), share);
-                guides.scatter(share, slot, active.to_bits());
-            }
-            let direction = shading.to_world(scattered.wi);
-            let passes = scattered.passes;
-            let bend = terminator(face, normal, bent & !passes, direction);
-            let mut throughput = throughput * scattered.weight * bend;
-            let ahead = T::pick(passes, -direction.dot(face), direction.dot(face));
-            let mut going = active & scattered.valid & ahead.gt(zero) & is_light(throughput);
-            let origin = match LAYERED {
-                true => Vec3::pick(passes, departure(position, -face), origin),
-                false => origin,
-            };
-            if bounce + 1 >= self.settings.roulette_from {
-                let survival = at_most(throughput.max_component(), 0.95);
-                going = going & sampler.coin(bounce).lt(survival);
-                throughput = throughput * inverse(survival);
-            }
-            let rough = T::pick(scattered.specular, substance.roughness * substance.roughness, T::splat(1.0));
-            let spread = T::load(&paths.spread[at..]) + rough * DIFFUSE_SPREAD;
-            // From a rough scattering on, nothing is smoother than the option says.
-            let roughen = T::load(&paths.roughen[at..]);
-            let roughen = T::pick(rough.gt(T::splat(ROUGH)), T::splat(self.settings.roughen), roughen);
-            let width = T::load(&paths.width[at..]);
-
-            compress(origin, going, &mut paths.origin, next);
-            compress(direction, going, &mut paths.direction, next);
-            compress(throughput, going, &mut paths.throughput, next);
-            compress(normal, going, &mut paths.normal, next);
-            scattered.pdf.compress(going, &mut paths.pdf[next..]);
-            width.compress(going, &mut paths.width[next..]);
-            spread.compress(going, &mut paths.spread[next..]);
-            roughen.compress(going, &mut paths.roughen[next..]);
-            sampler.seed.compress(going, &mut paths.seed[next..]);
-            sampler.index.compress(going, &mut paths.index[next..]);
-            slot.compress(going, &mut paths.slot[next..]);
-            next += going.to_bits().count_ones() as usize;
+            let guides = split.then_some(&mut batch.guides);
+            let continuation = self.sample_bsdf::<T, LAYERED>(&shading, guides, bounce);
+            next = self.compact(&shading, &continuation, &mut batch.paths, at, next);
         }
         (next, cast)
     }
+
+    /// Loads the surfaces from `at` on.
+    #[inline(always)]
+    fn shading<T: Real, const LAYERED: bool>(&self, batch: &Batch, alive: usize, at: usize) -> Shading<T> {
+        let Batch { paths, hits, surfaces, numbers, .. } = batch;
+        let active = T::load(&numbers[at..]).lt(T::splat(alive as f32));
+        let active = active & T::load(&hits.t[at..]).lt(T::splat(f32::INFINITY));
+        let (face, normal) = (load(&surfaces.face, at), load(&surfaces.normal, at));
+        let basis = Basis::around(normal);
+        let mut wo = basis.to_local(-load::<T>(&paths.direction, at));
+        let active = active & wo.z.gt(T::splat(1e-5));
+        wo.z = at_least(wo.z, 1e-5);
+        let parameters = BsdfParameters {
+            base_color: load(&surfaces.base_color, at),
+            roughness: T::load(&surfaces.roughness[at..]),
+            metallic: T::load(&surfaces.metallic[at..]),
+            dielectric_f0: T::load(&surfaces.dielectric_f0[at..]),
+        };
+        let position = load(&surfaces.position, at);
+        Shading {
+            active,
+            sampler: Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) },
+            slot: T::Int::load(&paths.slot[at..]),
+            throughput: load(&paths.throughput, at),
+            position,
+            origin: offset_ray_origin(position, face),
+            face,
+            normal,
+            basis,
+            perturbed: T::load(&surfaces.perturbed[at..]).gt(T::splat(0.0)),
+            parameters,
+            bsdf: Bsdf::new(&parameters, wo, table()),
+            layered: if LAYERED { Some(surfaces.layered(at, &parameters, wo)) } else { None },
+        }
+    }
+
+    /// Emitter sampling: adds shadow rays towards lights; returns their number so far. `split` also keeps the fraction of
+    /// their light that is specular.
+    #[inline(always)]
+    fn sample_emitters<T: Real>(
+        &self,
+        shading: &Shading<T>,
+        shadows: &mut Shadows,
+        cast: usize,
+        bounce: u32,
+        split: bool,
+    ) -> usize {
+        let Shading { sampler, origin, face, normal, bsdf, layered, .. } = shading;
+        let (light, radiance) = self.lights.sample(*origin, *normal, sampler.pair(2 + 2 * bounce));
+        let wi = shading.basis.to_local(light.direction);
+        let (value, pdf) = match layered {
+            Some(layered) => layered.evaluate(bsdf, wi),
+            None => bsdf.evaluate(wi),
+        };
+        let weight = match self.settings.strategy {
+            Strategy::Combined => power_heuristic(light.pdf, pdf),
+            #[cfg(test)]
+            Strategy::Emitters => T::splat(1.0),
+            #[cfg(test)]
+            Strategy::Bsdf => T::splat(0.0),
+        };
+        let shadow_terminator = shadow_terminator(*face, *normal, shading.perturbed, light.direction);
+        let factor = shadow_terminator * weight * inverse(light.pdf);
+        let contribution = self.limit_luminance(shading.throughput * value * radiance * factor);
+        let above = wi.z.gt(T::splat(1e-6)) & light.direction.dot(*face).gt(T::splat(0.0));
+        let visible = !self.lights.occlude(*origin, light.direction, light.distance);
+        let chosen = shading.active & light.valid & above & is_light(contribution) & visible;
+        compress(*origin, chosen, &mut shadows.origin, cast);
+        compress(light.direction, chosen, &mut shadows.direction, cast);
+        compress(contribution, chosen, &mut shadows.contribution, cast);
+        if split {
+            let fraction = specular_fraction(bsdf, layered.as_ref(), shading.parameters.metallic, wi);
+            compress(contribution * fraction, chosen, &mut shadows.specular, cast);
+        }
+        light.distance.compress(chosen, &mut shadows.distance[cast..]);
+        shading.slot.compress(chosen, &mut shadows.slot[cast..]);
+        if self.world.scene.has_cutouts {
+            let seeds = shadow_alpha_seed(sampler.seed, sampler.index, bounce);
+            seeds.compress(chosen, &mut shadows.alpha_seed[cast..]);
+        }
+        cast + chosen.to_bits().count_ones() as usize
+    }
+
+    /// BSDF sampling: the next direction of every path, and Russian roulette. `guides` get the specular fraction.
+    #[inline(always)]
+    fn sample_bsdf<T: Real, const LAYERED: bool>(
+        &self,
+        shading: &Shading<T>,
+        guides: Option<&mut Guides>,
+        bounce: u32,
+    ) -> Continuation<T> {
+        let Shading { active, sampler, face, bsdf, layered, .. } = shading;
+        let zero = T::splat(0.0);
+        let uv = sampler.pair(3 + 2 * bounce);
+        let sample = match layered {
+            Some(layered) => layered.sample(bsdf, uv, sampler.random(TRANSMISSION_DIMENSION + bounce)),
+            None => bsdf.sample(uv),
+        };
+        let transmitted = sample.transmitted;
+        if let Some(guides) = guides {
+            let fraction = specular_fraction(bsdf, layered.as_ref(), shading.parameters.metallic, sample.wi);
+            let fraction = Vec3::select(transmitted, Vec3::all(zero), fraction);
+            guides.scatter(fraction, shading.slot, active.to_bits());
+        }
+        let direction = shading.basis.to_world(sample.wi);
+        let shadow_terminator = shadow_terminator(*face, shading.normal, shading.perturbed & !transmitted, direction);
+        let mut throughput = shading.throughput * sample.weight * shadow_terminator;
+        let ahead = T::select(transmitted, -direction.dot(*face), direction.dot(*face));
+        let mut going = *active & sample.valid & ahead.gt(zero) & is_light(throughput);
+        let origin = match LAYERED {
+            true => Vec3::select(transmitted, offset_ray_origin(shading.position, -*face), shading.origin),
+            false => shading.origin,
+        };
+        if bounce + 1 >= self.settings.roulette_from {
+            let survival = at_most(throughput.max_component(), 0.95);
+            going = going & sampler.random(bounce).lt(survival);
+            throughput = throughput * inverse(survival);
+        }
+        Continuation { going, origin, direction, throughput, sample }
+    }
+
+    /// Compaction: stores the paths that go on, from `next` on; returns their number so far.
+    #[inline(always)]
+    fn compact<T: Real>(
+        &self,
+        shading: &Shading<T>,
+        continuation: &Continuation<T>,
+        paths: &mut Paths,
+        at: usize,
+        next: usize,
+    ) -> usize {
+        let Continuation { going, origin, direction, throughput, sample } = continuation;
+        let (going, roughness) = (*going, shading.parameters.roughness);
+        let alpha = T::select(sample.specular, roughness * roughness, T::splat(1.0));
+        let spread = T::load(&paths.spread[at..]) + alpha * DIFFUSE_SPREAD;
+        // From a rough bounce on, nothing is smoother than the option says.
+        let regularize = T::load(&paths.regularize[at..]);
+        let regularize = T::select(alpha.gt(T::splat(ROUGH)), T::splat(self.settings.regularize), regularize);
+        let width = T::load(&paths.width[at..]);
+        compress(*origin, going, &mut paths.origin, next);
+        compress(*direction, going, &mut paths.direction, next);
+        compress(*throughput, going, &mut paths.throughput, next);
+        compress(shading.normal, going, &mut paths.normal, next);
+        sample.pdf.compress(going, &mut paths.pdf[next..]);
+        width.compress(going, &mut paths.width[next..]);
+        spread.compress(going, &mut paths.spread[next..]);
+        regularize.compress(going, &mut paths.regularize[next..]);
+        shading.sampler.seed.compress(going, &mut paths.seed[next..]);
+        shading.sampler.index.compress(going, &mut paths.index[next..]);
+        shading.slot.compress(going, &mut paths.slot[next..]);
+        next + going.to_bits().count_ones() as usize
+    }
 }
 
-/// Share of the light from `wi` that a surface mirrors without colouring it.
+/// Fraction of the light from `wi` that a surface reflects specularly, without coloring it.
 #[inline(always)]
-fn gloss_share<T: Real>(bsdf: &Bsdf<T>, layered: Option<&Layered<T>>, metallic: T, wi: Vec3<T>) -> Rgb<T> {
-    let [gloss, matte] = match layered {
+fn specular_fraction<T: Real>(bsdf: &Bsdf<T>, layered: Option<&Layered<T>>, metallic: T, wi: Vec3<T>) -> Rgb<T> {
+    let [specular, diffuse] = match layered {
         Some(layered) => layered.lobes(bsdf, wi).0,
         None => bsdf.lobes(wi).0,
     };
-    let share = |gloss: T, matte: T| gloss * complement(metallic) * inverse(at_least(gloss + matte, 1e-20));
-    vec3(share(gloss.x, matte.x), share(gloss.y, matte.y), share(gloss.z, matte.z))
+    let fraction =
+        |specular: T, diffuse: T| specular * complement(metallic) * inverse(at_least(specular + diffuse, 1e-20));
+    vec3(fraction(specular.x, diffuse.x), fraction(specular.y, diffuse.y), fraction(specular.z, diffuse.z))
 }
 
-/// As [`coin`], for a ray to a light.
+/// As [`alpha_seed`], for a shadow ray.
 #[inline(always)]
-fn shadow_coin<I: Int>(seed: I, index: I, bounce: u32) -> I {
-    coin(seed, index, bounce + 0x1000)
+fn shadow_alpha_seed<I: Int>(seed: I, index: I, bounce: u32) -> I {
+    alpha_seed(seed, index, bounce + 0x1000)
 }
 
-/// How much of the light from `wi` a bent normal lets through: softens the edge where the faces of a smooth mesh turn
-/// away from a light that their normals still see (Chiang, Li and Burley, SIGGRAPH 2019 talks).
+/// Factor on light from `wi` at a perturbed normal: softens the edge where the faces of a smooth mesh turn away from a
+/// light that their normals still see (Chiang, Li and Burley, SIGGRAPH 2019 talks).
 #[inline(always)]
-fn terminator<T: Real>(face: Vec3<T>, normal: Vec3<T>, bent: T::Mask, wi: Vec3<T>) -> T {
+fn shadow_terminator<T: Real>(face: Vec3<T>, normal: Vec3<T>, perturbed: T::Mask, wi: Vec3<T>) -> T {
     let g = face.dot(wi) * inverse(at_least(normal.dot(wi) * normal.dot(face), 1e-6));
     let g = at_most(g, 1.0);
-    T::pick(bent, g * (g + 1.0_f32 - g * g), T::splat(1.0))
+    T::select(perturbed, g * (g + 1.0_f32 - g * g), T::splat(1.0))
 }
 
-/// Where scattered rays start: off the surface by more than rounding errors, on its side.
+/// Origin of scattered rays: off the surface by more than rounding errors, on the side of `face`.
 #[inline(always)]
-fn departure<T: Real>(position: Vec3<T>, face: Vec3<T>) -> Vec3<T> {
+fn offset_ray_origin<T: Real>(position: Vec3<T>, face: Vec3<T>) -> Vec3<T> {
     let largest = position.map(Real::abs).max_component();
     position + face * ((largest + 0.5_f32) * 4e-6_f32)
 }

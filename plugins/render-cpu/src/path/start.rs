@@ -1,15 +1,15 @@
-//! Where paths start: in the camera.
+//! Camera rays: the start of every path.
 
 use super::PathTracer;
-use crate::approx::sin_cos_turns;
 use crate::batch::{BATCH, Batch, load, set, store};
-use crate::real::{Int, Real};
-use crate::sampler::Sampler;
-use crate::vec3::Vec3;
 use std::ops::Range;
+use syntable_prepare::Sampler;
+use syntable_simd::Vec3;
+use syntable_simd::functions::sin_cos_turns;
+use syntable_simd::{Int, Real};
 
-/// Number of the pair that chooses a place in the aperture; pair 0 chooses one in the pixel, later ones lights and
-/// directions in turn.
+/// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
+/// lights and directions by turns.
 const LENS: u32 = 1;
 
 /// Paths to trace: samples of some pixels of a tile.
@@ -21,32 +21,32 @@ pub(crate) struct Task<'a> {
     pub samples: Range<u32>,
 }
 
-/// Whose turn it is: which of a task's pixels, and which sample of it.
+/// Cursor over the (pixel, sample) pairs of a task.
 #[derive(Clone, Copy)]
-pub(super) struct Turn {
+pub(super) struct Cursor {
     number: usize,
     sample: u32,
 }
 
 impl Task<'_> {
-    pub(super) fn first(&self) -> Turn {
-        Turn { number: 0, sample: self.samples.start }
+    pub(super) fn first(&self) -> Cursor {
+        Cursor { number: 0, sample: self.samples.start }
     }
 
-    pub(super) fn is_over(&self, turn: Turn) -> bool {
-        turn.number >= self.pixels.len() || self.samples.is_empty()
+    pub(super) fn is_over(&self, cursor: Cursor) -> bool {
+        cursor.number >= self.pixels.len() || self.samples.is_empty()
     }
 
     /// The pixel's number in the tile.
-    pub(super) fn pixel(&self, turn: Turn) -> usize {
-        usize::from(self.pixels[turn.number])
+    pub(super) fn pixel(&self, cursor: Cursor) -> usize {
+        usize::from(self.pixels[cursor.number])
     }
 
     /// The sample after it.
-    pub(super) fn after(&self, turn: Turn) -> Turn {
-        match turn.sample + 1 {
-            next if next == self.samples.end => Turn { number: turn.number + 1, sample: self.samples.start },
-            sample => Turn { sample, ..turn },
+    pub(super) fn after(&self, cursor: Cursor) -> Cursor {
+        match cursor.sample + 1 {
+            next if next == self.samples.end => Cursor { number: cursor.number + 1, sample: self.samples.start },
+            sample => Cursor { sample, ..cursor },
         }
     }
 
@@ -55,29 +55,29 @@ impl Task<'_> {
     }
 }
 
-/// Column and row in the picture of a pixel of a tile [left, top, right, bottom].
+/// Column and row in the image of a pixel of a tile [left, top, right, bottom].
 pub(crate) fn place([left, top, right, _]: [u32; 4], pixel: u16) -> (u32, u32) {
     let pixel = u32::from(pixel);
     (left + pixel % (right - left), top + pixel / (right - left))
 }
 
 impl PathTracer<'_> {
-    /// Fills a batch with camera rays; gives their number.
+    /// Fills a batch with camera rays; returns their number.
     #[inline(always)]
-    pub(super) fn start<T: Real>(&self, batch: &mut Batch, task: &Task, turn: &mut Turn) -> usize {
-        let (first, per_pixel) = (*turn, task.samples.len());
+    pub(super) fn start<T: Real>(&self, batch: &mut Batch, task: &Task, cursor: &mut Cursor) -> usize {
+        let (first, per_pixel) = (*cursor, task.samples.len());
         let paths = &mut batch.paths;
         let mut count = 0;
-        while count < BATCH && !task.is_over(*turn) {
-            let (x, y) = task.place(turn.number);
+        while count < BATCH && !task.is_over(*cursor) {
+            let (x, y) = task.place(cursor.number);
             let corner = self.camera.corner(x, y);
             let (seed, first) = self.order.pixel(x, y);
-            let more = ((task.samples.end - turn.sample) as usize).min(BATCH - count);
+            let more = ((task.samples.end - cursor.sample) as usize).min(BATCH - count);
             for i in count..count + more {
                 set(&mut paths.origin, i, self.camera.origin());
                 set(&mut paths.direction, i, corner);
                 paths.seed[i] = seed;
-                paths.index[i] = first + turn.sample + (i - count) as u32;
+                paths.index[i] = first + cursor.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
                 batch.radiance[i] = [0.0; 3];
                 if self.has_guides() {
@@ -85,9 +85,9 @@ impl PathTracer<'_> {
                 }
             }
             count += more;
-            turn.sample += more as u32;
-            if turn.sample == task.samples.end {
-                *turn = Turn { number: turn.number + 1, sample: task.samples.start };
+            cursor.sample += more as u32;
+            if cursor.sample == task.samples.end {
+                *cursor = Cursor { number: cursor.number + 1, sample: task.samples.start };
             }
         }
         let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
@@ -103,7 +103,7 @@ impl PathTracer<'_> {
                 for (lane, (u, v)) in us.into_iter().zip(vs).enumerate().take(T::WIDTH.min(count - at)) {
                     let before = (first.sample - task.samples.start) as usize + at + lane;
                     let (x, y) = task.place(first.number + before / per_pixel);
-                    // Where the lens sees nothing, no surface is met.
+                    // Where the lens sees nothing, no surface is hit.
                     let seen = self.camera.warped(x, y, [u, v]).unwrap_or(Vec3::from([f32::NAN; 3]));
                     set(&mut paths.direction, at + lane, seen);
                 }
@@ -121,7 +121,7 @@ impl PathTracer<'_> {
             store(Vec3::all(T::splat(1.0)), &mut paths.throughput, at);
             T::splat(0.0).store(&mut paths.width[at..]);
             T::splat(self.spread).store(&mut paths.spread[at..]);
-            T::splat(0.0).store(&mut paths.roughen[at..]);
+            T::splat(0.0).store(&mut paths.regularize[at..]);
         }
         count
     }

@@ -1,31 +1,31 @@
-//! What is found of a pixel, and how sure it is.
+//! Per-pixel accumulators for radiance, denoising guides and variance.
 
 use syntable_model::photometry::luminance;
 use syntable_model::product::standard::LEAST_TINT;
 
-/// What was found of a pixel so far: sums over its samples.
+/// Sums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PixelSums {
     pub samples: u32,
     pub radiance: [f64; 3],
-    /// Of the luminance's square.
+    /// Squared luminance.
     pub square: f64,
-    /// Of the guides, which may be more.
+    /// Samples of the guides, which may be more.
     pub guide_samples: u32,
     pub albedo: [f32; 3],
     /// World.
     pub normal: [f32; 3],
-    /// Of the radiance that the first surface mirrored without colouring it.
-    pub gloss: PartSums,
-    /// Of the rest, every sample divided by its colour.
+    /// Specular part of the radiance at the first surface.
+    pub specular: PartSums,
+    /// The rest, demodulated: every sample divided by its albedo.
     pub untinted: PartSums,
 }
 
-/// Of a part of the light.
+/// Sums of a part of the radiance.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PartSums {
     sum: [f32; 3],
-    /// Of the luminance's square.
+    /// Squared luminance.
     square: f32,
 }
 
@@ -37,7 +37,7 @@ impl PartSums {
         self.sum.iter_mut().zip(light).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Over so many samples.
+    /// Mean over the samples.
     pub fn mean(&self, samples: u32) -> [f32; 3] {
         self.sum.map(|x| x / samples.max(1) as f32)
     }
@@ -49,7 +49,7 @@ impl PartSums {
 }
 
 impl PixelSums {
-    /// Adds a sample's light.
+    /// Adds the radiance of a sample.
     #[inline(always)]
     pub fn add(&mut self, radiance: [f32; 3]) {
         let radiance = radiance.map(f64::from);
@@ -59,15 +59,15 @@ impl PixelSums {
         self.radiance.iter_mut().zip(radiance).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Adds the parts of a sample's light: what was mirrored without colour, and the rest without the colour that it got.
+    /// Adds the parts of a sample: the specular radiance, and the rest demodulated by the albedo.
     #[inline(always)]
-    pub fn add_parts(&mut self, radiance: [f32; 3], gloss: [f32; 3], albedo: [f32; 3]) {
-        let untinted = std::array::from_fn(|c| (radiance[c] - gloss[c]) / (albedo[c] + LEAST_TINT));
-        self.gloss.add(gloss);
+    pub fn add_parts(&mut self, radiance: [f32; 3], specular: [f32; 3], albedo: [f32; 3]) {
+        let untinted = std::array::from_fn(|c| (radiance[c] - specular[c]) / (albedo[c] + LEAST_TINT));
+        self.specular.add(specular);
         self.untinted.add(untinted);
     }
 
-    /// Adds a sample's guides.
+    /// Adds the guides of a sample.
     #[inline(always)]
     pub fn add_guides(&mut self, albedo: [f32; 3], normal: [f32; 3]) {
         self.guide_samples += 1;
@@ -75,7 +75,7 @@ impl PixelSums {
         self.normal.iter_mut().zip(normal).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Mean base colour.
+    /// Mean base color.
     pub fn mean_albedo(&self) -> [f32; 3] {
         self.albedo.map(|x| x / self.guide_samples.max(1) as f32)
     }

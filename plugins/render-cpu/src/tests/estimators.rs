@@ -33,7 +33,7 @@ fn room() -> (std::sync::Arc<Scene>, View) {
     (scene, view(24, 18, 18.0, [1.2, -1.6, 1.3], [0.0, 0.1, 0.3], lights))
 }
 
-/// Mean and standard error of every pixel, over pictures of different seeds.
+/// Mean and standard error of every pixel, over images of different seeds.
 fn estimate(strategy: Strategy, samples: u32, pictures: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
     let (scene, view) = room();
     let mut session =
@@ -64,7 +64,7 @@ fn estimate(strategy: Strategy, samples: u32, pictures: u64) -> (Plane<[f32; 3]>
 #[test]
 fn all_strategies_agree() {
     let (picture, combined) = estimate(Strategy::Combined, 16, 16);
-    for (name, strategy, samples) in [("lights", Strategy::Lights, 32), ("scattering", Strategy::Scattering, 128)] {
+    for (name, strategy, samples) in [("lights", Strategy::Emitters, 32), ("scattering", Strategy::Bsdf, 128)] {
         let (other_picture, other) = estimate(strategy, samples, 16);
         let z = |(a, b): (&[f64; 2], &[f64; 2])| {
             (a[0] - b[0]) / (a[1] * a[1] + b[1] * b[1]).sqrt().max(1e-3 * a[0].max(1e-3))

@@ -1,6 +1,6 @@
 //! What guides denoisers.
 
-use super::pictures::{busy_scene, texture};
+use super::images::{busy_scene, texture};
 use super::support::*;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, Vector3};
@@ -30,7 +30,7 @@ fn mirror_scene() -> (Arc<Scene>, View) {
     (scene, view(48, 36, 40.0, [0.0, -1.2, 0.6], [0.0, 0.2, 0.1], vec![Light::Rect(panel)]))
 }
 
-/// Root of the mean squared difference. The outermost pixels do not count: they have no neighbour to be unlike.
+/// Root of the mean squared difference. The outermost pixels do not count: they have no neighbor to be unlike.
 fn difference(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for y in 1..a.height() - 1 {
@@ -43,7 +43,7 @@ fn difference(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>) -> f64 {
     (sum / f64::from(count)).sqrt()
 }
 
-/// Checks of two colours under a panel, which fill the picture.
+/// Checks of two colors under a panel, which fill the image.
 fn checked_floor() -> (Arc<Scene>, View) {
     let checks = texture(16, 16, Encoding::Srgb, |x, y| {
         if (x / 4 + y / 4) % 2 == 0 { [230, 200, 40, 255] } else { [120, 90, 60, 255] }
@@ -96,7 +96,7 @@ fn a_mirror_has_the_colour_of_what_it_shows() {
     let mirror = scene.bodies().iter().find(|body| body.role == Role::Support).expect("there").id;
     let shown: Vec<&[f32; 3]> =
         albedo.data().iter().zip(ids.data()).filter(|(_, id)| **id == mirror).map(|(albedo, _)| albedo).collect();
-    // The wall's grey of 0.4, and the ball's red, times the silver's colour.
+    // The wall's gray of 0.4, and the ball's red, times the silver's color.
     for colour in [[0.36, 0.32, 0.28], [0.72, 0.08, 0.07], [0.09, 0.56, 0.14]] {
         let alike = |albedo: &&&[f32; 3]| (0..3).all(|c| (albedo[c] - colour[c]).abs() < 0.01);
         assert!(shown.iter().filter(alike).count() > 10, "{colour:?} is not to be seen in the mirror");

@@ -19,7 +19,7 @@ const LABELS: [KeyId; 6] = [
 ];
 
 /// Depth of the first triangle of each body on the ray through (u, v), in f64 (Möller and Trumbore). None of the
-/// scenes here has an edge within 1e-6 of a pixel's centre ray.
+/// scenes here has an edge within 1e-6 of a pixel's center ray.
 fn depths(scene: &Scene, view: &View, u: f64, v: f64) -> Vec<Option<f64>> {
     let pose = view.camera.world_from_camera;
     let (origin, direction) = (pose * Point3::origin(), pose * view.camera.intrinsics.unproject(u, v));
@@ -160,7 +160,7 @@ fn an_object_cut_by_the_frame() {
     let block = object("block", cuboid([0.2, 0.2, 0.2]), matte(0.5));
     let scene = scene([
         body(&block, at(0.9, 0.0, 0.2), Role::Object),
-        // Wholly outside the picture, within the wide canvas.
+        // Wholly outside the image, within the wide canvas.
         body(&block, at(-2.0, 0.0, 0.2), Role::Object),
         floor(),
     ]);
@@ -208,7 +208,7 @@ fn a_point_is_seen_in_the_pixel_that_it_projects_to() {
         let scene = scene([body(&dot, at(p[0], p[1], p[2]), Role::Object)]);
         let camera = &view.camera;
         let [u, v] = camera.intrinsics.project(&(camera.world_from_camera.inverse() * Point3::from(p)));
-        // So placed that the pixel's centre meets it.
+        // So placed that the pixel's center meets it.
         let (x, y) = (u.floor(), v.floor());
         let mut shifted = view.clone();
         shifted.camera.intrinsics.cx += x + 0.5 - u;

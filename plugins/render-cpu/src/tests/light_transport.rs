@@ -13,7 +13,7 @@ fn sphere_light(centre: [f64; 3], radius: f64, nits: f64) -> Light {
     Light::Sphere(SphereLight { centre: centre.into(), radius, radiance: [nits; 3] })
 }
 
-/// Mean radiance over the picture.
+/// Mean radiance over the image.
 fn mean(frame: &Frame) -> [f64; 3] {
     let data = frame.get(RADIANCE).expect("made").data();
     [0, 1, 2].map(|c| data.iter().map(|p| f64::from(p[c])).sum::<f64>() / data.len() as f64)
@@ -26,7 +26,7 @@ fn check(test: &str, frame: &Frame, want: f64, tolerance: f64) {
     assert!(ok, "{test}: {got:?}, not {want}; {}", keep());
 }
 
-/// A matte table under one light, seen from near in a few pixels around the origin.
+/// A diffuse table under one light, seen from near in a few pixels around the origin.
 fn table(light: Light, albedo: f32) -> Frame {
     let scene = scene([body(&object("table", sheet([3.0, 3.0]), matte(albedo)), at(0.0, 0.0, 0.0), Role::Object)]);
     let view = view(4, 4, 4000.0, [2.0, 1.0, 0.5], [0.0; 3], vec![light]);
@@ -73,8 +73,8 @@ fn a_half_hidden_light_gives_half() {
     check("half-hidden light", &frame, 0.5 * 0.5 * 100.0 / PI, 0.01);
 }
 
-/// A closed ball of a given albedo with a lamp in its centre: every bounce returns the share ρ of what arrives evenly
-/// again, so that the wall's radiance is ρ E / (π (1 − ρ)) with the lamp's own E.
+/// A closed ball of a given albedo with a light in its center: every bounce returns the share ρ of what arrives evenly
+/// again, so that the wall's radiance is ρ E / (π (1 − ρ)) with the light's own E.
 #[test]
 fn a_ball_lit_from_its_centre() {
     let shell = object("shell", inside_out(ball(1.0, 128)), matte(0.5));
@@ -82,7 +82,7 @@ fn a_ball_lit_from_its_centre() {
     let radius = 0.01;
     let light = sphere_light([0.0; 3], radius, sphere_luminance(PI, 1.0, radius));
     let view = view(8, 8, 10.0, [0.3, 0.2, 0.1], [0.9, 0.0, 0.4], vec![light]);
-    // E = π lx, ρ = 1/2: the series 1/2 + 1/4 + … is 1 nit. The lamp hides next to nothing.
+    // E = π lx, ρ = 1/2: the series 1/2 + 1/4 + … is 1 nit. The light hides next to nothing.
     let frame = render(CpuPath { russian_roulette_from: 4, ..options(256, 40) }, &scene, &view, &[RADIANCE.id()]);
     check("ball lit from its centre", &frame, 1.0, 0.012);
     let direct = render(options(64, 1), &scene, &view, &[RADIANCE.id()]);
@@ -91,7 +91,7 @@ fn a_ball_lit_from_its_centre() {
     check("ball, two bounces", &two, 0.75, 0.01);
 }
 
-/// Inside a ball that glows with radiance 1 and reflects ρ, radiance is 1 / (1 − ρ) everywhere: a furnace, for matte,
+/// Inside a ball that emits with radiance 1 and reflects ρ, radiance is 1 / (1 − ρ) everywhere: a furnace, for diffuse,
 /// glossy and metal walls alike.
 #[test]
 fn a_glowing_ball_is_a_furnace() {
@@ -129,7 +129,7 @@ fn lights_are_seen_and_bodies_hide_them() {
     assert_eq!(look(sphere_light([0.0, 0.0, 2.0], 0.1, 5.0)), 5.0);
     assert_eq!(look(sphere_light([0.0, 0.0, 0.0], 0.1, 5.0)), 0.0, "behind the block");
     assert_eq!(look(sphere_light([0.0, 0.0, 3.1], 0.5, 5.0)), 5.0, "the camera is inside");
-    // On the block's very surface, as a lamp on a ceiling.
+    // On the block's very surface, as a light on a ceiling.
     let up = |z| {
         Light::Rect(RectLight {
             centre: Point3::new(0.0, 0.0, z),
@@ -156,7 +156,7 @@ fn clamping_limits_scattered_light_alone() {
     let table = object("table", sheet([3.0, 3.0]), matte(0.5));
     let scene = scene([body(&table, at(0.0, 0.0, 0.0), Role::Object)]);
     let light = sphere_light([0.0, 0.0, 1.0], 0.2, 1000.0);
-    let clamped = CpuPath { clamp_nits: Some(3.0), ..options(16, 4) };
+    let clamped = CpuPath { max_indirect_luminance: Some(3.0), ..options(16, 4) };
     let below = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0; 3], vec![light.clone()]);
     // A path may bring the limit by a sampled light and a little by meeting it.
     check("clamped", &render(clamped.clone(), &scene, &below, &[RADIANCE.id()]), 3.0, 0.03);

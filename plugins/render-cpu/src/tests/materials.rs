@@ -1,4 +1,4 @@
-//! Layers and passage, by what whole pictures show.
+//! Layers and passage, by what whole images show.
 
 use super::support::*;
 use crate::path::Strategy;
@@ -45,11 +45,11 @@ fn clear(roughness: f32, volume: Option<Volume>) -> Material {
 
 const AIRY: Volume = Volume { attenuation_color: [1.0; 3], attenuation_distance_m: f32::INFINITY };
 
-/// Mean over a picture of a ball that fills it, in the furnace, from straight on to grazing.
+/// Mean over an image of a ball that fills it, in the furnace, from straight on to grazing.
 fn in_furnace(material: Material) -> f64 {
     let ball = object("ball", ball(1.0, 96), material);
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
-    // Seen from a point near, so that every part of the picture is ball, down to angles of some 75 degrees.
+    // Seen from a point near, so that every part of the image is ball, down to angles of some 75 degrees.
     let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace()]);
     let options = CpuPath { russian_roulette_from: 257, ..options(64, 48) };
     mean(&render(options, &scene, &view, &[RADIANCE.id()]))
@@ -66,7 +66,7 @@ fn a_white_furnace_for_every_layer() {
     for roughness in [0.0, 0.3, 0.6, 1.0] {
         check(&format!("white {roughness}"), white(roughness), 0.99);
         check(&format!("metal {roughness}"), metal(roughness), 0.99);
-        // Varnish of any roughness over matte loses next to nothing, over gloss what goes to and fro between them.
+        // Clearcoat of any roughness over diffuse loses next to nothing, over gloss what goes to and fro between them.
         check(&format!("varnish {roughness} on matte"), coated(white(1.0), 1.0, roughness), 0.95);
         check(&format!("varnish 0 on metal {roughness}"), coated(metal(roughness), 0.8, 0.0), 0.93);
         check(&format!("fibres {roughness} on matte"), fibrous(white(1.0), 1.0, roughness), 0.75);
@@ -99,7 +99,7 @@ fn through_slab(material: Material, degrees: f64, faces: usize) -> f64 {
     mean(&render(options, &scene, &view, &[RADIANCE.id()]))
 }
 
-/// Fresnel's reflectance at an index, unpolarised.
+/// Fresnel's reflectance at an index, unpolarized.
 fn fresnel(degrees: f64, index: f64) -> f64 {
     let ci = degrees.to_radians().cos();
     let ct = (1.0 - (1.0 - ci * ci) / (index * index)).sqrt();
@@ -246,7 +246,7 @@ fn all_strategies_agree_on_every_light_and_layer() {
     };
     let combined_pictures = estimate(Strategy::Combined, 32);
     let combined = statistics(&combined_pictures);
-    for (name, strategy, samples) in [("lights", Strategy::Lights, 64), ("scattering", Strategy::Scattering, 128)] {
+    for (name, strategy, samples) in [("lights", Strategy::Emitters, 64), ("scattering", Strategy::Bsdf, 128)] {
         let pictures = estimate(strategy, samples);
         let other = statistics(&pictures);
         let kept = || keep("everything", &[("combined", &combined_pictures[0]), (name, &pictures[0])]);
@@ -283,7 +283,7 @@ fn gloss_is_what_is_mirrored_without_colour() {
     for roughness in [0.1, 0.5] {
         let (all, of_black) = parts(plain(0.0, roughness));
         assert!((of_black / all - 1.0).abs() < 1e-3, "black mirrors, or takes: {of_black} of {all}");
-        // The same interface over any colour, sampled otherwise.
+        // The same interface over any color, sampled otherwise.
         let (all, of_red) = parts(plain(0.7, roughness));
         assert!((of_red / of_black - 1.0).abs() < 0.03 && of_red < 0.6 * all, "{of_red} of {all}, black {of_black}");
     }

@@ -1,10 +1,10 @@
-//! Whole pictures against what can be worked out on paper or by brute force.
+//! Whole images against what can be worked out on paper or by brute force.
 
 mod estimators;
 mod guides;
+mod images;
 mod label_scenes;
 mod light_transport;
 mod materials;
 mod optics;
-mod pictures;
 mod support;

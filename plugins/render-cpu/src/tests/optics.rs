@@ -49,7 +49,7 @@ fn a_point_out_of_focus_becomes_its_circle_of_confusion() {
 
 #[test]
 fn labels_and_light_of_a_distorting_camera_are_where_it_projects_them() {
-    // Small glowing plates at several places and heights: the centroid of each in labels and in light.
+    // Small emissive plates at several places and heights: the centroid of each in labels and in light.
     let glow = Material { emission: Color::constant([1.0; 3]), ..matte(0.0) };
     let plate = object("plate", sheet([0.04, 0.04]), glow);
     let places = [[-1.0, -0.8, 0.0], [0.9, 0.7, 0.5], [0.2, -0.9, 1.0], [-0.7, 0.8, 0.3], [0.05, 0.02, 0.6]];
@@ -96,9 +96,9 @@ fn lenses_give_the_same_bits_in_any_number_of_lanes() {
     let lamp = SphereLight { centre: Point3::new(0.5, 0.4, 2.0), radius: 0.2, radiance: [90.0; 3] };
     let lens = ThinLens { aperture_radius_m: 0.03, focus_distance_m: 3.5 };
     let view = through(from_above(37, 40.0, vec![Light::Sphere(lamp)]), Some(lens), Some(BARREL));
-    let picture = |one_lane: bool, threads: usize| {
+    let picture = |portable: bool, threads: usize| {
         let renderer = CpuPathRenderer::new(options(5, 3)).expect("sound");
-        let mut session = if one_lane { renderer.session().one_lane() } else { renderer.session() };
+        let mut session = if portable { renderer.session().portable() } else { renderer.session() };
         session.load(&scene, &Serial).expect("loads");
         let (mut frame, stream) = (Frame::new(), Stream::root(3));
         let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(threads) };

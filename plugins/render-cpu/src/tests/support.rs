@@ -1,4 +1,4 @@
-//! Small scenes, workers and pictures for tests.
+//! Small scenes, workers and images for tests.
 
 use crate::cpu_path::{CpuPath, CpuPathRenderer};
 use crate::path::Strategy;
@@ -76,7 +76,7 @@ pub fn flat(data: MeshData) -> MeshData {
     MeshData { normals: Vec::new(), ..data }
 }
 
-/// The same mesh with its faces turned inside out.
+/// The same mesh with its faces rotated inside out.
 pub fn inside_out(mut data: MeshData) -> MeshData {
     data.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     data.normals.iter_mut().flatten().for_each(|x| *x = -*x);
@@ -103,12 +103,12 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
     })
 }
 
-/// A matte grey without any gloss to speak of.
+/// A diffuse gray without any gloss to speak of.
 pub fn matte(albedo: f32) -> Material {
     Material { ior: 1.0, ..Material::plain("matte", [albedo; 3], 1.0) }
 }
 
-/// At a place, not turned.
+/// At a place, not rotated.
 pub fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::identity())
 }
@@ -170,7 +170,7 @@ pub fn render(options: CpuPath, scene: &Arc<Scene>, view: &View, wants: &[KeyId]
     render_with(options, Strategy::Combined, scene, view, wants, &Serial).expect("renders")
 }
 
-/// Writes planes of grey or colour as PPM pictures, each scaled to its own largest value, and says where; for failures.
+/// Writes planes of gray or color as PPM images, each scaled to its own largest value, and says where; for failures.
 pub fn keep(test: &str, planes: &[(&str, &Plane<[f32; 3]>)]) -> String {
     let folder: PathBuf = std::env::temp_dir().join("syntable-render-cpu").join(test);
     let write = || -> std::io::Result<()> {

@@ -5,6 +5,7 @@ use super::geometry::{apply, color, slots, unit, v_down, write_parts};
 use super::glb::Glb;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::{Mesh, UvTransform};
+use syntable_prepare::{BoxSide, VertexTangents, is_mirrored};
 
 /// Arrays of a mesh that is not written as it is: vertices are doubled where faces do not agree on them.
 pub struct Arrays {
@@ -34,12 +35,13 @@ impl Arrays {
     pub fn boxed(mesh: &Mesh, rotation: f32, offset: [f32; 2], tile_m: f32) -> Self {
         let tile = if tile_m > 1e-6 && tile_m.is_finite() { f64::from(tile_m) } else { 1.0 };
         let laid = UvTransform { scale: [1.0; 2], rotation, offset };
-        let sides: Vec<usize> = (0..mesh.data().triangles.len()).map(|t| box_axes(face(mesh.corners(t))).0).collect();
-        let (mut arrays, old) = Self::own(mesh, Vec::new(), false).split(&sides, 6);
-        // All faces at a vertex look to one side now.
+        let side = |t: usize| BoxSide::of(face(mesh.corners(t)).into());
+        let sides: Vec<usize> = (0..mesh.data().triangles.len()).map(|t| side(t).index()).collect();
+        let (mut arrays, old) = Self::own(mesh, Vec::new(), false).split(&sides, BoxSide::COUNT);
+        // All faces at a vertex are on one side now.
         arrays.uvs = vec![[0.0; 2]; arrays.positions.len()];
         for (t, triangle) in arrays.triangles.iter().enumerate() {
-            let (_, along_u, along_v) = box_axes(face(mesh.corners(t)));
+            let [along_u, along_v] = side(t).axes().map(Vector3::<f64>::from);
             for &i in triangle {
                 let p = Vector3::from(mesh.data().positions[old[i as usize]].map(f64::from));
                 let uv = [along_u, along_v].map(|axis| (p.dot(&axis) / tile) as f32);
@@ -101,24 +103,18 @@ impl Arrays {
     /// `w · normal × tangent` goes up the picture. Vertices are doubled where mirrored faces meet others.
     fn with_tangents(self) -> (Self, Vec<[f32; 4]>) {
         let smooth = if self.normals.is_empty() { self.flat() } else { self };
-        let slope = |arrays: &Self, triangle: [u32; 3]| {
-            let [a, b, c] = arrays.corners(triangle);
-            let [p, q, r] = triangle.map(|i| arrays.uvs[i as usize].map(f64::from));
-            let ([du1, dv1], [du2, dv2]) = ([q[0] - p[0], p[1] - q[1]], [r[0] - p[0], p[1] - r[1]]);
-            let determinant = du1 * dv2 - du2 * dv1;
-            let along = ((b - a) * dv2 - (c - a) * dv1) * determinant.signum();
-            let weight = face([a, b, c]).norm();
-            (determinant, along.try_normalize(0.0).unwrap_or_default() * weight)
-        };
-        let mirrored: Vec<usize> = smooth.triangles.iter().map(|&t| usize::from(slope(&smooth, t).0 < 0.0)).collect();
-        let (split, _) = smooth.split(&mirrored, 2);
+        // glTF has v downwards.
+        let uvs: Vec<[f32; 2]> = smooth.uvs.iter().map(|&[u, v]| [u, -v]).collect();
+        let along = VertexTangents::new(&smooth.positions, &uvs, &smooth.triangles);
+        let mirrored = |triangle: &[u32; 3]| is_mirrored(triangle.map(|i| uvs[i as usize]));
+        let mirrored: Vec<usize> = smooth.triangles.iter().map(|t| usize::from(mirrored(t))).collect();
+        let (split, old) = smooth.split(&mirrored, 2);
         let mut sums = vec![(Vector3::zeros(), 1.0); split.positions.len()];
         for (&triangle, &mirrored) in split.triangles.iter().zip(&mirrored) {
-            let (_, along) = slope(&split, triangle);
             for i in triangle {
-                let (sum, hand) = &mut sums[i as usize];
-                *sum += along;
-                *hand = if mirrored == 1 { -1.0 } else { 1.0 };
+                let mirrored = mirrored == 1;
+                let sum = Vector3::from(along.at(old[i as usize] as u32, mirrored));
+                sums[i as usize] = (sum, if mirrored { -1.0 } else { 1.0 });
             }
         }
         let tangents = sums.iter().zip(&split.normals).map(|((along, hand), normal)| {
@@ -150,42 +146,11 @@ fn face([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a))
 }
 
-/// Which of six sides a face looks to, and the axes along u and v there, so that a picture is never mirrored seen from
-/// outside.
-fn box_axes(normal: Vector3<f64>) -> (usize, Vector3<f64>, Vector3<f64>) {
-    let a = normal.abs();
-    let (axis, up) = if a.z >= a.x && a.z >= a.y {
-        (2, Vector3::y())
-    } else if a.x >= a.y {
-        (0, Vector3::z())
-    } else {
-        (1, Vector3::z())
-    };
-    let outwards = Vector3::ith(axis, 1.0_f64.copysign(normal[axis]));
-    (2 * axis + usize::from(normal[axis].is_sign_negative()), up.cross(&outwards), up)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::gltf::geometry::{UvSource, texcoords};
     use syntable_model::scene::MeshData;
-
-    #[test]
-    fn a_picture_on_a_box_is_upright_and_not_mirrored() {
-        // Seen from outside, u goes right and v up: on the sides v is z.
-        for (normal, u, v) in [
-            ([0.0, 0.1, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
-            ([0.0, 0.1, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
-            ([1.0, 0.2, 0.1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
-            ([-1.0, 0.2, 0.1], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]),
-            ([0.1, 1.0, 0.2], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
-            ([0.1, -1.0, 0.2], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
-        ] {
-            let (_, along_u, along_v) = box_axes(Vector3::from(normal));
-            assert_eq!((along_u, along_v), (Vector3::from(u), Vector3::from(v)), "{normal:?}");
-        }
-    }
 
     #[test]
     fn vertices_are_doubled_only_where_sides_meet() {

@@ -1,24 +1,24 @@
-//! Environment maps ready for look-ups and for sampling in proportion to their light.
+//! Light of environment maps: look-ups, and tables for sampling in proportion to it.
 
-use crate::approx::floor;
-use crate::vec3::Rgb;
 use std::sync::Arc;
 use syntable_model::scene::EnvironmentMap;
+use syntable_simd::Rgb;
+use syntable_simd::functions::floor;
 
-/// A map, and its light by row and within each row. Shared by all views that have it.
+/// An environment map with the cumulative distribution of its light, by row and within each row.
 #[derive(Debug)]
-pub(crate) struct Sky {
+pub struct EnvironmentDistribution {
     map: Arc<EnvironmentMap>,
-    /// Sums of the rows' light up to each row's end; the last is the whole.
+    /// Cumulative light of the rows, over the total: entry `y` is the probability of the rows up to `y`.
     rows: Vec<f32>,
-    /// Sums within each row up to each texel's end; the last of a row is 1.
+    /// Cumulative light of the texels of each row, over the row; row-major.
     texels: Vec<f32>,
     /// Mean luminance over all directions.
     pub luminance: f32,
 }
 
-impl Sky {
-    /// A texel's light is its luminance times its solid angle.
+impl EnvironmentDistribution {
+    /// Weighs every texel by its luminance times its solid angle.
     pub fn new(map: &Arc<EnvironmentMap>) -> Self {
         let (width, height) = (map.width() as usize, map.height() as usize);
         let mut rows = Vec::with_capacity(height);
@@ -52,17 +52,32 @@ impl Sky {
         Self { map: map.clone(), rows, texels, luminance: (total / solid) as f32 }
     }
 
+    /// The environment map.
+    pub fn map(&self) -> &Arc<EnvironmentMap> {
+        &self.map
+    }
+
+    /// Cumulative probabilities of the rows.
+    pub fn rows(&self) -> &[f32] {
+        &self.rows
+    }
+
+    /// Cumulative probabilities of the texels within each row, row-major.
+    pub fn texels(&self) -> &[f32] {
+        &self.texels
+    }
+
     /// Bytes held.
     pub fn size(&self) -> usize {
         self.map.texels().len() * 12 + (self.rows.len() + self.texels.len()) * 4
     }
 
-    /// A point of the unit square, v downwards, and its density over the square.
+    /// Samples a point of the unit square, v downwards; also gives its density over the square.
     #[inline]
     pub fn sample(&self, [u, v]: [f32; 2]) -> ([f32; 2], f32) {
         let width = self.map.width() as usize;
-        let (y, dy, row) = pick(&self.rows, v);
-        let (x, dx, texel) = pick(&self.texels[y * width..(y + 1) * width], u);
+        let (y, dy, row) = select(&self.rows, v);
+        let (x, dx, texel) = select(&self.texels[y * width..(y + 1) * width], u);
         let at = [(x as f32 + dx) / width as f32, (y as f32 + dy) / self.rows.len() as f32];
         (at, row * texel * (width * self.rows.len()) as f32)
     }
@@ -73,10 +88,12 @@ impl Sky {
         let width = self.map.width() as usize;
         let y = ((v * self.rows.len() as f32) as usize).min(self.rows.len() - 1);
         let x = ((u * width as f32) as usize).min(width - 1);
-        share(&self.rows, y) * share(&self.texels[y * width..(y + 1) * width], x) * (width * self.rows.len()) as f32
+        probability(&self.rows, y)
+            * probability(&self.texels[y * width..(y + 1) * width], x)
+            * (width * self.rows.len()) as f32
     }
 
-    /// Radiance at a point of the unit square, between texels interpolated; goes round in u.
+    /// Radiance at a point of the unit square, interpolated between texels; periodic in u.
     #[inline]
     pub fn radiance(&self, [u, v]: [f32; 2]) -> Rgb {
         let (width, height) = (self.map.width() as i32, self.map.height() as i32);
@@ -91,16 +108,40 @@ impl Sky {
     }
 }
 
-/// The entry that a number in [0, 1) falls in, where in it, and its share.
+/// The entry that a number in [0, 1) selects, the position in it, and its probability.
 #[inline]
-fn pick(sums: &[f32], u: f32) -> (usize, f32, f32) {
+fn select(sums: &[f32], u: f32) -> (usize, f32, f32) {
     let i = sums.partition_point(|&sum| sum <= u).min(sums.len() - 1);
-    let share = share(sums, i);
-    let before = sums[i] - share;
-    (i, ((u - before) / share.max(1e-30)).clamp(0.0, 1.0 - f32::EPSILON), share)
+    let width = probability(sums, i);
+    let before = sums[i] - width;
+    (i, ((u - before) / width.max(1e-30)).clamp(0.0, 1.0 - f32::EPSILON), width)
 }
 
 #[inline]
-fn share(sums: &[f32], i: usize) -> f32 {
+fn probability(sums: &[f32], i: usize) -> f32 {
     if i == 0 { sums[0] } else { sums[i] - sums[i - 1] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn densities_are_those_of_luminance_per_solid_angle() {
+        // One bright texel of 4 × 2: its share of the light is 9 / (9 + 7), for rows have equal solid angles.
+        let texels = (0..8).map(|i| if i == 6 { [9.0; 3] } else { [1.0; 3] }).collect();
+        let map = Arc::new(EnvironmentMap::new("test", 4, 2, texels).expect("sound"));
+        let distribution = EnvironmentDistribution::new(&map);
+        assert!((distribution.luminance - 2.0).abs() < 1e-6, "the mean of 16 over 8");
+        // Density over the unit square: probability over the area of an eighth.
+        assert!((distribution.density([0.6, 0.7]) - 8.0 * 9.0 / 16.0).abs() < 1e-4);
+        assert!((distribution.density([0.1, 0.2]) - 8.0 / 16.0).abs() < 1e-4);
+        let inside = |i: u32| {
+            let ([u, v], density) = distribution.sample([(i % 64) as f32 / 64.0, (i / 64) as f32 / 64.0]);
+            assert!((density - distribution.density([u, v])).abs() < 1e-4);
+            (0.5..0.75).contains(&u) && v >= 0.5
+        };
+        let count = (0..4096).filter(|&i| inside(i)).count();
+        assert!((count as f32 / 4096.0 - 9.0 / 16.0).abs() < 0.02, "{count}");
+    }
 }

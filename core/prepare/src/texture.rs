@@ -1,46 +1,47 @@
 //! Textures: 8-bit texels with their mip levels, filtered bilinearly in linear light.
 //!
-//! The finest level is the model's own picture, shared; coarser levels halve it (odd sizes round down) with a box
-//! filter, in linear light, and are kept in the picture's own encoding. A look-up decodes four texels by table.
+//! The finest level is the texture of the scene, shared; coarser levels halve it (odd sizes round down) with a box
+//! filter, in linear light, and are kept in the encoding of the texture. A look-up decodes four texels by table.
 
-use crate::approx::{floor, log2_rough};
-use crate::vec3::{Rgb, vec3};
 use std::sync::{Arc, LazyLock};
+use syntable_model::color::srgb_to_linear;
 use syntable_model::scene::{Encoding, Texture, Wrap};
+use syntable_simd::functions::{floor, log2_rough};
+use syntable_simd::{Rgb, vec3};
 
-/// A picture ready for look-ups.
+/// A texture with its mip levels, row 0 at the top.
 #[derive(Debug)]
-pub(crate) struct MipTexture {
+pub struct MipTexture {
     base: Arc<Texture>,
     /// Texels of the coarser levels, one level after the other.
     coarse: Vec<[u8; 4]>,
-    levels: Vec<Level>,
+    levels: Vec<MipLevel>,
     decode: &'static [f32; 256],
 }
 
+/// Size of a mip level.
 #[derive(Clone, Copy, Debug)]
-struct Level {
-    width: u32,
-    height: u32,
+pub struct MipLevel {
+    /// Width, texels.
+    pub width: u32,
+    /// Height, texels.
+    pub height: u32,
     /// Position of the first texel in `coarse`, or [`FINEST`].
     start: usize,
 }
 
-/// Marks the level whose texels are the model's own.
+/// Marks the level whose texels are those of the scene's texture.
 const FINEST: usize = usize::MAX;
 
-/// sRGB and plain decoding of 8 bits to [0, 1].
+/// sRGB and linear decoding of 8 bits to [0, 1].
 static DECODE: LazyLock<[[f32; 256]; 2]> = LazyLock::new(|| {
     let plain = std::array::from_fn(|i| i as f32 / 255.0);
-    let srgb = std::array::from_fn(|i| {
-        let x = i as f64 / 255.0;
-        (if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }) as f32
-    });
+    let srgb = std::array::from_fn(|i| srgb_to_linear(i as f64 / 255.0) as f32);
     [srgb, plain]
 });
 
 impl MipTexture {
-    /// Makes the coarser levels. A picture without texels, or with too few, is white.
+    /// Makes the coarser levels. A texture without texels, or with too few, is white.
     pub fn new(texture: &Arc<Texture>) -> Self {
         let (width, height) = (texture.width, texture.height);
         let sound = width > 0 && height > 0 && texture.texels.len() == width as usize * height as usize * 4;
@@ -54,7 +55,7 @@ impl MipTexture {
             Encoding::Linear => 1,
         }];
         let mut mips = Self {
-            levels: vec![Level { width: base.width, height: base.height, start: FINEST }],
+            levels: vec![MipLevel { width: base.width, height: base.height, start: FINEST }],
             base,
             coarse: Vec::new(),
             decode,
@@ -67,7 +68,7 @@ impl MipTexture {
         mips
     }
 
-    fn halve(&mut self, from: Level) {
+    fn halve(&mut self, from: MipLevel) {
         let (width, height) = ((from.width / 2).max(1), (from.height / 2).max(1));
         let start = self.coarse.len();
         let span = |i: u32, n: u32, whole: u32| (i * whole / n)..(((i + 1) * whole).div_ceil(n)).min(whole);
@@ -90,7 +91,7 @@ impl MipTexture {
                 self.coarse.push(texel);
             }
         }
-        self.levels.push(Level { width, height, start });
+        self.levels.push(MipLevel { width, height, start });
     }
 
     /// Bytes held, the finest level included.
@@ -103,9 +104,24 @@ impl MipTexture {
         0.5 * log2_rough(self.base.width as f32 * self.base.height as f32)
     }
 
-    /// The texels of a level, row by row.
+    /// Levels, the finest first.
+    pub fn levels(&self) -> &[MipLevel] {
+        &self.levels
+    }
+
+    /// Whether color texels are sRGB-encoded. Alpha is always linear.
+    pub fn encoding(&self) -> Encoding {
+        self.base.encoding
+    }
+
+    /// Continuation beyond the edges, along u and v.
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.base.wrap
+    }
+
+    /// RGBA texels of a level, row by row, in the texture's encoding. Texels of the next levels may follow.
     #[inline(always)]
-    fn texels(&self, level: Level) -> &[[u8; 4]] {
+    pub fn texels(&self, level: MipLevel) -> &[[u8; 4]] {
         match level.start {
             FINEST => self.base.texels.as_chunks().0,
             start => &self.coarse[start..],
@@ -127,7 +143,7 @@ impl MipTexture {
         (taps, wx, wy)
     }
 
-    /// Colour at (u, v), linear.
+    /// Linear color at (u, v).
     #[inline]
     pub fn color(&self, uv: [f32; 2], level: f32) -> Rgb {
         let (taps, wx, wy) = self.footprint(uv, level);
@@ -149,7 +165,7 @@ impl MipTexture {
     }
 }
 
-/// Neighbouring texels along one axis, and the weight of the second.
+/// Neighboring texels along one axis, and the weight of the second.
 #[inline(always)]
 fn axis(u: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
     let last = size - 1;
@@ -184,7 +200,7 @@ mod tests {
     use super::*;
     use syntable_model::digest::Digest;
 
-    fn picture(width: u32, height: u32, encoding: Encoding, wrap: Wrap, f: impl Fn(u32, u32) -> u8) -> MipTexture {
+    fn image(width: u32, height: u32, encoding: Encoding, wrap: Wrap, f: impl Fn(u32, u32) -> u8) -> MipTexture {
         let texels =
             (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| [f(x, y), 0, 255, f(x, y)]);
         let texels = texels.collect();
@@ -206,8 +222,8 @@ mod tests {
 
     #[test]
     fn texel_centres_and_row_order() {
-        // Row 0 of the picture is at v = 1.
-        let t = picture(2, 2, Encoding::Linear, Wrap::Clamp, |x, y| (x * 100 + y * 50) as u8);
+        // Row 0 of the image is at v = 1.
+        let t = image(2, 2, Encoding::Linear, Wrap::Clamp, |x, y| (x * 100 + y * 50) as u8);
         check(&t, [0.25, 0.75], 0.0, 0.0);
         check(&t, [0.75, 0.75], 0.0, 100.0 / 255.0);
         check(&t, [0.25, 0.25], 0.0, 50.0 / 255.0);
@@ -217,21 +233,21 @@ mod tests {
     #[test]
     fn wraps() {
         for (wrap, want) in [(Wrap::Repeat, 40.0), (Wrap::Mirror, 200.0), (Wrap::Clamp, 200.0)] {
-            let t = picture(4, 1, Encoding::Linear, wrap, |x, _| [40, 80, 120, 200][x as usize]);
+            let t = image(4, 1, Encoding::Linear, wrap, |x, _| [40, 80, 120, 200][x as usize]);
             check(&t, [1.125, 0.5], 0.0, want / 255.0);
         }
-        let t = picture(4, 1, Encoding::Linear, Wrap::Mirror, |x, _| [40, 80, 120, 200][x as usize]);
+        let t = image(4, 1, Encoding::Linear, Wrap::Mirror, |x, _| [40, 80, 120, 200][x as usize]);
         check(&t, [-0.375, 0.5], 0.0, 80.0 / 255.0);
         check(&t, [1.625, 0.5], 0.0, 80.0 / 255.0);
         // Between the last and the first texel of a tile.
-        let t = picture(4, 1, Encoding::Linear, Wrap::Repeat, |x, _| [40, 80, 120, 200][x as usize]);
+        let t = image(4, 1, Encoding::Linear, Wrap::Repeat, |x, _| [40, 80, 120, 200][x as usize]);
         check(&t, [0.0, 0.5], 0.0, 120.0 / 255.0);
         check(&t, [-7.0, 0.5], 0.0, 120.0 / 255.0);
     }
 
     #[test]
     fn srgb_is_filtered_in_linear_light() {
-        let t = picture(2, 1, Encoding::Srgb, Wrap::Clamp, |x, _| 255 * x as u8);
+        let t = image(2, 1, Encoding::Srgb, Wrap::Clamp, |x, _| 255 * x as u8);
         check(&t, [0.5, 0.5], 0.0, 0.5);
         // 188 is the code nearest to one half.
         check(&t, [0.5, 0.5], 1.0, 0.5029);
@@ -240,7 +256,7 @@ mod tests {
 
     #[test]
     fn levels_keep_the_mean_of_any_size() {
-        let t = picture(37, 21, Encoding::Linear, Wrap::Repeat, |x, y| ((x * 7 + y * 13) % 251) as u8);
+        let t = image(37, 21, Encoding::Linear, Wrap::Repeat, |x, y| ((x * 7 + y * 13) % 251) as u8);
         let mean =
             (0..21).flat_map(|y| (0..37).map(move |x| (x * 7 + y * 13) % 251)).sum::<u32>() as f32 / 777.0 / 255.0;
         assert!((t.channel([0.3, 0.9], 99.0, 0) - mean).abs() < 0.03);
@@ -250,7 +266,7 @@ mod tests {
     #[test]
     fn wild_coordinates_stay_inside() {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
-            let t = picture(5, 3, Encoding::Srgb, wrap, |x, y| (x * y) as u8);
+            let t = image(5, 3, Encoding::Srgb, wrap, |x, y| (x * y) as u8);
             for u in [-1e30_f32, -1e7, -1.0, -1e-9, 1.0 - 1e-7, 1.0, 1e7, 1e30] {
                 t.color([u, -u], 0.0);
             }

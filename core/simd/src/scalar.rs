@@ -1,6 +1,6 @@
-//! One number at a time.
+//! One lane: plain numbers.
 
-use super::{Int, Mask, Real};
+use crate::real::{Int, Mask, Real};
 
 impl Real for f32 {
     type Mask = bool;
@@ -52,7 +52,7 @@ impl Real for f32 {
         self <= other
     }
     #[inline(always)]
-    fn pick(mask: bool, yes: Self, no: Self) -> Self {
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
     }
     #[inline(always)]
@@ -106,7 +106,7 @@ impl Int for u32 {
         self == other
     }
     #[inline(always)]
-    fn pick(mask: bool, yes: Self, no: Self) -> Self {
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
     }
     #[inline(always)]

@@ -3,12 +3,12 @@
 //! The standard library's `sin` and `acos` come from the platform's mathematics library, whose last bits differ from
 //! one system to the next. These give the same bits everywhere, to a few units in the last place, and are faster.
 
-use crate::real::{Int, Real, at_least, at_most};
+use crate::{Int, Real, at_least, at_most};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// The whole number at or below, for |x| < 2³¹.
 #[inline(always)]
-pub(crate) fn floor(x: f32) -> (i32, f32) {
+pub fn floor(x: f32) -> (i32, f32) {
     let truncated = x as i32;
     let whole = truncated - i32::from((truncated as f32) > x);
     (whole, x - whole as f32)
@@ -16,7 +16,7 @@ pub(crate) fn floor(x: f32) -> (i32, f32) {
 
 /// Sine and cosine of `turns` full turns, for |turns| < 2²⁰.
 #[inline(always)]
-pub(crate) fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
+pub fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
     let quarters = turns * 4.0_f32;
     // To the nearest quarter, by truncation of a number made positive or pushed away from zero.
     let quadrant = (quarters + T::splat(0.5).copysign(quarters)).truncate();
@@ -26,7 +26,7 @@ pub(crate) fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
     let cos = (x2 * x2 * (x2 * (x2 * 2.443_315_7e-5_f32 + -0.001_388_731_6_f32) + 0.041_666_646_f32) - x2 * 0.5_f32)
         + 1.0_f32;
     let odd = (quadrant & T::Int::splat(1)).equals(T::Int::splat(1));
-    let (s, c) = (T::pick(odd, cos, sin), T::pick(odd, sin, cos));
+    let (s, c) = (T::select(odd, cos, sin), T::select(odd, sin, cos));
     // The sign bits: sine's is bit 1 of the quadrant, cosine's that of the next quadrant.
     let flip = |v: T, quadrant: T::Int| T::from_bits(v.bits() ^ ((quadrant & T::Int::splat(2)) << 30));
     (flip(s, quadrant), flip(c, quadrant.plus(T::Int::splat(1))))
@@ -34,7 +34,7 @@ pub(crate) fn sin_cos_turns<T: Real>(turns: T) -> (T, T) {
 
 /// Arc cosine; arguments beyond ±1 count as ±1. (Abramowitz and Stegun 4.4.46.)
 #[inline(always)]
-pub(crate) fn acos<T: Real>(x: T) -> T {
+pub fn acos<T: Real>(x: T) -> T {
     let a = at_most(x.abs(), 1.0);
     let p = a * -0.001_262_491_1_f32 + 0.006_670_09_f32;
     let p = a * p + -0.017_088_126_f32;
@@ -44,39 +44,39 @@ pub(crate) fn acos<T: Real>(x: T) -> T {
     let p = a * p + -0.214_598_8_f32;
     let p = a * p + FRAC_PI_2;
     let angle = (T::splat(1.0) - a).sqrt() * p;
-    T::pick(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle)
+    T::select(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle)
 }
 
 /// Angle of the point (x, y) in turns, in [-1/2, 1/2]; 0 for the origin. To about 1e-7.
 #[inline(always)]
-pub(crate) fn atan2_turns<T: Real>(y: T, x: T) -> T {
+pub fn atan2_turns<T: Real>(y: T, x: T) -> T {
     let (ax, ay) = (x.abs(), y.abs());
     let steep = ay.gt(ax);
-    let (small, large) = (T::pick(steep, ax, ay), T::pick(steep, ay, ax));
+    let (small, large) = (T::select(steep, ax, ay), T::select(steep, ay, ax));
     let t = small / at_least(large, f32::MIN_POSITIVE);
     // Beyond tan(π/8) by the angle's difference to π/4, so that the series is short.
     let far = t.gt(T::splat(0.414_213_57));
-    let t = T::pick(far, (t - 1.0_f32) / (t + 1.0_f32), t);
+    let t = T::select(far, (t - 1.0_f32) / (t + 1.0_f32), t);
     let t2 = t * t;
     let p = t2 * 8.053_744e-2_f32 - 1.387_768_6e-1_f32;
     let p = p * t2 + 1.997_771_1e-1_f32;
     let p = p * t2 - 3.333_295e-1_f32;
     let angle = t + t * t2 * p;
-    let angle = T::pick(far, angle + FRAC_PI_4, angle);
-    let angle = T::pick(steep, T::splat(FRAC_PI_2) - angle, angle);
-    let angle = T::pick(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle);
+    let angle = T::select(far, angle + FRAC_PI_4, angle);
+    let angle = T::select(steep, T::splat(FRAC_PI_2) - angle, angle);
+    let angle = T::select(x.lt(T::splat(0.0)), T::splat(PI) - angle, angle);
     (angle * (0.5 / PI)).copysign(y)
 }
 
 /// Base-2 logarithm of a positive normal number, to about 1e-7.
 #[inline(always)]
-pub(crate) fn log2<T: Real>(x: T) -> T {
+pub fn log2<T: Real>(x: T) -> T {
     let bits = x.bits();
     let exponent = (bits >> 23).signed_to_real() - 127.0_f32;
     let mantissa = T::from_bits(bits & T::Int::splat(0x007f_ffff) | T::Int::splat(0x3f80_0000));
     let upper = mantissa.gt(T::splat(std::f32::consts::SQRT_2));
-    let exponent = T::pick(upper, exponent + 1.0_f32, exponent);
-    let m = T::pick(upper, mantissa * 0.5_f32, mantissa);
+    let exponent = T::select(upper, exponent + 1.0_f32, exponent);
+    let m = T::select(upper, mantissa * 0.5_f32, mantissa);
     // The series of the inverse hyperbolic tangent.
     let t = (m - 1.0_f32) / (m + 1.0_f32);
     let t2 = t * t;
@@ -86,7 +86,7 @@ pub(crate) fn log2<T: Real>(x: T) -> T {
 
 /// Two to the power of x, to about 2e-7 of the result; x is brought into ±126.
 #[inline(always)]
-pub(crate) fn exp2<T: Real>(x: T) -> T {
+pub fn exp2<T: Real>(x: T) -> T {
     let x = at_most(at_least(x, -126.0), 126.0);
     let whole = (x + T::splat(0.5).copysign(x)).truncate();
     let f = (x - whole.signed_to_real()) * std::f32::consts::LN_2;
@@ -100,13 +100,13 @@ pub(crate) fn exp2<T: Real>(x: T) -> T {
 
 /// A positive number to a power.
 #[inline(always)]
-pub(crate) fn pow<T: Real>(x: T, power: T) -> T {
+pub fn pow<T: Real>(x: T, power: T) -> T {
     exp2(log2(at_least(x, f32::MIN_POSITIVE)) * power)
 }
 
 /// Base-2 logarithm to about 0.01, for choosing texture levels. The argument must be positive and normal.
 #[inline(always)]
-pub(crate) fn log2_rough(x: f32) -> f32 {
+pub fn log2_rough(x: f32) -> f32 {
     let bits = x.to_bits();
     let exponent = (bits >> 23) as i32 - 127;
     let mantissa = f32::from_bits(bits & 0x007f_ffff | 0x3f80_0000);

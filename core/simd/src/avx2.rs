@@ -1,23 +1,24 @@
-//! Eight numbers at a time, in AVX2 registers.
+//! Eight lanes in AVX2 registers.
 //!
-//! SAFETY of the whole module: values of these types are only made in code that runs after
-//! [`has_eight`](super::has_eight) said yes, which the one place that chooses the lanes sees to.
+//! SAFETY of the whole module: its types are private to the crate, which hands them out only as type arguments of tasks
+//! that `processor.rs` runs after it has detected AVX2 and FMA. So every function here runs on a processor that has both.
 
-use super::{Int, Mask, Real};
+use crate::real::{Int, Mask, Real};
+use crate::wide::{Column, Wide};
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
 
-/// Eight `f32`.
+/// F32x8 `f32`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Eight(__m256);
+pub struct F32x8(__m256);
 
-/// Eight `u32`.
+/// F32x8 `u32`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct EightInts(__m256i);
+pub struct U32x8(__m256i);
 
-/// Eight truths, all bits set or none.
+/// F32x8 truths, all bits set or none.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct EightMasks(__m256);
+pub struct Mask8(__m256);
 
 macro_rules! operators {
     ($t:ident: $($trait:ident $method:ident $intrinsic:ident),* $(,)?) => {$(
@@ -31,13 +32,13 @@ macro_rules! operators {
         }
     )*};
 }
-operators!(Eight: Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps, Div div _mm256_div_ps);
-operators!(EightInts: BitAnd bitand _mm256_and_si256, BitOr bitor _mm256_or_si256, BitXor bitxor _mm256_xor_si256);
-operators!(EightMasks: BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
+operators!(F32x8: Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps, Div div _mm256_div_ps);
+operators!(U32x8: BitAnd bitand _mm256_and_si256, BitOr bitor _mm256_or_si256, BitXor bitxor _mm256_xor_si256);
+operators!(Mask8: BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
 
 macro_rules! with_constants {
     ($($trait:ident $method:ident),*) => {$(
-        impl $trait<f32> for Eight {
+        impl $trait<f32> for F32x8 {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: f32) -> Self {
@@ -48,7 +49,7 @@ macro_rules! with_constants {
 }
 with_constants!(Add add, Sub sub, Mul mul);
 
-impl Neg for Eight {
+impl Neg for F32x8 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -57,7 +58,7 @@ impl Neg for Eight {
     }
 }
 
-impl Shl<u32> for EightInts {
+impl Shl<u32> for U32x8 {
     type Output = Self;
     #[inline(always)]
     fn shl(self, by: u32) -> Self {
@@ -66,7 +67,7 @@ impl Shl<u32> for EightInts {
     }
 }
 
-impl Shr<u32> for EightInts {
+impl Shr<u32> for U32x8 {
     type Output = Self;
     #[inline(always)]
     fn shr(self, by: u32) -> Self {
@@ -75,7 +76,7 @@ impl Shr<u32> for EightInts {
     }
 }
 
-impl Not for EightMasks {
+impl Not for Mask8 {
     type Output = Self;
     #[inline(always)]
     fn not(self) -> Self {
@@ -103,14 +104,14 @@ static COMPRESSED: [[u32; 8]; 256] = {
 };
 
 #[inline(always)]
-fn order(mask: EightMasks) -> __m256i {
+fn order(mask: Mask8) -> __m256i {
     // SAFETY: of the module; the table's rows hold eight numbers.
     unsafe { _mm256_loadu_si256(COMPRESSED[(mask.to_bits() & 0xff) as usize].as_ptr().cast()) }
 }
 
-impl Real for Eight {
-    type Mask = EightMasks;
-    type Int = EightInts;
+impl Real for F32x8 {
+    type Mask = Mask8;
+    type Int = U32x8;
     const WIDTH: usize = 8;
 
     #[inline(always)]
@@ -129,7 +130,7 @@ impl Real for Eight {
         unsafe { _mm256_storeu_ps(to[..8].as_mut_ptr(), self.0) }
     }
     #[inline(always)]
-    fn compress(self, mask: EightMasks, to: &mut [f32]) {
+    fn compress(self, mask: Mask8, to: &mut [f32]) {
         // SAFETY: of the module; the slice is long enough.
         unsafe { _mm256_storeu_ps(to[..8].as_mut_ptr(), _mm256_permutevar8x32_ps(self.0, order(mask))) }
     }
@@ -162,37 +163,37 @@ impl Real for Eight {
         unsafe { Self(_mm256_min_ps(self.0, other.0)) }
     }
     #[inline(always)]
-    fn lt(self, other: Self) -> EightMasks {
+    fn lt(self, other: Self) -> Mask8 {
         // SAFETY: of the module.
-        unsafe { EightMasks(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) }
+        unsafe { Mask8(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) }
     }
     #[inline(always)]
-    fn le(self, other: Self) -> EightMasks {
+    fn le(self, other: Self) -> Mask8 {
         // SAFETY: of the module.
-        unsafe { EightMasks(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) }
+        unsafe { Mask8(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) }
     }
     #[inline(always)]
-    fn pick(mask: EightMasks, yes: Self, no: Self) -> Self {
+    fn select(mask: Mask8, yes: Self, no: Self) -> Self {
         // SAFETY: of the module.
         unsafe { Self(_mm256_blendv_ps(no.0, yes.0, mask.0)) }
     }
     #[inline(always)]
-    fn bits(self) -> EightInts {
+    fn bits(self) -> U32x8 {
         // SAFETY: of the module.
-        unsafe { EightInts(_mm256_castps_si256(self.0)) }
+        unsafe { U32x8(_mm256_castps_si256(self.0)) }
     }
     #[inline(always)]
-    fn from_bits(bits: EightInts) -> Self {
+    fn from_bits(bits: U32x8) -> Self {
         // SAFETY: of the module.
         unsafe { Self(_mm256_castsi256_ps(bits.0)) }
     }
     #[inline(always)]
-    fn truncate(self) -> EightInts {
+    fn truncate(self) -> U32x8 {
         // SAFETY: of the module.
-        unsafe { EightInts(_mm256_cvttps_epi32(self.0)) }
+        unsafe { U32x8(_mm256_cvttps_epi32(self.0)) }
     }
     #[inline(always)]
-    fn lookup(table: &[[f32; 8]], index: EightInts) -> [Self; 8] {
+    fn lookup(table: &[[f32; 8]], index: U32x8) -> [Self; 8] {
         let mut at = [0; 8];
         index.store(&mut at);
         // SAFETY: of the module; the table's rows hold eight numbers.
@@ -224,9 +225,9 @@ impl Real for Eight {
     }
 }
 
-impl Int for EightInts {
-    type Mask = EightMasks;
-    type Real = Eight;
+impl Int for U32x8 {
+    type Mask = Mask8;
+    type Real = F32x8;
 
     #[inline(always)]
     fn splat(x: u32) -> Self {
@@ -244,7 +245,7 @@ impl Int for EightInts {
         unsafe { _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), self.0) }
     }
     #[inline(always)]
-    fn compress(self, mask: EightMasks, to: &mut [u32]) {
+    fn compress(self, mask: Mask8, to: &mut [u32]) {
         // SAFETY: of the module; the slice is long enough.
         unsafe { _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(self.0, order(mask))) }
     }
@@ -259,23 +260,23 @@ impl Int for EightInts {
         unsafe { Self(_mm256_mullo_epi32(self.0, other.0)) }
     }
     #[inline(always)]
-    fn equals(self, other: Self) -> EightMasks {
+    fn equals(self, other: Self) -> Mask8 {
         // SAFETY: of the module.
-        unsafe { EightMasks(_mm256_castsi256_ps(_mm256_cmpeq_epi32(self.0, other.0))) }
+        unsafe { Mask8(_mm256_castsi256_ps(_mm256_cmpeq_epi32(self.0, other.0))) }
     }
     #[inline(always)]
-    fn pick(mask: EightMasks, yes: Self, no: Self) -> Self {
+    fn select(mask: Mask8, yes: Self, no: Self) -> Self {
         // SAFETY: of the module.
         unsafe { Self(_mm256_blendv_epi8(no.0, yes.0, _mm256_castps_si256(mask.0))) }
     }
     #[inline(always)]
-    fn signed_to_real(self) -> Eight {
+    fn signed_to_real(self) -> F32x8 {
         // SAFETY: of the module.
-        unsafe { Eight(_mm256_cvtepi32_ps(self.0)) }
+        unsafe { F32x8(_mm256_cvtepi32_ps(self.0)) }
     }
     #[inline(always)]
     fn reverse_bits(self) -> Self {
-        // Bytes are turned round within each number; nibbles are reversed by table and swapped.
+        // Bytes are rotated round within each number; nibbles are reversed by table and swapped.
         // SAFETY: of the module.
         unsafe {
             let bytes = _mm256_setr_epi8(
@@ -295,10 +296,10 @@ impl Int for EightInts {
     }
 }
 
-impl Mask for EightMasks {
+impl Mask for Mask8 {
     #[inline(always)]
     fn splat(set: bool) -> Self {
-        EightInts::splat(if set { u32::MAX } else { 0 }).as_mask()
+        U32x8::splat(if set { u32::MAX } else { 0 }).as_mask()
     }
     #[inline(always)]
     fn to_bits(self) -> u32 {
@@ -307,23 +308,133 @@ impl Mask for EightMasks {
     }
 }
 
-impl EightInts {
+impl U32x8 {
     #[inline(always)]
-    fn as_mask(self) -> EightMasks {
+    fn as_mask(self) -> Mask8 {
         // SAFETY: of the module.
-        unsafe { EightMasks(_mm256_castsi256_ps(self.0)) }
+        unsafe { Mask8(_mm256_castsi256_ps(self.0)) }
+    }
+}
+
+/// Eight lanes with fused multiplication.
+#[derive(Clone, Copy, Debug)]
+pub struct WideF32x8;
+
+impl Wide for WideF32x8 {
+    type V = __m256;
+
+    #[inline(always)]
+    fn load(column: &Column) -> __m256 {
+        // SAFETY: of the module; a column is 32-byte aligned.
+        unsafe { _mm256_load_ps(column.0.as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(v: __m256) -> Column {
+        let mut column = Column([0.0; 8]);
+        // SAFETY: of the module.
+        unsafe { _mm256_store_ps(column.0.as_mut_ptr(), v) };
+        column
+    }
+    #[inline(always)]
+    fn splat(x: f32) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_set1_ps(x) }
+    }
+    #[inline(always)]
+    fn twice(from: &[f32; 4]) -> __m256 {
+        // SAFETY: of the module; the four numbers may be unaligned.
+        unsafe {
+            let half = _mm_loadu_ps(from.as_ptr());
+            _mm256_set_m128(half, half)
+        }
+    }
+    #[inline(always)]
+    fn shuffle<const ORDER: i32>(v: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_permute_ps::<ORDER>(v) }
+    }
+    #[inline(always)]
+    fn add(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn div(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_div_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_fnmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn min(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_min_ps(a, b) }
+    }
+    #[inline(always)]
+    fn max(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_max_ps(a, b) }
+    }
+    #[inline(always)]
+    fn le(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn differ(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_cmp_ps::<_CMP_NEQ_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn and(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_and_ps(a, b) }
+    }
+    #[inline(always)]
+    fn or(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: of the module.
+        unsafe { _mm256_or_ps(a, b) }
+    }
+    #[inline(always)]
+    fn bits(mask: __m256) -> u32 {
+        // SAFETY: of the module.
+        unsafe { _mm256_movemask_ps(mask) as u32 }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Processor;
     use syntable_model::random::Stream;
+
+    /// Whether the types of this module may be used: the tests stand in for [`Processor::run`].
+    fn available() -> bool {
+        Processor::detect() != Processor::portable()
+    }
 
     /// Every operation on eight lanes gives the bits of the operation on one.
     #[test]
     fn lanes_agree_with_single_numbers() {
-        if !super::super::has_eight() {
+        if !available() {
             println!("skipped: this processor has no AVX2");
             return;
         }
@@ -335,8 +446,8 @@ mod tests {
                 _ => (stream.uniform(-3.0, 3.0) * 10.0_f64.powf(stream.uniform(-3.0, 3.0))) as f32,
             };
             let (a, b): ([f32; 8], [f32; 8]) = (std::array::from_fn(|_| draw()), std::array::from_fn(|_| draw()));
-            let (va, vb) = (Eight::load(&a), Eight::load(&b));
-            let real = |name: &str, got: Eight, want: fn(f32, f32) -> f32| {
+            let (va, vb) = (F32x8::load(&a), F32x8::load(&b));
+            let real = |name: &str, got: F32x8, want: fn(f32, f32) -> f32| {
                 let mut out = [0.0; 8];
                 got.store(&mut out);
                 for i in 0..8 {
@@ -359,19 +470,19 @@ mod tests {
             real("copysign", va.copysign(vb), Real::copysign);
             real("larger", va.larger(vb), |a, b| a.larger(b));
             real("smaller", va.smaller(vb), |a, b| a.smaller(b));
-            real("lt", Eight::pick(va.lt(vb), va, vb), |a, b| f32::pick(a < b, a, b));
-            real("le", Eight::pick(va.le(vb), va, vb), |a, b| f32::pick(a <= b, a, b));
-            real("not", Eight::pick(!va.le(vb), va, vb), |a, b| f32::pick(!Real::le(a, b), a, b));
-            real("bits", Eight::from_bits(va.bits()), |a, _| a);
+            real("lt", F32x8::select(va.lt(vb), va, vb), |a, b| f32::select(a < b, a, b));
+            real("le", F32x8::select(va.le(vb), va, vb), |a, b| f32::select(a <= b, a, b));
+            real("not", F32x8::select(!va.le(vb), va, vb), |a, b| f32::select(!Real::le(a, b), a, b));
+            real("bits", F32x8::from_bits(va.bits()), |a, _| a);
             real("signed", va.bits().signed_to_real(), |a, _| a.to_bits().signed_to_real());
             let c = a.map(|x| if x.is_finite() { x } else { 7.5 });
             let mut out = [0; 8];
-            Eight::load(&c).truncate().store(&mut out);
+            F32x8::load(&c).truncate().store(&mut out);
             assert_eq!(out, c.map(Real::truncate));
 
             let (a, b) = (a.map(f32::to_bits), b.map(f32::to_bits));
-            let (va, vb) = (EightInts::load(&a), EightInts::load(&b));
-            let int = |name: &str, got: EightInts, want: fn(u32, u32) -> u32| {
+            let (va, vb) = (U32x8::load(&a), U32x8::load(&b));
+            let int = |name: &str, got: U32x8, want: fn(u32, u32) -> u32| {
                 let mut out = [0; 8];
                 got.store(&mut out);
                 for i in 0..8 {
@@ -386,24 +497,24 @@ mod tests {
             int("plus", va.plus(vb), |a, b| a.plus(b));
             int("times", va.times(vb), |a, b| a.times(b));
             int("reverse", va.reverse_bits(), |a, _| a.reverse_bits());
-            int("equals", EightInts::pick(va.equals(vb), va, vb), |a, b| u32::pick(a == b, a, b));
+            int("equals", U32x8::select(va.equals(vb), va, vb), |a, b| u32::select(a == b, a, b));
         }
     }
 
     #[test]
     fn compression_keeps_order() {
-        if !super::super::has_eight() {
+        if !available() {
             println!("skipped: this processor has no AVX2");
             return;
         }
         let numbers: [f32; 8] = std::array::from_fn(|i| i as f32);
         for set in 0..256_u32 {
             let wanted: [f32; 8] = std::array::from_fn(|i| if set >> i & 1 == 1 { 1.0 } else { 0.0 });
-            let mask = Eight::load(&wanted).gt(Eight::splat(0.5));
+            let mask = F32x8::load(&wanted).gt(F32x8::splat(0.5));
             assert_eq!(mask.to_bits(), set);
             let (mut reals, mut ints) = ([0.0; 8], [0; 8]);
-            Eight::load(&numbers).compress(mask, &mut reals);
-            EightInts::load(&numbers.map(|x| x as u32)).compress(mask, &mut ints);
+            F32x8::load(&numbers).compress(mask, &mut reals);
+            U32x8::load(&numbers.map(|x| x as u32)).compress(mask, &mut ints);
             let want: Vec<u32> = (0..8).filter(|i| set >> i & 1 == 1).collect();
             assert_eq!(ints[..want.len()], want);
             assert!(reals.iter().zip(&want).all(|(&r, &w)| r == w as f32));
@@ -412,10 +523,10 @@ mod tests {
 
     #[test]
     fn tables_are_looked_up_by_lane() {
-        if super::super::has_eight() {
+        if available() {
             let table: Vec<[f32; 8]> = (0..5).map(|row| std::array::from_fn(|i| (row * 8 + i) as f32)).collect();
             let rows = [2, 1, 0, 4, 1, 3, 2, 1];
-            let found = Eight::lookup(&table, EightInts::load(&rows));
+            let found = F32x8::lookup(&table, U32x8::load(&rows));
             for (i, numbers) in found.into_iter().enumerate() {
                 let mut out = [0.0; 8];
                 numbers.store(&mut out);

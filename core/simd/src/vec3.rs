@@ -1,29 +1,36 @@
-//! Small `f32` vectors: points, directions and linear Rec. 709 colours.
+//! Small `f32` vectors: points, directions and linear Rec. 709 colors.
 
-use crate::real::Real;
+use crate::Real;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Three numbers: a point or direction in metres, or a linear Rec. 709 colour.
+/// Three numbers: a point or direction in meters, or a linear Rec. 709 color. Laid out as `[T; 3]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Vec3<T = f32> {
+#[repr(C)]
+pub struct Vec3<T = f32> {
+    /// First component, or red.
     pub x: T,
+    /// Second component, or green.
     pub y: T,
+    /// Third component, or blue.
     pub z: T,
 }
 
-/// A linear Rec. 709 colour: radiance in nits, or a reflectance.
-pub(crate) type Rgb<T = f32> = Vec3<T>;
+/// A linear Rec. 709 color: radiance in nits, or a reflectance.
+pub type Rgb<T = f32> = Vec3<T>;
 
 /// Shorthand for a [`Vec3`].
 #[inline(always)]
-pub(crate) const fn vec3<T: Copy>(x: T, y: T, z: T) -> Vec3<T> {
+pub const fn vec3<T: Copy>(x: T, y: T, z: T) -> Vec3<T> {
     Vec3 { x, y, z }
 }
 
 impl Vec3 {
+    /// The null vector, or black.
     pub const ZERO: Self = vec3(0.0, 0.0, 0.0);
+    /// Ones, or white.
     pub const ONE: Self = vec3(1.0, 1.0, 1.0);
 
+    /// The components in order.
     #[inline(always)]
     pub const fn array(self) -> [f32; 3] {
         [self.x, self.y, self.z]
@@ -36,6 +43,7 @@ impl Vec3 {
         if square > 1e-30 && square < f32::INFINITY { self * (1.0 / square.sqrt()) } else { other }
     }
 
+    /// Whether all components are 0.
     #[inline(always)]
     pub fn is_black(self) -> bool {
         self.x == 0.0 && self.y == 0.0 && self.z == 0.0
@@ -49,27 +57,31 @@ impl<T: Real> Vec3<T> {
         vec3(T::splat(v.x), T::splat(v.y), T::splat(v.z))
     }
 
+    /// The same number in every component.
     #[inline(always)]
     pub fn all(v: T) -> Self {
         vec3(v, v, v)
     }
 
-    /// By lane, `yes` where the mask is true.
+    /// `yes` in the lanes where the mask is true, `no` elsewhere.
     #[inline(always)]
-    pub fn pick(mask: T::Mask, yes: Self, no: Self) -> Self {
-        vec3(T::pick(mask, yes.x, no.x), T::pick(mask, yes.y, no.y), T::pick(mask, yes.z, no.z))
+    pub fn select(mask: T::Mask, yes: Self, no: Self) -> Self {
+        vec3(T::select(mask, yes.x, no.x), T::select(mask, yes.y, no.y), T::select(mask, yes.z, no.z))
     }
 
+    /// Scalar product.
     #[inline(always)]
     pub fn dot(self, o: Self) -> T {
         self.x * o.x + self.y * o.y + self.z * o.z
     }
 
+    /// Vector product.
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         vec3(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
     }
 
+    /// Euclidean length.
     #[inline(always)]
     pub fn length(self) -> T {
         self.dot(self).sqrt()
@@ -81,22 +93,25 @@ impl<T: Real> Vec3<T> {
         self * (T::splat(1.0) / self.length())
     }
 
+    /// Largest component.
     #[inline(always)]
     pub fn max_component(self) -> T {
         self.x.larger(self.y.larger(self.z))
     }
 
-    /// Luminance of a linear Rec. 709 colour.
+    /// Luminance of a linear Rec. 709 color.
     #[inline(always)]
     pub fn luminance(self) -> T {
         self.x * 0.2126_f32 + self.y * 0.7152_f32 + self.z * 0.0722_f32
     }
 
+    /// Linear interpolation: `self` at `t = 0`, `to` at `t = 1`.
     #[inline(always)]
     pub fn lerp(self, to: Self, t: T) -> Self {
         self + (to - self) * t
     }
 
+    /// Applies a function to every component.
     #[inline(always)]
     pub fn map(self, f: impl Fn(T) -> T) -> Self {
         vec3(f(self.x), f(self.y), f(self.z))
@@ -141,9 +156,12 @@ impl<T: Real> Neg for Vec3<T> {
 
 /// A right-handed orthonormal frame around a direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Basis<T = f32> {
+pub struct Basis<T = f32> {
+    /// First axis, world.
     pub x: Vec3<T>,
+    /// Second axis, world.
     pub y: Vec3<T>,
+    /// Third axis, world.
     pub z: Vec3<T>,
 }
 
@@ -161,11 +179,13 @@ impl<T: Real> Basis<T> {
         }
     }
 
+    /// From world to the frame.
     #[inline(always)]
     pub fn to_local(self, v: Vec3<T>) -> Vec3<T> {
         vec3(v.dot(self.x), v.dot(self.y), v.dot(self.z))
     }
 
+    /// From the frame to world.
     #[inline(always)]
     pub fn to_world(self, v: Vec3<T>) -> Vec3<T> {
         self.x * v.x + self.y * v.y + self.z * v.z

@@ -1,50 +1,50 @@
-//! Light that passes a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin pane.
+//! Light that transmitted a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin thin_walled.
 //!
 //! What is carried along a path is radiance over the squared index of its medium, which refraction leaves unchanged, so
 //! that no factor appears at interfaces.
 //!
 //! Smith's model takes what leaves a facet and meets another one for lost: a third of white light that crosses a body of
 //! roughness 0.6. Here that light keeps the direction in which it left the first facet, or its mirror image if that
-//! points to the wrong side, and nothing is lost; the price is that the lobe is not reciprocal by that share. Light only
-//! ever comes through glass from sampled directions, so that no density is needed.
+//! points to the wrong side, and nothing is lost; the price is that the lobe is not reciprocal by that fraction. Light only
+//! ever comes through transmission from sampled directions, so that no density is needed.
 
 use super::ggx;
-use crate::approx::sin_cos_turns;
-use crate::real::{Real, at_least, complement, inverse};
-use crate::vec3::{Rgb, Vec3, vec3};
+use syntable_simd::functions::sin_cos_turns;
+use syntable_simd::{Real, at_least, complement, inverse};
+use syntable_simd::{Rgb, Vec3, vec3};
 
 /// An interface at a point for one outgoing direction, with z > 0 on its side.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Glass<T: Real = f32> {
+pub(crate) struct Transmission<T: Real = f32> {
     wo: Vec3<T>,
     alpha: T,
     /// Index beyond over index on this side.
     eta: T,
-    /// Whether the other side is near again: a thin sheet, which light passes without being bent.
-    pane: T::Mask,
+    /// Whether the other side is near again: a thin sheet, which light transmitted without being refracted.
+    thin_walled: T::Mask,
     /// What passing light is multiplied by.
     tint: Rgb<T>,
 }
 
 /// A sampled direction, on either side.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Passed<T: Real> {
+pub(crate) struct TransmissionSample<T: Real> {
     pub valid: T::Mask,
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,
 }
 
-impl<T: Real> Glass<T> {
+impl<T: Real> Transmission<T> {
     /// `wo` is unit length with z > 0.
     #[inline(always)]
-    pub fn new(wo: Vec3<T>, roughness: T, eta: T, pane: T::Mask, tint: Rgb<T>) -> Self {
-        Self { wo, alpha: at_least(roughness * roughness, ggx::MIN_ALPHA), eta, pane, tint }
+    pub fn new(wo: Vec3<T>, roughness: T, eta: T, thin_walled: T::Mask, tint: Rgb<T>) -> Self {
+        Self { wo, alpha: at_least(roughness * roughness, ggx::MIN_ALPHA), eta, thin_walled, tint }
     }
 
-    /// Samples a microfacet from the visible normals, then reflection or passage by Fresnel's share; `coin` decides.
+    /// Samples a microfacet from the visible normals, then reflection or passage by the Fresnel reflectance; `random` decides.
     #[inline(always)]
-    pub fn sample(&self, [u, v]: [T; 2], coin: T) -> Passed<T> {
+    pub fn sample(&self, [u, v]: [T; 2], random: T) -> TransmissionSample<T> {
         let one = T::splat(1.0);
         let wo = self.wo;
         let standard = vec3(wo.x * self.alpha, wo.y * self.alpha, wo.z).normalized();
@@ -58,24 +58,24 @@ impl<T: Real> Glass<T> {
 
         let cos_o = at_least(wo.dot(h), 1e-6);
         let (fresnel, cos_t) = dielectric(cos_o, self.eta);
-        // A pane reflects between its two faces for ever: F + (1 - F)² F / (1 - F²) = 2F / (1 + F).
-        let fresnel = T::pick(self.pane, fresnel * 2.0_f32 / (fresnel + 1.0_f32), fresnel);
-        let reflects = coin.lt(fresnel);
+        // A thin_walled reflects between its two faces for ever: F + (1 - F)² F / (1 - F²) = 2F / (1 + F).
+        let fresnel = T::select(self.thin_walled, fresnel * 2.0_f32 / (fresnel + 1.0_f32), fresnel);
+        let reflects = random.lt(fresnel);
         let mirrored = h * (cos_o * 2.0_f32) - wo;
         let per_eta = inverse(self.eta);
-        let bent = h * (cos_o * per_eta - cos_t) - wo * per_eta;
+        let refracted = h * (cos_o * per_eta - cos_t) - wo * per_eta;
         let straight = vec3(mirrored.x, mirrored.y, -mirrored.z);
-        let passed = Vec3::pick(self.pane, straight, bent);
-        let wi = Vec3::pick(reflects, mirrored, passed);
+        let transmitted = Vec3::select(self.thin_walled, straight, refracted);
+        let wi = Vec3::select(reflects, mirrored, transmitted);
 
         let up = wi.z.abs();
-        let wi = vec3(wi.x, wi.y, T::pick(reflects, up, -up));
-        let weight = Vec3::pick(reflects, Rgb::all(one), self.tint);
-        Passed { valid: up.gt(T::splat(1e-6)), wi, weight }
+        let wi = vec3(wi.x, wi.y, T::select(reflects, up, -up));
+        let weight = Vec3::select(reflects, Rgb::all(one), self.tint);
+        TransmissionSample { valid: up.gt(T::splat(1e-6)), wi, weight }
     }
 }
 
-/// Fresnel's reflectance of unpolarised light at a dielectric, and the cosine beyond; 1 and 0 for total reflection.
+/// Fresnel's reflectance of unpolarized light at a dielectric, and the cosine beyond; 1 and 0 for total reflection.
 #[inline(always)]
 pub(super) fn dielectric<T: Real>(cos_i: T, eta: T) -> (T, T) {
     let per_eta = inverse(eta);
@@ -85,5 +85,5 @@ pub(super) fn dielectric<T: Real>(cos_i: T, eta: T) -> (T, T) {
     let parallel = (eta * cos_i - cos_t) / at_least(eta * cos_i + cos_t, 1e-12);
     let perpendicular = (cos_i - eta * cos_t) / at_least(cos_i + eta * cos_t, 1e-12);
     let reflectance = (parallel * parallel + perpendicular * perpendicular) * 0.5_f32;
-    (T::pick(total, T::splat(1.0), reflectance), T::pick(total, T::splat(0.0), cos_t))
+    (T::select(total, T::splat(1.0), reflectance), T::select(total, T::splat(0.0), cos_t))
 }

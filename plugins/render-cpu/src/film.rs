@@ -1,7 +1,7 @@
-//! A picture in rounds: which tiles get how many samples, and what is told of the result.
+//! Images in rounds: which tiles get how many samples, and the report of the result.
 
 use crate::path::{PathTracer, PixelSums, Statistics, Task, place};
-use std::sync::{Mutex, PoisonError};
+use parking_lot::Mutex;
 use std::time::Instant;
 use syntable_model::context::Workers;
 use syntable_model::photometry::luminance;
@@ -13,20 +13,20 @@ const TILE: u32 = 16;
 /// Samples of the first round where tiles may stop early: enough to know how noisy they are.
 const FIRST_ROUND: u32 = 16;
 
-/// Samples of the guides of pixels that are unlike their neighbours, on top of those that also find light; with as many
+/// Samples of the guides of pixels that are unlike their neighbors, on top of those that also find light; with as many
 /// of these, guides are clean without.
 const GUIDE_SAMPLES: u32 = 8;
 
-/// Neighbours are unlike from such a difference of a base colour or of a normal on.
-const UNLIKE: f32 = 0.1;
+/// Neighbors differ from this difference of base color or normal on.
+const DIFFERENT: f32 = 0.1;
 
-/// A pixel is a firefly if it is brighter than all its neighbours by this factor.
+/// A pixel is a firefly if it is brighter than all its neighbors by this factor.
 const FIREFLY: f64 = 8.0;
 
-/// When to stop.
+/// Limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Budget {
-    /// Most samples a pixel.
+    /// Maximum samples per pixel.
     pub samples: u32,
     /// Tiles whose relative error is below this stop early.
     pub noise: Option<f64>,
@@ -34,8 +34,8 @@ pub(crate) struct Budget {
     pub seconds: Option<f64>,
 }
 
-/// A picture in the making.
-pub(crate) struct Picture {
+/// An image in progress: sums per pixel, by tile.
+pub(crate) struct Film {
     width: u32,
     height: u32,
     tiles: Vec<Mutex<Tile>>,
@@ -49,8 +49,8 @@ struct Tile {
     done: bool,
 }
 
-impl Picture {
-    /// Makes a picture.
+impl Film {
+    /// Renders an image.
     pub fn trace(tracer: &PathTracer, width: u32, height: u32, budget: &Budget, workers: &dyn Workers) -> Self {
         let tile = |left: u32, top: u32| {
             let area = [left, top, (left + TILE).min(width), (top + TILE).min(height)];
@@ -60,7 +60,7 @@ impl Picture {
         let steps = |to: u32| (0..to).step_by(TILE as usize);
         let tiles = steps(height).flat_map(|top| steps(width).map(move |left| (left, top)));
         let tiles = tiles.map(|(left, top)| tile(left, top)).collect();
-        let mut picture = Self { width, height, tiles, statistics: Statistics::default() };
+        let mut film = Self { width, height, tiles, statistics: Statistics::default() };
         let whole = budget.noise.is_none() && budget.seconds.is_none();
         let (started, mut from) = (Instant::now(), 0);
         while from < budget.samples {
@@ -83,24 +83,24 @@ impl Picture {
                 }
                 _ => to,
             };
-            picture.round(tracer, from..to, workers);
+            film.round(tracer, from..to, workers);
             if let Some(noise) = budget.noise
-                && picture.stop_quiet_tiles(noise)
+                && film.stop_quiet_tiles(noise)
             {
                 break;
             }
             from = to;
         }
         if tracer.has_guides() {
-            picture.clean_guides(tracer, workers);
+            film.clean_guides(tracer, workers);
         }
-        picture
+        film
     }
 
     fn round(&mut self, tracer: &PathTracer, samples: std::ops::Range<u32>, workers: &dyn Workers) {
         let total = Mutex::new(self.statistics);
         workers.run(self.tiles.len(), &|number| {
-            let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
+            let mut tile = self.tiles[number].lock();
             if tile.done {
                 return;
             }
@@ -109,26 +109,26 @@ impl Picture {
             let task = Task { area: tile.area, pixels: &pixels, samples: samples.clone() };
             let mut statistics = Statistics::default();
             tracer.trace(&task, &mut tile.sums, &mut statistics);
-            total.lock().unwrap_or_else(PoisonError::into_inner).add(&statistics);
+            total.lock().add(&statistics);
         });
-        self.statistics = total.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.statistics = total.into_inner();
     }
 
-    /// Gives more samples of the guides to the pixels that have few and are unlike a neighbour: there most of what
+    /// Gives more samples of the guides to the pixels that have few and are unlike a neighbor: there most of what
     /// denoisers know would be noise, and a ray for guides alone costs a small part of a path.
     fn clean_guides(&mut self, tracer: &PathTracer, workers: &dyn Workers) {
         let albedo = self.plane(workers, [0.0; 3], PixelSums::mean_albedo);
         let normal = self.plane(workers, [0.0; 3], PixelSums::mean_normal);
         let tracer = tracer.for_guides(GUIDE_SAMPLES);
         workers.run(self.tiles.len(), &|number| {
-            let mut tile = self.tiles[number].lock().unwrap_or_else(PoisonError::into_inner);
+            let mut tile = self.tiles[number].lock();
             let tile = &mut *tile;
-            let unlike = |pixel: &u16| {
+            let differs = |pixel: &u16| {
                 let (x, y) = place(tile.area, *pixel);
                 tile.sums[usize::from(*pixel)].samples < GUIDE_SAMPLES
-                    && [&albedo, &normal].iter().any(|guide| is_unlike_neighbours(guide, x as usize, y as usize))
+                    && [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x as usize, y as usize))
             };
-            let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(unlike).collect();
+            let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(differs).collect();
             let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };
             tracer.trace(&task, &mut tile.sums, &mut Statistics::default());
         });
@@ -137,19 +137,19 @@ impl Picture {
     /// Marks the tiles whose error is small as done; true if all are.
     ///
     /// The error of a tile is the mean over its pixels of the luminance's standard error over the luminance, where a
-    /// tenth of the picture's mean is added to the latter, so that darkness need not be cleaner than it can be seen.
+    /// tenth of the image's mean is added to the latter, so that darkness need not be cleaner than it can be seen.
     fn stop_quiet_tiles(&mut self, noise: f64) -> bool {
         let mean_of = |sums: &PixelSums| luminance(sums.radiance) / f64::from(sums.samples.max(1));
         let (mut total, mut pixels) = (0.0, 0.0);
         for tile in &mut self.tiles {
-            let tile = tile.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let tile = tile.get_mut();
             total += tile.sums.iter().map(mean_of).sum::<f64>();
             pixels += tile.sums.len() as f64;
         }
         let floor = (0.1 * total / pixels).max(1e-9);
         let mut all = true;
         for tile in &mut self.tiles {
-            let tile = tile.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let tile = tile.get_mut();
             let error: f64 = tile.sums.iter().map(|sums| sums.variance().sqrt() / (mean_of(sums) + floor)).sum();
             tile.done = tile.done || error < noise * tile.sums.len() as f64;
             all &= tile.done;
@@ -157,7 +157,7 @@ impl Picture {
         all
     }
 
-    /// A value of every pixel.
+    /// A plane of one value per pixel.
     pub fn plane<T: Copy + Send>(
         &self,
         workers: &dyn Workers,
@@ -169,9 +169,9 @@ impl Picture {
         let bands: Vec<_> = data.chunks_mut(rows).zip(self.tiles.chunks(self.width.div_ceil(TILE) as usize)).collect();
         let bands: Vec<_> = bands.into_iter().map(Mutex::new).collect();
         workers.run(bands.len(), &|number| {
-            let (pixels, tiles) = &mut *bands[number].lock().unwrap_or_else(PoisonError::into_inner);
+            let (pixels, tiles) = &mut *bands[number].lock();
             for tile in *tiles {
-                let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                let tile = tile.lock();
                 let [left, _, right, _] = tile.area;
                 for (row, sums) in pixels.chunks_mut(self.width as usize).zip(tile.sums.chunks((right - left) as usize))
                 {
@@ -189,7 +189,7 @@ impl Picture {
         self.plane(workers, [0.0; 3], |sums| sums.radiance.map(|x| (x / f64::from(sums.samples.max(1))) as f32))
     }
 
-    /// What was traced and how noisy it is.
+    /// Counts of rays, samples and fireflies, and the relative error.
     pub fn report(&self, workers: &dyn Workers) -> Value {
         let radiance = self.radiance(workers);
         let samples = self.plane(workers, 0_u32, |sums| sums.samples);
@@ -214,12 +214,12 @@ impl Picture {
 }
 
 /// Whether a pixel's guide differs from one of the eight around it.
-fn is_unlike_neighbours(guide: &Plane<[f32; 3]>, x: usize, y: usize) -> bool {
+fn differs_from_neighbors(guide: &Plane<[f32; 3]>, x: usize, y: usize) -> bool {
     let (width, height) = (guide.width() as usize, guide.height() as usize);
     let here = guide.data()[y * width + x];
     let rows = guide.data().chunks(width).take((y + 2).min(height)).skip(y.saturating_sub(1));
     let mut around = rows.flat_map(|row| &row[x.saturating_sub(1)..(x + 2).min(width)]);
-    around.any(|there| (0..3).any(|c| (here[c] - there[c]).abs() > UNLIKE))
+    around.any(|there| (0..3).any(|c| (here[c] - there[c]).abs() > DIFFERENT))
 }
 
 /// Pixels that are far brighter than everything around them.
@@ -249,7 +249,7 @@ mod tests {
             Plane::from_fn(9, 7, |x, y| if bright.contains(&(x, y)) { [90.0; 3] } else { [1.0; 3] })
         };
         assert_eq!(fireflies(&at(&[(0, 0), (4, 3)])), 2);
-        assert_eq!(fireflies(&at(&[(4, 3), (5, 3)])), 0, "a lamp of two pixels is none");
+        assert_eq!(fireflies(&at(&[(4, 3), (5, 3)])), 0, "a light of two pixels is none");
         assert_eq!(fireflies(&at(&[])), 0);
     }
 }

@@ -2,40 +2,40 @@
 //!
 //! A path asks for pairs of numbers; every pair is a (0, 2)-sequence over the samples of a block of pixels, shuffled and
 //! scrambled on its own (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020), so that pairs are independent of
-//! each other while each is spread as evenly as can be. Within a block, samples are numbered pixel after pixel along a
+//! each other while each is spread as evenly as possible. Within a block, samples are numbered pixel after pixel along a
 //! Morton curve (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical
 //! Ordering of Pixels", SIGGRAPH Asia 2020): not only a pixel's samples are spread evenly, but also those of 2 × 2, 4 × 4,
-//! 8 × 8 pixels, so that errors of neighbours cancel, for the eye and for denoisers. Later pairs are plain hashes: noise
+//! 8 × 8 pixels, so that errors of neighbors cancel, for the eye and for denoisers. Later pairs are plain hashes: noise
 //! there is hardly noticed, and hashes cost less. Everything is a pure function of (seed, pixel, sample, pair).
 
-use crate::real::Int;
+use syntable_simd::Int;
 
 /// Pairs that are Sobol' points; later ones are hashes.
-const SOBOL_PAIRS: u32 = 12;
+pub const SOBOL_PAIRS: u32 = 12;
 
-/// Which numbers the samples of every pixel of a picture get.
+/// Assigns sample numbers to the pixels of an image.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Order {
+pub struct SampleOrder {
     seed: u64,
-    /// Base-2 logarithm of the numbers that a pixel has.
+    /// Base-2 logarithm of the sample numbers per pixel.
     sample_bits: u32,
-    /// Base-2 logarithm of a block's edge.
+    /// Base-2 logarithm of the edge of a block, pixels.
     block_bits: u32,
 }
 
-impl Order {
-    /// For a picture of up to `samples` a pixel.
+impl SampleOrder {
+    /// An order for images of up to `samples` per pixel.
     pub fn new(seed: u64, samples: u32) -> Self {
         let sample_bits = samples.max(1).next_power_of_two().trailing_zeros();
         Self { seed, sample_bits, block_bits: (30_u32.saturating_sub(sample_bits) / 2).min(8) }
     }
 
-    /// The picture's seed.
+    /// Seed of the image.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// Seed and number of a pixel's first sample; the others follow.
+    /// Seed of the pixel's block and number of the pixel's first sample; its other samples follow.
     pub fn pixel(&self, x: u32, y: u32) -> (u32, u32) {
         let block = |c: u32| u64::from(c >> self.block_bits);
         let inside = |c: u32| spread(c & ((1 << self.block_bits) - 1));
@@ -46,24 +46,24 @@ impl Order {
     }
 }
 
-/// Moves the bits of a number below 2⁸ to the even places.
+/// Moves the bits of a number below 2⁸ to the even positions.
 fn spread(x: u32) -> u32 {
     let x = (x | x << 4) & 0x0f0f;
     let x = (x | x << 2) & 0x3333;
     (x | x << 1) & 0x5555
 }
 
-/// The numbers of a path: of the sample `index` of a pixel.
+/// Numbers of a path: those of one sample of a pixel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sampler<I = u32> {
-    /// Of the block of pixels.
+pub struct Sampler<I = u32> {
+    /// Seed of the block of pixels.
     pub seed: I,
-    /// The sample's number in the block.
+    /// Number of the sample in the block.
     pub index: I,
 }
 
 impl<I: Int> Sampler<I> {
-    /// A pair of numbers in [0, 1); `number` counts from 0.
+    /// A pair of numbers in [0, 1) with the dimension `number`, from 0.
     #[inline(always)]
     pub fn pair(&self, number: u32) -> [I::Real; 2] {
         let seed = hash(self.seed ^ I::splat(number.wrapping_mul(0x9e37_79b9)));
@@ -80,9 +80,9 @@ impl<I: Int> Sampler<I> {
         }
     }
 
-    /// A number in [0, 1) that is merely random, unrelated to the pairs.
+    /// A plain random number in [0, 1), independent of the pairs.
     #[inline(always)]
-    pub fn coin(&self, number: u32) -> I::Real {
+    pub fn random(&self, number: u32) -> I::Real {
         let seed = self.seed ^ I::splat(number.wrapping_mul(0xc2b2_ae35) ^ 0x27d4_eb2f);
         unit(hash(hash(seed) ^ self.index.times(I::splat(0x85eb_ca6b))))
     }
@@ -163,17 +163,17 @@ mod tests {
     #[test]
     fn samples_of_a_pixel_and_of_a_square_of_pixels_are_nets() {
         for pair in 0..SOBOL_PAIRS {
-            let point = |order: &Order, x: u32, y: u32, sample: u32| {
+            let point = |order: &SampleOrder, x: u32, y: u32, sample: u32| {
                 let (seed, first) = order.pixel(x, y);
                 Sampler { seed, index: first + sample }.pair(pair)
             };
-            let many = Order::new(5, 64);
+            let many = SampleOrder::new(5, 64);
             for (x, y) in [(0, 0), (17, 4), (639, 479)] {
                 let points: Vec<_> = (0..64).map(|sample| point(&many, x, y, sample)).collect();
                 is_net(&points, &format!("pair {pair} of pixel {x}, {y}"));
             }
             for (samples, edge) in [(1, 8), (4, 4), (16, 2)] {
-                let order = Order::new(6, samples);
+                let order = SampleOrder::new(6, samples);
                 let corner = (edge * 37, edge * 11);
                 let place = |i: u32| (corner.0 + i / samples % edge, corner.1 + i / samples / edge, i % samples);
                 let points: Vec<_> = (0..64).map(place).map(|(x, y, sample)| point(&order, x, y, sample)).collect();
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn every_pixel_has_numbers_of_its_own() {
         for samples in [1, 3, 64, 1000, 1 << 20] {
-            let order = Order::new(1, samples);
+            let order = SampleOrder::new(1, samples);
             let edge = 1_u32 << order.block_bits.min(4);
             let mut firsts: Vec<u32> = (0..edge * edge).map(|i| order.pixel(i % edge, i / edge).1).collect();
             firsts.sort_unstable();
@@ -202,7 +202,7 @@ mod tests {
             sum / n.sqrt()
         };
         let sampler = |i: u32| {
-            let (seed, first) = Order::new(9, 4).pixel(i / 4 % 64, i / 256);
+            let (seed, first) = SampleOrder::new(9, 4).pixel(i / 4 % 64, i / 256);
             Sampler { seed, index: first + i % 4 }
         };
         let check = |name: &str, point: &dyn Fn(u32) -> [f32; 2]| {
@@ -213,7 +213,7 @@ mod tests {
             check(&format!("pairs {a} and {b}"), &|i| [sampler(i).pair(a)[0], sampler(i).pair(b)[1]]);
         }
         check("hashes", &|i| sampler(i).pair(13));
-        check("coins", &|i| [sampler(i).coin(1), sampler(i).coin(2)]);
-        check("coins and pairs", &|i| [sampler(i).coin(1), sampler(i).pair(12)[0]]);
+        check("random numbers", &|i| [sampler(i).random(1), sampler(i).random(2)]);
+        check("random numbers and pairs", &|i| [sampler(i).random(1), sampler(i).pair(12)[0]]);
     }
 }

@@ -1,4 +1,4 @@
-//! Properties of pictures as a whole.
+//! Properties of images as a whole.
 
 use super::support::*;
 use crate::CpuPath;
@@ -113,7 +113,7 @@ fn any_number_of_workers_gives_the_same_bits() {
 fn any_number_of_lanes_gives_the_same_bits() {
     let (scene, view) = busy_scene();
     let many = render(options(5, 4), &scene, &view, &[RADIANCE.id()]);
-    let mut session = crate::CpuPathRenderer::new(options(5, 4)).expect("sound").session().one_lane();
+    let mut session = crate::CpuPathRenderer::new(options(5, 4)).expect("sound").session().portable();
     session.load(&scene, &Serial).expect("loads");
     let mut one = Frame::new();
     let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(7), workers: &Serial };
@@ -163,7 +163,7 @@ fn a_session_without_a_scene_says_so() {
 
 #[test]
 fn textures_are_the_right_way_up_on_every_mapping() {
-    // Red top left, green top right, blue bottom left, grey bottom right.
+    // Red top left, green top right, blue bottom left, gray bottom right.
     let quarters = texture(16, 16, Encoding::Linear, |x, y| match (x / 8, y / 8) {
         (0, 0) => [255, 0, 0, 255],
         (1, 0) => [0, 255, 0, 255],
@@ -172,7 +172,7 @@ fn textures_are_the_right_way_up_on_every_mapping() {
     });
     let painted = Arc::new(Material { base_color: Color::texture(quarters), tile_m: 1.0, ..matte(1.0) });
     let table = object("table", sheet([0.5, 0.5]), matte(0.5));
-    // Looked at from above, with world y up in the picture.
+    // Looked at from above, with world y up in the image.
     let looking = view(4, 4, 4.0, [0.0, 0.0, 1.0], [0.0; 3], vec![]);
     let check = |mapping: TextureMapping, want: [[u8; 3]; 4]| {
         let surface = Surface { material: painted.clone(), mapping };
@@ -188,7 +188,7 @@ fn textures_are_the_right_way_up_on_every_mapping() {
     let (red, green, blue, grey) = ([255, 0, 0], [0, 255, 0], [0, 0, 255], [128; 3]);
     check(TextureMapping::Uv(UvTransform::default()), [red, green, blue, grey]);
     let half = std::f32::consts::PI;
-    // Turning coordinates by half a turn about the corner turns the tiled picture.
+    // Turning coordinates by half a turn about the corner turns the tiled image.
     check(TextureMapping::Uv(UvTransform { rotation: half, ..Default::default() }), [grey, blue, green, red]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.5, 0.5] }, [red, green, blue, grey]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.0, 0.5] }, [green, red, grey, blue]);
@@ -213,7 +213,7 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
     let (a, b) = (0.506 / length, 0.302 / length);
     check(TextureMapping::Uv(UvTransform::default()), 1.0, [a, -b]);
     check(TextureMapping::Box { rotation: 0.0, offset: [0.0; 2] }, 1.0, [a, -b]);
-    // Coordinates turned by a quarter: u now grows along −y, v along x.
+    // Coordinates rotated by a quarter: u now grows along −y, v along x.
     let quarter = std::f32::consts::FRAC_PI_2;
     check(TextureMapping::Box { rotation: quarter, offset: [0.0; 2] }, 1.0, [b, a]);
     // From below the same relief is seen from behind, and the camera's x is −world x.
@@ -240,10 +240,10 @@ fn options_are_checked_and_the_example_builds() {
     let registry = syntable_model::registry::Registry::linked().expect("one kind of each name");
     let entry = registry.find(syntable_model::registry::Slot::Render, "cpu_path").expect("registered");
     entry.construct_str(entry.example).expect("builds");
-    let built = entry.construct_str("samples_per_pixel = 8\nclamp_nits = 1e4").expect("builds");
+    let built = entry.construct_str("samples_per_pixel = 8\nmax_indirect_luminance = 1e4").expect("builds");
     assert_eq!(built.options["russian_roulette_from"].as_integer(), Some(3));
-    assert!(entry.construct_str("").expect("builds").options.get("clamp_nits").is_none());
-    for wrong in ["clamp_nits = 0", "clamp_nits = nan", "samples_per_pixel = 0"] {
+    assert!(entry.construct_str("").expect("builds").options.get("max_indirect_luminance").is_none());
+    for wrong in ["max_indirect_luminance = 0", "clamp_nits = nan", "samples_per_pixel = 0"] {
         assert!(entry.construct_str(wrong).is_err(), "{wrong}");
     }
 }
@@ -268,7 +268,7 @@ fn rounds_give_the_same_picture_as_one_go_and_quiet_tiles_stop_early() {
     let (fewest, most) = samples(&early);
     assert_eq!(fewest, 16_u32.into(), "the plain background needs no more");
     assert_ne!(most, 16_u32.into(), "the objects do");
-    // The promised noise is that of another picture's difference.
+    // The promised noise is that of another image's difference.
     let other = render(CpuPath { noise: Some(1e-9), ..options(2048, 4) }, &scene, &view, &wants);
     let (a, b) = (early.get(RADIANCE).expect("made"), other.get(RADIANCE).expect("made"));
     let mean = b.data().iter().map(|p| f64::from(p[1])).sum::<f64>() / b.data().len() as f64;

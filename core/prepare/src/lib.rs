@@ -1,0 +1,41 @@
+//! What every renderer needs of a scene, whatever it runs on.
+//!
+//! [`PreparedScene`] turns a frozen scene into tables: [shading meshes](ShadingMesh), [materials](MaterialTable) with
+//! numbered textures, placed bodies and [emissive triangles](EmissiveBody). [`LightTable`] checks and converts the lights of
+//! a view, [`EnvironmentDistribution`] holds the light of an environment map for importance sampling, [`Sampler`] the
+//! low-discrepancy numbers of paths, [`labels`] the policy that all label renderers share. A [`SceneCache`] keeps between
+//! scenes what depends on a single asset.
+//!
+//! Tables are vectors of `Copy` structs: a GPU renderer uploads them as they are. Methods that look a table up are the
+//! reference of what a shader does, and what the CPU renderer runs.
+//!
+//! **Units and frames.** Meters; radiance in nits, linear Rec. 709; meshes in the body frame, everything else in the world
+//! frame. Texture coordinates have v upwards.
+//!
+//! **Invariant.** Everything is a pure function of the scene: threads and caches change nothing.
+
+mod cache;
+mod emitter;
+mod environment;
+pub mod labels;
+mod light;
+mod mapping;
+mod material;
+mod mesh;
+mod sampler;
+mod scene;
+mod texture;
+
+pub use cache::{AssetCache, SceneCache};
+pub use emitter::{EmissiveBody, EmissiveTriangle, EmitterPoint};
+pub use environment::EnvironmentDistribution;
+pub use light::{AreaLight, ConeLight, DiskLight, DistantLight, LightTable, PlacedEnvironment, RectLight, SphereLight};
+pub use mapping::{BoxSide, Mapping, TextureCoordinates, UvAffine};
+pub use material::{
+    AlphaMode, ColorInput, Material, MaterialLayers, MaterialTable, NO_LAYERS, NO_TEXTURE, NormalInput, ScalarInput,
+    TextureBinding,
+};
+pub use mesh::{ShadingMesh, ShadingTriangle, VertexTangents, is_mirrored, pack_unit, unpack_unit};
+pub use sampler::{SOBOL_PAIRS, SampleOrder, Sampler};
+pub use scene::{PreparedBody, PreparedScene, SurfacePoint};
+pub use texture::{MipLevel, MipTexture};

@@ -1,0 +1,26 @@
+//! One and eight lanes of arithmetic with the same bits on every processor.
+//!
+//! Numeric code is written once, generic over [`Real`] (one or eight lanes, whichever is faster) or [`Wide`] (always
+//! eight lanes), and wrapped in a [`Task`]. [`Processor::run`] picks the instruction set and runs the task. [`functions`]
+//! holds elementary functions made of IEEE basic operations, [`Vec3`] small vectors over any number of lanes.
+//!
+//! **Soundness.** The lane types of an instruction set are private. Code gets them only as type arguments of a task that
+//! [`Processor::run`] started after the instruction set was detected, so none of their safe methods can execute an
+//! instruction that the processor lacks. Detection is in `processor.rs` and nowhere else.
+//!
+//! **Invariant.** Every operation is an IEEE operation of one lane on its own, rounded once, and fused only where
+//! [`Wide::mul_add`] asks for it. So all instruction sets give the same bits.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+pub mod functions;
+mod processor;
+mod real;
+mod scalar;
+mod vec3;
+mod wide;
+
+pub use processor::{Processor, Simd, Task, prefetch};
+pub use real::{Int, Mask, Real, at_least, at_most, complement, inverse, max, min};
+pub use vec3::{Basis, Rgb, Vec3, vec3};
+pub use wide::{Column, WIDTH, Wide};
