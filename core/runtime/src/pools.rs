@@ -1,6 +1,6 @@
 //! The pools of a recipe: selection, scale, centring and mass are the same for every source of assets.
 
-use crate::recipe::{Centre, OnBadAsset, PoolOptions, Recipe};
+use crate::recipe::{Center, OnBadAsset, PoolOptions, Recipe};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard};
 use syntable_model::context::{Assets, Log};
@@ -309,10 +309,10 @@ impl Pool<'_> {
         let longest = bounds.size().max();
         let scale = options.longest_side_m.map_or(options.scale, |wanted| wanted / longest);
         let centre = bounds.centre();
-        let offset = match options.centre {
-            Centre::Bounds => -centre.coords,
-            Centre::Bottom => -Point3::new(centre.x, centre.y, bounds.min.z).coords,
-            Centre::None => Vector3::zeros(),
+        let offset = match options.center {
+            Center::Bounds => -centre.coords,
+            Center::Bottom => -Point3::new(centre.x, centre.y, bounds.min.z).coords,
+            Center::None => Vector3::zeros(),
         };
         let mass = match (options.mass_kg, options.density_kg_m3) {
             (Some(mass), _) => mass,
@@ -337,7 +337,7 @@ impl Pool<'_> {
             .number(offset.z)
             .number(mass)
             .finish();
-        let licence = options.licence.clone().unwrap_or(object.licence);
+        let licence = options.license.clone().unwrap_or(object.licence);
         let materials = object.materials.into_iter().map(|material| scaled(material, scale)).collect();
         let object = Object { mesh, materials, collision, mass_kg: mass, digest, licence, ..object };
         object.check_extent()?;
