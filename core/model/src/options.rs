@@ -52,9 +52,8 @@ pub const KEYWORDS: [&str; 29] = [
 ];
 
 /// Number formats whose ranges the validator knows or the schema states.
-const FORMATS: [&str; 12] = [
-    "int8", "int16", "int32", "int64", "int", "uint8", "uint16", "uint32", "uint64", "uint", "float", "double",
-];
+const FORMATS: [&str; 12] =
+    ["int8", "int16", "int32", "int64", "int", "uint8", "uint16", "uint32", "uint64", "uint", "float", "double"];
 
 /// One step from a value into it.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -211,10 +210,9 @@ impl Node for RecipeValue<'_> {
     fn view(&self) -> View<'_, Self> {
         match self.get_ref() {
             DeValue::String(text) => View::String(text),
-            DeValue::Integer(integer) => View::Integer(
-                integer.as_str().into(),
-                i64::from_str_radix(integer.as_str(), integer.radix()).ok(),
-            ),
+            DeValue::Integer(integer) => {
+                View::Integer(integer.as_str().into(), i64::from_str_radix(integer.as_str(), integer.radix()).ok())
+            }
             DeValue::Float(float) => View::Float(float.as_str().into(), float.as_str().parse().unwrap_or(f64::NAN)),
             DeValue::Boolean(value) => View::Boolean(*value),
             DeValue::Datetime(_) => View::Datetime,
@@ -499,8 +497,7 @@ fn unsupported_in<'s>(
     };
     let below = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
     for (keyword, value) in object {
-        let known = KEYWORDS.contains(&keyword.as_str())
-            || keyword.starts_with("x-");
+        let known = KEYWORDS.contains(&keyword.as_str()) || keyword.starts_with("x-");
         let fits = match keyword.as_str() {
             "format" => value.as_str().is_some_and(|format| FORMATS.contains(&format)),
             "const" => value.is_string(),
@@ -643,7 +640,14 @@ impl<'s> Validator<'s> {
         let types = types(schema);
         let of_type = types.is_empty() || types.iter().any(|kind| view.of_type().is(kind));
         if !of_type || (choices(schema).is_some() && view.of_type() != Type::String) {
-            return outcome.findings.push(wrong_type(view, span, &self.expected(schema), sole_type(schema), at.path, &name));
+            return outcome.findings.push(wrong_type(
+                view,
+                span,
+                &self.expected(schema),
+                sole_type(schema),
+                at.path,
+                &name,
+            ));
         }
         match view {
             View::String(text) => {
@@ -898,8 +902,7 @@ impl<'s> Validator<'s> {
             outcome.push(at.path, span, message, Problem::NotOneForm { forms: Vec::new() });
             return true;
         }
-        if let Some(index) =
-            branches.iter().position(|branch| sole_key(branch).is_some_and(|tag| given(tag).is_some()))
+        if let Some(index) = branches.iter().position(|branch| sole_key(branch).is_some_and(|tag| given(tag).is_some()))
         {
             take(index, outcome);
             return true;
@@ -1152,7 +1155,12 @@ mod tests {
                 "1",
                 "`x` must be a string or an array",
             ),
-            (json!({ "anyOf": [{ "type": "integer", "minimum": 3 }, { "type": "string" }] }), "3", "2", "`x` cannot be 2"),
+            (
+                json!({ "anyOf": [{ "type": "integer", "minimum": 3 }, { "type": "string" }] }),
+                "3",
+                "2",
+                "`x` cannot be 2",
+            ),
         ];
         for (schema, good, bad, message) in cases {
             let table = json!({ "properties": { "x": schema } });

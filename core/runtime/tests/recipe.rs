@@ -262,11 +262,12 @@ fn faulty_plugins_are_named() {
 #[test]
 fn limits_hold_for_library_callers() {
     let registry = registry();
-    let refused = |slot: Slot, kind: &str, text: &str| match registry.find(slot, kind).expect("a kind").construct_str(text) {
-        Err(ConstructError::Invalid(invalid)) => (invalid.key, invalid.message),
-        Err(other) => panic!("{other:?}"),
-        Ok(_) => panic!("{text} is accepted"),
-    };
+    let refused =
+        |slot: Slot, kind: &str, text: &str| match registry.find(slot, kind).expect("a kind").construct_str(text) {
+            Err(ConstructError::Invalid(invalid)) => (invalid.key, invalid.message),
+            Err(other) => panic!("{other:?}"),
+            Ok(_) => panic!("{text} is accepted"),
+        };
     let own = |key: &str, message: &str| (key.to_owned(), message.to_owned());
     assert_eq!(refused(Slot::Place, "room", "size_m = 0.5"), own("size_m", "`size_m` cannot be 0.5"));
     assert_eq!(

@@ -29,8 +29,7 @@ pub(crate) fn options(
     schema: &Json,
     renamed: &[Renamed],
 ) -> Checked {
-    let Outcome { findings, references } =
-        validator.table(owner, spanned_members(table), header.clone(), schema);
+    let Outcome { findings, references } = validator.table(owner, spanned_members(table), header.clone(), schema);
     let new_name = |path: &[Step]| {
         let old = dotted(path);
         renamed.iter().flat_map(|table| table.iter()).find(|(from, _)| *from == old).map(|(_, to)| *to)

@@ -432,11 +432,13 @@ fn read_path(path: &str, at: usize) -> Result<Vec<(Step, Span)>, DiagnosticBuild
     let shift = |range: Range<usize>| range.start + at..range.end + at;
     match key_path::parse(path) {
         Ok(steps) => Ok(steps.into_iter().map(|(step, range)| (step, shift(range))).collect()),
-        Err((message, range)) => {
-            Err(DiagnosticBuilder::error(Code::BadOverride, shift(range), format!("`{path}` is not the path of an option"))
-                .label(message)
-                .help("paths look like `render.samples_per_pixel`, `lights[0].count` or `place.objects.count`"))
-        }
+        Err((message, range)) => Err(DiagnosticBuilder::error(
+            Code::BadOverride,
+            shift(range),
+            format!("`{path}` is not the path of an option"),
+        )
+        .label(message)
+        .help("paths look like `render.samples_per_pixel`, `lights[0].count` or `place.objects.count`")),
     }
 }
 
@@ -479,7 +481,12 @@ impl<'t, 'a> Cursor<'t, 'a> {
         }
     }
 
-    fn element(self, step: &Step, span: &Span, parents: &[(Step, Span)]) -> Result<&'t mut RecipeValue<'a>, DiagnosticBuilder> {
+    fn element(
+        self,
+        step: &Step,
+        span: &Span,
+        parents: &[(Step, Span)],
+    ) -> Result<&'t mut RecipeValue<'a>, DiagnosticBuilder> {
         let Self::Value(value) = self else { unreachable!("the root is a table") };
         let at = index_of(value, step, span, parents)?;
         match value.get_mut() {
@@ -490,7 +497,12 @@ impl<'t, 'a> Cursor<'t, 'a> {
 }
 
 /// The index of a step in an array: the index itself, or that of the stage with this id.
-fn index_of(value: &RecipeValue, step: &Step, span: &Span, parents: &[(Step, Span)]) -> Result<usize, DiagnosticBuilder> {
+fn index_of(
+    value: &RecipeValue,
+    step: &Step,
+    span: &Span,
+    parents: &[(Step, Span)],
+) -> Result<usize, DiagnosticBuilder> {
     let DeValue::Array(items) = value.get_ref() else {
         let message = format!("is {}, so there is nothing inside it", super::check::type_of(value));
         return Err(cannot(span, parents, &message));

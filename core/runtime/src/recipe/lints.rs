@@ -90,8 +90,7 @@ fn of_entry(entry: &Entry, schemas: &Schemas) -> Vec<String> {
 
 /// Checks that the example builds, that it survives writing and reading, and that no path has a default.
 fn example(entry: &Entry, schema: &Json, schemas: &Schemas, fault: &mut impl FnMut(String)) {
-    let validate =
-        |options: &toml::Table| schemas.validator().table(entry.kind, plain_members(options), 0..0, schema);
+    let validate = |options: &toml::Table| schemas.validator().table(entry.kind, plain_members(options), 0..0, schema);
     match entry.construct_str(entry.example) {
         Err(error) => fault(format!("the example does not build: {error:?}")),
         Ok(constructed) => {
@@ -260,4 +259,3 @@ fn is_snake_case(name: &str) -> bool {
 fn text<'s>(schema: &'s Json, key: &str) -> Option<&'s str> {
     schema.get(key).and_then(Json::as_str).filter(|text| !text.trim().is_empty())
 }
-

@@ -116,7 +116,11 @@ struct DatasetSpans {
     views: Option<Span>,
 }
 
-fn lock_table(tree: &mut DeTable, schemas: &Schemas, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<(LockTable, Span)> {
+fn lock_table(
+    tree: &mut DeTable,
+    schemas: &Schemas,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Option<(LockTable, Span)> {
     let value = tree.remove("lock")?;
     let span = value.span();
     plain(OTHERS[4], value, &schemas.lock, schemas, &[], diagnostics).map(|table| (table, span))
@@ -148,7 +152,11 @@ fn plain<'a, T: Deserialize<'a>>(
     }
     T::deserialize(ValueDeserializer::from(value))
         .map_err(|error| {
-            diagnostics.push(DiagnosticBuilder::error(Code::InvalidValue, error.span().unwrap_or(span), error.message()));
+            diagnostics.push(DiagnosticBuilder::error(
+                Code::InvalidValue,
+                error.span().unwrap_or(span),
+                error.message(),
+            ));
         })
         .ok()
 }
@@ -215,8 +223,11 @@ fn views_per_scene(
 fn finish(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, damage: &Damage) -> Vec<Diagnostic> {
     let line =
         |span: &Span| sources.file_of(span).map(|file| (file.start(), file.line_column(span.start - file.start()).0));
-    let broken: BTreeSet<_> =
-        diagnostics.iter().filter(|diagnostic| diagnostic.code == Code::Syntax).filter_map(|diagnostic| line(diagnostic.span())).collect();
+    let broken: BTreeSet<_> = diagnostics
+        .iter()
+        .filter(|diagnostic| diagnostic.code == Code::Syntax)
+        .filter_map(|diagnostic| line(diagnostic.span()))
+        .collect();
     diagnostics.retain(|diagnostic| {
         let echo = diagnostic.code != Code::Syntax
             && diagnostic.code != Code::DuplicateKey
@@ -238,7 +249,8 @@ fn finish(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, damage: &D
         let span = diagnostic.span();
         (*span == NOWHERE, span.start, span.end, diagnostic.code)
     });
-    let mut diagnostics: Vec<Diagnostic> = diagnostics.into_iter().map(|diagnostic| sources.diagnostic(diagnostic)).collect();
+    let mut diagnostics: Vec<Diagnostic> =
+        diagnostics.into_iter().map(|diagnostic| sources.diagnostic(diagnostic)).collect();
     diagnostics.dedup();
     diagnostics
 }

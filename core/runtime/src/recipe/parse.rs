@@ -126,8 +126,12 @@ fn diagnostics(
                 let word = rest.split([',', ']', '}']).next().unwrap_or("").trim_end();
                 let boolean = ["true", "false"].into_iter().find(|meant| strsim::damerau_levenshtein(word, meant) <= 2);
                 if let Some(meant) = boolean {
-                    DiagnosticBuilder::error(Code::Syntax, global(span.start..span.start + word.len()), "a value must be TOML")
-                        .label(format!("write `{meant}`, or \"{word}\" for a string"))
+                    DiagnosticBuilder::error(
+                        Code::Syntax,
+                        global(span.start..span.start + word.len()),
+                        "a value must be TOML",
+                    )
+                    .label(format!("write `{meant}`, or \"{word}\" for a string"))
                 } else if word.is_empty() {
                     let line = text[..span.start].rfind('\n').map_or(0, |newline| newline + 1);
                     let start = line + (text[line..span.start].len() - text[line..span.start].trim_start().len());
@@ -138,8 +142,12 @@ fn diagnostics(
                     )
                     .label("write a value after the `=`")
                 } else {
-                    DiagnosticBuilder::error(Code::Syntax, global(span.start..span.start + word.len()), "a string needs quotes")
-                        .label(format!("write \"{word}\""))
+                    DiagnosticBuilder::error(
+                        Code::Syntax,
+                        global(span.start..span.start + word.len()),
+                        "a string needs quotes",
+                    )
+                    .label(format!("write \"{word}\""))
                 }
             }
             SyntaxError::BrokenString => {
@@ -269,8 +277,11 @@ mod tests {
         sources.add("before".into(), PathBuf::new(), "x".repeat(40));
         let file = sources.add("a".into(), PathBuf::new(), text.into());
         let parsed = parse_file(file);
-        let got: Vec<(&str, &str)> =
-            parsed.errors.iter().map(|diagnostic| (sources.text_of(diagnostic.span()), diagnostic.message.as_str())).collect();
+        let got: Vec<(&str, &str)> = parsed
+            .errors
+            .iter()
+            .map(|diagnostic| (sources.text_of(diagnostic.span()), diagnostic.message.as_str()))
+            .collect();
         assert_eq!(got, expected, "{text}");
     }
 

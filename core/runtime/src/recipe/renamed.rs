@@ -22,12 +22,8 @@ pub(crate) struct RenamedNames<'r> {
 }
 
 /// All names that have changed.
-pub(crate) const RENAMED: RenamedNames<'static> = RenamedNames {
-    pool: &[("centre", "center"), ("licence", "license")],
-    dataset: &[],
-    kinds: &[],
-    products: &[],
-};
+pub(crate) const RENAMED: RenamedNames<'static> =
+    RenamedNames { pool: &[("centre", "center"), ("licence", "license")], dataset: &[], kinds: &[], products: &[] };
 
 impl RenamedNames<'_> {
     /// The error for an old kind.

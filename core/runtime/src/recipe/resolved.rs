@@ -55,8 +55,9 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], assets: &BT
     lock.insert("plugins", Item::Table(strings(plugins)));
     document.insert("lock", Item::Table(lock));
     insert_digests(&mut document, assets);
-    let comment =
-        format!("# Resolved by syntable {version}: every default is filled in. Running this file again gives the same dataset.\n\n");
+    let comment = format!(
+        "# Resolved by syntable {version}: every default is filled in. Running this file again gives the same dataset.\n\n"
+    );
     comment + document.to_string().trim_start()
 }
 
@@ -144,9 +145,9 @@ fn inline(value: &toml::Value) -> Value {
         toml::Value::Boolean(value) => (*value).into(),
         toml::Value::Datetime(datetime) => (*datetime).into(),
         toml::Value::Array(items) => Value::Array(items.iter().map(inline).collect()),
-        toml::Value::Table(table) => {
-            Value::InlineTable(table.iter().map(|(name, value)| (name.as_str(), inline(value))).collect::<InlineTable>())
-        }
+        toml::Value::Table(table) => Value::InlineTable(
+            table.iter().map(|(name, value)| (name.as_str(), inline(value))).collect::<InlineTable>(),
+        ),
     }
 }
 

@@ -133,10 +133,8 @@ pub fn schema(registry: &Registry) -> Json {
         definitions.insert(definition_name(entry), definition(entry, &kind.options));
     }
     let mut properties = Map::new();
-    properties.insert(
-        "dataset".into(),
-        without_required(described(&schemas.dataset, "Name, seed and size of the dataset.")),
-    );
+    properties
+        .insert("dataset".into(), without_required(described(&schemas.dataset, "Name, seed and size of the dataset.")));
     for slot in Slot::ALL {
         properties.insert(slot.name().into(), slot_schema(registry, slot));
     }

@@ -101,7 +101,13 @@ impl Sources {
         {
             labels.push(Label { file: Arc::clone(root), span: 0..0, message: String::new() });
         }
-        Diagnostic { code: diagnostic.code, severity: diagnostic.severity, message: diagnostic.message, labels, help: diagnostic.help }
+        Diagnostic {
+            code: diagnostic.code,
+            severity: diagnostic.severity,
+            message: diagnostic.message,
+            labels,
+            help: diagnostic.help,
+        }
     }
 }
 

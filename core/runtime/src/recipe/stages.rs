@@ -117,7 +117,12 @@ impl<'l> Loader<'l> {
     }
 
     /// The tables of a slot; none if the section is missing or broken.
-    fn tables<'a>(&self, slot: Slot, tree: &mut DeTable<'a>, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<Vec<StageTable<'a>>> {
+    fn tables<'a>(
+        &self,
+        slot: Slot,
+        tree: &mut DeTable<'a>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<Vec<StageTable<'a>>> {
         let Some(value) = tree.remove(slot.name()) else {
             return self.missing(slot, diagnostics);
         };
@@ -159,7 +164,11 @@ impl<'l> Loader<'l> {
                         DeValue::Table(mut table) => {
                             let id_value = table.remove("id");
                             if let Some(other) = id_value.as_ref().filter(|id| !id.get_ref().is_str()) {
-                                diagnostics.push(DiagnosticBuilder::error(Code::WrongType, other.span(), "`id` must be a string"));
+                                diagnostics.push(DiagnosticBuilder::error(
+                                    Code::WrongType,
+                                    other.span(),
+                                    "`id` must be a string",
+                                ));
                             }
                             let id_span = id_value.map(|id| id.span());
                             if let Some(span) = &id_span
@@ -176,8 +185,12 @@ impl<'l> Loader<'l> {
                             tables.push(StageTable { slot, id, id_span, header, table });
                         }
                         _ => diagnostics.push(
-                            DiagnosticBuilder::error(Code::WrongType, header, format!("an element of `{slot}` must be a table"))
-                                .label(format!("this is {found}")),
+                            DiagnosticBuilder::error(
+                                Code::WrongType,
+                                header,
+                                format!("an element of `{slot}` must be a table"),
+                            )
+                            .label(format!("this is {found}")),
                         ),
                     }
                 }
@@ -258,7 +271,13 @@ impl<'l> Loader<'l> {
     }
 
     /// Builds one stage; false if it could not be built.
-    fn stage(&self, mut given: StageTable, built: &mut Built<'l>, names: &mut Names, diagnostics: &mut Vec<DiagnosticBuilder>) -> bool {
+    fn stage(
+        &self,
+        mut given: StageTable,
+        built: &mut Built<'l>,
+        names: &mut Names,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> bool {
         let slot = given.slot;
         if slot == Slot::Assets {
             let span = given.id_span.clone().unwrap_or(NOWHERE);
@@ -278,14 +297,8 @@ impl<'l> Loader<'l> {
         let Some(kind) = self.schemas.kind(slot, entry.kind) else { return false };
         let pool_renamed = if slot == Slot::Assets { self.renamed.pool } else { &[] };
         let renamed = [entry.renamed, pool_renamed];
-        let checked = check::options(
-            self.schemas.validator(),
-            entry.kind,
-            &given.table,
-            &given.header,
-            &kind.options,
-            &renamed,
-        );
+        let checked =
+            check::options(self.schemas.validator(), entry.kind, &given.table, &given.header, &kind.options, &renamed);
         let mut ok = checked.diagnostics.is_empty();
         diagnostics
             .extend(checked.diagnostics.into_iter().map(|diagnostic| self.of_another_kind(diagnostic, &given, kind)));
@@ -369,8 +382,7 @@ impl<'l> Loader<'l> {
             .label(format!("`{}` gives {class}s", kind.kind));
         }
         let has_suggestion = !diagnostic.marks[0].1.is_empty();
-        let mut others =
-            self.schemas.kinds.iter().filter(|other| other.slot == given.slot && other.kind != kind.kind);
+        let mut others = self.schemas.kinds.iter().filter(|other| other.slot == given.slot && other.kind != kind.kind);
         match others.find(|other| other.options["properties"].get(key).is_some()).filter(|_| !has_suggestion) {
             Some(other) => diagnostic.label(format!("this is an option of the kind `{}`", other.kind)),
             None => diagnostic,
@@ -404,7 +416,11 @@ impl<'l> Loader<'l> {
             Some(value) => match value.get_ref() {
                 DeValue::String(kind) => (kind.clone().into_owned(), value.span()),
                 _ => {
-                    diagnostics.push(DiagnosticBuilder::error(Code::WrongType, value.span(), "`kind` must be a string"));
+                    diagnostics.push(DiagnosticBuilder::error(
+                        Code::WrongType,
+                        value.span(),
+                        "`kind` must be a string",
+                    ));
                     return None;
                 }
             },
@@ -417,7 +433,11 @@ impl<'l> Loader<'l> {
             }
             None => {
                 let header = if slot.shape() == Shape::List { format!("[[{slot}]]") } else { format!("[{slot}]") };
-                let diagnostic = DiagnosticBuilder::error(Code::MissingKey, given.header.clone(), format!("`{header}` needs a `kind`"));
+                let diagnostic = DiagnosticBuilder::error(
+                    Code::MissingKey,
+                    given.header.clone(),
+                    format!("`{header}` needs a `kind`"),
+                );
                 diagnostics.push(diagnostic.label("add `kind = …`").help(format!("kinds are {}", listing(kinds()))));
                 return None;
             }
@@ -427,14 +447,16 @@ impl<'l> Loader<'l> {
                 diagnostics.push(diagnostic);
                 return None;
             }
-            let mut diagnostic = DiagnosticBuilder::error(Code::UnknownKind, span.clone(), format!("`{slot}` has no kind `{kind}`"))
-                .label(did_you_mean(&kind, kinds()))
-                .help(format!("linked plugins register {}", listing(kinds())));
+            let mut diagnostic =
+                DiagnosticBuilder::error(Code::UnknownKind, span.clone(), format!("`{slot}` has no kind `{kind}`"))
+                    .label(did_you_mean(&kind, kinds()))
+                    .help(format!("linked plugins register {}", listing(kinds())));
             let elsewhere = Slot::ALL.into_iter().find(|other| self.registry.find(*other, &kind).is_some());
             if let Some(other) = elsewhere {
                 diagnostic = diagnostic.help(format!("`{kind}` is a kind of `{other}`"));
             } else if keyed && Some(&span) == given.id_span.as_ref() {
-                diagnostic = diagnostic.help(format!("to call the table `{}` as you like, add `kind = …` to it", given.id));
+                diagnostic =
+                    diagnostic.help(format!("to call the table `{}` as you like, add `kind = …` to it", given.id));
             } else {
                 diagnostic = diagnostic
                     .help("if a plugin of yours registers it, check that its crate is named in your binary's main.rs");
@@ -459,7 +481,12 @@ impl<'l> Loader<'l> {
     }
 
     /// Resolves a path and puts it back into the table.
-    fn path(&self, reference: &Reference, table: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<variables::Resolved> {
+    fn path(
+        &self,
+        reference: &Reference,
+        table: &mut DeTable,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<variables::Resolved> {
         let file = self.sources.file_of(&reference.span)?;
         diagnostics.extend(variables::odd(&reference.text, &reference.span));
         let (folder, variable) = (&self.overrides.current_folder, self.overrides.variable);
@@ -492,7 +519,8 @@ impl<'l> Loader<'l> {
             table.insert(key, value);
         }
         if given.slot == Slot::Assets {
-            match PoolOptions::deserialize(ValueDeserializer::from(Spanned::new(header.clone(), DeValue::Table(pool)))) {
+            match PoolOptions::deserialize(ValueDeserializer::from(Spanned::new(header.clone(), DeValue::Table(pool))))
+            {
                 Ok(options) => {
                     if let Err(invalid) = options.validate() {
                         ok = false;
@@ -558,15 +586,25 @@ impl<'l> Loader<'l> {
         for (id, (_, span)) in &names.pools {
             if !names.used.contains(id) && !names.unread {
                 diagnostics.push(
-                    DiagnosticBuilder::warning(Code::UnusedPool, span.clone(), format!("no stage draws from the pool `{id}`"))
-                        .label("never named"),
+                    DiagnosticBuilder::warning(
+                        Code::UnusedPool,
+                        span.clone(),
+                        format!("no stage draws from the pool `{id}`"),
+                    )
+                    .label("never named"),
                 );
             }
         }
     }
 
     /// Every product that a writer names must be offered by the renderer or provided by an annotator.
-    fn check_products(&self, built: &Built, names: &Names, no_renderer: bool, diagnostics: &mut Vec<DiagnosticBuilder>) {
+    fn check_products(
+        &self,
+        built: &Built,
+        names: &Names,
+        no_renderer: bool,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) {
         let mut known = BTreeSet::new();
         // Products of renderers that the recipe does not use.
         let mut elsewhere: BTreeMap<&str, &str> = BTreeMap::new();
@@ -591,13 +629,19 @@ impl<'l> Loader<'l> {
             if known.contains(name) {
                 continue;
             }
-            let diagnostic = DiagnosticBuilder::error(Code::UnknownProduct, reference.span.clone(), format!("unknown product `{name}`"));
+            let diagnostic = DiagnosticBuilder::error(
+                Code::UnknownProduct,
+                reference.span.clone(),
+                format!("unknown product `{name}`"),
+            );
             let diagnostic = match kind {
                 Some(kind) => diagnostic.label(default_of(kind, reference)),
                 None => diagnostic.label(did_you_mean(name, known.iter().copied())),
             };
             diagnostics.push(match elsewhere.get(name) {
-                Some(kind) => diagnostic.label(format!("offered by the renderer `{kind}`, which this recipe does not use")),
+                Some(kind) => {
+                    diagnostic.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))
+                }
                 None => diagnostic
                     .help(format!(
                         "provided by linked plugins: {} (syntable list products)",

@@ -36,7 +36,9 @@ pub(crate) fn resolve(
 
 /// Warns about `~` and `$NAME`, which only a shell replaces.
 pub(crate) fn odd(text: &str, span: &Span) -> Option<DiagnosticBuilder> {
-    let warn = |message: String, label: String| Some(DiagnosticBuilder::warning(Code::OddPath, span.clone(), message).label(label));
+    let warn = |message: String, label: String| {
+        Some(DiagnosticBuilder::warning(Code::OddPath, span.clone(), message).label(label))
+    };
     if text == "~" || text.starts_with("~/") {
         return warn("`~` is not replaced in a recipe".into(), format!("write \"${{HOME}}{}\"", &text[1..]));
     }
@@ -56,8 +58,12 @@ fn expand(text: &str, span: &Span, variable: &dyn Fn(&str) -> Option<String>) ->
         out += &rest[..at];
         let inner = &rest[at + 2..];
         let Some(length) = inner.find('}') else {
-            return Err(DiagnosticBuilder::error(Code::Variable, span.clone(), format!("`${{` is not closed in \"{text}\""))
-                .label("write `${NAME}`"));
+            return Err(DiagnosticBuilder::error(
+                Code::Variable,
+                span.clone(),
+                format!("`${{` is not closed in \"{text}\""),
+            )
+            .label("write `${NAME}`"));
         };
         let name = &inner[..length];
         if name.is_empty()
