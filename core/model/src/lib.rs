@@ -80,6 +80,7 @@ pub mod error;
 pub mod geometry;
 pub mod inspect;
 pub mod names;
+pub mod options;
 pub mod photometry;
 pub mod product;
 pub mod random;

@@ -236,8 +236,14 @@ impl Entry {
         (self.schema)(generator)
     }
 
-    /// Builds the stage from a table without `kind`.
+    /// Builds the stage from a table without `kind`. Refuses what the schema refuses.
     pub fn construct(&self, table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
+        crate::options::check(self.kind, self.schema, &table).map_err(ConstructError::Invalid)?;
+        self.construct_validated(table)
+    }
+
+    /// Builds the stage from a table without `kind` that was found valid against the schema already.
+    pub fn construct_validated(&self, table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
         (self.construct)(table)
     }
 

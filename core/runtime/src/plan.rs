@@ -8,7 +8,6 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use syntable_model::error::Error;
-use syntable_model::product::standard::RENAMED;
 use syntable_model::product::{KeyId, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
@@ -180,8 +179,6 @@ pub struct PlanError {
 pub enum Fault {
     /// Nothing provides the product.
     Unknown,
-    /// The product has another name now.
-    Renamed,
     /// Several stages provide or replace the product.
     Ambiguous,
     /// Stages need each other's products.
@@ -471,10 +468,6 @@ impl Resolver {
     }
 
     fn unknown(&mut self, name: &str, by: &Asker) {
-        if let Some((_, new)) = RENAMED.iter().find(|(old, _)| *old == name) {
-            let message = format!("product `{name}` is called `{new}` now");
-            return self.fail(Fault::Renamed, by, name, message, format!("write `{new}`"));
-        }
         let mut known: Vec<&str> = self.offers.iter().map(|key| key.name).collect();
         known.extend(self.notes.iter().flat_map(|note| &note.provides).map(|key| key.name));
         known.extend(self.replacements.iter().map(|(_, it)| it.original.name));

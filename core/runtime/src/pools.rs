@@ -1,6 +1,6 @@
-//! The pools of a recipe: selection, scale, centring and mass are the same for every source of assets.
+//! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
-use crate::recipe::{Centre, OnBadAsset, PoolOptions, Recipe};
+use crate::recipe::{Center, OnBadAsset, PoolOptions, Recipe};
 use parking_lot::Mutex;
 use quick_cache::Weighter;
 use quick_cache::sync::Cache;
@@ -211,10 +211,10 @@ impl Pool<'_> {
         let longest = bounds.size().max();
         let scale = options.longest_side_m.map_or(options.scale, |wanted| wanted / longest);
         let center = bounds.center();
-        let offset = match options.centre {
-            Centre::Bounds => -center.coords,
-            Centre::Bottom => -Point3::new(center.x, center.y, bounds.min.z).coords,
-            Centre::None => Vector3::zeros(),
+        let offset = match options.center {
+            Center::Bounds => -center.coords,
+            Center::Bottom => -Point3::new(center.x, center.y, bounds.min.z).coords,
+            Center::None => Vector3::zeros(),
         };
         let mass = match (options.mass_kg, options.density_kg_m3) {
             (Some(mass), _) => mass,
@@ -239,7 +239,7 @@ impl Pool<'_> {
             .number(offset.z)
             .number(mass)
             .finish();
-        let license = options.licence.clone().unwrap_or(object.license);
+        let license = options.license.clone().unwrap_or(object.license);
         let materials = object.materials.into_iter().map(|material| scaled(material, scale)).collect();
         let object = Object { mesh, materials, collision, mass_kg: mass, digest, license, ..object };
         object.check_extent()?;

@@ -1,8 +1,9 @@
-//! The JSON Schema of recipes agrees with the program, by an evaluator written for this test and by the checkers that
-//! editors use.
+//! The JSON Schema of recipes agrees with the program, as judged by an independent validator and by the tools that editors
+//! use.
 
 mod recipe_kit;
 
+use jsonschema::Validator;
 use recipe_kit::{load, registry};
 use serde_json::Value as Json;
 use std::path::{Path, PathBuf};
@@ -40,88 +41,13 @@ kind = "png"
 include = ["instance"]
 "#;
 
-/// Whether a value is valid: draft-07, as far as the schema uses it.
-fn valid(value: &Json, schema: &Json, root: &Json) -> bool {
-    let Some(schema) = schema.as_object() else { return schema != &Json::Bool(false) };
-    if let Some(Json::String(target)) = schema.get("$ref") {
-        return valid(value, &root["definitions"][target.trim_start_matches("#/definitions/")], root);
-    }
-    let is = |name: &str| match name {
-        "object" => value.is_object(),
-        "array" => value.is_array(),
-        "string" => value.is_string(),
-        "boolean" => value.is_boolean(),
-        "integer" => value.is_i64() || value.is_u64(),
-        "number" => value.is_number(),
-        other => panic!("type {other}"),
-    };
-    let all = |value: Option<&Json>, test: &dyn Fn(&Json) -> bool| {
-        value.and_then(Json::as_array).is_none_or(|a| a.iter().all(test))
-    };
-    let count = |value: Option<&Json>, test: &dyn Fn(&Json) -> bool| {
-        value.and_then(Json::as_array).map(|a| a.iter().filter(|item| test(item)).count())
-    };
-    let holds = |part: &Json| valid(value, part, root);
-    let word = |key: &str| schema.get(key).and_then(Json::as_f64);
-    let mut ok = match schema.get("type") {
-        Some(Json::String(one)) => is(one),
-        Some(Json::Array(several)) => several.iter().any(|name| is(name.as_str().expect("a name"))),
-        _ => true,
-    };
-    ok &= schema.get("const").is_none_or(|constant| value == constant);
-    ok &= schema.get("enum").and_then(Json::as_array).is_none_or(|words| words.contains(value));
-    ok &= all(schema.get("allOf"), &holds);
-    ok &= count(schema.get("anyOf"), &holds).is_none_or(|n| n >= 1);
-    ok &= count(schema.get("oneOf"), &holds).is_none_or(|n| n == 1);
-    if let Some(condition) = schema.get("if") {
-        ok &= schema.get(if holds(condition) { "then" } else { "else" }).is_none_or(holds);
-    }
-    if let Some(number) = value.as_f64() {
-        ok &=
-            word("minimum").is_none_or(|limit| number >= limit) && word("maximum").is_none_or(|limit| number <= limit);
-        ok &= word("exclusiveMinimum").is_none_or(|limit| number > limit);
-    }
-    if let Some(text) = value.as_str() {
-        let length = text.chars().count() as f64;
-        ok &= word("minLength").is_none_or(|limit| length >= limit)
-            && word("maxLength").is_none_or(|limit| length <= limit);
-        if let Some(Json::String(pattern)) = schema.get("pattern") {
-            ok &= is_id(text, pattern);
-        }
-    }
-    if let Some(items) = value.as_array() {
-        let length = items.len() as f64;
-        ok &= word("minItems").is_none_or(|limit| length >= limit)
-            && word("maxItems").is_none_or(|limit| length <= limit);
-        ok &= schema.get("uniqueItems") != Some(&Json::Bool(true))
-            || (1..items.len()).all(|i| !items[..i].contains(&items[i]));
-        ok &= items.iter().enumerate().all(|(index, item)| match schema.get("items") {
-            Some(Json::Array(each)) => each.get(index).is_none_or(|schema| valid(item, schema, root)),
-            Some(schema) => valid(item, schema, root),
-            None => true,
-        });
-    }
-    if let Some(object) = value.as_object() {
-        let size = object.len() as f64;
-        ok &= word("minProperties").is_none_or(|limit| size >= limit)
-            && word("maxProperties").is_none_or(|limit| size <= limit);
-        ok &= all(schema.get("required"), &|key| object.contains_key(key.as_str().expect("a key")));
-        ok &= object.iter().all(|(key, value)| {
-            let named = schema.get("propertyNames").is_none_or(|names| valid(&Json::from(key.as_str()), names, root));
-            let property = schema.get("properties").and_then(|properties| properties.get(key));
-            named && property.or(schema.get("additionalProperties")).is_none_or(|schema| valid(value, schema, root))
-        });
-    }
-    ok
+/// Compiles a schema with an independent validator.
+fn compile(schema: &Json) -> Validator {
+    jsonschema::draft7::new(schema).expect("a valid draft-07 schema")
 }
 
-fn is_id(text: &str, pattern: &str) -> bool {
-    assert_eq!(pattern, "^[A-Za-z0-9_-]+$", "the only pattern that this evaluator knows");
-    !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
-}
-
-/// `BASE` with a table of a kind put in: (by schema, by program) accepted.
-fn accepted(entry: &Entry, body: &Table, schema: &Json) -> (bool, bool) {
+/// Whether the schema and the program accept `BASE` with a table of a kind added.
+fn accepted(entry: &Entry, body: &Table, schema: &Validator) -> (bool, bool) {
     let mut recipe: Table = toml::from_str(BASE).expect("valid");
     let mut table = Table::from_iter([("kind".to_owned(), Value::from(entry.kind))]);
     table.extend(body.clone());
@@ -135,11 +61,11 @@ fn accepted(entry: &Entry, body: &Table, schema: &Json) -> (bool, bool) {
         one => *one = table.into(),
     }
     let text = recipe.to_string();
-    let by_schema = valid(&serde_json::to_value(&recipe).expect("a recipe is JSON"), schema, schema);
+    let by_schema = schema.is_valid(&serde_json::to_value(&recipe).expect("a recipe is JSON"));
     (by_schema, load(Source::embedded("test.toml", text), &[]).is_ok())
 }
 
-fn check(entry: &Entry, body: &Table, schema: &Json, expected: bool) {
+fn check(entry: &Entry, body: &Table, schema: &Validator, expected: bool) {
     let got = accepted(entry, body, schema);
     assert_eq!(got, (expected, expected), "(schema, program) on {}.{}:\n{body}", entry.slot, entry.kind);
 }
@@ -149,7 +75,8 @@ fn check(entry: &Entry, body: &Table, schema: &Json, expected: bool) {
 #[test]
 fn schema_and_program_accept_and_refuse_the_same() {
     let registry = registry();
-    let schema = recipe::schema(&registry);
+    let json = recipe::schema(&registry);
+    let schema = compile(&json);
     let (mut refused, mut limits) = (0, 0);
     for entry in registry.entries() {
         let example: Table = toml::from_str(entry.example).expect("valid");
@@ -163,7 +90,7 @@ fn schema_and_program_accept_and_refuse_the_same() {
             table
         };
         check(entry, &with("no_such_option", 1.into()), &schema, false);
-        let definition = &schema["definitions"][format!("{}.{}", entry.slot, entry.kind)];
+        let definition = &json["definitions"][format!("{}.{}", entry.slot, entry.kind)];
         for (option, limit) in definition["properties"].as_object().expect("options") {
             if option == "kind" || option == "id" {
                 continue;
@@ -186,14 +113,14 @@ fn schema_and_program_accept_and_refuse_the_same() {
 /// Both accept a recipe that leaves out what it inherits, and refuse it when it inherits nothing.
 #[test]
 fn what_is_required_may_be_inherited() {
-    let schema = recipe::schema(&registry());
+    let schema = compile(&recipe::schema(&registry()));
     let folder = tempfile::tempdir().expect("a temporary folder");
     fs::write(folder.path().join("base.toml"), BASE).expect("written");
     let child = "remove = \"assets.materials\"\n[dataset]\nseed = 1\n[write.first]\nkind = \"png\"\ndepth = \"sixteen\"\n[write.png]\ninclude = [\"depth\"]\n[set]\n\"place.around.material\" = { floor = \"wood\" }\n[assets.wood]\nkind = \"pbr_folder\"\nroot = \"a\"\n";
     for (head, expected) in [("extends = \"base.toml\"\n", true), ("", false)] {
         let text = format!("{head}{child}");
         let table: Table = toml::from_str(&text).expect("valid");
-        let by_schema = valid(&serde_json::to_value(&table).expect("JSON"), &schema, &schema);
+        let by_schema = schema.is_valid(&serde_json::to_value(&table).expect("JSON"));
         let by_program = load(Source::file(folder.path().join("child.toml"), text), &[]);
         if let (true, Err(report)) = (expected, &by_program) {
             panic!("{report}");
@@ -204,7 +131,7 @@ fn what_is_required_may_be_inherited() {
 
 #[test]
 fn a_table_whose_id_is_a_kind_is_of_that_kind() {
-    let schema = recipe::schema(&registry());
+    let schema = compile(&recipe::schema(&registry()));
     for (table, expected) in [
         ("[write.npy]", true),
         ("[write.npy]\nkind = \"npy\"", true),
@@ -215,7 +142,7 @@ fn a_table_whose_id_is_a_kind_is_of_that_kind() {
     ] {
         let text = format!("{BASE}{table}\n");
         let json = serde_json::to_value(toml::from_str::<Table>(&text).expect("valid")).expect("JSON");
-        assert_eq!(valid(&json, &schema, &schema), expected, "{table}");
+        assert_eq!(schema.is_valid(&json), expected, "{table}");
         assert_eq!(load(Source::embedded("test.toml", text), &[]).is_ok(), expected, "{table}");
     }
 }
@@ -236,7 +163,7 @@ fn the_schema_is_stable_and_draft_07() {
     assert_eq!(schema["definitions"]["write.png"]["examples"][0]["kind"], "png");
 }
 
-/// What a real checker said of a file.
+/// Result of a tool on a file.
 struct Verdict {
     accepted: bool,
     text: String,
@@ -263,7 +190,7 @@ fn run(command: &mut Command) -> Verdict {
     Verdict { accepted: output.status.success(), text }
 }
 
-/// A real checker accepts what the program accepts, and refuses every broken recipe whose mistake a schema can see.
+/// A tool accepts what the program accepts, and refuses every broken recipe whose mistake a schema can express.
 fn agrees(check: impl Fn(&Path, &Path) -> Verdict) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let schema = folder.path().join("schema.json");
@@ -279,7 +206,7 @@ fn agrees(check: impl Fn(&Path, &Path) -> Verdict) {
         let verdict = judge(name, text);
         assert!(verdict.accepted && !verdict.text.contains("strict"), "{name} is refused:\n{}\n{text}", verdict.text);
     }
-    // Mistakes about names of the recipe itself, about the machine, or found by a stage are beyond a schema.
+    // A schema cannot express mistakes about the recipe's own names, about the machine, or found by a stage.
     let beyond =
         ["default_names", "invalid_values", "overrides", "unknown_pool", "unknown_product", "variables", "warnings"];
     let recipes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recipes");

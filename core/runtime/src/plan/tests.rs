@@ -167,7 +167,6 @@ fn a_replaced_product_is_the_new_one_for_all_others() {
 fn gaps_ambiguities_and_cycles_are_refused() {
     refused(vec![], &["pixel"], Fault::Unknown, "nothing provides");
     assert_eq!(plan(vec![], &["pixel"]).err().expect("refused")[0].known, ["pixels"]);
-    refused(vec![], &["normal_mean"], Fault::Renamed, "`denoise_normal`");
     let (x, y) = (|| stage("x", &[], &[A.id()]), || stage("y", &[], &[A.id()]));
     refused(vec![x(), y()], &["a"], Fault::Ambiguous, "annotate.x, annotate.y");
     refused(vec![stage("x", &[], &[PIXELS.id()])], &["pixels"], Fault::Ambiguous, "annotate.x, render");

@@ -5,7 +5,7 @@ use std::fmt;
 
 macro_rules! codes {
     ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $title:literal, $explanation:literal, $way_out:literal;)*) => {
-        /// What sort of mistake a diagnostic is about. Codes never change their meaning.
+        /// Kind of mistake. Codes never change their meaning.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum Code {
             $($(#[doc = $doc])+ $name,)*
@@ -36,7 +36,7 @@ macro_rules! codes {
                 }
             }
 
-            /// What to do about it: a paragraph of Markdown.
+            /// How to fix it: a paragraph of Markdown.
             pub fn way_out(self) -> &'static str {
                 match self {
                     $(Self::$name => $way_out,)*
@@ -50,9 +50,9 @@ codes! {
     /// The text is not TOML.
     Syntax = "D0001", "the text is not TOML",
         "A recipe is a TOML file, and this place does not follow TOML's grammar: a quote or bracket is not closed, a \
-         comma or an equals sign is missing, or a word stands where a value is wanted. What follows the mistake may be \
-         misread, so keys on the same line are not checked and missing keys are not reported until the text is mended.",
-        "Mend the first mistake and check again; later ones often disappear with it. Texts need quotes, arrays `[ ]`, \
+         comma or an equals sign is missing, or a bare word is in place of a value. What follows the mistake may be \
+         misread, so keys on the same line are not checked, and missing keys are not reported until it is fixed.",
+        "Fix the first mistake and check again; later ones often disappear with it. Strings need quotes, arrays `[ ]`, \
          inline tables `{ }`, and keys an `=`.";
     /// One key is given twice.
     DuplicateKey = "D0002", "a key is given twice",
@@ -63,41 +63,41 @@ codes! {
     /// No option or section has this name.
     UnknownKey = "D0003", "no option has this name",
         "The section, or the kind of stage that the table chooses, has no option of this name. Unknown keys are errors, \
-         because a misspelt option would otherwise be ignored in silence and the dataset would be made with the default.",
-        "Take the suggested name, or look the options up with `syntable list <kind>` or in the reference. If the option \
+         because a misspelled option would otherwise be ignored silently and the dataset would be made with the default.",
+        "Use the suggested name, or look up the options with `syntable list <kind>` or in the reference. If the option \
          belongs to another kind, check the table's `kind`.";
     /// No linked plugin provides this product.
     UnknownProduct = "D0004", "no linked plugin provides this product",
         "Writers name the products that they write, such as `visible_mask`. A product must be offered by the recipe's \
-         renderer or be provided by an annotator, and none that is linked into this program does.",
-        "Take the suggested name, or see `syntable list products`. If a plugin of yours provides it, name that crate in \
+         renderer or provided by a sensor or annotator, and no stage in this program does so.",
+        "Use the suggested name, or see `syntable list products`. If a plugin of yours provides it, name that crate in \
          your binary's `main.rs` (`use my_plugin as _;`): a crate that is only listed in `Cargo.toml` is not linked. If \
          another renderer offers it, choose that one in `[render]`.";
     /// No linked plugin registers this kind.
     UnknownKind = "D0005", "no linked plugin registers this kind",
         "Every stage is chosen by its `kind`, and no plugin of this program registers one of this name for this section. \
          In `[assets]`, `[annotate]` and `[write]` the table's id is the kind unless `kind` says otherwise.",
-        "Take the suggested kind, or see `syntable list`. If a plugin of yours registers it, name that crate in your \
+        "Use the suggested kind, or see `syntable list`. If a plugin of yours registers it, name that crate in your \
          binary's `main.rs`. To call a table as you like, add `kind = \"…\"` to it.";
     /// No pool has this name, or it gives assets of another class.
     UnknownPool = "D0006", "no such pool of assets",
         "Stages draw objects and materials from pools by name, and a pool is an `[assets.<name>]` table. Either there is \
-         no table of this name, or its source gives materials where objects are wanted, or the other way round.",
-        "Take the suggested name, or add the `[assets.<name>]` table.";
+         no table of this name, or its source gives materials where objects are needed, or vice versa.",
+        "Use the suggested name, or add the `[assets.<name>]` table.";
     /// The value has another type than the option.
     WrongType = "D0007", "the value has the wrong type",
-        "The option wants another type of value than is given: a number where a text stands, one value where an array \
-         stands, and so on. Nothing is converted silently; `\"5\"` is a text and not a number.",
+        "The option takes another type of value than the one given: a number instead of a string, one value instead of \
+         an array, and so on. Nothing is converted silently; `\"5\"` is a string and not a number.",
         "Write the value as the message says. Random options take a plain number or one table such as \
          `{ uniform = [0, 1] }`.";
     /// The value is outside the option's limits.
     OutOfRange = "D0008", "the value is outside its limits",
-        "The option has limits, stated in its help and in the schema: a smallest or largest value, or a number of \
-         elements. The limits keep out values that have no meaning or that would fail later, in the middle of a run.",
-        "Choose a value within the limits. If a unit is at the end of the option's name, check that the value is in it.";
+        "The option has limits, stated in the reference and in the schema: a smallest or largest value, or a number of \
+         elements. The limits reject values that have no meaning or that would fail in the middle of a run.",
+        "Choose a value within the limits. If the option's name ends in a unit, check that the value is in that unit.";
     /// A required option is not given.
     MissingKey = "D0009", "a required option is missing",
-        "This option has no default, because no value of it would be right for everybody: a folder, a number of scenes, \
+        "This option has no default, because no value suits everyone: a folder, a number of scenes, \
          a kind.",
         "Add the option; the message says what it means.";
     /// A required section is not given.
@@ -110,23 +110,23 @@ codes! {
     /// The stage refuses the value.
     InvalidValue = "D0011", "the stage refuses the value",
         "The value has the right type and is within its limits, but the stage cannot work with it: bounds in the wrong \
-         order, options that contradict each other, a number that does not fit another one.",
-        "Do as the message says; it names the value and what would be accepted.";
+         order, options that contradict each other, numbers that do not fit together.",
+        "Follow the message, which names the value and what is accepted.";
     /// The option does not offer this word.
     UnknownChoice = "D0012", "the option does not offer this choice",
-        "The option takes one of a few words, and this is none of them.",
-        "Take one of the words that the message lists.";
+        "The option takes one of a few words, and this is not one of them.",
+        "Use one of the words that the message lists.";
     /// An id is taken, or misleads.
     BadId = "D0013", "the id cannot be used",
         "Ids name random streams, folders and pools. They must be unique within their section and consist of letters, \
          digits, `_` and `-`. In `[assets]`, `[annotate]` and `[write]`, a table whose id is the name of one kind may not \
-         be of another kind, since `[write.png]` that is no PNG would mislead every reader.",
+         be of another kind, because a `[write.png]` that writes no PNG would mislead every reader.",
         "Give the table another id.";
     /// A recipe that is extended cannot be used.
     Extends = "D0014", "the extended recipe cannot be used",
-        "`extends` names another recipe file, relative to the file that says so. The file cannot be read, is not text, or \
-         extends itself by way of others.",
-        "Check the path; it counts from the folder of the recipe that names it. Break a circle by moving what the \
+        "`extends` names another recipe file, relative to the file that says so. The file cannot be read, is not UTF-8, or \
+         extends itself through others.",
+        "Check the path, which is relative to the folder of the recipe that names it. Break a circle by moving what the \
          recipes share into a file of its own.";
     /// An environment variable is not set.
     Variable = "D0015", "an environment variable is not set",
@@ -139,40 +139,50 @@ codes! {
         "`--set`, `[set]` and `remove` name a place in the recipe by a path such as `render.samples_per_pixel`, \
          `lights[0].count` or `place.objects.count`. The path is malformed, leads through something that is not a table, \
          or names something that is not there.",
-        "Correct the path. List items are counted from 0, or named by their id; a missing item cannot be added.";
-    /// The option has no meaning for this class of assets.
+        "Correct the path. Elements of lists are counted from 0, or named by their id; an element cannot be added.";
+    /// The option does not apply to this class of assets.
     WrongClass = "D0017", "the option does not apply to this class of assets",
-        "Scale, centre, mass and density describe things, so they apply to pools of objects only; this pool gives \
-         materials.",
+        "Scale, center, mass and density describe objects; this pool gives assets of another class.",
         "Remove the option, or move it to a pool of objects.";
     /// The recipe was resolved by other versions. A warning.
     LockMismatch = "D0018", "the recipe was resolved by other versions",
-        "A resolved recipe records the versions of the program and of the plugins that made it. With other versions the \
+        "A resolved recipe records the versions of the program and of the plugins that made it. With other versions, the \
          same recipe may give another dataset.",
         "Install the recorded versions to repeat the dataset exactly, or remove `[lock]` to accept the new ones.";
-    /// Nothing draws from the pool. A warning.
-    UnusedPool = "D0019", "nothing draws from this pool",
+    /// No stage draws from the pool. A warning.
+    UnusedPool = "D0019", "no stage draws from this pool",
         "The pool is declared, but no stage names it, so none of its assets can appear in the dataset. Often a `from` \
          list has been forgotten.",
         "Name the pool in a stage, or remove its table.";
-    /// The path will not be read as it looks. A warning.
-    OddPath = "D0020", "the path will not be read as it looks",
-        "`~` and `$NAME` are replaced by a shell, but not here: in a recipe they are ordinary letters of a name.",
+    /// The path holds `~` or `$NAME`. A warning.
+    OddPath = "D0020", "the path is read literally",
+        "`~` and `$NAME` are replaced by a shell, but not in a recipe, where they are ordinary characters.",
         "Write `${HOME}` for `~`, and `${NAME}` for `$NAME`.";
-    /// The wanted products cannot be made.
-    Plan = "D0021", "the wanted products cannot be made",
-        "The products that the writers want, and those that they are made from, cannot be provided as they are: two \
+    /// The products that the writers read cannot be made.
+    Plan = "D0021", "the products cannot be made",
+        "The products that the writers read, and those that they are made from, cannot be provided: two \
          stages provide the same product, annotators need each other in a circle, or one reads a product as another \
          type than it is provided with.",
         "Keep one provider: name the annotator that you want in an `[annotate.<id>]` table, or remove one. \
-         `syntable plan` shows who provides what.";
+         `syntable plan` shows which stage provides each product.";
+    /// An option, kind or product has another name now.
+    Renamed = "D0022", "the name has changed",
+        "Earlier versions had an option, a kind or a product of this name; this version calls it otherwise. The old name \
+         is an error rather than an alias, so that every recipe that runs says what the reference says.",
+        "Write the new name, which the message gives. The meaning and the unit of an option are in the reference, under \
+         the new name.";
+    /// A linked plugin registers a kind that cannot be used.
+    Plugin = "D0023", "a linked plugin is faulty",
+        "A plugin registers a kind of stage whose options cannot be checked: its schema uses a keyword that the program \
+         does not know, or a source of assets has an option that every pool has. The recipe is not at fault.",
+        "Report the message to the plugin's authors, or leave the plugin out of your binary's `main.rs`.";
     /// The writer cannot store this kind of value.
-    NotStorable = "D0022", "the writer cannot store this kind of value",
+    NotStorable = "D0024", "the writer cannot store this kind of value",
         "Each writer stores some kinds of value: a PNG file has no channel for floating-point numbers, an array file no \
          place for records. The product is of a kind that this writer cannot store.",
         "Write the product with another writer, as the message says; `syntable list products` shows the kind of each.";
     /// The stage runs for nobody. A warning.
-    IdleStage = "D0023", "nothing reads what the stage provides",
+    IdleStage = "D0025", "nothing reads what the stage provides",
         "The recipe sets up a sensor, an annotator or a denoiser, but no writer includes what it provides, nor anything \
          that is made from it. The stage does not run.",
         "Include its product in a `[write.<id>]` table, or remove the stage's table.";
@@ -198,7 +208,7 @@ mod tests {
     fn codes_count_from_one_and_are_explained() {
         for (index, code) in Code::ALL.iter().enumerate() {
             assert_eq!(code.text(), format!("D{:04}", index + 1));
-            assert!(code.explain().len() > 60 && code.way_out().len() > 20, "{code}");
+            assert!(code.explain().len() > 60 && code.help_text().len() > 20, "{code}");
             assert!(!code.explain().contains("  "), "{code}: stray blanks");
         }
     }

@@ -1,4 +1,4 @@
-//! Diagnostics: what is wrong with a recipe, where, and what to do about it.
+//! Diagnostics: what is wrong with a recipe, where, and how to fix it.
 
 use super::code::Code;
 use super::source::{SourceFile, Span};
@@ -8,12 +8,12 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// How bad it is.
+/// Severity of a diagnostic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The recipe cannot be run.
     Error,
-    /// The recipe can be run, but is probably not what was meant.
+    /// The recipe can be run, but is probably not as intended.
     Warning,
 }
 
@@ -27,14 +27,14 @@ impl Severity {
     }
 }
 
-/// A place in a text, and what is there.
+/// A marked range of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
     /// The text.
     pub file: Arc<SourceFile>,
-    /// Bytes of the text; an empty range at the start speaks of the whole file.
+    /// Bytes of the text; an empty range at the start marks the whole file.
     pub span: Range<usize>,
-    /// What is there; may be empty.
+    /// Note beside the mark; may be empty.
     pub message: String,
 }
 
@@ -48,15 +48,15 @@ impl Label {
 /// One mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// What sort of mistake it is.
+    /// Kind of mistake.
     pub code: Code,
-    /// How bad it is.
+    /// Whether it keeps the recipe from running.
     pub severity: Severity,
     /// What is wrong: lower case, no full stop.
     pub message: String,
-    /// Where: the first is the place at fault, the others are related.
+    /// The range at fault, then related ones.
     pub labels: Vec<Label>,
-    /// More, and ways out; one line each.
+    /// Notes and fixes, one line each.
     pub help: Vec<String>,
 }
 
@@ -66,8 +66,8 @@ impl Diagnostic {
         self.severity == Severity::Error
     }
 
-    /// As text with the offending line underlined, ending in a newline; with colours for a terminal if wanted.
-    pub fn render(&self, coloured: bool) -> String {
+    /// Renders as text with the offending line underlined, ending in a newline, and with ANSI colors if `colored`.
+    pub fn render(&self, colored: bool) -> String {
         let level = match self.severity {
             Severity::Error => Level::ERROR,
             Severity::Warning => Level::WARNING,
@@ -90,13 +90,13 @@ impl Diagnostic {
         for help in &self.help {
             group = group.element(Level::NOTE.no_name().message(normalize_untrusted_str(help)));
         }
-        let renderer = if coloured { Renderer::styled() } else { Renderer::plain() };
+        let renderer = if colored { Renderer::styled() } else { Renderer::plain() };
         let mut text = renderer.render(&[group]);
         text.push('\n');
         text
     }
 
-    /// As a record for machines: `level`, `code`, `message`, `file`, `line`, `column`, `end_line`, `end_column`,
+    /// Converts to a JSON record with the keys `level`, `code`, `message`, `file`, `line`, `column`, `end_line`, `end_column`,
     /// `label`, `help`, `related`.
     pub fn to_json(&self) -> Value {
         let mut record = json!({ "level": self.severity.name(), "code": self.code.text(), "message": self.message });
@@ -117,7 +117,7 @@ impl Diagnostic {
     }
 }
 
-/// Everything that is wrong with a recipe that cannot be run; never empty.
+/// All mistakes of a recipe that cannot be run; never empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
     /// All errors and warnings, in reading order.
@@ -125,9 +125,9 @@ pub struct Report {
 }
 
 impl Report {
-    /// As text with the offending lines underlined and a last line that counts; with colours for a terminal if wanted.
-    pub fn render(&self, coloured: bool) -> String {
-        let mut text: String = self.diagnostics.iter().map(|diagnostic| diagnostic.render(coloured) + "\n").collect();
+    /// Renders as text with the offending lines underlined and a last line that counts, with ANSI colors if `colored`.
+    pub fn render(&self, colored: bool) -> String {
+        let mut text: String = self.diagnostics.iter().map(|diagnostic| diagnostic.render(colored) + "\n").collect();
         text += &format!("{}; nothing was rendered\n", self.count());
         text
     }
@@ -147,7 +147,7 @@ impl Report {
         }
     }
 
-    /// One record a diagnostic; see [`Diagnostic::to_json`].
+    /// One record per diagnostic; see [`Diagnostic::to_json`].
     pub fn records(&self) -> Vec<Value> {
         self.diagnostics.iter().map(Diagnostic::to_json).collect()
     }
@@ -161,9 +161,9 @@ impl fmt::Display for Report {
 
 impl std::error::Error for Report {}
 
-/// A diagnostic in the making: spans are of the common space.
+/// A diagnostic under construction, with spans in the shared space.
 #[derive(Debug, Clone)]
-pub(crate) struct Draft {
+pub(crate) struct DiagnosticBuilder {
     pub code: Code,
     pub severity: Severity,
     pub message: String,
@@ -171,7 +171,7 @@ pub(crate) struct Draft {
     pub help: Vec<String>,
 }
 
-impl Draft {
+impl DiagnosticBuilder {
     pub fn error(code: Code, span: Span, message: impl Into<String>) -> Self {
         let marks = vec![(span, String::new())];
         Self { code, severity: Severity::Error, message: message.into(), marks, help: Vec::new() }
@@ -181,13 +181,13 @@ impl Draft {
         Self { severity: Severity::Warning, ..Self::error(code, span, message) }
     }
 
-    /// Says what is at the place at fault.
+    /// Sets the note beside the range at fault.
     pub fn label(mut self, message: impl Into<String>) -> Self {
         self.marks[0].1 = message.into();
         self
     }
 
-    /// Adds a related place.
+    /// Adds a related range.
     pub fn also(mut self, span: Span, message: impl Into<String>) -> Self {
         self.marks.push((span, message.into()));
         self
@@ -199,7 +199,7 @@ impl Draft {
         self
     }
 
-    /// The place at fault.
+    /// The range at fault.
     pub fn span(&self) -> &Span {
         &self.marks[0].0
     }

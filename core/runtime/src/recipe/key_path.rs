@@ -1,44 +1,12 @@
 //! Paths of keys: `render.samples_per_pixel`, `lights[0].count`, `assets."my pool".root`.
 
-use std::fmt;
 use std::ops::Range;
-
-/// One step from a value into it.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Step {
-    /// A key of a table; in a list of stages, the id of one.
-    Key(String),
-    /// An element of an array, from 0.
-    Index(usize),
-}
-
-/// A path as it is shown to people.
-pub(crate) struct Shown<'a>(pub &'a [Step]);
-
-impl fmt::Display for Shown<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (position, step) in self.0.iter().enumerate() {
-            match step {
-                Step::Key(key) => {
-                    let dot = if position > 0 { "." } else { "" };
-                    if is_bare(key) { write!(f, "{dot}{key}")? } else { write!(f, "{dot}{key:?}")? }
-                }
-                Step::Index(index) => write!(f, "[{index}]")?,
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Whether a key needs no quotes in TOML.
-pub(crate) fn is_bare(key: &str) -> bool {
-    !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
-}
+use syntable_model::options::Step;
 
 /// A step of a path with its bytes.
 type Located = (Step, Range<usize>);
 
-/// Reads a path. Steps come with their bytes; an error says what is wrong and at which bytes.
+/// Parses a path. Steps come with their bytes; an error says what is wrong and at which bytes.
 pub(crate) fn parse(text: &str) -> Result<Vec<Located>, (String, Range<usize>)> {
     let mut steps: Vec<Located> = Vec::new();
     let mut at = 0;
@@ -56,13 +24,13 @@ pub(crate) fn parse(text: &str) -> Result<Vec<Located>, (String, Range<usize>)> 
             let range = at..at + length + 2;
             match inner[..length].trim().parse() {
                 Ok(index) => steps.push((Step::Index(index), range.clone())),
-                Err(_) => return wrong("an index in `[ ]` is a whole number from 0", range),
+                Err(_) => return wrong("an index in `[ ]` is an integer from 0", range),
             }
             at = range.end;
             continue;
         }
         if !expect_key {
-            return wrong("a `.` or `[` is wanted here", at..text.len());
+            return wrong("a `.` or `[` is expected here", at..text.len());
         }
         at += usize::from(!steps.is_empty());
         let rest = &text[at..];
@@ -76,7 +44,7 @@ pub(crate) fn parse(text: &str) -> Result<Vec<Located>, (String, Range<usize>)> 
             let length =
                 rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '-')).unwrap_or(rest.len());
             if length == 0 {
-                return wrong("a key is wanted here", at..text.len());
+                return wrong("a key is expected here", at..text.len());
             }
             steps.push((Step::Key(rest[..length].to_owned()), at..at + length));
             at += length;
@@ -84,7 +52,7 @@ pub(crate) fn parse(text: &str) -> Result<Vec<Located>, (String, Range<usize>)> 
     }
 }
 
-/// The steps alone, of a path that a program wrote, such as the key of an `Invalid`; what is malformed is left out.
+/// Parses a path that a program wrote, such as the key of an `ConfigError`; a malformed path gives no steps.
 pub(crate) fn steps(text: &str) -> Vec<Step> {
     parse(text).map_or_else(|_| Vec::new(), |steps| steps.into_iter().map(|(step, _)| step).collect())
 }
@@ -92,11 +60,12 @@ pub(crate) fn steps(text: &str) -> Vec<Step> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use syntable_model::options::DisplayPath;
 
     #[test]
     fn reads_paths_and_writes_them_back() {
         for text in ["a", "a.b-c.d_2", "lights[0].count", "a[1][2].b", "assets.\"my pool\".root"] {
-            assert_eq!(Shown(&steps(text)).to_string(), text);
+            assert_eq!(DisplayPath(&steps(text)).to_string(), text);
         }
         assert_eq!(parse("a[12].b").map(|steps| steps[1].clone()), Ok((Step::Index(12), 1..5)));
         assert_eq!(steps("a.'x.y'"), [Step::Key("a".into()), Step::Key("x.y".into())]);

@@ -1,13 +1,14 @@
-//! Loads a recipe: all texts, all tables, all mistakes.
+//! Loads a recipe: reads all texts, builds all tables, reports all mistakes.
 
-use super::check::Checker;
+use super::check;
 use super::code::Code;
 use super::dataset::{Dataset, DatasetTable, LockTable};
-use super::diagnostic::{Diagnostic, Draft, Report, Severity};
-use super::extend::{self, Damage};
-use super::lock::{self, ResolvedStage};
+use super::diagnostic::{Diagnostic, DiagnosticBuilder, Report, Severity};
+use super::inherit::{self, Damage};
 use super::overrides::Overrides;
 use super::plan::plan;
+use super::renamed::{RENAMED, RenamedNames};
+use super::resolved::{self, ResolvedStage};
 use super::schema::Schemas;
 use super::source::{NOWHERE, Sources, Span};
 use super::stages::{Built, Loader};
@@ -20,33 +21,47 @@ use syntable_model::registry::{Registry, Slot, Stage};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-/// Keys of a recipe that are no slots.
+/// Keys of a recipe that are not slots.
 const OTHERS: [&str; 5] = ["dataset", "extends", "remove", "set", "lock"];
 
 /// Loads a recipe.
 ///
-/// Gives the recipe and its warnings, or everything that is wrong with it.
+/// Returns the recipe and its warnings, or all its mistakes.
 pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Result<(Recipe, Vec<Diagnostic>), Report> {
-    let mut sources = Sources::default();
-    let mut drafts = Vec::new();
-    let graph = extend::gather(source, overrides, &mut sources, &mut drafts);
-    let incomplete = !drafts.is_empty();
-    let (mut tree, mut damage) = graph.merge(&mut drafts);
-    damage.lossy |= incomplete;
+    load_with(registry, source, overrides, &RENAMED)
+}
+
+/// Loads a recipe, given the names that have changed.
+pub(crate) fn load_with(
+    registry: &Registry,
+    source: Source,
+    overrides: &Overrides,
+    renamed: &RenamedNames,
+) -> Result<(Recipe, Vec<Diagnostic>), Report> {
+    let sources = Sources::default();
+    let mut diagnostics = Vec::new();
+    let graph = inherit::gather(source, overrides, &sources, &mut diagnostics);
+    let incomplete = !diagnostics.is_empty();
+    let (mut tree, mut damage) = graph.merge(&mut diagnostics);
+    damage.keys_lost |= incomplete;
 
     let schemas = Schemas::of(registry);
-    unknown_sections(&tree, &mut drafts);
-    let dataset = dataset(&mut tree, &schemas, &mut drafts);
-    let lock = lock_table(&mut tree, &schemas, &mut drafts);
-    let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources };
-    let mut built = loader.build(&mut tree, &mut drafts);
-    let plan = plan(registry, &mut built, &mut drafts);
+    diagnostics.extend(schemas.faults.iter().map(|fault| {
+        DiagnosticBuilder::error(Code::Plugin, NOWHERE, fault.as_str())
+            .help("ask the plugin's authors to mend it, or leave the plugin out of your binary")
+    }));
+    unknown_sections(&tree, &mut diagnostics);
+    let dataset = dataset(&mut tree, &schemas, renamed, &mut diagnostics);
+    let lock = lock_table(&mut tree, &schemas, &mut diagnostics);
+    let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed };
+    let mut built = loader.build(&mut tree, &mut diagnostics);
+    let plan = plan(registry, &mut built, &mut diagnostics);
     if let Some(lock) = &lock {
-        drafts.extend(lock_mismatches(&lock.0, &lock.1, registry));
+        diagnostics.extend(lock_mismatches(&lock.0, &lock.1, registry));
     }
-    let views = views_per_scene(dataset.as_ref(), &built, &mut drafts);
+    let views = views_per_scene(dataset.as_ref(), &built, &mut diagnostics);
 
-    let diagnostics = finish(&sources, drafts, &damage);
+    let diagnostics = finish(&sources, diagnostics, &damage);
     if diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
         return Err(Report { diagnostics });
     }
@@ -54,20 +69,20 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
     match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock.map(|lock| lock.0).unwrap_or_default())) {
         Some(recipe) => Ok((recipe, diagnostics)),
         None => {
-            // Only a text that was lost to a syntax error leaves a recipe without a part and without an error of its own.
-            let draft = Draft::error(Code::MissingSection, NOWHERE, "the recipe is not complete");
-            Err(Report { diagnostics: vec![sources.diagnostic(draft)] })
+            // A part can be missing without an error of its own only if a syntax error lost it.
+            let diagnostic = DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "the recipe is not complete");
+            Err(Report { diagnostics: vec![sources.diagnostic(diagnostic)] })
         }
     }
 }
 
-fn unknown_sections(tree: &DeTable, drafts: &mut Vec<Draft>) {
+fn unknown_sections(tree: &DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) {
     let known = || Slot::ALL.into_iter().map(Slot::name).chain(OTHERS);
     for key in tree.keys() {
         let name = key.get_ref().as_ref();
         if !known().any(|known| known == name) {
-            drafts.push(
-                Draft::error(Code::UnknownKey, key.span(), format!("a recipe has no section `{name}`"))
+            diagnostics.push(
+                DiagnosticBuilder::error(Code::UnknownKey, key.span(), format!("a recipe has no section `{name}`"))
                     .label(did_you_mean(name, known()))
                     .help(format!("its sections are {}", listing(known()))),
             );
@@ -75,18 +90,23 @@ fn unknown_sections(tree: &DeTable, drafts: &mut Vec<Draft>) {
     }
 }
 
-/// Takes `[dataset]` out of the tree, with its place.
-fn dataset(tree: &mut DeTable, schemas: &Schemas, drafts: &mut Vec<Draft>) -> Option<(DatasetSpans, DatasetTable)> {
+/// Takes `[dataset]` out of the tree, with its bytes.
+fn dataset(
+    tree: &mut DeTable,
+    schemas: &Schemas,
+    renamed: &RenamedNames,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Option<(DatasetSpans, DatasetTable)> {
     let Some(value) = tree.remove("dataset") else {
-        drafts.push(
-            Draft::error(Code::MissingSection, NOWHERE, "a recipe needs `[dataset]`")
+        diagnostics.push(
+            DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "a recipe needs `[dataset]`")
                 .help("add, for instance: [dataset] with scenes = 10 and views_per_scene = 5"),
         );
         return None;
     };
     let span = value.span();
     let views = value.get_ref().as_table().and_then(|table| table.get("views_per_scene")).map(Spanned::span);
-    let table = plain::<DatasetTable>("dataset", value, &schemas.dataset, schemas, drafts)?;
+    let table = plain::<DatasetTable>("dataset", value, &schemas.dataset, schemas, renamed.dataset, diagnostics)?;
     Some((DatasetSpans { header: span, views }, table))
 }
 
@@ -95,52 +115,61 @@ struct DatasetSpans {
     views: Option<Span>,
 }
 
-fn lock_table(tree: &mut DeTable, schemas: &Schemas, drafts: &mut Vec<Draft>) -> Option<(LockTable, Span)> {
+fn lock_table(
+    tree: &mut DeTable,
+    schemas: &Schemas,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Option<(LockTable, Span)> {
     let value = tree.remove("lock")?;
     let span = value.span();
-    plain(OTHERS[4], value, &schemas.lock, schemas, drafts).map(|table| (table, span))
+    plain(OTHERS[4], value, &schemas.lock, schemas, &[], diagnostics).map(|table| (table, span))
 }
 
-/// A section that is no stage.
+/// Reads a section that is not a stage.
 fn plain<'a, T: Deserialize<'a>>(
     name: &str,
     value: Spanned<DeValue<'a>>,
     schema: &serde_json::Value,
     schemas: &Schemas,
-    drafts: &mut Vec<Draft>,
+    renamed: check::Renamed,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
 ) -> Option<T> {
     let span = value.span();
     let DeValue::Table(table) = value.get_ref() else {
-        let found = super::check::found(value.get_ref());
-        drafts.push(
-            Draft::error(Code::WrongType, span, format!("`{name}` must be a table"))
+        let found = check::type_of(&value);
+        diagnostics.push(
+            DiagnosticBuilder::error(Code::WrongType, span, format!("`{name}` must be a table"))
                 .label(format!("this is {found}"))
                 .help(format!("write [{name}] and its options below")),
         );
         return None;
     };
-    let found = Checker { definitions: &schemas.definitions }.options(name, table, &span, schema);
-    if !found.drafts.is_empty() {
-        drafts.extend(found.drafts);
+    let checked = check::options(schemas.validator(), name, table, &span, schema, &[renamed]);
+    if !checked.diagnostics.is_empty() {
+        diagnostics.extend(checked.diagnostics);
         return None;
     }
     T::deserialize(ValueDeserializer::from(value))
         .map_err(|error| {
-            drafts.push(Draft::error(Code::InvalidValue, error.span().unwrap_or(span), error.message()));
+            diagnostics.push(DiagnosticBuilder::error(
+                Code::InvalidValue,
+                error.span().unwrap_or(span),
+                error.message(),
+            ));
         })
         .ok()
 }
 
-fn lock_mismatches(lock: &LockTable, span: &Span, registry: &Registry) -> Vec<Draft> {
-    let mut drafts = Vec::new();
+fn lock_mismatches(lock: &LockTable, span: &Span, registry: &Registry) -> Vec<DiagnosticBuilder> {
+    let mut diagnostics = Vec::new();
     let mut warn = |what: &str, recorded: &str, present: Option<&str>| {
         if recorded.is_empty() || present == Some(recorded) {
             return;
         }
         let present = present.map_or("not linked into this program".to_owned(), |version| format!("{version} here"));
         let message = format!("the recipe was resolved with {what} {recorded}, which is {present}");
-        drafts.push(
-            Draft::warning(Code::LockMismatch, span.clone(), message)
+        diagnostics.push(
+            DiagnosticBuilder::warning(Code::LockMismatch, span.clone(), message)
                 .help("the dataset may differ from the one that was made then; remove [lock] to accept that"),
         );
     };
@@ -149,14 +178,14 @@ fn lock_mismatches(lock: &LockTable, span: &Span, registry: &Registry) -> Vec<Dr
         let entry = registry.entries().iter().find(|entry| entry.crate_name == name);
         warn(name, version, entry.map(|entry| entry.crate_version));
     }
-    drafts
+    diagnostics
 }
 
-/// The number of views: what `[dataset]` says, or what the views list.
+/// The number of views: from `[dataset]`, or from the list of views.
 fn views_per_scene(
     dataset: Option<&(DatasetSpans, DatasetTable)>,
     built: &Built,
-    drafts: &mut Vec<Draft>,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
 ) -> Option<u32> {
     let (spans, dataset) = dataset?;
     let views = built.stages.iter().find_map(|stage| match &stage.stage {
@@ -166,8 +195,8 @@ fn views_per_scene(
     match (dataset.views_per_scene, views.map(|views| views.count())) {
         (Some(wanted), Some(Some(listed))) if wanted > listed => {
             let span = spans.views.clone().unwrap_or(spans.header.clone());
-            drafts.push(
-                Draft::error(
+            diagnostics.push(
+                DiagnosticBuilder::error(
                     Code::InvalidValue,
                     span,
                     format!("`views_per_scene` is {wanted}, but `[views]` has {listed}"),
@@ -178,10 +207,10 @@ fn views_per_scene(
             None
         }
         (None, Some(None)) => {
-            drafts.push(
-                Draft::error(Code::MissingKey, spans.header.clone(), "`dataset` needs `views_per_scene`")
+            diagnostics.push(
+                DiagnosticBuilder::error(Code::MissingKey, spans.header.clone(), "`dataset` needs `views_per_scene`")
                     .label("add `views_per_scene = …`")
-                    .help("views_per_scene: number of views of each scene"),
+                    .help("views_per_scene: number of views per scene"),
             );
             None
         }
@@ -189,34 +218,38 @@ fn views_per_scene(
     }
 }
 
-/// Diagnostics in reading order, without repeats and echoes of syntax errors.
-fn finish(sources: &Sources, mut drafts: Vec<Draft>, damage: &Damage) -> Vec<Diagnostic> {
+/// Sorts diagnostics into reading order and drops repeats and consequences of syntax errors.
+fn finish(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, damage: &Damage) -> Vec<Diagnostic> {
     let line =
         |span: &Span| sources.file_of(span).map(|file| (file.start(), file.line_column(span.start - file.start()).0));
-    let broken: BTreeSet<_> =
-        drafts.iter().filter(|draft| draft.code == Code::Syntax).filter_map(|draft| line(draft.span())).collect();
-    drafts.retain(|draft| {
-        let echo = draft.code != Code::Syntax
-            && draft.code != Code::DuplicateKey
-            && (line(draft.span()).is_some_and(|line| broken.contains(&line))
-                || damage.adrift.iter().any(|adrift| adrift.contains(&draft.span().start)));
-        let proves_nothing = damage.lossy
+    let broken: BTreeSet<_> = diagnostics
+        .iter()
+        .filter(|diagnostic| diagnostic.code == Code::Syntax)
+        .filter_map(|diagnostic| line(diagnostic.span()))
+        .collect();
+    diagnostics.retain(|diagnostic| {
+        let echo = diagnostic.code != Code::Syntax
+            && diagnostic.code != Code::DuplicateKey
+            && (line(diagnostic.span()).is_some_and(|line| broken.contains(&line))
+                || damage.misread.iter().any(|misread| misread.contains(&diagnostic.span().start)));
+        let proves_nothing = damage.keys_lost
             && matches!(
-                draft.code,
+                diagnostic.code,
                 Code::MissingKey | Code::MissingSection | Code::UnknownPool | Code::UnusedPool | Code::BadOverride
             );
         !echo && !proves_nothing
     });
     // A pool may be unused only because of another mistake.
-    if drafts.iter().any(|draft| draft.severity == Severity::Error) {
-        drafts.retain(|draft| draft.code != Code::UnusedPool);
+    if diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
+        diagnostics.retain(|diagnostic| diagnostic.code != Code::UnusedPool);
     }
     // Missing sections, which are nowhere, come last; the recipe itself comes before what it extends.
-    drafts.sort_by_key(|draft| {
-        let span = draft.span();
-        (*span == NOWHERE, span.start, span.end, draft.code)
+    diagnostics.sort_by_key(|diagnostic| {
+        let span = diagnostic.span();
+        (*span == NOWHERE, span.start, span.end, diagnostic.code)
     });
-    let mut diagnostics: Vec<Diagnostic> = drafts.into_iter().map(|draft| sources.diagnostic(draft)).collect();
+    let mut diagnostics: Vec<Diagnostic> =
+        diagnostics.into_iter().map(|diagnostic| sources.diagnostic(diagnostic)).collect();
     diagnostics.dedup();
     diagnostics
 }
@@ -227,7 +260,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let mut write = Vec::new();
     let (mut settle, mut camera, mut views, mut render) = (None, None, None, None);
     // A resolved recipe names the stages that run with their defaults, too.
-    let mut resolved: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
+    let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
     for stage in built.stages {
         match stage.stage {
@@ -245,7 +278,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
             // Producers are in the plan.
             _ => {}
         }
-        resolved.push(ResolvedStage {
+        stages.push(ResolvedStage {
             slot: stage.slot,
             id: stage.id,
             kind: stage.entry.kind,
@@ -255,7 +288,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     }
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
     Some(Recipe {
-        resolved: lock::write(&dataset_options, &resolved, &lock.assets),
+        resolved: resolved::write(&dataset_options, &stages, &lock.assets),
         dataset: Dataset {
             name: dataset.name,
             seed: dataset.seed,

@@ -1,32 +1,33 @@
 //! From TOML text to stages: recipes, their diagnostics, their schema, and their resolved form.
 //!
 //! ```text
-//! texts ── extend ──► one spanned tree ── check against the schema ──► stages ──► Recipe + resolved text
-//!   │                                        │                          │
-//!   └────────────── every mistake of every table becomes a Diagnostic ──┘
+//! files ── parse, inherit ──► one spanned tree ── validate ──► options ── build ──► Recipe + resolved text
+//!   │                                                │                      │
+//!   └─────────── every mistake of every table becomes a Diagnostic ────────┘
 //! ```
 //!
-//! - [`load`] reads a recipe; it returns a [`Recipe`] with warnings, or a [`Report`] of all that is wrong.
-//! - [`schema()`] gives the JSON Schema that editors use. The program checks tables against the same schema.
-//! - [`registry_faults`] holds a registry to the house rules, for tests.
+//! - [`load`] loads a recipe; it returns a [`Recipe`] with warnings, or a [`Report`] of all mistakes.
+//! - [`schema()`] generates the JSON Schema for editors. The loader validates tables against the same schema.
+//! - [`lints`] checks the kinds of a registry against the house rules, for tests.
 //!
-//! **Invariants.** Nothing here opens a file but through [`Overrides`], and no asset is touched. A value knows the file
-//! and bytes that it comes from, however recipes were merged. One bad table never hides the mistakes of another. The
-//! text in [`Recipe::resolved`] loads to a recipe with the same text.
+//! **Invariants.** Files are opened through [`Overrides`] only, and no asset is touched. Each file is parsed once and
+//! each table validated once. A value keeps its file and bytes however recipes are merged. One bad table never hides the
+//! mistakes of another. Loading the text in [`Recipe::resolved`] gives the same text.
 
 mod check;
 mod code;
 mod dataset;
 mod diagnostic;
-mod extend;
+mod inherit;
 mod key_path;
+mod lints;
 mod load;
-mod lock;
 mod overrides;
 mod parse;
 mod plan;
 mod pool;
-mod registry_faults;
+mod renamed;
+mod resolved;
 mod schema;
 mod source;
 mod stages;
@@ -36,11 +37,11 @@ mod variables;
 pub use code::Code;
 pub use dataset::{Dataset, OnBadAsset};
 pub use diagnostic::{Diagnostic, Label, Report, Severity};
+pub use lints::lints;
 pub use load::load;
-pub use lock::with_asset_digests;
 pub use overrides::Overrides;
-pub use pool::{Centre, Part, Pool, PoolOptions, Split};
-pub use registry_faults::registry_faults;
+pub use pool::{Center, Part, Pool, PoolOptions, Split};
+pub use resolved::{with_asset_digests, without_asset_digests};
 pub use schema::{schema, schema_text};
 pub use source::SourceFile;
 
@@ -50,12 +51,12 @@ use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler, Writer};
 
-/// The text of a recipe, and where it is from.
+/// The text of a recipe and its origin.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
-    /// Its name in diagnostics, where it has no path.
+    /// Its name in diagnostics, if it has no path.
     pub name: String,
-    /// Its file. Relative paths in the text count from the file's folder, or without a file from the current folder.
+    /// Its file. Relative paths start from the file's folder, or without a file from the current folder.
     pub path: Option<PathBuf>,
     /// The text.
     pub text: String,
@@ -67,26 +68,26 @@ impl Source {
         let path = path.into();
         let bytes = std::fs::read(&path).map_err(|error| Error::io(&path, &error))?;
         let text = String::from_utf8(bytes).map_err(|error| {
-            Error::new("the recipe is not UTF-8 text").in_file(&path).at_byte(error.utf8_error().valid_up_to() as u64)
+            Error::new("the recipe is not UTF-8").in_file(&path).at_byte(error.utf8_error().valid_up_to() as u64)
         })?;
         Ok(Self::file(path, text))
     }
 
-    /// The text of a file.
+    /// A recipe in a file.
     pub fn file(path: impl Into<PathBuf>, text: impl Into<String>) -> Self {
         let path = path.into();
         Self { name: path.display().to_string(), path: Some(path), text: text.into() }
     }
 
-    /// A text that is no file, such as a recipe embedded in the program.
+    /// A recipe that is not in a file, such as one embedded in the program.
     pub fn embedded(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self { name: name.into(), path: None, text: text.into() }
     }
 }
 
-/// A recipe, ready to be planned and run.
+/// A loaded recipe, ready to be planned and run.
 pub struct Recipe {
-    /// What the dataset is called and how large it is.
+    /// Name, seed and size of the dataset.
     pub dataset: Dataset,
     /// The pools, by id.
     pub assets: BTreeMap<String, Pool>,
@@ -106,9 +107,9 @@ pub struct Recipe {
     pub write: Vec<(String, Box<dyn Writer>)>,
     /// What is computed for the writers, with the denoiser, the sensors and the annotators.
     pub plan: Plan,
-    /// The whole recipe as TOML text: every default filled in, every kind named, nothing inherited, with the versions
-    /// that made it. Loading it gives the same text.
+    /// The whole recipe as TOML: every default filled in, every kind named, nothing inherited, with the versions that
+    /// made it. Loading it gives the same text.
     pub resolved: String,
-    /// Digests that assets must have, by `pool/name`, if the recipe is a resolved one.
+    /// Required digests of assets, by `pool/name`; empty unless the recipe is a resolved one.
     pub locked: BTreeMap<String, String>,
 }

@@ -1,22 +1,22 @@
-//! What the command line and the machine add to a recipe, as values that tests can replace.
+//! Inputs of a recipe from the command line and the environment, as values that tests can replace.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Overrides of a recipe, and where its variables, files and relative paths come from.
+/// Overrides of a recipe, and access to variables, files and the current folder.
 pub struct Overrides<'a> {
-    /// Paths such as `lights[0].count` or `place.objects.count`, and TOML values; a word that is no TOML value is a text.
+    /// Pairs of path and TOML value, such as `lights[0].count` and `3`. A word that is no TOML value is a string.
     pub set: Vec<(String, String)>,
-    /// Environment variables.
+    /// Looks up an environment variable.
     pub variable: &'a dyn Fn(&str) -> Option<String>,
     /// Reads a recipe that another one extends.
     pub read: &'a dyn Fn(&Path) -> io::Result<String>,
-    /// The folder that relative paths in overrides and in embedded recipes count from.
+    /// Base of relative paths in overrides and embedded recipes.
     pub current_folder: PathBuf,
 }
 
 impl Overrides<'static> {
-    /// Overrides, with the process' environment, files and folder.
+    /// Overrides with the environment, files and current folder of the process.
     pub fn of_process(set: Vec<(String, String)>) -> Self {
         Self {
             set,

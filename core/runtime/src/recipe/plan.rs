@@ -1,7 +1,7 @@
 //! Plans what a recipe computes, with errors that point into the recipe.
 
 use super::code::Code;
-use super::diagnostic::Draft;
+use super::diagnostic::DiagnosticBuilder;
 use super::source::{NOWHERE, Span};
 use super::stages::{Built, BuiltStage};
 use super::suggest::{did_you_mean, listing};
@@ -12,7 +12,7 @@ use syntable_model::stage::Input;
 
 /// Plans the stages that were built, whose producers it takes. If the plan fails, or there is no renderer, everything
 /// that can be known is reported and there is no plan.
-pub(crate) fn plan(registry: &Registry, built: &mut Built, drafts: &mut Vec<Draft>) -> Option<Plan> {
+pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<Plan> {
     let own = built.stages.iter().find_map(|stage| match &stage.stage {
         Some(Stage::Render(renderer)) => Some(renderer.offers()),
         _ => None,
@@ -38,7 +38,7 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, drafts: &mut Vec<Draf
     }
     match resolve(offers, explicit, registered(registry), &writers) {
         Ok(plan) => {
-            drafts.extend(plan.idle.iter().filter_map(|idle| {
+            diagnostics.extend(plan.idle.iter().filter_map(|idle| {
                 let stage = built.stages.iter().find(|stage| part(stage) == idle.stage)?;
                 // A section that the recipe leaves out has its default kind, which need not do anything.
                 if stage.header == NOWHERE {
@@ -47,12 +47,12 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, drafts: &mut Vec<Draf
                 let names: Vec<&str> = idle.provides.iter().map(|key| key.name).collect();
                 let message = format!("{} is not computed: no writer reads what it provides", idle.stage);
                 let help = format!("include {} in a [write.<id>] table", names.join(" or "));
-                Some(Draft::warning(Code::IdleStage, stage.header.clone(), message).help(help))
+                Some(DiagnosticBuilder::warning(Code::IdleStage, stage.header.clone(), message).help(help))
             }));
             own.map(|_| plan)
         }
         Err(errors) => {
-            drafts.extend(errors.iter().map(|error| draft(error, built, &elsewhere)));
+            diagnostics.extend(errors.iter().map(|error| diagnostic(error, built, &elsewhere)));
             None
         }
     }
@@ -84,7 +84,7 @@ fn offered_by_others(registry: &Registry) -> Vec<(KeyId, &'static str)> {
     offers
 }
 
-fn draft(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static str)]) -> Draft {
+fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static str)]) -> DiagnosticBuilder {
     let stage = built.stages.iter().find(|stage| part(stage) == error.stage);
     let said: Option<Span> = stage
         .and_then(|stage| stage.products.iter().find(|(name, _)| *name == error.product).map(|(_, span)| span.clone()));
@@ -95,17 +95,17 @@ fn draft(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static str)]) 
     };
     let code = match error.fault {
         Fault::Unknown => {
-            let draft = Draft::error(Code::UnknownProduct, span, format!("unknown product `{}`", error.product));
+            let diagnostic = DiagnosticBuilder::error(Code::UnknownProduct, span, format!("unknown product `{}`", error.product));
             let known: Vec<&str> = error.known.iter().map(String::as_str).collect();
-            let draft = draft.label(match said {
+            let diagnostic = diagnostic.label(match said {
                 Some(_) => did_you_mean(&error.product, known.iter().copied()),
                 None => default(),
             });
             return match elsewhere.iter().find(|(key, _)| key.name == error.product) {
                 Some((_, kind)) => {
-                    draft.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))
+                    diagnostic.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))
                 }
-                None => draft
+                None => diagnostic
                     .help(format!(
                         "provided by linked plugins: {} (syntable list products)",
                         listing(known.into_iter())
@@ -113,11 +113,10 @@ fn draft(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static str)]) 
                     .help("if a plugin of yours provides it, check that its crate is named in your binary's main.rs"),
             };
         }
-        Fault::Renamed => Code::UnknownProduct,
         Fault::NotStorable => Code::NotStorable,
         Fault::Ambiguous | Fault::Cycle | Fault::WrongType | Fault::TooEarly => Code::Plan,
     };
-    let draft = Draft::error(code, span, error.message.clone());
-    let draft = if said.is_some() || error.option.is_none() { draft } else { draft.label(default()) };
-    draft.help(error.help.clone())
+    let diagnostic = DiagnosticBuilder::error(code, span, error.message.clone());
+    let diagnostic = if said.is_some() || error.option.is_none() { diagnostic } else { diagnostic.label(default()) };
+    diagnostic.help(error.help.clone())
 }

@@ -1,7 +1,7 @@
-//! Options that every pool of assets has, whatever its source: which assets of the source it holds, and how objects
-//! are scaled, centred and weighed.
+//! Options that every pool of assets has, whatever its source: which assets it holds, and how objects are scaled,
+//! centered and weighed.
 
-use globs::matches;
+use globset::{GlobBuilder, GlobSet, GlobSetBuilder};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -16,44 +16,43 @@ use syntable_model::stage::AssetSource;
 pub struct Pool {
     /// The kind of its source.
     pub kind: String,
-    /// Lists and loads the assets.
+    /// Lists and loads assets.
     pub source: Box<dyn AssetSource>,
-    /// What the pool takes of them, and how.
+    /// Selects and transforms them.
     pub options: PoolOptions,
 }
 
-/// Options of every `[assets.<id>]` table, beside those of its kind. An option that a kind has itself by the same name
-/// is the kind's own.
+/// Options of every `[assets.<id>]` table, beside those of its kind. No kind may have an option of the same name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoolOptions {
-    /// Keep only assets whose name matches one of these patterns; `*` stands for any letters, `?` for one. Empty keeps all.
+    /// Patterns of names to keep: `*` matches any characters, `?` one, `[ab]` one of several, `{a,b}` one of several words. Empty keeps all.
     pub include: Vec<String>,
-    /// Leave out assets whose name matches one of these patterns.
+    /// Patterns of names to leave out.
     pub exclude: Vec<String>,
-    /// Text file of the names to keep, one a line; `#` starts a comment.
+    /// Text file of names to keep, one per line; `#` starts a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub include_list: Option<AssetPath>,
-    /// Text file of names to leave out, one a line; `#` starts a comment.
+    /// Text file of names to leave out, one per line; `#` starts a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exclude_list: Option<AssetPath>,
-    /// Keep one part of a random split into training, validation and test assets.
+    /// Keeps one part of a random split into training, validation and test assets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<Split>,
-    /// Licence of the assets, as an SPDX expression or name, where they do not say it themselves.
+    /// License of the assets, as an SPDX expression or name. It replaces the license that the source reads from its files.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
-    pub licence: Option<String>,
-    /// Objects are made larger by this factor; 0.001 turns millimetres into metres.
+    pub license: Option<String>,
+    /// Scale factor of the objects; 0.001 converts millimeters to meters.
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e6))]
     pub scale: f64,
-    /// Objects are scaled so that the longest side of their bounding box has this length, metres.
+    /// Length of the longest side of each object's bounding box, meters; objects are scaled to it.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1000))]
     pub longest_side_m: Option<f64>,
-    /// Where an object's origin is put.
-    pub centre: Centre,
-    /// Density of the objects: mass is density times volume, kg/m³.
+    /// Origin of the objects.
+    pub center: Center,
+    /// Density of the objects, kg/m³: mass is density times volume.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))]
     pub density_kg_m3: Option<f64>,
@@ -61,7 +60,7 @@ pub struct PoolOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))]
     pub mass_kg: Option<f64>,
-    /// Leave out models that consist of several separate parts.
+    /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,
 }
 
@@ -73,10 +72,10 @@ impl Default for PoolOptions {
             include_list: None,
             exclude_list: None,
             split: None,
-            licence: None,
+            license: None,
             scale: 1.0,
             longest_side_m: None,
-            centre: Centre::Bounds,
+            center: Center::Bounds,
             density_kg_m3: None,
             mass_kg: None,
             single_part_only: false,
@@ -84,37 +83,37 @@ impl Default for PoolOptions {
     }
 }
 
-/// Where an object's origin is put.
+/// Origin of an object.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Centre {
-    /// At the centre of the axis-aligned bounding box.
+pub enum Center {
+    /// The center of the axis-aligned bounding box.
     #[default]
     Bounds,
-    /// At the centre of the bounding box' bottom.
+    /// The center of the bounding box's bottom.
     Bottom,
-    /// Where the file has it.
+    /// The origin of the file.
     None,
 }
 
 /// One part of a random split of a pool.
 ///
-/// An asset's part is a function of its name and the seed alone: it stays what it is when assets are added or removed.
-/// Pools with the same fractions and seed and different parts share no asset.
+/// An asset's part depends on its name and the seed alone: it does not change when assets are added or removed. Pools
+/// with the same fractions and seed but different parts share no asset.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Split {
     /// The part to keep.
     pub part: Part,
-    /// Share of the assets that go to validation.
+    /// Fraction of the assets for validation.
     #[serde(default = "default_val_fraction")]
     #[schemars(range(min = 0, max = 1))]
     pub val_fraction: f64,
-    /// Share of the assets that go to the test part; the rest is for training.
+    /// Fraction of the assets for the final test; the rest is for training.
     #[serde(default)]
     #[schemars(range(min = 0, max = 1))]
     pub test_fraction: f64,
-    /// Chooses another split.
+    /// Seed of the split.
     #[serde(default)]
     #[schemars(range(max = 9_223_372_036_854_775_807_u64))]
     pub seed: u64,
@@ -152,17 +151,19 @@ impl Split {
 }
 
 impl PoolOptions {
-    /// The options that speak of objects and have no meaning for materials and environment maps.
+    /// Options that apply to objects alone, not to materials or environment maps.
     pub const FOR_OBJECTS: [&'static str; 6] =
-        ["scale", "longest_side_m", "centre", "density_kg_m3", "mass_kg", "single_part_only"];
+        ["scale", "longest_side_m", "center", "density_kg_m3", "mass_kg", "single_part_only"];
 
-    /// Whether an option has a meaning for assets of a class.
+    /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {
         class == AssetClass::Object || !Self::FOR_OBJECTS.contains(&option)
     }
 
     /// Refuses options that contradict each other.
     pub(crate) fn validate(&self) -> std::result::Result<(), ConfigError> {
+        patterns("include", &self.include)?;
+        patterns("exclude", &self.exclude)?;
         if self.longest_side_m.is_some() && self.scale != 1.0 {
             return Err(ConfigError::new("longest_side_m", "`longest_side_m` and `scale` contradict each other")
                 .help("keep one of them"));
@@ -177,7 +178,7 @@ impl PoolOptions {
             let (val, test) = (split.val_fraction, split.test_fraction);
             return Err(ConfigError::new(
                 "split",
-                format!("`val_fraction` {val} and `test_fraction` {test} are more than 1 in all"),
+                format!("`val_fraction` {val} and `test_fraction` {test} add up to more than 1"),
             ));
         }
         Ok(())
@@ -187,10 +188,13 @@ impl PoolOptions {
     pub fn select(&self, entries: Vec<CatalogEntry>) -> Result<Vec<CatalogEntry>> {
         let read = |list: &Option<AssetPath>| list.as_ref().map(names_of_list).transpose();
         let (wanted, unwanted) = (read(&self.include_list)?, read(&self.exclude_list)?);
+        let compile = |option: &str, list: &[String]| {
+            patterns(option, list).map_err(|invalid| Error::new(format!("{}: {}", invalid.key, invalid.message)))
+        };
+        let (include, exclude) = (compile("include", &self.include)?, compile("exclude", &self.exclude)?);
         let keep = |name: &str| {
-            let any = |patterns: &[String]| patterns.iter().any(|pattern| matches(pattern, name));
-            (self.include.is_empty() || any(&self.include))
-                && !any(&self.exclude)
+            (self.include.is_empty() || include.is_match(name))
+                && !exclude.is_match(name)
                 && wanted.as_ref().is_none_or(|list| list.contains(name))
                 && !unwanted.as_ref().is_some_and(|list| list.contains(name))
                 && self.split.as_ref().is_none_or(|split| split.part_of(name) == split.part)
@@ -210,43 +214,29 @@ fn names_of_list(list: &AssetPath) -> Result<BTreeSet<String>> {
     Ok(names.filter(|name| !name.is_empty()).map(str::to_owned).collect())
 }
 
-/// Patterns of names.
-mod globs {
-    /// Whether a whole name matches: `*` stands for any letters, also none, `?` for one.
-    pub(super) fn matches(pattern: &str, name: &str) -> bool {
-        let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
-        let (mut p, mut n) = (0, 0);
-        // The last star, and how much of the name it has taken: only that one ever needs to take more.
-        let mut star: Option<(usize, usize)> = None;
-        while n < name.len() {
-            match pattern.get(p) {
-                Some('*') => {
-                    star = Some((p, n));
-                    p += 1;
-                }
-                Some(&c) if c == '?' || c == name[n] => {
-                    p += 1;
-                    n += 1;
-                }
-                _ => match star {
-                    Some((at, taken)) => {
-                        star = Some((at, taken + 1));
-                        p = at + 1;
-                        n = taken + 1;
-                    }
-                    None => return false,
-                },
-            }
+/// Compiles patterns of names. A pattern matches a whole name; `*` and `?` match `/`, too.
+fn patterns(option: &str, patterns: &[String]) -> std::result::Result<GlobSet, ConfigError> {
+    let mut set = GlobSetBuilder::new();
+    for (index, pattern) in patterns.iter().enumerate() {
+        // `**` would have a meaning for folders.
+        let mut plain = pattern.clone();
+        while plain.contains("**") {
+            plain = plain.replace("**", "*");
         }
-        pattern[p..].iter().all(|&c| c == '*')
+        let glob = GlobBuilder::new(&plain).backslash_escape(false).build().map_err(|error| {
+            ConfigError::new(format!("{option}[{index}]"), format!("\"{pattern}\" is not a pattern: {}", error.kind()))
+                .help("`*` matches any characters, `?` one, `[ab]` one of several, `{a,b}` one of several words; `[*]` matches a `*`")
+        })?;
+        set.add(glob);
     }
+    set.build().map_err(|error| ConfigError::new(option, format!("the patterns are too many: {error}")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A pattern matcher that tries everything, to compare with.
+    /// Matches by trying everything, to compare with.
     fn brute(pattern: &[u8], name: &[u8]) -> bool {
         match (pattern.first(), name.first()) {
             (None, None) => true,
@@ -257,6 +247,10 @@ mod tests {
         }
     }
 
+    fn matches(pattern: &str, name: &str) -> bool {
+        patterns("include", &[pattern.to_owned()]).expect("a pattern").is_match(name)
+    }
+
     #[test]
     fn patterns_match_as_by_trying_everything() {
         let mut stream = syntable_model::random::Stream::root(4);
@@ -265,14 +259,23 @@ mod tests {
             (0..length).map(|_| char::from(letters[stream.below(letters.len() as u64) as usize])).collect()
         };
         let mut hits = 0;
-        for _ in 0..20_000 {
-            let (pattern, name) = (word(b"ab*?"), word(b"ab"));
+        for _ in 0..5_000 {
+            let (pattern, name) = (word(b"ab./*?"), word(b"ab./"));
             let expected = brute(pattern.as_bytes(), name.as_bytes());
             assert_eq!(matches(&pattern, &name), expected, "{pattern} on {name}");
             hits += u32::from(expected);
         }
-        assert!(hits > 1000, "the patterns must match now and then: {hits}");
+        assert!(hits > 100, "the patterns must match now and then: {hits}");
         assert!(matches("Überseeische*", "Überseeische_Tasse") && matches("T?sse", "Tässe"));
+        assert!(matches("mug_[12]", "mug_2") && matches("{mug,can}_*", "can_7") && matches("a[*]", "a*"));
+    }
+
+    #[test]
+    fn a_broken_pattern_is_named() {
+        let options = PoolOptions { exclude: vec!["a".into(), "mug_[1".into()], ..Default::default() };
+        let invalid = options.validate().expect_err("the bracket is not closed");
+        assert_eq!(invalid.key, "exclude[1]");
+        assert!(invalid.message.contains("mug_[1"), "{}", invalid.message);
     }
 
     fn entries(names: impl IntoIterator<Item = String>) -> Vec<CatalogEntry> {

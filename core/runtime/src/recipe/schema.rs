@@ -1,6 +1,6 @@
 //! The JSON Schema of recipes, from the registry.
 //!
-//! Draft-07, in the shape that editors' TOML servers are precise with: a stage table is an open object with an enum on
+//! DiagnosticBuilder-07, in the shape that editors' TOML servers are precise with: a stage table is an open object with an enum on
 //! `kind` and one `if`/`then` a kind, and the definition of each kind is closed and knows `kind` itself. In keyed slots
 //! every kind is also a property name, so that typing `[write.` completes.
 //!
@@ -10,14 +10,13 @@
 
 use super::dataset::{DatasetTable, LockTable};
 use super::pool::PoolOptions;
-use schemars::generate::SchemaSettings;
-use schemars::{JsonSchema, SchemaGenerator};
+use schemars::JsonSchema;
 use serde_json::{Map, Value as Json, json};
-use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::options::{SchemaBuilder, Validator, unsupported};
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 
-/// The pattern of ids: they name folders and random streams.
+/// Pattern of ids, which name folders and random streams.
 pub(crate) const ID_PATTERN: &str = "^[A-Za-z0-9_-]+$";
 
 /// Schemas of everything that a recipe may hold.
@@ -28,148 +27,97 @@ pub(crate) struct Schemas {
     pub dataset: Json,
     /// `[lock]`.
     pub lock: Json,
-    /// Options of every pool.
+    /// Options of every pool, for any class of assets.
     pub pool: Json,
-    /// Options of pools that a kind of source has itself, and which are its own affair then.
-    own_pool_options: BTreeMap<&'static str, BTreeSet<String>>,
-    /// Options of each kind, without `kind`; those of pools are among the sources' own.
-    pub kinds: Vec<(Slot, &'static str, Json)>,
+    /// All kinds.
+    pub kinds: Vec<KindSchema>,
+    /// Why plugins cannot be used, one line each.
+    pub faults: Vec<String>,
+}
+
+/// The schema of one kind's table, without `kind`.
+pub(crate) struct KindSchema {
+    pub slot: Slot,
+    pub kind: &'static str,
+    /// Class of the assets that the kind gives, if it gives assets.
+    pub class: Option<AssetClass>,
+    /// Options of the kind; those of a source of assets include the options of pools of its class.
+    pub options: Json,
 }
 
 impl Schemas {
-    /// Asks every kind of a registry for its schema.
+    /// Collects the schemas of every kind of a registry.
     pub fn of(registry: &Registry) -> Self {
-        let mut generator = SchemaSettings::draft07().into_generator();
-        let dataset = options_of::<DatasetTable>(&mut generator);
-        let lock = options_of::<LockTable>(&mut generator);
-        let pool = options_of::<PoolOptions>(&mut generator);
-        let mut own_pool_options = BTreeMap::new();
-        let kinds = registry
+        let mut builder = SchemaBuilder::default();
+        let dataset = builder.add(DatasetTable::json_schema);
+        let lock = builder.add(LockTable::json_schema);
+        let pool = builder.add(PoolOptions::json_schema);
+        let mut faults = Vec::new();
+        let mut kinds: Vec<KindSchema> = registry
             .entries()
             .iter()
             .map(|entry| {
-                let mut options = entry.schema(&mut generator);
-                transform(&mut generator, &mut options);
-                let mut options = options.to_value();
-                toml_only(&mut options);
-                if entry.slot == Slot::Assets {
-                    own_pool_options.insert(entry.kind, add_pool_options(&mut options, &pool));
-                }
-                (entry.slot, entry.kind, options)
+                let options = builder.add(|generator| entry.schema(generator));
+                KindSchema { slot: entry.slot, kind: entry.kind, class: class_of(entry), options }
             })
             .collect();
-        let mut definitions = generator.take_definitions(true);
-        definitions.values_mut().for_each(toml_only);
-        definitions.sort_keys();
-        Self { definitions, dataset, lock, pool, own_pool_options, kinds }
-    }
-
-    /// The options that the pool takes of a table of this kind of source, and not the source.
-    pub fn pool_options(&self, kind: &str) -> impl Iterator<Item = &str> {
-        let own = self.own_pool_options.get(kind);
-        let all = self.pool["properties"].as_object().into_iter().flat_map(|properties| properties.keys());
-        all.map(String::as_str).filter(move |name| !own.is_some_and(|own| own.contains(*name)))
-    }
-
-    /// The schema of a kind's options.
-    pub fn kind(&self, slot: Slot, kind: &str) -> Option<&Json> {
-        self.kinds.iter().find(|(s, k, _)| *s == slot && *k == kind).map(|(_, _, schema)| schema)
-    }
-}
-
-fn options_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Json {
-    let mut schema = T::json_schema(generator);
-    transform(generator, &mut schema);
-    let mut schema = schema.to_value();
-    toml_only(&mut schema);
-    schema
-}
-
-fn transform(generator: &mut SchemaGenerator, schema: &mut schemars::Schema) {
-    for transform in generator.transforms_mut() {
-        transform.transform(schema);
-    }
-}
-
-/// Brings a schema into the form that suits TOML and its editors: no `null`, and one `enum` for a choice of words.
-fn toml_only(schema: &mut Json) {
-    match schema {
-        Json::Object(object) => {
-            if object.get("default") == Some(&Json::Null) {
-                object.shift_remove("default");
+        let definitions = builder.definitions();
+        for (kind, entry) in kinds.iter_mut().zip(registry.entries()) {
+            let mut fault = |message: String| {
+                faults.push(format!("`{}.{}` of the crate {}: {message}", entry.slot, entry.kind, entry.crate_name));
+            };
+            for keyword in unsupported(&kind.options, &definitions) {
+                fault(format!("its schema has {keyword}"));
             }
-            if let Some(Json::Array(types)) = object.get_mut("type") {
-                types.retain(|name| name != "null");
-                if let [one] = types.as_slice() {
-                    let one = one.clone();
-                    object.insert("type".into(), one);
+            if kind.slot == Slot::Assets {
+                for name in add_pool_options(&mut kind.options, &pool, kind.class) {
+                    fault(format!("its option `{name}` is an option of every pool already"));
                 }
             }
-            for union in ["anyOf", "oneOf"] {
-                if let Some(Json::Array(branches)) = object.get_mut(union) {
-                    branches.retain(|branch| branch.get("type").and_then(Json::as_str) != Some("null"));
-                    if branches.len() == 1 {
-                        let branches = object.shift_remove(union).unwrap_or_default();
-                        object.insert("allOf".into(), branches);
-                    }
-                }
-            }
-            merge_words(object);
-            object.values_mut().for_each(toml_only);
         }
-        Json::Array(items) => items.iter_mut().for_each(toml_only),
-        _ => {}
+        Self { definitions, dataset, lock, pool, kinds, faults }
+    }
+
+    /// The validator of these schemas.
+    pub fn validator(&self) -> Validator<'_> {
+        Validator { definitions: &self.definitions }
+    }
+
+    /// Whether an option belongs to the pool rather than to its source.
+    pub fn is_pool_option(&self, name: &str) -> bool {
+        self.pool["properties"].get(name).is_some()
+    }
+
+    /// The schema of a kind.
+    pub fn kind(&self, slot: Slot, kind: &str) -> Option<&KindSchema> {
+        self.kinds.iter().find(|schema| schema.slot == slot && schema.kind == kind)
     }
 }
 
-/// Turns a union of constant words into one `enum`: a wrong word is then told of precisely. What the words mean goes
-/// into the description.
-fn merge_words(schema: &mut Map<String, Json>) {
-    let Some(branches) = schema.get("oneOf").and_then(Json::as_array) else { return };
-    let (mut words, mut meanings) = (Vec::new(), Vec::new());
-    for branch in branches {
-        let of_branch: Vec<Json> = match (branch.get("const"), branch.get("enum").and_then(Json::as_array)) {
-            (Some(word), None) => vec![word.clone()],
-            (None, Some(several)) => several.clone(),
-            _ => return,
-        };
-        for word in of_branch {
-            let Some(text) = word.as_str() else { return };
-            if let Some(meaning) = branch.get("description").and_then(Json::as_str) {
-                meanings.push(format!("- `{text}`: {meaning}"));
-            }
-            words.push(word);
-        }
-    }
-    let description = schema.get("description").and_then(Json::as_str).unwrap_or_default();
-    let description = format!("{description}\n\n{}", meanings.join("\n"));
-    schema.shift_remove("oneOf");
-    schema.insert("type".into(), "string".into());
-    schema.insert("enum".into(), words.into());
-    schema.insert("description".into(), description.trim().into());
-}
-
-/// Adds the options of pools to those of a source. Gives the names that the source has itself, which are left alone.
-fn add_pool_options(options: &mut Json, pool: &Json) -> BTreeSet<String> {
-    let mut own = BTreeSet::new();
-    let Some(properties) = object_at(options, "properties") else { return own };
+/// Adds the options of pools of a class to those of a source. Returns the names that both have.
+fn add_pool_options(options: &mut Json, pool: &Json, class: Option<AssetClass>) -> Vec<String> {
+    let Some(properties) = object_at(options, "properties") else { return Vec::new() };
+    let mut both = Vec::new();
     for (name, option) in pool["properties"].as_object().into_iter().flatten() {
         if properties.contains_key(name) {
-            own.insert(name.clone());
-        } else {
+            both.push(name.clone());
+        } else if class.is_none_or(|class| PoolOptions::applies(name, class)) {
             properties.insert(name.clone(), option.clone());
         }
     }
-    own
+    both
 }
 
-/// The object under a key, made if need be.
+/// The object under a key, created if it is missing.
 fn object_at<'j>(schema: &'j mut Json, key: &str) -> Option<&'j mut Map<String, Json>> {
     schema.as_object_mut()?.entry(key).or_insert_with(|| json!({})).as_object_mut()
 }
 
 /// The class of assets that a kind of source gives, as its example says.
-pub(crate) fn class_of(entry: &Entry) -> Option<AssetClass> {
+fn class_of(entry: &Entry) -> Option<AssetClass> {
+    if entry.slot != Slot::Assets {
+        return None;
+    }
     match entry.construct_str(entry.example).ok()?.stage {
         Stage::Assets(source) => Some(source.class()),
         _ => None,
@@ -181,14 +129,12 @@ pub fn schema(registry: &Registry) -> Json {
     let mut schemas = Schemas::of(registry);
     let mut definitions = std::mem::take(&mut schemas.definitions);
     for entry in registry.entries() {
-        let Some(options) = schemas.kind(entry.slot, entry.kind) else { continue };
-        definitions.insert(definition_name(entry), definition(entry, options, &schemas));
+        let Some(kind) = schemas.kind(entry.slot, entry.kind) else { continue };
+        definitions.insert(definition_name(entry), definition(entry, &kind.options));
     }
     let mut properties = Map::new();
-    properties.insert(
-        "dataset".into(),
-        without_required(described(&schemas.dataset, "What the dataset is called and how large it is.")),
-    );
+    properties
+        .insert("dataset".into(), without_required(described(&schemas.dataset, "Name, seed and size of the dataset.")));
     for slot in Slot::ALL {
         properties.insert(slot.name().into(), slot_schema(registry, slot));
     }
@@ -199,23 +145,23 @@ pub fn schema(registry: &Registry) -> Json {
     };
     properties.insert(
         "extends".into(),
-        paths("Recipe, or recipes, that this one adds to and overrides; paths count from this file."),
+        paths("Recipe, or recipes, that this one adds to and overrides; relative paths start from this file's folder."),
     );
     properties
-        .insert("remove".into(), paths("Inherited values to take away, such as \"write.npy\" or \"place.objects\"."));
+        .insert("remove".into(), paths("Inherited values to remove, such as \"write.npy\" or \"place.objects\"."));
     properties.insert(
         "set".into(),
         json!({
-            "description": "Values to put at paths, such as \"place.objects.count\" = 5; for changes deep inside an extended recipe.",
+            "description": "Values by path, such as \"place.objects.count\" = 5; for changes deep inside an extended recipe.",
             "type": "object", "additionalProperties": true
         }),
     );
     properties.insert(
         "lock".into(),
-        described(&schemas.lock, "What a resolved recipe was made with; written by the program."),
+        described(&schemas.lock, "Versions and digests that a resolved recipe was made with; written by the program."),
     );
     json!({
-        "$schema": "http://json-schema.org/draft-07/schema#",
+        "$schema": "http://json-schema.org/diagnostic-07/schema#",
         "title": "SynTable recipe",
         "description": "Declares a synthetic dataset for unseen-object amodal instance segmentation.",
         "type": "object",
@@ -252,11 +198,9 @@ fn without_required(mut schema: Json) -> Json {
     schema
 }
 
-/// The closed definition of one kind, which knows `kind` and `id`.
-fn definition(entry: &Entry, options: &Json, schemas: &Schemas) -> Json {
+/// The closed definition of one kind, with `kind` and `id`.
+fn definition(entry: &Entry, options: &Json) -> Json {
     let mut definition = without_required(options.clone());
-    let class = (entry.slot == Slot::Assets).then(|| class_of(entry)).flatten();
-    let of_pool = |option: &str| schemas.pool_options(entry.kind).any(|name| name == option);
     let mut properties = Map::new();
     properties
         .insert("kind".into(), json!({ "description": "The kind of stage.", "type": "string", "const": entry.kind }));
@@ -264,7 +208,6 @@ fn definition(entry: &Entry, options: &Json, schemas: &Schemas) -> Json {
         properties.insert("id".into(), id_schema());
     }
     if let Some(own) = object_at(&mut definition, "properties") {
-        own.retain(|option, _| class.is_none_or(|class| !of_pool(option) || PoolOptions::applies(option, class)));
         properties.append(own);
         *own = properties;
     }
@@ -280,7 +223,7 @@ fn definition(entry: &Entry, options: &Json, schemas: &Schemas) -> Json {
 
 fn id_schema() -> Json {
     json!({
-        "description": "Names the step's random numbers; the kind by default, with _2, _3 … appended on repeats.",
+        "description": "Seeds the step's random stream; the kind by default, with _2, _3 … appended on repeats.",
         "type": "string", "pattern": ID_PATTERN
     })
 }
@@ -325,7 +268,7 @@ fn slot_schema(registry: &Registry, slot: Slot) -> Json {
     }
 }
 
-/// What a recipe that extends no other one must have.
+/// Requirements of a recipe that extends no other one.
 fn whole(registry: &Registry, schemas: &Schemas) -> Json {
     let mut properties = Map::new();
     properties
@@ -333,8 +276,8 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
     properties.insert("place".into(), json!({ "minItems": 1 }));
     properties.insert("write".into(), json!({ "minProperties": 1, "additionalProperties": true }));
     let required = |entry: &Entry| {
-        let schema = schemas.kind(entry.slot, entry.kind)?;
-        schema.get("required").cloned().filter(|keys| keys.as_array().is_some_and(|keys| !keys.is_empty()))
+        let kind = schemas.kind(entry.slot, entry.kind)?;
+        kind.options.get("required").cloned().filter(|keys| keys.as_array().is_some_and(|keys| !keys.is_empty()))
     };
     for slot in Slot::ALL {
         let branches: Vec<Json> = registry

@@ -1,17 +1,18 @@
 //! Texts of a recipe: files, and the pseudo-file of overrides.
 //!
-//! All texts of one recipe lie end to end in one space of byte offsets, so that a span alone says which file it is of,
-//! however values are merged. Offset 0 belongs to no file: what was written nowhere has the span [`NOWHERE`].
+//! All texts of one recipe share one space of byte offsets, file after file, so that a span identifies its file however
+//! values are merged. Offset 0 belongs to no file: [`NOWHERE`] is the span of values that no file holds.
 
-use super::diagnostic::{Diagnostic, Draft, Label};
+use super::diagnostic::{Diagnostic, DiagnosticBuilder, Label};
+use elsa::FrozenVec;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A range of bytes in the common space.
+/// A range of bytes in the shared space.
 pub(crate) type Span = Range<usize>;
 
-/// The span of what no file says.
+/// The span of values that no file holds.
 pub(crate) const NOWHERE: Span = 0..0;
 
 /// A text with a name.
@@ -24,7 +25,7 @@ pub struct SourceFile {
 }
 
 impl SourceFile {
-    /// Its name for people: the path as the user gave it, or `<--set>`.
+    /// The path as the user gave it, or `<--set>`.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -34,17 +35,17 @@ impl SourceFile {
         &self.text
     }
 
-    /// The folder that relative paths in it count from.
+    /// Base of its relative paths.
     pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Offset of its first byte in the common space.
+    /// Offset of its first byte in the shared space.
     pub(crate) fn start(&self) -> usize {
         self.start
     }
 
-    /// Its place in the common space.
+    /// Its bytes in the shared space.
     pub(crate) fn span(&self) -> Span {
         self.start..self.start + self.text.len()
     }
@@ -57,27 +58,25 @@ impl SourceFile {
     }
 }
 
-/// The texts of one recipe.
-#[derive(Debug, Default)]
+/// The texts of one recipe. Texts are only added, so that parsed tables can borrow from them.
+#[derive(Default)]
 pub(crate) struct Sources {
-    files: Vec<Arc<SourceFile>>,
+    files: FrozenVec<Box<Arc<SourceFile>>>,
 }
 
 impl Sources {
     /// Adds a text.
-    pub fn add(&mut self, name: String, folder: PathBuf, text: String) -> Arc<SourceFile> {
+    pub fn add(&self, name: String, folder: PathBuf, text: String) -> &SourceFile {
         let start = self.files.last().map_or(1, |last| last.span().end + 1);
-        let file = Arc::new(SourceFile { name, folder, text, start });
-        self.files.push(Arc::clone(&file));
-        file
+        self.files.push_get(Box::new(Arc::new(SourceFile { name, folder, text, start })))
     }
 
-    /// The file that a span is of.
+    /// Returns the file that a span belongs to.
     pub fn file_of(&self, span: &Span) -> Option<&Arc<SourceFile>> {
         self.files.iter().find(|file| file.span().start <= span.start && span.start <= file.span().end)
     }
 
-    /// The text of a span.
+    /// Returns the text of a span.
     #[cfg(test)]
     pub fn text_of(&self, span: &Span) -> &str {
         self.file_of(span)
@@ -85,31 +84,34 @@ impl Sources {
             .unwrap_or("")
     }
 
-    /// A label for a span; none for [`NOWHERE`].
+    /// Labels a span; [`NOWHERE`] has no label.
     pub fn label(&self, span: &Span, message: &str) -> Option<Label> {
-        let file = self.file_of(span)?;
+        let file = Arc::clone(self.file_of(span)?);
         let local = |offset: usize| floor(&file.text, offset.saturating_sub(file.start));
-        Some(Label {
-            span: local(span.start)..local(span.end.max(span.start)),
-            file: Arc::clone(file),
-            message: message.to_owned(),
-        })
+        let span = local(span.start)..local(span.end.max(span.start));
+        Some(Label { span, file, message: message.to_owned() })
     }
 
-    /// The diagnostic of a draft.
-    pub fn diagnostic(&self, draft: Draft) -> Diagnostic {
+    /// Finishes a diagnostic: spans become labels.
+    pub fn diagnostic(&self, diagnostic: DiagnosticBuilder) -> Diagnostic {
         let mut labels: Vec<Label> =
-            draft.marks.iter().filter_map(|(span, message)| self.label(span, message)).collect();
+            diagnostic.marks.iter().filter_map(|(span, message)| self.label(span, message)).collect();
         if labels.is_empty()
             && let Some(root) = self.files.first()
         {
             labels.push(Label { file: Arc::clone(root), span: 0..0, message: String::new() });
         }
-        Diagnostic { code: draft.code, severity: draft.severity, message: draft.message, labels, help: draft.help }
+        Diagnostic {
+            code: diagnostic.code,
+            severity: diagnostic.severity,
+            message: diagnostic.message,
+            labels,
+            help: diagnostic.help,
+        }
     }
 }
 
-/// The nearest boundary of a character at or below an offset.
+/// Rounds an offset down to a character boundary.
 fn floor(text: &str, offset: usize) -> usize {
     let offset = offset.min(text.len());
     (0..=offset).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
@@ -120,8 +122,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_span_says_its_file() {
-        let mut sources = Sources::default();
+    fn a_span_identifies_its_file() {
+        let sources = Sources::default();
         let a = sources.add("a".into(), PathBuf::new(), "x = 1\n".into());
         let b = sources.add("b".into(), PathBuf::new(), "é = 2\n".into());
         assert_eq!(sources.file_of(&(a.start() + 6..a.start() + 6)).map(|f| f.name()), Some("a"));
@@ -132,7 +134,7 @@ mod tests {
 
     #[test]
     fn columns_count_characters() {
-        let mut sources = Sources::default();
+        let sources = Sources::default();
         let file = sources.add("a".into(), PathBuf::new(), "# ü\nö = 1\n".into());
         let byte = file.text().find('=').expect("an equals sign");
         assert_eq!(file.line_column(byte), (2, 3));

@@ -1,33 +1,36 @@
-//! The stage tables of a recipe: from tables to stages.
+//! Builds stages from the tables of a recipe.
 
-use super::check::{Checker, Reference};
+use super::check;
 use super::code::Code;
-use super::diagnostic::Draft;
-use super::extend::{SET, list_ids};
-use super::key_path::{self, Shown, Step, is_bare};
+use super::diagnostic::DiagnosticBuilder;
+use super::inherit::{SET, list_ids};
+use super::key_path;
 use super::overrides::Overrides;
 use super::pool::PoolOptions;
-use super::schema::{Schemas, class_of};
+use super::renamed::RenamedNames;
+use super::schema::{KindSchema, Schemas};
 use super::source::{NOWHERE, Sources, Span};
 use super::suggest::{did_you_mean, listing};
 use super::variables;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::ConfigError;
+use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
 use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
-/// What the stage tables of one recipe need to become stages.
+/// Builds the stages of one recipe.
 pub(crate) struct Loader<'l> {
     pub registry: &'l Registry,
     pub schemas: &'l Schemas,
     pub overrides: &'l Overrides<'l>,
     pub sources: &'l Sources,
+    pub renamed: &'l RenamedNames<'l>,
 }
 
-/// A stage that was built.
+/// A built stage.
 pub(crate) struct BuiltStage<'l> {
     pub slot: Slot,
     pub id: String,
@@ -36,9 +39,9 @@ pub(crate) struct BuiltStage<'l> {
     pub stage: Option<Stage>,
     /// All options, paths in portable form.
     pub options: toml::Table,
-    /// Place of the table's header.
+    /// Bytes of the table's header.
     pub header: Span,
-    /// The products that it names, with their places.
+    /// Products that it names, with their bytes.
     pub products: Vec<(String, Span)>,
 }
 
@@ -49,23 +52,23 @@ pub(crate) struct Built<'l> {
     pub pools: BTreeMap<String, PoolOptions>,
 }
 
-/// A table that is to become a stage.
+/// The table of a stage.
 struct StageTable<'a> {
     slot: Slot,
     id: String,
-    /// Place of the id in a keyed slot or of `id` in a list; none if there is no such text.
+    /// Bytes of the id in a keyed slot or of `id` in a list; none if the file does not give it.
     id_span: Option<Span>,
     header: Span,
     table: DeTable<'a>,
 }
 
-/// What is known of the recipe's names when references are checked.
+/// Names in the recipe, collected for the check of references.
 #[derive(Default)]
 struct Names {
     /// Class of each pool; none if its table is broken.
     pools: BTreeMap<String, (Option<AssetClass>, Span)>,
     used: BTreeSet<String>,
-    /// Names that the recipe says.
+    /// Names that the recipe gives.
     references: Vec<Reference>,
     /// Names that are defaults of a kind.
     implied: Vec<(&'static str, Reference)>,
@@ -74,7 +77,7 @@ struct Names {
 }
 
 impl Names {
-    /// All names, those that are defaults with the kind that has them.
+    /// All names; a default comes with the kind that has it.
     fn all(&self) -> impl Iterator<Item = (Option<&'static str>, &Reference)> {
         let said = self.references.iter().map(|reference| (None, reference));
         said.chain(self.implied.iter().map(|(kind, reference)| (Some(*kind), reference)))
@@ -82,43 +85,56 @@ impl Names {
 }
 
 impl<'l> Loader<'l> {
-    /// Builds all stages of the tree and tells all that is wrong.
-    pub fn build(&self, tree: &mut DeTable, drafts: &mut Vec<Draft>) -> Built<'l> {
+    /// Builds all stages of the tree and reports all mistakes.
+    pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'l> {
         let mut built = Built { stages: Vec::new(), pools: BTreeMap::new() };
         let mut names = Names::default();
         let mut failed = BTreeSet::new();
         for slot in Slot::ALL {
-            let Some(tables) = self.tables(slot, tree, drafts) else {
+            let Some(tables) = self.tables(slot, tree, diagnostics) else {
                 names.unread |= matches!(slot, Slot::Place | Slot::Lights);
                 failed.insert(slot);
                 continue;
             };
             for table in tables {
-                if !self.stage(table, &mut built, &mut names, drafts) {
+                if !self.stage(table, &mut built, &mut names, diagnostics) {
                     failed.insert(slot);
                 }
             }
         }
-        self.check_pools(&names, drafts);
+        self.check_pools(&names, diagnostics);
         built
     }
 
     /// The tables of a slot; none if the section is missing or broken.
-    fn tables<'a>(&self, slot: Slot, tree: &mut DeTable<'a>, drafts: &mut Vec<Draft>) -> Option<Vec<StageTable<'a>>> {
+    fn tables<'a>(
+        &self,
+        slot: Slot,
+        tree: &mut DeTable<'a>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<Vec<StageTable<'a>>> {
         let Some(value) = tree.remove(slot.name()) else {
-            return self.missing(slot, drafts);
+            return self.missing(slot, diagnostics);
         };
         let span = value.span();
-        let wrong = |found: &DeValue| {
+        let wrong = |found: &RecipeValue| {
             let (wanted, write) = match slot.shape() {
                 Shape::One => ("a table", format!("write [{slot}] and its options below")),
                 Shape::List => ("an array of tables", format!("write [[{slot}]], once for every step")),
                 Shape::Keyed => ("a table of tables", format!("write [{slot}.<id>], once for every id")),
             };
-            Draft::error(Code::WrongType, span.clone(), format!("`{slot}` must be {wanted}"))
-                .label(format!("this is {}", super::check::found(found)))
+            DiagnosticBuilder::error(Code::WrongType, span.clone(), format!("`{slot}` must be {wanted}"))
+                .label(format!("this is {}", check::type_of(found)))
                 .help(write)
         };
+        let fits = match slot.shape() {
+            Shape::One | Shape::Keyed => value.get_ref().is_table(),
+            Shape::List => value.get_ref().is_array(),
+        };
+        if !fits {
+            diagnostics.push(wrong(&value));
+            return None;
+        }
         match (slot.shape(), value.into_inner()) {
             (Shape::One, DeValue::Table(table)) => {
                 let id = slot.name().to_owned();
@@ -126,36 +142,45 @@ impl<'l> Loader<'l> {
             }
             (Shape::List, DeValue::Array(items)) => {
                 if items.is_empty() && slot == Slot::Place {
-                    return self.missing(slot, drafts);
+                    return self.missing(slot, diagnostics);
                 }
                 let ids = list_ids(&items);
                 let mut seen: BTreeMap<String, Span> = BTreeMap::new();
                 let mut tables = Vec::new();
                 for (item, id) in items.into_iter().zip(ids) {
                     let header = item.span();
+                    let found = check::type_of(&item);
                     match item.into_inner() {
                         DeValue::Table(mut table) => {
                             let id_value = table.remove("id");
                             if let Some(other) = id_value.as_ref().filter(|id| !id.get_ref().is_str()) {
-                                drafts.push(Draft::error(Code::WrongType, other.span(), "`id` must be a text"));
+                                diagnostics.push(DiagnosticBuilder::error(
+                                    Code::WrongType,
+                                    other.span(),
+                                    "`id` must be a string",
+                                ));
                             }
                             let id_span = id_value.map(|id| id.span());
                             if let Some(span) = &id_span
                                 && let Some(first) = seen.insert(id.clone(), span.clone())
                             {
                                 let message = format!("two steps of `{slot}` have the id `{id}`");
-                                drafts.push(
-                                    Draft::error(Code::BadId, span.clone(), message)
+                                diagnostics.push(
+                                    DiagnosticBuilder::error(Code::BadId, span.clone(), message)
                                         .label("again here")
                                         .also(first, "first given here")
-                                        .help("ids name the steps' random numbers, so each has its own"),
+                                        .help("ids seed the steps' random streams, so each step needs its own"),
                                 );
                             }
                             tables.push(StageTable { slot, id, id_span, header, table });
                         }
-                        other => drafts.push(
-                            Draft::error(Code::WrongType, header, format!("an element of `{slot}` must be a table"))
-                                .label(format!("this is {}", super::check::found(&other))),
+                        _ => diagnostics.push(
+                            DiagnosticBuilder::error(
+                                Code::WrongType,
+                                header,
+                                format!("an element of `{slot}` must be a table"),
+                            )
+                            .label(format!("this is {found}")),
                         ),
                     }
                 }
@@ -163,7 +188,7 @@ impl<'l> Loader<'l> {
             }
             (Shape::Keyed, DeValue::Table(entries)) => {
                 if entries.is_empty() && slot == Slot::Write {
-                    return self.missing(slot, drafts);
+                    return self.missing(slot, diagnostics);
                 }
                 let mut tables = Vec::new();
                 for (key, value) in entries {
@@ -171,15 +196,15 @@ impl<'l> Loader<'l> {
                     let id = key.into_inner().into_owned();
                     match value.into_inner() {
                         DeValue::Table(table) => tables.push(StageTable { slot, id, id_span, header, table }),
-                        DeValue::Array(_) => drafts.push(
-                            Draft::error(Code::WrongType, header, format!("`{slot}.{id}` must be a table"))
+                        DeValue::Array(_) => diagnostics.push(
+                            DiagnosticBuilder::error(Code::WrongType, header, format!("`{slot}.{id}` must be a table"))
                                 .label("this is an array")
                                 .help(format!("write [{slot}.{id}] with single brackets")),
                         ),
                         _ => {
                             let kinds = self.registry.of_slot(slot).map(|entry| entry.kind);
-                            drafts.push(
-                                Draft::error(
+                            diagnostics.push(
+                                DiagnosticBuilder::error(
                                     Code::WrongType,
                                     id_span.unwrap_or(header),
                                     format!("`{slot}.{id}` must be a table"),
@@ -192,10 +217,7 @@ impl<'l> Loader<'l> {
                 }
                 Some(tables)
             }
-            (_, other) => {
-                drafts.push(wrong(&other));
-                None
-            }
+            _ => None,
         }
     }
 
@@ -207,8 +229,8 @@ impl<'l> Loader<'l> {
         kinds.iter().copied().filter(usable)
     }
 
-    /// What stands for a section that is not there.
-    fn missing<'a>(&self, slot: Slot, drafts: &mut Vec<Draft>) -> Option<Vec<StageTable<'a>>> {
+    /// The tables that replace a missing section.
+    fn missing<'a>(&self, slot: Slot, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<Vec<StageTable<'a>>> {
         let tables: Vec<StageTable> = self
             .default_kinds(slot)
             .map(|kind| {
@@ -227,8 +249,8 @@ impl<'l> Loader<'l> {
             Shape::List => (format!("[[{slot}]]"), format!("[[{slot}]] with kind = …")),
             Shape::Keyed => (format!("[{slot}.<id>]"), format!("[{slot}.{}]", kinds.first().unwrap_or(&"<id>"))),
         };
-        drafts.push(
-            Draft::error(Code::MissingSection, NOWHERE, format!("a recipe needs `{header}`"))
+        diagnostics.push(
+            DiagnosticBuilder::error(Code::MissingSection, NOWHERE, format!("a recipe needs `{header}`"))
                 .help(lower(slot.doc()))
                 .help(format!("add {example}; kinds are {}", listing(kinds))),
         );
@@ -236,7 +258,13 @@ impl<'l> Loader<'l> {
     }
 
     /// Builds one stage; false if it could not be built.
-    fn stage(&self, mut given: StageTable, built: &mut Built<'l>, names: &mut Names, drafts: &mut Vec<Draft>) -> bool {
+    fn stage(
+        &self,
+        mut given: StageTable,
+        built: &mut Built<'l>,
+        names: &mut Names,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> bool {
         let slot = given.slot;
         if slot == Slot::Assets {
             let span = given.id_span.clone().unwrap_or(NOWHERE);
@@ -244,32 +272,42 @@ impl<'l> Loader<'l> {
         }
         if slot.shape() != Shape::One && !is_bare(&given.id) && !given.id.is_empty() {
             let span = given.id_span.clone().unwrap_or_else(|| given.header.clone());
-            drafts.push(
-                Draft::error(Code::BadId, span, format!("\"{}\" cannot be an id", given.id))
+            diagnostics.push(
+                DiagnosticBuilder::error(Code::BadId, span, format!("\"{}\" cannot be an id", given.id))
                     .label("an id has letters, digits, `_` and `-`"),
             );
         }
-        let Some(entry) = self.kind(&mut given, drafts) else {
+        let Some(entry) = self.kind(&mut given, diagnostics) else {
             names.unread = true;
             return false;
         };
-        let Some(schema) = self.schemas.kind(slot, entry.kind) else { return false };
-        let found =
-            Checker { definitions: &self.schemas.definitions }.options(entry.kind, &given.table, &given.header, schema);
-        let mut ok = found.drafts.is_empty();
-        drafts.extend(found.drafts.into_iter().map(|draft| self.of_other_kind(draft, &given, entry)));
+        let Some(kind) = self.schemas.kind(slot, entry.kind) else { return false };
+        let pool_renamed = if slot == Slot::Assets { self.renamed.pool } else { &[] };
+        let renamed = [entry.renamed, pool_renamed];
+        let checked =
+            check::options(self.schemas.validator(), entry.kind, &given.table, &given.header, &kind.options, &renamed);
+        let mut ok = checked.diagnostics.is_empty();
+        diagnostics
+            .extend(checked.diagnostics.into_iter().map(|diagnostic| self.of_another_kind(diagnostic, &given, kind)));
         let said: Vec<(Vec<Step>, String)> =
-            found.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
+            checked.references.iter().map(|reference| (reference.path.clone(), reference.text.clone())).collect();
         let header_span = given.header.clone();
         let mut paths = Vec::new();
         let mut products = Vec::new();
-        for reference in found.references {
+        for reference in checked.references {
             match reference.what.as_str() {
-                "path" => match self.path(&reference, &mut given.table, drafts) {
+                "path" => match self.path(&reference, &mut given.table, diagnostics) {
                     Some(path) => paths.push((reference.path, path)),
                     None => ok = false,
                 },
                 what => {
+                    if what == "product"
+                        && let Some(diagnostic) = self.renamed.product(&reference.text, &reference.span)
+                    {
+                        diagnostics.push(diagnostic);
+                        ok = false;
+                        continue;
+                    }
                     if what == "product" {
                         products.push((reference.text.clone(), reference.span.clone()));
                     } else {
@@ -279,47 +317,18 @@ impl<'l> Loader<'l> {
                 }
             }
         }
-        let for_objects = |name: &str| {
-            slot == Slot::Assets
-                && !PoolOptions::applies(name, AssetClass::Material)
-                && self.schemas.pool_options(entry.kind).any(|option| option == name)
-        };
-        let object_only: Vec<(String, Span)> = given
-            .table
-            .keys()
-            .filter(|key| for_objects(key.get_ref()))
-            .map(|key| (key.get_ref().clone().into_owned(), key.span()))
-            .collect();
-        let constructed = if ok { self.construct(entry, &given, built, drafts) } else { None };
-        let class = match constructed.as_ref().map(|constructed| &constructed.stage) {
-            Some(Stage::Assets(source)) => Some(source.class()),
-            _ if slot == Slot::Assets => class_of(entry),
-            _ => None,
-        };
+        let constructed = if ok { self.construct(entry, &given, built, diagnostics) } else { None };
         if slot == Slot::Assets
-            && let Some(pool) = names.pools.get_mut(&given.id)
+            && let Some((class, _)) = names.pools.get_mut(&given.id)
         {
-            pool.0 = class;
-        }
-        if let Some(class) = class.filter(|class| *class != AssetClass::Object) {
-            for (option, span) in &object_only {
-                ok = false;
-                drafts.push(
-                    Draft::error(Code::WrongClass, span.clone(), format!("`{option}` applies to objects only"))
-                        .label(format!("`{}` gives {class}s", entry.kind)),
-                );
-            }
+            *class = kind.class;
         }
         let Some(Constructed { stage, mut options }) = constructed else { return false };
-        if slot == Slot::Assets
-            && let Some(pool) = built.pools.get(&given.id)
-        {
+        if let Some(pool) = built.pools.get(&given.id).filter(|_| slot == Slot::Assets) {
             let pool = toml::Table::try_from(pool).unwrap_or_default();
-            let class = class.unwrap_or(AssetClass::Object);
-            let of_pool = |name: &str| self.schemas.pool_options(entry.kind).any(|option| option == name);
-            options.extend(pool.into_iter().filter(|(name, _)| of_pool(name) && PoolOptions::applies(name, class)));
+            options.extend(pool.into_iter().filter(|(name, _)| kind.options["properties"].get(name).is_some()));
         }
-        for reference in self.implied(entry, &options, schema, &said, &header_span) {
+        for reference in self.implied(entry, &options, &kind.options, &said, &header_span) {
             if reference.what == "product" {
                 products.push((reference.text.clone(), reference.span.clone()));
             } else {
@@ -327,8 +336,8 @@ impl<'l> Loader<'l> {
             }
             names.implied.push((entry.kind, reference));
         }
-        for (way, path) in paths {
-            if let Some(toml::Value::String(text)) = at_mut(&mut options, &way)
+        for (steps, path) in paths {
+            if let Some(toml::Value::String(text)) = at_mut(&mut options, &steps)
                 && path.path.to_str() == Some(text.as_str())
             {
                 *text = path.portable;
@@ -339,21 +348,35 @@ impl<'l> Loader<'l> {
         ok
     }
 
-    /// Says of an unknown option which kind has it, if the same slot has such a kind.
-    fn of_other_kind(&self, draft: Draft, given: &StageTable, entry: &Entry) -> Draft {
-        if draft.code != Code::UnknownKey || !draft.marks[0].1.is_empty() {
-            return draft;
+    /// Explains an unknown option that another kind of the slot has, or that pools of another class have.
+    fn of_another_kind(
+        &self,
+        diagnostic: DiagnosticBuilder,
+        given: &StageTable,
+        kind: &KindSchema,
+    ) -> DiagnosticBuilder {
+        if diagnostic.code != Code::UnknownKey {
+            return diagnostic;
         }
-        let Some(key) = given.table.keys().find(|key| key.span() == *draft.span()) else { return draft };
-        let of_slot = self.schemas.kinds.iter().filter(|(slot, kind, _)| *slot == given.slot && *kind != entry.kind);
-        let mut having = of_slot.filter(|(_, _, schema)| schema["properties"].get(key.get_ref().as_ref()).is_some());
-        match having.next() {
-            Some((_, kind, _)) => draft.label(format!("this is an option of the kind `{kind}`")),
-            None => draft,
+        let Some(key) = given.table.keys().find(|key| key.span() == *diagnostic.span()) else { return diagnostic };
+        let key = key.get_ref().as_ref();
+        if let Some(class) = kind.class.filter(|_| self.schemas.is_pool_option(key)) {
+            return DiagnosticBuilder::error(
+                Code::WrongClass,
+                diagnostic.span().clone(),
+                format!("`{key}` applies to objects only"),
+            )
+            .label(format!("`{}` gives {class}s", kind.kind));
+        }
+        let has_suggestion = !diagnostic.marks[0].1.is_empty();
+        let mut others = self.schemas.kinds.iter().filter(|other| other.slot == given.slot && other.kind != kind.kind);
+        match others.find(|other| other.options["properties"].get(key).is_some()).filter(|_| !has_suggestion) {
+            Some(other) => diagnostic.label(format!("this is an option of the kind `{}`", other.kind)),
+            None => diagnostic,
         }
     }
 
-    /// The names among a stage's defaults, which are nowhere in the recipe: they are told of at the table's header.
+    /// The names among a stage's defaults, which are nowhere in the recipe: they are reported at the table's header.
     fn implied(
         &self,
         entry: &Entry,
@@ -362,20 +385,17 @@ impl<'l> Loader<'l> {
         given: &[(Vec<Step>, String)],
         header: &Span,
     ) -> Vec<Reference> {
-        let text = options.to_string();
-        let Ok(table) = DeTable::parse(&text) else { return Vec::new() };
-        let checker = Checker { definitions: &self.schemas.definitions };
-        let found = checker.options(entry.kind, table.get_ref(), header, schema).references;
-        // A single name may be written back as an array of one, so the way to it may differ below its option.
+        let outcome = self.schemas.validator().table(entry.kind, plain_members(options), NOWHERE, schema);
+        // A single name may be written back as an array of one, so its path may differ below its option.
         let said = |reference: &Reference| {
             given.iter().any(|(path, text)| path.first() == reference.path.first() && *text == reference.text)
         };
-        let implied = found.into_iter().filter(|reference| reference.what != "path" && !said(reference));
+        let implied = outcome.references.into_iter().filter(|reference| reference.what != "path" && !said(reference));
         implied.map(|reference| Reference { span: header.clone(), ..reference }).collect()
     }
 
     /// Takes `kind` off a table and finds its entry.
-    fn kind(&self, given: &mut StageTable, drafts: &mut Vec<Draft>) -> Option<&'l Entry> {
+    fn kind(&self, given: &mut StageTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<&'l Entry> {
         let slot = given.slot;
         let kinds = || self.registry.of_slot(slot).map(|entry| entry.kind);
         let keyed = slot.shape() == Shape::Keyed;
@@ -383,7 +403,11 @@ impl<'l> Loader<'l> {
             Some(value) => match value.get_ref() {
                 DeValue::String(kind) => (kind.clone().into_owned(), value.span()),
                 _ => {
-                    drafts.push(Draft::error(Code::WrongType, value.span(), "`kind` must be a text"));
+                    diagnostics.push(DiagnosticBuilder::error(
+                        Code::WrongType,
+                        value.span(),
+                        "`kind` must be a string",
+                    ));
                     return None;
                 }
             },
@@ -391,36 +415,46 @@ impl<'l> Loader<'l> {
             None if self.sources.file_of(&given.header).is_some_and(|file| file.name() == SET)
                 && self.default_kinds(slot).next().is_some() =>
             {
-                // Only an override speaks of this section, which is there with its default kind all the same.
+                // Only overrides mention this section, so it has its default kind.
                 (self.default_kinds(slot).next().unwrap_or_default().to_owned(), given.header.clone())
             }
             None => {
                 let header = if slot.shape() == Shape::List { format!("[[{slot}]]") } else { format!("[{slot}]") };
-                let draft = Draft::error(Code::MissingKey, given.header.clone(), format!("`{header}` needs a `kind`"));
-                drafts.push(draft.label("add `kind = …`").help(format!("kinds are {}", listing(kinds()))));
+                let diagnostic = DiagnosticBuilder::error(
+                    Code::MissingKey,
+                    given.header.clone(),
+                    format!("`{header}` needs a `kind`"),
+                );
+                diagnostics.push(diagnostic.label("add `kind = …`").help(format!("kinds are {}", listing(kinds()))));
                 return None;
             }
         };
         let Some(entry) = self.registry.find(slot, &kind) else {
-            let mut draft = Draft::error(Code::UnknownKind, span.clone(), format!("`{slot}` has no kind `{kind}`"))
-                .label(did_you_mean(&kind, kinds()))
-                .help(format!("linked plugins register {}", listing(kinds())));
+            if let Some(diagnostic) = self.renamed.kind(slot, &kind, &span) {
+                diagnostics.push(diagnostic);
+                return None;
+            }
+            let mut diagnostic =
+                DiagnosticBuilder::error(Code::UnknownKind, span.clone(), format!("`{slot}` has no kind `{kind}`"))
+                    .label(did_you_mean(&kind, kinds()))
+                    .help(format!("linked plugins register {}", listing(kinds())));
             let elsewhere = Slot::ALL.into_iter().find(|other| self.registry.find(*other, &kind).is_some());
             if let Some(other) = elsewhere {
-                draft = draft.help(format!("`{kind}` is a kind of `{other}`"));
+                diagnostic = diagnostic.help(format!("`{kind}` is a kind of `{other}`"));
             } else if keyed && Some(&span) == given.id_span.as_ref() {
-                draft = draft.help(format!("to call the table `{}` as you like, add `kind = …` to it", given.id));
+                diagnostic =
+                    diagnostic.help(format!("to call the table `{}` as you like, add `kind = …` to it", given.id));
             } else {
-                draft = draft
+                diagnostic = diagnostic
                     .help("if a plugin of yours registers it, check that its crate is named in your binary's main.rs");
             }
-            drafts.push(draft);
+            diagnostics.push(diagnostic);
             return None;
         };
         if keyed && given.id != kind && self.registry.find(slot, &given.id).is_some() {
             let id = &given.id;
-            drafts.push(
-                Draft::error(
+            diagnostics.push(
+                DiagnosticBuilder::error(
                     Code::BadId,
                     span,
                     format!("`{slot}.{id}` is of kind `{kind}`, but `{id}` is a kind itself"),
@@ -434,70 +468,74 @@ impl<'l> Loader<'l> {
     }
 
     /// Resolves a path and puts it back into the table.
-    fn path(&self, reference: &Reference, table: &mut DeTable, drafts: &mut Vec<Draft>) -> Option<variables::Resolved> {
+    fn path(
+        &self,
+        reference: &Reference,
+        table: &mut DeTable,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<variables::Resolved> {
         let file = self.sources.file_of(&reference.span)?;
-        drafts.extend(variables::odd(&reference.text, &reference.span));
+        diagnostics.extend(variables::odd(&reference.text, &reference.span));
         let (folder, variable) = (&self.overrides.current_folder, self.overrides.variable);
         let resolved = variables::resolve(&reference.text, &reference.span, file, folder, variable);
-        let resolved = resolved.map_err(|draft| drafts.push(draft)).ok()?;
+        let resolved = resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?;
         let value = recipe_at_mut(table, &reference.path)?;
         let Some(text) = resolved.path.to_str() else {
-            let message = format!("the path {} is not UTF-8 text", resolved.path.display());
-            drafts.push(Draft::error(Code::InvalidValue, reference.span.clone(), message));
+            let message = format!("the path {} is not UTF-8", resolved.path.display());
+            diagnostics.push(DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message));
             return None;
         };
         *value.get_mut() = DeValue::String(text.to_owned().into());
         Some(resolved)
     }
 
-    /// Lets the kind build its stage, and a pool its options.
+    /// Builds the stage, and the options of its pool if it is a source of assets.
     fn construct(
         &self,
         entry: &Entry,
         given: &StageTable,
         built: &mut Built<'l>,
-        drafts: &mut Vec<Draft>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<Constructed> {
         let header = &given.header;
-        let mut table = given.table.clone();
         let mut ok = true;
+        let (mut pool, mut own) = (DeTable::new(), DeTable::new());
+        for (key, value) in given.table.clone() {
+            let of_pool = given.slot == Slot::Assets && self.schemas.is_pool_option(key.get_ref());
+            let table = if of_pool { &mut pool } else { &mut own };
+            table.insert(key, value);
+        }
         if given.slot == Slot::Assets {
-            let mut own = DeTable::new();
-            for name in self.schemas.pool_options(entry.kind) {
-                if let Some((key, value)) = table.remove_entry(name) {
-                    own.insert(key, value);
-                }
-            }
-            let spanned = Spanned::new(header.clone(), DeValue::Table(own));
-            match PoolOptions::deserialize(ValueDeserializer::from(spanned)) {
+            match PoolOptions::deserialize(ValueDeserializer::from(Spanned::new(header.clone(), DeValue::Table(pool))))
+            {
                 Ok(options) => {
                     if let Err(invalid) = options.validate() {
                         ok = false;
-                        drafts.push(refused(invalid, given));
+                        diagnostics.push(refused(invalid, given));
                     }
                     built.pools.insert(given.id.clone(), options);
                 }
                 Err(error) => {
                     ok = false;
-                    drafts.push(malformed(&error, header));
+                    diagnostics.push(malformed(&error, header));
                 }
             }
         }
-        match entry.construct(Spanned::new(header.clone(), DeValue::Table(table))) {
+        match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(own))) {
             Ok(constructed) => Some(constructed).filter(|_| ok),
             Err(ConstructError::Form(error)) => {
-                drafts.push(malformed(&error, header));
+                diagnostics.push(malformed(&error, header));
                 None
             }
             Err(ConstructError::Invalid(invalid)) => {
-                drafts.push(refused(invalid, given));
+                diagnostics.push(refused(invalid, given));
                 None
             }
         }
     }
 
     /// Every pool that a stage names must be there and give the right class; every pool should be named.
-    fn check_pools(&self, names: &Names, drafts: &mut Vec<Draft>) {
+    fn check_pools(&self, names: &Names, diagnostics: &mut Vec<DiagnosticBuilder>) {
         for (kind, reference) in names.all() {
             let Some(class) = reference.what.strip_prefix("pool:") else { continue };
             let name = &reference.text;
@@ -508,25 +546,25 @@ impl<'l> Loader<'l> {
             match names.pools.get(name) {
                 None => {
                     let message = format!("there is no pool `{name}`");
-                    let mut draft = Draft::error(Code::UnknownPool, reference.span.clone(), message);
-                    draft = match kind {
-                        Some(kind) => draft.label(default_of(kind, reference)),
-                        None => draft.label(did_you_mean(name, of_class())),
+                    let mut diagnostic = DiagnosticBuilder::error(Code::UnknownPool, reference.span.clone(), message);
+                    diagnostic = match kind {
+                        Some(kind) => diagnostic.label(default_of(kind, reference)),
+                        None => diagnostic.label(did_you_mean(name, of_class())),
                     };
-                    draft = match of_class().next() {
-                        Some(_) => draft.help(format!("pools of {class}s: {}", listing(of_class()))),
-                        None => draft.help(format!("add [assets.{name}] with a kind that gives {class}s")),
+                    diagnostic = match of_class().next() {
+                        Some(_) => diagnostic.help(format!("pools of {class}s: {}", listing(of_class()))),
+                        None => diagnostic.help(format!("add [assets.{name}] with a kind that gives {class}s")),
                     };
-                    drafts.push(draft);
+                    diagnostics.push(diagnostic);
                 }
                 Some((Some(found), declared)) if found.to_string() != class => {
-                    let message = format!("pool `{name}` gives {found}s, but {class}s are wanted");
-                    let draft = Draft::error(Code::UnknownPool, reference.span.clone(), message)
-                        .label(format!("{class}s are wanted here"))
+                    let message = format!("pool `{name}` gives {found}s, but {class}s are needed");
+                    let diagnostic = DiagnosticBuilder::error(Code::UnknownPool, reference.span.clone(), message)
+                        .label(format!("{class}s are needed here"))
                         .also(declared.clone(), format!("gives {found}s"));
-                    drafts.push(match of_class().next() {
-                        Some(_) => draft.help(format!("pools of {class}s: {}", listing(of_class()))),
-                        None => draft,
+                    diagnostics.push(match of_class().next() {
+                        Some(_) => diagnostic.help(format!("pools of {class}s: {}", listing(of_class()))),
+                        None => diagnostic,
                     });
                 }
                 _ => {}
@@ -534,9 +572,13 @@ impl<'l> Loader<'l> {
         }
         for (id, (_, span)) in &names.pools {
             if !names.used.contains(id) && !names.unread {
-                drafts.push(
-                    Draft::warning(Code::UnusedPool, span.clone(), format!("nothing draws from the pool `{id}`"))
-                        .label("never named"),
+                diagnostics.push(
+                    DiagnosticBuilder::warning(
+                        Code::UnusedPool,
+                        span.clone(),
+                        format!("no stage draws from the pool `{id}`"),
+                    )
+                    .label("never named"),
                 );
             }
         }
@@ -544,32 +586,34 @@ impl<'l> Loader<'l> {
 }
 
 fn default_of(kind: &str, reference: &Reference) -> String {
-    format!("`{kind}` has it as the default of `{}`", Shown(&reference.path))
+    format!("`{kind}` has it as the default of `{}`", DisplayPath(&reference.path))
 }
 
-/// The draft for a table that is not of the form of the options, where the schema did not tell.
-fn malformed(error: &toml::de::Error, header: &Span) -> Draft {
-    Draft::error(Code::InvalidValue, error.span().unwrap_or(header.clone()), error.message().trim_end())
+/// The diagnostic for a table that passes the schema but cannot be read.
+fn malformed(error: &toml::de::Error, header: &Span) -> DiagnosticBuilder {
+    DiagnosticBuilder::error(Code::InvalidValue, error.span().unwrap_or(header.clone()), error.message().trim_end())
 }
 
-/// The draft for a value that a stage refuses.
-fn refused(invalid: ConfigError, given: &StageTable) -> Draft {
+/// The diagnostic for a value that a stage refuses.
+fn refused(invalid: ConfigError, given: &StageTable) -> DiagnosticBuilder {
     let steps = key_path::steps(&invalid.key);
-    let (span, whole) = place(&given.table, &steps).unwrap_or((given.header.clone(), false));
-    let draft = Draft::error(Code::InvalidValue, span, invalid.message);
-    let draft = if whole || steps.is_empty() {
-        draft
+    let span = place(&given.table, &steps);
+    let is_default = span.is_none() && !steps.is_empty();
+    let diagnostic =
+        DiagnosticBuilder::error(Code::InvalidValue, span.unwrap_or(given.header.clone()), invalid.message);
+    let diagnostic = if is_default {
+        diagnostic.label(format!("about `{}`, which has its default", invalid.key))
     } else {
-        draft.label(format!("about `{}`, which has its default", invalid.key))
+        diagnostic
     };
     match invalid.help {
-        Some(help) => draft.help(help),
-        None => draft,
+        Some(help) => diagnostic.help(help),
+        None => diagnostic,
     }
 }
 
-/// The place of the value at a path, or of the nearest value around it, and whether it is the value itself.
-fn place(table: &DeTable, steps: &[Step]) -> Option<(Span, bool)> {
+/// Bytes of the value at a path, or of the nearest value around it; none if the table has not even the first key.
+fn place(table: &DeTable, steps: &[Step]) -> Option<Span> {
     let [Step::Key(first), rest @ ..] = steps else { return None };
     let mut value = table.get(first.as_str())?;
     for step in rest {
@@ -580,14 +624,14 @@ fn place(table: &DeTable, steps: &[Step]) -> Option<(Span, bool)> {
         };
         match next {
             Some(next) => value = next,
-            None => return Some((value.span(), true)),
+            None => break,
         }
     }
-    Some((value.span(), true))
+    Some(value.span())
 }
 
-fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, way: &[Step]) -> Option<&'t mut RecipeValue<'a>> {
-    let [Step::Key(first), rest @ ..] = way else { return None };
+fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, path: &[Step]) -> Option<&'t mut RecipeValue<'a>> {
+    let [Step::Key(first), rest @ ..] = path else { return None };
     rest.iter().try_fold(table.get_mut(first.as_str())?, |value, step| match (value.get_mut(), step) {
         (DeValue::Table(table), Step::Key(key)) => table.get_mut(key.as_str()),
         (DeValue::Array(items), Step::Index(index)) => items.get_mut(*index),
@@ -595,8 +639,8 @@ fn recipe_at_mut<'t, 'a>(table: &'t mut DeTable<'a>, way: &[Step]) -> Option<&'t
     })
 }
 
-fn at_mut<'t>(table: &'t mut toml::Table, way: &[Step]) -> Option<&'t mut toml::Value> {
-    let [Step::Key(first), rest @ ..] = way else { return None };
+fn at_mut<'t>(table: &'t mut toml::Table, path: &[Step]) -> Option<&'t mut toml::Value> {
+    let [Step::Key(first), rest @ ..] = path else { return None };
     rest.iter().try_fold(table.get_mut(first)?, |value, step| match (value, step) {
         (toml::Value::Table(table), Step::Key(key)) => table.get_mut(key),
         (toml::Value::Array(items), Step::Index(index)) => items.get_mut(*index),

@@ -1,10 +1,12 @@
-//! Names that a misspelt one may have meant.
+//! Suggestions for misspelled names.
 
-/// The candidate that `name` most probably means; none if nothing is near.
+pub(crate) use syntable_model::options::listing;
+
+/// Returns the candidate nearest to `name`, if one is near.
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = simplify(name);
     let words = sorted_words(&plain);
-    // Among equally many slips of the finger, a common beginning counts.
+    // Ties in edit distance go to the longer common prefix.
     let likeness = |other: &str| strsim::jaro_winkler(&plain, other);
     // Lower is nearer; equal scores keep the first candidate.
     let score = |candidate: &str| {
@@ -29,20 +31,9 @@ pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
         .map(|(_, candidate)| candidate)
 }
 
-/// `did you mean …?`, or nothing.
+/// Formats a suggestion: `did you mean …?`, or nothing.
 pub(crate) fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     nearest(name, candidates).map_or_else(String::new, |near| format!("did you mean `{near}`?"))
-}
-
-/// `` `a`, `b`, … ``: all names if they are few, otherwise the first.
-pub(crate) fn listing<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    const MOST: usize = 16;
-    let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
-    if names.is_empty() {
-        return "none".to_owned();
-    }
-    let shown = names[..names.len().min(MOST)].join(", ");
-    if names.len() > MOST { format!("{shown}, …") } else { shown }
 }
 
 fn simplify(name: &str) -> String {
@@ -70,7 +61,7 @@ mod tests {
         check("samples", &["bounces", "samples_per_pixel"], Some("samples_per_pixel"));
         check("Resolution", &["resolution"], Some("resolution"));
         check("pixels-min", &["min_pixels", "max_pixels"], Some("min_pixels"));
-        check("centre", &["center"], Some("center"));
+        check("center", &["center"], Some("center"));
         check("banana", &["count", "clearance_m"], None);
         check("x", &["y"], None);
         check("sceen", &["seed", "scenes"], Some("scenes"));

@@ -1,42 +1,44 @@
-//! Paths of recipes: `${NAME}` and where relative ones count from.
+//! Paths in recipes: `${NAME}` and the base of relative paths.
 
 use super::code::Code;
-use super::diagnostic::Draft;
+use super::diagnostic::DiagnosticBuilder;
 use super::source::{SourceFile, Span};
 use std::path::{Path, PathBuf};
 
-/// A path as a stage sees it, and as a recipe in another folder would say it.
+/// A resolved path, and its form for a recipe in another folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Resolved {
-    /// Ready to be opened.
+    /// The path to open.
     pub path: PathBuf,
-    /// The same with `${NAME}` kept and no dependence on the recipe's folder.
+    /// The same path with `${NAME}` kept, independent of the recipe's folder.
     pub portable: String,
 }
 
-/// Resolves a path that `file` names at `span`.
+/// Resolves a path given in `file` at `span`.
 pub(crate) fn resolve(
     text: &str,
     span: &Span,
     file: &SourceFile,
     current_folder: &Path,
     variable: &dyn Fn(&str) -> Option<String>,
-) -> Result<Resolved, Draft> {
+) -> Result<Resolved, DiagnosticBuilder> {
     let expanded = expand(text, span, variable)?;
     if Path::new(&expanded).is_absolute() {
         return Ok(Resolved { path: expanded.into(), portable: text.to_owned() });
     }
     if text.starts_with("${") {
-        // A relative path in the environment was written by somebody who stood in the current folder.
+        // A relative path in a variable was set from the current folder.
         return Ok(Resolved { path: join(current_folder, &expanded), portable: text.to_owned() });
     }
     let portable = join(file.folder(), text).to_string_lossy().into_owned();
     Ok(Resolved { path: join(file.folder(), &expanded), portable })
 }
 
-/// A warning about what only a shell would replace.
-pub(crate) fn odd(text: &str, span: &Span) -> Option<Draft> {
-    let warn = |message: String, label: String| Some(Draft::warning(Code::OddPath, span.clone(), message).label(label));
+/// Warns about `~` and `$NAME`, which only a shell replaces.
+pub(crate) fn odd(text: &str, span: &Span) -> Option<DiagnosticBuilder> {
+    let warn = |message: String, label: String| {
+        Some(DiagnosticBuilder::warning(Code::OddPath, span.clone(), message).label(label))
+    };
     if text == "~" || text.starts_with("~/") {
         return warn("`~` is not replaced in a recipe".into(), format!("write \"${{HOME}}{}\"", &text[1..]));
     }
@@ -49,33 +51,37 @@ pub(crate) fn odd(text: &str, span: &Span) -> Option<Draft> {
     warn(format!("`${name}` is not replaced in a recipe"), format!("write `${{{name}}}`"))
 }
 
-fn expand(text: &str, span: &Span, variable: &dyn Fn(&str) -> Option<String>) -> Result<String, Draft> {
+fn expand(text: &str, span: &Span, variable: &dyn Fn(&str) -> Option<String>) -> Result<String, DiagnosticBuilder> {
     let mut out = String::new();
     let mut rest = text;
     while let Some(at) = rest.find("${") {
         out += &rest[..at];
         let inner = &rest[at + 2..];
         let Some(length) = inner.find('}') else {
-            return Err(Draft::error(Code::Variable, span.clone(), format!("`${{` is not closed in \"{text}\""))
-                .label("write `${NAME}`"));
+            return Err(DiagnosticBuilder::error(
+                Code::Variable,
+                span.clone(),
+                format!("`${{` is not closed in \"{text}\""),
+            )
+            .label("write `${NAME}`"));
         };
         let name = &inner[..length];
         if name.is_empty()
             || name.starts_with(|c: char| c.is_ascii_digit())
             || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
         {
-            return Err(Draft::error(
+            return Err(DiagnosticBuilder::error(
                 Code::Variable,
                 span.clone(),
-                format!("`${{{name}}}` is no environment variable"),
+                format!("`${{{name}}}` is not the name of an environment variable"),
             )
-            .label("a name has letters, digits and `_`"));
+            .label("names have letters, digits and `_`"));
         }
         match variable(name) {
             Some(value) if !value.is_empty() => out += &value,
             found => {
                 let state = if found.is_some() { "empty" } else { "not set" };
-                return Err(Draft::error(
+                return Err(DiagnosticBuilder::error(
                     Code::Variable,
                     span.clone(),
                     format!("the environment variable `{name}` is {state}"),
@@ -90,7 +96,7 @@ fn expand(text: &str, span: &Span, variable: &dyn Fn(&str) -> Option<String>) ->
     Ok(out + rest)
 }
 
-/// `folder/path` without `.` components.
+/// Joins `folder` and `path`, without `.` components.
 pub(crate) fn join(folder: &Path, path: &str) -> PathBuf {
     folder.join(path).components().collect()
 }
@@ -101,7 +107,7 @@ mod tests {
     use crate::recipe::source::Sources;
 
     fn check(text: &str, expected: Result<(&str, &str), &str>) {
-        let mut sources = Sources::default();
+        let sources = Sources::default();
         let file = sources.add("r".into(), "/home/r".into(), String::new());
         let variable = |name: &str| match name {
             "ASSETS" => Some("/data".to_owned()),
@@ -109,7 +115,7 @@ mod tests {
             "EMPTY" => Some(String::new()),
             _ => None,
         };
-        let got = resolve(text, &(1..1), &file, Path::new("/work"), &variable);
+        let got = resolve(text, &(1..1), file, Path::new("/work"), &variable);
         match (got, expected) {
             (Ok(got), Ok((path, portable))) => {
                 assert_eq!((got.path.to_str(), got.portable.as_str()), (Some(path), portable), "{text}");
@@ -129,12 +135,12 @@ mod tests {
         check("${NOPE}/a", Err("the environment variable `NOPE` is not set"));
         check("${EMPTY}/a", Err("the environment variable `EMPTY` is empty"));
         check("${ASSETS", Err("`${` is not closed in \"${ASSETS\""));
-        check("${A B}", Err("`${A B}` is no environment variable"));
+        check("${A B}", Err("`${A B}` is not the name of an environment variable"));
     }
 
     #[test]
     fn warns_of_shell_habits() {
-        let odd = |text: &str| odd(text, &(1..1)).map(|draft| draft.marks[0].1.clone());
+        let odd = |text: &str| odd(text, &(1..1)).map(|diagnostic| diagnostic.marks[0].1.clone());
         assert_eq!(odd("~/data"), Some("write \"${HOME}/data\"".into()));
         assert_eq!(odd("$ASSETS/x"), Some("write `${ASSETS}`".into()));
         assert_eq!(odd("${ASSETS}/x~"), None);

@@ -1,4 +1,4 @@
-//! A small registry with kinds for all nine slots, and ways to load recipes with it.
+//! A small registry with kinds for nine of the eleven slots (none for `denoise` and `sensor`), and a loader of recipes.
 
 use std::path::Path;
 use syntable_model::prelude::*;
@@ -12,12 +12,13 @@ fn nothing<T>() -> Result<T> {
 }
 
 macro_rules! config {
-    ($name:ident => $stage:ident, $kind:literal, $example:literal) => {
+    ($name:ident => $stage:ident, $kind:literal, $example:literal $(, $renamed:expr)?) => {
         impl Config for $name {
             type Stage = dyn $stage;
             const KIND: &'static str = $kind;
             const EXAMPLE: &'static str = $example;
-            fn build(self) -> Result<Box<dyn $stage>, Invalid> {
+            $(const RENAMED: &'static [(&'static str, &'static str)] = $renamed;)?
+            fn build(self) -> Result<Box<dyn $stage>, ConfigError> {
                 self.validate()?;
                 Ok(Box::new(self))
             }
@@ -48,7 +49,7 @@ pub enum Ending {
 }
 
 impl MeshFolder {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         Ok(())
     }
 }
@@ -71,12 +72,9 @@ impl AssetSource for MeshFolder {
 pub struct PbrFolder {
     /// Folder of the materials.
     root: AssetPath,
-    /// Licence of the materials.
-    #[serde(default)]
-    licence: String,
 }
 impl PbrFolder {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         Ok(())
     }
 }
@@ -97,7 +95,7 @@ impl AssetSource for PbrFolder {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
-    /// Side of the square floor, metres.
+    /// Side of the square floor, meters.
     #[schemars(range(min = 1, max = 100))]
     size_m: f64,
     /// Materials of the surfaces.
@@ -123,7 +121,7 @@ impl Default for Room {
     }
 }
 impl Room {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         self.texture_rotation_deg.within("texture_rotation_deg", 0.0, 360.0)
     }
 }
@@ -138,16 +136,16 @@ pub struct DropBox {
     from: Vec<ObjectPool>,
     /// Number of objects.
     count: IntDist,
-    /// Height of the box above the tabletop, metres.
+    /// Height of the box above the tabletop, meters.
     #[schemars(range(min = 0, max = 5))]
     clearance_m: f64,
-    /// How objects are turned.
+    /// Distribution of rotations.
     rotation: Rotation,
-    /// Where objects are put.
+    /// Where objects are placed.
     area: Area,
 }
 
-/// How objects are turned.
+/// Distribution of rotations.
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Rotation {
@@ -158,17 +156,17 @@ pub enum Rotation {
     UniformEuler,
 }
 
-/// Where objects are put.
+/// Where objects are placed.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Area {
     /// Everywhere.
     Tabletop,
-    /// This share of the tabletop, around its middle.
-    Share(#[schemars(range(min = 0, max = 1))] f64),
+    /// This fraction of the tabletop, around its center.
+    Fraction(#[schemars(range(min = 0, max = 1))] f64),
     /// In a disc.
     Disc {
-        /// Its radius, metres.
+        /// Its radius, meters.
         #[schemars(extend("exclusiveMinimum" = 0))]
         radius_m: f64,
     },
@@ -186,11 +184,14 @@ impl Default for DropBox {
     }
 }
 impl DropBox {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         self.count.within("count", 0, 1000)
     }
 }
-config!(DropBox => Placer, "drop_box", "from = [\"objects\"]\ncount = { integers = [1, 40] }");
+config!(
+    DropBox => Placer, "drop_box", "from = [\"objects\"]\ncount = { integers = [1, 40] }",
+    &[("height_m", "clearance_m"), ("pools", "from"), ("area.disc.r_m", "area.disc.radius_m")]
+);
 
 macro_rules! placer {
     ($($name:ident),*) => {$(
@@ -210,7 +211,7 @@ pub struct Rapier {
     /// Simulated time, seconds.
     #[schemars(range(min = 0.1, max = 60))]
     duration_s: f64,
-    /// Steps of the simulation each second.
+    /// Simulation steps per second.
     #[schemars(range(min = 60, max = 1000))]
     steps_per_second: u32,
 }
@@ -220,7 +221,7 @@ impl Default for Rapier {
     }
 }
 impl Rapier {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         Ok(())
     }
 }
@@ -235,16 +236,16 @@ impl Settler for Rapier {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Pinhole {
-    /// Width and height of the picture, px.
+    /// Width and height of the image, px.
     resolution: [u32; 2],
-    /// Focal length, millimetres.
+    /// Focal length, millimeters.
     #[schemars(extend("exclusiveMinimum" = 0))]
     focal_length_mm: f64,
-    /// Least and greatest distance that is seen, metres.
+    /// Near and far clipping distance, meters.
     clip_m: [f64; 2],
     /// Name of the device.
     device: Option<String>,
-    /// Whether the picture is developed.
+    /// Whether the image is developed.
     develop: bool,
 }
 impl Default for Pinhole {
@@ -253,10 +254,10 @@ impl Default for Pinhole {
     }
 }
 impl Pinhole {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         if self.clip_m[0] >= self.clip_m[1] {
             let [near, far] = self.clip_m;
-            return Err(Invalid::new("clip_m[1]", format!("the far distance {far} is not beyond the near one {near}"))
+            return Err(ConfigError::new("clip_m[1]", format!("the far distance {far} is not beyond the near one {near}"))
                 .help("write the smaller distance first"));
         }
         Ok(())
@@ -273,7 +274,7 @@ impl CameraModel for Pinhole {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct HemisphereShell {
-    /// Distance of the camera, metres.
+    /// Distance of the camera, meters.
     radius_m: Dist,
 }
 impl Default for HemisphereShell {
@@ -282,7 +283,7 @@ impl Default for HemisphereShell {
     }
 }
 impl HemisphereShell {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         self.radius_m.within("radius_m", 0.1, 100.0)
     }
 }
@@ -292,12 +293,12 @@ config!(HemisphereShell => ViewSampler, "hemisphere_shell", "radius_m = 1.0");
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Listed {
-    /// Places of the camera, metres.
+    /// Places of the camera, meters.
     #[schemars(length(min = 1))]
     eyes_m: Vec<[f64; 3]>,
 }
 impl Listed {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         Ok(())
     }
 }
@@ -310,7 +311,7 @@ macro_rules! views {
                 nothing()
             }
             fn shell(&self, _: &Scene) -> Shell {
-                Shell { centre: [0.0; 3].into(), radius: [1.0, 1.0] }
+                Shell { center: [0.0; 3].into(), radius: [1.0, 1.0] }
             }
             fn count(&self) -> Option<u32> {
                 let count: fn(&Self) -> Option<u32> = $count;
@@ -327,7 +328,7 @@ views!(HemisphereShell => |_| None, Listed => |listed| Some(listed.eyes_m.len() 
 pub struct SphereLights {
     /// Number of lights.
     count: IntDist,
-    /// Colour temperature, kelvin.
+    /// Color temperature, kelvin.
     temperature_k: Dist,
 }
 impl Default for SphereLights {
@@ -336,7 +337,7 @@ impl Default for SphereLights {
     }
 }
 impl SphereLights {
-    fn validate(&self) -> Result<(), Invalid> {
+    fn validate(&self) -> Result<(), ConfigError> {
         self.count.within("count", 0, 100)?;
         self.temperature_k.within("temperature_k", 1000.0, 40_000.0)
     }
@@ -352,7 +353,7 @@ impl LightSampler for SphereLights {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct CpuPath {
-    /// Paths through every pixel.
+    /// Paths per pixel.
     #[schemars(range(min = 1, max = 65536))]
     samples_per_pixel: u32,
 }
@@ -370,7 +371,7 @@ pub struct Outline {}
 macro_rules! renderer {
     ($($name:ident, $kind:literal => $($key:expr),*;)*) => {$(
         impl $name {
-            fn validate(&self) -> Result<(), Invalid> {
+            fn validate(&self) -> Result<(), ConfigError> {
                 Ok(())
             }
         }
@@ -394,10 +395,10 @@ renderer! { CpuPath, "cpu_path" => RADIANCE, DEPTH, INSTANCE; Outline, "outline"
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Masks {
-    /// Keep objects of which nothing is seen.
+    /// Keep objects of which nothing is visible.
     keep_hidden: bool,
 }
-/// Hidden share of every object.
+/// Hidden fraction of every object.
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Rate {}
@@ -405,7 +406,7 @@ pub struct Rate {}
 macro_rules! annotator {
     ($($name:ident, $kind:literal, [$($read:expr),*] => $($key:expr),*;)*) => {$(
         impl $name {
-            fn validate(&self) -> Result<(), Invalid> {
+            fn validate(&self) -> Result<(), ConfigError> {
                 Ok(())
             }
         }
@@ -418,7 +419,7 @@ macro_rules! annotator {
             fn provides(&self) -> Vec<KeyId> {
                 keys![$($key),*]
             }
-            fn annotate(&self, _: &Site, _: &mut Frame) -> Result<()> {
+            fn annotate(&self, _: &Site, _: &mut Products) -> Result<()> {
                 nothing()
             }
         }
@@ -426,14 +427,14 @@ macro_rules! annotator {
 }
 annotator! { Masks, "masks", [INSTANCE] => VISIBLE_MASK, AMODAL_MASK; Rate, "rate", [AMODAL_MASK] => OCCLUSION_RATE; }
 
-/// Pictures as PNG files.
+/// Images as PNG files.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Png {
     /// Products to write.
     #[schemars(length(min = 1))]
     include: Vec<ProductName>,
-    /// Bits of every channel.
+    /// Bits per channel.
     #[serde(default)]
     depth: PngDepth,
 }
@@ -480,7 +481,7 @@ impl Default for Npy {
 macro_rules! writer {
     ($($name:ident, $kind:literal, $example:literal;)*) => {$(
         impl $name {
-            fn validate(&self) -> Result<(), Invalid> {
+            fn validate(&self) -> Result<(), ConfigError> {
                 Ok(())
             }
         }

@@ -1,17 +1,17 @@
-//! `extends`, `remove`, `[set]` and `--set`: several texts become one tree, and every value remembers its place.
+//! `extends`, `remove`, `[set]` and `--set`: merges several texts into one tree whose values keep their spans.
 //!
-//! The texts are merged as tables, before any stage sees them. The child wins, and it wins at a definite depth:
+//! Every file is read and parsed once. Tables are merged before any stage sees them. The child wins, option by option:
 //!
 //! - `[dataset]` and stage tables: option by option. A table or array *inside* an option is replaced as a whole, so that
 //!   `{ choice = [..] }` never mixes with an inherited `{ uniform = [..] }`;
 //! - a stage table to which the child gives another `kind` is replaced as a whole, since its options are others;
 //! - `[[place]]` and `[[lights]]` are replaced as a whole when the child gives any;
-//! - `remove = ["write.npy"]` takes inherited values away, before the child's own are added;
+//! - `remove = ["write.npy"]` removes inherited values, before the child's own are added;
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
 
 use super::code::Code;
-use super::diagnostic::Draft;
-use super::key_path::{self, Shown, Step};
+use super::diagnostic::DiagnosticBuilder;
+use super::key_path;
 use super::overrides::Overrides;
 use super::parse;
 use super::source::{SourceFile, Sources, Span};
@@ -20,113 +20,141 @@ use super::{Source, variables};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use syntable_model::options::{DisplayPath, Step};
 use syntable_model::registry::{RecipeValue, Shape, Slot};
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
-/// Files deeper than this are taken for a circle that names itself differently each time.
-const DEEPEST: usize = 32;
+/// Maximum length of a chain of `extends`: a longer one is taken for a circle whose paths differ each time.
+const MAX_DEPTH: usize = 32;
 
-/// The name of the pseudo-file of overrides.
+/// Name of the pseudo-file of overrides.
 pub(crate) const SET: &str = "<--set>";
 
-/// All texts of a recipe, and which extends which.
-pub(crate) struct Graph {
-    nodes: Vec<Node>,
+/// All texts of a recipe, parsed, and which extends which.
+pub(crate) struct Graph<'a> {
+    nodes: Vec<Node<'a>>,
     root: Option<usize>,
-    sets: Option<Sets>,
+    overrides: Vec<Override<'a>>,
+    /// Errors of syntax.
+    syntax: Vec<DiagnosticBuilder>,
+    damage: Damage,
 }
 
-/// What syntax errors made of the texts.
-#[derive(Default)]
+/// How far syntax errors spoiled the texts.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Damage {
-    /// Keys may have been swallowed, so that a missing key proves nothing.
-    pub lossy: bool,
-    /// Places that are read as something else than they are.
-    pub adrift: Vec<Span>,
+    /// Whether keys may have been lost, so that a key cannot be said to be missing.
+    pub keys_lost: bool,
+    /// Bytes that are read as something else than they are.
+    pub misread: Vec<Span>,
 }
 
-struct Node {
-    file: Arc<SourceFile>,
+struct Node<'a> {
+    file: &'a SourceFile,
+    /// The file's table, without `extends`.
+    table: DeTable<'a>,
     /// Nodes that it extends, in order.
     bases: Vec<usize>,
-    /// The path by which it is known again.
+    /// Normalized path, by which the same file is recognized.
     identity: Option<PathBuf>,
 }
 
-struct Sets {
-    file: Arc<SourceFile>,
-    /// Bytes of path and value of each override.
-    entries: Vec<(Range<usize>, Range<usize>)>,
+/// One `--set PATH=VALUE`.
+struct Override<'a> {
+    path: &'a str,
+    path_at: usize,
+    value: &'a str,
+    value_at: usize,
 }
 
-/// Reads a recipe and all that it extends.
-pub(crate) fn gather(source: Source, overrides: &Overrides, sources: &mut Sources, drafts: &mut Vec<Draft>) -> Graph {
-    let mut graph = Graph { nodes: Vec::new(), root: None, sets: None };
+/// Reads and parses a recipe and all that it extends.
+pub(crate) fn gather<'a>(
+    source: Source,
+    overrides: &Overrides,
+    sources: &'a Sources,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Graph<'a> {
     let name = source.path.as_ref().map_or_else(|| source.name.clone(), |path| path.display().to_string());
     let folder = source.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let file = sources.add(name, variables::join(&overrides.current_folder, &folder.to_string_lossy()), source.text);
     let identity = source.path.map(|path| identity(&overrides.current_folder.join(path)));
-    graph.root = graph.visit(file, identity, &mut Vec::new(), overrides, sources, drafts);
-    if !overrides.set.is_empty() {
-        let (mut text, mut entries) = (String::new(), Vec::new());
-        for (path, value) in &overrides.set {
-            let path_start = text.len();
-            text += path;
-            text.push('=');
-            let value_start = text.len();
-            text += value;
-            entries.push((path_start..value_start - 1, value_start..text.len()));
-            text.push('\n');
-        }
-        let file = sources.add(SET.to_owned(), overrides.current_folder.clone(), text);
-        graph.sets = Some(Sets { file, entries });
-    }
-    graph
+    let mut reader = Reader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
+    let root = reader.visit(file, identity, &mut Vec::new(), diagnostics);
+    let Reader { nodes, syntax, damage, .. } = reader;
+    Graph { nodes, root, overrides: read_overrides(overrides, sources), syntax, damage }
 }
 
-impl Graph {
+/// Adds the overrides as a pseudo-file of lines `path=value`.
+fn read_overrides<'a>(overrides: &Overrides, sources: &'a Sources) -> Vec<Override<'a>> {
+    if overrides.set.is_empty() {
+        return Vec::new();
+    }
+    let text: String = overrides.set.iter().map(|(path, value)| format!("{path}={value}\n")).collect();
+    let file = sources.add(SET.to_owned(), overrides.current_folder.clone(), text);
+    let mut at = 0;
+    let lines = overrides.set.iter().map(|(path, value)| {
+        let value_start = at + path.len() + 1;
+        let end = value_start + value.len();
+        let (path, value) = (&file.text()[at..value_start - 1], &file.text()[value_start..end]);
+        let line = Override { path, path_at: file.start() + at, value, value_at: file.start() + value_start };
+        at = end + 1;
+        line
+    });
+    lines.collect()
+}
+
+struct Reader<'r, 'a> {
+    overrides: &'r Overrides<'r>,
+    sources: &'a Sources,
+    nodes: Vec<Node<'a>>,
+    syntax: Vec<DiagnosticBuilder>,
+    damage: Damage,
+}
+
+impl<'a> Reader<'_, 'a> {
+    /// Parses a file and visits what it extends. `parents` leads from the root to this file.
     fn visit(
         &mut self,
-        file: Arc<SourceFile>,
+        file: &'a SourceFile,
         identity: Option<PathBuf>,
-        above: &mut Vec<usize>,
-        overrides: &Overrides,
-        sources: &mut Sources,
-        drafts: &mut Vec<Draft>,
+        parents: &mut Vec<usize>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<usize> {
+        let mut parsed = parse::parse_file(file);
+        self.damage.keys_lost |= parsed.keys_lost;
+        self.damage.misread.extend(parsed.misread);
+        self.syntax.extend(parsed.errors);
+        let extends = parsed.table.remove("extends");
         let index = self.nodes.len();
-        self.nodes.push(Node { file: Arc::clone(&file), bases: Vec::new(), identity });
-        above.push(index);
-        for (text, span) in extended(&file, drafts) {
-            let base = self.base(&text, &span, &file, above, overrides, sources, drafts);
+        self.nodes.push(Node { file, table: parsed.table, bases: Vec::new(), identity });
+        parents.push(index);
+        for (text, span) in extends.map_or_else(Vec::new, |value| strings(&value, "extends", diagnostics)) {
+            let base = self.base(&text, &span, file, parents, diagnostics);
             self.nodes[index].bases.extend(base);
         }
-        above.pop();
+        parents.pop();
         Some(index)
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one step of a recursion over all of them")]
     fn base(
         &mut self,
         text: &str,
         span: &Span,
         file: &SourceFile,
-        above: &mut Vec<usize>,
-        overrides: &Overrides,
-        sources: &mut Sources,
-        drafts: &mut Vec<Draft>,
+        parents: &mut Vec<usize>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<usize> {
+        let overrides = self.overrides;
         let resolved = variables::resolve(text, span, file, &overrides.current_folder, overrides.variable);
-        let path = resolved.map_err(|draft| drafts.push(draft)).ok()?.path;
+        let path = resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?.path;
         let identity = identity(&path);
         let known = self.nodes.iter().position(|node| node.identity.as_ref() == Some(&identity));
-        if let Some(circle) = known.and_then(|known| above.iter().position(|&node| node == known)) {
-            let mut chain: Vec<&str> = above[circle..].iter().map(|&node| self.nodes[node].file.name()).collect();
+        if let Some(circle) = known.and_then(|known| parents.iter().position(|&node| node == known)) {
+            let mut chain: Vec<&str> = parents[circle..].iter().map(|&node| self.nodes[node].file.name()).collect();
             chain.push(chain[0]);
-            drafts.push(
-                Draft::error(Code::Extends, span.clone(), "recipes extend each other in a circle")
+            diagnostics.push(
+                DiagnosticBuilder::error(Code::Extends, span.clone(), "recipes extend each other in a circle")
                     .label("this closes the circle")
                     .help(chain.join(" → ")),
             );
@@ -135,21 +163,20 @@ impl Graph {
         if known.is_some() {
             return known;
         }
-        let refuse = |message: String| Draft::error(Code::Extends, span.clone(), message);
-        if above.len() >= DEEPEST {
-            drafts.push(refuse(format!("more than {DEEPEST} recipes extend one another")));
+        let refuse = |message: String| DiagnosticBuilder::error(Code::Extends, span.clone(), message);
+        if parents.len() >= MAX_DEPTH {
+            diagnostics.push(refuse(format!("more than {MAX_DEPTH} recipes extend one another")));
             return None;
         }
-        let name = near_name(file, text, &path);
         match (overrides.read)(&path) {
             Ok(content) => {
                 let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-                let base = sources.add(name, folder, content);
-                self.visit(base, Some(identity), above, overrides, sources, drafts)
+                let base = self.sources.add(near_name(file, text, &path), folder, content);
+                self.visit(base, Some(identity), parents, diagnostics)
             }
             Err(error) => {
                 let error = error.to_string().to_lowercase();
-                drafts.push(
+                diagnostics.push(
                     refuse(format!("cannot read the extended recipe `{text}`: {error}"))
                         .help(format!("looked for {}", path.display())),
                 );
@@ -157,60 +184,47 @@ impl Graph {
             }
         }
     }
+}
 
-    /// The merged tree, and what syntax errors made of it.
-    pub fn merge<'a>(&'a self, drafts: &mut Vec<Draft>) -> (DeTable<'a>, Damage) {
-        let mut damage = Damage::default();
-        let parsed: Vec<DeTable> = self
-            .nodes
-            .iter()
-            .map(|node| {
-                let parsed = parse::parse_file(&node.file);
-                damage.lossy |= parsed.lossy;
-                damage.adrift.extend(parsed.adrift_from.map(|from| from..node.file.span().end + 1));
-                drafts.extend(parsed.errors);
-                parsed.table
-            })
-            .collect();
-        let mut tree = self.root.map_or_else(DeTable::new, |root| self.node(root, &parsed, drafts));
-        for (path, value) in self.sets.iter().flat_map(|sets| &sets.entries) {
-            let file = &self.sets.as_ref().expect("an override comes from a set").file;
-            let (path, value) = (path.clone(), value.clone());
-            let at = |range: &Range<usize>| file.start() + range.start;
-            let set = parse::parse_value(&file.text()[value.clone()], at(&value))
-                .and_then(|parsed| set(&mut tree, &read_path(&file.text()[path.clone()], at(&path))?, parsed));
-            drafts.extend(set.err());
+impl<'a> Graph<'a> {
+    /// Merges all tables into one, and reports how far syntax errors spoiled it.
+    pub fn merge(self, diagnostics: &mut Vec<DiagnosticBuilder>) -> (DeTable<'a>, Damage) {
+        let mut tree = self.root.map_or_else(DeTable::new, |root| self.node(root, diagnostics));
+        for line in &self.overrides {
+            let result = parse::parse_value(line.value, line.value_at)
+                .and_then(|value| set(&mut tree, &read_path(line.path, line.path_at)?, value));
+            diagnostics.extend(result.err());
         }
-        (tree, damage)
+        diagnostics.extend(self.syntax);
+        (tree, self.damage)
     }
 
-    fn node<'a>(&'a self, index: usize, parsed: &[DeTable<'a>], drafts: &mut Vec<Draft>) -> DeTable<'a> {
-        let mut own = parsed[index].clone();
-        own.remove("extends");
+    fn node(&self, index: usize, diagnostics: &mut Vec<DiagnosticBuilder>) -> DeTable<'a> {
+        let mut own = self.nodes[index].table.clone();
         let (removals, sets) = (own.remove("remove"), own.remove("set"));
         let bases = &self.nodes[index].bases;
-        let mut tree = bases.iter().map(|&base| self.node(base, parsed, drafts)).reduce(merge).unwrap_or_default();
-        let removals = removals.map_or_else(Vec::new, |value| texts(&value, "remove", drafts));
+        let mut tree = bases.iter().map(|&base| self.node(base, diagnostics)).reduce(merge).unwrap_or_default();
+        let removals = removals.map_or_else(Vec::new, |value| strings(&value, "remove", diagnostics));
         for (path, span) in removals {
-            drafts.extend(remove(&mut tree, &path, &span).err());
+            diagnostics.extend(remove(&mut tree, &path, &span).err());
         }
         tree = merge(tree, own);
         match sets.map(|sets| (sets.span(), sets.into_inner())) {
-            Some((_, DeValue::Table(sets))) => self.put(&mut tree, index, &[], sets, drafts),
-            Some((span, _)) => drafts.push(wrong_type(span, "set", "a table of paths and values")),
+            Some((_, DeValue::Table(sets))) => self.put(&mut tree, index, &[], sets, diagnostics),
+            Some((span, _)) => diagnostics.push(wrong_type(span, "set", "a table of paths and values")),
             None => {}
         }
         tree
     }
 
     /// Puts the values of `[set]` into a tree. Their paths are quoted keys, dotted keys, or both.
-    fn put<'a>(
-        &'a self,
+    fn put(
+        &self,
         tree: &mut DeTable<'a>,
         node: usize,
-        way: &[(Step, Span)],
+        parents: &[(Step, Span)],
         sets: DeTable<'a>,
-        drafts: &mut Vec<Draft>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
     ) {
         let file = &self.nodes[node].file;
         for (key, value) in sets {
@@ -218,9 +232,9 @@ impl Graph {
             // A quoted key starts a byte before its text.
             let quote = usize::from(span.len() > key.get_ref().len());
             let steps = match read_path(key.get_ref(), span.start + quote) {
-                Ok(steps) => way.iter().cloned().chain(steps).collect::<Vec<_>>(),
-                Err(draft) => {
-                    drafts.push(draft);
+                Ok(steps) => parents.iter().cloned().chain(steps).collect::<Vec<_>>(),
+                Err(diagnostic) => {
+                    diagnostics.push(diagnostic);
                     continue;
                 }
             };
@@ -228,21 +242,15 @@ impl Graph {
             let value_span = value.span();
             let inline = file.text()[value_span.start - file.start()..].starts_with('{');
             match value.into_inner() {
-                DeValue::Table(inner) if !inline => self.put(tree, node, &steps, inner, drafts),
-                other => drafts.extend(set(tree, &steps, Spanned::new(value_span, other)).err()),
+                DeValue::Table(inner) if !inline => self.put(tree, node, &steps, inner, diagnostics),
+                other => diagnostics.extend(set(tree, &steps, Spanned::new(value_span, other)).err()),
             }
         }
     }
 }
 
-/// What a file extends, with spans. Mistakes of the key are told here, once.
-fn extended(file: &SourceFile, drafts: &mut Vec<Draft>) -> Vec<(String, Span)> {
-    let parsed = parse::parse_file(file);
-    parsed.table.get("extends").map_or_else(Vec::new, |value| texts(value, "extends", drafts))
-}
-
-/// A text, or several in an array.
-fn texts(value: &RecipeValue, key: &str, drafts: &mut Vec<Draft>) -> Vec<(String, Span)> {
+/// Reads a string, or an array of strings.
+fn strings(value: &RecipeValue, key: &str, diagnostics: &mut Vec<DiagnosticBuilder>) -> Vec<(String, Span)> {
     match value.get_ref() {
         DeValue::String(text) => vec![(text.clone().into_owned(), value.span())],
         DeValue::Array(items) => items
@@ -250,23 +258,23 @@ fn texts(value: &RecipeValue, key: &str, drafts: &mut Vec<Draft>) -> Vec<(String
             .flat_map(|item| match item.get_ref() {
                 DeValue::String(text) => Some((text.clone().into_owned(), item.span())),
                 _ => {
-                    drafts.push(wrong_type(item.span(), key, "a text or an array of texts"));
+                    diagnostics.push(wrong_type(item.span(), key, "a string or an array of strings"));
                     None
                 }
             })
             .collect(),
         _ => {
-            drafts.push(wrong_type(value.span(), key, "a text or an array of texts"));
+            diagnostics.push(wrong_type(value.span(), key, "a string or an array of strings"));
             Vec::new()
         }
     }
 }
 
-fn wrong_type(span: Span, key: &str, wanted: &str) -> Draft {
-    Draft::error(Code::WrongType, span, format!("`{key}` must be {wanted}"))
+fn wrong_type(span: Span, key: &str, wanted: &str) -> DiagnosticBuilder {
+    DiagnosticBuilder::error(Code::WrongType, span, format!("`{key}` must be {wanted}"))
 }
 
-/// The path of a base for people: beside the file that names it, as that file was called.
+/// Displays the path of a base relative to how the file that names it was given.
 fn near_name(file: &SourceFile, text: &str, path: &Path) -> String {
     if text.starts_with("${") || Path::new(text).is_absolute() {
         return path.display().to_string();
@@ -276,7 +284,7 @@ fn near_name(file: &SourceFile, text: &str, path: &Path) -> String {
     name.display().to_string()
 }
 
-/// A path without `.` and `..`, so that one file has one.
+/// Normalizes a path lexically, so that one file has one.
 fn identity(path: &Path) -> PathBuf {
     let mut out = PathBuf::new();
     for component in path.components() {
@@ -312,7 +320,7 @@ fn merge<'a>(mut base: DeTable<'a>, child: DeTable<'a>) -> DeTable<'a> {
     base
 }
 
-/// Merges two stage tables, or takes the new one if it is of another kind.
+/// Merges two stage tables, or replaces the old one by the new if it is of another kind.
 fn merge_stage<'a>(id: &str, old: RecipeValue<'a>, new: RecipeValue<'a>) -> RecipeValue<'a> {
     let kind = |value: &RecipeValue<'a>| {
         let kind = value.get_ref().as_table().and_then(|table| table.get("kind"));
@@ -325,7 +333,7 @@ fn merge_stage<'a>(id: &str, old: RecipeValue<'a>, new: RecipeValue<'a>) -> Reci
     merge_tables(old, new, &|_, _, new| new)
 }
 
-/// Merges two tables key by key; `both` decides where both have a key. The result has the place of the new one.
+/// Merges two tables key by key; `both` decides where both have a key. The result has the span of the new one.
 fn merge_tables<'a>(
     old: RecipeValue<'a>,
     new: RecipeValue<'a>,
@@ -347,7 +355,7 @@ fn merge_tables<'a>(
     }
 }
 
-/// The ids of the stages of a list: what their tables say, else their kind, with `_2`, `_3` … appended on repeats.
+/// The ids of the stages of a list: `id` where given, else the kind, with `_2`, `_3` … appended on repeats.
 pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {
     let text = |item: &RecipeValue, key: &str| {
         let value = item.get_ref().as_table().and_then(|table| table.get(key));
@@ -368,78 +376,80 @@ pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {
         .collect()
 }
 
-/// Puts a value at a path; tables on the way are made.
-fn set<'a>(root: &mut DeTable<'a>, steps: &[(Step, Span)], value: RecipeValue<'a>) -> Result<(), Draft> {
-    let (last, way) = steps.split_last().expect("a path has a step");
-    let mut here = Here::Root(root);
-    for (done, (step, span)) in way.iter().enumerate() {
+/// Puts a value at a path; missing tables along it are created.
+fn set<'a>(root: &mut DeTable<'a>, steps: &[(Step, Span)], value: RecipeValue<'a>) -> Result<(), DiagnosticBuilder> {
+    let (last, parents) = steps.split_last().expect("a path has a step");
+    let mut cursor = Cursor::Root(root);
+    for (done, (step, span)) in parents.iter().enumerate() {
         let make = matches!(steps[done + 1].0, Step::Key(_));
-        here = here.enter(step, span, &steps[..done], make)?;
+        cursor = cursor.enter(step, span, &steps[..done], make)?;
     }
     let (step, span) = last;
-    match (here.table(), step) {
+    match (cursor.table(), step) {
         (Ok(table), Step::Key(key)) => {
             table.remove(key.as_str());
             table.insert(Spanned::new(span.clone(), key.clone().into()), value);
             Ok(())
         }
-        (Ok(_), Step::Index(_)) => Err(cannot(span, way, "is a table, not an array; name a key of it")),
+        (Ok(_), Step::Index(_)) => Err(cannot(span, parents, "is a table, not an array; name a key of it")),
         (Err(other), step) => {
-            *other.element(step, span, way)? = value;
+            *other.element(step, span, parents)? = value;
             Ok(())
         }
     }
 }
 
-/// Takes away what is at a path.
-fn remove(root: &mut DeTable, path: &str, span: &Span) -> Result<(), Draft> {
-    // The text may hold escapes, so steps cannot be told apart inside it: every mistake is told of the whole.
+/// Removes the value at a path.
+fn remove(root: &mut DeTable, path: &str, span: &Span) -> Result<(), DiagnosticBuilder> {
+    // The string may hold escapes, so steps have no bytes of their own: mistakes mark the whole string.
     let steps: Vec<(Step, Span)> =
         read_path(path, span.start)?.into_iter().map(|(step, _)| (step, span.clone())).collect();
-    let (last, way) = steps.split_last().expect("a path has a step");
-    let mut here = Here::Root(root);
-    for (done, (step, span)) in way.iter().enumerate() {
-        here = here.enter(step, span, &steps[..done], false)?;
+    let (last, parents) = steps.split_last().expect("a path has a step");
+    let mut cursor = Cursor::Root(root);
+    for (done, (step, span)) in parents.iter().enumerate() {
+        cursor = cursor.enter(step, span, &steps[..done], false)?;
     }
-    match (here.table(), &last.0) {
+    match (cursor.table(), &last.0) {
         (Ok(table), Step::Key(key)) => {
             if table.remove(key.as_str()).is_none() {
                 return Err(absent(span, &steps, key, table));
             }
             Ok(())
         }
-        (Ok(_), Step::Index(_)) => Err(cannot(span, way, "is a table, not an array; name a key of it")),
-        (Err(Here::Value(value)), step) => {
-            let at = index_of(value, step, span, way)?;
+        (Ok(_), Step::Index(_)) => Err(cannot(span, parents, "is a table, not an array; name a key of it")),
+        (Err(Cursor::Value(value)), step) => {
+            let at = index_of(value, step, span, parents)?;
             let DeValue::Array(items) = value.get_mut() else { unreachable!("an index is of an array") };
             let all = std::mem::replace(items, DeArray::new());
             *items = all.into_iter().enumerate().filter(|(i, _)| *i != at).map(|(_, item)| item).collect();
             Ok(())
         }
-        (Err(Here::Root(_)), _) => unreachable!("the root is a table"),
+        (Err(Cursor::Root(_)), _) => unreachable!("the root is a table"),
     }
 }
 
-fn read_path(path: &str, at: usize) -> Result<Vec<(Step, Span)>, Draft> {
+fn read_path(path: &str, at: usize) -> Result<Vec<(Step, Span)>, DiagnosticBuilder> {
     let shift = |range: Range<usize>| range.start + at..range.end + at;
     match key_path::parse(path) {
         Ok(steps) => Ok(steps.into_iter().map(|(step, range)| (step, shift(range))).collect()),
-        Err((message, range)) => {
-            Err(Draft::error(Code::BadOverride, shift(range), format!("`{path}` is not the path of an option"))
-                .label(message)
-                .help("paths look like `render.samples_per_pixel`, `lights[0].count` or `place.objects.count`"))
-        }
+        Err((message, range)) => Err(DiagnosticBuilder::error(
+            Code::BadOverride,
+            shift(range),
+            format!("`{path}` is not the path of an option"),
+        )
+        .label(message)
+        .help("paths look like `render.samples_per_pixel`, `lights[0].count` or `place.objects.count`")),
     }
 }
 
-/// A place on the way along a path.
-enum Here<'t, 'a> {
+/// A position on a path through a tree.
+enum Cursor<'t, 'a> {
     Root(&'t mut DeTable<'a>),
     Value(&'t mut RecipeValue<'a>),
 }
 
-impl<'t, 'a> Here<'t, 'a> {
-    /// The table that is here, or what else is.
+impl<'t, 'a> Cursor<'t, 'a> {
+    /// The table at this position, or the position if there is none.
     fn table(self) -> Result<&'t mut DeTable<'a>, Self> {
         match self {
             Self::Root(table) => Ok(table),
@@ -451,14 +461,14 @@ impl<'t, 'a> Here<'t, 'a> {
         }
     }
 
-    /// One step on. `way` is what was walked before.
-    fn enter(self, step: &Step, span: &Span, way: &[(Step, Span)], make: bool) -> Result<Self, Draft> {
+    /// Takes one step. `parents` holds the steps before it.
+    fn enter(self, step: &Step, span: &Span, parents: &[(Step, Span)], make: bool) -> Result<Self, DiagnosticBuilder> {
         match (self.table(), step) {
             (Ok(table), Step::Key(key)) => {
                 if !table.contains_key(key.as_str()) {
                     if !make {
                         let all: Vec<(Step, Span)> =
-                            way.iter().cloned().chain([(step.clone(), span.clone())]).collect();
+                            parents.iter().cloned().chain([(step.clone(), span.clone())]).collect();
                         return Err(absent(span, &all, key, table));
                     }
                     let empty = Spanned::new(span.clone(), DeValue::Table(DeTable::new()));
@@ -466,14 +476,19 @@ impl<'t, 'a> Here<'t, 'a> {
                 }
                 Ok(Self::Value(table.get_mut(key.as_str()).expect("it is there or was made")))
             }
-            (Ok(_), Step::Index(_)) => Err(cannot(span, way, "is a table, not an array; name a key of it")),
-            (Err(other), step) => other.element(step, span, way).map(Self::Value),
+            (Ok(_), Step::Index(_)) => Err(cannot(span, parents, "is a table, not an array; name a key of it")),
+            (Err(other), step) => other.element(step, span, parents).map(Self::Value),
         }
     }
 
-    fn element(self, step: &Step, span: &Span, way: &[(Step, Span)]) -> Result<&'t mut RecipeValue<'a>, Draft> {
+    fn element(
+        self,
+        step: &Step,
+        span: &Span,
+        parents: &[(Step, Span)],
+    ) -> Result<&'t mut RecipeValue<'a>, DiagnosticBuilder> {
         let Self::Value(value) = self else { unreachable!("the root is a table") };
-        let at = index_of(value, step, span, way)?;
+        let at = index_of(value, step, span, parents)?;
         match value.get_mut() {
             DeValue::Array(items) => Ok(items.get_mut(at).expect("the index was checked")),
             _ => unreachable!("an index is of an array"),
@@ -481,50 +496,55 @@ impl<'t, 'a> Here<'t, 'a> {
     }
 }
 
-/// The index that a step means in an array: itself, or that of the stage with this id.
-fn index_of(value: &RecipeValue, step: &Step, span: &Span, way: &[(Step, Span)]) -> Result<usize, Draft> {
+/// The index of a step in an array: the index itself, or that of the stage with this id.
+fn index_of(
+    value: &RecipeValue,
+    step: &Step,
+    span: &Span,
+    parents: &[(Step, Span)],
+) -> Result<usize, DiagnosticBuilder> {
     let DeValue::Array(items) = value.get_ref() else {
-        let message = format!("is {}, so there is nothing inside it", super::check::found(value.get_ref()));
-        return Err(cannot(span, way, &message));
+        let message = format!("is {}, so there is nothing inside it", super::check::type_of(value));
+        return Err(cannot(span, parents, &message));
     };
     match step {
         Step::Index(index) if *index < items.len() => Ok(*index),
-        Step::Index(_) if items.is_empty() => Err(cannot(span, way, "is empty")),
+        Step::Index(_) if items.is_empty() => Err(cannot(span, parents, "is empty")),
         Step::Index(_) => {
             let plural = if items.len() == 1 { "" } else { "s" };
             let message = format!("has {} element{plural}; the last is [{}]", items.len(), items.len() - 1);
-            Err(cannot(span, way, &message))
+            Err(cannot(span, parents, &message))
         }
         Step::Key(key) => {
             let all_tables = items.iter().all(|item| item.get_ref().is_table());
             let ids = if all_tables { list_ids(items) } else { Vec::new() };
             ids.iter().position(|id| id == key).ok_or_else(|| {
                 let names: Vec<&str> = ids.iter().map(String::as_str).filter(|id| !id.is_empty()).collect();
-                let draft = cannot(span, way, &format!("has no element `{key}`"))
+                let diagnostic = cannot(span, parents, &format!("has no element `{key}`"))
                     .label(did_you_mean(key, names.iter().copied()));
                 if names.is_empty() {
-                    draft.help("name its elements by index: [0], [1], …")
+                    diagnostic.help("name its elements by index: [0], [1], …")
                 } else {
-                    draft.help(format!("its elements are {}; or name one by index: [0]", listing(names)))
+                    diagnostic.help(format!("its elements are {}; or name one by index: [0]", listing(names)))
                 }
             })
         }
     }
 }
 
-fn cannot(span: &Span, way: &[(Step, Span)], message: &str) -> Draft {
-    Draft::error(Code::BadOverride, span.clone(), format!("`{}` {message}", shown(way)))
+fn cannot(span: &Span, parents: &[(Step, Span)], message: &str) -> DiagnosticBuilder {
+    DiagnosticBuilder::error(Code::BadOverride, span.clone(), format!("`{}` {message}", display(parents)))
 }
 
-fn absent(span: &Span, steps: &[(Step, Span)], key: &str, table: &DeTable) -> Draft {
+fn absent(span: &Span, steps: &[(Step, Span)], key: &str, table: &DeTable) -> DiagnosticBuilder {
     let keys: Vec<&str> = table.keys().map(|key| key.get_ref().as_ref()).collect();
-    let path = shown(steps);
-    Draft::error(Code::BadOverride, span.clone(), format!("there is no `{path}`"))
+    let path = display(steps);
+    DiagnosticBuilder::error(Code::BadOverride, span.clone(), format!("there is no `{path}`"))
         .label(did_you_mean(key, keys.iter().copied()))
         .help(format!("there is {}", listing(keys)))
 }
 
-fn shown(steps: &[(Step, Span)]) -> String {
+fn display(steps: &[(Step, Span)]) -> String {
     let steps: Vec<Step> = steps.iter().map(|(step, _)| step.clone()).collect();
-    Shown(&steps).to_string()
+    DisplayPath(&steps).to_string()
 }
