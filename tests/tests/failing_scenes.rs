@@ -32,7 +32,7 @@ impl Config for Fragile {
     type Stage = dyn Annotator;
     const KIND: &'static str = "fragile";
     const EXAMPLE: &'static str = "panics_in = [1]";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -44,7 +44,7 @@ impl Annotator for Fragile {
     fn provides(&self) -> Vec<KeyId> {
         keys![FRAGILE]
     }
-    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
         let scene = site.scene.id.0;
         assert!(!self.panics_in.contains(&scene), "scene {scene} is too much");
         if self.stumbles_in.contains(&scene) && site.scene.attempt == 0 {

@@ -224,7 +224,7 @@ fn diagnostics() -> String {
         "{MADE}# Diagnostics\n\nEvery message about a recipe has a code. All mistakes of a recipe are shown at once.\n"
     );
     for code in Code::ALL {
-        let (title, why, way_out) = (code.title(), code.explain(), code.way_out());
+        let (title, why, way_out) = (code.title(), code.explain(), code.help_text());
         let _ = write!(page, "\n## {}: {title}\n\n{why}\n\n**Way out.** {way_out}\n", code.text());
     }
     page

@@ -144,7 +144,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     assert!(complaints.is_empty(), "{complaints:?}");
 
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { centre: [0.0; 3], size: [1.0; 2] });
+    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
     let asset = AssetRef { pool: "files".into(), name: "000000".into() };
     builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Fixed));
     let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene"));
@@ -156,7 +156,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     let view = view_of(&json_of(&folder.join("000000.glb")));
     let wants = keys![RADIANCE, RADIANCE_VARIANCE];
     let request = RenderRequest { view: &view, wants: &wants, stream: Stream::root(5), workers: &Threads(2) };
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     session.render(&request, &mut frame).expect("renders");
     let radiance = frame.get(RADIANCE).expect("made").data().as_flattened().iter().map(|&x| f64::from(x)).collect();
     let variance = frame.get(RADIANCE_VARIANCE).expect("made").data().iter().map(|&x| f64::from(x)).collect();
@@ -217,7 +217,7 @@ fn a_scene_that_comes_back_looks_the_same() {
         compared += 1;
     }
     assert!(compared >= 15, "{compared} regions");
-    let centre =
+    let center =
         Point3::from(view_of(&json_of(&out.join("gltf/000000.glb"))).camera.world_from_camera.translation.vector);
-    assert!(centre.z > 0.0, "z is up");
+    assert!(center.z > 0.0, "z is up");
 }

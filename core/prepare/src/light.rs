@@ -239,12 +239,12 @@ fn per_steradian(density: f32, sin_theta: f32) -> f32 {
 }
 
 fn sphere(light: &scene::SphereLight) -> Result<AreaLight> {
-    if !(light.radius > 0.0 && light.radius.is_finite() && finite(light.centre.coords.as_ref())) {
-        return Err(Error::new(format!("a sphere at {} of radius {} m", light.centre, light.radius))
+    if !(light.radius > 0.0 && light.radius.is_finite() && finite(light.center.coords.as_ref())) {
+        return Err(Error::new(format!("a sphere at {} of radius {} m", light.center, light.radius))
             .help("give it a finite center and a radius above 0"));
     }
     let radiance = color(light.radiance);
-    let center = vector(light.centre.coords.as_ref());
+    let center = vector(light.center.coords.as_ref());
     Ok(AreaLight::Sphere(SphereLight {
         center,
         radius: light.radius as f32,
@@ -256,13 +256,13 @@ fn sphere(light: &scene::SphereLight) -> Result<AreaLight> {
 fn rect(light: &scene::RectLight) -> Result<AreaLight> {
     let (u, v) = (light.half_u.norm(), light.half_v.norm());
     let upright = light.half_u.dot(&light.half_v).abs() <= 1e-4 * u * v;
-    if !(u > 0.0 && v > 0.0 && upright && (u + v).is_finite() && finite(light.centre.coords.as_ref())) {
+    if !(u > 0.0 && v > 0.0 && upright && (u + v).is_finite() && finite(light.center.coords.as_ref())) {
         return Err(Error::new(format!("a rectangle with half edges {:?} and {:?}", light.half_u, light.half_v))
             .help("give it two edges at right angles, neither of length 0"));
     }
     let radiance = color(light.radiance);
     Ok(AreaLight::Rect(RectLight {
-        center: vector(light.centre.coords.as_ref()),
+        center: vector(light.center.coords.as_ref()),
         x: vector((light.half_u / u).as_ref()),
         y: vector((light.half_v / v).as_ref()),
         normal: vector(light.normal().as_ref()),
@@ -274,17 +274,17 @@ fn rect(light: &scene::RectLight) -> Result<AreaLight> {
 
 fn disk(light: &scene::DiskLight) -> Result<AreaLight> {
     let length = light.normal.norm();
-    let sound = light.radius > 0.0 && light.radius.is_finite() && finite(light.centre.coords.as_ref());
+    let sound = light.radius > 0.0 && light.radius.is_finite() && finite(light.center.coords.as_ref());
     if !(sound && is_unit(length)) {
         return Err(Error::new(format!(
             "a disk at {} of radius {} m and normal {:?}",
-            light.centre, light.radius, light.normal
+            light.center, light.radius, light.normal
         ))
         .help("give it a finite center, a radius above 0 and a normal of length 1"));
     }
     let radiance = color(light.radiance);
     Ok(AreaLight::Disk(DiskLight {
-        center: vector(light.centre.coords.as_ref()),
+        center: vector(light.center.coords.as_ref()),
         normal: vector((light.normal / length).as_ref()),
         radius: light.radius as f32,
         radiance,
@@ -391,7 +391,7 @@ mod tests {
     fn unsound_lights_are_named_and_black_ones_left_out() {
         let center = Point3::origin();
         let sphere = |radius, nits: f64| {
-            scene::Light::Sphere(scene::SphereLight { centre: center, radius, radiance: [nits; 3] })
+            scene::Light::Sphere(scene::SphereLight { center: center, radius, radiance: [nits; 3] })
         };
         let cache = SceneCache::default();
         let table = LightTable::new(&[sphere(1.0, 0.0), sphere(2.0, 3.0)], &cache).expect("sound");

@@ -91,7 +91,7 @@ impl PreparedScene {
             materials: MaterialTable::default(),
             emitters: Vec::new(),
             objects: scene.objects().len(),
-            foreground: scene.things().len(),
+            foreground: scene.foreground().len(),
             has_cutouts: false,
             is_layered: false,
         };
@@ -338,7 +338,7 @@ mod tests {
             collision: None,
             mass_kg: 1.0,
             friction: 0.5,
-            licence: String::new(),
+            license: String::new(),
             digest: Digest::of(name.as_bytes()),
         })
     }
@@ -351,7 +351,7 @@ mod tests {
         };
         let (plain, lit) = (object("plain", Vec::new()), object("lit", vec![Arc::new(emissive)]));
         let mut builder = SceneBuilder::default();
-        builder.tabletop = Some(Tabletop { centre: [0.0; 3], size: [1.0; 2] });
+        builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
         let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         for (object, x, role) in [(&plain, 0.0, Role::Object), (&lit, 2.0, Role::Object), (&plain, 5.0, Role::Support)]
         {

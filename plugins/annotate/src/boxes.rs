@@ -13,7 +13,7 @@ impl Config for Boxes {
     type Stage = dyn Annotator;
     const KIND: &'static str = "boxes";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -27,7 +27,7 @@ impl Annotator for Boxes {
         keys![VISIBLE_BOX, AMODAL_BOX]
     }
 
-    fn annotate(&self, _: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, _: &Site, frame: &mut Products) -> Result<()> {
         let visible = frame.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
         let amodal = frame.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());
         frame.put(VISIBLE_BOX, visible)?;

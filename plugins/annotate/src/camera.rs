@@ -17,7 +17,7 @@ impl Config for Camera {
     type Stage = dyn Annotator;
     const KIND: &'static str = "camera";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -31,7 +31,7 @@ impl Annotator for Camera {
         keys![CAMERA]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
         frame.put(CAMERA, Value::of(&CameraView::from(&view(site)?.camera))?)
     }
 }

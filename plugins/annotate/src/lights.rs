@@ -15,7 +15,7 @@ impl Config for Lights {
     type Stage = dyn Annotator;
     const KIND: &'static str = "lights";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -29,7 +29,7 @@ impl Annotator for Lights {
         keys![LIGHTS]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
         let lights: Vec<LightView> = view(site)?.lights.iter().map(LightView::from).collect();
         frame.put(LIGHTS, Value::of(&lights)?)
     }
@@ -40,19 +40,19 @@ impl Annotator for Lights {
 #[serde(tag = "shape", rename_all = "snake_case")]
 enum LightView<'a> {
     Sphere {
-        centre_world_m: [f64; 3],
+        center_world_m: [f64; 3],
         radius_m: f64,
         radiance_nits: [f64; 3],
     },
     Rect {
-        centre_world_m: [f64; 3],
+        center_world_m: [f64; 3],
         half_u_world_m: [f64; 3],
         half_v_world_m: [f64; 3],
         normal_world: [f64; 3],
         radiance_nits: [f64; 3],
     },
     Disk {
-        centre_world_m: [f64; 3],
+        center_world_m: [f64; 3],
         normal_world: [f64; 3],
         radius_m: f64,
         radiance_nits: [f64; 3],
@@ -73,19 +73,19 @@ impl<'a> From<&'a Light> for LightView<'a> {
     fn from(light: &'a Light) -> Self {
         match light {
             Light::Sphere(light) => Self::Sphere {
-                centre_world_m: light.centre.into(),
+                center_world_m: light.center.into(),
                 radius_m: light.radius,
                 radiance_nits: light.radiance,
             },
             Light::Rect(light) => Self::Rect {
-                centre_world_m: light.centre.into(),
+                center_world_m: light.center.into(),
                 half_u_world_m: light.half_u.into(),
                 half_v_world_m: light.half_v.into(),
                 normal_world: light.normal().into(),
                 radiance_nits: light.radiance,
             },
             Light::Disk(light) => Self::Disk {
-                centre_world_m: light.centre.into(),
+                center_world_m: light.center.into(),
                 normal_world: light.normal.into(),
                 radius_m: light.radius,
                 radiance_nits: light.radiance,

@@ -34,7 +34,7 @@ impl Config for ObjectInfo {
     type Stage = dyn Annotator;
     const KIND: &'static str = "object_info";
     const EXAMPLE: &'static str = "objects = \"annotated\"";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -51,7 +51,7 @@ impl Annotator for ObjectInfo {
         keys![OBJECT_INFO]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
         let camera_from_world = view(site)?.camera.world_from_camera.inverse();
         let annotated = match self.objects {
             Which::Annotated => Some(frame.get(AMODAL_MASK)?),
@@ -83,7 +83,7 @@ struct ObjectView<'a> {
     category: &'a str,
     spawn: u32,
     mass_kg: f64,
-    licence: &'a str,
+    license: &'a str,
     digest: String,
     world_from_object: [[f64; 4]; 4],
     camera_from_object: [[f64; 4]; 4],
@@ -99,7 +99,7 @@ impl<'a> ObjectView<'a> {
             category: &object.category,
             spawn: body.spawn,
             mass_kg: object.mass_kg,
-            licence: &object.licence,
+            license: &object.license,
             digest: object.digest.to_string(),
             world_from_object: pose(&body.world_from_body),
             camera_from_object: pose(&(camera_from_world * body.world_from_body)),

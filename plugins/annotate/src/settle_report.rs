@@ -14,7 +14,7 @@ impl Config for SettleReport {
     type Stage = dyn Annotator;
     const KIND: &'static str = "settle_report";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -28,7 +28,7 @@ impl Annotator for SettleReport {
         keys![SETTLE_REPORT]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
         frame.put(SETTLE_REPORT, Value::of(&Report::from(site.scene))?)
     }
 }
@@ -40,9 +40,9 @@ struct Report<'a> {
     attempt: u32,
     simulated_s: f64,
     residual_speed_m_s: f64,
-    residual_spin_rad_s: f64,
+    residual_angular_speed_rad_s: f64,
     deepest_penetration_m: f64,
-    dropped_again: u32,
+    respawned: u32,
     removed: Vec<Removal<'a>>,
 }
 
@@ -63,9 +63,9 @@ impl<'a> From<&'a Scene> for Report<'a> {
             attempt: scene.attempt,
             simulated_s: report.simulated_s,
             residual_speed_m_s: report.residual_speed_m_s,
-            residual_spin_rad_s: report.residual_spin_rad_s,
+            residual_angular_speed_rad_s: report.residual_angular_speed_rad_s,
             deepest_penetration_m: report.deepest_penetration_m,
-            dropped_again: report.dropped_again,
+            respawned: report.respawned,
             removed: report.removed.iter().map(Removal::from).collect(),
         }
     }

@@ -18,9 +18,9 @@ fn pixels(mask: &Mask) -> Pixels {
     all.filter(|&(x, y)| *plane.at(x as u32, y as u32)).collect()
 }
 
-fn annotate(rays: &Rays, options: &str) -> Result<Frame> {
+fn annotate(rays: &Rays, options: &str) -> Result<Products> {
     let world = World::new(rays.objects);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     let annotator = annotator("masks", options);
     for key in annotator.reads() {
         match key.name {
@@ -226,8 +226,8 @@ fn no_object_at_all() {
 fn planes_that_disagree_are_refused() {
     let rays = Rays::new([4, 3], [0, 0], 2, |_, _| vec![1]);
     let world = World::new(2);
-    let labels = |change: &dyn Fn(&mut Frame)| {
-        let mut frame = Frame::new();
+    let labels = |change: &dyn Fn(&mut Products)| {
+        let mut frame = Products::new();
         change(&mut frame);
         annotator("masks", "").annotate(&world.site(), &mut frame).expect_err("refused").to_string()
     };

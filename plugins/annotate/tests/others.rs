@@ -8,12 +8,12 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
-fn run(world: &World, kind: &str, options: &str, frame: &mut Frame) {
+fn run(world: &World, kind: &str, options: &str, frame: &mut Products) {
     annotator(kind, options).annotate(&world.site(), frame).expect("made");
 }
 
-fn json(frame: &Frame, name: &str) -> serde_json::Value {
-    serde_json::to_value(frame.value(name).expect("made")).expect("serialises")
+fn json(frame: &Products, name: &str) -> serde_json::Value {
+    serde_json::to_value(frame.value(name).expect("made")).expect("serializes")
 }
 
 #[test]
@@ -26,7 +26,7 @@ fn every_kind_conforms() {
     let world = World::new(2);
     let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
     let make_frame = || {
-        let mut frame = Frame::new();
+        let mut frame = Products::new();
         frame.put(INSTANCE, rays.instance()).expect("first");
         frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
         frame.put(COVERAGE_WIDE, rays.coverage(false, true)).expect("first");
@@ -62,7 +62,7 @@ fn boxes_are_tight() {
         (6, 5) => vec![2],
         _ => vec![],
     });
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     frame.put(INSTANCE, rays.instance()).expect("first");
     frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
     run(&world, "masks", "", &mut frame);
@@ -74,7 +74,7 @@ fn boxes_are_tight() {
 #[test]
 fn objects_are_described_with_their_poses() {
     let world = World::new(2);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     let masks = PerInstance::from_iter([(InstanceId(2), Mask::empty(8, 6))]);
     frame.put(AMODAL_MASK, masks).expect("first");
     run(&world, "object_info", "", &mut frame);
@@ -93,7 +93,7 @@ fn objects_are_described_with_their_poses() {
     let origin = world.view.camera.world_from_camera.inverse() * syntable_model::geometry::Point3::new(0.02, 0.0, 0.7);
     assert!((0..3).all(|i| (column[i] - origin[i]).abs() < 1e-12), "{column:?} {origin}");
 
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     run(&world, "object_info", "objects = \"all\"", &mut frame);
     assert_eq!(frame.get(OBJECT_INFO).expect("made").0.len(), 2);
 }
@@ -101,7 +101,7 @@ fn objects_are_described_with_their_poses() {
 #[test]
 fn the_camera_projects_its_world() {
     let world = World::new(1);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     run(&world, "camera", "", &mut frame);
     let camera = json(&frame, "camera");
     assert_eq!(camera["K"], json!([[7.0, 0.0, 4.0], [0.0, 7.5, 3.0], [0.0, 0.0, 1.0]]));
@@ -123,9 +123,9 @@ fn lights_and_the_settle_report_are_recorded() {
     use syntable_model::geometry::{Point3, Vector3};
     let mut world = World::new(1);
     world.view.lights = vec![
-        Light::Sphere(SphereLight { centre: Point3::new(1.0, 2.0, 3.0), radius: 0.25, radiance: [1.0, 2.0, 3.0] }),
+        Light::Sphere(SphereLight { center: Point3::new(1.0, 2.0, 3.0), radius: 0.25, radiance: [1.0, 2.0, 3.0] }),
         Light::Rect(RectLight {
-            centre: Point3::new(0.0, 0.0, 2.0),
+            center: Point3::new(0.0, 0.0, 2.0),
             half_u: Vector3::new(0.0, 1.0, 0.0),
             half_v: Vector3::new(1.0, 0.0, 0.0),
             radiance: [4.0; 3],
@@ -136,11 +136,11 @@ fn lights_and_the_settle_report_are_recorded() {
         asset: world.scene.objects()[0].asset.clone(),
         reason: "fell off the table".into(),
     });
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     run(&world, "lights", "", &mut frame);
     run(&world, "settle_report", "", &mut frame);
     let lights = json(&frame, "lights");
-    assert_eq!(lights[0]["centre_world_m"], json!([1.0, 2.0, 3.0]));
+    assert_eq!(lights[0]["center_world_m"], json!([1.0, 2.0, 3.0]));
     assert_eq!(lights[0]["radiance_nits"], json!([1.0, 2.0, 3.0]));
     assert_eq!((&lights[1]["shape"], &lights[1]["normal_world"]), (&json!("rect"), &json!([0.0, 0.0, -1.0])));
     let report = json(&frame, "settle_report");
@@ -162,7 +162,7 @@ fn records_keep_their_fields_and_their_order() {
     world.view.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.5 });
     let (up, white) = (Vector3::z(), [1.0; 3]);
     world.view.lights = vec![
-        Light::Disk(DiskLight { centre: Point3::origin(), normal: up, radius: 0.5, radiance: white }),
+        Light::Disk(DiskLight { center: Point3::origin(), normal: up, radius: 0.5, radiance: white }),
         Light::Directional(DirectionalLight { towards: up, half_angle: std::f64::consts::PI / 4.0, irradiance: white }),
         Light::Environment(EnvironmentLight {
             map: std::sync::Arc::new(EnvironmentMap::constant([1.0; 3])),
@@ -170,7 +170,7 @@ fn records_keep_their_fields_and_their_order() {
             rotation: std::f64::consts::PI,
         }),
     ];
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     run(&world, "camera", "", &mut frame);
     run(&world, "lights", "", &mut frame);
     run(&world, "settle_report", "", &mut frame);
@@ -185,7 +185,7 @@ fn records_keep_their_fields_and_their_order() {
     assert_eq!(
         lights.iter().map(names).collect::<Vec<_>>(),
         [
-            "shape centre_world_m normal_world radius_m radiance_nits",
+            "shape center_world_m normal_world radius_m radiance_nits",
             "shape towards_world half_angle_deg irradiance_lx",
             "shape map scale_nits rotation_deg"
         ]
@@ -194,11 +194,11 @@ fn records_keep_their_fields_and_their_order() {
     assert_eq!((&lights[1]["half_angle_deg"], &lights[2]["rotation_deg"]), (&json!(45.0), &json!(180.0)));
     assert_eq!(
         names(&frame.value("settle_report").expect("made")),
-        "objects attempt simulated_s residual_speed_m_s residual_spin_rad_s deepest_penetration_m dropped_again removed"
+        "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m respawned removed"
     );
     let Ok(Value::PerInstance(objects)) = frame.value("object_info") else { panic!("one record per object") };
     assert_eq!(
         objects.values().map(names).collect::<Vec<_>>(),
-        ["asset pool name category spawn mass_kg licence digest world_from_object camera_from_object"]
+        ["asset pool name category spawn mass_kg license digest world_from_object camera_from_object"]
     );
 }

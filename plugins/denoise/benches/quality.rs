@@ -86,7 +86,7 @@ fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), se
     let options = CpuPath { samples_per_pixel: samples, regularize, ..CpuPath::default() };
     let mut session = CpuPathRenderer::new(options).expect("sound options").session();
     session.load(scene, &Threads(2)).expect("loads");
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     let mut wants = wants.to_vec();
     wants.sort_by_key(|key| key.name);
     wants.dedup();

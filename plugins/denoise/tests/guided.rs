@@ -7,15 +7,15 @@ use syntable_denoise::guided::Guided;
 use syntable_model::context::Serial;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, LEAST_TINT, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
-    RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
+    DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
+    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
 use syntable_model::registry::{Registry, Slot};
 use syntable_testing::workers::Threads;
 
 type Rgb = [f32; 3];
 
-fn denoise(frame: &Frame) -> Vec<Rgb> {
+fn denoise(frame: &Products) -> Vec<Rgb> {
     let denoiser = Guided::default().build().expect("sound defaults");
     denoiser.denoise(frame, &Threads(2)).expect("denoises").radiance.data().to_vec()
 }
@@ -29,7 +29,7 @@ struct Pixel {
     normal: Rgb,
     depth: f32,
     id: u16,
-    /// If not the radiance over the mean colour.
+    /// If not the radiance over the mean color.
     untinted: Option<Rgb>,
 }
 
@@ -46,17 +46,17 @@ const WALL: Pixel = Pixel {
 
 fn image(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Frame {
     let pixels = Plane::from_fn(width, height, &mut pixel);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
-    let over_mean = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + LEAST_TINT));
+    let over_mean = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + DEMODULATION_EPSILON));
     let untinted = |p: &Pixel| p.untinted.unwrap_or_else(|| over_mean(p));
-    let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + LEAST_TINT)).powi(2);
-    frame.put(RADIANCE_UNTINTED, pixels.map(untinted)).expect("new");
-    frame.put(RADIANCE_UNTINTED_VARIANCE, pixels.map(variance)).expect("new");
-    frame.put(RADIANCE_GLOSS, pixels.map(|_| [0.0; 3])).expect("new");
-    frame.put(RADIANCE_GLOSS_VARIANCE, pixels.map(|_| 0.0)).expect("new");
-    frame.put(ALBEDO_MEAN, pixels.map(|p| p.albedo)).expect("new");
-    frame.put(NORMAL_MEAN, pixels.map(|p| p.normal)).expect("new");
+    let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + DEMODULATION_EPSILON)).powi(2);
+    frame.put(RADIANCE_DEMODULATED, pixels.map(untinted)).expect("new");
+    frame.put(RADIANCE_DEMODULATED_VARIANCE, pixels.map(variance)).expect("new");
+    frame.put(RADIANCE_SPECULAR, pixels.map(|_| [0.0; 3])).expect("new");
+    frame.put(RADIANCE_SPECULAR_VARIANCE, pixels.map(|_| 0.0)).expect("new");
+    frame.put(DENOISE_ALBEDO, pixels.map(|p| p.albedo)).expect("new");
+    frame.put(DENOISE_NORMAL, pixels.map(|p| p.normal)).expect("new");
     frame.put(DEPTH, pixels.map(|p| p.depth)).expect("new");
     frame.put(INSTANCE, pixels.map(|p| InstanceId(p.id))).expect("new");
     frame
@@ -98,7 +98,7 @@ fn an_image_without_noise_stays() {
 }
 
 #[test]
-fn error_on_a_wall_falls_as_a_mean_of_its_neighbours() {
+fn error_on_a_wall_falls_as_a_mean_of_its_neighbors() {
     for (variance_known, deviation) in [(false, 0.5), (true, 0.5), (true, 0.1)] {
         let mut stream = Stream::root(7);
         let frame = image(96, 80, |_, _| {

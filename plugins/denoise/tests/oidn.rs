@@ -28,7 +28,7 @@ fn a_missing_or_wrong_library_is_named_with_a_way_out() {
         let error = denoiser.denoise(&frame, &Threads(1)).expect_err("no library");
         assert_eq!(before, error, "known before anything is rendered");
         assert_eq!(error.file().expect("named").to_string_lossy(), library);
-        assert!(error.way_out().expect("known").contains("pip install pyoidn"), "{error}");
+        assert!(error.help_text().expect("known").contains("pip install pyoidn"), "{error}");
     }
 }
 

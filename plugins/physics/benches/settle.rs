@@ -57,11 +57,11 @@ fn table(name: &str, objects: &[Arc<Object>], options: &str, seeds: u64) {
             "  seed {seed}: {core:.2} core s, {wall:.2} s, {:.2} s simulated, {} respawned, {} off the table, {rejected} rejected; \
              {:.1} mm deep, {:.4} m/s, {:.3} rad/s",
             report.simulated_s,
-            report.dropped_again,
+            report.respawned,
             report.removed.len() - rejected,
             report.deepest_penetration_m * 1e3,
             report.residual_speed_m_s,
-            report.residual_spin_rad_s,
+            report.residual_angular_speed_rad_s,
         );
     }
     println!("  mean {:.2} core s", total / seeds as f64);

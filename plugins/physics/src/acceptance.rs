@@ -105,7 +105,7 @@ impl<'a> Acceptance<'a> {
         let (Remove::OffTabletop, Some(tabletop)) = (self.config.remove, self.tabletop) else { return false };
         let off: Vec<usize> = self
             .objects()
-            .filter(|&body| !self.engine.is_broken(body) && !tabletop.is_below(&self.engine.center(body)))
+            .filter(|&body| !self.engine.is_broken(body) && !tabletop.column_contains(&self.engine.center(body)))
             .collect();
         for &body in &off {
             let fell = self.engine.center(body).z < tabletop.height();
@@ -176,7 +176,7 @@ impl<'a> Acceptance<'a> {
         }
         for body in respawned {
             self.respawns[body] += 1;
-            self.report.dropped_again += 1;
+            self.report.respawned += 1;
             let stream =
                 stream.child(RESPAWN_STREAM).at(u64::from(self.infos[body].spawn)).at(u64::from(self.respawns[body]));
             let pose = self.respawn_pose(body, stream);
@@ -189,10 +189,10 @@ impl<'a> Acceptance<'a> {
         let rotation = stream.rotation();
         let rotated = Pose::from_parts(Translation3::identity(), rotation);
         let bounds = self.engine.bounds_at(body, &rotated);
-        let (size, center, area) = (bounds.size(), bounds.centre(), self.respawn_area());
+        let (size, center, area) = (bounds.size(), bounds.center(), self.respawn_area());
         let mut along = |axis: usize| {
             let room = (area.size()[axis] - size[axis]).max(0.0);
-            stream.uniform(-0.5, 0.5) * room + area.centre()[axis] - center[axis]
+            stream.uniform(-0.5, 0.5) * room + area.center()[axis] - center[axis]
         };
         let shift = Vector3::new(along(0), along(1), 0.0);
         let (min, max) = (bounds.min + shift, bounds.max + shift);
@@ -209,7 +209,7 @@ impl<'a> Acceptance<'a> {
     fn respawn_area(&self) -> Aabb {
         if let Some(tabletop) = self.tabletop {
             let half = Vector3::new(tabletop.size[0] / 2.0, tabletop.size[1] / 2.0, 0.0);
-            return Aabb { min: tabletop.centre() - half, max: tabletop.centre() + half };
+            return Aabb { min: tabletop.center() - half, max: tabletop.center() + half };
         }
         let all = self.engine.present().map(|body| self.engine.bounds(body)).reduce(Aabb::union);
         all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })
@@ -228,7 +228,7 @@ impl<'a> Acceptance<'a> {
         for body in self.engine.present() {
             let (speed, angular_speed) = self.engine.speeds(body);
             self.report.residual_speed_m_s = self.report.residual_speed_m_s.max(speed);
-            self.report.residual_spin_rad_s = self.report.residual_spin_rad_s.max(angular_speed);
+            self.report.residual_angular_speed_rad_s = self.report.residual_angular_speed_rad_s.max(angular_speed);
         }
         self.report.deepest_penetration_m = overlaps.iter().map(|overlap| overlap.depth).fold(0.0, f64::max);
         Outcome { report: self.report, removed: self.removed }

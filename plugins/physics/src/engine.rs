@@ -118,7 +118,7 @@ impl Engine {
         };
         self.bodies.push(DynamicBody {
             shape,
-            center: body.object.mesh.bounds().centre(),
+            center: body.object.mesh.bounds().center(),
             mass,
             friction: friction(body.object.friction),
             rigid: None,

@@ -138,10 +138,10 @@ max_speed_m_s = 0.01";
     const RENAMED: &'static [(&'static str, &'static str)] =
         &[("max_drops", "max_respawns"), ("max_spin_rad_s", "max_angular_speed_rad_s")];
 
-    fn build(self) -> Result<Box<dyn Settler>, Invalid> {
+    fn build(self) -> Result<Box<dyn Settler>, ConfigError> {
         if self.time_step_s > self.duration_s {
             let Self { time_step_s, duration_s, .. } = self;
-            return Err(Invalid::new(
+            return Err(ConfigError::new(
                 "time_step_s",
                 format!("{time_step_s:?} is longer than `duration_s = {duration_s:?}`"),
             ));

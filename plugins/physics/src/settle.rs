@@ -51,8 +51,8 @@ impl Settler for Settle {
         let inside: Vec<Point3<f64>> = bodies
             .iter()
             .filter(|(_, body)| body.motion == Motion::Dynamic)
-            .map(|(_, body)| body.world_bounds().centre())
-            .chain(tabletop.map(|tabletop| tabletop.centre()))
+            .map(|(_, body)| body.world_bounds().center())
+            .chain(tabletop.map(|tabletop| tabletop.center()))
             .collect();
         let mut static_bodies = Vec::new();
         for (_, body) in bodies.iter().filter(|(_, body)| is_room(body)) {

@@ -58,7 +58,7 @@ pub fn ground(height: f64) -> StaticBody {
 /// A part of the room. `inside` are positions of objects: none may be behind it. None if it has no usable shape.
 pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody> {
     let bounds = body.object.mesh.bounds();
-    let (size, center) = (bounds.size(), bounds.centre());
+    let (size, center) = (bounds.size(), bounds.center());
     let mut axes = [0, 1, 2];
     axes.sort_by(|&a, &b| size[a].total_cmp(&size[b]));
     let thin = axes[0];

@@ -73,12 +73,12 @@ impl Config for Distractors {
     const KIND: &'static str = "distractors";
     const EXAMPLE: &'static str = "from = [\"objects\"]\ncount = { integers = [2, 10] }\ndistance_m = [0.1, 1.5]";
 
-    fn build(self) -> Result<Box<dyn Placer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.count.within("count", 0, 10_000)?;
         for (key, [low, high]) in [("distance_m", self.distance_m), ("size_m", self.size_m)] {
             if low > high {
                 let message = format!("`{key} = [{low}, {high}]` is empty; write the smaller bound first");
-                return Err(Invalid::new(key, message));
+                return Err(ConfigError::new(key, message));
             }
         }
         self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
@@ -91,7 +91,7 @@ impl Placer for Distractors {
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let tabletop = scene.tabletop()?;
         let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
-        let room = space_around(&tabletop.centre(), parts);
+        let room = space_around(&tabletop.center(), parts);
         let mut taken: Vec<OrientedBox> = scene
             .bodies()
             .filter(|(_, body)| body.role != Role::Room)
@@ -110,7 +110,9 @@ impl Placer for Distractors {
                 Some(other) => other.draw(context.assets, &stream.child("surface"))?,
                 None => None,
             };
-            scene.add(BodyDraft::new(asset, object, pose, Role::Distractor, Motion::Fixed).with_surface(surface));
+            scene.add(
+                BodyDraft::new(asset, object, pose, Role::Distractor, Motion::Fixed).with_material_override(surface),
+            );
         }
         Ok(())
     }
@@ -151,7 +153,7 @@ impl Distractors {
         stream: &mut Stream,
     ) -> Option<Pose> {
         let bounds = rotated_bounds(&object.mesh, &rotation);
-        let (size, center) = (bounds.size(), bounds.centre());
+        let (size, center) = (bounds.size(), bounds.center());
         let [nearest, farthest] = self.distance_m;
         let half_range = [0, 1].map(|k| tabletop.size[k] / 2.0 + farthest + size[k] / 2.0);
         for _ in 0..self.max_tries {
@@ -162,8 +164,8 @@ impl Distractors {
                 continue;
             }
             let shift = Vector3::new(
-                tabletop.centre[0] + at[0] - center.x,
-                tabletop.centre[1] + at[1] - center.y,
+                tabletop.center[0] + at[0] - center.x,
+                tabletop.center[1] + at[1] - center.y,
                 -bounds.min.z,
             );
             let (low, high) = (bounds.min + shift, bounds.max + shift);

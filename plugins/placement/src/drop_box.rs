@@ -102,7 +102,7 @@ impl Config for DropBox {
     const EXAMPLE: &'static str =
         "from = [\"objects\"]\ncount = { integers = [1, 40] }\nrotation = \"uniform_euler\"\nwidth_factor = 0.6";
 
-    fn build(self) -> Result<Box<dyn Placer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.count.within("count", i64::from(self.annotated), 10_000)?;
         self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
         Ok(Box::new(self))
@@ -138,7 +138,7 @@ impl Placer for DropBox {
                 None => None,
             };
             let role = if self.annotated { Role::Object } else { Role::Distractor };
-            scene.add(BodyDraft::new(asset, object, pose, role, Motion::Dynamic).with_surface(surface));
+            scene.add(BodyDraft::new(asset, object, pose, role, Motion::Dynamic).with_material_override(surface));
         }
         Ok(())
     }
@@ -238,7 +238,7 @@ impl StartBox {
     fn new(options: &DropBox, tabletop: &Tabletop) -> Self {
         let low = tabletop.height() + options.clearance_m;
         Self {
-            center: tabletop.centre(),
+            center: tabletop.center(),
             half: tabletop.size.map(|edge| options.width_factor * edge / 2.0),
             low,
             high: low + options.height_m,
@@ -253,6 +253,6 @@ impl StartBox {
 
 /// The pose that places the center of an object's bounding box at a point.
 fn pose_at(object: &Object, rotation: UnitQuaternion<f64>, center: Point3<f64>) -> Pose {
-    let shift = center.coords - rotation * object.mesh.bounds().centre().coords;
+    let shift = center.coords - rotation * object.mesh.bounds().center().coords;
     Pose::from_parts(shift.into(), rotation)
 }

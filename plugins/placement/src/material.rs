@@ -26,7 +26,7 @@ pub fn draw_material(
     let material = match scale {
         1.0 => material,
         // The images are shared with the original.
-        _ => Arc::new(Material { tile_m: material.tile_m * scale, ..(*material).clone() }.sealed()),
+        _ => Arc::new(Material { tile_m: material.tile_m * scale, ..(*material).clone() }.with_digest()),
     };
     Ok(Surface { material, mapping: TextureMapping::Box { rotation, offset } })
 }
@@ -51,7 +51,7 @@ pub struct MaterialReplacement {
 
 impl MaterialReplacement {
     /// Checks the texture scale.
-    pub fn check(&self) -> Result<(), Invalid> {
+    pub fn check(&self) -> Result<(), ConfigError> {
         check_scale("material.texture_scale", &self.texture_scale)
     }
 
@@ -65,7 +65,7 @@ impl MaterialReplacement {
 }
 
 /// Refuses texture scales outside 0.001 to 1000: a distribution's range cannot be limited by the schema.
-pub fn check_scale(key: &str, scale: &Dist) -> Result<(), Invalid> {
+pub fn check_scale(key: &str, scale: &Dist) -> Result<(), ConfigError> {
     scale.within(key, 1.0 / MAX_SCALE, MAX_SCALE)
 }
 

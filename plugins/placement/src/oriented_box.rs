@@ -19,7 +19,7 @@ impl OrientedBox {
             axis[i] = half[i];
             world_from_body.rotation * axis
         });
-        Self { center: world_from_body * bounds.centre(), axes }
+        Self { center: world_from_body * bounds.center(), axes }
     }
 
     /// Height of the highest point above the center, meters.

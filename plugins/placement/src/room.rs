@@ -73,7 +73,7 @@ impl Config for Room {
     const EXAMPLE: &'static str = "size_m = { uniform = [6, 15] }\nheight_m = 15\n\
         material = { floor = \"materials\", walls = \"materials\", ceiling = \"materials\" }";
 
-    fn build(self) -> Result<Box<dyn Placer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.size_m.within("size_m", 1.0, 1000.0)?;
         self.length_m.as_ref().map_or(Ok(()), |length| length.within("length_m", 1.0, 1000.0))?;
         self.height_m.within("height_m", 1.0, 1000.0)?;
@@ -100,7 +100,7 @@ impl Placer for Room {
                 .as_ref()
                 .map(|pool| draw_material(pool, rotation, scale, context.assets, &context.stream.child(stream)))
                 .transpose()?;
-            let center = part.bounds.centre().coords;
+            let center = part.bounds.center().coords;
             let asset = AssetRef { pool: "room".into(), name: part.name.into() };
             let object = Arc::new(slab(&part, gray)?);
             let body = BodyDraft::new(
@@ -110,7 +110,7 @@ impl Placer for Room {
                 Role::Room,
                 Motion::Fixed,
             );
-            scene.add(body.with_surface(surface));
+            scene.add(body.with_material_override(surface));
         }
         Ok(())
     }
@@ -179,7 +179,7 @@ fn slab(part: &Part, gray: f32) -> Result<Object> {
         collision: Some(Arc::new(vec![corners.to_vec()])),
         mass_kg,
         friction: 0.6,
-        licence: String::new(),
+        license: String::new(),
         digest,
     })
 }

@@ -44,7 +44,7 @@ impl Config for Table {
     const KIND: &'static str = "table";
     const EXAMPLE: &'static str = "from = [\"tables\"]\nmaterial = \"materials\"\nmaterial_probability = 0.5";
 
-    fn build(self) -> Result<Box<dyn Placer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         check_scale("texture_scale", &self.texture_scale)?;
         Ok(Box::new(self))
     }
@@ -60,7 +60,7 @@ impl Placer for Table {
         let yaw = self.yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
         let bounds = rotated_bounds(&object.mesh, &rotation);
-        let shift = Vector3::new(-bounds.centre().x, -bounds.centre().y, -bounds.min.z);
+        let shift = Vector3::new(-bounds.center().x, -bounds.center().y, -bounds.min.z);
         let (size, pose) = (bounds.size(), Pose::from_parts(shift.into(), rotation));
         if size.min() < 1e-6 {
             return Err(Error::new(format!("the table {asset} is flat: its box is {size:?} m")));
@@ -73,8 +73,8 @@ impl Placer for Table {
             }
             _ => None,
         };
-        scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, size.z], size: [size.x, size.y] });
-        scene.add(BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_surface(material));
+        scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
+        scene.add(BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_material_override(material));
         Ok(())
     }
 }

@@ -28,7 +28,7 @@ fn main() {
             println!("load: {:.2} s", started.elapsed().as_secs_f64());
         }
         let mut render = |wants: &[KeyId]| {
-            let mut frame = Frame::new();
+            let mut frame = Products::new();
             let before = session.statistics();
             let (started, cpu) = (Instant::now(), processor_seconds());
             let request = RenderRequest { view: &view, wants, stream: Stream::root(1), workers: &workers };

@@ -11,20 +11,20 @@ use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
-    ALBEDO, ALBEDO_MEAN, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DEPTH,
-    INSTANCE, NORMAL, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE, RADIANCE_UNTINTED,
-    RADIANCE_UNTINTED_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
+    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DENOISE_ALBEDO,
+    DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
+    RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
 use syntable_simd::Processor;
 
 /// What is gathered on the way for denoisers.
 const OF_GUIDES: [KeyId; 6] = [
-    ALBEDO_MEAN.id(),
-    NORMAL_MEAN.id(),
-    RADIANCE_GLOSS.id(),
-    RADIANCE_GLOSS_VARIANCE.id(),
-    RADIANCE_UNTINTED.id(),
-    RADIANCE_UNTINTED_VARIANCE.id(),
+    DENOISE_ALBEDO.id(),
+    DENOISE_NORMAL.id(),
+    RADIANCE_SPECULAR.id(),
+    RADIANCE_SPECULAR_VARIANCE.id(),
+    RADIANCE_DEMODULATED.id(),
+    RADIANCE_DEMODULATED_VARIANCE.id(),
 ];
 
 /// Path tracing on the CPU: soft shadows, global illumination, glossy surfaces. Unbiased, and the same image on any number
@@ -83,7 +83,7 @@ impl Config for CpuPath {
     const RENAMED: &[(&str, &str)] = &[("clamp_nits", "max_indirect_luminance"), ("roughen", "regularize")];
     const EXAMPLE: &'static str = "samples_per_pixel = 64\nmax_bounces = 8";
 
-    fn build(self) -> Result<Box<dyn Renderer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
         Ok(Box::new(CpuPathRenderer::new(self)?))
     }
 }
@@ -107,10 +107,10 @@ pub struct CpuPathSession {
 
 impl CpuPathRenderer {
     /// Builds the renderer.
-    pub fn new(options: CpuPath) -> Result<Self, Invalid> {
+    pub fn new(options: CpuPath) -> Result<Self, ConfigError> {
         let max_indirect_luminance = match options.max_indirect_luminance {
             Some(nits) if nits <= 0.0 || nits.is_nan() => {
-                return Err(Invalid::new(
+                return Err(ConfigError::new(
                     "max_indirect_luminance",
                     format!("`max_indirect_luminance = {nits}` leaves no light"),
                 )
@@ -120,17 +120,20 @@ impl CpuPathRenderer {
             None => f32::INFINITY,
         };
         if options.samples_per_pixel == 0 {
-            return Err(Invalid::new("samples_per_pixel", "`samples_per_pixel = 0` renders no image")
+            return Err(ConfigError::new("samples_per_pixel", "`samples_per_pixel = 0` renders no image")
                 .help("give at least 1; leave `radiance` and `rgb` out of the writers to render labels alone"));
         }
         for (key, value) in [("noise", options.noise), ("time_s", options.time_s)] {
             if let Some(value) = value.filter(|value| *value <= 0.0 || !value.is_finite()) {
-                return Err(Invalid::new(key, format!("`{key} = {value}` is never reached"))
+                return Err(ConfigError::new(key, format!("`{key} = {value}` is never reached"))
                     .help(format!("give a number above 0, or leave `{key}` out")));
             }
         }
         if !(0.0..=1.0).contains(&options.regularize) {
-            return Err(Invalid::new("regularize", format!("`regularize = {}` is outside 0 to 1", options.regularize)));
+            return Err(ConfigError::new(
+                "regularize",
+                format!("`regularize = {}` is outside 0 to 1", options.regularize),
+            ));
         }
         let budget = Budget { samples: options.samples_per_pixel, noise: options.noise, seconds: options.time_s };
         let settings = Settings {
@@ -169,13 +172,13 @@ impl Renderer for CpuPathRenderer {
             COVERAGE_BEFORE_SUPPORT_WIDE,
             NORMAL,
             ALBEDO,
-            NORMAL_MEAN,
-            ALBEDO_MEAN,
+            DENOISE_NORMAL,
+            DENOISE_ALBEDO,
             RADIANCE_VARIANCE,
-            RADIANCE_GLOSS,
-            RADIANCE_GLOSS_VARIANCE,
-            RADIANCE_UNTINTED,
-            RADIANCE_UNTINTED_VARIANCE,
+            RADIANCE_SPECULAR,
+            RADIANCE_SPECULAR_VARIANCE,
+            RADIANCE_DEMODULATED,
+            RADIANCE_DEMODULATED_VARIANCE,
             RENDER_REPORT
         ]
     }
@@ -211,7 +214,7 @@ impl CpuPathSession {
     }
 
     /// Traces paths for the products that need them.
-    fn trace(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Frame) -> Result<()> {
+    fn trace(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Products) -> Result<()> {
         let Some(world) = &self.world else { return Err(not_loaded()) };
         let lights = Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?;
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
@@ -226,21 +229,24 @@ impl CpuPathSession {
                 frame.put(RADIANCE, film.radiance(workers))?;
             } else if want == RADIANCE_VARIANCE.id() {
                 frame.put(RADIANCE_VARIANCE, film.plane(workers, 0.0, |sums| sums.variance() as f32))?;
-            } else if want == ALBEDO_MEAN.id() {
-                frame.put(ALBEDO_MEAN, film.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
-            } else if want == NORMAL_MEAN.id() {
+            } else if want == DENOISE_ALBEDO.id() {
+                frame.put(DENOISE_ALBEDO, film.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
+            } else if want == DENOISE_NORMAL.id() {
                 let mean = |sums: &PixelSums| camera.rotate_to_camera(sums.mean_normal().into()).array();
-                frame.put(NORMAL_MEAN, film.plane(workers, [0.0; 3], mean))?;
-            } else if want == RADIANCE_GLOSS.id() {
-                frame.put(RADIANCE_GLOSS, film.plane(workers, [0.0; 3], |sums| sums.specular.mean(sums.samples)))?;
-            } else if want == RADIANCE_GLOSS_VARIANCE.id() {
+                frame.put(DENOISE_NORMAL, film.plane(workers, [0.0; 3], mean))?;
+            } else if want == RADIANCE_SPECULAR.id() {
+                frame.put(RADIANCE_SPECULAR, film.plane(workers, [0.0; 3], |sums| sums.specular.mean(sums.samples)))?;
+            } else if want == RADIANCE_SPECULAR_VARIANCE.id() {
                 let variance = |sums: &PixelSums| sums.specular.variance(sums.samples);
-                frame.put(RADIANCE_GLOSS_VARIANCE, film.plane(workers, 0.0, variance))?;
-            } else if want == RADIANCE_UNTINTED.id() {
-                frame.put(RADIANCE_UNTINTED, film.plane(workers, [0.0; 3], |sums| sums.untinted.mean(sums.samples)))?;
-            } else if want == RADIANCE_UNTINTED_VARIANCE.id() {
+                frame.put(RADIANCE_SPECULAR_VARIANCE, film.plane(workers, 0.0, variance))?;
+            } else if want == RADIANCE_DEMODULATED.id() {
+                frame.put(
+                    RADIANCE_DEMODULATED,
+                    film.plane(workers, [0.0; 3], |sums| sums.untinted.mean(sums.samples)),
+                )?;
+            } else if want == RADIANCE_DEMODULATED_VARIANCE.id() {
                 let variance = |sums: &PixelSums| sums.untinted.variance(sums.samples);
-                frame.put(RADIANCE_UNTINTED_VARIANCE, film.plane(workers, 0.0, variance))?;
+                frame.put(RADIANCE_DEMODULATED_VARIANCE, film.plane(workers, 0.0, variance))?;
             } else if want == RENDER_REPORT.id() {
                 frame.put(RENDER_REPORT, film.report(workers))?;
             }
@@ -257,7 +263,7 @@ impl RenderSession for CpuPathSession {
         Ok(())
     }
 
-    fn render(&mut self, request: &RenderRequest, frame: &mut Frame) -> Result<()> {
+    fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<()> {
         let wants = |key: KeyId| request.wants.contains(&key);
         let camera = RayCamera::new(&request.view.camera);
         let (width, height) = size(request);
@@ -299,8 +305,8 @@ impl Labels {
             || bits.iter().any(|plane| plane.is_some())
     }
 
-    fn put(self, frame: &mut Frame) -> Result<()> {
-        fn one<T: syntable_model::product::Product>(frame: &mut Frame, key: Key<T>, plane: Option<T>) -> Result<()> {
+    fn put(self, frame: &mut Products) -> Result<()> {
+        fn one<T: syntable_model::product::Product>(frame: &mut Products, key: Key<T>, plane: Option<T>) -> Result<()> {
             plane.map_or(Ok(()), |plane| frame.put(key, plane))
         }
         one(frame, DEPTH, self.depth)?;

@@ -54,7 +54,7 @@ fn sense(bencher: Bencher, (kind, options): (&str, &str)) {
     // A floor with a board every 40 pixels.
     let depth = Plane::from_fn(SIZE[0], SIZE[1], |x, y| 2.0 - 0.002 * y as f32 - if x % 40 < 12 { 0.3 } else { 0.0 });
     let make_frame = || {
-        let mut frame = Frame::new();
+        let mut frame = Products::new();
         frame.put(RADIANCE, noisy_light()).expect("first");
         frame.put(DEPTH, depth.clone()).expect("first");
         frame.put(ALBEDO, depth.map(|_| [0.5; 3])).expect("first");

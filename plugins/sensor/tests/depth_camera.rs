@@ -17,7 +17,7 @@ const AXIAL: &str = "lateral_px = 0\nedge_loss = 0\n";
 /// Clean products: depth, reflectance and normal of every pixel.
 fn frame(at: impl FnMut(u32, u32) -> (f64, f64, [f32; 3])) -> Frame {
     let pixels = Plane::from_fn(SIZE[0], SIZE[1], at);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     frame.put(DEPTH, pixels.map(|pixel| pixel.0 as f32)).expect("first");
     frame.put(ALBEDO, pixels.map(|pixel| [pixel.1 as f32; 3])).expect("first");
     frame.put(NORMAL, pixels.map(|pixel| pixel.2)).expect("first");
@@ -34,12 +34,12 @@ fn step(near: f64, far: f64) -> Frame {
     frame(|x, _| (if x < 100 { near } else { far }, 0.95, [0.0, 0.0, -1.0]))
 }
 
-fn seen_by(workers: &dyn Workers, options: &str, frame: Frame, seed: u64) -> Frame {
+fn seen_by(workers: &dyn Workers, options: &str, frame: Products, seed: u64) -> Frame {
     let view = view(SIZE, FOCAL_PX, Exposure::Fixed { ev100: 9.0 });
     sense(&*sensor("depth_camera", options), &view, frame, seed, workers)
 }
 
-fn depth(options: &str, frame: Frame) -> Plane<f32> {
+fn depth(options: &str, frame: Products) -> Plane<f32> {
     seen_by(&Serial, options, frame, 3).get(DEPTH_SENSED).expect("made").clone()
 }
 
@@ -64,7 +64,7 @@ fn the_stream_decides_threads_do_not_and_clean_depth_is_kept() {
         let options = format!("model = \"{model}\"\nnoise = {{ uniform = [0.5, 1.5] }}\ndropout = 0.05");
         let see = |workers: &dyn Workers, seed| seen_by(workers, &options, step(0.9, 1.4), seed);
         let (one, three, other) = (see(&Serial, 1), see(&Threads(3), 1), see(&Serial, 2));
-        let of = |frame: &Frame| frame.get(DEPTH_SENSED).expect("made").clone();
+        let of = |frame: &Products| frame.get(DEPTH_SENSED).expect("made").clone();
         assert_eq!(of(&one), of(&three), "{model}");
         assert_ne!(of(&one), of(&other), "{model}");
         assert_eq!(one.get(DEPTH).expect("there"), step(0.9, 1.4).get(DEPTH).expect("there"));
@@ -201,7 +201,7 @@ fn dark_and_steep_surfaces_give_no_light_back() {
 
 #[test]
 fn lateral_noise_becomes_depth_on_a_slope() {
-    // A plane that falls away by dz/dx = 1 at 1 m: a shift by s pixels is s / f metres of depth.
+    // A plane that falls away by dz/dx = 1 at 1 m: a shift by s pixels is s / f meters of depth.
     let sloped = frame(|x, _| {
         let u = (f64::from(x) + 0.5 - 80.0) / 1e4;
         (1.0 / (1.0 - u), 0.95, [std::f32::consts::FRAC_1_SQRT_2, 0.0, -std::f32::consts::FRAC_1_SQRT_2])

@@ -17,7 +17,7 @@ const FOCAL_PX: f64 = 90.0;
 
 fn taken_by(workers: &dyn Workers, options: &str, radiance: Plane<[f32; 3]>, exposure: Exposure) -> Frame {
     let view = view([radiance.width(), radiance.height()], FOCAL_PX, exposure);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     frame.put(RADIANCE, radiance).expect("first");
     sense(&*sensor("rgb_camera", options), &view, frame, 5, workers)
 }

@@ -44,7 +44,7 @@ impl Config for Exr {
     type Stage = dyn Writer;
     const KIND: &'static str = "exr";
     const EXAMPLE: &'static str = "include = [\"radiance\", \"depth\", \"normal\"]\nhalf = false";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         include::check_unique(&self.include)?;
         Ok(Box::new(self))
     }
@@ -66,7 +66,7 @@ struct ExrScene {
 }
 
 impl SceneWriter for ExrScene {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         let precision = if self.config.half { Precision::Half } else { Precision::Float };
         include::write_images(&self.config.include, &self.output, "exr", site, frame, |kind, value| {
             Coding::of(kind).map_err(Error::new)?.encode(value, precision)

@@ -12,36 +12,36 @@ pub fn names(include: &[ProductName]) -> Vec<String> {
 }
 
 /// Refuses a list that names a product twice.
-pub fn check_unique(include: &[ProductName]) -> Result<(), Invalid> {
+pub fn check_unique(include: &[ProductName]) -> Result<(), ConfigError> {
     let mut seen = BTreeSet::new();
     match include.iter().enumerate().find(|(_, name)| !seen.insert(name.as_str())) {
         None => Ok(()),
         Some((i, name)) => {
             let message = format!("`{}` is included twice", name.as_str());
-            Err(Invalid::new(format!("include[{i}]"), message).help("remove one of them"))
+            Err(ConfigError::new(format!("include[{i}]"), message).help("remove one of them"))
         }
     }
 }
 
 /// Refuses products whose name is a field of the writer's own records.
-pub fn check_free(include: &[ProductName], taken: &[&str]) -> Result<(), Invalid> {
+pub fn check_free(include: &[ProductName], taken: &[&str]) -> Result<(), ConfigError> {
     match include.iter().enumerate().find(|(_, name)| taken.contains(&name.as_str())) {
         None => Ok(()),
         Some((i, name)) => {
             let message = format!("a product named `{}` has the name of a field of this writer", name.as_str());
-            Err(Invalid::new(format!("include[{i}]"), message).help("write it with another writer, such as npy"))
+            Err(ConfigError::new(format!("include[{i}]"), message).help("write it with another writer, such as npy"))
         }
     }
 }
 
 /// The key of a product.
-pub fn key(frame: &Frame, name: &str) -> Result<KeyId> {
+pub fn key(frame: &Products, name: &str) -> Result<KeyId> {
     let key = frame.keys().into_iter().find(|key| key.name == name);
     key.ok_or_else(|| Error::new(format!("product `{name}` has not been made")))
 }
 
 /// Whether a product is made once per scene.
-pub fn of_scene(frame: &Frame, name: &str) -> bool {
+pub fn of_scene(frame: &Products, name: &str) -> bool {
     key(frame, name).is_ok_and(|key| key.scope == Scope::Scene)
 }
 
@@ -52,7 +52,7 @@ pub fn write_images(
     output: &Output,
     extension: &str,
     site: &Site,
-    frame: &Frame,
+    frame: &Products,
     encode: impl Fn(&Kind, &Value) -> Result<Vec<u8>>,
 ) -> Result<()> {
     let view = view_name(site.scene.id, view(site)?.id);

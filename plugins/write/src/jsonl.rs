@@ -51,7 +51,7 @@ impl Config for Jsonl {
     type Stage = dyn Writer;
     const KIND: &'static str = "jsonl";
     const EXAMPLE: &'static str = "include = [\"camera\", \"object_info\", \"occlusion_rate\"]\nper = \"view\"";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         include::check_unique(&self.include)?;
         include::check_free(&self.include, &["scene", "view", "views"])?;
         Ok(Box::new(self))
@@ -92,7 +92,7 @@ struct JsonlScene {
 }
 
 impl SceneWriter for JsonlScene {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         let mut record = Map::new();
         if self.per == LinePer::View {
             record.insert("scene".into(), site.scene.id.0.into());
@@ -125,7 +125,7 @@ impl SceneWriter for JsonlScene {
 }
 
 /// A product as JSON.
-pub(crate) fn json(frame: &Frame, name: &str) -> Result<Json> {
+pub(crate) fn json(frame: &Products, name: &str) -> Result<Json> {
     serde_json::to_value(frame.value(name)?)
         .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")).context(format!("product `{name}`")))
 }

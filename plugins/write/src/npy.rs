@@ -39,7 +39,7 @@ impl Config for Npy {
     type Stage = dyn Writer;
     const KIND: &'static str = "npy";
     const EXAMPLE: &'static str = "include = [\"depth\", \"amodal_mask\", \"occlusion_order\"]";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         include::check_unique(&self.include)?;
         Ok(Box::new(self))
     }
@@ -61,7 +61,7 @@ struct NpyScene {
 }
 
 impl SceneWriter for NpyScene {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         let view = view(site)?;
         let name_of_view = view_name(site.scene.id, view.id);
         for name in &self.include {

@@ -47,7 +47,7 @@ impl Config for Png {
     type Stage = dyn Writer;
     const KIND: &'static str = "png";
     const EXAMPLE: &'static str = "include = [\"rgb\", \"depth\", \"visible_mask\"]";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         include::check_unique(&self.include)?;
         Ok(Box::new(self))
     }
@@ -69,7 +69,7 @@ struct PngScene {
 }
 
 impl SceneWriter for PngScene {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         include::write_images(&self.config.include, &self.output, "png", site, frame, |kind, value| {
             Coding::of(kind).map_err(Error::new)?.image(value, self.config.depth_scale_mm)?.encode()
         })

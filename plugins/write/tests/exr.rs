@@ -19,7 +19,7 @@ const THICKNESS: Key<PerInstance<Value>> = Key::view("thickness", "thickness of 
 fn foreign() -> Take {
     let mut take = take(0, 3, &[Crowd::Random]);
     let (view, known) = take.views.remove(0);
-    let mut frame = Frame::of_view(known);
+    let mut frame = Products::of_view(known);
     let mut stream = Stream::root(4);
     let mut number = || f32::from_bits(stream.below(1 << 32) as u32);
     frame.put(HEAT, Plane::from_fn(64, 48, |_, _| number())).expect("first");

@@ -293,7 +293,7 @@ fn debug_masks_are_named_by_spawn_number() {
 fn labels_that_disagree_are_an_error() {
     let (writer, dataset) = (writer("syntable", "").expect("good options"), dataset(1, 1));
     let mut take = take(0, 3, &[Crowd::Hidden]);
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     let source = &take.views[0].1;
     for_each_label(&mut frame, source);
     take.views[0].1 = std::sync::Arc::new(frame);
@@ -302,7 +302,7 @@ fn labels_that_disagree_are_an_error() {
     assert!(error.contains("is in `occlusion_order` but not in `amodal_mask`"), "{error}");
 
     /// All products but the amodal masks.
-    fn for_each_label(frame: &mut Frame, source: &Frame) {
+    fn for_each_label(frame: &mut Products, source: &Products) {
         macro_rules! copy {
             ($($key:expr),*) => {$( frame.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
         }

@@ -45,7 +45,7 @@ fn object(name: &str, mesh: Arc<Mesh>, materials: Vec<Material>) -> Arc<Object> 
         collision: None,
         mass_kg: 1.0,
         friction: 0.5,
-        licence: "CC0-1.0".into(),
+        license: "CC0-1.0".into(),
         digest: Digest::of(name.as_bytes()),
     })
 }
@@ -74,8 +74,8 @@ fn rich() -> Material {
         share: Scalar::constant(0.875),
         volume: Some(Volume { attenuation_color: [0.5, 0.25, 1.0], attenuation_distance_m: 0.02 }),
     });
-    material.licence = "CC-BY-4.0".into();
-    material.sealed()
+    material.license = "CC-BY-4.0".into();
+    material.with_digest()
 }
 
 fn pose(turn: [f64; 3], at: [f64; 3]) -> Pose {
@@ -86,15 +86,15 @@ fn scene() -> Scene {
     let mesh = Arc::new(crate_mesh());
     let shared = object("crate", mesh.clone(), vec![Material::plain("plain", [0.2; 3], 0.4), rich()]);
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
     let mut add = |object: &Arc<Object>, world_from_body, role, surface| {
         let asset = AssetRef { pool: "pool".into(), name: object.name.clone() };
         let draft = BodyDraft::new(asset, object.clone(), world_from_body, role, Motion::Fixed);
-        builder.add(draft.with_surface(surface));
+        builder.add(draft.with_material_override(surface));
     };
     add(&shared, pose([0.3, -0.7, 2.0], [0.1, 0.2, 0.9]), Role::Object, None);
     add(&shared, pose([1.0, 0.0, 0.0], [-0.3, 0.1, 0.8]), Role::Object, None);
-    let wood = Arc::new(Material { tile_m: 0.5, ..rich() }.sealed());
+    let wood = Arc::new(Material { tile_m: 0.5, ..rich() }.with_digest());
     let boxed = TextureMapping::Box { rotation: FRAC_PI_2 as f32, offset: [0.125, 0.0] };
     add(
         &shared,
@@ -121,13 +121,13 @@ fn view(number: u32) -> View {
         exposure: Exposure::Fixed { ev100: 7.0 },
         lights: vec![
             Light::Sphere(SphereLight {
-                centre: Point3::new(0.5, -1.0, 3.0),
+                center: Point3::new(0.5, -1.0, 3.0),
                 radius: 0.2,
                 radiance: [500.0, 400.0, 300.0],
             }),
-            Light::Rect(RectLight { centre: Point3::new(0.0, 0.0, 2.5), half_u, half_v, radiance: [1000.0; 3] }),
+            Light::Rect(RectLight { center: Point3::new(0.0, 0.0, 2.5), half_u, half_v, radiance: [1000.0; 3] }),
             Light::Disk(DiskLight {
-                centre: Point3::new(1.0, 0.0, 2.5),
+                center: Point3::new(1.0, 0.0, 2.5),
                 normal: -Vector3::z(),
                 radius: 0.1,
                 radiance: [2e3; 3],
@@ -147,7 +147,7 @@ fn write(options: &str) -> BTreeMap<String, Vec<u8>> {
     let mut scene_writer = writer.scene(&site, Output::new(folder.path(), "gltf", scene.id)).expect("starts");
     for view in &views {
         site.view = Some(view);
-        scene_writer.view(&site, &Frame::new()).expect("a view");
+        scene_writer.view(&site, &Products::new()).expect("a view");
     }
     scene_writer.close().expect("closes");
     files(folder.path())

@@ -95,7 +95,8 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
     };
     let code = match error.fault {
         Fault::Unknown => {
-            let diagnostic = DiagnosticBuilder::error(Code::UnknownProduct, span, format!("unknown product `{}`", error.product));
+            let diagnostic =
+                DiagnosticBuilder::error(Code::UnknownProduct, span, format!("unknown product `{}`", error.product));
             let known: Vec<&str> = error.known.iter().map(String::as_str).collect();
             let diagnostic = diagnostic.label(match said {
                 Some(_) => did_you_mean(&error.product, known.iter().copied()),

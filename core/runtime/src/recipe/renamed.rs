@@ -23,8 +23,12 @@ pub(crate) struct RenamedNames<'r> {
 }
 
 /// All names that have changed.
-pub(crate) const RENAMED: RenamedNames<'static> =
-    RenamedNames { pool: &[("centre", "center"), ("licence", "license")], dataset: &[], kinds: &[], products: PRODUCTS };
+pub(crate) const RENAMED: RenamedNames<'static> = RenamedNames {
+    pool: &[("centre", "center"), ("licence", "license")],
+    dataset: &[],
+    kinds: &[],
+    products: PRODUCTS,
+};
 
 impl RenamedNames<'_> {
     /// The error for an old kind.

@@ -257,8 +257,11 @@ impl Pinhole {
     fn validate(&self) -> Result<(), ConfigError> {
         if self.clip_m[0] >= self.clip_m[1] {
             let [near, far] = self.clip_m;
-            return Err(ConfigError::new("clip_m[1]", format!("the far distance {far} is not beyond the near one {near}"))
-                .help("write the smaller distance first"));
+            return Err(ConfigError::new(
+                "clip_m[1]",
+                format!("the far distance {far} is not beyond the near one {near}"),
+            )
+            .help("write the smaller distance first"));
         }
         Ok(())
     }

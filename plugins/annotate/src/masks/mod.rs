@@ -12,7 +12,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{BitPlane, OcclusionOrder};
 
 /// Visible, amodal and occlusion masks, occlusion rates and the occlusion order matrix (OOAM), all from one ray per
-/// pixel centre, so that the occlusion mask is exactly the amodal mask minus the visible mask.
+/// pixel center, so that the occlusion mask is exactly the amodal mask minus the visible mask.
 ///
 /// An object with no amodal pixel in the image is never annotated. `label_policy` states these options in the output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -69,7 +69,7 @@ impl Config for Masks {
     type Stage = dyn Annotator;
     const KIND: &'static str = "masks";
     const EXAMPLE: &'static str = "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 0";
-    fn build(self) -> Result<Box<dyn Annotator>, Invalid> {
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -87,7 +87,7 @@ impl Annotator for Masks {
         keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, LABEL_POLICY]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Frame) -> Result<()> {
+    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
         let objects = site.scene.objects().len();
         let coverage = frame.get(self.coverage())?;
         check_objects(coverage, objects)?;
@@ -170,7 +170,7 @@ impl Masks {
             TableAndRoom::Clip => ("clip", "what table and room hide of an object is not in its amodal mask"),
         };
         let statement = format!(
-            "masks are taken at pixel centres and end at the image's edges; {amodal}; occlusion mask = amodal minus \
+            "masks are taken at pixel centers and end at the image's edges; {amodal}; occlusion mask = amodal minus \
              visible; {rate}; objects with no amodal pixel in the image, with fewer than {} visible pixels or with a \
              rate above {} are not annotated",
             self.min_visible_px, self.max_occlusion_rate

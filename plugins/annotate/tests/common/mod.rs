@@ -47,11 +47,11 @@ impl World {
             collision: None,
             mass_kg: 0.25,
             friction: 0.5,
-            licence: "CC0-1.0".into(),
+            license: "CC0-1.0".into(),
             digest: Digest::of(b"tetra"),
         });
         let mut builder = SceneBuilder::default();
-        builder.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+        builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
         let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
         let mut add = |role, x: f64| {
             let pose = Pose::translation(x, 0.0, 0.7);

@@ -204,7 +204,8 @@ fn bop_models_agree_with_the_index() {
             let name = row[0].trim_start_matches("bop/").replace("/models/", "/").replace(".ply", "");
             let (object, warnings) = load(&*source, &name);
             // The scan of LM-O has a few faces that are turned over.
-            let turned = name.starts_with("lmo") && warnings.iter().all(|warning| warning.contains("oriented inconsistently"));
+            let turned =
+                name.starts_with("lmo") && warnings.iter().all(|warning| warning.contains("oriented inconsistently"));
             assert!(warnings.is_empty() || turned, "{name}: {warnings:?}");
             let millimeters: Vec<f64> = numbers(&row[1]).iter().map(|x| x * 1e-3).collect();
             check_size(&name, &object, &millimeters, 0.000_051);

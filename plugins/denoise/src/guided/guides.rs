@@ -95,9 +95,9 @@ fn around(at: usize, stride: usize) -> [usize; 8] {
     [up - 1, up, up + 1, at - 1, at + 1, down - 1, down, down + 1]
 }
 
-fn border_of(ids: &Chunk, neighbours: [&Chunk; 8]) -> Chunk {
+fn border_of(ids: &Chunk, neighbors: [&Chunk; 8]) -> Chunk {
     std::array::from_fn(|i| {
-        let other = neighbours.iter().any(|ids_there| ids_there[i] != NOTHING && ids_there[i] != ids[i]);
+        let other = neighbors.iter().any(|ids_there| ids_there[i] != NOTHING && ids_there[i] != ids[i]);
         if ids[i] >= 0.0 && other { 1.0 } else { 0.0 }
     })
 }

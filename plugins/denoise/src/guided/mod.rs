@@ -25,8 +25,8 @@ use smooth::Level;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, LEAST_TINT, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE,
-    RADIANCE_UNTINTED, RADIANCE_UNTINTED_VARIANCE,
+    DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
+    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
 use tuning::Tuning;
 
@@ -66,12 +66,12 @@ impl Config for Guided {
     type Stage = dyn Denoiser;
     const KIND: &'static str = "guided";
     const EXAMPLE: &'static str = "strength = 1.0\nlevels = 4";
-    fn build(self) -> Result<Box<dyn Denoiser>, Invalid> {
+    fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
         if !(0.1..=10.0).contains(&self.strength) {
-            return Err(Invalid::new("strength", format!("`strength = {}` is not from 0.1 to 10", self.strength)));
+            return Err(ConfigError::new("strength", format!("`strength = {}` is not from 0.1 to 10", self.strength)));
         }
         if !(1..=LEVELS).contains(&self.levels) {
-            return Err(Invalid::new("levels", format!("`levels = {}` is not from 1 to 5", self.levels)));
+            return Err(ConfigError::new("levels", format!("`levels = {}` is not from 1 to 5", self.levels)));
         }
         Ok(Box::new(self))
     }
@@ -80,24 +80,24 @@ impl Config for Guided {
 impl Denoiser for Guided {
     fn guides(&self) -> Vec<KeyId> {
         keys![
-            ALBEDO_MEAN,
-            NORMAL_MEAN,
+            DENOISE_ALBEDO,
+            DENOISE_NORMAL,
             DEPTH,
             INSTANCE,
-            RADIANCE_GLOSS,
-            RADIANCE_GLOSS_VARIANCE,
-            RADIANCE_UNTINTED,
-            RADIANCE_UNTINTED_VARIANCE
+            RADIANCE_SPECULAR,
+            RADIANCE_SPECULAR_VARIANCE,
+            RADIANCE_DEMODULATED,
+            RADIANCE_DEMODULATED_VARIANCE
         ]
     }
 
-    fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised> {
+    fn denoise(&self, rendered: &Products, workers: &dyn Workers) -> Result<Denoised> {
         let input = Input {
             radiance: rendered.get(RADIANCE)?,
-            parts: [rendered.get(RADIANCE_UNTINTED)?, rendered.get(RADIANCE_GLOSS)?],
-            variances: [rendered.get(RADIANCE_UNTINTED_VARIANCE)?, rendered.get(RADIANCE_GLOSS_VARIANCE)?],
-            albedo: rendered.get(ALBEDO_MEAN)?,
-            normal: rendered.get(NORMAL_MEAN)?,
+            parts: [rendered.get(RADIANCE_DEMODULATED)?, rendered.get(RADIANCE_SPECULAR)?],
+            variances: [rendered.get(RADIANCE_DEMODULATED_VARIANCE)?, rendered.get(RADIANCE_SPECULAR_VARIANCE)?],
+            albedo: rendered.get(DENOISE_ALBEDO)?,
+            normal: rendered.get(DENOISE_NORMAL)?,
             depth: rendered.get(DEPTH)?,
             instance: rendered.get(INSTANCE)?,
         };
@@ -213,7 +213,7 @@ impl Input<'_> {
     /// Divisor of the diffuse part.
     fn factor(&self, pixel: usize) -> [f32; 3] {
         self.albedo.data()[pixel]
-            .map(|albedo| LEAST_TINT + if albedo.is_finite() { albedo.clamp(0.0, 1.0) } else { 1.0 })
+            .map(|albedo| DEMODULATION_EPSILON + if albedo.is_finite() { albedo.clamp(0.0, 1.0) } else { 1.0 })
     }
 
     /// A pixel's light of a part. At the `border` of bodies color and light change together, so that the color is taken

@@ -7,7 +7,7 @@ use parking_lot::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO_MEAN, NORMAL_MEAN, RADIANCE};
+use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE};
 
 /// Time against quality, as Open Image Denoise has it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -66,7 +66,7 @@ impl Config for Oidn {
     type Stage = dyn Denoiser;
     const KIND: &'static str = "oidn";
     const EXAMPLE: &'static str = "library = \"${OIDN_LIBRARY}\"\nquality = \"high\"";
-    fn build(self) -> Result<Box<dyn Denoiser>, Invalid> {
+    fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
         Ok(Box::new(OidnDenoiser { options: self, device: Mutex::new(None) }))
     }
 }
@@ -79,18 +79,18 @@ struct OidnDenoiser {
 
 impl Denoiser for OidnDenoiser {
     fn guides(&self) -> Vec<KeyId> {
-        keys![ALBEDO_MEAN, NORMAL_MEAN]
+        keys![DENOISE_ALBEDO, DENOISE_NORMAL]
     }
 
     fn ready(&self) -> Result<()> {
         self.open(1).map(drop)
     }
 
-    fn denoise(&self, rendered: &Frame, workers: &dyn Workers) -> Result<Denoised> {
+    fn denoise(&self, rendered: &Products, workers: &dyn Workers) -> Result<Denoised> {
         let Oidn { library, quality, clean_guides } = &self.options;
         let mut radiance = rendered.get(RADIANCE)?.map(|pixel| pixel.map(finite));
-        let mut albedo = rendered.get(ALBEDO_MEAN)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
-        let mut normal = rendered.get(NORMAL_MEAN)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
+        let mut albedo = rendered.get(DENOISE_ALBEDO)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
+        let mut normal = rendered.get(DENOISE_NORMAL)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
         let scale = 1.0 / white(radiance.data());
         let mut held = self.device.lock();
         let device = match &mut *held {

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    ALBEDO_MEAN, DEPTH, INSTANCE, NORMAL_MEAN, RADIANCE, RADIANCE_GLOSS, RADIANCE_GLOSS_VARIANCE, RADIANCE_UNTINTED,
-    RADIANCE_UNTINTED_VARIANCE,
+    DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
+    RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
 use syntable_render_cpu::{CpuPath, CpuPathRenderer};
 use syntable_testing::room;
@@ -33,14 +33,14 @@ impl Room {
     pub fn frame(&self, samples_per_pixel: u32, seed: u64) -> Frame {
         let wants: [KeyId; 9] = [
             RADIANCE.id(),
-            ALBEDO_MEAN.id(),
-            NORMAL_MEAN.id(),
+            DENOISE_ALBEDO.id(),
+            DENOISE_NORMAL.id(),
             DEPTH.id(),
             INSTANCE.id(),
-            RADIANCE_GLOSS.id(),
-            RADIANCE_GLOSS_VARIANCE.id(),
-            RADIANCE_UNTINTED.id(),
-            RADIANCE_UNTINTED_VARIANCE.id(),
+            RADIANCE_SPECULAR.id(),
+            RADIANCE_SPECULAR_VARIANCE.id(),
+            RADIANCE_DEMODULATED.id(),
+            RADIANCE_DEMODULATED_VARIANCE.id(),
         ];
         // As recipes have it: caustics converge too slowly for a reference.
         let options = CpuPath { samples_per_pixel, regularize: 0.3, ..CpuPath::default() };
@@ -48,7 +48,7 @@ impl Room {
         session.load(&self.scene, &Threads(2)).expect("loads");
         let stream = Stream::root(seed);
         let request = RenderRequest { view: &self.view, wants: &wants, stream, workers: &Threads(2) };
-        let mut frame = Frame::new();
+        let mut frame = Products::new();
         session.render(&request, &mut frame).expect("renders");
         frame
     }

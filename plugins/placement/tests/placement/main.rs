@@ -74,7 +74,7 @@ impl Assets for Pools {
             collision: None,
             mass_kg: 1.0,
             friction: 0.5,
-            licence: String::new(),
+            license: String::new(),
             digest: Digest::of(asset.name.as_bytes()),
         }))
     }
@@ -107,7 +107,7 @@ fn objects(scene: &SceneBuilder) -> Vec<&BodyDraft> {
 }
 
 fn center(body: &BodyDraft) -> Point3<f64> {
-    body.world_from_body * body.object.mesh.bounds().centre()
+    body.world_from_body * body.object.mesh.bounds().center()
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn a_room_encloses_the_table_and_every_surface_draws_its_own_material() {
 fn a_table_stands_on_the_floor_in_the_center() {
     let (scene, _) = place(&[&*table()], 1).expect("placed");
     let top = scene.tabletop.expect("a tabletop");
-    assert!((Vector3::from(top.centre) - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
+    assert!((Vector3::from(top.center) - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
     assert!((top.size[0] - 1.2).abs() < 1e-6 && (top.size[1] - 0.8).abs() < 1e-6, "{top:?}");
     let (_, body) = scene.bodies().next().expect("a body");
     assert_eq!((body.role, body.motion, body.surface.is_none()), (Role::Support, Motion::Fixed, true));

@@ -55,7 +55,7 @@ fn a_room_can_be_longer_than_wide() {
         let inside = syntable_model::geometry::space_around(&Point3::new(0.3, 0.2, 1.0), boxes.iter().copied());
         let size = inside.size();
         assert!((size.x - 4.0).abs() < 1e-5 && (size.z - 3.0).abs() < 1e-5 && (5.0..9.0).contains(&size.y), "{size}");
-        assert!(inside.centre().coords.xy().norm() < 1e-5);
+        assert!(inside.center().coords.xy().norm() < 1e-5);
         lengths.insert((size.y * 1e6) as u64);
         // Nothing is left open and nothing doubled: the parts fill the shell.
         let filled: f64 = boxes.iter().map(|b| b.size().iter().product::<f64>()).sum();
@@ -139,9 +139,9 @@ fn distractors_come_after_objects_and_before_the_table() {
     let (scene, _) = place(&[&*room, &*table, &*unlabelled, &*floor, &*drop], 2).expect("placed");
     assert_eq!(objects(&scene).iter().map(|body| body.spawn).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     let scene = scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
-    assert_eq!((scene.objects().len(), scene.things().len(), scene.bodies().len()), (5, 12, 19));
+    assert_eq!((scene.objects().len(), scene.foreground().len(), scene.bodies().len()), (5, 12, 19));
     let roles: Vec<Role> = scene.bodies().iter().map(|body| body.role).collect();
     assert_eq!(roles[5..12], [Role::Distractor; 7]);
-    let moving = scene.things()[5..].iter().filter(|body| body.motion == Motion::Dynamic).count();
+    let moving = scene.foreground()[5..].iter().filter(|body| body.motion == Motion::Dynamic).count();
     assert_eq!(moving, 3);
 }

@@ -85,7 +85,7 @@ impl Binary {
     /// (many equal boxes, exponential spacing) whose good tree would be too deep for the stack.
     fn by_halves(boxes: &[Bounds]) -> Self {
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let centre = |i: u32, axis: usize| {
+        let center = |i: u32, axis: usize| {
             let b = &boxes[i as usize];
             b.lo[axis] * 0.5 + b.hi[axis] * 0.5
         };
@@ -106,7 +106,7 @@ impl Binary {
             } else {
                 let size = |axis: usize| bounds.hi[axis] - bounds.lo[axis];
                 let axis = (0..3).fold(0, |best, a| if size(a) > size(best) { a } else { best });
-                items.sort_unstable_by(|&a, &b| centre(a, axis).total_cmp(&centre(b, axis)).then(a.cmp(&b)));
+                items.sort_unstable_by(|&a, &b| center(a, axis).total_cmp(&center(b, axis)).then(a.cmp(&b)));
                 let middle = range.start + range.len() / 2;
                 pending.push((middle..range.end, Some((number, true))));
                 pending.push((range.start..middle, Some((number, false))));

@@ -58,10 +58,10 @@ impl Soup {
     fn random(random: &mut Random, count: usize, size: f32) -> Self {
         let mut soup = Self { positions: Vec::new(), triangles: Vec::new() };
         for number in 0..count as u32 {
-            let centre = random.point(1.0);
+            let center = random.point(1.0);
             for _ in 0..3 {
                 let offset = random.point(size);
-                soup.positions.push([0, 1, 2].map(|a| centre[a] + offset[a]));
+                soup.positions.push([0, 1, 2].map(|a| center[a] + offset[a]));
             }
             soup.triangles.push([3 * number, 3 * number + 1, 3 * number + 2]);
         }
@@ -361,8 +361,8 @@ fn no_ray_passes_through_a_closed_ball() {
         let place = if case == 0 { IDENTITY } else { random.affine() };
         let scene = scene(&[(ball.clone(), place)]);
         let world: Vec<[f32; 3]> = ball.positions.iter().map(|&p| super::ray::transform_point(&place, p)).collect();
-        let centre = [0, 1, 2].map(|r| place[r][3]);
-        for inside in [centre, [0, 1, 2].map(|r| centre[r] + 0.1 * random.signed())] {
+        let center = [0, 1, 2].map(|r| place[r][3]);
+        for inside in [center, [0, 1, 2].map(|r| center[r] + 0.1 * random.signed())] {
             let check = |target: [f32; 3]| {
                 let out = ray(inside, [0, 1, 2].map(|a| target[a] - inside[a]));
                 assert!(scene.any(&out, 0.0, FAR), "{out:?} leaves the ball");

@@ -11,12 +11,12 @@ use syntable_model::scene::{
 };
 use syntable_simd::vec3;
 
-fn sphere(centre: [f64; 3], radius: f64, nits: f64) -> Light {
-    Light::Sphere(SphereLight { centre: centre.into(), radius, radiance: [nits; 3] })
+fn sphere(center: [f64; 3], radius: f64, nits: f64) -> Light {
+    Light::Sphere(SphereLight { center: center.into(), radius, radiance: [nits; 3] })
 }
 
-fn rect(centre: [f64; 3], half_u: [f64; 3], half_v: [f64; 3], nits: f64) -> RectLight {
-    RectLight { centre: centre.into(), half_u: half_u.into(), half_v: half_v.into(), radiance: [nits; 3] }
+fn rect(center: [f64; 3], half_u: [f64; 3], half_v: [f64; 3], nits: f64) -> RectLight {
+    RectLight { center: center.into(), half_u: half_u.into(), half_v: half_v.into(), radiance: [nits; 3] }
 }
 
 /// Irradiance at a point by sampling the lights, with its standard error.
@@ -150,7 +150,7 @@ fn a_disk_gives_the_closed_form_on_its_axis_and_hides_its_back() {
     for (height, radius) in [(1.0, 0.3), (0.2, 1.0), (5.0, 0.1)] {
         let disk = |down: f64| {
             let normal = Vector3::new(0.0, 0.0, -down);
-            Light::Disk(DiskLight { centre: Point3::new(0.4, -0.2, height), normal, radius, radiance: [70.0; 3] })
+            Light::Disk(DiskLight { center: Point3::new(0.4, -0.2, height), normal, radius, radiance: [70.0; 3] })
         };
         let want = PI * 70.0 * radius * radius / (radius * radius + height * height);
         check(&[disk(1.0)], [0.4, -0.2, 0.0], [0.0, 0.0, 1.0], want);

@@ -1,7 +1,7 @@
 //! Per-pixel accumulators for radiance, denoising guides and variance.
 
 use syntable_model::photometry::luminance;
-use syntable_model::product::standard::LEAST_TINT;
+use syntable_model::product::standard::DEMODULATION_EPSILON;
 
 /// Sums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -62,7 +62,7 @@ impl PixelSums {
     /// Adds the parts of a sample: the specular radiance, and the rest demodulated by the albedo.
     #[inline(always)]
     pub fn add_parts(&mut self, radiance: [f32; 3], specular: [f32; 3], albedo: [f32; 3]) {
-        let untinted = std::array::from_fn(|c| (radiance[c] - specular[c]) / (albedo[c] + LEAST_TINT));
+        let untinted = std::array::from_fn(|c| (radiance[c] - specular[c]) / (albedo[c] + DEMODULATION_EPSILON));
         self.specular.add(specular);
         self.untinted.add(untinted);
     }

@@ -22,13 +22,13 @@ fn room() -> (std::sync::Arc<Scene>, View) {
         body(&wall, at(-1.2, 0.0, 1.0), Role::Room),
     ]);
     let panel = RectLight {
-        centre: Point3::new(0.2, 0.1, 1.6),
+        center: Point3::new(0.2, 0.1, 1.6),
         half_u: Vector3::new(0.0, 0.5, 0.0),
         half_v: Vector3::new(0.7, 0.0, 0.2),
         radiance: [30.0, 28.0, 24.0],
     };
-    let globe = SphereLight { centre: Point3::new(1.0, -0.8, 0.5), radius: 0.3, radiance: [12.0, 18.0, 30.0] };
-    let sunk = SphereLight { centre: Point3::new(-1.2, 0.5, 0.7), radius: 0.25, radiance: [20.0, 6.0, 6.0] };
+    let globe = SphereLight { center: Point3::new(1.0, -0.8, 0.5), radius: 0.3, radiance: [12.0, 18.0, 30.0] };
+    let sunk = SphereLight { center: Point3::new(-1.2, 0.5, 0.7), radius: 0.25, radiance: [20.0, 6.0, 6.0] };
     let lights = vec![Light::Rect(panel), Light::Sphere(globe), Light::Sphere(sunk)];
     (scene, view(24, 18, 18.0, [1.2, -1.6, 1.3], [0.0, 0.1, 0.3], lights))
 }
@@ -42,7 +42,7 @@ fn estimate(strategy: Strategy, samples: u32, pictures: u64) -> (Plane<[f32; 3]>
     let mut sums = vec![[0.0_f64; 2]; 24 * 18];
     let mut last = None;
     for number in 0..pictures {
-        let mut frame = Frame::new();
+        let mut frame = Products::new();
         let stream = Stream::root(100).at(number);
         let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(2) };
         session.render(&request, &mut frame).expect("renders");

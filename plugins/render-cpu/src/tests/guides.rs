@@ -22,7 +22,7 @@ fn mirror_scene() -> (Arc<Scene>, View) {
         body(&object("wall", cuboid([2.0, 0.05, 2.0]), matte(0.4)), at(0.0, 1.6, 0.0), Role::Room),
     ]);
     let panel = RectLight {
-        centre: Point3::new(0.0, 0.0, 2.0),
+        center: Point3::new(0.0, 0.0, 2.0),
         half_u: Vector3::new(0.0, 0.4, 0.0),
         half_v: Vector3::new(0.4, 0.0, 0.0),
         radiance: [40.0; 3],
@@ -52,7 +52,7 @@ fn checked_floor() -> (Arc<Scene>, View) {
         Material { base_color: Color::texture(checks), tile_m: 1.0, ..Material::plain("checked", [1.0; 3], 0.6) };
     let floor = body(&object("floor", sheet([2.0, 2.0]), checked), at(0.0, 0.0, 0.0), Role::Object);
     let panel = RectLight {
-        centre: Point3::new(0.5, 0.0, 1.5),
+        center: Point3::new(0.5, 0.0, 1.5),
         half_u: Vector3::new(0.0, 0.2, 0.0),
         half_v: Vector3::new(0.2, 0.0, 0.0),
         radiance: [40.0; 3],
@@ -62,16 +62,16 @@ fn checked_floor() -> (Arc<Scene>, View) {
 
 #[test]
 fn they_are_clean_from_one_sample_on() {
-    let guides: [(Guide, Guide); 2] = [(ALBEDO_MEAN, ALBEDO), (NORMAL_MEAN, NORMAL)];
-    for (name, (scene, view), centre) in [("busy", busy_scene(), true), ("mirror", mirror_scene(), false)] {
-        let wants: Vec<KeyId> = guides.iter().flat_map(|(mean, centre)| [mean.id(), centre.id()]).collect();
+    let guides: [(Guide, Guide); 2] = [(DENOISE_ALBEDO, ALBEDO), (DENOISE_NORMAL, NORMAL)];
+    for (name, (scene, view), center) in [("busy", busy_scene(), true), ("mirror", mirror_scene(), false)] {
+        let wants: Vec<KeyId> = guides.iter().flat_map(|(mean, center)| [mean.id(), center.id()]).collect();
         let true_ones = render(options(512, 1), &scene, &view, &wants);
         let few = render(options(1, 1), &scene, &view, &wants);
         let seven = render(options(7, 1), &scene, &view, &wants);
         let eight = render(options(8, 1), &scene, &view, &wants);
         for (mean, one) in guides {
             let truth = true_ones.get(mean).expect("made");
-            let error = |frame: &Frame| difference(frame.get(mean).expect("made"), truth);
+            let error = |frame: &Products| difference(frame.get(mean).expect("made"), truth);
             // One ray a pixel, as the labels have it, is what a path alone would know; it does not look into mirrors.
             let alone = difference(few.get(one).expect("made"), truth);
             let told = format!(
@@ -83,23 +83,23 @@ fn they_are_clean_from_one_sample_on() {
             );
             assert!(error(&few) < 1.4 * error(&eight) + 0.002, "as good as eight samples: {told}");
             assert!(error(&seven) < 1.2 * error(&eight) + 0.002, "no worse with more: {told}");
-            assert!(!centre || error(&few) < 0.45 * alone, "{told}");
+            assert!(!center || error(&few) < 0.45 * alone, "{told}");
         }
     }
 }
 
 #[test]
-fn a_mirror_has_the_colour_of_what_it_shows() {
+fn a_mirror_has_the_color_of_what_it_shows() {
     let (scene, view) = mirror_scene();
-    let frame = render(options(1, 1), &scene, &view, &[ALBEDO_MEAN.id(), INSTANCE.id()]);
-    let (albedo, ids) = (frame.get(ALBEDO_MEAN).expect("made"), frame.get(INSTANCE).expect("made"));
+    let frame = render(options(1, 1), &scene, &view, &[DENOISE_ALBEDO.id(), INSTANCE.id()]);
+    let (albedo, ids) = (frame.get(DENOISE_ALBEDO).expect("made"), frame.get(INSTANCE).expect("made"));
     let mirror = scene.bodies().iter().find(|body| body.role == Role::Support).expect("there").id;
     let shown: Vec<&[f32; 3]> =
         albedo.data().iter().zip(ids.data()).filter(|(_, id)| **id == mirror).map(|(albedo, _)| albedo).collect();
     // The wall's gray of 0.4, and the ball's red, times the silver's color.
-    for colour in [[0.36, 0.32, 0.28], [0.72, 0.08, 0.07], [0.09, 0.56, 0.14]] {
-        let alike = |albedo: &&&[f32; 3]| (0..3).all(|c| (albedo[c] - colour[c]).abs() < 0.01);
-        assert!(shown.iter().filter(alike).count() > 10, "{colour:?} is not to be seen in the mirror");
+    for color in [[0.36, 0.32, 0.28], [0.72, 0.08, 0.07], [0.09, 0.56, 0.14]] {
+        let alike = |albedo: &&&[f32; 3]| (0..3).all(|c| (albedo[c] - color[c]).abs() < 0.01);
+        assert!(shown.iter().filter(alike).count() > 10, "{color:?} is not to be seen in the mirror");
     }
 }
 
@@ -107,30 +107,30 @@ fn a_mirror_has_the_colour_of_what_it_shows() {
 fn the_light_does_not_know_of_them() {
     let (scene, view) = busy_scene();
     let alone = render(options(2, 4), &scene, &view, &[RADIANCE.id()]);
-    let guided = render(options(2, 4), &scene, &view, &[RADIANCE.id(), ALBEDO_MEAN.id(), RADIANCE_UNTINTED.id()]);
+    let guided = render(options(2, 4), &scene, &view, &[RADIANCE.id(), DENOISE_ALBEDO.id(), RADIANCE_DEMODULATED.id()]);
     assert!(alone.get(RADIANCE).expect("made") == guided.get(RADIANCE).expect("made"));
 }
 
 #[test]
 fn untinted_light_has_no_texture_and_makes_the_picture_with_it() {
     let (scene, view) = checked_floor();
-    let wants = [RADIANCE.id(), RADIANCE_GLOSS.id(), RADIANCE_UNTINTED.id(), ALBEDO_MEAN.id()];
+    let wants = [RADIANCE.id(), RADIANCE_SPECULAR.id(), RADIANCE_DEMODULATED.id(), DENOISE_ALBEDO.id()];
     let frame = render(options(256, 1), &scene, &view, &wants);
     let of = |key: Guide| frame.get(key).expect("made").data();
     let (mut edges, mut contrast) = (0, [0.0_f64; 2]);
     for pixel in 0..of(RADIANCE).len() {
-        let albedo = of(ALBEDO_MEAN)[pixel];
+        let albedo = of(DENOISE_ALBEDO)[pixel];
         // At an edge, uneven light makes the mean of products another than the product of means.
         let whole: [f32; 3] = std::array::from_fn(|c| {
-            of(RADIANCE_UNTINTED)[pixel][c] * (albedo[c] + LEAST_TINT) + of(RADIANCE_GLOSS)[pixel][c]
+            of(RADIANCE_DEMODULATED)[pixel][c] * (albedo[c] + DEMODULATION_EPSILON) + of(RADIANCE_SPECULAR)[pixel][c]
         });
         let radiance = of(RADIANCE)[pixel];
         let near =
             whole.iter().zip(radiance).all(|(whole, radiance)| (whole - radiance).abs() < 0.02 * radiance + 0.001);
         assert!(near, "{whole:?}, not {radiance:?}");
-        if pixel % 40 > 0 && (albedo[0] - of(ALBEDO_MEAN)[pixel - 1][0]).abs() > 0.05 {
+        if pixel % 40 > 0 && (albedo[0] - of(DENOISE_ALBEDO)[pixel - 1][0]).abs() > 0.05 {
             let step = |key: Guide| f64::from(of(key)[pixel][0] / of(key)[pixel - 1][0]).ln().abs();
-            contrast = [contrast[0] + step(RADIANCE_UNTINTED), contrast[1] + step(RADIANCE)];
+            contrast = [contrast[0] + step(RADIANCE_DEMODULATED), contrast[1] + step(RADIANCE)];
             edges += 1;
         }
     }

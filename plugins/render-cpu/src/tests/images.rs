@@ -58,12 +58,12 @@ pub(super) fn busy_scene() -> (Arc<Scene>, View) {
         covered(&object("floor", sheet([1.5, 1.5]), matte(0.5)), at(0.0, 0.0, 0.0), Role::Support, boxed),
     ]);
     let panel = RectLight {
-        centre: Point3::new(0.0, 0.0, 2.0),
+        center: Point3::new(0.0, 0.0, 2.0),
         half_u: Vector3::new(0.0, 0.4, 0.0),
         half_v: Vector3::new(0.4, 0.0, 0.0),
         radiance: [40.0; 3],
     };
-    let globe = SphereLight { centre: Point3::new(0.8, -0.8, 0.8), radius: 0.1, radiance: [90.0, 70.0, 40.0] };
+    let globe = SphereLight { center: Point3::new(0.8, -0.8, 0.8), radius: 0.1, radiance: [90.0, 70.0, 40.0] };
     (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
 }
 
@@ -77,11 +77,11 @@ const ALL: [KeyId; 15] = [
     COVERAGE_BEFORE_SUPPORT_WIDE.id(),
     NORMAL.id(),
     ALBEDO.id(),
-    NORMAL_MEAN.id(),
-    ALBEDO_MEAN.id(),
+    DENOISE_NORMAL.id(),
+    DENOISE_ALBEDO.id(),
     RADIANCE_VARIANCE.id(),
-    RADIANCE_GLOSS.id(),
-    RADIANCE_UNTINTED.id(),
+    RADIANCE_SPECULAR.id(),
+    RADIANCE_DEMODULATED.id(),
     RENDER_REPORT.id(),
 ];
 
@@ -97,7 +97,7 @@ fn any_number_of_workers_gives_the_same_bits() {
     for threads in [2, 3] {
         let many =
             render_with(options(5, 4), Strategy::Combined, &scene, &view, &ALL, &Threads(threads)).expect("renders");
-        for key in [RADIANCE, NORMAL, ALBEDO, RADIANCE_GLOSS, RADIANCE_UNTINTED, ALBEDO_MEAN, NORMAL_MEAN] {
+        for key in [RADIANCE, NORMAL, ALBEDO, RADIANCE_SPECULAR, RADIANCE_DEMODULATED, DENOISE_ALBEDO, DENOISE_NORMAL] {
             let (a, b) = (one.get(key).expect("made"), many.get(key).expect("made"));
             assert!(bits(a) == bits(b), "{} differs; {}", key.name(), keep("workers", &[("one", a), ("many", b)]));
         }
@@ -115,7 +115,7 @@ fn any_number_of_lanes_gives_the_same_bits() {
     let many = render(options(5, 4), &scene, &view, &[RADIANCE.id()]);
     let mut session = crate::CpuPathRenderer::new(options(5, 4)).expect("sound").session().portable();
     session.load(&scene, &Serial).expect("loads");
-    let mut one = Frame::new();
+    let mut one = Products::new();
     let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(7), workers: &Serial };
     session.render(&request, &mut one).expect("renders");
     let (a, b) = (many.get(RADIANCE).expect("made"), one.get(RADIANCE).expect("made"));
@@ -139,7 +139,7 @@ fn the_seed_matters_and_sessions_can_be_used_again() {
     let mut session = crate::CpuPathRenderer::new(options(2, 2)).expect("sound").session();
     let mut picture = |seed: u64| {
         session.load(&scene, &Serial).expect("loads");
-        let mut frame = Frame::new();
+        let mut frame = Products::new();
         let request =
             RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(seed), workers: &Serial };
         session.render(&request, &mut frame).expect("renders");
@@ -156,7 +156,7 @@ fn a_session_without_a_scene_says_so() {
     let mut session = crate::CpuPathRenderer::new(options(1, 1)).expect("sound").session();
     for want in ALL {
         let request = RenderRequest { view: &view, wants: &[want], stream: Stream::root(1), workers: &Serial };
-        let error = session.render(&request, &mut Frame::new()).expect_err("no scene");
+        let error = session.render(&request, &mut Products::new()).expect_err("no scene");
         assert!(error.to_string().contains("no scene was loaded"), "{error}");
     }
 }
@@ -185,13 +185,13 @@ fn textures_are_the_right_way_up_on_every_mapping() {
             assert_eq!(got, want.map(i32::from), "{mapping:?} at ({x}, {y})");
         }
     };
-    let (red, green, blue, grey) = ([255, 0, 0], [0, 255, 0], [0, 0, 255], [128; 3]);
-    check(TextureMapping::Uv(UvTransform::default()), [red, green, blue, grey]);
+    let (red, green, blue, gray) = ([255, 0, 0], [0, 255, 0], [0, 0, 255], [128; 3]);
+    check(TextureMapping::Uv(UvTransform::default()), [red, green, blue, gray]);
     let half = std::f32::consts::PI;
     // Turning coordinates by half a turn about the corner turns the tiled image.
-    check(TextureMapping::Uv(UvTransform { rotation: half, ..Default::default() }), [grey, blue, green, red]);
-    check(TextureMapping::Box { rotation: 0.0, offset: [0.5, 0.5] }, [red, green, blue, grey]);
-    check(TextureMapping::Box { rotation: 0.0, offset: [0.0, 0.5] }, [green, red, grey, blue]);
+    check(TextureMapping::Uv(UvTransform { rotation: half, ..Default::default() }), [gray, blue, green, red]);
+    check(TextureMapping::Box { rotation: 0.0, offset: [0.5, 0.5] }, [red, green, blue, gray]);
+    check(TextureMapping::Box { rotation: 0.0, offset: [0.0, 0.5] }, [green, red, gray, blue]);
 }
 
 #[test]
@@ -251,14 +251,14 @@ fn options_are_checked_and_the_example_builds() {
 #[test]
 fn rounds_give_the_same_picture_as_one_go_and_quiet_tiles_stop_early() {
     let (scene, view) = busy_scene();
-    let wants = [RADIANCE.id(), ALBEDO_MEAN.id(), NORMAL_MEAN.id(), RENDER_REPORT.id()];
+    let wants = [RADIANCE.id(), DENOISE_ALBEDO.id(), DENOISE_NORMAL.id(), RENDER_REPORT.id()];
     let whole = render(options(40, 4), &scene, &view, &wants);
     let never = CpuPath { noise: Some(1e-9), ..options(40, 4) };
     let rounds = render(never, &scene, &view, &wants);
-    for key in [RADIANCE, ALBEDO_MEAN, NORMAL_MEAN] {
+    for key in [RADIANCE, DENOISE_ALBEDO, DENOISE_NORMAL] {
         assert_eq!(whole.get(key).expect("made"), rounds.get(key).expect("made"), "{}", key.name());
     }
-    let samples = |frame: &Frame| {
+    let samples = |frame: &Products| {
         let Value::Record(fields) = frame.get(RENDER_REPORT).expect("made").clone() else { panic!("a record") };
         let field = |name: &str| fields.iter().find(|(key, _)| key == name).expect("there").1.clone();
         (field("samples_min"), field("samples_max"))
@@ -299,7 +299,7 @@ fn bumps_too_fine_to_see_make_a_surface_rougher() {
         let sheet = object("sheet", sheet([1.0, 1.0]), matte(0.5));
         let scene = scene([covered(&sheet, at(0.0, 0.0, 0.0), Role::Object, surface)]);
         let panel = RectLight {
-            centre: Point3::new(0.0, 0.0, 1.5),
+            center: Point3::new(0.0, 0.0, 1.5),
             half_u: Vector3::new(0.0, 0.4, 0.0),
             half_v: Vector3::new(0.4, 0.0, 0.0),
             radiance: [100.0; 3],

@@ -51,7 +51,7 @@ fn check(scene: &Arc<Scene>, view: &View) -> Frame {
     for y in -height..2 * height {
         for x in -width..2 * width {
             let depths = depths(scene, view, f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let support = depths[scene.things().len()..].iter().flatten().fold(f64::INFINITY, |a, &b| a.min(b));
+            let support = depths[scene.foreground().len()..].iter().flatten().fold(f64::INFINITY, |a, &b| a.min(b));
             let first =
                 depths.iter().enumerate().filter_map(|(i, d)| Some((i, (*d)?))).min_by(|a, b| a.1.total_cmp(&b.1));
             for (i, depth) in depths[..objects].iter().enumerate() {

@@ -9,17 +9,17 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::RADIANCE;
 use syntable_model::scene::{Color, Light, Material, RectLight, Role, Scalar, SphereLight};
 
-fn sphere_light(centre: [f64; 3], radius: f64, nits: f64) -> Light {
-    Light::Sphere(SphereLight { centre: centre.into(), radius, radiance: [nits; 3] })
+fn sphere_light(center: [f64; 3], radius: f64, nits: f64) -> Light {
+    Light::Sphere(SphereLight { center: center.into(), radius, radiance: [nits; 3] })
 }
 
 /// Mean radiance over the image.
-fn mean(frame: &Frame) -> [f64; 3] {
+fn mean(frame: &Products) -> [f64; 3] {
     let data = frame.get(RADIANCE).expect("made").data();
     [0, 1, 2].map(|c| data.iter().map(|p| f64::from(p[c])).sum::<f64>() / data.len() as f64)
 }
 
-fn check(test: &str, frame: &Frame, want: f64, tolerance: f64) {
+fn check(test: &str, frame: &Products, want: f64, tolerance: f64) {
     let got = mean(frame);
     let ok = got.iter().all(|got| (got - want).abs() <= tolerance * want);
     let keep = || keep(test, &[("radiance", frame.get(RADIANCE).expect("made"))]);
@@ -45,9 +45,9 @@ fn a_table_under_a_sphere_light() {
 #[test]
 fn a_table_under_a_rectangle_light() {
     for (half, height) in [(0.2, 1.5), (1.0, 0.7)] {
-        let centre = Point3::new(0.3, 0.1, height);
+        let center = Point3::new(0.3, 0.1, height);
         let light = RectLight {
-            centre,
+            center,
             half_u: Vector3::new(0.0, half, 0.0),
             half_v: Vector3::new(half * 1.5, 0.0, 0.0),
             radiance: [900.0; 3],
@@ -84,7 +84,7 @@ fn a_ball_lit_from_its_centre() {
     let view = view(8, 8, 10.0, [0.3, 0.2, 0.1], [0.9, 0.0, 0.4], vec![light]);
     // E = π lx, ρ = 1/2: the series 1/2 + 1/4 + … is 1 nit. The light hides next to nothing.
     let frame = render(CpuPath { russian_roulette_from: 4, ..options(256, 40) }, &scene, &view, &[RADIANCE.id()]);
-    check("ball lit from its centre", &frame, 1.0, 0.012);
+    check("ball lit from its center", &frame, 1.0, 0.012);
     let direct = render(options(64, 1), &scene, &view, &[RADIANCE.id()]);
     check("ball, direct light", &direct, 0.5, 0.006);
     let two = render(options(256, 2), &scene, &view, &[RADIANCE.id()]);
@@ -132,7 +132,7 @@ fn lights_are_seen_and_bodies_hide_them() {
     // On the block's very surface, as a light on a ceiling.
     let up = |z| {
         Light::Rect(RectLight {
-            centre: Point3::new(0.0, 0.0, z),
+            center: Point3::new(0.0, 0.0, z),
             half_u: Vector3::new(0.05, 0.0, 0.0),
             half_v: Vector3::new(0.0, 0.05, 0.0),
             radiance: [7.0; 3],

@@ -9,7 +9,7 @@ use syntable_model::context::Serial;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::photometry::sphere_luminance;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{RADIANCE, RADIANCE_GLOSS};
+use syntable_model::product::standard::{RADIANCE, RADIANCE_SPECULAR};
 use syntable_model::scene::{
     Alpha, Clearcoat, Color, DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, Material, RectLight,
     Role, Scalar, Sheen, SphereLight, Transmission, Volume,
@@ -21,7 +21,7 @@ fn furnace() -> Light {
     Light::Environment(EnvironmentLight { map, scale: [1.0; 3], rotation: 0.0 })
 }
 
-fn mean(frame: &Frame) -> f64 {
+fn mean(frame: &Products) -> f64 {
     let data = frame.get(RADIANCE).expect("made").data();
     data.iter().flatten().map(|&x| f64::from(x)).sum::<f64>() / (3 * data.len()) as f64
 }
@@ -88,7 +88,7 @@ fn through_slab(material: Material, degrees: f64, faces: usize) -> f64 {
     let slab = object("slab", slab, material);
     let scene = scene([body(&slab, at(0.0, 0.0, 0.0), Role::Object)]);
     let wall = RectLight {
-        centre: Point3::new(-1.0, 0.0, 0.0),
+        center: Point3::new(-1.0, 0.0, 0.0),
         half_u: Vector3::new(0.0, 9.0, 0.0),
         half_v: Vector3::new(0.0, 0.0, 9.0),
         radiance: [1.0; 3],
@@ -117,7 +117,7 @@ fn a_slab_transmits_what_fresnel_says() {
             let got = through_slab(clear(0.0, volume), degrees, faces);
             assert!((got - want).abs() < 0.02, "{degrees}°, {volume:?}: {got}, not {want}");
         }
-        // Half is left after a centimetre.
+        // Half is left after a centimeter.
         let dark = Volume { attenuation_color: [0.5; 3], attenuation_distance_m: 0.01 };
         let bent = (1.0 - (degrees.to_radians().sin() / 1.5).powi(2)).sqrt();
         let left = 0.5_f64.powf(2.0 / bent);
@@ -133,7 +133,7 @@ fn a_ball_lens_turns_the_picture_over() {
     let ball = object("ball", ball(0.2, 96), clear(0.0, Some(AIRY)));
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
     let wall = RectLight {
-        centre: Point3::new(-2.0, 3.0, 0.0),
+        center: Point3::new(-2.0, 3.0, 0.0),
         half_u: Vector3::new(0.0, 3.0, 0.0),
         half_v: Vector3::new(0.0, 0.0, 3.0),
         radiance: [1.0; 3],
@@ -155,7 +155,7 @@ fn blended_surfaces_cover_and_shade_in_part() {
     let (floor, film) = (object("floor", sheet([2.0, 2.0]), matte(0.5)), object("film", sheet([1.0, 1.0]), film));
     let scene = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Support), body(&film, at(0.0, 0.0, 0.5), Role::Object)]);
     let light = SphereLight {
-        centre: Point3::new(0.0, 0.0, 2.0),
+        center: Point3::new(0.0, 0.0, 2.0),
         radius: 0.1,
         radiance: [sphere_luminance(1000.0, 2.0, 0.1); 3],
     };
@@ -177,7 +177,7 @@ fn a_glowing_body_lights_as_a_lamp_of_its_shape() {
     let with_body = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Object), body(&lamp, at(0.1, 0.0, 1.0), Role::Room)]);
     let body_view = view(4, 4, 4000.0, eye, [0.0; 3], Vec::new());
     let panel = RectLight {
-        centre: Point3::new(0.1, 0.0, 1.0),
+        center: Point3::new(0.1, 0.0, 1.0),
         half_u: Vector3::new(0.0, 0.4, 0.0),
         half_v: Vector3::new(0.3, 0.0, 0.0),
         radiance: [900.0, 800.0, 700.0],
@@ -204,7 +204,7 @@ fn everything() -> (Arc<Scene>, View) {
     let sun =
         DirectionalLight { towards: Vector3::new(0.48, -0.6, 0.64), half_angle: 0.1, irradiance: [9.0, 8.0, 7.0] };
     let spot = DiskLight {
-        centre: Point3::new(-0.5, -0.4, 1.2),
+        center: Point3::new(-0.5, -0.4, 1.2),
         normal: Vector3::new(0.0, 0.0, -1.0),
         radius: 0.3,
         radiance: [14.0, 12.0, 10.0],
@@ -225,7 +225,7 @@ fn all_strategies_agree_on_every_light_and_layer() {
         let mut session = renderer.session().with_strategy(strategy);
         session.load(&scene, &Serial).expect("loads");
         let picture = |number: u64| {
-            let mut frame = Frame::new();
+            let mut frame = Products::new();
             let stream = Stream::root(40).at(number);
             let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(2) };
             session.render(&request, &mut frame).expect("renders");
@@ -266,18 +266,18 @@ fn all_strategies_agree_on_every_light_and_layer() {
 }
 
 #[test]
-fn gloss_is_what_is_mirrored_without_colour() {
+fn gloss_is_what_is_mirrored_without_color() {
     let parts = |material: Material| {
         let ball = object("ball", ball(1.0, 96), material);
         let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
-        let lamp = SphereLight { centre: Point3::new(3.0, 1.0, 1.0), radius: 0.5, radiance: [20.0; 3] };
+        let lamp = SphereLight { center: Point3::new(3.0, 1.0, 1.0), radius: 0.5, radiance: [20.0; 3] };
         let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace(), Light::Sphere(lamp)]);
-        let frame = render(options(256, 4), &scene, &view, &[RADIANCE.id(), RADIANCE_GLOSS.id()]);
+        let frame = render(options(256, 4), &scene, &view, &[RADIANCE.id(), RADIANCE_SPECULAR.id()]);
         let mean = |key: Key<Plane<[f32; 3]>>| {
             let data = frame.get(key).expect("made").data();
             data.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / data.len() as f64
         };
-        (mean(RADIANCE), mean(RADIANCE_GLOSS))
+        (mean(RADIANCE), mean(RADIANCE_SPECULAR))
     };
     let plain = |color: f32, roughness: f32| Material::plain("plain", [color; 3], roughness);
     for roughness in [0.1, 0.5] {

@@ -25,7 +25,7 @@ fn a_point_out_of_focus_becomes_its_circle_of_confusion() {
     let scene = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Object)]);
     for (depth, focus) in [(2.0, 2.0), (2.0, 3.5), (3.0, 1.5)] {
         // So small that it is a point of a tenth of a pixel.
-        let lamp = SphereLight { centre: Point3::new(0.0, 0.0, 4.0 - depth), radius: 1e-3, radiance: [1e6; 3] };
+        let lamp = SphereLight { center: Point3::new(0.0, 0.0, 4.0 - depth), radius: 1e-3, radiance: [1e6; 3] };
         let lens = ThinLens { aperture_radius_m: 0.05, focus_distance_m: focus };
         let view = through(from_above(49, 200.0, vec![Light::Sphere(lamp)]), Some(lens), None);
         let frame = render(options(4096, 0), &scene, &view, &[RADIANCE.id()]);
@@ -69,13 +69,13 @@ fn labels_and_light_of_a_distorting_camera_are_where_it_projects_them() {
         let (mut sums, mut weights) = ([[0.0; 2]; 2], [0.0; 2]);
         for y in 0..200 {
             for x in 0..200 {
-                let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-                let near = centre.iter().zip(want).all(|(a, b)| (a - b).abs() < 12.0);
+                let center = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+                let near = center.iter().zip(want).all(|(a, b)| (a - b).abs() < 12.0);
                 let seen =
                     [f64::from(u8::from(*instance.at(x, y) == InstanceId(number))), f64::from(light.at(x, y)[1])];
                 for (i, seen) in seen.into_iter().enumerate().filter(|_| near) {
                     weights[i] += seen;
-                    sums[i] = [sums[i][0] + seen * centre[0], sums[i][1] + seen * centre[1]];
+                    sums[i] = [sums[i][0] + seen * center[0], sums[i][1] + seen * center[1]];
                 }
             }
         }
@@ -90,17 +90,17 @@ fn labels_and_light_of_a_distorting_camera_are_where_it_projects_them() {
 
 #[test]
 fn lenses_give_the_same_bits_in_any_number_of_lanes() {
-    let round = object("round", ball(0.3, 32), Material::plain("grey", [0.5; 3], 0.4));
+    let round = object("round", ball(0.3, 32), Material::plain("gray", [0.5; 3], 0.4));
     let floor = object("floor", sheet([2.0, 2.0]), matte(0.6));
     let scene = scene([body(&round, at(0.1, 0.0, 0.3), Role::Object), body(&floor, at(0.0, 0.0, 0.0), Role::Support)]);
-    let lamp = SphereLight { centre: Point3::new(0.5, 0.4, 2.0), radius: 0.2, radiance: [90.0; 3] };
+    let lamp = SphereLight { center: Point3::new(0.5, 0.4, 2.0), radius: 0.2, radiance: [90.0; 3] };
     let lens = ThinLens { aperture_radius_m: 0.03, focus_distance_m: 3.5 };
     let view = through(from_above(37, 40.0, vec![Light::Sphere(lamp)]), Some(lens), Some(BARREL));
     let picture = |portable: bool, threads: usize| {
         let renderer = CpuPathRenderer::new(options(5, 3)).expect("sound");
         let mut session = if portable { renderer.session().portable() } else { renderer.session() };
         session.load(&scene, &Serial).expect("loads");
-        let (mut frame, stream) = (Frame::new(), Stream::root(3));
+        let (mut frame, stream) = (Products::new(), Stream::root(3));
         let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(threads) };
         session.render(&request, &mut frame).expect("renders");
         frame.get(RADIANCE).expect("made").data().iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>()

@@ -98,7 +98,7 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         collision: None,
         mass_kg: 1.0,
         friction: 0.5,
-        licence: String::new(),
+        license: String::new(),
         digest,
     })
 }
@@ -121,13 +121,13 @@ pub fn body(object: &Arc<Object>, pose: Pose, role: Role) -> BodyDraft {
 
 /// A body with another surface.
 pub fn covered(object: &Arc<Object>, pose: Pose, role: Role, surface: Surface) -> BodyDraft {
-    body(object, pose, role).with_surface(Some(surface))
+    body(object, pose, role).with_material_override(Some(surface))
 }
 
 /// A scene of bodies. It must hold an object.
 pub fn scene(bodies: impl IntoIterator<Item = BodyDraft>) -> Arc<Scene> {
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { centre: [0.0; 3], size: [1.0; 2] });
+    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
     bodies.into_iter().for_each(|body| {
         builder.add(body);
     });
@@ -156,10 +156,10 @@ pub fn render_with(
     view: &View,
     wants: &[KeyId],
     workers: &dyn Workers,
-) -> Result<Frame> {
+) -> Result<Products> {
     let mut session = CpuPathRenderer::new(options).expect("sound options").session().with_strategy(strategy);
     session.load(scene, workers)?;
-    let mut frame = Frame::new();
+    let mut frame = Products::new();
     let stream = Stream::root(7);
     session.render(&RenderRequest { view, wants, stream, workers }, &mut frame)?;
     Ok(frame)

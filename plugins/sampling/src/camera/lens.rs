@@ -27,7 +27,7 @@ pub struct DistortionOptions {
 
 impl DistortionOptions {
     /// The distortion. Rejects coefficients that map two directions to one pixel, or leave pixels without a direction.
-    pub fn distortion(&self, intrinsics: Intrinsics) -> Result<Distortion, Invalid> {
+    pub fn distortion(&self, intrinsics: Intrinsics) -> Result<Distortion, ConfigError> {
         const STEPS: u32 = 32;
         let Self { k1, k2, p1, p2, k3 } = *self;
         let distortion = Distortion { radial: [k1, k2, k3], tangential: [p1, p2] };
@@ -46,7 +46,7 @@ impl DistortionOptions {
                         "`distortion` with k1 = {k1}, k2 = {k2}, k3 = {k3}, p1 = {p1}, p2 = {p2} folds the image over \
                          before pixel ({u}, {v}): nothing can be seen there"
                     );
-                    return Err(Invalid::new("distortion", message)
+                    return Err(ConfigError::new("distortion", message)
                         .help("use coefficients that were calibrated at this field of view, or a smaller one"));
                 }
             }
@@ -109,7 +109,7 @@ pub enum FocalLength {
 
 impl LensOptions {
     /// The lens for a camera.
-    pub fn lens(self, camera: FocalLength) -> Result<Lens, Invalid> {
+    pub fn lens(self, camera: FocalLength) -> Result<Lens, ConfigError> {
         self.f_number.within("lens.f_number", F_NUMBER[0], F_NUMBER[1])?;
         if let Focus::DistanceM(distance) = &self.focus {
             distance.within("lens.focus.distance_m", DISTANCE_M[0], DISTANCE_M[1])?;
@@ -117,12 +117,12 @@ impl LensOptions {
         let millimeters = match (self.focal_length_mm, camera) {
             (Some(_), FocalLength::Physical(own)) => {
                 let message = format!("the focal length is {own} mm already, by `intrinsics.physical`");
-                return Err(Invalid::new("lens.focal_length_mm", message).help("leave it out of `lens`"));
+                return Err(ConfigError::new("lens.focal_length_mm", message).help("leave it out of `lens`"));
             }
             (Some(length), FocalLength::Unknown(_)) | (None, FocalLength::Physical(length)) => length,
             (None, FocalLength::Unknown(form)) => {
                 let message = format!("`lens` needs a focal length, which `intrinsics.{form}` does not determine");
-                return Err(Invalid::new("lens", message).help("add focal_length_mm to `lens`"));
+                return Err(ConfigError::new("lens", message).help("add focal_length_mm to `lens`"));
             }
         };
         Ok(Lens { options: self, focal_length_m: millimeters / 1e3 })
@@ -132,7 +132,7 @@ impl LensOptions {
 impl Lens {
     /// The lens in focus for a view. `camera` has everything but the lens.
     pub fn focused(&self, scene: &Scene, camera: &Camera, context: &Context) -> Result<ThinLens> {
-        let tabletop = depth(camera, scene.tabletop.centre());
+        let tabletop = depth(camera, scene.tabletop.center());
         let distance = match &self.options.focus {
             Focus::Tabletop => tabletop,
             Focus::NearestObject => nearest_object(scene, camera).unwrap_or(tabletop),
@@ -161,7 +161,7 @@ fn nearest_object(scene: &Scene, camera: &Camera) -> Option<f64> {
     scene
         .objects()
         .iter()
-        .map(|body| body.world_from_body * body.object.mesh.bounds().centre())
+        .map(|body| body.world_from_body * body.object.mesh.bounds().center())
         .map(|center| camera.world_from_camera.inverse_transform_point(&center))
         .filter(|p| p.z > 0.0)
         .filter(|p| {

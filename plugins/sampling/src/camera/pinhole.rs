@@ -56,7 +56,7 @@ impl Config for Pinhole {
         ("fov_deg", "intrinsics.fov_deg"),
     ];
 
-    fn build(self) -> Result<Box<dyn CameraModel>, Invalid> {
+    fn build(self) -> Result<Box<dyn CameraModel>, ConfigError> {
         let intrinsics = self.intrinsics.intrinsics(self.resolution);
         let distortion = self.distortion.map(|options| options.distortion(intrinsics)).transpose()?;
         let lens = self.lens.map(|lens| lens.lens(self.intrinsics.focal_length())).transpose()?;

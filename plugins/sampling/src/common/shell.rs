@@ -10,7 +10,7 @@ pub const HEMISPHERE_DEG: [f64; 2] = [0.0, 90.0];
 
 /// The center of the hemispheres: `offset` meters above the center of the tabletop.
 pub fn center(tabletop: &Tabletop, offset: f64) -> Point3<f64> {
-    tabletop.centre() + Vector3::new(0.0, 0.0, offset)
+    tabletop.center() + Vector3::new(0.0, 0.0, offset)
 }
 
 /// A unit vector, uniform over the part of the upper hemisphere between two elevations in degrees.

@@ -4,7 +4,7 @@ use self::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, LUMINOUS_FLUX_LM, TEMPERATURE
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::dist::Dist;
-use syntable_model::error::Invalid;
+use syntable_model::error::ConfigError;
 use syntable_model::random::Stream;
 
 /// Limits of photometric options.
@@ -33,7 +33,7 @@ pub enum Brightness {
 
 impl Brightness {
     /// Rejects distributions that leave their limits.
-    pub fn check(&self) -> Result<(), Invalid> {
+    pub fn check(&self) -> Result<(), ConfigError> {
         let (key, dist, [low, high]) = match self {
             Self::IlluminanceLx(dist) => ("brightness.illuminance_lx", dist, ILLUMINANCE_LX),
             Self::LuminanceNits(dist) => ("brightness.luminance_nits", dist, LUMINANCE_NITS),
@@ -58,6 +58,6 @@ impl Brightness {
 }
 
 /// Rejects color temperatures that no light has.
-pub fn check_temperature(key: &str, temperature_k: &Dist) -> Result<(), Invalid> {
+pub fn check_temperature(key: &str, temperature_k: &Dist) -> Result<(), ConfigError> {
     temperature_k.within(key, TEMPERATURE_K[0], TEMPERATURE_K[1])
 }

@@ -101,11 +101,11 @@ impl Config for CeilingLight {
         ("luminous_flux_lm", "brightness.luminous_flux_lm"),
     ];
 
-    fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         self.count.within("count", COUNT[0], COUNT[1])?;
         if self.shape == CeilingShape::Disk && self.size_m[0] != self.size_m[1] {
             let message = format!("a disk of `size_m = {:?}` would be an ellipse", self.size_m);
-            return Err(Invalid::new("size_m", message).help("write its diameter twice"));
+            return Err(ConfigError::new("size_m", message).help("write its diameter twice"));
         }
         check_temperature("temperature_k", &self.temperature_k)?;
         self.brightness.check()?;
@@ -124,7 +124,7 @@ impl LightSampler for CeilingLight {
         let count = self.count.draw(&mut stream.child("count")).max(0) as usize;
         let mut shift = stream.child("shift");
         let [x, y] = [0, 1].map(|_| shift.uniform(-self.shift_m, self.shift_m));
-        let tabletop = scene.tabletop.centre();
+        let tabletop = scene.tabletop.center();
         let height = self.height(scene);
         if height <= tabletop.z + 0.01 {
             let message =
@@ -149,7 +149,7 @@ impl LightSampler for CeilingLight {
             CeilingShape::Rect => Light::Rect(RectLight { radiance, ..self.rect(*center) }),
             CeilingShape::Disk => {
                 let radius = self.size_m[0] / 2.0;
-                Light::Disk(DiskLight { centre: *center, normal: -Vector3::z(), radius, radiance })
+                Light::Disk(DiskLight { center: *center, normal: -Vector3::z(), radius, radiance })
             }
         };
         Ok(if luminance > 0.0 { centers.iter().map(light).collect() } else { Vec::new() })
@@ -162,7 +162,7 @@ impl CeilingLight {
         // u × v points down.
         let (half_u, half_v) =
             (Vector3::new(self.size_m[0] / 2.0, 0.0, 0.0), Vector3::new(0.0, -self.size_m[1] / 2.0, 0.0));
-        RectLight { centre: center, half_u, half_v, radiance: [0.0; 3] }
+        RectLight { center: center, half_u, half_v, radiance: [0.0; 3] }
     }
 
     /// Area of one light, m².
@@ -183,7 +183,7 @@ impl CeilingLight {
 
     /// Height of the lights above the floor, meters.
     fn height(&self, scene: &Scene) -> f64 {
-        let tabletop = scene.tabletop.centre();
+        let tabletop = scene.tabletop.center();
         // The ceiling is the lowest part of the room above the center of the table.
         let ceiling = Some(inside(scene).max.z - BELOW_CEILING_M).filter(|height| height.is_finite());
         match (self.height_m, ceiling) {

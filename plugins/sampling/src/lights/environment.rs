@@ -146,7 +146,7 @@ impl Config for Environment {
         ("luminance_scale", "brightness.luminance_scale"),
     ];
 
-    fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         match &self.source {
             Source::Map(map) => map.check()?,
             Source::Constant(constant) => {
@@ -167,7 +167,7 @@ impl Config for Environment {
 register!(Environment);
 
 impl MapSource {
-    fn check(&self) -> Result<(), Invalid> {
+    fn check(&self) -> Result<(), ConfigError> {
         self.rotation_deg.within("source.map.rotation_deg", ROTATION_DEG[0], ROTATION_DEG[1])?;
         let Some(sun) = &self.sun else { return Ok(()) };
         sun.ratio.within("source.map.sun.ratio", RATIO[0], RATIO[1])?;

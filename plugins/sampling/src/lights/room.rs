@@ -7,5 +7,5 @@ use syntable_model::scene::{Role, Scene};
 pub fn inside(scene: &Scene) -> Aabb {
     let parts = scene.bodies().iter().filter(|body| body.role == Role::Room);
     let boxes = parts.map(|body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p)));
-    space_around(&scene.tabletop.centre(), boxes)
+    space_around(&scene.tabletop.center(), boxes)
 }

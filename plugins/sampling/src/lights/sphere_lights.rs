@@ -73,7 +73,7 @@ impl LightRadius {
     }
 
     /// Rejects bounds in the wrong order.
-    fn check(self) -> Result<(), Invalid> {
+    fn check(self) -> Result<(), ConfigError> {
         match self {
             Self::BeyondViewsM(bounds) => check_order("radius.beyond_views_m", bounds),
             Self::Meters(bounds) => check_order("radius.meters", bounds),
@@ -102,14 +102,14 @@ impl Config for SphereLights {
     const EXAMPLE: &'static str = "count = { integers = [0, 2] }\nradius = { beyond_views_m = [0.1, 1.1] }\n\
         temperature_k = { uniform = [2000, 6500] }\nbrightness = { illuminance_lx = { uniform = [100, 20000] } }";
     const RENAMED: &'static [(&'static str, &'static str)] = &[
-        ("centre_offset_m", "center_offset_m"),
-        ("radius.metres", "radius.meters"),
+        ("center_offset_m", "center_offset_m"),
+        ("radius.meters", "radius.meters"),
         ("illuminance_lx", "brightness.illuminance_lx"),
         ("luminance_nits", "brightness.luminance_nits"),
         ("luminous_flux_lm", "brightness.luminous_flux_lm"),
     ];
 
-    fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         self.count.within("count", COUNT[0], COUNT[1])?;
         self.radius.check()?;
         check_order("elevation_deg", self.elevation_deg)?;
@@ -127,7 +127,7 @@ impl LightSampler for SphereLights {
     }
 
     fn lights(&self, scene: &Scene, _: &Camera, shell: &Shell, context: &Context) -> Result<Vec<Light>> {
-        let tabletop = scene.tabletop.centre();
+        let tabletop = scene.tabletop.center();
         let [low, high] = self.radius.in_meters(shell);
         let count = self.count.draw(&mut context.stream.child("count"));
         let mut lights = Vec::new();
@@ -152,7 +152,7 @@ impl LightSampler for SphereLights {
             let color = blackbody(self.temperature_k.draw(&mut stream.child("temperature")));
             if luminance > 0.0 {
                 lights.push(Light::Sphere(SphereLight {
-                    centre: position,
+                    center: position,
                     radius,
                     radiance: color.map(|channel| channel * luminance),
                 }));

@@ -57,7 +57,7 @@ impl Config for Sun {
     const EXAMPLE: &'static str =
         "elevation_deg = { uniform = [20, 60] }\nilluminance_lx = { uniform = [20000, 90000] }";
 
-    fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         self.elevation_deg.within("elevation_deg", ELEVATION_DEG[0], ELEVATION_DEG[1])?;
         self.azimuth_deg.within("azimuth_deg", AZIMUTH_DEG[0], AZIMUTH_DEG[1])?;
         self.angular_diameter_deg.within("angular_diameter_deg", DIAMETER_DEG[0], DIAMETER_DEG[1])?;

@@ -97,7 +97,7 @@ impl Config for WindowLight {
     const RENAMED: &'static [(&'static str, &'static str)] =
         &[("illuminance_lx", "brightness.illuminance_lx"), ("luminance_nits", "brightness.luminance_nits")];
 
-    fn build(self) -> Result<Box<dyn LightSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn LightSampler>, ConfigError> {
         self.walls.within("walls", WALLS[0], WALLS[1])?;
         self.count.within("count", COUNT[0], COUNT[1])?;
         self.width_m.within("width_m", SIZE_M[0], SIZE_M[1])?;
@@ -142,7 +142,7 @@ impl LightSampler for WindowLight {
             let count = self.count.draw(&mut stream.child("count")).max(1) as usize;
             windows.extend(wall.windows(count, size, sill, spacing, &mut stream.child("place")));
         }
-        let tabletop = scene.tabletop.centre();
+        let tabletop = scene.tabletop.center();
         let per_nit: f64 =
             windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
         let luminance = match &self.brightness {
@@ -229,7 +229,7 @@ impl Wall {
                 let at = shift - row / 2.0 + width / 2.0 + i as f64 * (width + spacing);
                 let up = Vector3::z() * (sill + height / 2.0);
                 RectLight {
-                    centre: self.foot + self.along * at + up + self.inwards * BEFORE_WALL_M,
+                    center: self.foot + self.along * at + up + self.inwards * BEFORE_WALL_M,
                     half_u: self.along * (width / 2.0),
                     half_v: Vector3::z() * (height / 2.0),
                     radiance: [0.0; 3],

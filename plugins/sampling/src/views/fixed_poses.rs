@@ -72,7 +72,7 @@ impl Config for FixedPoses {
         { look_at = { eye_m = [0.9, 0.0, 0.7], target_m = [0.0, 0.0, 0.05] } },\n    \
         { look_at = { eye_m = [0.0, 0.0, 1.2], up = [0.0, 1.0, 0.0] } },\n]";
 
-    fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         let pose = |(i, entry): (usize, PoseEntry)| match entry {
             PoseEntry::LookAt(pose) => pose.pose(&format!("poses[{i}].look_at")),
             PoseEntry::WorldFromCamera(rows) => from_matrix(rows, &format!("poses[{i}].world_from_camera")),
@@ -84,26 +84,26 @@ impl Config for FixedPoses {
 register!(FixedPoses);
 
 impl LookAtPose {
-    fn pose(&self, key: &str) -> Result<Pose, Invalid> {
+    fn pose(&self, key: &str) -> Result<Pose, ConfigError> {
         let (eye, target) = (Point3::from(self.eye_m), Point3::from(self.target_m));
         let up = Vector3::from(self.up);
         if (target - eye).norm() < 1e-9 {
             let message = format!("`eye_m` and `target_m` are the same point, {:?}", self.eye_m);
-            return Err(Invalid::new(key, message).help("move one of them"));
+            return Err(ConfigError::new(key, message).help("move one of them"));
         }
         if (target - eye).cross(&up).norm() < 1e-9 {
             let message = format!("`up = {:?}` is parallel to the viewing direction", self.up);
-            return Err(Invalid::new(key, message).help("set `up` to another axis, such as [0, 1, 0]"));
+            return Err(ConfigError::new(key, message).help("set `up` to another axis, such as [0, 1, 0]"));
         }
         Ok(rolled(look_at(eye, target, up), self.roll_deg))
     }
 }
 
-fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, Invalid> {
+fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, ConfigError> {
     if rows[3] != [0.0, 0.0, 0.0, 1.0] {
         let message = format!("the last row of `world_from_camera` is {:?}", rows[3]);
         return Err(
-            Invalid::new(format!("{key}[3]"), message).help("write the matrix row by row, ending in [0, 0, 0, 1]")
+            ConfigError::new(format!("{key}[3]"), message).help("write the matrix row by row, ending in [0, 0, 0, 1]")
         );
     }
     let rotation = Matrix3::from_fn(|r, c| rows[r][c]);
@@ -114,7 +114,7 @@ fn from_matrix(rows: [[f64; 4]; 4], key: &str) -> Result<Pose, Invalid> {
             "`world_from_camera` is not a rigid transform: R Rᵀ differs from the identity by {error:.1e}, and the \
              determinant is {determinant:.3}"
         );
-        return Err(Invalid::new(key, message)
+        return Err(ConfigError::new(key, message)
             .help("its upper left 3 × 3 block must be a rotation, without scale or mirroring"));
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
@@ -134,7 +134,7 @@ struct Listed {
 impl Listed {
     fn origin(&self, tabletop: &Tabletop) -> Translation3<f64> {
         match self.relative_to {
-            Origin::TabletopCenter => Translation3::from(tabletop.centre().coords),
+            Origin::TabletopCenter => Translation3::from(tabletop.center().coords),
             Origin::World => Translation3::identity(),
         }
     }
@@ -151,14 +151,14 @@ impl ViewSampler for Listed {
 
     /// The shell around the center of the tabletop that contains all poses.
     fn shell(&self, scene: &Scene) -> Shell {
-        let center = scene.tabletop.centre();
+        let center = scene.tabletop.center();
         let origin = self.origin(&scene.tabletop);
         let radius = self
             .poses
             .iter()
             .map(|pose| ((origin * pose).translation.vector - center.coords).norm())
             .fold([f64::INFINITY, 0.0], |[low, high], r| [r.min(low), r.max(high)]);
-        Shell { centre: center, radius }
+        Shell { center: center, radius }
     }
 
     fn count(&self) -> Option<u32> {

@@ -52,9 +52,9 @@ impl Config for HemisphereShell {
     const EXAMPLE: &'static str =
         "radius = { of_table = [1.0, 1.7] }\ncenter_offset_m = 0.2\nlook_at = \"tabletop_center\"";
     const RENAMED: &'static [(&'static str, &'static str)] =
-        &[("centre_offset_m", "center_offset_m"), ("radius.metres", "radius.meters")];
+        &[("center_offset_m", "center_offset_m"), ("radius.meters", "radius.meters")];
 
-    fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         self.radius.check("radius")?;
         check_order("elevation_deg", self.elevation_deg)?;
         Ok(Box::new(self))
@@ -74,6 +74,6 @@ impl ViewSampler for HemisphereShell {
     }
 
     fn shell(&self, scene: &Scene) -> Shell {
-        Shell { centre: center(&scene.tabletop, self.center_offset_m), radius: self.radius.in_meters(&scene.tabletop) }
+        Shell { center: center(&scene.tabletop, self.center_offset_m), radius: self.radius.in_meters(&scene.tabletop) }
     }
 }

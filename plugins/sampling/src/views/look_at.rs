@@ -24,14 +24,14 @@ impl LookAt {
     /// The point in the world, meters.
     pub fn point(self, scene: &Scene, center_offset_m: f64) -> Point3<f64> {
         match self {
-            Self::TabletopCenter => scene.tabletop.centre(),
+            Self::TabletopCenter => scene.tabletop.center(),
             Self::ShellCenter => center(&scene.tabletop, center_offset_m),
             Self::ObjectsCenter => {
                 let corners = scene
                     .objects()
                     .iter()
                     .flat_map(|body| body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
-                Aabb::of(corners).centre()
+                Aabb::of(corners).center()
             }
         }
     }

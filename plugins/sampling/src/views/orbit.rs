@@ -50,9 +50,9 @@ impl Config for Orbit {
     const KIND: &'static str = "orbit";
     const EXAMPLE: &'static str = "distance = { meters = 1.2 }\nelevation_deg = 35\nstep_deg = 30";
     const RENAMED: &'static [(&'static str, &'static str)] =
-        &[("centre_offset_m", "center_offset_m"), ("distance.metres", "distance.meters")];
+        &[("center_offset_m", "center_offset_m"), ("distance.meters", "distance.meters")];
 
-    fn build(self) -> Result<Box<dyn ViewSampler>, Invalid> {
+    fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -70,6 +70,6 @@ impl ViewSampler for Orbit {
 
     fn shell(&self, scene: &Scene) -> Shell {
         let radius = [self.distance.in_meters(&scene.tabletop); 2];
-        Shell { centre: center(&scene.tabletop, self.center_offset_m), radius }
+        Shell { center: center(&scene.tabletop, self.center_offset_m), radius }
     }
 }

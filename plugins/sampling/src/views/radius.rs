@@ -3,7 +3,7 @@
 use crate::common::bounds::check_order;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use syntable_model::error::Invalid;
+use syntable_model::error::ConfigError;
 use syntable_model::scene::Tabletop;
 
 /// Smallest and largest distance of the camera.
@@ -26,7 +26,7 @@ impl ViewRadius {
     }
 
     /// Rejects bounds in the wrong order.
-    pub fn check(self, key: &str) -> Result<(), Invalid> {
+    pub fn check(self, key: &str) -> Result<(), ConfigError> {
         match self {
             Self::OfTable(bounds) => check_order(&format!("{key}.of_table"), bounds),
             Self::Meters(bounds) => check_order(&format!("{key}.meters"), bounds),

@@ -18,11 +18,11 @@ fn downlights_give_the_requested_illuminance() {
     ] {
         let lights = draw(&*lights("ceiling_light", options), &scene, 5).expect("lights");
         let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
-            Light::Disk(disk) => sum + disk.centre.coords / lights.len() as f64,
+            Light::Disk(disk) => sum + disk.center.coords / lights.len() as f64,
             other => panic!("{other:?}"),
         });
-        let facing = (middle - scene.tabletop.centre().coords).normalize();
-        let got = total(&lights, scene.tabletop.centre(), facing);
+        let facing = (middle - scene.tabletop.center().coords).normalize();
+        let got = total(&lights, scene.tabletop.center(), facing);
         assert!((got / 400.0 - 1.0).abs() < 0.02, "{options}: {got} lx from {lights:?}");
     }
     let refusal = refused(Slot::Lights, "ceiling_light", "shape = \"disk\"\nsize_m = [1.0, 2.0]");
@@ -98,7 +98,7 @@ fn a_resolved_recipe_shows_the_brightness_and_the_source() {
 fn room(size: [f32; 3]) -> Scene {
     let [x, y, z] = size.map(f64::from);
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
     let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
     scene.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
     for (at, edges) in [
@@ -131,12 +131,12 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
             // One centimeter in front of its wall, facing the room.
             let normal = rect.normal();
             let axis = if normal.x.abs() > 0.5 { 0 } else { 1 };
-            assert!((rect.centre[axis].abs() - (inner[axis] - 0.01)).abs() < 1e-6, "{rect:?}");
-            assert!(normal[axis] * rect.centre[axis] < 0.0 && normal.z.abs() < 1e-12);
+            assert!((rect.center[axis].abs() - (inner[axis] - 0.01)).abs() < 1e-6, "{rect:?}");
+            assert!(normal[axis] * rect.center[axis] < 0.0 && normal.z.abs() < 1e-12);
             sides[2 * axis + usize::from(normal[axis] > 0.0)] += 1;
         }
         if seed < 4 {
-            let got = total(&windows, scene.tabletop.centre(), Vector3::z());
+            let got = total(&windows, scene.tabletop.center(), Vector3::z());
             assert!((got / 600.0 - 1.0).abs() < 0.02, "{got} lx from {windows:?}");
         }
     }

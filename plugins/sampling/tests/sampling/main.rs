@@ -64,7 +64,7 @@ fn sheet(half: f32) -> Arc<Object> {
         collision: None,
         mass_kg: 1.0,
         friction: 0.5,
-        licence: String::new(),
+        license: String::new(),
         digest: Digest::of(b"sheet"),
     })
 }
@@ -72,7 +72,7 @@ fn sheet(half: f32) -> Arc<Object> {
 /// A tabletop of 1.4 m × 0.8 m at 0.75 m, one object, and a ceiling if one is wanted.
 fn scene(ceiling: Option<f64>) -> Scene {
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
     let mut add = |z: f64, half: f32, role: Role| {
         let asset = AssetRef { pool: "test".into(), name: "sheet".into() };
         scene.add(BodyDraft::new(asset, sheet(half), Pose::translation(0.0, 0.0, z), role, Motion::Fixed));
@@ -159,20 +159,20 @@ fn paper_views_are_uniform_in_the_shell_and_look_at_the_tabletop() {
     let scene = scene(None);
     let sampler = views("hemisphere_shell", "");
     let shell = sampler.shell(&scene);
-    assert_eq!((shell.centre, shell.radius), (Point3::new(0.0, 0.0, 0.95), [0.7, 0.7 * 1.7]));
+    assert_eq!((shell.center, shell.radius), (Point3::new(0.0, 0.0, 0.95), [0.7, 0.7 * 1.7]));
     assert_eq!(sampler.count(), None);
     let (k, _) = intrinsics("");
     let n = 4000;
     let [mut radius, mut polar, mut azimuth] = [Vec::new(), Vec::new(), Vec::new()];
     for seed in 0..n {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
-        let from_center = pose.translation.vector - shell.centre.coords;
+        let from_center = pose.translation.vector - shell.center.coords;
         let r = from_center.norm();
         radius.push((r - 0.7) / (0.7 * 0.7));
         polar.push(from_center.z / r);
         azimuth.push((from_center.y.atan2(from_center.x) / std::f64::consts::TAU).rem_euclid(1.0));
         // The center of the tabletop is seen at the principal point, and up is up.
-        let p = pose.inverse_transform_point(&scene.tabletop.centre());
+        let p = pose.inverse_transform_point(&scene.tabletop.center());
         let [u, v] = k.project(&p);
         assert!(p.z > 0.0 && (u - 320.0).abs() < 1e-6 && (v - 240.0).abs() < 1e-6, "{u} {v}");
         assert!((pose * Vector3::y()).z < 1e-9 && (pose * Vector3::x()).z.abs() < 1e-9);
@@ -189,7 +189,7 @@ fn views_follow_their_options() {
     let options = "radius = { meters = [0.7, 1.4] }\nelevation_deg = [30, 60]\ncenter_offset_m = 0.1\nlook_at = \"shell_center\"\nroll_deg = 90";
     let sampler = views("hemisphere_shell", options);
     let center = Point3::new(0.0, 0.0, 0.85);
-    assert_eq!((sampler.shell(&scene).centre, sampler.shell(&scene).radius), (center, [0.7, 1.4]));
+    assert_eq!((sampler.shell(&scene).center, sampler.shell(&scene).radius), (center, [0.7, 1.4]));
     let mut sines = Vec::new();
     for seed in 0..2000 {
         let pose = with_context(seed, |context| sampler.pose(&scene, ViewId(0), context)).expect("a pose");
@@ -212,7 +212,7 @@ fn views_follow_their_options() {
     assert!((low - 0.8 * 0.7).abs() < 1e-12 && (high - 1.7 * 0.8 * 0.7).abs() < 1e-12);
     for (options, want) in [
         ("radius = { of_table = [1.7, 1.0] }", "smaller bound first"),
-        ("radius = { metres = [1, 2] }", "metres"),
+        ("radius = { meters = [1, 2] }", "meters"),
         ("elevation_deg = [60, 30]", "smaller bound first"),
         ("look_at = \"table\"", "tabletop_center"),
     ] {
@@ -230,7 +230,7 @@ fn an_orbit_goes_round() {
         let flat = 2.0 * 30_f64.to_radians().cos();
         let want = Vector3::new(flat * want[0], flat * want[1], 0.95 + 1.0);
         assert!((pose.translation.vector - want).norm() < 1e-9, "{view}: {pose}");
-        let to_table = (scene.tabletop.centre().coords - want).normalize();
+        let to_table = (scene.tabletop.center().coords - want).normalize();
         assert!((pose * Vector3::z() - to_table).norm() < 1e-9);
     }
     assert_eq!(sampler.shell(&scene).radius, [2.0, 2.0]);
@@ -326,20 +326,20 @@ fn illuminance(light: &Light, point: Point3<f64>, normal: Vector3<f64>) -> f64 {
 fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
     let hit = match light {
         Light::Sphere(sphere) => {
-            let to_center = sphere.centre - origin;
+            let to_center = sphere.center - origin;
             let along = to_center.dot(&ray);
             along > 0.0 && to_center.norm_squared() - along * along < sphere.radius * sphere.radius
         }
         Light::Rect(rect) => {
             let normal = rect.half_u.cross(&rect.half_v).normalize();
-            let t = (rect.centre - origin).dot(&normal) / ray.dot(&normal);
-            let at = origin + ray * t - rect.centre;
+            let t = (rect.center - origin).dot(&normal) / ray.dot(&normal);
+            let at = origin + ray * t - rect.center;
             let inside = |half: Vector3<f64>| at.dot(&half).abs() <= half.norm_squared();
             t > 0.0 && ray.dot(&normal) < 0.0 && inside(rect.half_u) && inside(rect.half_v)
         }
         Light::Disk(disk) => {
-            let t = (disk.centre - origin).dot(&disk.normal) / ray.dot(&disk.normal);
-            t > 0.0 && ray.dot(&disk.normal) < 0.0 && (origin + ray * t - disk.centre).norm() < disk.radius
+            let t = (disk.center - origin).dot(&disk.normal) / ray.dot(&disk.normal);
+            t > 0.0 && ray.dot(&disk.normal) < 0.0 && (origin + ray * t - disk.center).norm() < disk.radius
         }
         Light::Directional(sun) => ray.dot(&sun.towards) > sun.half_angle.cos(),
         Light::Environment(_) => true,
@@ -369,8 +369,8 @@ fn sphere_lights_give_the_requested_illuminance() {
     for seed in 0..4 {
         let lights = draw(&*sampler, &scene, seed).expect("lights");
         let [light @ Light::Sphere(sphere)] = &lights[..] else { panic!("{lights:?}") };
-        let tabletop = scene.tabletop.centre();
-        let got = illuminance(light, tabletop, (sphere.centre - tabletop).normalize());
+        let tabletop = scene.tabletop.center();
+        let got = illuminance(light, tabletop, (sphere.center - tabletop).normalize());
         assert!((got / 800.0 - 1.0).abs() < 0.005, "{got} lx from {sphere:?}");
     }
 }
@@ -392,15 +392,15 @@ fn ceiling_lights_give_the_requested_illuminance() {
         let lights = draw(&*lights("ceiling_light", options), &scene, 3).expect("lights");
         assert_eq!(lights.len(), count, "{options}");
         let middle = lights.iter().fold(Vector3::zeros(), |sum, light| match light {
-            Light::Rect(rect) => sum + rect.centre.coords / lights.len() as f64,
+            Light::Rect(rect) => sum + rect.center.coords / lights.len() as f64,
             other => panic!("{other:?}"),
         });
-        let facing = (middle - scene.tabletop.centre().coords).normalize();
+        let facing = (middle - scene.tabletop.center().coords).normalize();
         let mut sum = 0.0;
         for light in &lights {
             let Light::Rect(rect) = light else { panic!("{light:?}") };
-            assert!((rect.centre.z - height).abs() < 1e-9 && rect.normal().z < -0.999, "{rect:?}");
-            sum += illuminance(light, scene.tabletop.centre(), facing);
+            assert!((rect.center.z - height).abs() < 1e-9 && rect.normal().z < -0.999, "{rect:?}");
+            sum += illuminance(light, scene.tabletop.center(), facing);
         }
         assert!((sum / 500.0 - 1.0).abs() < 0.01, "{options}: {sum} lx");
     }
@@ -420,12 +420,12 @@ fn sphere_lights_are_where_the_paper_has_them() {
         counts[lights.len()] += 1;
         for light in lights {
             let Light::Sphere(sphere) = light else { panic!("{light:?}") };
-            let from_center = sphere.centre - Point3::new(0.0, 0.0, 0.95);
+            let from_center = sphere.center - Point3::new(0.0, 0.0, 0.95);
             radius.push(from_center.norm() - (0.7 * 1.7 + 0.1));
             polar.push(from_center.z / from_center.norm());
             warmth.push(sphere.radiance[0] / sphere.radiance[2]);
             // Never among the cameras, never through the tabletop.
-            assert!(from_center.norm() - sphere.radius >= 0.7 * 1.7 && sphere.centre.z - sphere.radius > 0.75);
+            assert!(from_center.norm() - sphere.radius >= 0.7 * 1.7 && sphere.center.z - sphere.radius > 0.75);
         }
     }
     let n = radius.len();
@@ -456,7 +456,7 @@ fn the_released_lights_can_be_configured() {
         assert!((0.3..0.7).contains(&sphere.radius) && luminance(sphere.radiance) < 30000.0);
         let drawn = draw(&*ceiling, &scene, seed).expect("lights");
         let [Light::Rect(rect)] = drawn[..] else { panic!("{drawn:?}") };
-        assert!((100.0..1500.0).contains(&luminance(rect.radiance)) && rect.centre.z == 5.0);
+        assert!((100.0..1500.0).contains(&luminance(rect.radiance)) && rect.center.z == 5.0);
     }
     let none = lights("sphere_lights", "count = 2\nbrightness = { illuminance_lx = 0 }");
     assert!(draw(&*none, &scene, 1).expect("lights").is_empty(), "a light of 0 lx is none");

@@ -22,23 +22,23 @@ impl Config for DepthCamera {
     const KIND: &'static str = "depth_camera";
     const EXAMPLE: &'static str = "model = \"d435\"\nnoise = { uniform = [0.8, 1.2] }\nstereo = { baseline_m = 0.05 }";
 
-    fn build(self) -> Result<Box<dyn Sensor>, Invalid> {
+    fn build(self) -> Result<Box<dyn Sensor>, ConfigError> {
         self.noise.within("noise", NOISE[0], NOISE[1])?;
         let (common, principle) = self.model.parameters();
         let common = common.overridden(&self);
         let [near, far] = common.range_m;
         if near >= far {
-            return Err(Invalid::new("range_m", format!("`range_m = [{near}, {far}]` is empty"))
+            return Err(ConfigError::new("range_m", format!("`range_m = [{near}, {far}]` is empty"))
                 .help("write the smaller bound first"));
         }
         let name = self.model.name();
         let principle = match (principle, &self.time_of_flight, &self.stereo) {
             (Principle::TimeOfFlight(_), _, Some(_)) => {
-                return Err(Invalid::new("stereo", format!("`{name}` is not a stereo camera"))
+                return Err(ConfigError::new("stereo", format!("`{name}` is not a stereo camera"))
                     .help("use `time_of_flight`, or model = \"d435\""));
             }
             (Principle::Stereo(_), Some(_), _) => {
-                return Err(Invalid::new("time_of_flight", format!("`{name}` is not a time-of-flight camera"))
+                return Err(ConfigError::new("time_of_flight", format!("`{name}` is not a time-of-flight camera"))
                     .help("use `stereo`, or model = \"l515\" or \"azure_kinect\""));
             }
             (Principle::TimeOfFlight(flight), Some(options), _) => Principle::TimeOfFlight(flight.overridden(options)),
@@ -95,7 +95,7 @@ impl Sensor for DepthSensor {
         keys![DEPTH_SENSED, DEPTH_SENSOR]
     }
 
-    fn sense(&self, site: &Site, context: &Context, frame: &mut Frame) -> Result<()> {
+    fn sense(&self, site: &Site, context: &Context, frame: &mut Products) -> Result<()> {
         let camera = &view(site)?.camera;
         let (depth, workers, stream) = (frame.get(DEPTH)?, context.workers, &context.stream);
         let size = [depth.width(), depth.height()];

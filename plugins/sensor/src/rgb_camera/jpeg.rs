@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::Cursor;
 use syntable_model::dist::Dist;
-use syntable_model::error::{Error, Invalid, Result};
+use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::product::{Plane, Value};
 use syntable_model::random::Stream;
 
@@ -30,7 +30,7 @@ impl Default for Jpeg {
 }
 
 impl Jpeg {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         self.quality.within("jpeg.quality", QUALITY[0], QUALITY[1])
     }
 

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::context::Workers;
 use syntable_model::dist::Dist;
-use syntable_model::error::Invalid;
+use syntable_model::error::ConfigError;
 use syntable_model::product::{Plane, Value};
 use syntable_model::random::Stream;
 use syntable_model::scene::Intrinsics;
@@ -44,7 +44,7 @@ impl Default for Vignetting {
 }
 
 impl Vignetting {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         self.natural.within("vignetting.natural", NATURAL[0], NATURAL[1])?;
         self.mechanical.within("vignetting.mechanical", MECHANICAL[0], MECHANICAL[1])
     }
@@ -102,7 +102,7 @@ impl Default for ChromaticAberration {
 }
 
 impl ChromaticAberration {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         self.red_px.within("chromatic_aberration.red_px", SHIFT_PX[0], SHIFT_PX[1])?;
         self.blue_px.within("chromatic_aberration.blue_px", SHIFT_PX[0], SHIFT_PX[1])
     }
@@ -178,7 +178,7 @@ impl Default for Blur {
 }
 
 impl Blur {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         self.sigma_px.within("blur.sigma_px", SIGMA_PX[0], SIGMA_PX[1])
     }
 

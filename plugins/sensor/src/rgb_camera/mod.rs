@@ -62,7 +62,7 @@ impl Config for RgbCamera {
     const EXAMPLE: &'static str = "tone = \"filmic\"\nwhite_balance = \"auto\"\nvignetting = { natural = 0.6 }\n\
          blur = { sigma_px = { uniform = [0.3, 0.8] } }\nnoise = { iso = { log_uniform = [100, 1600] } }\n\
          jpeg = { quality = 92 }";
-    fn build(self) -> Result<Box<dyn Sensor>, Invalid> {
+    fn build(self) -> Result<Box<dyn Sensor>, ConfigError> {
         self.vignetting.as_ref().map_or(Ok(()), Vignetting::check)?;
         self.chromatic_aberration.as_ref().map_or(Ok(()), ChromaticAberration::check)?;
         self.blur.as_ref().map_or(Ok(()), Blur::check)?;
@@ -82,7 +82,7 @@ impl Sensor for RgbCamera {
         keys![RGB, EXPOSURE]
     }
 
-    fn sense(&self, site: &Site, context: &Context, frame: &mut Frame) -> Result<()> {
+    fn sense(&self, site: &Site, context: &Context, frame: &mut Products) -> Result<()> {
         let view = view(site)?;
         let (workers, stream) = (context.workers, |effect: &str| context.stream.child(effect));
         let mut applied: Vec<(&str, Value)> = Vec::new();

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::context::Workers;
 use syntable_model::dist::Dist;
-use syntable_model::error::Invalid;
+use syntable_model::error::ConfigError;
 use syntable_model::product::{Plane, Value};
 use syntable_model::random::Stream;
 
@@ -41,7 +41,7 @@ const MANY: f64 = 50.0;
 const ISO: [f64; 2] = [1.0, 1e6];
 
 impl Noise {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         self.iso.within("noise.iso", ISO[0], ISO[1])
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::borrow::Cow;
 use std::fmt;
 use syntable_model::dist::Dist;
-use syntable_model::error::Invalid;
+use syntable_model::error::ConfigError;
 use syntable_model::photometry::{blackbody, luminance};
 use syntable_model::product::Value;
 use syntable_model::random::Stream;
@@ -39,7 +39,7 @@ const MIRED: std::ops::RangeInclusive<u32> = 100..=400;
 const TAIL: f64 = 0.1;
 
 impl WhiteBalance {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
         match self {
             Self::Kelvin(kelvin) => kelvin.within("white_balance.kelvin", KELVIN[0], KELVIN[1]),
             Self::None | Self::Auto => Ok(()),

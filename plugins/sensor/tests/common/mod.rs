@@ -42,7 +42,7 @@ pub fn view(size: [u32; 2], focal_px: f64, exposure: Exposure) -> View {
 }
 
 /// Runs a sensor on a frame, which it can read only as it declares.
-pub fn sense(sensor: &dyn Sensor, view: &View, mut frame: Frame, seed: u64, workers: &dyn Workers) -> Frame {
+pub fn sense(sensor: &dyn Sensor, view: &View, mut frame: Products, seed: u64, workers: &dyn Workers) -> Frame {
     let scene = scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]);
     let dataset = scenes::dataset();
     let site = Site { dataset: &dataset, scene: &scene, view: Some(view) };
@@ -63,6 +63,6 @@ pub fn sense(sensor: &dyn Sensor, view: &View, mut frame: Frame, seed: u64, work
 }
 
 /// A product as JSON.
-pub fn json(frame: &Frame, name: &str) -> serde_json::Value {
-    serde_json::to_value(frame.value(name).expect("made")).expect("serialises")
+pub fn json(frame: &Products, name: &str) -> serde_json::Value {
+    serde_json::to_value(frame.value(name).expect("made")).expect("serializes")
 }

@@ -56,7 +56,7 @@ impl Config for ContactSheet {
     type Stage = dyn Writer;
     const KIND: &'static str = "contact_sheet";
     const EXAMPLE: &'static str = "panels = [\"rgb\", \"visible\", \"occlusion\"]\npanel_width_px = 320";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -94,7 +94,7 @@ struct Sheets {
 }
 
 impl SceneWriter for Sheets {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         let k = &view(site)?.camera.intrinsics;
         let width = self.config.panel_width_px.min(k.width);
         let panels =
@@ -124,7 +124,7 @@ impl Sheets {
 
 impl Panel {
     /// Draws the panel at full size, to be shrunk to `shown` columns.
-    fn draw(self, frame: &Frame, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
+    fn draw(self, frame: &Products, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
         // Lines of this width are one pixel wide once the panel is shrunk.
         let line = width.div_ceil(shown.max(1));
         match self {

@@ -17,7 +17,7 @@ pub fn export(lights: &[Light], stem: &str) -> (Vec<Json>, Vec<HdrFile>) {
             let file = format!("{stem}_environment{end}.hdr");
             let note = json!({
                 "file": file, "rotation_rad": light.rotation, "name": light.map.name, "digest": light.map.digest,
-                "scale_nits": light.scale, "licence": light.map.licence,
+                "scale_nits": light.scale, "license": light.map.license,
             });
             (note, (file, radiance_hdr(light)))
         })

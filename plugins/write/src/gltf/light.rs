@@ -53,7 +53,7 @@ impl Lights {
         match light {
             Light::Sphere(sphere) if solid => {
                 let mesh = self.body(glb, named("sphere"), &["sphere"], sphere.radiance);
-                let pose = at(&sphere.centre, UnitQuaternion::identity());
+                let pose = at(&sphere.center, UnitQuaternion::identity());
                 Some(emissive(named("sphere"), &pose, [sphere.radius; 3], mesh, extras))
             }
             Light::Rect(rect) => {
@@ -64,27 +64,27 @@ impl Lights {
                     return Some(spot(
                         glb,
                         named("rectangle"),
-                        &rect.centre,
+                        &rect.center,
                         &rect.normal(),
                         rect.radiance,
                         4.0 * u * v,
                     ));
                 }
                 let mesh = self.body(glb, named("rectangle"), &["square", "square's back"], rect.radiance);
-                Some(emissive(named("rectangle"), &at(&rect.centre, rotation), [u, v, 1.0], mesh, extras))
+                Some(emissive(named("rectangle"), &at(&rect.center, rotation), [u, v, 1.0], mesh, extras))
             }
             Light::Disk(disk) => {
                 let area = PI * disk.radius * disk.radius;
                 if !solid {
-                    return Some(spot(glb, named("disk"), &disk.centre, &disk.normal, disk.radiance, area));
+                    return Some(spot(glb, named("disk"), &disk.center, &disk.normal, disk.radiance, area));
                 }
                 let mesh = self.body(glb, named("disk"), &["disk", "disk's back"], disk.radiance);
-                let pose = at(&disk.centre, facing(&disk.normal));
+                let pose = at(&disk.center, facing(&disk.normal));
                 Some(emissive(named("disk"), &pose, [disk.radius, disk.radius, 1.0], mesh, extras))
             }
             Light::Sphere(sphere) => {
                 let area = PI * sphere.radius * sphere.radius;
-                let pose = at(&sphere.centre, UnitQuaternion::identity());
+                let pose = at(&sphere.center, UnitQuaternion::identity());
                 Some(punctual(glb, named("sphere"), &pose, "point", sphere.radiance, area, None))
             }
             Light::Directional(sun) => {

@@ -84,9 +84,9 @@ impl Materials {
             // The surface of a medium is closed and refracts: it has one side.
             double_sided: extensions.volume.is_none(),
             extensions,
-            extras: match material.licence.as_str() {
+            extras: match material.license.as_str() {
                 "" => serde_json::Value::Null,
-                licence => serde_json::json!({ "licence": licence }),
+                license => serde_json::json!({ "license": license }),
             },
         })
     }

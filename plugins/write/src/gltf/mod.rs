@@ -77,7 +77,7 @@ impl Config for Gltf {
     type Stage = dyn Writer;
     const KIND: &'static str = "gltf";
     const EXAMPLE: &'static str = "lights = \"emissive\"\nper = \"scene\"";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         Ok(Box::new(self))
     }
 }
@@ -107,7 +107,7 @@ struct GltfScene {
 }
 
 impl SceneWriter for GltfScene {
-    fn view(&mut self, site: &Site, _: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, _: &Products) -> Result<()> {
         let view = view(site)?;
         match self.config.per {
             FilePer::Scene => {
@@ -168,22 +168,22 @@ impl Export {
     /// The bodies of a scene.
     fn new(site: &Site) -> Result<Self> {
         let mut export = Self::default();
-        let licences: BTreeSet<&str> = site
+        let licenses: BTreeSet<&str> = site
             .scene
             .bodies()
             .iter()
             .flat_map(|body| {
-                let surface = body.surface.as_ref().map(|surface| surface.material.licence.as_str());
-                [Some(body.object.licence.as_str()), surface]
+                let surface = body.surface.as_ref().map(|surface| surface.material.license.as_str());
+                [Some(body.object.license.as_str()), surface]
             })
             .flatten()
-            .filter(|licence| !licence.is_empty())
+            .filter(|license| !license.is_empty())
             .collect();
         let document = &mut export.glb.document;
         document.asset = Asset {
             version: "2.0",
             generator: site.dataset.program.clone(),
-            copyright: licences.into_iter().collect::<Vec<_>>().join(", "),
+            copyright: licenses.into_iter().collect::<Vec<_>>().join(", "),
         };
         document.nodes.push(Node { name: "world".into(), matrix: Some(Y_UP_FROM_Z_UP), ..Node::default() });
         document.scenes.push(JsonScene {
@@ -230,8 +230,8 @@ impl Export {
         let mut extras = json!({
             "instance_id": body.id, "asset": body.asset, "category": object.category, "role": body.role,
         });
-        if !object.licence.is_empty() {
-            extras["licence"] = object.licence.as_str().into();
+        if !object.license.is_empty() {
+            extras["license"] = object.license.as_str().into();
         }
         let name = format!("{} {}", body.id, body.asset);
         self.child(Node { mesh: Some(mesh), extras, ..node(name, &body.world_from_body) });

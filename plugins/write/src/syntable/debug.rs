@@ -15,7 +15,7 @@ pub fn write(
     config: &SynTable,
     output: &Output,
     site: &Site,
-    frame: &Frame,
+    frame: &Products,
     labels: &Labels,
     name: &str,
 ) -> Result<()> {

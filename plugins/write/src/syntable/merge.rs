@@ -54,7 +54,7 @@ fn info(dataset: &DatasetInfo, syntable_1: bool) -> Info {
 }
 
 fn license() -> License {
-    License { id: 1, name: "licences of the assets".into(), ..License::default() }
+    License { id: 1, name: "licenses of the assets".into(), ..License::default() }
 }
 
 fn category() -> Category {

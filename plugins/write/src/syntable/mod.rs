@@ -96,15 +96,15 @@ impl Config for SynTable {
     type Stage = dyn Writer;
     const KIND: &'static str = "syntable";
     const EXAMPLE: &'static str = "compat = \"coco\"\nskip_empty_images = false";
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         if self.annotation_file.is_empty() || self.annotation_file.contains(['/', '\\']) {
             let message = format!("`{}` is not a file name", self.annotation_file);
-            return Err(Invalid::new("annotation_file", message));
+            return Err(ConfigError::new("annotation_file", message));
         }
         let inside = |part: &str| !part.is_empty() && part != "." && part != "..";
         if !self.folder.is_empty() && !self.folder.split('/').all(inside) {
             let message = format!("`{}` is not a folder inside the dataset", self.folder);
-            return Err(Invalid::new("folder", message).help("write it as `a` or `a/b`"));
+            return Err(ConfigError::new("folder", message).help("write it as `a` or `a/b`"));
         }
         Ok(Box::new(self))
     }
@@ -157,7 +157,7 @@ struct SynTableScene {
 }
 
 impl SceneWriter for SynTableScene {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         let Self { config, output, lines } = self;
         let (scene, view) = (site.scene.id.0, view(site)?.id.0);
         Image::rgb(frame.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;

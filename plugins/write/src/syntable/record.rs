@@ -43,7 +43,7 @@ struct ObjectLabels<'a> {
 
 impl<'a> Labels<'a> {
     /// All labels of a view.
-    pub fn of(frame: &'a Frame) -> Result<Self> {
+    pub fn of(frame: &'a Products) -> Result<Self> {
         let order = frame.get(OCCLUSION_ORDER)?;
         Ok(Self {
             visible: frame.get(VISIBLE_MASK)?,
@@ -103,7 +103,7 @@ impl<'a> Labels<'a> {
 }
 
 /// The record of an image in the coco form.
-pub fn image(site: &Site, frame: &Frame, labels: &Labels) -> Result<Image> {
+pub fn image(site: &Site, frame: &Products, labels: &Labels) -> Result<Image> {
     Ok(Image {
         scene_id: Some(site.scene.id.0),
         view_id: Some(view(site)?.id.0),
@@ -118,7 +118,7 @@ pub fn image(site: &Site, frame: &Frame, labels: &Labels) -> Result<Image> {
 }
 
 /// The record of an image in the syntable_1 form.
-pub fn image_1(site: &Site, frame: &Frame) -> Result<Image> {
+pub fn image_1(site: &Site, frame: &Products) -> Result<Image> {
     let rgb = frame.get(RGB)?;
     let (scene, view) = (site.scene.id.0, view(site)?.id.0);
     Ok(Image {
@@ -137,7 +137,13 @@ pub fn image_1(site: &Site, frame: &Frame) -> Result<Image> {
 }
 
 /// The record of an annotation in the coco form, without its id.
-pub fn annotation(site: &Site, frame: &Frame, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<Annotation> {
+pub fn annotation(
+    site: &Site,
+    frame: &Products,
+    labels: &Labels,
+    id: InstanceId,
+    bbox: BoxSource,
+) -> Result<Annotation> {
     let object = labels.object(id)?;
     let info = frame.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
     Ok(Annotation {

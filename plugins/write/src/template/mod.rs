@@ -92,12 +92,12 @@ template = """
 {% for id, box in visible_box %}{{ id }},{{ box | join(sep=",") }}
 {% endfor %}""""#;
 
-    fn build(self) -> Result<Box<dyn Writer>, Invalid> {
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         include::check_unique(&self.include)?;
         include::check_free(&self.include, &["dataset", "scene", "view", "scenes", "views", "writer"])?;
         let invalid = |key: &str, fault: Fault| {
             let line = fault.line.map_or(String::new(), |line| format!("line {line} of the template: "));
-            Invalid::new(key, format!("{line}{}", fault.message))
+            ConfigError::new(key, format!("{line}{}", fault.message))
         };
         let path = Template::new(self.path.as_deref().unwrap_or(self.per.default_path()));
         let path = path.map_err(|fault| invalid("path", fault))?;
@@ -222,7 +222,7 @@ struct TemplateScene {
 }
 
 impl SceneWriter for TemplateScene {
-    fn view(&mut self, site: &Site, frame: &Frame) -> Result<()> {
+    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
         let per_view = self.templates.config.per == FilePer::View;
         let mut record = Map::from_iter([("view".to_owned(), json!({ "id": view(site)?.id.0 }))]);
         for name in &self.templates.config.include {

@@ -38,7 +38,7 @@ pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer>, String> {
 /// A scene with its views.
 pub struct Take {
     pub scene: Scene,
-    pub views: Vec<(View, Arc<Frame>)>,
+    pub views: Vec<(View, Arc<Products>)>,
 }
 
 /// What is in a view.
@@ -65,7 +65,7 @@ pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
 
 pub fn take(id: u32, objects: usize, crowds: &[Crowd]) -> Take {
     let scene = scene(id, objects);
-    let mut of_scene = Frame::new();
+    let mut of_scene = Products::new();
     let report = Value::record([("objects", (objects as i64).into()), ("simulated_s", 5.0.into())]);
     of_scene.put(SETTLE_REPORT, report).expect("first");
     let of_scene = Arc::new(of_scene);
@@ -93,11 +93,11 @@ fn scene(id: u32, objects: usize) -> Scene {
         collision: None,
         mass_kg: 0.25,
         friction: 0.5,
-        licence: "CC0-1.0".into(),
+        license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),
     });
     let mut builder = SceneBuilder::default();
-    builder.tabletop = Some(Tabletop { centre: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
+    builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
     let mut handles = Vec::new();
     for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
         let asset = AssetRef { pool: "pool".into(), name: format!("tetra_{i}") };
@@ -130,7 +130,7 @@ fn view(number: u32) -> View {
 
 /// Every product of a view. Objects are ellipses; the smaller the id, the nearer, except where a random stripe turns
 /// the order round; the table is behind them but in front of some.
-fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene: Arc<Frame>) -> Frame {
+fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene: Arc<Products>) -> Frame {
     let count = scene.objects().len() as u16;
     let table = InstanceId(count + 1);
     let blobs: Vec<[f64; 4]> = (0..count)
@@ -185,7 +185,7 @@ fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene:
     }
     let rate = |id: &InstanceId| f64::from(occlusion[id].area()) / f64::from(amodal[id].area());
 
-    let mut frame = Frame::of_view(of_scene);
+    let mut frame = Products::of_view(of_scene);
     let camera_from_world = view.camera.world_from_camera.inverse();
     let infos = ids.iter().map(|id| {
         let body = scene.body(*id).expect("an object");
@@ -211,7 +211,7 @@ fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene:
         ("min_visible_px", 0_i64.into()),
         ("max_occlusion_rate", 1.0.into()),
     ]);
-    let put = |frame: &mut Frame| -> Result<()> {
+    let put = |frame: &mut Products| -> Result<()> {
         frame.put(OCCLUSION_RATE, ids.iter().map(|id| (*id, rate(id))).collect())?;
         frame.put(VISIBLE_BOX, ids.iter().map(|id| (*id, visible[id].bbox())).collect())?;
         frame.put(AMODAL_BOX, ids.iter().map(|id| (*id, amodal[id].bbox())).collect())?;
