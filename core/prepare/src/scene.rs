@@ -294,7 +294,7 @@ fn texture_coordinates(
 
 /// Materials of a body by slot, and how their textures are placed.
 fn materials(body: &Body) -> Vec<(Arc<scene::Material>, TextureMapping)> {
-    match &body.surface {
+    match &body.material_override {
         Some(surface) => vec![(surface.material.clone(), surface.mapping)],
         None => {
             let own = TextureMapping::Uv(UvTransform::default());

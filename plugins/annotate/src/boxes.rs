@@ -27,11 +27,11 @@ impl Annotator for Boxes {
         keys![VISIBLE_BOX, AMODAL_BOX]
     }
 
-    fn annotate(&self, _: &Site, frame: &mut Products) -> Result<()> {
-        let visible = frame.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
-        let amodal = frame.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());
-        frame.put(VISIBLE_BOX, visible)?;
-        frame.put(AMODAL_BOX, amodal)
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        let visible = products.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
+        let amodal = products.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());
+        products.put(VISIBLE_BOX, visible)?;
+        products.put(AMODAL_BOX, amodal)
     }
 }
 

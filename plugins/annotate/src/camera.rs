@@ -1,7 +1,6 @@
 //! The camera of a view.
 
 use crate::matrix::pose;
-use crate::object_info::view;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::CAMERA;
 use syntable_model::scene;
@@ -31,8 +30,8 @@ impl Annotator for Camera {
         keys![CAMERA]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
-        frame.put(CAMERA, Value::of(&CameraView::from(&view(site)?.camera))?)
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        products.put(CAMERA, Value::of(&CameraView::from(&cx.view.camera))?)
     }
 }
 

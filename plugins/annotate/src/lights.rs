@@ -1,6 +1,5 @@
 //! The lights of a view.
 
-use crate::object_info::view;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::LIGHTS;
 use syntable_model::scene::Light;
@@ -29,9 +28,9 @@ impl Annotator for Lights {
         keys![LIGHTS]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
-        let lights: Vec<LightView> = view(site)?.lights.iter().map(LightView::from).collect();
-        frame.put(LIGHTS, Value::of(&lights)?)
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let lights: Vec<LightView> = cx.view.lights.iter().map(LightView::from).collect();
+        products.put(LIGHTS, Value::of(&lights)?)
     }
 }
 

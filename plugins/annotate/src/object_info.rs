@@ -51,26 +51,21 @@ impl Annotator for ObjectInfo {
         keys![OBJECT_INFO]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
-        let camera_from_world = view(site)?.camera.world_from_camera.inverse();
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let camera_from_world = cx.view.camera.world_from_camera.inverse();
         let annotated = match self.objects {
-            Which::Annotated => Some(frame.get(AMODAL_MASK)?),
+            Which::Annotated => Some(products.get(AMODAL_MASK)?),
             Which::All => None,
         };
-        let info = site
+        let info = cx
             .scene
             .objects()
             .iter()
             .filter(|body| annotated.is_none_or(|masks| masks.get(body.id).is_some()))
             .map(|body| Ok((body.id, Value::of(&ObjectView::new(body, &camera_from_world))?)))
             .collect::<Result<_>>()?;
-        frame.put(OBJECT_INFO, info)
+        products.put(OBJECT_INFO, info)
     }
-}
-
-/// The view of a site, for annotators that run once per view.
-pub(crate) fn view<'a>(site: &Site<'a>) -> Result<&'a View> {
-    site.view.ok_or_else(|| Error::new("a product of a view was requested without a view"))
 }
 
 /// An entry of the product `object_info`.

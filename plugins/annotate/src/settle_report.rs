@@ -11,15 +11,15 @@ use syntable_model::scene;
 pub struct SettleReport {}
 
 impl Config for SettleReport {
-    type Stage = dyn Annotator;
+    type Stage = dyn SceneAnnotator;
     const KIND: &'static str = "settle_report";
     const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
         Ok(Box::new(self))
     }
 }
 
-impl Annotator for SettleReport {
+impl SceneAnnotator for SettleReport {
     fn reads(&self) -> Vec<KeyId> {
         keys![]
     }
@@ -28,8 +28,8 @@ impl Annotator for SettleReport {
         keys![SETTLE_REPORT]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
-        frame.put(SETTLE_REPORT, Value::of(&Report::from(site.scene))?)
+    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
+        products.put(SETTLE_REPORT, Value::of(&Report::from(cx.scene))?)
     }
 }
 

@@ -2,6 +2,7 @@
 //!
 //! | kind | method |
 //! | --- | --- |
+//! | [`none`] | leaves images as they are rendered; the default |
 //! | [`guided`] | edge-avoiding filter, guided by albedo, normals, depth and ids |
 //! | [`oidn`] | Open Image Denoise, loaded at run time if the user has it |
 //!
@@ -9,4 +10,5 @@
 //! library is opened when the first image is denoised, never by `check` or `plan`.
 
 pub mod guided;
+pub mod none;
 pub mod oidn;

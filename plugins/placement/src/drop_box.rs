@@ -165,7 +165,7 @@ impl DropBox {
             if drawn.len() == count {
                 break;
             }
-            match context.assets.object(&asset) {
+            match context.assets.get(&asset).and_then(Asset::into_object) {
                 Ok(object) => drawn.push((asset, object)),
                 Err(error) => last = Some(error),
             }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use syntable_model::context::Assets;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Material, Surface, TextureMapping};
+use syntable_model::scene::{Material, MaterialOverride, TextureMapping};
 
 /// Maximum factor, up or down, from a texture's real size.
 const MAX_SCALE: f64 = 1000.0;
@@ -17,7 +17,7 @@ pub fn draw_material(
     scale: &Dist,
     assets: &dyn Assets,
     stream: &Stream,
-) -> Result<Surface> {
+) -> Result<MaterialOverride> {
     let (_, material) = assets.draw_material(pool, &mut stream.child("material"))?;
     let mut texture = stream.child("texture");
     let rotation = rotation_deg.draw(&mut texture).to_radians() as f32;
@@ -28,7 +28,7 @@ pub fn draw_material(
         // The images are shared with the original.
         _ => Arc::new(Material { tile_m: material.tile_m * scale, ..(*material).clone() }.with_digest()),
     };
-    Ok(Surface { material, mapping: TextureMapping::Box { rotation, offset } })
+    Ok(MaterialOverride { material, mapping: TextureMapping::Box { rotation, offset } })
 }
 
 /// Replaces the material of some objects. Shape and mass stay.
@@ -56,7 +56,7 @@ impl MaterialReplacement {
     }
 
     /// Draws the material of an object; none if it keeps its own.
-    pub fn draw(&self, assets: &dyn Assets, stream: &Stream) -> Result<Option<Surface>> {
+    pub fn draw(&self, assets: &dyn Assets, stream: &Stream) -> Result<Option<MaterialOverride>> {
         if !stream.child("replace").chance(self.probability) {
             return Ok(None);
         }

@@ -16,10 +16,3 @@
 pub mod depth_camera;
 mod image_filter;
 pub mod rgb_camera;
-
-use syntable_model::prelude::*;
-
-/// The view of a site: sensors run once per view.
-fn view<'a>(site: &Site<'a>) -> Result<&'a View> {
-    site.view.ok_or_else(|| Error::new("a product of a view was requested without a view"))
-}

@@ -87,15 +87,15 @@ impl Annotator for Masks {
         keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, LABEL_POLICY]
     }
 
-    fn annotate(&self, site: &Site, frame: &mut Products) -> Result<()> {
-        let objects = site.scene.objects().len();
-        let coverage = frame.get(self.coverage())?;
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let objects = cx.scene.objects().len();
+        let coverage = products.get(self.coverage())?;
         check_objects(coverage, objects)?;
-        let sweep = sweep(frame.get(INSTANCE)?, coverage)?;
+        let sweep = sweep(products.get(INSTANCE)?, coverage)?;
         let outside = match self.image_frame {
             ImageFrame::Clip => vec![0; objects],
             ImageFrame::Extend => {
-                let wide = frame.get(self.coverage_wide())?;
+                let wide = products.get(self.coverage_wide())?;
                 check_objects(wide, objects)?;
                 area_outside(wide)
             }
@@ -121,12 +121,12 @@ impl Annotator for Masks {
             amodal.0.insert(id(object), masks.amodal);
             occlusion.0.insert(id(object), masks.occlusion);
         }
-        frame.put(VISIBLE_MASK, visible)?;
-        frame.put(AMODAL_MASK, amodal)?;
-        frame.put(OCCLUSION_MASK, occlusion)?;
-        frame.put(OCCLUSION_RATE, (0..).map(id).zip(rates).filter_map(|(id, rate)| Some((id, rate?))).collect())?;
-        frame.put(OCCLUSION_ORDER, order)?;
-        frame.put(LABEL_POLICY, self.policy())
+        products.put(VISIBLE_MASK, visible)?;
+        products.put(AMODAL_MASK, amodal)?;
+        products.put(OCCLUSION_MASK, occlusion)?;
+        products.put(OCCLUSION_RATE, (0..).map(id).zip(rates).filter_map(|(id, rate)| Some((id, rate?))).collect())?;
+        products.put(OCCLUSION_ORDER, order)?;
+        products.put(LABEL_POLICY, self.policy())
     }
 }
 

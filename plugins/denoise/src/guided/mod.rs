@@ -25,8 +25,8 @@ use smooth::Level;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
-    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
+    DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DENOISER, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
+    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
 use tuning::Tuning;
 
@@ -35,9 +35,6 @@ const MOST: f32 = 1e12;
 
 /// Assumed difference between the radiance of a pixel and the product of mean albedo and mean light, as a fraction of it.
 const RESIDUAL: f32 = 0.2;
-
-/// Maximum number of levels.
-const LEVELS: u32 = 5;
 
 /// Removes noise from images of few samples by averaging over similar neighbors, guided by albedo, normals, depth and ids.
 /// Runs on the CPU, gives the same image on every machine, and needs nothing installed.
@@ -67,19 +64,14 @@ impl Config for Guided {
     const KIND: &'static str = "guided";
     const EXAMPLE: &'static str = "strength = 1.0\nlevels = 4";
     fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
-        if !(0.1..=10.0).contains(&self.strength) {
-            return Err(ConfigError::new("strength", format!("`strength = {}` is not from 0.1 to 10", self.strength)));
-        }
-        if !(1..=LEVELS).contains(&self.levels) {
-            return Err(ConfigError::new("levels", format!("`levels = {}` is not from 1 to 5", self.levels)));
-        }
         Ok(Box::new(self))
     }
 }
 
 impl Denoiser for Guided {
-    fn guides(&self) -> Vec<KeyId> {
+    fn reads(&self) -> Vec<KeyId> {
         keys![
+            RADIANCE_NOISY,
             DENOISE_ALBEDO,
             DENOISE_NORMAL,
             DEPTH,
@@ -91,9 +83,10 @@ impl Denoiser for Guided {
         ]
     }
 
-    fn denoise(&self, rendered: &Products, workers: &dyn Workers) -> Result<Denoised> {
+    fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let (rendered, workers) = (&*products, cx.workers);
         let input = Input {
-            radiance: rendered.get(RADIANCE)?,
+            radiance: rendered.get(RADIANCE_NOISY)?,
             parts: [rendered.get(RADIANCE_DEMODULATED)?, rendered.get(RADIANCE_SPECULAR)?],
             variances: [rendered.get(RADIANCE_DEMODULATED_VARIANCE)?, rendered.get(RADIANCE_SPECULAR_VARIANCE)?],
             albedo: rendered.get(DENOISE_ALBEDO)?,
@@ -109,7 +102,9 @@ impl Denoiser for Guided {
             ("strength", self.strength.into()),
             ("levels", self.levels.into()),
         ]);
-        Ok(Denoised { radiance: input.join(size, &guides, &parts), report })
+        let radiance = input.join(size, &guides, &parts);
+        products.put(RADIANCE, radiance)?;
+        products.put(DENOISER, report)
     }
 }
 

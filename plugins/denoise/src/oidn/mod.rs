@@ -4,10 +4,9 @@ mod library;
 
 use library::{Device, Job};
 use parking_lot::Mutex;
-use syntable_model::context::Workers;
 use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE};
+use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, DENOISER, RADIANCE, RADIANCE_NOISY};
 
 /// Time against quality, as Open Image Denoise has it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -78,24 +77,24 @@ struct OidnDenoiser {
 }
 
 impl Denoiser for OidnDenoiser {
-    fn guides(&self) -> Vec<KeyId> {
-        keys![DENOISE_ALBEDO, DENOISE_NORMAL]
+    fn reads(&self) -> Vec<KeyId> {
+        keys![RADIANCE_NOISY, DENOISE_ALBEDO, DENOISE_NORMAL]
     }
 
     fn ready(&self) -> Result<()> {
         self.open(1).map(drop)
     }
 
-    fn denoise(&self, rendered: &Products, workers: &dyn Workers) -> Result<Denoised> {
+    fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let Oidn { library, quality, clean_guides } = &self.options;
-        let mut radiance = rendered.get(RADIANCE)?.map(|pixel| pixel.map(finite));
-        let mut albedo = rendered.get(DENOISE_ALBEDO)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
-        let mut normal = rendered.get(DENOISE_NORMAL)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
+        let mut radiance = products.get(RADIANCE_NOISY)?.map(|pixel| pixel.map(finite));
+        let mut albedo = products.get(DENOISE_ALBEDO)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
+        let mut normal = products.get(DENOISE_NORMAL)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
         let scale = 1.0 / white(radiance.data());
         let mut held = self.device.lock();
         let device = match &mut *held {
             Some(device) => device,
-            none => none.insert(self.open(workers.threads())?),
+            none => none.insert(self.open(cx.workers.threads())?),
         };
         let code = quality.code(device);
         let (width, height) = (radiance.width() as usize, radiance.height() as usize);
@@ -117,7 +116,8 @@ impl Denoiser for OidnDenoiser {
             ("quality", quality.name().into()),
             ("clean_guides", (*clean_guides).into()),
         ]);
-        Ok(Denoised { radiance, report })
+        products.put(RADIANCE, radiance)?;
+        products.put(DENOISER, report)
     }
 }
 

@@ -10,7 +10,6 @@ pub use models::Model;
 pub use parameters::{Common, DepthCamera, Principle, Stereo, StereoParameters, TimeOfFlight, TimeOfFlightParameters};
 
 use crate::image_filter::{filled, normal_field, normal_pair};
-use crate::view;
 use parameters::NOISE;
 use std::f64::consts::FRAC_PI_2;
 use surface::Surface;
@@ -95,16 +94,16 @@ impl Sensor for DepthSensor {
         keys![DEPTH_SENSED, DEPTH_SENSOR]
     }
 
-    fn sense(&self, site: &Site, context: &Context, frame: &mut Products) -> Result<()> {
-        let camera = &view(site)?.camera;
-        let (depth, workers, stream) = (frame.get(DEPTH)?, context.workers, &context.stream);
+    fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()> {
+        let (camera, workers) = (&cx.view.camera, cx.workers);
+        let depth = products.get(DEPTH)?;
         let size = [depth.width(), depth.height()];
-        let surface = Surface::new(camera, depth, frame.get(NORMAL)?, self.common.edge_step_m, workers);
+        let surface = Surface::new(camera, depth, products.get(NORMAL)?, self.common.edge_step_m, workers);
         let image = Camera { common: &self.common, noise: self.noise.draw(&mut stream.child("noise")) };
         let pixels = stream.child("pixels");
         let sensed = match &self.principle {
             Principle::TimeOfFlight(flight) => {
-                let albedo = frame.get(ALBEDO)?;
+                let albedo = products.get(ALBEDO)?;
                 filled(workers, size, |y, row: &mut [f32]| {
                     let mut stream = pixels.at(y.into());
                     for (x, out) in row.iter_mut().enumerate() {
@@ -138,8 +137,8 @@ impl Sensor for DepthSensor {
             }
         };
         let report = self.report(image.noise, &sensed)?;
-        frame.put(DEPTH_SENSED, sensed)?;
-        frame.put(DEPTH_SENSOR, report)
+        products.put(DEPTH_SENSED, sensed)?;
+        products.put(DEPTH_SENSOR, report)
     }
 }
 

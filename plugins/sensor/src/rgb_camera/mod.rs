@@ -16,7 +16,6 @@ pub use tone::{Curve, Developer, Tone};
 pub use white_balance::WhiteBalance;
 
 use crate::image_filter::filled;
-use crate::view;
 use std::borrow::Cow;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{EXPOSURE, RADIANCE, RGB};
@@ -82,11 +81,10 @@ impl Sensor for RgbCamera {
         keys![RGB, EXPOSURE]
     }
 
-    fn sense(&self, site: &Site, context: &Context, frame: &mut Products) -> Result<()> {
-        let view = view(site)?;
-        let (workers, stream) = (context.workers, |effect: &str| context.stream.child(effect));
+    fn sense(&self, cx: &ViewContext, stream: &Stream, products: &mut Products) -> Result<()> {
+        let (view, workers, stream) = (cx.view, cx.workers, |effect: &str| stream.child(effect));
         let mut applied: Vec<(&str, Value)> = Vec::new();
-        let mut light = Cow::Borrowed(frame.get(RADIANCE)?);
+        let mut light = Cow::Borrowed(products.get(RADIANCE)?);
         let intrinsics = &view.camera.intrinsics;
         if let Some(vignetting) = &self.vignetting {
             let record = vignetting.apply(finite(&mut light), intrinsics, workers, &stream("vignetting"));
@@ -124,14 +122,14 @@ impl Sensor for RgbCamera {
         if let Some(jpeg) = &self.jpeg {
             applied.push(("jpeg", jpeg.apply(&mut image, &stream("jpeg"))?));
         }
-        frame.put(RGB, image)?;
+        products.put(RGB, image)?;
         let exposure = [
             ("mode", mode.into()),
             ("ev100", ev100.into()),
             ("white_nits", white.into()),
             ("tone", self.tone.name().into()),
         ];
-        frame.put(EXPOSURE, Value::record(exposure.into_iter().chain(applied)))
+        products.put(EXPOSURE, Value::record(exposure.into_iter().chain(applied)))
     }
 }
 
