@@ -1,6 +1,6 @@
 //! A whole frame: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a globe, 640 × 480.
 //!
-//! `cargo bench -p syntable-render-cpu --bench frame [-- SAMPLES [THREADS [PICTURE.ppm]]]` prints processor seconds for
+//! `cargo bench -p syntable-render-cpu --bench frame [-- SAMPLES [THREADS [IMAGE.ppm]]]` prints processor seconds for
 //! one sample per pixel, rays per path and rays per second, for images of few and of many bounces, and what labels cost.
 
 use std::time::Instant;
@@ -90,5 +90,5 @@ fn write_ppm(path: &str, plane: &Plane<[f32; 3]>) {
     bytes.extend(
         plane.data().iter().flatten().map(|x| ((x / white).clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0 + 0.5) as u8),
     );
-    std::fs::write(path, bytes).expect("the picture can be written");
+    std::fs::write(path, bytes).expect("the image can be written");
 }
