@@ -5,7 +5,7 @@ use crate::oriented_box::OrientedBox;
 use std::sync::Arc;
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{AssetRef, BodyDraft, Motion, Object, Role, Tabletop};
+use syntable_model::scene::{Asset, AssetRef, BodyDraft, Motion, Object, Role, Tabletop};
 
 /// Minimum gap between the bounding boxes of any two bodies, meters.
 const GAP_M: f64 = 0.001;

@@ -1,8 +1,11 @@
 //! OpenEXR files of float images.
 
 use crate::encode::exr::{Coding, Precision};
+use crate::encode::kind::accepts;
+use crate::encode::{scene_name, view_name};
 use crate::include;
 use syntable_model::prelude::*;
+use syntable_model::product::Scope;
 
 /// Writes float images as OpenEXR files.
 ///
@@ -23,7 +26,7 @@ use syntable_model::prelude::*;
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.exr`, and for a product per instance
-/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.exr`.
+/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.exr`. A product of the scene has no `_{view:04}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Exr {
@@ -51,11 +54,11 @@ impl Config for Exr {
 }
 
 impl Writer for Exr {
-    fn reads(&self) -> Vec<String> {
-        include::names(&self.include)
+    fn reads(&self) -> Vec<Input> {
+        Input::included(&self.include, Accepts::If(|key| accepts(key, Coding::of)))
     }
 
-    fn scene(&self, _: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(ExrScene { config: self.clone(), output }))
     }
 }
@@ -66,15 +69,22 @@ struct ExrScene {
 }
 
 impl SceneWriter for ExrScene {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
-        let precision = if self.config.half { Precision::Half } else { Precision::Float };
-        include::write_images(&self.config.include, &self.output, "exr", site, frame, |kind, value| {
-            Coding::of(kind).map_err(Error::new)?.encode(value, precision)
-        })
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        self.write(Scope::View, &view_name(cx.scene.id, cx.view.id), products)
     }
 
-    fn close(self: Box<Self>) -> Result<()> {
-        Ok(())
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene.id), products)
+    }
+}
+
+impl ExrScene {
+    fn write(&self, scope: Scope, name: &str, products: &Products) -> Result<()> {
+        let precision = if self.config.half { Precision::Half } else { Precision::Float };
+        let images = include::of_scope(&self.config.include, products, scope);
+        include::write_images(images, &self.output, "exr", name, products, |kind, value| {
+            Coding::of(kind).map_err(Error::new)?.encode(value, precision)
+        })
     }
 }
 

@@ -1,15 +1,9 @@
 //! The products that a generic writer includes, and their files.
 
 use crate::encode::kind::Kind;
-use crate::encode::{view, view_name};
 use std::collections::BTreeSet;
 use syntable_model::prelude::*;
 use syntable_model::product::{KeyId, Scope};
-
-/// Names of the products.
-pub fn names(include: &[ProductName]) -> Vec<String> {
-    include.iter().map(|name| name.as_str().to_owned()).collect()
-}
 
 /// Refuses a list that names a product twice.
 pub fn check_unique(include: &[ProductName]) -> Result<(), ConfigError> {
@@ -34,38 +28,37 @@ pub fn check_free(include: &[ProductName], taken: &[&str]) -> Result<(), ConfigE
     }
 }
 
-/// The key of a product.
-pub fn key(frame: &Products, name: &str) -> Result<KeyId> {
-    let key = frame.keys().into_iter().find(|key| key.name == name);
-    key.ok_or_else(|| Error::new(format!("product `{name}` has not been made")))
+/// The included products of a scope, with their keys, that are there.
+pub fn of_scope<'a>(
+    include: &'a [ProductName],
+    products: &'a Products,
+    scope: Scope,
+) -> impl Iterator<Item = (&'a str, KeyId)> {
+    include.iter().filter_map(move |name| {
+        let key = products.key(name.as_str())?;
+        (key.scope == scope).then_some((name.as_str(), key))
+    })
 }
 
-/// Whether a product is made once per scene.
-pub fn of_scene(frame: &Products, name: &str) -> bool {
-    key(frame, name).is_ok_and(|key| key.scope == Scope::Scene)
-}
-
-/// Writes the images of a view: `{id}/{product}/{scene:06}_{view:04}.{extension}`, and for a product per instance
-/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.{extension}`.
+/// Writes the included images of a scope: `{id}/{product}/{name}.{extension}`, and for a product per instance
+/// `{id}/{product}/{name}_{instance:04}.{extension}`.
 pub fn write_images(
-    include: &[ProductName],
+    images: impl Iterator<Item = (impl AsRef<str>, KeyId)>,
     output: &Output,
     extension: &str,
-    site: &Site,
-    frame: &Products,
+    name: &str,
+    products: &Products,
     encode: impl Fn(&Kind, &Value) -> Result<Vec<u8>>,
 ) -> Result<()> {
-    let view = view_name(site.scene.id, view(site)?.id);
-    for name in include {
-        let name = name.as_str();
-        let (key, value) = (key(frame, name)?, frame.value(name)?);
-        let stem = format!("{}/{name}/{view}", output.id());
+    for (product, key) in images {
+        let product = product.as_ref();
+        let stem = format!("{}/{product}/{name}", output.id());
         let write = |value: &Value, end: &str| {
-            let bytes =
-                encode(&Kind::of(&key, value), value).map_err(|error| error.context(format!("product `{name}`")))?;
+            let bytes = encode(&Kind::of(&key, value), value)
+                .map_err(|error| error.context(format!("product `{product}`")).permanent())?;
             output.write(&format!("{stem}{end}.{extension}"), &bytes)
         };
-        match value {
+        match products.value(product)? {
             Value::PerInstance(values) => {
                 values.iter().try_for_each(|(id, value)| write(value, &format!("_{:04}", id.0)))?;
             }

@@ -1,9 +1,11 @@
 //! JSON Lines with any product.
 
-use crate::encode::{json_shard, view};
+use crate::encode::json_shard;
 use crate::include;
 use serde_json::{Map, Value as Json};
+use std::collections::BTreeSet;
 use syntable_model::prelude::*;
+use syntable_model::product::Scope;
 
 /// Writes any products as JSON Lines.
 ///
@@ -11,7 +13,9 @@ use syntable_model::prelude::*;
 ///
 /// Each line is a record with the numbers `scene` and `view` and each included product under its name. Masks are COCO's
 /// compressed run lengths with their size, arrays are nested lists, and values per instance are keyed by the id.
-/// Numbers that are not finite are null. With `per = "scene"` a line has the products of the scene, and a list `views`
+/// Numbers that are not finite are null. A product of the scene that is known before the views is in the line of each
+/// view; one that is made from all views has a line of its own. Products of the dataset are in the last line. With
+/// `per = "scene"` a line has the products of the scene, and a list `views`
 /// with the products of each view.
 ///
 /// # Output
@@ -59,74 +63,96 @@ impl Config for Jsonl {
 }
 
 impl Writer for Jsonl {
-    fn reads(&self) -> Vec<String> {
-        include::names(&self.include)
+    fn reads(&self) -> Vec<Input> {
+        Input::included(&self.include, Accepts::Any)
     }
 
-    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let scene = Map::from_iter([("scene".to_owned(), site.scene.id.0.into())]);
-        let (lines, views) = (Vec::new(), Vec::new());
-        Ok(Box::new(JsonlScene { include: self.reads(), per: self.per, output, lines, scene, views }))
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(JsonlScene {
+            config: self.clone(),
+            output,
+            lines: Vec::new(),
+            written: BTreeSet::new(),
+            views: Vec::new(),
+        }))
     }
 
-    fn finish(&self, _: &DatasetInfo, finish: &Finish) -> Result<()> {
+    fn finish(&self, _: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         let path = self.file.clone().unwrap_or_else(|| format!("{}.jsonl", finish.id()));
+        let of_dataset = json(&self.include, products, Scope::Dataset)?;
         finish.write(&path, |out| {
-            json_shard::for_each_line(finish, |_, line| {
-                writeln!(out, "{line}").map_err(|error| Error::io(&path, &error))
-            })
+            let mut write =
+                |line: &dyn std::fmt::Display| writeln!(out, "{line}").map_err(|error| Error::io(&path, &error));
+            json_shard::for_each_line(finish, |_, line| write(&line))?;
+            if of_dataset.is_empty() { Ok(()) } else { write(&Json::from(of_dataset)) }
         })
     }
 }
 
 struct JsonlScene {
-    include: Vec<String>,
-    per: LinePer,
+    config: Jsonl,
     output: Output,
     /// Finished lines of the shard.
     lines: Vec<u8>,
-    /// The fields of the scene's own line.
-    scene: Map<String, Json>,
+    /// The products of the scene that the lines of the views have.
+    written: BTreeSet<&'static str>,
     /// The views of the scene's own line.
     views: Vec<Json>,
 }
 
 impl SceneWriter for JsonlScene {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
-        let mut record = Map::new();
-        if self.per == LinePer::View {
-            record.insert("scene".into(), site.scene.id.0.into());
-        }
-        record.insert("view".into(), view(site)?.id.0.into());
-        for name in &self.include {
-            let value = json(frame, name)?;
-            if self.per == LinePer::Scene && include::of_scene(frame, name) {
-                self.scene.insert(name.clone(), value);
-            } else {
-                record.insert(name.clone(), value);
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let include = &self.config.include;
+        let mut record = Map::from_iter([("view".to_owned(), cx.view.id.0.into())]);
+        match self.config.per {
+            LinePer::View => {
+                record = Map::from_iter([("scene".to_owned(), cx.scene.id.0.into())].into_iter().chain(record));
+                // What is known before the views is in each line, in the order of `include`.
+                for key in include.iter().filter_map(|name| products.key(name.as_str())) {
+                    self.written.insert(key.name);
+                    record.insert(key.name.to_owned(), encoded(products, key.name)?);
+                }
+                json_shard::push_line(&mut self.lines, &record)
             }
-        }
-        match self.per {
-            LinePer::View => json_shard::push_line(&mut self.lines, &record),
             LinePer::Scene => {
+                record.extend(json(include, products, Scope::View)?);
                 self.views.push(record.into());
                 Ok(())
             }
         }
     }
 
-    fn close(mut self: Box<Self>) -> Result<()> {
-        if self.per == LinePer::Scene {
-            self.scene.insert("views".into(), self.views.into());
-            json_shard::push_line(&mut self.lines, &self.scene)?;
+    fn close(mut self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        let mut line = Map::from_iter([("scene".to_owned(), cx.scene.id.0.into())]);
+        let mut of_scene = json(&self.config.include, products, Scope::Scene)?;
+        match self.config.per {
+            LinePer::Scene => {
+                line.extend(of_scene);
+                line.insert("views".into(), self.views.into());
+                json_shard::push_line(&mut self.lines, &line)?;
+            }
+            LinePer::View => {
+                of_scene.retain(|name, _| !self.written.contains(name.as_str()));
+                if !of_scene.is_empty() {
+                    line.extend(of_scene);
+                    json_shard::push_line(&mut self.lines, &line)?;
+                }
+            }
         }
         self.output.write_shard(&self.lines)
     }
 }
 
+/// The included products of a scope by name.
+fn json(include: &[ProductName], products: &Products, scope: Scope) -> Result<Map<String, Json>> {
+    include::of_scope(include, products, scope)
+        .map(|(name, _)| Ok((name.to_owned(), encoded(products, name)?)))
+        .collect()
+}
+
 /// A product as JSON.
-pub(crate) fn json(frame: &Products, name: &str) -> Result<Json> {
-    serde_json::to_value(frame.value(name)?)
+pub(crate) fn encoded(products: &Products, name: &str) -> Result<Json> {
+    serde_json::to_value(products.value(name)?)
         .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")).context(format!("product `{name}`")))
 }
 

@@ -1,12 +1,12 @@
 //! NumPy files of numeric arrays.
 
-use crate::encode::kind::Kind;
+use crate::encode::kind::{Kind, accepts};
 use crate::encode::npy::{self, Array};
-use crate::encode::{view, view_name};
+use crate::encode::{scene_name, view_name};
 use crate::include;
 use std::any::TypeId;
 use syntable_model::prelude::*;
-use syntable_model::product::BBox;
+use syntable_model::product::{BBox, Scope};
 
 /// Writes numeric arrays as NumPy files.
 ///
@@ -20,7 +20,8 @@ use syntable_model::product::BBox;
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.npy`. A product per instance has its instance ids, u16 in the same order, in
-/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`.
+/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene has no
+/// `_{view:04}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npy {
@@ -46,38 +47,47 @@ impl Config for Npy {
 }
 
 impl Writer for Npy {
-    fn reads(&self) -> Vec<String> {
-        include::names(&self.include)
+    fn reads(&self) -> Vec<Input> {
+        Input::included(&self.include, Accepts::If(|key| accepts(key, npy::check)))
     }
 
-    fn scene(&self, _: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(NpyScene { include: self.reads(), output }))
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(NpyScene { include: self.include.clone(), output }))
     }
 }
 
 struct NpyScene {
-    include: Vec<String>,
+    include: Vec<ProductName>,
     output: Output,
 }
 
 impl SceneWriter for NpyScene {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
-        let view = view(site)?;
-        let name_of_view = view_name(site.scene.id, view.id);
-        for name in &self.include {
-            let stem = format!("{}/{name}/{name_of_view}", self.output.id());
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let k = &cx.view.camera.intrinsics;
+        let size = [k.height as usize, k.width as usize];
+        self.write(Scope::View, &view_name(cx.scene.id, cx.view.id), products, size)
+    }
+
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene.id), products, [0, 0])
+    }
+}
+
+impl NpyScene {
+    /// Writes the products of a scope; `size` is the height and width of an image without instances.
+    fn write(&self, scope: Scope, name: &str, products: &Products, size: [usize; 2]) -> Result<()> {
+        for (product, key) in include::of_scope(&self.include, products, scope) {
+            let stem = format!("{}/{product}/{name}", self.output.id());
             let save = |array: Array, end: &str| self.output.write(&format!("{stem}{end}.npy"), &array.encode());
-            let key = include::key(frame, name)?;
             let array = |value: &Value| {
                 npy::check(&Kind::of(&key, value)).map_err(Error::new)?;
                 Array::of(value)
             };
-            let explain = |error: Error| error.context(format!("product `{name}`"));
-            match frame.value(name)? {
+            let explain = |error: Error| error.context(format!("product `{product}`")).permanent();
+            match products.value(product)? {
                 Value::PerInstance(values) => {
-                    let k = &view.camera.intrinsics;
                     let array = if values.is_empty() {
-                        empty_stack(&key, [k.height as usize, k.width as usize])
+                        empty_stack(&key, size)
                     } else {
                         Array::stack(values.values().map(array)).map_err(explain)?
                     };
@@ -87,10 +97,6 @@ impl SceneWriter for NpyScene {
                 value => save(array(&value).map_err(explain)?, "")?,
             }
         }
-        Ok(())
-    }
-
-    fn close(self: Box<Self>) -> Result<()> {
         Ok(())
     }
 }

@@ -1,8 +1,11 @@
 //! PNG files of images and masks.
 
+use crate::encode::kind::accepts;
 use crate::encode::png::Coding;
+use crate::encode::{scene_name, view_name};
 use crate::include;
 use syntable_model::prelude::*;
+use syntable_model::product::Scope;
 
 /// Writes images and masks as PNG files.
 ///
@@ -24,7 +27,7 @@ use syntable_model::prelude::*;
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.png`, and for a product per instance
-/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`.
+/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.png`. A product of the scene has no `_{view:04}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Png {
@@ -54,11 +57,11 @@ impl Config for Png {
 }
 
 impl Writer for Png {
-    fn reads(&self) -> Vec<String> {
-        include::names(&self.include)
+    fn reads(&self) -> Vec<Input> {
+        Input::included(&self.include, Accepts::If(|key| accepts(key, Coding::of)))
     }
 
-    fn scene(&self, _: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(PngScene { config: self.clone(), output }))
     }
 }
@@ -69,14 +72,21 @@ struct PngScene {
 }
 
 impl SceneWriter for PngScene {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
-        include::write_images(&self.config.include, &self.output, "png", site, frame, |kind, value| {
-            Coding::of(kind).map_err(Error::new)?.image(value, self.config.depth_scale_mm)?.encode()
-        })
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        self.write(Scope::View, &view_name(cx.scene.id, cx.view.id), products)
     }
 
-    fn close(self: Box<Self>) -> Result<()> {
-        Ok(())
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        self.write(Scope::Scene, &scene_name(cx.scene.id), products)
+    }
+}
+
+impl PngScene {
+    fn write(&self, scope: Scope, name: &str, products: &Products) -> Result<()> {
+        let images = include::of_scope(&self.config.include, products, scope);
+        include::write_images(images, &self.output, "png", name, products, |kind, value| {
+            Coding::of(kind).map_err(Error::new)?.image(value, self.config.depth_scale_mm)?.encode()
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the encoding of a product looks like, known from its type alone.
 
-use super::value::DType;
+use super::value::{DType, Tensor, Value};
 use std::fmt;
 
 /// The form of a product's [`Value`](super::Value).
@@ -21,6 +21,8 @@ pub enum Form {
     Mask,
     /// Named fields.
     Record,
+    /// A list of values.
+    List,
     /// A fixed-length list of integers, such as a box.
     Ints(usize),
     /// One value per pixel, row 0 at the top: axes `y`, `x` and, with channels, `channel`.
@@ -58,12 +60,42 @@ impl fmt::Display for Form {
             Self::Bytes => f.write_str("bytes"),
             Self::Mask => f.write_str("mask"),
             Self::Record => f.write_str("record"),
+            Self::List => f.write_str("list"),
             Self::Ints(length) => write!(f, "list of {length} integers"),
             Self::Image { dtype, channels: None } => write!(f, "{dtype} image"),
+            Self::Image { dtype, channels: Some(1) } => write!(f, "{dtype} image of 1 channel"),
             Self::Image { dtype, channels: Some(channels) } => write!(f, "{dtype} image of {channels} channels"),
             Self::Tensor(dtype) => write!(f, "{dtype} array"),
             Self::PerInstance(form) => write!(f, "{form} per instance"),
             Self::Any => f.write_str("value"),
+        }
+    }
+}
+
+impl From<&Value> for Form {
+    /// The form that a value has.
+    fn from(value: &Value) -> Self {
+        match value {
+            Value::Null => Self::Any,
+            Value::Bool(_) => Self::Bool,
+            Value::Int(_) | Value::Uint(_) => Self::Int,
+            Value::Float(_) => Self::Float,
+            Value::Text(_) => Self::Text,
+            Value::Bytes(_) => Self::Bytes,
+            Value::Mask(_) => Self::Mask,
+            Value::Record(_) => Self::Record,
+            Value::List(_) => Self::List,
+            Value::PerInstance(_) => Self::PerInstance(Box::new(Self::Any)),
+            Value::Tensor(Tensor { dtype, axes, shape, .. }) => {
+                let axes: Vec<&str> = axes.iter().map(|axis| &**axis).collect();
+                match (axes.as_slice(), shape.as_slice()) {
+                    (["y", "x"], [_, _]) => Self::Image { dtype: *dtype, channels: None },
+                    (["y", "x", "channel"], [_, _, channels]) => {
+                        Self::Image { dtype: *dtype, channels: Some(*channels) }
+                    }
+                    _ => Self::Tensor(*dtype),
+                }
+            }
         }
     }
 }

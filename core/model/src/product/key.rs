@@ -145,6 +145,12 @@ impl<T: Product> Key<T> {
         self
     }
 
+    /// States the form of the encoding, where the type does not: `view("camera").form(|| Form::Record)`.
+    pub const fn form(mut self, form: fn() -> Form) -> Self {
+        self.id.form = form;
+        self
+    }
+
     /// The key without its type.
     pub const fn id(&self) -> KeyId {
         self.id

@@ -169,7 +169,7 @@ impl serde::Serializer for ToValue {
         Ok(Value::List(value.iter().map(|&byte| Value::Int(byte.into())).collect()))
     }
     fn serialize_none(self) -> Outcome {
-        Ok(Value::Float(f64::NAN))
+        Ok(Value::Null)
     }
     fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Outcome {
         value.serialize(self)

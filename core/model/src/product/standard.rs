@@ -2,7 +2,7 @@
 //!
 //! Camera frame: x right, y down, z forward. Images have row 0 at the top; pixel centers are at half-integers.
 
-use super::{BBox, BitPlane, Mask, OcclusionOrder, PerInstance, Plane, Semantic, Value};
+use super::{BBox, BitPlane, Form, Mask, OcclusionOrder, PerInstance, Plane, Semantic, Value};
 use crate::products;
 use crate::scene::InstanceId;
 
@@ -39,7 +39,7 @@ products! {
 
     /// Paths, rays, samples per pixel, the standard error over the mean, and the number of pixels far brighter than all
     /// around them.
-    pub const RENDER_REPORT: Key<Value> = view("render_report");
+    pub const RENDER_REPORT: Key<Value> = view("render_report").form(|| Form::Record);
 }
 
 // ---- Denoising: guides that renderers offer, and what denoisers provide ------------------------------------------
@@ -77,7 +77,7 @@ products! {
     pub const RADIANCE_NOISY: Key<Plane<[f32; 3]>> = view("radiance_noisy").semantic(Semantic::Color).unit("nit");
 
     /// Denoiser that made [`RADIANCE`], with its settings. Its `name` is `none` if there is none.
-    pub const DENOISER: Key<Value> = view("denoiser");
+    pub const DENOISER: Key<Value> = view("denoiser").form(|| Form::Record);
 }
 
 /// Added to the base color in [`RADIANCE_DEMODULATED`], so that nothing is divided by zero.
@@ -91,20 +91,20 @@ products! {
 
     /// Exposure and tone curve of [`RGB`]: `ev100`, `white_nits`, `mode`, `tone`, and the camera effects by the names of
     /// their options.
-    pub const EXPOSURE: Key<Value> = view("exposure");
+    pub const EXPOSURE: Key<Value> = view("exposure").form(|| Form::Record);
 
     /// Depth as a depth camera measures it, along the optical axis. 0 where there is no measurement.
     pub const DEPTH_SENSED: Key<Plane<f32>> = view("depth_sensed").semantic(Semantic::Depth).unit("m");
 
     /// Depth camera and noise model of [`DEPTH_SENSED`].
-    pub const DEPTH_SENSOR: Key<Value> = view("depth_sensor");
+    pub const DEPTH_SENSOR: Key<Value> = view("depth_sensor").form(|| Form::Record);
 }
 
 // ---- Provided by annotators --------------------------------------------------------------------------------------
 
 products! {
     /// How labels treat the image frame, table and room, and hidden objects: the options, and a statement in words.
-    pub const LABEL_POLICY: Key<Value> = view("label_policy");
+    pub const LABEL_POLICY: Key<Value> = view("label_policy").form(|| Form::Record);
 
     /// Visible (modal) mask: pixels at which the object is the first body.
     pub const VISIBLE_MASK: Key<PerInstance<Mask>> = view("visible_mask").semantic(Semantic::Mask);
@@ -128,16 +128,16 @@ products! {
     pub const AMODAL_BOX: Key<PerInstance<BBox>> = view("amodal_box").unit("px");
 
     /// Asset, pool, category, role, spawn number, poses in world and camera, and mass of each annotated object.
-    pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info");
+    pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info").form(|| Form::PerInstance(Box::new(Form::Record)));
 
     /// Intrinsics and pose of the view's camera.
-    pub const CAMERA: Key<Value> = view("camera");
+    pub const CAMERA: Key<Value> = view("camera").form(|| Form::Record);
 
     /// Lights of the view.
-    pub const LIGHTS: Key<Value> = view("lights");
+    pub const LIGHTS: Key<Value> = view("lights").form(|| Form::List);
 
     /// Residual speeds, deepest penetration and removed bodies of the settled scene.
-    pub const SETTLE_REPORT: Key<Value> = scene("settle_report");
+    pub const SETTLE_REPORT: Key<Value> = scene("settle_report").form(|| Form::Record);
 }
 
 /// Products that had another name, as (old, new).

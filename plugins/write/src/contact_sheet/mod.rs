@@ -3,7 +3,6 @@
 mod panel;
 
 use crate::encode::png::{Image, Samples};
-use crate::encode::view;
 use panel::Canvas;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
@@ -62,24 +61,21 @@ impl Config for ContactSheet {
 }
 
 impl Writer for ContactSheet {
-    fn reads(&self) -> Vec<String> {
-        let mut keys = Vec::new();
+    fn reads(&self) -> Vec<Input> {
+        let mut inputs = Vec::new();
         for panel in &self.panels {
-            keys.extend(match panel {
-                Panel::Rgb => keys![RGB],
-                Panel::Visible => keys![RGB, VISIBLE_MASK],
-                Panel::Occlusion => keys![RGB, AMODAL_MASK, OCCLUSION_MASK],
-                Panel::Depth => keys![DEPTH],
+            inputs.extend(match panel {
+                Panel::Rgb => vec![Input::of(RGB)],
+                Panel::Visible => vec![Input::of(RGB), Input::of(VISIBLE_MASK)],
+                Panel::Occlusion => vec![Input::of(RGB), Input::of(AMODAL_MASK), Input::of(OCCLUSION_MASK)],
+                Panel::Depth => vec![Input::of(DEPTH)],
             });
         }
-        let mut names: Vec<String> = keys.iter().map(|key| key.name.to_owned()).collect();
-        names.sort();
-        names.dedup();
-        names
+        inputs
     }
 
-    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
-        let (config, scene) = (self.clone(), site.scene.id.0);
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        let (config, scene) = (self.clone(), cx.scene.id.0);
         Ok(Box::new(Sheets { config, output, scene, written: 0, rows: Vec::new() }))
     }
 }
@@ -94,11 +90,11 @@ struct Sheets {
 }
 
 impl SceneWriter for Sheets {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
-        let k = &view(site)?.camera.intrinsics;
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let k = &cx.view.camera.intrinsics;
         let width = self.config.panel_width_px.min(k.width);
         let panels =
-            self.config.panels.iter().map(|panel| Ok(panel::shrink(&panel.draw(frame, k.width, width)?, width)));
+            self.config.panels.iter().map(|panel| Ok(panel::shrink(&panel.draw(products, k.width, width)?, width)));
         let panels = panels.collect::<Result<Vec<_>>>()?;
         self.rows.push(Canvas::beside(&panels));
         if self.rows.len() as u32 == self.config.views_per_sheet {
@@ -107,7 +103,7 @@ impl SceneWriter for Sheets {
         Ok(())
     }
 
-    fn close(mut self: Box<Self>) -> Result<()> {
+    fn close(mut self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
         if self.rows.is_empty() { Ok(()) } else { self.write_sheet() }
     }
 }
@@ -124,29 +120,29 @@ impl Sheets {
 
 impl Panel {
     /// Draws the panel at full size, to be shrunk to `shown` columns.
-    fn draw(self, frame: &Products, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
+    fn draw(self, products: &Products, width: u32, shown: u32) -> Result<Plane<[u8; 3]>> {
         // Lines of this width are one pixel wide once the panel is shrunk.
         let line = width.div_ceil(shown.max(1));
         match self {
-            Self::Rgb => frame.get(RGB).cloned(),
+            Self::Rgb => products.get(RGB).cloned(),
             Self::Visible => {
-                let mut plane = panel::gray(frame.get(RGB)?, 1.0);
-                for (id, mask) in frame.get(VISIBLE_MASK)?.iter() {
+                let mut plane = panel::gray(products.get(RGB)?, 1.0);
+                for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
                     panel::fill(&mut plane, mask, panel::color(id), 0.65);
                 }
                 Ok(plane)
             }
             Self::Occlusion => {
-                let mut plane = panel::gray(frame.get(RGB)?, 0.6);
-                for (id, mask) in frame.get(OCCLUSION_MASK)?.iter() {
+                let mut plane = panel::gray(products.get(RGB)?, 0.6);
+                for (id, mask) in products.get(OCCLUSION_MASK)?.iter() {
                     panel::fill(&mut plane, mask, panel::color(id), 0.8);
                 }
-                for (id, mask) in frame.get(AMODAL_MASK)?.iter() {
+                for (id, mask) in products.get(AMODAL_MASK)?.iter() {
                     panel::fill(&mut plane, &panel::outline(mask, line), panel::color(id), 1.0);
                 }
                 Ok(plane)
             }
-            Self::Depth => Ok(crate::syntable::inverse_depth(frame.get(DEPTH)?).map(|&v| [v; 3])),
+            Self::Depth => Ok(crate::syntable::inverse_depth(products.get(DEPTH)?).map(|&v| [v; 3])),
         }
     }
 }

@@ -33,12 +33,16 @@ impl Coding {
     /// How a kind of value is stored. A refusal is a reason and a remedy.
     pub fn of(kind: &Kind) -> Result<Self, String> {
         let channels = match kind.form {
-            Form::Image { dtype: DType::F32, channels } => channels.unwrap_or(1),
+            Form::Image { dtype: DType::F32 | DType::F16, channels } => channels.unwrap_or(1),
             ref form @ (Form::Image { .. } | Form::Mask) => {
-                return Err(format!("an EXR file holds 32-bit float images, not a {form}; write it with npy or png"));
+                return Err(format!(
+                    "an EXR file holds 16- and 32-bit float images, not a {form}; write it with npy or png"
+                ));
             }
             ref form => {
-                return Err(format!("an EXR file holds 32-bit float images, not a {form}; write it with npy or jsonl"));
+                return Err(format!(
+                    "an EXR file holds 16- and 32-bit float images, not a {form}; write it with npy or jsonl"
+                ));
             }
         };
         // Programs show R, G and B in color, and take X, Y and Z for a vector.
@@ -62,16 +66,20 @@ impl Coding {
 
     /// The bytes of the file of a value whose kind has this coding.
     pub fn encode(&self, value: &Value, precision: Precision) -> Result<Vec<u8>> {
-        let Value::Tensor(Tensor { shape, bytes, .. }) = value else {
+        let Value::Tensor(Tensor { shape, bytes, dtype, .. }) = value else {
             return Err(Error::new("a value that is not an image"));
         };
         let size = Vec2(shape[1], shape[0]);
-        let values = || bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
+        let floats = || bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
+        let halves = || bytes.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b));
         let channel = |(index, name): (usize, &&str)| {
-            let values = values().skip(index).step_by(self.channels.len());
-            let samples = match precision {
-                Precision::Float => FlatSamples::F32(values.collect()),
-                Precision::Half => FlatSamples::F16(values.map(f16::from_f32).collect()),
+            let count = self.channels.len();
+            let samples = match (dtype, precision) {
+                (DType::F16, _) => FlatSamples::F16(halves().skip(index).step_by(count).collect()),
+                (_, Precision::Float) => FlatSamples::F32(floats().skip(index).step_by(count).collect()),
+                (_, Precision::Half) => {
+                    FlatSamples::F16(floats().skip(index).step_by(count).map(f16::from_f32).collect())
+                }
             };
             AnyChannel::new(Text::from(*name), samples)
         };
@@ -128,10 +136,10 @@ mod tests {
             ),
             (
                 Form::Image { dtype: DType::U16, channels: None },
-                "an EXR file holds 32-bit float images, not a u16 image; ",
+                "an EXR file holds 16- and 32-bit float images, not a u16 image; ",
             ),
-            (Form::Mask, "an EXR file holds 32-bit float images, not a mask; write it with npy or png"),
-            (Form::Record, "an EXR file holds 32-bit float images, not a record; write it with npy or jsonl"),
+            (Form::Mask, "an EXR file holds 16- and 32-bit float images, not a mask; write it with npy or png"),
+            (Form::Record, "an EXR file holds 16- and 32-bit float images, not a record; write it with npy or jsonl"),
         ] {
             let refusal = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
             assert!(refusal.starts_with(want), "{refusal}");

@@ -10,16 +10,14 @@ pub mod npy;
 pub mod pfm;
 pub mod png;
 
-use syntable_model::error::{Error, Result};
-use syntable_model::scene::{SceneId, View, ViewId};
-use syntable_model::stage::Site;
+use syntable_model::scene::{SceneId, ViewId};
 
 /// `{scene:06}_{view:04}`: the name of a view in the files of generic writers.
 pub fn view_name(scene: SceneId, view: ViewId) -> String {
     format!("{:06}_{:04}", scene.0, view.0)
 }
 
-/// The view that is being written.
-pub fn view<'a>(site: &Site<'a>) -> Result<&'a View> {
-    site.view.ok_or_else(|| Error::new("a view is written without a view"))
+/// `{scene:06}`: the name of a scene in the files of generic writers.
+pub fn scene_name(scene: SceneId) -> String {
+    format!("{:06}", scene.0)
 }

@@ -8,10 +8,10 @@ use syntable_model::scene::InstanceId;
 /// Refuses a kind of value that is not an array of numbers. A refusal is a reason and a remedy.
 pub fn check(kind: &Kind) -> Result<(), String> {
     match kind.form {
-        Form::Text | Form::Record | Form::PerInstance => {
+        Form::Text | Form::Bytes | Form::Record | Form::PerInstance(_) => {
             Err(format!("a NumPy file holds numbers of one shape, not a {}; write it with jsonl", kind.form))
         }
-        Form::Number | Form::Mask | Form::List | Form::Image { .. } | Form::Tensor(_) => Ok(()),
+        _ => Ok(()),
     }
 }
 
@@ -39,8 +39,11 @@ impl Array {
             Value::Mask(mask) => Ok(Self::of_mask(mask)),
             Value::Bool(value) => Ok(Self { descr: "|b1", shape: vec![], bytes: vec![(*value).into()] }),
             Value::Int(value) => Ok(Self { descr: "<i8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
+            Value::Uint(value) => Ok(Self { descr: "<u8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
             Value::Float(value) => Ok(Self { descr: "<f8", shape: vec![], bytes: value.to_le_bytes().to_vec() }),
             Value::List(values) => Self::stack(values.iter().map(Self::of)),
+            Value::Null => Ok(Self { descr: "<f8", shape: vec![], bytes: f64::NAN.to_le_bytes().to_vec() }),
+            Value::Bytes(_) => Err(Error::new("bytes are not an array")),
             Value::Text(_) => Err(Error::new("text is not an array")),
             Value::Record(_) => Err(Error::new("a record is not an array")),
             Value::PerInstance(_) => Err(Error::new("values per instance inside another value are not an array")),
@@ -85,6 +88,11 @@ impl Array {
             DType::U16 => "<u2",
             DType::U32 => "<u4",
             DType::U64 => "<u8",
+            DType::I8 => "|i1",
+            DType::I16 => "<i2",
+            DType::I32 => "<i4",
+            DType::I64 => "<i8",
+            DType::F16 => "<f2",
             DType::F32 => "<f4",
             DType::F64 => "<f8",
         };

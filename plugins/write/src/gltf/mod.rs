@@ -22,7 +22,7 @@ mod texture;
 
 pub use light::LightMode;
 
-use crate::encode::{view, view_name};
+use crate::encode::view_name;
 use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
 use geometry::{Geometries, Needs, UvSource};
 use glb::Glb;
@@ -83,18 +83,12 @@ impl Config for Gltf {
 }
 
 impl Writer for Gltf {
-    fn reads(&self) -> Vec<String> {
+    fn reads(&self) -> Vec<Input> {
         Vec::new()
     }
 
-    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(GltfScene {
-            config: self.clone(),
-            output,
-            export: Export::new(site)?,
-            id: site.scene.id,
-            views: 0,
-        }))
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(GltfScene { config: self.clone(), output, export: Export::new(cx)?, id: cx.scene.id, views: 0 }))
     }
 }
 
@@ -107,8 +101,8 @@ struct GltfScene {
 }
 
 impl SceneWriter for GltfScene {
-    fn view(&mut self, site: &Site, _: &Products) -> Result<()> {
-        let view = view(site)?;
+    fn view(&mut self, cx: &ViewContext, _: &Products) -> Result<()> {
+        let view = cx.view;
         match self.config.per {
             FilePer::Scene => {
                 if self.views == 0 {
@@ -119,7 +113,7 @@ impl SceneWriter for GltfScene {
             }
             FilePer::View => {
                 let mut export = self.export.clone();
-                let stem = view_name(site.scene.id, view.id);
+                let stem = view_name(cx.scene.id, view.id);
                 light(&mut export, view, self.config.lights, &self.output, &stem)?;
                 export.camera(view);
                 let path = format!("{}/{stem}.glb", self.output.id());
@@ -130,7 +124,7 @@ impl SceneWriter for GltfScene {
         Ok(())
     }
 
-    fn close(self: Box<Self>) -> Result<()> {
+    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
         match self.config.per {
             FilePer::View => Ok(()),
             FilePer::Scene => {
@@ -166,15 +160,15 @@ const Y_UP_FROM_Z_UP: [f64; 16] = [1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 
 
 impl Export {
     /// The bodies of a scene.
-    fn new(site: &Site) -> Result<Self> {
+    fn new(cx: &SceneContext) -> Result<Self> {
         let mut export = Self::default();
-        let licenses: BTreeSet<&str> = site
+        let licenses: BTreeSet<&str> = cx
             .scene
             .bodies()
             .iter()
             .flat_map(|body| {
-                let surface = body.surface.as_ref().map(|surface| surface.material.license.as_str());
-                [Some(body.object.license.as_str()), surface]
+                let replaced = body.material_override.as_ref().map(|replaced| replaced.material.license.as_str());
+                [Some(body.object.license.as_str()), replaced]
             })
             .flatten()
             .filter(|license| !license.is_empty())
@@ -182,16 +176,16 @@ impl Export {
         let document = &mut export.glb.document;
         document.asset = Asset {
             version: "2.0",
-            generator: site.dataset.program.clone(),
+            generator: cx.dataset.program.clone(),
             copyright: licenses.into_iter().collect::<Vec<_>>().join(", "),
         };
         document.nodes.push(Node { name: "world".into(), matrix: Some(Y_UP_FROM_Z_UP), ..Node::default() });
         document.scenes.push(JsonScene {
-            name: format!("{} {:06}", site.dataset.name, site.scene.id.0),
+            name: format!("{} {:06}", cx.dataset.name, cx.scene.id.0),
             nodes: vec![0],
-            extras: json!({ "dataset": site.dataset.name, "seed": site.dataset.seed, "scene": site.scene.id.0 }),
+            extras: json!({ "dataset": cx.dataset.name, "seed": cx.dataset.seed, "scene": cx.scene.id.0 }),
         });
-        for body in site.scene.bodies() {
+        for body in cx.scene.bodies() {
             export.body(body).map_err(|error| error.context(format!("body {} ({})", body.id, body.asset)))?;
         }
         Ok(export)
@@ -199,11 +193,11 @@ impl Export {
 
     fn body(&mut self, body: &Body) -> Result<()> {
         let object = &body.object;
-        let used: Vec<&syntable_model::scene::Material> = match &body.surface {
+        let used: Vec<&syntable_model::scene::Material> = match &body.material_override {
             Some(surface) => vec![&surface.material],
             None => object.materials.iter().map(|material| &**material).collect(),
         };
-        let mapping = match &body.surface {
+        let mapping = match &body.material_override {
             Some(surface) => UvSource::Override { mapping: surface.mapping, tile_m: surface.material.tile_m },
             None => UvSource::Mesh,
         };

@@ -14,19 +14,19 @@ use syntable_model::product::standard::{DEPTH, INSTANCE};
 pub fn write(
     config: &SynTable,
     output: &Output,
-    site: &Site,
-    frame: &Products,
+    cx: &ViewContext,
+    products: &Products,
     labels: &Labels,
     name: &str,
 ) -> Result<()> {
     let path = |rest: String| config.path(&format!("data/mono/{rest}"));
-    let depth = frame.get(DEPTH)?;
+    let depth = products.get(DEPTH)?;
     output.write(&path(format!("depth/{name}.pfm")), &pfm::encode(depth))?;
     Image::gray8(&inverse_depth(depth)).write(output, &path(format!("depth/visuals/{name}.png")))?;
-    let ids = frame.get(INSTANCE)?.map(|id| id.0 as u8);
+    let ids = products.get(INSTANCE)?.map(|id| id.0 as u8);
     Image::gray8(&ids).write(output, &path(format!("instance/{name}.png")))?;
     for &id in labels.ids() {
-        let k = site.scene.body(id).map_or(0, |body| body.spawn);
+        let k = cx.scene.body(id).map_or(0, |body| body.spawn);
         let [visible, amodal, occlusion] = labels.masks(id)?;
         Image::mask(visible, 1).write(output, &path(format!("instance/{name}_{k}.png")))?;
         Image::mask(amodal, id.0 as u8).write(output, &path(format!("amodal/{name}_{k}.png")))?;

@@ -8,7 +8,6 @@ pub(crate) use debug::inverse_depth;
 
 use crate::encode::npy::Array;
 use crate::encode::png::{Image, Rounding, depth_units};
-use crate::encode::view;
 use record::Labels;
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
@@ -111,35 +110,36 @@ impl Config for SynTable {
 }
 
 impl Writer for SynTable {
-    fn reads(&self) -> Vec<String> {
-        let mut keys = keys![
-            RGB,
-            DEPTH,
-            VISIBLE_MASK,
-            AMODAL_MASK,
-            OCCLUSION_MASK,
-            OCCLUSION_RATE,
-            OCCLUSION_ORDER,
-            VISIBLE_BOX,
-            AMODAL_BOX
+    fn reads(&self) -> Vec<Input> {
+        let mut inputs = vec![
+            Input::of(RGB),
+            Input::of(DEPTH),
+            Input::of(VISIBLE_MASK),
+            Input::of(AMODAL_MASK),
+            Input::of(OCCLUSION_MASK),
+            Input::of(OCCLUSION_RATE),
+            Input::of(OCCLUSION_ORDER),
+            Input::of(VISIBLE_BOX),
+            Input::of(AMODAL_BOX),
         ];
         if self.compat == Compat::Coco {
-            keys.extend(keys![OBJECT_INFO, CAMERA, EXPOSURE, DENOISER, LABEL_POLICY]);
+            inputs.extend([Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)]);
+            inputs.extend([Input::of(DENOISER), Input::of(LABEL_POLICY)]);
         }
         if self.debug_masks {
-            keys.extend(keys![INSTANCE]);
+            inputs.push(Input::of(INSTANCE));
         }
-        keys.iter().map(|key| key.name.to_owned()).collect()
+        inputs
     }
 
-    fn scene(&self, _: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(SynTableScene { config: self.clone(), output, lines: Vec::new() }))
     }
 
-    fn finish(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
-        merge::annotations(self, dataset, finish)?;
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        merge::annotations(self, cx.dataset, finish)?;
         let path = self.path("parameters/recipe.toml");
-        finish.write(&path, |out| out.write_all(dataset.recipe.as_bytes()).map_err(|error| Error::io(&path, &error)))
+        finish.write(&path, |out| out.write_all(cx.dataset.recipe.as_bytes()).map_err(|error| Error::io(&path, &error)))
     }
 }
 
@@ -157,30 +157,30 @@ struct SynTableScene {
 }
 
 impl SceneWriter for SynTableScene {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let Self { config, output, lines } = self;
-        let (scene, view) = (site.scene.id.0, view(site)?.id.0);
-        Image::rgb(frame.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
-        let depth = frame.get(DEPTH)?.map(|&depth| depth_units(depth, 1.0, Rounding::Truncate));
+        let (scene, view) = (cx.scene.id.0, cx.view.id.0);
+        Image::rgb(products.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
+        let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, 1.0, Rounding::Truncate));
         Image::gray16(&depth).write(output, &config.path(&depth_path(scene, view)))?;
-        let labels = Labels::of(frame)?.annotated_by(config.compat);
+        let labels = Labels::of(products)?.annotated_by(config.compat);
         output.write(&config.path(&occlusion_order_path(scene, view)), &order_matrix(&labels).encode())?;
         if config.debug_masks {
-            debug::write(config, output, site, frame, &labels, &format!("{scene}_{view}"))?;
+            debug::write(config, output, cx, products, &labels, &format!("{scene}_{view}"))?;
         }
 
         let image = match config.compat {
-            Compat::Coco => record::image(site, frame, &labels)?,
-            Compat::Syntable1 => record::image_1(site, frame)?,
+            Compat::Coco => record::image(cx, products, &labels)?,
+            Compat::Syntable1 => record::image_1(cx, products)?,
         };
         shard::push_image(lines, labels.ids().len(), &image)?;
         labels.ids().iter().try_for_each(|&id| match config.compat {
-            Compat::Coco => shard::push_annotation(lines, &record::annotation(site, frame, &labels, id, config.bbox)?),
-            Compat::Syntable1 => shard::push_annotation(lines, &record::annotation_1(site, &labels, id, config.bbox)?),
+            Compat::Coco => shard::push_annotation(lines, &record::annotation(cx, products, &labels, id, config.bbox)?),
+            Compat::Syntable1 => shard::push_annotation(lines, &record::annotation_1(cx, &labels, id, config.bbox)?),
         })
     }
 
-    fn close(self: Box<Self>) -> Result<()> {
+    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
         self.output.write_shard(&self.lines)
     }
 }

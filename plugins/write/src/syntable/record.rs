@@ -1,8 +1,7 @@
 //! The records of images and annotations.
 
 use super::{BoxSource, Compat};
-use crate::encode::view;
-use crate::jsonl::json;
+use crate::jsonl::encoded;
 use serde_json::Value as Json;
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{
@@ -43,15 +42,15 @@ struct ObjectLabels<'a> {
 
 impl<'a> Labels<'a> {
     /// All labels of a view.
-    pub fn of(frame: &'a Products) -> Result<Self> {
-        let order = frame.get(OCCLUSION_ORDER)?;
+    pub fn of(products: &'a Products) -> Result<Self> {
+        let order = products.get(OCCLUSION_ORDER)?;
         Ok(Self {
-            visible: frame.get(VISIBLE_MASK)?,
-            amodal: frame.get(AMODAL_MASK)?,
-            occlusion: frame.get(OCCLUSION_MASK)?,
-            rate: frame.get(OCCLUSION_RATE)?,
-            visible_box: frame.get(VISIBLE_BOX)?,
-            amodal_box: frame.get(AMODAL_BOX)?,
+            visible: products.get(VISIBLE_MASK)?,
+            amodal: products.get(AMODAL_MASK)?,
+            occlusion: products.get(OCCLUSION_MASK)?,
+            rate: products.get(OCCLUSION_RATE)?,
+            visible_box: products.get(VISIBLE_BOX)?,
+            amodal_box: products.get(AMODAL_BOX)?,
             order,
             ids: order.ids().to_vec(),
         })
@@ -103,26 +102,26 @@ impl<'a> Labels<'a> {
 }
 
 /// The record of an image in the coco form.
-pub fn image(site: &Site, frame: &Products, labels: &Labels) -> Result<Image> {
+pub fn image(cx: &ViewContext, products: &Products, labels: &Labels) -> Result<Image> {
     Ok(Image {
-        scene_id: Some(site.scene.id.0),
-        view_id: Some(view(site)?.id.0),
+        scene_id: Some(cx.scene.id.0),
+        view_id: Some(cx.view.id.0),
         instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
         depth_unit_mm: Some(1),
-        camera: Some(json(frame, CAMERA.name())?),
-        exposure: Some(json(frame, EXPOSURE.name())?),
-        denoiser: Some(json(frame, DENOISER.name())?),
-        label_policy: Some(json(frame, LABEL_POLICY.name())?),
-        ..image_1(site, frame)?
+        camera: Some(encoded(products, CAMERA.name())?),
+        exposure: Some(encoded(products, EXPOSURE.name())?),
+        denoiser: Some(encoded(products, DENOISER.name())?),
+        label_policy: Some(encoded(products, LABEL_POLICY.name())?),
+        ..image_1(cx, products)?
     })
 }
 
 /// The record of an image in the syntable_1 form.
-pub fn image_1(site: &Site, frame: &Products) -> Result<Image> {
-    let rgb = frame.get(RGB)?;
-    let (scene, view) = (site.scene.id.0, view(site)?.id.0);
+pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
+    let rgb = products.get(RGB)?;
+    let (scene, view) = (cx.scene.id.0, cx.view.id.0);
     Ok(Image {
-        id: image_id(site)?,
+        id: image_id(cx)?,
         file_name: rgb_path(scene, view),
         depth_file_name: Some(depth_path(scene, view)),
         occlusion_order_file_name: Some(occlusion_order_path(scene, view)),
@@ -138,20 +137,20 @@ pub fn image_1(site: &Site, frame: &Products) -> Result<Image> {
 
 /// The record of an annotation in the coco form, without its id.
 pub fn annotation(
-    site: &Site,
-    frame: &Products,
+    cx: &ViewContext,
+    products: &Products,
     labels: &Labels,
     id: InstanceId,
     bbox: BoxSource,
 ) -> Result<Annotation> {
     let object = labels.object(id)?;
-    let info = frame.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
+    let info = products.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
     Ok(Annotation {
         id: 0,
-        image_id: image_id(site)?,
+        image_id: image_id(cx)?,
         category_id: OBJECT_CATEGORY,
         instance_id: Some(id.0),
-        object_name: Some(object_name(site, id)),
+        object_name: Some(object_name(cx, id)),
         bbox: object.bbox(bbox),
         visible_bbox: Some(object.visible_box.into()),
         amodal_bbox: Some(object.amodal_box.into()),
@@ -172,18 +171,23 @@ pub fn annotation(
 }
 
 /// The record of an annotation in the syntable_1 form, without its id.
-pub fn annotation_1(site: &Site, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<syntable_1::Annotation> {
+pub fn annotation_1(
+    cx: &ViewContext,
+    labels: &Labels,
+    id: InstanceId,
+    bbox: BoxSource,
+) -> Result<syntable_1::Annotation> {
     let object = labels.object(id)?;
     let with_area = |mask: &Mask, area: u64| Rle { area: Some(area), ..Rle::encode(mask) };
     Ok(syntable_1::Annotation {
         id: 0,
-        image_id: image_id(site)?,
+        image_id: image_id(cx)?,
         category_id: OBJECT_CATEGORY,
         bbox: object.bbox(bbox),
         visible_bbox: object.visible_box.into(),
         width: object.amodal.width(),
         height: object.amodal.height(),
-        object_name: object_name(site, id),
+        object_name: object_name(cx, id),
         iscrowd: 0,
         segmentation: with_area(object.amodal, u64::from(object.amodal.area()) * u64::from(id.0)),
         area: 0,
@@ -204,14 +208,14 @@ impl ObjectLabels<'_> {
 }
 
 /// From 1; a function of scene and view alone.
-fn image_id(site: &Site) -> Result<u64> {
-    let (scene, view) = (u64::from(site.scene.id.0), u64::from(view(site)?.id.0));
-    Ok(scene * u64::from(site.dataset.views_per_scene) + view + 1)
+fn image_id(cx: &ViewContext) -> Result<u64> {
+    let (scene, view) = (u64::from(cx.scene.id.0), u64::from(cx.view.id.0));
+    Ok(scene * u64::from(cx.dataset.views_per_scene) + view + 1)
 }
 
 /// The asset's name; not unique within an image.
-fn object_name(site: &Site, id: InstanceId) -> String {
-    site.scene.body(id).map_or(String::new(), |body| body.asset.name.clone())
+fn object_name(cx: &ViewContext, id: InstanceId) -> String {
+    cx.scene.body(id).map_or(String::new(), |body| body.asset.name.clone())
 }
 
 /// Rounds to two decimals as Python's `round` does: by the exact decimal value, ties to even.

@@ -4,12 +4,13 @@ mod engine;
 
 pub use engine::{Fault, Template};
 
-use crate::encode::{json_shard, view};
+use crate::encode::json_shard;
 use crate::include;
-use crate::jsonl::json as encode;
+use crate::jsonl::encoded;
 use serde_json::{Map, Value as Json, json};
 use std::sync::{Arc, OnceLock};
 use syntable_model::prelude::*;
+use syntable_model::product::Scope;
 
 /// Writes text files of any format from a [Tera](https://keats.github.io/tera/docs) template.
 ///
@@ -173,19 +174,19 @@ impl Templates {
 struct TemplateWriter(Arc<Templates>);
 
 impl Writer for TemplateWriter {
-    fn reads(&self) -> Vec<String> {
-        include::names(&self.0.config.include)
+    fn reads(&self) -> Vec<Input> {
+        Input::included(&self.0.config.include, Accepts::Any)
     }
 
-    fn scene(&self, site: &Site, output: Output) -> Result<Box<dyn SceneWriter>> {
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         // A file that cannot be read or parsed is reported before anything is rendered.
-        self.0.body()?;
-        let context = self.0.context(site.dataset, output.id());
-        let scene = Map::from_iter([("scene".to_owned(), json!({ "id": site.scene.id.0 }))]);
+        self.0.body().map_err(Error::permanent)?;
+        let context = self.0.context(cx.dataset, output.id());
+        let scene = Map::from_iter([("scene".to_owned(), json!({ "id": cx.scene.id.0 }))]);
         Ok(Box::new(TemplateScene { templates: self.0.clone(), output, context, scene, views: Vec::new() }))
     }
 
-    fn finish(&self, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
+    fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         if self.0.config.per != FilePer::Dataset {
             return Ok(());
         }
@@ -203,8 +204,11 @@ impl Writer for TemplateWriter {
             scenes.push(read?);
             Ok(())
         })?;
-        let mut context = self.0.context(dataset, finish.id());
+        let mut context = self.0.context(cx.dataset, finish.id());
         context.insert("scenes".to_owned(), scenes.into());
+        for (name, _) in include::of_scope(&self.0.config.include, products, Scope::Dataset) {
+            context.insert(name.to_owned(), encoded(products, name)?);
+        }
         let (path, text) = self.0.render(&context.into())?;
         finish.write(&path, |out| out.write_all(text.as_bytes()).map_err(|error| Error::io(&path, &error)))
     }
@@ -222,16 +226,15 @@ struct TemplateScene {
 }
 
 impl SceneWriter for TemplateScene {
-    fn view(&mut self, site: &Site, frame: &Products) -> Result<()> {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let per_view = self.templates.config.per == FilePer::View;
-        let mut record = Map::from_iter([("view".to_owned(), json!({ "id": view(site)?.id.0 }))]);
-        for name in &self.templates.config.include {
-            let value = encode(frame, name.as_str())?;
-            if include::of_scene(frame, name.as_str()) {
-                self.scene.insert(name.as_str().to_owned(), value);
-            } else {
-                record.insert(name.as_str().to_owned(), value);
-            }
+        let mut record = Map::from_iter([("view".to_owned(), json!({ "id": cx.view.id.0 }))]);
+        let include = &self.templates.config.include;
+        for (name, _) in include::of_scope(include, products, Scope::View) {
+            record.insert(name.to_owned(), encoded(products, name)?);
+        }
+        for (name, _) in include::of_scope(include, products, Scope::Scene) {
+            self.scene.insert(name.to_owned(), encoded(products, name)?);
         }
         if !per_view {
             self.views.push(record.into());
@@ -239,17 +242,20 @@ impl SceneWriter for TemplateScene {
         }
         let context = self.context.iter().chain(&self.scene).map(|(key, value)| (key.clone(), value.clone()));
         record.extend(context);
-        let (path, text) = self.templates.render(&record.into())?;
+        let (path, text) = self.templates.render(&record.into()).map_err(Error::permanent)?;
         self.output.write(&path, text.as_bytes())
     }
 
-    fn close(mut self: Box<Self>) -> Result<()> {
+    fn close(mut self: Box<Self>, _: &SceneContext, products: &Products) -> Result<()> {
+        for (name, _) in include::of_scope(&self.templates.config.include, products, Scope::Scene) {
+            self.scene.insert(name.to_owned(), encoded(products, name)?);
+        }
         self.scene.insert("views".to_owned(), self.views.into());
         match self.templates.config.per {
             FilePer::View => Ok(()),
             FilePer::Scene => {
                 self.context.extend(self.scene);
-                let (path, text) = self.templates.render(&self.context.into())?;
+                let (path, text) = self.templates.render(&self.context.into()).map_err(Error::permanent)?;
                 self.output.write(&path, text.as_bytes())
             }
             FilePer::Dataset => {
