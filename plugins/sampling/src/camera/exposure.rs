@@ -81,19 +81,23 @@ impl JsonSchema for ExposureOption {
         let stops = |description: &str| json_schema!({ "description": description, "type": "number", "minimum": -40, "maximum": 40 });
         json_schema!({
             "description": "How luminance maps to image brightness: \"auto\", { auto = { compensation_ev = 0.5 } } or { ev100 = 9.0 }.",
-            "type": ["string", "object"],
-            "pattern": "^auto$",
-            "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
-            "properties": {
-                "auto": {
-                    "description": "The light meter of `rgb_camera` chooses the exposure.",
-                    "type": "object", "additionalProperties": false,
+            "oneOf": [
+                { "description": "The light meter of `rgb_camera` chooses the exposure.", "type": "string", "enum": ["auto"] },
+                {
+                    "description": "The options of the light meter, or a fixed exposure value.",
+                    "type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
                     "properties": {
-                        "compensation_ev": stops("Stops brighter (positive) or darker than the meter chooses; 0 by default.")
+                        "auto": {
+                            "description": "The light meter of `rgb_camera` chooses the exposure.",
+                            "type": "object", "additionalProperties": false,
+                            "properties": {
+                                "compensation_ev": stops("Stops brighter (positive) or darker than the meter chooses; 0 by default.")
+                            }
+                        },
+                        "ev100": stops("Fixed exposure value at ISO 100: 1.2 · 2^EV100 nits become white.")
                     }
-                },
-                "ev100": stops("Fixed exposure value at ISO 100: 1.2 · 2^EV100 nits become white.")
-            }
+                }
+            ]
         })
     }
 }

@@ -149,10 +149,14 @@ impl JsonSchema for WhiteBalance {
         kelvin.insert("maximum".into(), KELVIN[1].into());
         json_schema!({
             "description": "The light that becomes white: \"none\", \"auto\" (estimated from the image) or { kelvin = 4000 }.",
-            "type": ["string", "object"],
-            "pattern": "^(none|auto)$",
-            "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
-            "properties": { "kelvin": kelvin }
+            "oneOf": [
+                { "description": "No white balance, or one that is estimated from the image.", "type": "string", "enum": ["none", "auto"] },
+                {
+                    "description": "The temperature of the light that becomes white.",
+                    "type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
+                    "properties": { "kelvin": kelvin }
+                }
+            ]
         })
     }
 }
