@@ -168,10 +168,18 @@ pub struct PlanError {
     pub product: String,
     /// The names of all products that could be provided, if this one is unknown.
     pub known: Vec<String>,
+    /// The tables of the stages that cannot go together.
+    pub involved: Vec<String>,
     /// What is wrong, in words.
     pub message: String,
     /// A help message.
     pub help: String,
+}
+
+impl PlanError {
+    fn involve(&mut self, stages: Vec<String>) {
+        self.involved = stages;
+    }
 }
 
 /// The ways in which a plan fails.
@@ -409,10 +417,10 @@ impl Resolver {
 
     fn provide(&mut self, index: usize, name: &str, by: &Asker, path: &mut Vec<usize>) {
         if path.contains(&index) {
-            let chain: Vec<&str> = path.iter().chain([&index]).map(|&i| self.notes[i].stage.as_str()).collect();
+            let chain: Vec<String> = path.iter().chain([&index]).map(|&i| self.notes[i].stage.clone()).collect();
             let message = format!("stages need each other's products: {}", chain.join(" → "));
             let help = "take one of them out of the recipe".to_owned();
-            return self.fail(Fault::Cycle, by, name, message, help);
+            return self.fail(Fault::Cycle, by, name, message, help).involve(chain);
         }
         let (stage, reads, scope) =
             (self.notes[index].stage.clone(), self.notes[index].reads.clone(), self.notes[index].scope);
@@ -464,7 +472,7 @@ impl Resolver {
         }
         let message = format!("product `{name}` {what}: {}", names.join(", "));
         let help = "keep one of them; name the one you want in a [sensor.<id>] or [annotate.<id>] table".to_owned();
-        self.fail(Fault::Ambiguous, by, name, message, help);
+        self.fail(Fault::Ambiguous, by, name, message, help).involve(names);
     }
 
     fn unknown(&mut self, name: &str, by: &Asker) {
@@ -483,22 +491,23 @@ impl Resolver {
         }
     }
 
-    fn fail(&mut self, fault: Fault, by: &Asker, product: &str, message: String, help: String) {
-        let error = PlanError {
-            fault,
-            stage: by.stage.to_owned(),
-            option: by.option.map(str::to_owned),
-            product: product.to_owned(),
-            known: Vec::new(),
-            message,
-            help,
-        };
-        let same = |other: &PlanError| {
-            (other.fault, &other.stage, &other.message) == (error.fault, &error.stage, &error.message)
-        };
-        if !self.errors.iter().any(same) {
-            self.errors.push(error);
-        }
+    /// Reports an error, once.
+    fn fail(&mut self, fault: Fault, by: &Asker, product: &str, message: String, help: String) -> &mut PlanError {
+        let same = |error: &PlanError| (error.fault, &*error.stage, &error.message) == (fault, by.stage, &message);
+        let index = self.errors.iter().position(same).unwrap_or_else(|| {
+            self.errors.push(PlanError {
+                fault,
+                stage: by.stage.to_owned(),
+                option: by.option.map(str::to_owned),
+                product: product.to_owned(),
+                known: Vec::new(),
+                involved: Vec::new(),
+                message,
+                help,
+            });
+            self.errors.len() - 1
+        });
+        &mut self.errors[index]
     }
 
     fn finish(mut self) -> Result<Plan, Vec<PlanError>> {

@@ -186,7 +186,10 @@ impl KeyId {
     /// First sentence of [`doc`](Self::doc), without its full stop.
     pub fn summary(&self) -> String {
         let doc = self.doc();
-        doc.split_once(". ").map_or(doc.trim_end_matches('.'), |(first, _)| first).to_owned()
+        // A full stop before a capital ends a sentence; that of `Rec. 709` does not.
+        let end =
+            doc.match_indices(". ").find(|(at, _)| doc[at + 2..].starts_with(|c: char| c.is_uppercase() || c == '`'));
+        doc[..end.map_or(doc.len(), |(at, _)| at)].trim_end_matches('.').to_owned()
     }
 
     /// Identity of the product's type.
@@ -259,15 +262,15 @@ mod tests {
 
     products! {
         /// Light, see [`OTHER`]: in
-        /// two lines. More.
+        /// two lines of Rec. 709. More.
         const LIGHT: Key<Plane<[f32; 3]>> = view("light").semantic(Semantic::Color).unit("nit");
     }
 
     #[test]
     fn the_doc_comment_is_the_meaning() {
         let key = LIGHT.id();
-        assert_eq!(key.doc(), "Light, see `other`: in two lines. More.");
-        assert_eq!(key.summary(), "Light, see `other`: in two lines");
+        assert_eq!(key.doc(), "Light, see `other`: in two lines of Rec. 709. More.");
+        assert_eq!(key.summary(), "Light, see `other`: in two lines of Rec. 709");
         assert_eq!(key.kind_of_value(), "f32 image of 3 channels (color)");
         assert_eq!((key.unit, key.scope), ("nit", Scope::View));
         assert_eq!(key.type_name(), "Plane<[f32; 3]>");

@@ -117,6 +117,18 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
         Fault::NotStorable => Code::NotStorable,
         Fault::Ambiguous | Fault::Cycle | Fault::WrongType | Fault::TooEarly => Code::Plan,
     };
+    // Stages of the recipe that cannot go together are the place of the mistake, rather than who asks for the product.
+    let mut involved: Vec<Span> = Vec::new();
+    for stage in error.involved.iter().filter_map(|name| built.stages.iter().find(|stage| part(stage) == *name)) {
+        if stage.header != NOWHERE && !involved.contains(&stage.header) {
+            involved.push(stage.header.clone());
+        }
+    }
+    if let [first, others @ ..] = involved.as_slice() {
+        let diagnostic = DiagnosticBuilder::error(code, first.clone(), error.message.clone());
+        let diagnostic = others.iter().fold(diagnostic, |diagnostic, span| diagnostic.also(span.clone(), ""));
+        return diagnostic.help(format!("{} reads it", error.stage)).help(error.help.clone());
+    }
     let diagnostic = DiagnosticBuilder::error(code, span, error.message.clone());
     let diagnostic = if said.is_some() || error.option.is_none() { diagnostic } else { diagnostic.label(default()) };
     diagnostic.help(error.help.clone())
