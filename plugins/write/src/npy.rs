@@ -4,9 +4,8 @@ use crate::encode::kind::{Kind, accepts};
 use crate::encode::npy::{self, Array};
 use crate::encode::{scene_name, view_name};
 use crate::include;
-use std::any::TypeId;
 use syntable_model::prelude::*;
-use syntable_model::product::{BBox, Scope};
+use syntable_model::product::Scope;
 
 /// Writes numeric arrays as NumPy files.
 ///
@@ -87,7 +86,7 @@ impl NpyScene {
             match products.value(product)? {
                 Value::PerInstance(values) => {
                     let array = if values.is_empty() {
-                        empty_stack(&key, size)
+                        Array::stack_of_none(key.form().of_one(), size)
                     } else {
                         Array::stack(values.values().map(array)).map_err(explain)?
                     };
@@ -99,19 +98,6 @@ impl NpyScene {
         }
         Ok(())
     }
-}
-
-/// The array of no instances: the first axis has length 0, the others follow from the product's type.
-fn empty_stack(key: &KeyId, [height, width]: [usize; 2]) -> Array {
-    let of = key.type_id();
-    let (descr, rest) = if of == TypeId::of::<PerInstance<Mask>>() {
-        ("|b1", vec![height, width])
-    } else if of == TypeId::of::<PerInstance<BBox>>() {
-        ("<i8", vec![4])
-    } else {
-        ("<f8", vec![])
-    };
-    Array { descr, shape: [vec![0], rest].concat(), bytes: Vec::new() }
 }
 
 register!(Npy);

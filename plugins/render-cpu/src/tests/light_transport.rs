@@ -27,7 +27,7 @@ fn check(test: &str, frame: &Products, want: f64, tolerance: f64) {
 }
 
 /// A diffuse table under one light, seen from near in a few pixels around the origin.
-fn table(light: Light, albedo: f32) -> Frame {
+fn table(light: Light, albedo: f32) -> Products {
     let scene = scene([body(&object("table", sheet([3.0, 3.0]), matte(albedo)), at(0.0, 0.0, 0.0), Role::Object)]);
     let view = view(4, 4, 4000.0, [2.0, 1.0, 0.5], [0.0; 3], vec![light]);
     render(options(256, 8), &scene, &view, &[RADIANCE.id()])
