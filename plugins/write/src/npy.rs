@@ -11,16 +11,15 @@ use syntable_model::product::Scope;
 ///
 /// # What it does
 ///
-/// Stores values as they are: images as `[height, width]` or `[height, width, channels]`, masks as bool, numbers and
-/// lists of numbers as float64 or int64. A product per instance is one array with the instances along the first axis;
+/// Stores values as they are: images as `[height, width]` or `[height, width, channels]` of their own type, masks as
+/// bool, numbers and lists of numbers as float64, int64 or uint64. A product per instance is one array with the instances along the first axis;
 /// masks become `[N, height, width]`. `occlusion_order` is `[N, N]` of bool over the annotated instances in id order:
 /// the row's object occludes the column's. Text and records do not fit; `jsonl` writes them.
 ///
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.npy`. A product per instance has its instance ids, u16 in the same order, in
-/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene has no
-/// `_{view:04}`.
+/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene is `{id}/{product}/{scene:06}.npy`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npy {

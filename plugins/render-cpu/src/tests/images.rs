@@ -140,7 +140,7 @@ fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
 fn the_seed_matters_and_sessions_can_be_used_again() {
     let (scene, view) = busy_scene();
     let mut session = crate::CpuPathRenderer::new(options(2, 2)).expect("sound").session();
-    let mut picture = |seed: u64| {
+    let mut image = |seed: u64| {
         session.load(&scene, &Serial).expect("loads");
         let mut frame = Products::new();
         let request =
@@ -148,9 +148,9 @@ fn the_seed_matters_and_sessions_can_be_used_again() {
         session.render(&request, &mut frame).expect("renders");
         bits(frame.get(RADIANCE).expect("made"))
     };
-    let first = picture(1);
-    assert!(first != picture(2));
-    assert!(first == picture(1));
+    let first = image(1);
+    assert!(first != image(2));
+    assert!(first == image(1));
 }
 
 #[test]
@@ -224,7 +224,7 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
 }
 
 #[test]
-fn wide_planes_continue_the_picture() {
+fn wide_planes_continue_the_image() {
     let (scene, view) = busy_scene();
     let frame = render(options(1, 1), &scene, &view, &ALL);
     for (near, wide) in [(COVERAGE, COVERAGE_WIDE), (COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE)] {
@@ -246,13 +246,13 @@ fn options_are_checked_and_the_example_builds() {
     let built = entry.construct_str("samples_per_pixel = 8\nmax_indirect_luminance = 1e4").expect("builds");
     assert_eq!(built.options["russian_roulette_from"].as_integer(), Some(3));
     assert!(entry.construct_str("").expect("builds").options.get("max_indirect_luminance").is_none());
-    for wrong in ["max_indirect_luminance = 0", "clamp_nits = nan", "samples_per_pixel = 0"] {
+    for wrong in ["max_indirect_luminance = 0", "max_indirect_luminance = nan", "samples_per_pixel = 0"] {
         assert!(entry.construct_str(wrong).is_err(), "{wrong}");
     }
 }
 
 #[test]
-fn rounds_give_the_same_picture_as_one_go_and_quiet_tiles_stop_early() {
+fn rounds_give_the_same_image_as_one_go_and_quiet_tiles_stop_early() {
     let (scene, view) = busy_scene();
     let wants = [RADIANCE.id(), DENOISE_ALBEDO.id(), DENOISE_NORMAL.id(), RENDER_REPORT.id()];
     let whole = render(options(40, 4), &scene, &view, &wants);

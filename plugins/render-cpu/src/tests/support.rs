@@ -184,7 +184,7 @@ pub fn keep(test: &str, planes: &[(&str, &Plane<[f32; 3]>)]) -> String {
         Ok(())
     };
     match write() {
-        Ok(()) => format!("pictures are in {}", folder.display()),
-        Err(error) => format!("pictures could not be written to {}: {error}", folder.display()),
+        Ok(()) => format!("images are in {}", folder.display()),
+        Err(error) => format!("images could not be written to {}: {error}", folder.display()),
     }
 }

@@ -234,9 +234,9 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
     put(&mut products).expect("first");
     products.put(RGB, Plane::from_fn(WIDTH, HEIGHT, |_, _| [0; 3].map(|_| stream.below(256) as u8))).expect("first");
     let normal = |hits: &Vec<InstanceId>| if hits.is_empty() { [0.0; 3] } else { [0.6, 0.0, -0.8_f32] };
-    let glow =
+    let brightness =
         |hits: &Vec<InstanceId>| hits.iter().map(|id| f32::from(id.0).exp2() - 2.5).fold(1e-20, |sum, x| sum + x);
-    products.put(RADIANCE, rays.map(|hits| [glow(hits), 1.0 / 3.0, 1e9])).expect("first");
+    products.put(RADIANCE, rays.map(|hits| [brightness(hits), 1.0 / 3.0, 1e9])).expect("first");
     products.put(NORMAL, rays.map(normal)).expect("first");
     products.put(ALBEDO, rays.map(|hits| [hits.len() as f32 / 8.0, 0.5, 2.0])).expect("first");
     products
