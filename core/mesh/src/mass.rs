@@ -21,7 +21,7 @@ mod tests {
 
     #[test]
     fn masses_are_density_times_volume_within_limits() {
-        // A mug of 0.3 litre, a crumb, a wardrobe.
+        // A mug of 0.3 liter, a crumb, a wardrobe.
         for (volume, mass) in [(3e-4, 0.12), (1e-9, 0.005), (0.0, 0.005), (1.0, 20.0), (f64::NAN, 0.005)] {
             assert!((estimate_kg(volume) - mass).abs() < 1e-12, "{volume}");
         }

@@ -2,7 +2,7 @@
 //!
 //! Colors of light are linear Rec. 709 triples scaled so that their luminance
 //! `Y = 0.2126 R + 0.7152 G + 0.0722 B` is in photometric units: a radiance triple has Y in cd/m² (nits), an
-//! irradiance triple has Y in lux. A rendered picture is therefore in nits, and camera exposure follows from it.
+//! irradiance triple has Y in lux. A rendered image is therefore in nits, and camera exposure follows from it.
 
 use crate::geometry::{Point3, Vector3};
 use crate::scene::EnvironmentMap;
@@ -102,17 +102,17 @@ pub fn disk_illuminance(
     point: Point3<f64>,
     normal: Vector3<f64>,
 ) -> f64 {
-    let to_centre = center - point;
-    let height = -to_centre.dot(&axis);
+    let to_center = center - point;
+    let height = -to_center.dot(&axis);
     if height <= 0.0 {
         return 0.0;
     }
-    let sideways = to_centre + axis * height;
+    let sideways = to_center + axis * height;
     let beside = sideways.norm();
     let along = axis.dot(&normal);
     // How far the disk reaches above and below its center, as the plane sees heights.
     let reach = radius * (1.0 - along * along).max(0.0).sqrt();
-    let above = to_centre.dot(&normal);
+    let above = to_center.dot(&normal);
     if above <= -reach {
         return 0.0;
     }
@@ -187,7 +187,7 @@ pub fn lambertian_flux(luminance_nits: f64, area_m2: f64) -> f64 {
     PI * luminance_nits * area_m2
 }
 
-/// Luminous intensity (candela) of a glowing sphere, the same in all directions: `I = π r² L`.
+/// Luminous intensity (candela) of an emissive sphere, the same in all directions: `I = π r² L`.
 pub fn sphere_intensity(luminance_nits: f64, radius_m: f64) -> f64 {
     PI * radius_m * radius_m * luminance_nits
 }
@@ -311,7 +311,7 @@ mod tests {
         assert!((isotropic_intensity(isotropic_flux(intensity)) - intensity).abs() < 1e-9);
         let lux = point_illuminance(intensity, 3.0);
         assert!((sphere_luminance(lux, 3.0, radius) - nits).abs() < 1e-9);
-        // A candela is a lumen per steradian: a lamp of 4π lm gives 1 lx at 1 m.
+        // A candela is a lumen per steradian: a light of 4π lm gives 1 lx at 1 m.
         assert!((point_illuminance(isotropic_intensity(4.0 * PI), 1.0) - 1.0).abs() < 1e-12);
         // A large panel of 3000 lm and 0.36 m² seen from 10 m: E = L A / d², within the panel's size.
         let panel = flux_luminance(3000.0, 0.36);

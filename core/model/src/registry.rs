@@ -24,7 +24,7 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
     const KIND: &'static str;
     /// Body of a recipe table with this kind's usual options, valid TOML, for help and tests.
     const EXAMPLE: &'static str;
-    /// Options that had another name, as (old, new) paths such as `("clamp_nits", "max_indirect_luminance")`. A recipe
+    /// Options that had another name, as (old, new) paths such as `("camera.fov", "camera.fov_deg")`. A recipe
     /// that uses the old name gets an error that names the new one.
     const RENAMED: &'static [(&'static str, &'static str)] = &[];
     /// Sets options that were left out and whose defaults depend on others, and drops those that others override. The

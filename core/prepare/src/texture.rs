@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn texel_centres_and_row_order() {
+    fn texel_centers_and_row_order() {
         // Row 0 of the image is at v = 1.
         let t = image(2, 2, Encoding::Linear, Wrap::Clamp, |x, y| (x * 100 + y * 50) as u8);
         check(&t, [0.25, 0.75], 0.0, 0.0);

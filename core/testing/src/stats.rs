@@ -39,7 +39,7 @@ pub fn sidak(level: f64, tests: usize) -> f64 {
     1.0 - (1.0 - level).powf(1.0 / tests as f64)
 }
 
-/// Regularised upper incomplete gamma function Q(a, x): series below a + 1, continued fraction above.
+/// Regularized upper incomplete gamma function Q(a, x): series below a + 1, continued fraction above.
 fn gamma_tail(a: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 1.0;

@@ -1,6 +1,7 @@
 //! Formats from another crate: `mesh_folder`, textures, material folders and `check --asset` read them.
 
 use std::path::Path;
+use std::sync::Arc;
 use syntable_assets as _;
 use syntable_mesh::Model;
 use syntable_mesh::format::{ImageDecoder, ImageFormat, ImageFormats, MeshFormat, MeshFormats};
@@ -70,7 +71,7 @@ fn source(kind: &str, root: &Path, more: &str) -> Box<dyn AssetSource> {
     }
 }
 
-fn object(source: &dyn AssetSource, name: &str) -> Object {
+fn object(source: &dyn AssetSource, name: &str) -> Arc<Object> {
     source.load(name, &Collected::default()).expect(name).into_object().expect("an object")
 }
 
@@ -123,7 +124,7 @@ fn textures_and_material_folders_read_a_foreign_image_format() {
     let surfaces = source("pbr_folder", &folder.path().join("surfaces"), "");
     assert_eq!(surfaces.class(), AssetClass::Material);
     let material = surfaces.load("Rust01", &Collected::default()).expect("loads").into_material().expect("a material");
-    assert_eq!(material.base_color.texture.expect("a texture").texture.texels, [0x60, 0x30, 0x10, 255]);
+    assert_eq!(material.base_color.texture.as_ref().expect("a texture").texture.texels, [0x60, 0x30, 0x10, 255]);
 }
 
 #[test]

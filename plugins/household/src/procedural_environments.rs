@@ -55,7 +55,7 @@ pub enum EnvironmentFamily {
     CloudySky,
     /// Even gray sky.
     OvercastSky,
-    /// A low sun's glow.
+    /// Warm sky around a low sun.
     SunsetSky,
     /// A room lit by softboxes.
     Studio,

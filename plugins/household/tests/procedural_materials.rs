@@ -85,7 +85,7 @@ fn surfaces_are_plausible() {
 }
 
 #[test]
-fn varnish_and_fibers_are_where_they_belong() {
+fn clearcoat_and_sheen_are_where_they_belong() {
     for family in MaterialFamily::ALL {
         let baked: Vec<Material> = (0..24).map(|i| family.bake(&Stream::root(5).at(i), 64, "m")).collect();
         let coated = baked.iter().filter(|material| material.clearcoat.is_some()).count();

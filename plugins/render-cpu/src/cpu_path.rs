@@ -242,10 +242,10 @@ impl CpuPathSession {
             } else if want == RADIANCE_DEMODULATED.id() {
                 frame.put(
                     RADIANCE_DEMODULATED,
-                    film.plane(workers, [0.0; 3], |sums| sums.untinted.mean(sums.samples)),
+                    film.plane(workers, [0.0; 3], |sums| sums.demodulated.mean(sums.samples)),
                 )?;
             } else if want == RADIANCE_DEMODULATED_VARIANCE.id() {
-                let variance = |sums: &PixelSums| sums.untinted.variance(sums.samples);
+                let variance = |sums: &PixelSums| sums.demodulated.variance(sums.samples);
                 frame.put(RADIANCE_DEMODULATED_VARIANCE, film.plane(workers, 0.0, variance))?;
             } else if want == RENDER_REPORT.id() {
                 frame.put(RENDER_REPORT, film.report(workers))?;

@@ -11,8 +11,8 @@ use syntable_model::product::Scope;
 ///
 /// # What it does
 ///
-/// Stores 32-bit float images of up to 4 channels, such as `radiance`, `depth` and `normal`, with lossless ZIP
-/// compression. What the product means names the channels:
+/// Stores 16- and 32-bit float images of up to 4 channels, such as `radiance`, `depth` and `normal`, in their own
+/// precision and with lossless ZIP compression. What the product means names the channels:
 ///
 /// | product | channels |
 /// | --- | --- |
@@ -33,7 +33,8 @@ pub struct Exr {
     /// Products to write.
     #[schemars(length(min = 1))]
     pub include: Vec<ProductName>,
-    /// Stores 16-bit floats: about half the size, 11 significant bits, and values above 65504 become infinite.
+    /// Stores all images as 16-bit floats: about half the size, 11 significant bits, and values above 65504 become
+    /// infinite.
     pub half: bool,
 }
 

@@ -4,24 +4,22 @@ use crate::encode::kind::{Kind, accepts};
 use crate::encode::npy::{self, Array};
 use crate::encode::{scene_name, view_name};
 use crate::include;
-use std::any::TypeId;
 use syntable_model::prelude::*;
-use syntable_model::product::{BBox, Scope};
+use syntable_model::product::Scope;
 
 /// Writes numeric arrays as NumPy files.
 ///
 /// # What it does
 ///
-/// Stores values as they are: images as `[height, width]` or `[height, width, channels]`, masks as bool, numbers and
-/// lists of numbers as float64 or int64. A product per instance is one array with the instances along the first axis;
+/// Stores values as they are: images as `[height, width]` or `[height, width, channels]` of their own type, masks as
+/// bool, numbers and lists of numbers as float64, int64 or uint64. A product per instance is one array with the instances along the first axis;
 /// masks become `[N, height, width]`. `occlusion_order` is `[N, N]` of bool over the annotated instances in id order:
 /// the row's object occludes the column's. Text and records do not fit; `jsonl` writes them.
 ///
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.npy`. A product per instance has its instance ids, u16 in the same order, in
-/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene has no
-/// `_{view:04}`.
+/// `{id}/{product}/{scene:06}_{view:04}_ids.npy`. A product of the scene is `{id}/{product}/{scene:06}.npy`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Npy {
@@ -87,7 +85,7 @@ impl NpyScene {
             match products.value(product)? {
                 Value::PerInstance(values) => {
                     let array = if values.is_empty() {
-                        empty_stack(&key, size)
+                        Array::stack_of_none(key.form().of_one(), size)
                     } else {
                         Array::stack(values.values().map(array)).map_err(explain)?
                     };
@@ -99,19 +97,6 @@ impl NpyScene {
         }
         Ok(())
     }
-}
-
-/// The array of no instances: the first axis has length 0, the others follow from the product's type.
-fn empty_stack(key: &KeyId, [height, width]: [usize; 2]) -> Array {
-    let of = key.type_id();
-    let (descr, rest) = if of == TypeId::of::<PerInstance<Mask>>() {
-        ("|b1", vec![height, width])
-    } else if of == TypeId::of::<PerInstance<BBox>>() {
-        ("<i8", vec![4])
-    } else {
-        ("<f8", vec![])
-    };
-    Array { descr, shape: [vec![0], rest].concat(), bytes: Vec::new() }
 }
 
 register!(Npy);

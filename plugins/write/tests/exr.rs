@@ -5,29 +5,28 @@ mod common;
 use common::{Crowd, Take, dataset, own_script, python_with, take, write_scenes, writer};
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, f16};
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, NORMAL, RADIANCE};
 
 /// Float images of a plugin that no writer knows.
-const HEAT: Key<Plane<f32>> = Key::view("heat", "temperature at the pixel center");
-const FLOW: Key<Plane<[f32; 2]>> = Key::view("flow", "motion of the surface point, px");
-const LAYERS: Key<Plane<[f32; 4]>> = Key::view("layers", "four numbers per pixel");
-const THICKNESS: Key<PerInstance<Value>> = Key::view("thickness", "thickness of each object along the ray");
+const HEAT: Key<Plane<f32>> = Key::view("heat", "Temperature at the pixel center.");
+const FLOW: Key<Plane<[f32; 2]>> = Key::view("flow", "Motion of the surface point.");
+const LAYERS: Key<Plane<[f32; 4]>> = Key::view("layers", "Four numbers per pixel.");
+const THICKNESS: Key<PerInstance<Value>> = Key::view("thickness", "Thickness of each object along the ray.");
 
 /// A view with all of them, of random bit patterns: infinities, NaN and subnormal numbers included.
 fn foreign() -> Take {
     let mut take = take(0, 3, &[Crowd::Random]);
-    let (view, known) = take.views.remove(0);
-    let mut frame = Products::of_view(known);
+    let (view, mut products) = take.views.remove(0);
     let mut stream = Stream::root(4);
     let mut number = || f32::from_bits(stream.below(1 << 32) as u32);
-    frame.put(HEAT, Plane::from_fn(64, 48, |_, _| number())).expect("first");
-    frame.put(FLOW, Plane::from_fn(64, 48, |_, _| [number(), number()])).expect("first");
-    frame.put(LAYERS, Plane::from_fn(64, 48, |x, y| [number(), x as f32, y as f32, -0.0])).expect("first");
+    products.put(HEAT, Plane::from_fn(64, 48, |_, _| number())).expect("first");
+    products.put(FLOW, Plane::from_fn(64, 48, |_, _| [number(), number()])).expect("first");
+    products.put(LAYERS, Plane::from_fn(64, 48, |x, y| [number(), x as f32, y as f32, -0.0])).expect("first");
     let each = [3, 12].map(|id| (InstanceId(id), Product::encode(&Plane::from_fn(64, 48, |_, _| number()))));
-    frame.put(THICKNESS, each.into_iter().collect()).expect("first");
-    take.views.push((view, Arc::new(frame)));
+    products.put(THICKNESS, each.into_iter().collect()).expect("first");
+    take.views.push((view, products));
     take
 }
 
@@ -76,21 +75,21 @@ const INCLUDE: &str = "include = [\"radiance\", \"depth\", \"normal\", \"heat\",
 fn every_float_image_is_kept_bit_for_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     let take = write(folder.path(), "exr", INCLUDE);
-    let frame = &take.views[0].1;
+    let products = &take.views[0].1;
     let path = |product: &str, end: &str| folder.path().join(format!("exr/{product}/000000_0000{end}.exr"));
     let one = |plane: &Plane<f32>| plane.data().iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
-    let radiance = frame.get(RADIANCE).expect("made");
+    let radiance = products.get(RADIANCE).expect("made");
     check(&path("radiance", ""), &[("B", bits(radiance, 2)), ("G", bits(radiance, 1)), ("R", bits(radiance, 0))]);
-    check(&path("depth", ""), &[("Z", one(frame.get(DEPTH).expect("made")))]);
-    let normal = frame.get(NORMAL).expect("made");
+    check(&path("depth", ""), &[("Z", one(products.get(DEPTH).expect("made")))]);
+    let normal = products.get(NORMAL).expect("made");
     check(&path("normal", ""), &[("X", bits(normal, 0)), ("Y", bits(normal, 1)), ("Z", bits(normal, 2))]);
-    check(&path("heat", ""), &[("Y", one(frame.get(HEAT).expect("made")))]);
-    let flow = frame.get(FLOW).expect("made");
+    check(&path("heat", ""), &[("Y", one(products.get(HEAT).expect("made")))]);
+    let flow = products.get(FLOW).expect("made");
     check(&path("flow", ""), &[("X", bits(flow, 0)), ("Y", bits(flow, 1))]);
-    let layers = frame.get(LAYERS).expect("made");
+    let layers = products.get(LAYERS).expect("made");
     let order = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
     check(&path("layers", ""), &order.map(|(name, channel)| (name, bits(layers, channel))));
-    for (id, value) in frame.get(THICKNESS).expect("made").iter() {
+    for (id, value) in products.get(THICKNESS).expect("made").iter() {
         let Value::Tensor(tensor) = value else { panic!("an image") };
         let want = tensor.bytes.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().expect("four bytes")));
         check(&path("thickness", &format!("_{:04}", id.0)), &[("Y", want.collect())]);

@@ -2,10 +2,13 @@
 
 mod common;
 
-use common::{Crowd, dataset, files, finish, take, takes, write_all, write_scenes, writer};
+use common::{Crowd, Take, dataset, files, finish, finish_with, take, takes, write_all, write_scenes, writer};
+use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 use std::path::Path;
+use syntable_model::context::{Collected, Serial};
 use syntable_model::prelude::*;
+use syntable_model::product::Form;
 use syntable_model::product::standard::*;
 
 fn read_json(path: &Path) -> Json {
@@ -29,12 +32,13 @@ fn every_kind_conforms() {
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
     assert_eq!(kinds, ["contact_sheet", "exr", "gltf", "jsonl", "npy", "png", "syntable", "template"]);
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
-    let (view, frame) = &take.views[0];
-    let site = Site { dataset: &dataset, scene: &take.scene, view: Some(view) };
+    let (view, products) = &take.views[0];
+    let log = Collected::default();
+    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&take.scene).view(view);
     for entry in registry.entries() {
         let folder = tempfile::tempdir().expect("a folder");
         let Stage::Write(writer) = conformance::entry(entry).stage else { panic!("a writer") };
-        assert!(!conformance::writer(&*writer, &site, frame, folder.path()).is_empty(), "{}", entry.kind);
+        assert!(!conformance::writer(&*writer, &cx, products, folder.path()).is_empty(), "{}", entry.kind);
     }
 }
 
@@ -140,13 +144,13 @@ fn syntable_writes_one_record_per_image() {
     assert_eq!(hidden.len(), 1);
     assert_eq!((&hidden[0]["occluded_rate"], &hidden[0]["visible_bbox"]), (&json!(1.0), &json!([0, 0, 0, 0])));
     // Full precision, and the rounded rate beside it.
-    let (_, frame) = &takes[0].views[0];
+    let (_, products) = &takes[0].views[0];
     for annotation in of(1) {
         let id = InstanceId(annotation["instance_id"].as_u64().expect("an id") as u16);
-        let rate = *frame.get(OCCLUSION_RATE).expect("made").get(id).expect("annotated");
+        let rate = *products.get(OCCLUSION_RATE).expect("made").get(id).expect("annotated");
         assert_eq!(annotation["occluded_rate"], json!(rate));
         assert_eq!(annotation["bbox"], annotation["visible_bbox"]);
-        assert_eq!(annotation["area"], json!(frame.get(AMODAL_MASK).expect("made").get(id).expect("there").area()));
+        assert_eq!(annotation["area"], json!(products.get(AMODAL_MASK).expect("made").get(id).expect("there").area()));
         assert_eq!(annotation["object_name"], json!(format!("tetra_{}", id.0 + 1)));
         assert_eq!(annotation["object"]["name"], annotation["object_name"]);
     }
@@ -169,10 +173,10 @@ fn the_shared_types_read_the_file_and_write_the_same_bytes() {
     assert!(bytes == std::fs::read(&path).expect("there"));
     let known = file.images.iter().all(|image| image.extra.is_empty());
     assert!(known && file.annotations.iter().all(|annotation| annotation.extra.is_empty()), "types have every field");
-    let (_, frame) = &takes[0].views[0];
+    let (_, products) = &takes[0].views[0];
     let annotation = &file.annotations[0];
     let id = InstanceId(annotation.instance_id.expect("written"));
-    let amodal = frame.get(AMODAL_MASK).expect("made").get(id).expect("annotated");
+    let amodal = products.get(AMODAL_MASK).expect("made").get(id).expect("annotated");
     assert_eq!(&annotation.segmentation.decode().expect("sound"), amodal);
     let object = annotation.object().expect("an object").expect("written");
     assert_eq!((Some(&object.name), object.world_from_object[2][3]), (annotation.object_name.as_ref(), 0.7));
@@ -268,15 +272,15 @@ fn debug_masks_are_named_by_spawn_number() {
         reader.next_frame(&mut bytes).expect("decodes");
         bytes
     };
-    let (_, frame) = &takes[0].views[0];
-    for (id, amodal) in frame.get(AMODAL_MASK).expect("made").iter() {
+    let (_, products) = &takes[0].views[0];
+    for (id, amodal) in products.get(AMODAL_MASK).expect("made").iter() {
         // Spawn numbers count from 0, and the first object was removed: id 1 was spawned as number 1.
         let k = id.0;
         let want = |mask: &Mask, set: u8| {
             mask.to_plane().data().iter().map(|&bit| if bit { set } else { 0 }).collect::<Vec<u8>>()
         };
         assert_eq!(pixels(&format!("data/mono/amodal/0_0_{k}.png")), want(amodal, k as u8));
-        let visible = frame.get(VISIBLE_MASK).expect("made").get(id).expect("there");
+        let visible = products.get(VISIBLE_MASK).expect("made").get(id).expect("there");
         assert_eq!(pixels(&format!("data/mono/instance/0_0_{k}.png")), want(visible, 1));
         assert!(files.contains_key(&format!("data/mono/occlusion/0_0_{k}.png")));
     }
@@ -285,7 +289,7 @@ fn debug_masks_are_named_by_spawn_number() {
     assert!(pfm.starts_with(header) && pfm.len() == header.len() + 64 * 48 * 4);
     // Bottom row first.
     let first = f32::from_le_bytes(pfm[header.len()..][..4].try_into().expect("four bytes"));
-    assert_eq!(first, *frame.get(DEPTH).expect("made").at(0, 47));
+    assert_eq!(first, *products.get(DEPTH).expect("made").at(0, 47));
     assert_eq!(pixels("data/mono/depth/visuals/0_0.png").iter().max(), Some(&255));
 }
 
@@ -293,22 +297,21 @@ fn debug_masks_are_named_by_spawn_number() {
 fn labels_that_disagree_are_an_error() {
     let (writer, dataset) = (writer("syntable", "").expect("good options"), dataset(1, 1));
     let mut take = take(0, 3, &[Crowd::Hidden]);
-    let mut frame = Products::new();
-    let source = &take.views[0].1;
-    for_each_label(&mut frame, source);
-    take.views[0].1 = std::sync::Arc::new(frame);
+    let mut products = Products::new();
+    copy_all_but_amodal(&mut products, &take.views[0].1);
+    take.views[0].1 = products;
     let folder = tempfile::tempdir().expect("a folder");
     let error = write_scenes(folder.path(), "w", &*writer, &dataset, &[take]).expect_err("refused").to_string();
     assert!(error.contains("is in `occlusion_order` but not in `amodal_mask`"), "{error}");
 
     /// All products but the amodal masks.
-    fn for_each_label(frame: &mut Products, source: &Products) {
+    fn copy_all_but_amodal(products: &mut Products, source: &Products) {
         macro_rules! copy {
-            ($($key:expr),*) => {$( frame.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
+            ($($key:expr),*) => {$( products.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
         }
         copy!(RGB, DEPTH, VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, VISIBLE_BOX, AMODAL_BOX);
         copy!(OBJECT_INFO, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY);
-        frame.put(AMODAL_MASK, PerInstance::default()).expect("first");
+        products.put(AMODAL_MASK, PerInstance::default()).expect("first");
     }
 }
 
@@ -376,7 +379,7 @@ fn products_that_do_not_fit_are_named() {
         (
             "png",
             "occlusion_order",
-            "product `occlusion_order`: a PNG file holds images and masks, not a bool array that is not an image",
+            "product `occlusion_order`: a PNG file holds images and masks, not a bool array; write it with npy or jsonl",
         ),
         (
             "npy",
@@ -391,7 +394,7 @@ fn products_that_do_not_fit_are_named() {
         (
             "exr",
             "instance",
-            "product `instance`: an EXR file holds 32-bit float images, not a u16 image; write it with npy or png",
+            "product `instance`: an EXR file holds 16- and 32-bit float images, not a u16 image; write it with npy or png",
         ),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
@@ -399,6 +402,193 @@ fn products_that_do_not_fit_are_named() {
         let error =
             write_scenes(folder.path(), "w", &*writer, &dataset(3, 3), &takes()[..1]).expect_err("refused").to_string();
         assert!(error.starts_with(want), "{error}");
+    }
+}
+
+products! {
+    /// Height of the tabletop above the floor.
+    const RELIEF: Key<Plane<u16>> = scene("relief").unit("mm");
+    /// Wear of the scene's table, half precision, made from all views.
+    const WEAR: Key<Plane<f16>> = scene("wear");
+    /// Motion of the surface point.
+    const MOTION: Key<Plane<[f16; 2]>> = view("motion").unit("px");
+    /// Difference to the last view.
+    const CHANGE: Key<Plane<i16>> = view("change");
+    /// Fraction of the views in which the object is visible, made from all views.
+    const SEEN: Key<PerInstance<f64>> = scene("seen");
+    /// Number of objects of all scenes.
+    const TOTAL: Key<Value> = dataset("total").form(|| Form::Record);
+}
+
+/// A scene of two views with products of every scope: `relief` is known before the views, `wear` and `seen` are not.
+fn take_with_scopes() -> Take {
+    let mut take = take(0, 2, &[Crowd::Random, Crowd::Nothing]);
+    let relief = Plane::from_fn(5, 4, |x, y| (700 + 300 * x + y) as u16);
+    for (view, products) in &mut take.views {
+        let number = view.id.0 as f32;
+        products.put(RELIEF, relief.clone()).expect("first");
+        products
+            .put(MOTION, Plane::from_fn(6, 3, |x, y| [x as f32 / 3.0, number - y as f32].map(f16::from_f32)))
+            .expect("first");
+        products.put(CHANGE, Plane::from_fn(6, 3, |x, y| (y as i16 - 1) * 300 * x as i16)).expect("first");
+    }
+    take.products.put(RELIEF, relief).expect("first");
+    take.products.put(WEAR, Plane::from_fn(5, 4, |x, y| f16::from_f32(x as f32 - y as f32 / 7.0))).expect("first");
+    take.products.put(SEEN, PerInstance::from_iter([(InstanceId(2), 0.5)])).expect("first");
+    take
+}
+
+#[test]
+fn products_of_a_scene_are_written_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let take = take_with_scopes();
+    for (kind, include) in [("png", "relief"), ("npy", "relief\", \"wear\", \"seen"), ("exr", "wear")] {
+        let writer = writer(kind, &format!("include = [\"{include}\"]")).expect("good options");
+        write_scenes(folder.path(), kind, &*writer, &dataset(1, 2), [&take]).expect("written");
+    }
+    let files = files(folder.path());
+    assert_eq!(
+        files.keys().collect::<Vec<_>>(),
+        [
+            "exr/wear/000000.exr",
+            "npy/relief/000000.npy",
+            "npy/seen/000000.npy",
+            "npy/seen/000000_ids.npy",
+            "npy/wear/000000.npy",
+            "png/relief/000000.png"
+        ]
+    );
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&files["png/relief/000000.png"])).read_info().expect("PNG");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
+    reader.next_frame(&mut bytes).expect("decodes");
+    let relief = take.products.get(RELIEF).expect("made");
+    assert!(bytes.as_chunks().0.iter().map(|&b| u16::from_be_bytes(b)).eq(relief.data().iter().copied()));
+    assert!(files["npy/seen/000000.npy"].ends_with(&0.5_f64.to_le_bytes()));
+    assert!(files["npy/seen/000000_ids.npy"].ends_with(&[2, 0]));
+}
+
+#[test]
+fn half_floats_and_signed_integers_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let take = take_with_scopes();
+    for (kind, include) in [("npy", "\"motion\", \"change\""), ("exr", "\"motion\"")] {
+        let writer = writer(kind, &format!("include = [{include}]")).expect("good options");
+        write_scenes(folder.path(), kind, &*writer, &dataset(1, 2), [&take]).expect("written");
+    }
+    let products = &take.views[1].1;
+    let (motion, change) = (products.get(MOTION).expect("made"), products.get(CHANGE).expect("made"));
+    let files = files(folder.path());
+    for (name, header, bytes) in [
+        (
+            "npy/motion/000000_0001.npy",
+            "{'descr': '<f2', 'fortran_order': False, 'shape': (3, 6, 2), }",
+            motion.data().iter().flatten().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>(),
+        ),
+        (
+            "npy/change/000000_0001.npy",
+            "{'descr': '<i2', 'fortran_order': False, 'shape': (3, 6), }",
+            change.data().iter().flat_map(|x| x.to_le_bytes()).collect(),
+        ),
+    ] {
+        let file = &files[name];
+        assert!(file[10..].starts_with(header.as_bytes()), "{name}: {}", String::from_utf8_lossy(&file[..100]));
+        assert!(file.len() == 128 + bytes.len() && file.ends_with(&bytes), "{name}");
+    }
+    // EXR stores 16-bit floats as they are, `half` or not.
+    let image = exr::prelude::read_all_flat_layers_from_file(folder.path().join("exr/motion/000000_0001.exr"));
+    let image = image.expect("an EXR file");
+    let channels = &image.layer_data[0].channel_data.list;
+    assert_eq!(channels.len(), 2);
+    for (i, channel) in channels.iter().enumerate() {
+        assert_eq!(channel.name.to_string(), ["X", "Y"][i]);
+        let exr::prelude::FlatSamples::F16(samples) = &channel.sample_data else { panic!("not 16 bits") };
+        assert!(samples.iter().map(|x| x.to_bits()).eq(motion.data().iter().map(|pixel| pixel[i].to_bits())));
+    }
+}
+
+#[test]
+fn lines_have_the_products_of_their_scope() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let take = take_with_scopes();
+    let mut totals = Products::new();
+    totals.put(TOTAL, Value::record([("objects", 2_i64.into())])).expect("first");
+    let include = "include = [\"total\", \"seen\", \"settle_report\", \"relief\", \"visible_box\"]";
+    let lines = |id: &str, options: &str| -> Vec<Json> {
+        let writer = writer("jsonl", &format!("{include}\n{options}")).expect("good options");
+        write_scenes(folder.path(), id, &*writer, &dataset(1, 2), [&take]).expect("written");
+        finish_with(folder.path(), id, &*writer, &dataset(1, 2), &[0], &totals).expect("finished");
+        let text = std::fs::read_to_string(folder.path().join(format!("{id}.jsonl"))).expect("there");
+        text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
+    };
+    let (total, seen) = (json!({"total": {"objects": 2}}), json!({"2": 0.5}));
+
+    let views = lines("views", "per = \"view\"");
+    assert_eq!(views.len(), 4);
+    for (i, line) in views[..2].iter().enumerate() {
+        assert_eq!(keys(line), ["scene", "view", "settle_report", "relief", "visible_box"]);
+        assert_eq!((&line["view"], &line["settle_report"]["objects"]), (&json!(i), &json!(2)));
+    }
+    assert_eq!(views[2], json!({"scene": 0, "seen": seen}), "what is made from all views has a line of its own");
+    assert_eq!(views[3], total, "the last line");
+
+    let scenes = lines("scenes", "per = \"scene\"");
+    assert_eq!(scenes.len(), 2);
+    assert_eq!(keys(&scenes[0]), ["scene", "seen", "settle_report", "relief", "views"]);
+    assert_eq!(scenes[0]["seen"], seen);
+    assert_eq!(len(&scenes[0]["views"]), 2);
+    assert_eq!(keys(&scenes[0]["views"][1]), ["view", "visible_box"]);
+    assert_eq!(scenes[1], total, "the last line");
+}
+
+#[test]
+fn what_a_file_cannot_hold_is_refused_by_the_key() {
+    let check = |kind: &str, key: KeyId| {
+        let writer = writer(kind, &format!("include = [\"rgb\", \"{}\"]", key.name)).expect("good options");
+        let input = writer.reads().pop().expect("two inputs");
+        assert_eq!((input.product.as_str(), input.option.as_deref()), (key.name, Some("include[1]")));
+        input.accepts.check(&key)
+    };
+    for (kind, key, want) in [
+        ("png", RADIANCE_VARIANCE.id(), "a PNG file holds integers, not an f32 image; write it with exr or npy"),
+        (
+            "png",
+            RADIANCE.id(),
+            "a PNG file holds colors between 0 and 1, not nit; write it with exr, or write `rgb`, the exposed image",
+        ),
+        ("png", CHANGE.id(), "a PNG file holds unsigned integers of 8 or 16 bits, not an i16 image; write it with npy"),
+        (
+            "png",
+            OCCLUSION_ORDER.id(),
+            "a PNG file holds images and masks, not a bool array; write it with npy or jsonl",
+        ),
+        ("npy", OBJECT_INFO.id(), "a NumPy file holds numbers of one shape, not a record; write it with jsonl"),
+        ("npy", CAMERA.id(), "a NumPy file holds numbers of one shape, not a record; write it with jsonl"),
+        (
+            "exr",
+            VISIBLE_MASK.id(),
+            "an EXR file holds 16- and 32-bit float images, not a mask; write it with npy or png",
+        ),
+        (
+            "exr",
+            INSTANCE.id(),
+            "an EXR file holds 16- and 32-bit float images, not a u16 image; write it with npy or png",
+        ),
+        ("npy", TOTAL.id(), "it is made once per dataset, not per view or scene; write it with jsonl or template"),
+    ] {
+        assert_eq!(check(kind, key), Err(want.to_owned()), "{kind} {}", key.name);
+    }
+    for (kind, key) in [
+        ("png", VISIBLE_MASK.id()),
+        ("png", DEPTH.id()),
+        ("png", RELIEF.id()),
+        ("npy", RADIANCE_VARIANCE.id()),
+        ("npy", OCCLUSION_RATE.id()),
+        ("exr", RADIANCE_VARIANCE.id()),
+        ("exr", MOTION.id()),
+        ("jsonl", TOTAL.id()),
+        ("jsonl", OBJECT_INFO.id()),
+    ] {
+        assert_eq!(check(kind, key), Ok(()), "{kind} {}", key.name);
     }
 }
 

@@ -8,6 +8,7 @@ use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
+use syntable_model::context::{Collected, Serial};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
@@ -100,10 +101,10 @@ fn scene() -> Scene {
         &shared,
         pose([0.0; 3], [0.0, 0.0, 0.3]),
         Role::Support,
-        Some(Surface { material: wood.clone(), mapping: boxed }),
+        Some(MaterialOverride { material: wood.clone(), mapping: boxed }),
     );
     let moved = TextureMapping::Uv(UvTransform { scale: [2.0, 4.0], rotation: 0.0, offset: [0.5, 0.0] });
-    add(&shared, pose([0.0; 3], [0.0; 3]), Role::Room, Some(Surface { material: wood, mapping: moved }));
+    add(&shared, pose([0.0; 3], [0.0; 3]), Role::Room, Some(MaterialOverride { material: wood, mapping: moved }));
     builder.freeze(SceneId(3), 0, SettleReport::default()).expect("a scene")
 }
 
@@ -143,13 +144,13 @@ fn write(options: &str) -> BTreeMap<String, Vec<u8>> {
     let folder = tempfile::tempdir().expect("a folder");
     let (writer, dataset, scene) = (writer("gltf", options).expect("good options"), dataset(4, 2), scene());
     let views = [view(0), view(1)];
-    let mut site = Site { dataset: &dataset, scene: &scene, view: None };
-    let mut scene_writer = writer.scene(&site, Output::new(folder.path(), "gltf", scene.id)).expect("starts");
+    let log = Collected::default();
+    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);
+    let mut scene_writer = writer.scene(&cx, Output::new(folder.path(), "gltf", scene.id)).expect("starts");
     for view in &views {
-        site.view = Some(view);
-        scene_writer.view(&site, &Products::new()).expect("a view");
+        scene_writer.view(&cx.view(view), &Products::new()).expect("a view");
     }
-    scene_writer.close().expect("closes");
+    scene_writer.close(&cx, &Products::new()).expect("closes");
     files(folder.path())
 }
 
@@ -239,7 +240,7 @@ fn bodies_have_their_poses() {
         assert_eq!(triangles.len(), data.triangles.len());
         // The triangles come slot by slot; ours of slot 0 first.
         let mut order: Vec<usize> = (0..12).collect();
-        if body.surface.is_none() {
+        if body.material_override.is_none() {
             order.sort_by_key(|&t| data.slots[t]);
         }
         for (&t, got) in order.iter().zip(&triangles) {

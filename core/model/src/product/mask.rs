@@ -171,7 +171,7 @@ impl Mask {
         runs.finish(self.width, self.height)
     }
 
-    /// The mask as a picture.
+    /// The mask as an image.
     pub fn to_plane(&self) -> Plane<bool> {
         let mut plane = Plane::from_vec(self.width, self.height, vec![false; (self.width * self.height) as usize]);
         let (width, height) = (self.width as usize, self.height as usize);

@@ -1,4 +1,4 @@
-//! Pictures of values: one value, or one set of instances, a pixel.
+//! Images of values: one value, or one set of instances, per pixel.
 
 use crate::scene::InstanceId;
 
@@ -56,8 +56,8 @@ impl<T> Plane<T> {
 
 /// A set of objects for every pixel: bit `i` stands for the object with instance id `i + 1`.
 ///
-/// Only objects own bits; supports and room parts do not. The image may be larger than the picture by a margin on
-/// every side, so that labels can speak of what lies outside the frame.
+/// Only objects own bits; supports and room parts do not. The plane may be larger than the image by a margin on
+/// every side, so that labels can cover what lies outside the image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BitPlane {
     width: u32,
@@ -69,24 +69,24 @@ pub struct BitPlane {
 }
 
 impl BitPlane {
-    /// An empty plane over a picture of width × height, grown by `margin` = (columns, rows) on every side.
+    /// An empty plane over an image of width × height, grown by `margin` = (columns, rows) on every side.
     pub fn new(width: u32, height: u32, margin: [u32; 2], objects: usize) -> Self {
         let words = objects.div_ceil(64).max(1);
         let pixels = (width + 2 * margin[0]) as usize * (height + 2 * margin[1]) as usize;
         Self { width, height, margin, objects, words, data: vec![0; pixels * words] }
     }
 
-    /// Width of the picture without margins, px.
+    /// Width of the image without margins, px.
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Height of the picture without margins, px.
+    /// Height of the image without margins, px.
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// Columns and rows that the plane has beyond the picture, on every side.
+    /// Columns and rows that the plane has beyond the image, on every side.
     pub fn margin(&self) -> [u32; 2] {
         self.margin
     }
@@ -121,7 +121,7 @@ impl BitPlane {
         self.data[start + bit / 64] |= 1 << (bit % 64);
     }
 
-    /// All words: rows of the grown picture, pixels of a row, words of a pixel.
+    /// All words: rows of the plane, pixels of a row, words of a pixel.
     pub fn data(&self) -> &[u64] {
         &self.data
     }
@@ -131,7 +131,7 @@ impl BitPlane {
         &mut self.data
     }
 
-    /// Words in a row of the grown picture.
+    /// Words in a row of the plane.
     pub fn row_words(&self) -> usize {
         (self.width + 2 * self.margin[0]) as usize * self.words
     }

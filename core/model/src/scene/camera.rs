@@ -76,7 +76,7 @@ impl Distortion {
     }
 
     /// The point that is seen at `(x', y')`: Newton's method on [`distort`](Self::distort), from the middle outwards,
-    /// so that it finds the branch that goes through the middle. None where the lens folds the picture over.
+    /// so that it finds the branch that goes through the middle. None where the lens folds the image over.
     pub fn undistort(&self, seen: [f64; 2]) -> Option<[f64; 2]> {
         const STEPS: i32 = 8;
         let mut at = [0.0; 2];
@@ -116,7 +116,7 @@ pub struct Optics {
     pub distortion: Option<Distortion>,
     /// Depth of field; a pinhole without.
     pub lens: Option<ThinLens>,
-    /// How scene light becomes a picture.
+    /// How scene light becomes an image.
     pub exposure: Exposure,
 }
 
@@ -161,7 +161,7 @@ impl Camera {
     }
 }
 
-/// How a picture in nits becomes an 8-bit one.
+/// How an image in nits becomes an 8-bit one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Exposure {
     /// Luminance `1.2 · 2^EV100` nits becomes white.
@@ -169,7 +169,7 @@ pub enum Exposure {
         /// Exposure value at ISO 100.
         ev100: f64,
     },
-    /// The picture's own brightness decides.
+    /// Set from the image's own brightness.
     Auto {
         /// Stops brighter (positive) or darker than the automatic choice.
         compensation_ev: f64,
@@ -203,7 +203,7 @@ mod tests {
         assert!((got[0] - want[0]).abs() < 1e-12 && (got[1] - want[1]).abs() < 1e-12, "{got:?} {want:?}");
         for x in [-0.7, 0.0, 0.45] {
             for y in [-0.5, 0.1, 0.6] {
-                let back = lens.undistort(lens.distort([x, y])).expect("within the picture");
+                let back = lens.undistort(lens.distort([x, y])).expect("within the image");
                 assert!((back[0] - x).abs() < 1e-9 && (back[1] - y).abs() < 1e-9, "{x} {y}: {back:?}");
             }
         }

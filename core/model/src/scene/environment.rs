@@ -1,4 +1,4 @@
-//! Pictures of light from all around.
+//! Environment maps: radiance from all directions.
 
 use crate::digest::{Digest, Hasher};
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use crate::geometry::Vector3;
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 /// Radiance by direction, equirectangular: row 0 looks up the world's z, the last row down; the middle column looks
-/// along +x, and columns go round clockwise seen from above, so that the picture is not mirrored seen from inside.
+/// along +x, and columns go round clockwise seen from above, so that the map is not mirrored seen from inside.
 #[derive(Debug, Clone)]
 pub struct EnvironmentMap {
     /// Name within its source.

@@ -4,15 +4,15 @@ use super::EnvironmentMap;
 use crate::geometry::{Point3, Vector3};
 use std::sync::Arc;
 
-/// A light of a view or scene. Lights are seen by the camera, but are no bodies: label rays pass through them. Bodies
-/// that glow are lights too, but are found in the scene by the renderer.
+/// A light of a view or scene. Lights are seen by the camera, but are no bodies: label rays pass through them. Emissive
+/// bodies are lights too, but the renderer finds them in the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Light {
-    /// A glowing ball.
+    /// A sphere that emits evenly.
     Sphere(SphereLight),
-    /// A glowing rectangle, one-sided.
+    /// A rectangle that emits evenly, one-sided.
     Rect(RectLight),
-    /// A glowing disk, one-sided.
+    /// A disk that emits evenly, one-sided.
     Disk(DiskLight),
     /// Light from far away, such as the sun's.
     Directional(DirectionalLight),
@@ -92,7 +92,7 @@ impl DirectionalLight {
 /// Light from all around.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnvironmentLight {
-    /// The picture of it.
+    /// Its radiance by direction.
     pub map: Arc<EnvironmentMap>,
     /// Nits of a texel of one.
     pub scale: [f64; 3],

@@ -21,7 +21,7 @@ impl Color {
         Self { factor, texture: None }
     }
 
-    /// A picture.
+    /// An image.
     pub fn texture(texture: Arc<Texture>) -> Self {
         Self { factor: [1.0; 3], texture: Some(texture.into()) }
     }
@@ -42,7 +42,7 @@ impl Scalar {
         Self { factor, texture: None }
     }
 
-    /// One channel of a picture.
+    /// One channel of an image.
     pub fn texture(texture: Arc<Texture>, channel: u8) -> Self {
         Self { factor: 1.0, texture: Some((texture.into(), channel)) }
     }
@@ -62,7 +62,7 @@ pub struct NormalMap {
 pub enum Alpha {
     /// Ignored.
     Opaque,
-    /// Below the cutoff there is no surface, for pictures and for labels alike.
+    /// Below the cutoff there is no surface, for images and for labels alike.
     Mask {
         /// Cutoff in [0, 1].
         cutoff: f32,
@@ -75,23 +75,23 @@ pub enum Alpha {
     },
 }
 
-/// A clear varnish over everything else (KHR_materials_clearcoat): a smooth dielectric of index 1.5.
+/// A clear dielectric layer of index 1.5 over everything else (KHR_materials_clearcoat).
 #[derive(Debug, Clone)]
 pub struct Clearcoat {
-    /// Share of the surface that is varnished.
+    /// Fraction of the surface that the clearcoat covers.
     pub strength: Scalar,
-    /// Perceptual roughness of the varnish.
+    /// Perceptual roughness of the clearcoat.
     pub roughness: Scalar,
-    /// Surface detail of the varnish; without it, it is even whatever lies below.
+    /// Surface detail of the clearcoat; without it, the clearcoat is smooth whatever lies below.
     pub normal: Option<NormalMap>,
 }
 
-/// Fibres that stand off a cloth and catch light at grazing angles (KHR_materials_sheen).
+/// Retroreflection of cloth at grazing angles (KHR_materials_sheen).
 #[derive(Debug, Clone)]
 pub struct Sheen {
-    /// Reflectance of the fibres.
+    /// Reflectance at grazing angles.
     pub color: Color,
-    /// Perceptual roughness of the fibres' directions.
+    /// Perceptual roughness; the lower, the narrower the rim.
     pub roughness: Scalar,
 }
 
@@ -132,9 +132,9 @@ pub struct Material {
     pub ior: f32,
     /// Cut-outs.
     pub alpha: Alpha,
-    /// Varnish.
+    /// Clear layer on top, if any.
     pub clearcoat: Option<Clearcoat>,
-    /// Fibres.
+    /// Cloth-like retroreflection, if any.
     pub sheen: Option<Sheen>,
     /// Glass and the like.
     pub transmission: Option<Transmission>,
@@ -261,7 +261,7 @@ pub enum TextureMapping {
     /// By the body's own axes: each face takes the two axes at right angles to its dominant normal axis, scaled by
     /// the material's [`tile_m`](Material::tile_m) and rotated.
     Box {
-        /// Rotation of the picture, radians.
+        /// Rotation of the texture, radians.
         rotation: f32,
         /// Shift in tiles.
         offset: [f32; 2],

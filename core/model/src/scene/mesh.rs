@@ -10,7 +10,7 @@ pub struct MeshData {
     pub positions: Vec<[f32; 3]>,
     /// Shading normals `[V]`, unit length, or empty: then faces are flat.
     pub normals: Vec<[f32; 3]>,
-    /// Texture coordinates `[V]`, v upwards (row 0 of a picture is at v = 1), or empty.
+    /// Texture coordinates `[V]`, v upwards (row 0 of an image is at v = 1), or empty.
     pub uvs: Vec<[f32; 2]>,
     /// Vertex colors `[V]`, linear Rec. 709, multiplied into the base color, or empty.
     pub colors: Vec<[f32; 3]>,

@@ -216,14 +216,14 @@ impl Scene {
     }
 }
 
-/// One picture of a scene: camera, exposure and lights.
+/// One image of a scene: camera, exposure and lights.
 #[derive(Debug, Clone)]
 pub struct View {
     /// Number in the scene.
     pub id: ViewId,
     /// Intrinsics and pose.
     pub camera: Camera,
-    /// How scene light becomes a picture.
+    /// How scene light becomes an image.
     pub exposure: Exposure,
     /// All lights: the scene's and the view's own.
     pub lights: Vec<Light>,

@@ -3,7 +3,7 @@
 use crate::digest::Digest;
 use std::sync::Arc;
 
-/// A picture that colors a surface: 8-bit RGBA, row 0 at the top.
+/// An image that colors a surface: 8-bit RGBA, row 0 at the top.
 #[derive(Debug, Clone)]
 pub struct Texture {
     /// Width, texels.
@@ -43,7 +43,7 @@ pub enum Wrap {
 /// A texture as a material uses it.
 #[derive(Debug, Clone)]
 pub struct TextureRef {
-    /// The picture, shared between materials and instances.
+    /// The texture, shared between materials and instances.
     pub texture: Arc<Texture>,
     /// Moves texture coordinates before the look-up.
     pub transform: UvTransform,
@@ -58,7 +58,7 @@ impl From<Arc<Texture>> for TextureRef {
 /// `uv ↦ rotate(uv · scale, rotation) + offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UvTransform {
-    /// Factor on u and v; 2 shows the picture twice.
+    /// Factor on u and v; 2 repeats the texture twice.
     pub scale: [f32; 2],
     /// Counter-clockwise rotation in the (u, v) plane, v upwards, radians.
     pub rotation: f32,

@@ -4,7 +4,7 @@ use crate::context::Log;
 use crate::error::Result;
 use crate::scene::{Asset, AssetClass, Catalog};
 
-/// Lists and loads assets of one class. Selection, scale, centring, mass and caching are the pool's work, alike for
+/// Lists and loads assets of one class. Selection, scale, centering, mass and caching are the pool's work, alike for
 /// all sources.
 pub trait AssetSource: Send + Sync {
     /// What this source gives.

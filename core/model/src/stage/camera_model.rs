@@ -1,4 +1,4 @@
-//! How the camera makes pictures.
+//! How the camera makes images.
 
 use crate::context::Context;
 use crate::error::Result;

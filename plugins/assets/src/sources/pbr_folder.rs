@@ -128,7 +128,7 @@ impl Map {
             [_, .., "nor" | "normal" | "nrm", "gl" | "ogl" | "opengl"] => Some(Self::NormalGl),
             [_, .., "nor" | "normal" | "nrm", "dx" | "directx"] => Some(Self::NormalDx),
             [_, .., "base", "color"] => Some(Self::Color),
-            [_, .., "color" | "colour" | "col" | "diff" | "diffuse" | "albedo" | "basecolor"] => Some(Self::Color),
+            [_, .., "color" | "colour" | "col" | "diff" | "diffuse" | "albedo" | "basecolor"] => Some(Self::Color), // typos: ignore
             [_, .., "roughness" | "rough" | "rgh"] => Some(Self::Roughness),
             [_, .., "metalness" | "metallic" | "metal" | "met"] => Some(Self::Metalness),
             [_, .., "normalgl" | "nrm" | "nor" | "normal"] => Some(Self::NormalGl),

@@ -140,7 +140,7 @@ fn odd_inputs_load_as_what_they_are() {
     for name in ["accept_bom_crlf", "accept_negative_indices", "warn_duplicate_faces", "warn_inverted_winding"] {
         assert_eq!(fact(&look(name), "triangles"), "64", "{name}");
         // The sum of the signed tetrahedra, computed from the positions outside of this program: 0.141693.
-        assert_eq!(fact(&look(name), "volume"), "0.1417 litre", "{name}");
+        assert_eq!(fact(&look(name), "volume"), "0.1417 liter", "{name}");
     }
     for name in ["accept_box.glb", "accept_embedded_box.gltf"] {
         assert_eq!(fact(&look(name), "size"), "0.0600 x 0.1000 x 0.0800 m", "{name}");
@@ -162,12 +162,12 @@ fn odd_inputs_load_as_what_they_are() {
 }
 
 #[test]
-fn odd_pictures_have_the_right_colors() {
+fn odd_images_have_the_right_colors() {
     use syntable_mesh::image::Image;
     let folder = fixtures().join("broken");
     let mean = |name: &str| {
-        let picture = Image::read(&folder.join(name).join("materials/textures/texture.png")).expect(name);
-        picture.mean().map(|x| x * 255.0)
+        let image = Image::read(&folder.join(name).join("materials/textures/texture.png")).expect(name);
+        image.mean().map(|x| x * 255.0)
     };
     // Means computed with Pillow 11, CMYK converted by its `convert("RGB")`.
     for (name, want) in [

@@ -290,11 +290,11 @@ fn gltf_layers() {
         assert_eq!((scalar.factor, *at, texture.texture.encoding), (factor, channel, encoding));
         assert_eq!(texture.transform.scale, scale);
     };
-    let coat = material.clearcoat.as_ref().expect("varnish");
+    let coat = material.clearcoat.as_ref().expect("clearcoat");
     check(&coat.strength, 0.5, 0, Encoding::Linear, [1.0; 2]);
     check(&coat.roughness, 0.25, 1, Encoding::Linear, [2.0, 3.0]);
     assert_eq!(coat.normal.as_ref().expect("a normal map").strength, 0.5);
-    let sheen = material.sheen.as_ref().expect("fibres");
+    let sheen = material.sheen.as_ref().expect("sheen");
     assert_eq!(sheen.color.factor, [0.25, 0.5, 1.0]);
     let color = sheen.color.texture.as_ref().expect("a texture");
     assert_eq!((color.texture.encoding, color.transform.scale), (Encoding::Srgb, [2.0, 3.0]));

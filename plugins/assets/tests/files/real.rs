@@ -56,10 +56,10 @@ fn check_row(row: &[String], object: &Object, warnings: &[String]) {
     assert_eq!(topology.is_closed(), row[6] == "yes", "{name}: closed; {topology:?}");
     let parts = row[7].split_once('(').expect("two numbers").1.trim_end_matches(')');
     assert_eq!(topology.significant_parts().to_string(), parts, "{name}: parts");
-    let litres: f64 = row[8].parse().expect("a number");
+    let liters: f64 = row[8].parse().expect("a number");
     if topology.is_closed() {
         let volume = topology.solid_volume() * 1e3;
-        assert!((volume - litres).abs() < 0.000_51 + 1e-3 * litres, "{name}: volume {volume}, index {litres}");
+        assert!((volume - liters).abs() < 0.000_51 + 1e-3 * liters, "{name}: volume {volume}, index {liters}");
     }
     assert!(object.mass_kg > 0.0 && object.mass_kg <= 20.0, "{name}");
     assert!(!object.mesh.data().uvs.is_empty(), "{name} has texture coordinates");
@@ -168,13 +168,13 @@ fn gltf_materials_are_those_of_the_file() {
         assert_eq!((named("Glass").base_color.factor, named("Glass").roughness.factor), ([0.3, 0.8, 0.3], 0.0));
         let glass = named("Glass").transmission.as_ref().expect("glass");
         assert_eq!((glass.share.factor, glass.volume), (1.0, None));
-        let sheen = fabric.sheen.as_ref().expect("fibres");
+        let sheen = fabric.sheen.as_ref().expect("sheen");
         assert_eq!((sheen.color.factor, sheen.roughness.factor), ([1.0, 0.0, 0.0], 0.5));
-        let coat = named("ToyCar").clearcoat.as_ref().expect("varnish");
+        let coat = named("ToyCar").clearcoat.as_ref().expect("clearcoat");
         assert_eq!((coat.strength.factor, coat.roughness.factor), (1.0, 0.0));
         assert_eq!(coat.strength.texture.as_ref().map(|(_, channel)| *channel), Some(0));
         let (wicker, _) = load(&*source, "ClearcoatWicker");
-        let coat = wicker.materials[0].clearcoat.as_ref().expect("varnish");
+        let coat = wicker.materials[0].clearcoat.as_ref().expect("clearcoat");
         assert!(coat.normal.is_some() && coat.roughness.factor == 0.1);
         let (holder, _) = load(&*source, "GlassHurricaneCandleHolder");
         let volumes: Vec<_> =
@@ -227,7 +227,7 @@ fn bop_models_agree_with_the_index() {
 #[test]
 fn a_ycb_box_is_the_same_in_bop() {
     for root in roots() {
-        // ycbv/obj_000002 was made from 003_cracker_box: millimeters and centerd.
+        // ycbv/obj_000002 was made from 003_cracker_box: millimeters and centered.
         let (ycb, _) = load(&*source_of("ycb", &root.join("ycb"), ""), "003_cracker_box");
         let (bop, _) = load(&*source_of("bop_models", &root.join("bop"), ""), "ycbv/obj_000002");
         let size = ycb.mesh.bounds().size() - bop.mesh.bounds().size();

@@ -34,7 +34,7 @@ pub fn concrete(stream: &mut Stream, size: usize) -> Bake {
     }
 }
 
-/// Trowelled plaster, 0.8 to 1.5 m per tile.
+/// Troweled plaster, 0.8 to 1.5 m per tile.
 pub fn plaster(stream: &mut Stream, size: usize) -> Bake {
     let base = wall_color(stream);
     let [dx, dy] = [0, 1].map(|_| Field::fractal(size, [4, 4], 4, 0.5, stream));

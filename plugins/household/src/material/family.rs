@@ -38,7 +38,7 @@ pub enum MaterialFamily {
     PaintedWall,
     /// Paper: plain, laid, ruled or squared.
     Paper,
-    /// Trowelled plaster.
+    /// Troweled plaster.
     Plaster,
     /// Plastic, smooth or finely grained.
     Plastic,

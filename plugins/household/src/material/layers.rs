@@ -1,4 +1,4 @@
-//! Clearcoat (varnish, glaze) and sheen over baked textures.
+//! Clearcoat and sheen over baked textures.
 
 use super::MaterialFamily;
 use super::color::mix;
@@ -27,7 +27,7 @@ fn add_sheen(material: &mut Material, strength: f64, whiteness: f64, roughness: 
 /// Adds the clearcoat or sheen of a family to a baked material.
 pub fn add(family: MaterialFamily, material: &mut Material, stream: &mut Stream) {
     match family {
-        // Half of the furniture and a third of the floors are varnished, satin or high gloss.
+        // Half of the furniture and a third of the floors have a clearcoat, satin or high gloss.
         MaterialFamily::Timber if stream.chance(0.5) => add_clearcoat(material, stream.uniform(0.04, 0.3), false),
         MaterialFamily::Wood if stream.chance(0.35) => add_clearcoat(material, stream.uniform(0.08, 0.35), true),
         MaterialFamily::Ceramic => add_clearcoat(material, stream.uniform(0.02, 0.12), true),

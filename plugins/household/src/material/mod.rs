@@ -104,7 +104,7 @@ pub struct Finish {
     pub tile_m: f32,
     /// Index of refraction.
     pub ior: f32,
-    /// Roughness of a clearcoat (glaze or varnish), if any.
+    /// Roughness of a clearcoat, if any.
     pub clearcoat: Option<f64>,
 }
 

@@ -79,12 +79,12 @@ pub fn boards(stream: &mut Stream, size: usize) -> Bake {
             let cut = from_cut.min(1.0 - from_cut).min((from_cut - 0.35 - 0.3 * row[1]).abs());
             let [shift, tone] = if second { [row[2], row[3]] } else { [row[3], row[4]] };
             let (sx, sy) = (x + (shift * n) as usize, y + (tone * n) as usize);
-            let (t, fibre) = (darkness.at(sx, sy), fibers.at(sx, sy));
+            let (t, fiber) = (darkness.at(sx, sy), fibers.at(sx, sy));
             let groove = 1.0 - smoothstep(0.5 * gap, 1.5 * gap, edge.min(cut));
             let board = shade(mix(light, dark, t), 1.0 + spread * (2.0 * tone - 1.0));
             color.push(mix(board, shade(dark, 0.5), groove));
             roughness.push(gloss + 0.12 * t + 0.3 * groove);
-            height.push(0.08 * fibre - 0.2 * t - 2.5 * groove);
+            height.push(0.08 * fiber - 0.2 * t - 2.5 * groove);
         }
     }
     Bake {

@@ -9,7 +9,7 @@
 //! cloudy and (0.3, 21, 1) for overcast skies. It is that of the sky alone.
 //!
 //! The color of blue sky follows Takagi et al. (SIGGRAPH 1990): `6500 + 1.1985e8 / L^1.2` kelvin at L nits. Clouds have
-//! one temperature. Temperatures become colors of the CIE daylight locus. The glow of a low sun and the clouds' shapes are
+//! one temperature. Temperatures become colors of the CIE daylight locus. The warm sky around a low sun and the clouds' shapes are
 //! models of our own.
 //!
 //! **The sun.** Its disc is not in the map, but the bright sky around it is: add a directional light
@@ -64,7 +64,7 @@ pub struct Sky {
     /// Fraction of the sky that clouds cover, in [0, 1].
     pub cover: f64,
     /// Color temperature of the sky next to the sun, kelvin, and its angular reach, radians.
-    pub glow: Option<(f64, f64)>,
+    pub sunset: Option<(f64, f64)>,
     /// Reflectance of the ground, linear Rec. 709.
     pub ground: [f64; 3],
     /// Random stream of the clouds.
@@ -82,7 +82,7 @@ pub enum Weather {
     Cloudy,
     /// An even gray layer: types 1 to 5.
     Overcast,
-    /// A low sun and its glow, with or without clouds.
+    /// A low sun in a warm sky, with or without clouds.
     Sunset,
 }
 
@@ -112,8 +112,8 @@ impl Sky {
             Cloudy => draw.uniform(0.25, 0.7),
             Sunset => draw.uniform(0.0, 0.5),
         };
-        let glow_kelvin = draw.uniform(2000.0, 3200.0);
-        let glow_width = f64::to_radians(draw.uniform(35.0, 70.0));
+        let sunset_kelvin = draw.uniform(2000.0, 3200.0);
+        let sunset_width = f64::to_radians(draw.uniform(35.0, 70.0));
         let reflectance = draw.uniform(0.08, 0.3);
         let warm = draw.uniform(0.0, 0.25);
         let cloud_kelvin = match weather {
@@ -128,7 +128,7 @@ impl Sky {
             cloud_kelvin,
             blue: weather != Overcast,
             cover,
-            glow: (weather == Sunset).then_some((glow_kelvin, glow_width)),
+            sunset: (weather == Sunset).then_some((sunset_kelvin, sunset_width)),
             ground: [reflectance * (1.0 + warm), reflectance, reflectance * (1.0 - warm)],
             clouds: stream.child("clouds"),
         }
@@ -188,7 +188,7 @@ impl Sky {
     fn kelvin(&self, direction: &Vector3<f64>, nits: f64, cover: f64) -> f64 {
         let blue = if self.blue { 6500.0 + 1.1985e8 / nits.max(1.0).powf(1.2) } else { self.cloud_kelvin };
         let mut mired = (1.0 - cover) * 1e6 / blue.min(25_000.0) + cover * 1e6 / self.cloud_kelvin;
-        if let Some((kelvin, width)) = self.glow {
+        if let Some((kelvin, width)) = self.sunset {
             let from_sun = direction.dot(&self.sun()).clamp(-1.0, 1.0).acos();
             let low = 1.0 - 0.7 * direction.z.max(0.0);
             let weight = low * (-(from_sun / width) * (from_sun / width)).exp();

@@ -150,8 +150,8 @@ pub fn classes(scene: &SceneBvh, objects: &[Object], samples: usize) -> Vec<Clas
         let r = (1.0 - z * z).sqrt();
         let direction = unit([normal[0] + r * c, normal[1] + r * s, normal[2] + z + 1e-6]);
         bounce.push(Ray { origin, direction });
-        let lamp = [0.4 + 0.2 * random.unit(), 0.3 + 0.2 * random.unit(), 2.4];
-        shadow.push(Ray { origin, direction: sub(lamp, origin) });
+        let light = [0.4 + 0.2 * random.unit(), 0.3 + 0.2 * random.unit(), 2.4];
+        shadow.push(Ray { origin, direction: sub(light, origin) });
     }
     let mut shuffled = bounce.clone();
     for i in (1..shuffled.len()).rev() {

@@ -108,9 +108,9 @@ impl<T: Real> Interface<T> {
 
 /// Fraction of the light that leaves after more than one bounce, of that which Smith's model loses (Kulla and Conty).
 #[inline(always)]
-fn multiple_reflectance<T: Real>(f0: T, f90: T, albedo_mean: T) -> T {
+fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
     let fresnel_mean = f0 + (f90 - f0) * SCHLICK_MEAN;
-    fresnel_mean * fresnel_mean * albedo_mean / at_least(complement(fresnel_mean * complement(albedo_mean)), 1e-6)
+    fresnel_mean * fresnel_mean * mean_albedo / at_least(complement(fresnel_mean * complement(mean_albedo)), 1e-6)
 }
 
 impl<T: Real> Bsdf<T> {

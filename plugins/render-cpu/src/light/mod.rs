@@ -40,7 +40,7 @@ pub(crate) struct LightSample<T: Real> {
 pub(crate) struct LightHit<T: Real> {
     /// Whether it hits one.
     pub is_hit: T::Mask,
-    /// Metres.
+    /// Distance along the ray, meters.
     pub distance: T,
     /// Number of the light.
     index: T::Int,

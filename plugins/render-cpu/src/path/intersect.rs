@@ -64,7 +64,7 @@ impl PathTracer<'_> {
         kept
     }
 
-    /// MIS weight of a light that BSDF sampling contribution, from its density and that of emitter sampling.
+    /// Multiple-importance weight of a light that BSDF sampling hit, from its density and that of emitter sampling.
     #[inline(always)]
     fn bsdf_sampled_weight<T: Real>(&self, bsdf: T, emitter: T, bounce: u32) -> T {
         match self.settings.strategy {

@@ -18,7 +18,7 @@ pub(crate) struct PixelSums {
     /// Specular part of the radiance at the first surface.
     pub specular: PartSums,
     /// The rest, demodulated: every sample divided by its albedo.
-    pub untinted: PartSums,
+    pub demodulated: PartSums,
 }
 
 /// Sums of a part of the radiance.
@@ -62,9 +62,9 @@ impl PixelSums {
     /// Adds the parts of a sample: the specular radiance, and the rest demodulated by the albedo.
     #[inline(always)]
     pub fn add_parts(&mut self, radiance: [f32; 3], specular: [f32; 3], albedo: [f32; 3]) {
-        let untinted = std::array::from_fn(|c| (radiance[c] - specular[c]) / (albedo[c] + DEMODULATION_EPSILON));
+        let demodulated = std::array::from_fn(|c| (radiance[c] - specular[c]) / (albedo[c] + DEMODULATION_EPSILON));
         self.specular.add(specular);
-        self.untinted.add(untinted);
+        self.demodulated.add(demodulated);
     }
 
     /// Adds the guides of a sample.

@@ -34,14 +34,14 @@ fn room() -> (std::sync::Arc<Scene>, View) {
 }
 
 /// Mean and standard error of every pixel, over images of different seeds.
-fn estimate(strategy: Strategy, samples: u32, pictures: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
+fn estimate(strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
     let (scene, view) = room();
     let mut session =
         crate::CpuPathRenderer::new(options(samples, 3)).expect("sound").session().with_strategy(strategy);
     session.load(&scene, &Serial).expect("loads");
     let mut sums = vec![[0.0_f64; 2]; 24 * 18];
     let mut last = None;
-    for number in 0..pictures {
+    for number in 0..images {
         let mut frame = Products::new();
         let stream = Stream::root(100).at(number);
         let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(2) };
@@ -53,7 +53,7 @@ fn estimate(strategy: Strategy, samples: u32, pictures: u64) -> (Plane<[f32; 3]>
         }
         last = Some(plane);
     }
-    let n = pictures as f64;
+    let n = images as f64;
     let statistics = sums.iter().map(|[sum, square]| {
         let mean = sum / n;
         [mean, ((square / n - mean * mean).max(0.0) / (n - 1.0)).sqrt()]
@@ -63,14 +63,14 @@ fn estimate(strategy: Strategy, samples: u32, pictures: u64) -> (Plane<[f32; 3]>
 
 #[test]
 fn all_strategies_agree() {
-    let (picture, combined) = estimate(Strategy::Combined, 16, 16);
+    let (image, combined) = estimate(Strategy::Combined, 16, 16);
     for (name, strategy, samples) in [("lights", Strategy::Emitters, 32), ("scattering", Strategy::Bsdf, 128)] {
-        let (other_picture, other) = estimate(strategy, samples, 16);
+        let (other_image, other) = estimate(strategy, samples, 16);
         let z = |(a, b): (&[f64; 2], &[f64; 2])| {
             (a[0] - b[0]) / (a[1] * a[1] + b[1] * b[1]).sqrt().max(1e-3 * a[0].max(1e-3))
         };
         let zs: Vec<f64> = combined.iter().zip(&other).map(z).collect();
-        let kept = || keep("estimators", &[("combined", &picture), (name, &other_picture)]);
+        let kept = || keep("estimators", &[("combined", &image), (name, &other_image)]);
         // 432 pixels, 15 degrees of freedom each: |t| above 6 has a chance of about 1 in 100 over all of them.
         let worst = zs.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
         assert!(worst < 6.5, "{name}: a pixel is off by {worst} deviations; {}", kept());

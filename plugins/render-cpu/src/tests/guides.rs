@@ -112,7 +112,7 @@ fn the_light_does_not_know_of_them() {
 }
 
 #[test]
-fn untinted_light_has_no_texture_and_makes_the_picture_with_it() {
+fn demodulated_light_has_no_texture_and_makes_the_image_with_it() {
     let (scene, view) = checked_floor();
     let wants = [RADIANCE.id(), RADIANCE_SPECULAR.id(), RADIANCE_DEMODULATED.id(), DENOISE_ALBEDO.id()];
     let frame = render(options(256, 1), &scene, &view, &wants);

@@ -11,8 +11,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
-    Alpha, Color, Encoding, Light, Material, NormalMap, RectLight, Role, Scalar, SphereLight, Surface, Texture,
-    TextureMapping, UvTransform, Wrap,
+    Alpha, Color, Encoding, Light, Material, MaterialOverride, NormalMap, RectLight, Role, Scalar, SphereLight,
+    Texture, TextureMapping, UvTransform, Wrap,
 };
 
 pub(super) fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
@@ -44,8 +44,11 @@ pub(super) fn busy_scene() -> (Arc<Scene>, View) {
         ..Material::plain("bumpy", [1.0; 3], 0.4)
     });
     let metal = Material { metallic: Scalar::constant(1.0), ..Material::plain("metal", [0.9, 0.8, 0.7], 0.2) };
-    let boxed = Surface { material: bumpy.clone(), mapping: TextureMapping::Box { rotation: 0.3, offset: [0.1, 0.2] } };
-    let by_uv = Surface {
+    let boxed = MaterialOverride {
+        material: bumpy.clone(),
+        mapping: TextureMapping::Box { rotation: 0.3, offset: [0.1, 0.2] },
+    };
+    let by_uv = MaterialOverride {
         material: bumpy,
         mapping: TextureMapping::Uv(UvTransform { scale: [2.0, 3.0], rotation: 0.7, offset: [0.0, 0.5] }),
     };
@@ -137,7 +140,7 @@ fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
 fn the_seed_matters_and_sessions_can_be_used_again() {
     let (scene, view) = busy_scene();
     let mut session = crate::CpuPathRenderer::new(options(2, 2)).expect("sound").session();
-    let mut picture = |seed: u64| {
+    let mut image = |seed: u64| {
         session.load(&scene, &Serial).expect("loads");
         let mut frame = Products::new();
         let request =
@@ -145,9 +148,9 @@ fn the_seed_matters_and_sessions_can_be_used_again() {
         session.render(&request, &mut frame).expect("renders");
         bits(frame.get(RADIANCE).expect("made"))
     };
-    let first = picture(1);
-    assert!(first != picture(2));
-    assert!(first == picture(1));
+    let first = image(1);
+    assert!(first != image(2));
+    assert!(first == image(1));
 }
 
 #[test]
@@ -175,7 +178,7 @@ fn textures_are_the_right_way_up_on_every_mapping() {
     // Looked at from above, with world y up in the image.
     let looking = view(4, 4, 4.0, [0.0, 0.0, 1.0], [0.0; 3], vec![]);
     let check = |mapping: TextureMapping, want: [[u8; 3]; 4]| {
-        let surface = Surface { material: painted.clone(), mapping };
+        let surface = MaterialOverride { material: painted.clone(), mapping };
         let scene = scene([covered(&table, at(0.0, 0.0, 0.0), Role::Object, surface)]);
         let frame = render(options(1, 1), &scene, &looking, &[ALBEDO.id()]);
         let albedo = frame.get(ALBEDO).expect("made");
@@ -201,7 +204,7 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
     let bumpy = Arc::new(Material { normal: Some(NormalMap { map: tilt.into(), strength: 1.0 }), ..matte(0.5) });
     let table = object("table", sheet([0.5, 0.5]), matte(0.5));
     let check = |mapping: TextureMapping, eye: f64, want: [f32; 2]| {
-        let surface = Surface { material: bumpy.clone(), mapping };
+        let surface = MaterialOverride { material: bumpy.clone(), mapping };
         let scene = scene([covered(&table, at(0.0, 0.0, 0.0), Role::Object, surface)]);
         let looking = view(1, 1, 4.0, [0.0, 0.0, eye], [0.0; 3], vec![]);
         let frame = render(options(1, 1), &scene, &looking, &[NORMAL.id()]);
@@ -221,7 +224,7 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
 }
 
 #[test]
-fn wide_planes_continue_the_picture() {
+fn wide_planes_continue_the_image() {
     let (scene, view) = busy_scene();
     let frame = render(options(1, 1), &scene, &view, &ALL);
     for (near, wide) in [(COVERAGE, COVERAGE_WIDE), (COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE)] {
@@ -243,13 +246,13 @@ fn options_are_checked_and_the_example_builds() {
     let built = entry.construct_str("samples_per_pixel = 8\nmax_indirect_luminance = 1e4").expect("builds");
     assert_eq!(built.options["russian_roulette_from"].as_integer(), Some(3));
     assert!(entry.construct_str("").expect("builds").options.get("max_indirect_luminance").is_none());
-    for wrong in ["max_indirect_luminance = 0", "clamp_nits = nan", "samples_per_pixel = 0"] {
+    for wrong in ["max_indirect_luminance = 0", "max_indirect_luminance = nan", "samples_per_pixel = 0"] {
         assert!(entry.construct_str(wrong).is_err(), "{wrong}");
     }
 }
 
 #[test]
-fn rounds_give_the_same_picture_as_one_go_and_quiet_tiles_stop_early() {
+fn rounds_give_the_same_image_as_one_go_and_quiet_tiles_stop_early() {
     let (scene, view) = busy_scene();
     let wants = [RADIANCE.id(), DENOISE_ALBEDO.id(), DENOISE_NORMAL.id(), RENDER_REPORT.id()];
     let whole = render(options(40, 4), &scene, &view, &wants);
@@ -295,7 +298,8 @@ fn bumps_too_fine_to_see_make_a_surface_rougher() {
             tile_m,
             ..Material::plain("metal", [1.0; 3], 0.4)
         });
-        let surface = Surface { material: metal, mapping: TextureMapping::Box { rotation: 0.0, offset: [0.0; 2] } };
+        let surface =
+            MaterialOverride { material: metal, mapping: TextureMapping::Box { rotation: 0.0, offset: [0.0; 2] } };
         let sheet = object("sheet", sheet([1.0, 1.0]), matte(0.5));
         let scene = scene([covered(&sheet, at(0.0, 0.0, 0.0), Role::Object, surface)]);
         let panel = RectLight {

@@ -42,7 +42,7 @@ fn depths(scene: &Scene, view: &View, u: f64, v: f64) -> Vec<Option<f64>> {
 }
 
 /// Renders all labels and compares every pixel, margins included, with the casts of single bodies.
-fn check(scene: &Arc<Scene>, view: &View) -> Frame {
+fn check(scene: &Arc<Scene>, view: &View) -> Products {
     let frame = render(options(1, 1), scene, view, &LABELS);
     let (width, height) = (view.camera.intrinsics.width as i32, view.camera.intrinsics.height as i32);
     let objects = scene.objects().len();

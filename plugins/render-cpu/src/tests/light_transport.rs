@@ -27,7 +27,7 @@ fn check(test: &str, frame: &Products, want: f64, tolerance: f64) {
 }
 
 /// A diffuse table under one light, seen from near in a few pixels around the origin.
-fn table(light: Light, albedo: f32) -> Frame {
+fn table(light: Light, albedo: f32) -> Products {
     let scene = scene([body(&object("table", sheet([3.0, 3.0]), matte(albedo)), at(0.0, 0.0, 0.0), Role::Object)]);
     let view = view(4, 4, 4000.0, [2.0, 1.0, 0.5], [0.0; 3], vec![light]);
     render(options(256, 8), &scene, &view, &[RADIANCE.id()])
@@ -76,7 +76,7 @@ fn a_half_hidden_light_gives_half() {
 /// A closed ball of a given albedo with a light in its center: every bounce returns the share ρ of what arrives evenly
 /// again, so that the wall's radiance is ρ E / (π (1 − ρ)) with the light's own E.
 #[test]
-fn a_ball_lit_from_its_centre() {
+fn a_ball_lit_from_its_center() {
     let shell = object("shell", inside_out(ball(1.0, 128)), matte(0.5));
     let scene = scene([body(&shell, at(0.0, 0.0, 0.0), Role::Object)]);
     let radius = 0.01;
@@ -94,12 +94,12 @@ fn a_ball_lit_from_its_centre() {
 /// Inside a ball that emits with radiance 1 and reflects ρ, radiance is 1 / (1 − ρ) everywhere: a furnace, for diffuse,
 /// glossy and metal walls alike.
 #[test]
-fn a_glowing_ball_is_a_furnace() {
+fn an_emissive_ball_is_a_furnace() {
     let metal = Material { metallic: Scalar::constant(1.0), ..Material::plain("metal", [0.6; 3], 0.4) };
     let gloss = Material::plain("gloss", [1.0; 3], 0.3);
     for (name, material, albedo) in [("matte", matte(0.6), 0.6), ("metal", metal, f64::NAN), ("gloss", gloss, 1.0)] {
-        let glowing = Material { emission: Color::constant([1.0; 3]), ..material };
-        let shell = object(name, inside_out(flat(ball(1.0, 64))), glowing);
+        let emissive = Material { emission: Color::constant([1.0; 3]), ..material };
+        let shell = object(name, inside_out(flat(ball(1.0, 64))), emissive);
         let scene = scene([body(&shell, at(0.0, 0.0, 0.0), Role::Object)]);
         let view = view(8, 8, 6.0, [0.2, 0.1, 0.0], [0.9, 0.0, 0.4], vec![]);
         let bounces = if name == "gloss" { 5 } else { 30 };
@@ -160,6 +160,6 @@ fn clamping_limits_scattered_light_alone() {
     let below = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0; 3], vec![light.clone()]);
     // A path may bring the limit by a sampled light and a little by meeting it.
     check("clamped", &render(clamped.clone(), &scene, &below, &[RADIANCE.id()]), 3.0, 0.03);
-    let lamp = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0, 0.0, 1.0], vec![light]);
-    check("lamp", &render(clamped, &scene, &lamp, &[RADIANCE.id()]), 1000.0, 1e-6);
+    let looking = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0, 0.0, 1.0], vec![light]);
+    check("visible light", &render(clamped, &scene, &looking, &[RADIANCE.id()]), 1000.0, 1e-6);
 }

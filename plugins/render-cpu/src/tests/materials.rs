@@ -67,9 +67,9 @@ fn a_white_furnace_for_every_layer() {
         check(&format!("white {roughness}"), white(roughness), 0.99);
         check(&format!("metal {roughness}"), metal(roughness), 0.99);
         // Clearcoat of any roughness over diffuse loses next to nothing, over gloss what goes to and fro between them.
-        check(&format!("varnish {roughness} on matte"), coated(white(1.0), 1.0, roughness), 0.95);
-        check(&format!("varnish 0 on metal {roughness}"), coated(metal(roughness), 0.8, 0.0), 0.93);
-        check(&format!("fibres {roughness} on matte"), fibrous(white(1.0), 1.0, roughness), 0.75);
+        check(&format!("clearcoat {roughness} on matte"), coated(white(1.0), 1.0, roughness), 0.95);
+        check(&format!("clearcoat 0 on metal {roughness}"), coated(metal(roughness), 0.8, 0.0), 0.93);
+        check(&format!("sheen {roughness} on matte"), fibrous(white(1.0), 1.0, roughness), 0.75);
         check(&format!("pane {roughness}"), clear(roughness, None), 0.96);
         check(&format!("glass {roughness}"), clear(roughness, Some(AIRY)), 0.96);
     }
@@ -128,7 +128,7 @@ fn a_slab_transmits_what_fresnel_says() {
 }
 
 #[test]
-fn a_ball_lens_turns_the_picture_over() {
+fn a_ball_lens_turns_the_image_over() {
     // Seen through a glass ball, what is left is right: one half of the wall shines.
     let ball = object("ball", ball(0.2, 96), clear(0.0, Some(AIRY)));
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
@@ -166,15 +166,15 @@ fn blended_surfaces_cover_and_shade_in_part() {
 }
 
 #[test]
-fn a_glowing_body_lights_as_a_lamp_of_its_shape() {
-    let glowing = Material {
+fn an_emissive_body_lights_as_a_light_of_its_shape() {
+    let emissive = Material {
         emission: Color::constant([900.0, 800.0, 700.0]),
-        ..Material { ior: 1.0, ..Material::plain("glow", [0.0; 3], 1.0) }
+        ..Material { ior: 1.0, ..Material::plain("emissive", [0.0; 3], 1.0) }
     };
     let floor = object("floor", sheet([3.0, 3.0]), matte(0.5));
-    let lamp = object("lamp", sheet([0.3, 0.4]), glowing);
+    let panel = object("panel", sheet([0.3, 0.4]), emissive);
     let eye = [2.0, 1.0, 0.5];
-    let with_body = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Object), body(&lamp, at(0.1, 0.0, 1.0), Role::Room)]);
+    let with_body = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Object), body(&panel, at(0.1, 0.0, 1.0), Role::Room)]);
     let body_view = view(4, 4, 4000.0, eye, [0.0; 3], Vec::new());
     let panel = RectLight {
         center: Point3::new(0.1, 0.0, 1.0),
@@ -194,11 +194,11 @@ fn everything() -> (Arc<Scene>, View) {
     let floor = object("floor", sheet([2.0, 2.0]), fibrous(Material::plain("cloth", [0.4, 0.3, 0.3], 0.9), 0.6, 0.5));
     let lacquer = coated(Material::plain("lacquer", [0.5, 0.1, 0.1], 0.6), 1.0, 0.25);
     let amber = Volume { attenuation_color: [0.9, 0.6, 0.2], attenuation_distance_m: 0.1 };
-    let glow = Material { emission: Color::constant([6.0, 9.0, 5.0]), ..matte(0.2) };
+    let emissive = Material { emission: Color::constant([6.0, 9.0, 5.0]), ..matte(0.2) };
     let scene = scene([
         body(&object("lacquered", ball(0.3, 40), lacquer), at(-0.4, 0.0, 0.3), Role::Object),
         body(&object("amber", ball(0.25, 40), clear(0.3, Some(amber))), at(0.35, -0.2, 0.26), Role::Object),
-        body(&object("lantern", cuboid([0.1, 0.1, 0.15]), glow), at(0.3, 0.5, 0.15), Role::Object),
+        body(&object("lantern", cuboid([0.1, 0.1, 0.15]), emissive), at(0.3, 0.5, 0.15), Role::Object),
         body(&floor, at(0.0, 0.0, 0.0), Role::Support),
     ]);
     let sun =
@@ -224,32 +224,32 @@ fn all_strategies_agree_on_every_light_and_layer() {
         let renderer = CpuPathRenderer::new(options(samples, 4)).expect("sound");
         let mut session = renderer.session().with_strategy(strategy);
         session.load(&scene, &Serial).expect("loads");
-        let picture = |number: u64| {
+        let image = |number: u64| {
             let mut frame = Products::new();
             let stream = Stream::root(40).at(number);
             let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(2) };
             session.render(&request, &mut frame).expect("renders");
             frame.get(RADIANCE).expect("made").clone()
         };
-        (0..16).map(picture).collect::<Vec<_>>()
+        (0..16).map(image).collect::<Vec<_>>()
     };
-    let statistics = |pictures: &[Plane<[f32; 3]>]| -> Vec<[f64; 2]> {
-        let n = pictures.len() as f64;
+    let statistics = |images: &[Plane<[f32; 3]>]| -> Vec<[f64; 2]> {
+        let n = images.len() as f64;
         (0..24 * 18)
             .map(|i| {
-                let values = pictures.iter().map(|p| p.data()[i].iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0);
+                let values = images.iter().map(|p| p.data()[i].iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0);
                 let (sum, square) = values.fold((0.0, 0.0), |(s, q), y| (s + y, q + y * y));
                 let mean = sum / n;
                 [mean, ((square / n - mean * mean).max(0.0) / (n - 1.0)).sqrt()]
             })
             .collect()
     };
-    let combined_pictures = estimate(Strategy::Combined, 32);
-    let combined = statistics(&combined_pictures);
+    let combined_images = estimate(Strategy::Combined, 32);
+    let combined = statistics(&combined_images);
     for (name, strategy, samples) in [("lights", Strategy::Emitters, 64), ("scattering", Strategy::Bsdf, 128)] {
-        let pictures = estimate(strategy, samples);
-        let other = statistics(&pictures);
-        let kept = || keep("everything", &[("combined", &combined_pictures[0]), (name, &pictures[0])]);
+        let images = estimate(strategy, samples);
+        let other = statistics(&images);
+        let kept = || keep("everything", &[("combined", &combined_images[0]), (name, &images[0])]);
         let z = |(a, b): (&[f64; 2], &[f64; 2])| {
             (a[0] - b[0]) / (a[1] * a[1] + b[1] * b[1]).sqrt().max(1e-3 * a[0].max(1e-3))
         };
@@ -270,8 +270,8 @@ fn gloss_is_what_is_mirrored_without_color() {
     let parts = |material: Material| {
         let ball = object("ball", ball(1.0, 96), material);
         let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
-        let lamp = SphereLight { center: Point3::new(3.0, 1.0, 1.0), radius: 0.5, radiance: [20.0; 3] };
-        let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace(), Light::Sphere(lamp)]);
+        let light = SphereLight { center: Point3::new(3.0, 1.0, 1.0), radius: 0.5, radiance: [20.0; 3] };
+        let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace(), Light::Sphere(light)]);
         let frame = render(options(256, 4), &scene, &view, &[RADIANCE.id(), RADIANCE_SPECULAR.id()]);
         let mean = |key: Key<Plane<[f32; 3]>>| {
             let data = frame.get(key).expect("made").data();

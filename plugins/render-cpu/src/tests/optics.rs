@@ -25,9 +25,9 @@ fn a_point_out_of_focus_becomes_its_circle_of_confusion() {
     let scene = scene([body(&floor, at(0.0, 0.0, 0.0), Role::Object)]);
     for (depth, focus) in [(2.0, 2.0), (2.0, 3.5), (3.0, 1.5)] {
         // So small that it is a point of a tenth of a pixel.
-        let lamp = SphereLight { center: Point3::new(0.0, 0.0, 4.0 - depth), radius: 1e-3, radiance: [1e6; 3] };
+        let light = SphereLight { center: Point3::new(0.0, 0.0, 4.0 - depth), radius: 1e-3, radiance: [1e6; 3] };
         let lens = ThinLens { aperture_radius_m: 0.05, focus_distance_m: focus };
-        let view = through(from_above(49, 200.0, vec![Light::Sphere(lamp)]), Some(lens), None);
+        let view = through(from_above(49, 200.0, vec![Light::Sphere(light)]), Some(lens), None);
         let frame = render(options(4096, 0), &scene, &view, &[RADIANCE.id()]);
         let plane = frame.get(RADIANCE).expect("made");
         // A disc of radius r has the mean square distance r² / 2; the pixels themselves add 1/6.
@@ -50,8 +50,8 @@ fn a_point_out_of_focus_becomes_its_circle_of_confusion() {
 #[test]
 fn labels_and_light_of_a_distorting_camera_are_where_it_projects_them() {
     // Small emissive plates at several places and heights: the centroid of each in labels and in light.
-    let glow = Material { emission: Color::constant([1.0; 3]), ..matte(0.0) };
-    let plate = object("plate", sheet([0.04, 0.04]), glow);
+    let emissive = Material { emission: Color::constant([1.0; 3]), ..matte(0.0) };
+    let plate = object("plate", sheet([0.04, 0.04]), emissive);
     let places = [[-1.0, -0.8, 0.0], [0.9, 0.7, 0.5], [0.2, -0.9, 1.0], [-0.7, 0.8, 0.3], [0.05, 0.02, 0.6]];
     let floor = object("floor", sheet([5.0, 5.0]), matte(0.0));
     let mut bodies: Vec<_> = places.iter().map(|p| body(&plate, at(p[0], p[1], p[2]), Role::Object)).collect();
@@ -93,10 +93,10 @@ fn lenses_give_the_same_bits_in_any_number_of_lanes() {
     let round = object("round", ball(0.3, 32), Material::plain("gray", [0.5; 3], 0.4));
     let floor = object("floor", sheet([2.0, 2.0]), matte(0.6));
     let scene = scene([body(&round, at(0.1, 0.0, 0.3), Role::Object), body(&floor, at(0.0, 0.0, 0.0), Role::Support)]);
-    let lamp = SphereLight { center: Point3::new(0.5, 0.4, 2.0), radius: 0.2, radiance: [90.0; 3] };
+    let light = SphereLight { center: Point3::new(0.5, 0.4, 2.0), radius: 0.2, radiance: [90.0; 3] };
     let lens = ThinLens { aperture_radius_m: 0.03, focus_distance_m: 3.5 };
-    let view = through(from_above(37, 40.0, vec![Light::Sphere(lamp)]), Some(lens), Some(BARREL));
-    let picture = |portable: bool, threads: usize| {
+    let view = through(from_above(37, 40.0, vec![Light::Sphere(light)]), Some(lens), Some(BARREL));
+    let image = |portable: bool, threads: usize| {
         let renderer = CpuPathRenderer::new(options(5, 3)).expect("sound");
         let mut session = if portable { renderer.session().portable() } else { renderer.session() };
         session.load(&scene, &Serial).expect("loads");
@@ -105,6 +105,6 @@ fn lenses_give_the_same_bits_in_any_number_of_lanes() {
         session.render(&request, &mut frame).expect("renders");
         frame.get(RADIANCE).expect("made").data().iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>()
     };
-    let eight = picture(false, 1);
-    assert!(eight == picture(true, 1) && eight == picture(false, 3));
+    let eight = image(false, 1);
+    assert!(eight == image(true, 1) && eight == image(false, 3));
 }

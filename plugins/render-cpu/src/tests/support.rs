@@ -9,8 +9,8 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object, Role, SceneId,
-    SettleReport, Surface, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, MaterialOverride, Mesh, MeshData, Motion,
+    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 
 pub use syntable_testing::workers::Threads;
@@ -120,7 +120,7 @@ pub fn body(object: &Arc<Object>, pose: Pose, role: Role) -> BodyDraft {
 }
 
 /// A body with another surface.
-pub fn covered(object: &Arc<Object>, pose: Pose, role: Role, surface: Surface) -> BodyDraft {
+pub fn covered(object: &Arc<Object>, pose: Pose, role: Role, surface: MaterialOverride) -> BodyDraft {
     body(object, pose, role).with_material_override(Some(surface))
 }
 
@@ -166,7 +166,7 @@ pub fn render_with(
 }
 
 /// Renders products of a view on one thread.
-pub fn render(options: CpuPath, scene: &Arc<Scene>, view: &View, wants: &[KeyId]) -> Frame {
+pub fn render(options: CpuPath, scene: &Arc<Scene>, view: &View, wants: &[KeyId]) -> Products {
     render_with(options, Strategy::Combined, scene, view, wants, &Serial).expect("renders")
 }
 
@@ -184,7 +184,7 @@ pub fn keep(test: &str, planes: &[(&str, &Plane<[f32; 3]>)]) -> String {
         Ok(())
     };
     match write() {
-        Ok(()) => format!("pictures are in {}", folder.display()),
-        Err(error) => format!("pictures could not be written to {}: {error}", folder.display()),
+        Ok(()) => format!("images are in {}", folder.display()),
+        Err(error) => format!("images could not be written to {}: {error}", folder.display()),
     }
 }

@@ -1,6 +1,6 @@
 //! OpenEXR files.
 
-use super::kind::{Form, Kind, Semantic};
+use super::kind::{Form, Kind, Semantic, with_article};
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, Text, WritableImage, f16,
@@ -36,12 +36,14 @@ impl Coding {
             Form::Image { dtype: DType::F32 | DType::F16, channels } => channels.unwrap_or(1),
             ref form @ (Form::Image { .. } | Form::Mask) => {
                 return Err(format!(
-                    "an EXR file holds 16- and 32-bit float images, not a {form}; write it with npy or png"
+                    "an EXR file holds 16- and 32-bit float images, not {}; write it with npy or png",
+                    with_article(form)
                 ));
             }
             ref form => {
                 return Err(format!(
-                    "an EXR file holds 16- and 32-bit float images, not a {form}; write it with npy or jsonl"
+                    "an EXR file holds 16- and 32-bit float images, not {}; write it with npy or jsonl",
+                    with_article(form)
                 ));
             }
         };
@@ -56,8 +58,8 @@ impl Coding {
             4 => &["R", "G", "B", "A"],
             _ => {
                 return Err(format!(
-                    "an EXR file names up to 4 channels, not those of a {}; write it with npy",
-                    kind.form
+                    "an EXR file names up to 4 channels, not those of {}; write it with npy",
+                    with_article(&kind.form)
                 ));
             }
         };
@@ -132,7 +134,7 @@ mod tests {
         for (form, want) in [
             (
                 Form::Image { dtype: DType::F32, channels: Some(5) },
-                "an EXR file names up to 4 channels, not those of a f32",
+                "an EXR file names up to 4 channels, not those of an f32",
             ),
             (
                 Form::Image { dtype: DType::U16, channels: None },

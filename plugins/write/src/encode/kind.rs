@@ -27,6 +27,17 @@ impl Kind {
     }
 }
 
+/// A form with its article, for messages: `an f32 image`.
+pub fn with_article(form: &Form) -> String {
+    let name = form.to_string();
+    match form {
+        Form::Text | Form::Bytes => name,
+        // Said as a letter or as a word that starts with a vowel.
+        _ if name.starts_with(['f', 'i']) => format!("an {name}"),
+        _ => format!("a {name}"),
+    }
+}
+
 /// Checks by its key whether a product can be stored in files of its own, given what an encoder says to its kind. What
 /// the key does not say is checked again when the value is there.
 pub fn accepts<T>(key: &KeyId, encoder: impl Fn(&Kind) -> Result<T, String>) -> Result<(), String> {

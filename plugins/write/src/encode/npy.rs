@@ -1,6 +1,6 @@
 //! NumPy files (format 1.0).
 
-use super::kind::{Form, Kind};
+use super::kind::{Form, Kind, with_article};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{DType, Mask, Tensor, Value};
 use syntable_model::scene::InstanceId;
@@ -8,10 +8,29 @@ use syntable_model::scene::InstanceId;
 /// Refuses a kind of value that is not an array of numbers. A refusal is a reason and a remedy.
 pub fn check(kind: &Kind) -> Result<(), String> {
     match kind.form {
-        Form::Text | Form::Bytes | Form::Record | Form::PerInstance(_) => {
-            Err(format!("a NumPy file holds numbers of one shape, not a {}; write it with jsonl", kind.form))
-        }
+        Form::Text | Form::Bytes | Form::Record | Form::PerInstance(_) => Err(format!(
+            "a NumPy file holds numbers of one shape, not {}; write it with jsonl",
+            with_article(&kind.form)
+        )),
         _ => Ok(()),
+    }
+}
+
+/// An element type as NumPy writes it.
+fn descr(dtype: DType) -> &'static str {
+    match dtype {
+        DType::Bool => "|b1",
+        DType::U8 => "|u1",
+        DType::U16 => "<u2",
+        DType::U32 => "<u4",
+        DType::U64 => "<u8",
+        DType::I8 => "|i1",
+        DType::I16 => "<i2",
+        DType::I32 => "<i4",
+        DType::I64 => "<i8",
+        DType::F16 => "<f2",
+        DType::F32 => "<f4",
+        DType::F64 => "<f8",
     }
 }
 
@@ -75,6 +94,20 @@ impl Array {
         Ok(stacked)
     }
 
+    /// The array of no instances whose values have this form, in an image of this height and width: the first axis has
+    /// length 0. Values whose form is not known are numbers.
+    pub fn stack_of_none(form: &Form, [height, width]: [usize; 2]) -> Self {
+        let (descr, rest) = match *form {
+            Form::Mask => ("|b1", vec![height, width]),
+            Form::Image { dtype, channels } => (descr(dtype), [height, width].into_iter().chain(channels).collect()),
+            Form::Ints(length) => ("<i8", vec![length]),
+            Form::Int => ("<i8", vec![]),
+            Form::Bool => ("|b1", vec![]),
+            _ => ("<f8", vec![]),
+        };
+        Self { descr, shape: [vec![0], rest].concat(), bytes: Vec::new() }
+    }
+
     /// Instance ids, `[N]` of u16.
     pub fn ids(ids: impl Iterator<Item = InstanceId>) -> Self {
         let bytes: Vec<u8> = ids.flat_map(|id| id.0.to_le_bytes()).collect();
@@ -82,21 +115,7 @@ impl Array {
     }
 
     fn of_tensor(tensor: &Tensor) -> Self {
-        let descr = match tensor.dtype {
-            DType::Bool => "|b1",
-            DType::U8 => "|u1",
-            DType::U16 => "<u2",
-            DType::U32 => "<u4",
-            DType::U64 => "<u8",
-            DType::I8 => "|i1",
-            DType::I16 => "<i2",
-            DType::I32 => "<i4",
-            DType::I64 => "<i8",
-            DType::F16 => "<f2",
-            DType::F32 => "<f4",
-            DType::F64 => "<f8",
-        };
-        Self { descr, shape: tensor.shape.clone(), bytes: tensor.bytes.clone() }
+        Self { descr: descr(tensor.dtype), shape: tensor.shape.clone(), bytes: tensor.bytes.clone() }
     }
 
     fn of_mask(mask: &Mask) -> Self {
@@ -158,6 +177,13 @@ mod tests {
         check(1.5.into(), "<f8", &[], 8);
         check([[1_i64, 2], [3, 4]].into(), "<i8", &[2, 2], 32);
         check(Value::List(vec![]), "<f8", &[0], 0);
+        check(Plane::from_fn(2, 2, |x, _| -(x as i8)).encode(), "|i1", &[2, 2], 4);
+        check(Plane::from_fn(2, 2, |x, _| -(x as i16)).encode(), "<i2", &[2, 2], 8);
+        check(Plane::from_fn(2, 2, |x, _| [-(x as i32); 2]).encode(), "<i4", &[2, 2, 2], 32);
+        check(Plane::from_fn(2, 2, |x, _| -i64::from(x)).encode(), "<i8", &[2, 2], 32);
+        check(Plane::from_fn(2, 2, |x, _| u64::from(x)).encode(), "<u8", &[2, 2], 32);
+        check(Plane::from_fn(2, 2, |x, _| exr::prelude::f16::from_f32(x as f32)).encode(), "<f2", &[2, 2], 8);
+        check(u64::MAX.into(), "<u8", &[], 8);
         for (value, want) in [
             ("text".into(), "text is not an array"),
             (
@@ -168,5 +194,20 @@ mod tests {
         ] {
             assert_eq!(Array::of(&value).expect_err("refused").to_string(), want);
         }
+    }
+    /// Without instances, type and shape are those that the array has with instances, but for the first length.
+    #[test]
+    fn no_instances_make_an_array_of_the_same_type() {
+        fn check<T: Clone + Into<Value> + Send + Sync + 'static>(one: T) -> Array {
+            let array = Array::of(&one.into()).expect("an array");
+            let none = Array::stack_of_none(PerInstance::<T>::form().of_one(), [2, 3]);
+            assert_eq!((none.descr, &none.shape[1..], none.shape[0]), (array.descr, array.shape.as_slice(), 0));
+            none
+        }
+        check(Mask::empty(3, 2));
+        check(Mask::empty(3, 2).bbox());
+        assert_eq!(check(0.5).shape, [0]);
+        check(7_u32);
+        check(true);
     }
 }

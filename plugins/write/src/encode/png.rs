@@ -1,6 +1,6 @@
 //! PNG files.
 
-use super::kind::{Form, Kind, Semantic};
+use super::kind::{Form, Kind, Semantic, with_article};
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::sync::LazyLock;
 use syntable_model::color::srgb_to_linear;
@@ -34,7 +34,10 @@ impl Coding {
             Form::Mask => return Ok(Self::Mask),
             Form::Image { dtype, channels } => (dtype, channels.unwrap_or(1)),
             ref form => {
-                return Err(format!("a PNG file holds images and masks, not a {form}; write it with npy or jsonl"));
+                return Err(format!(
+                    "a PNG file holds images and masks, not {}; write it with npy or jsonl",
+                    with_article(form)
+                ));
             }
         };
         match (dtype, channels, kind.semantic) {
@@ -48,10 +51,16 @@ impl Coding {
                 "a PNG file holds colors between 0 and 1, not {}; write it with exr, or write `rgb`, the exposed image",
                 kind.unit
             )),
-            (DType::F32, 1..=4, _) => {
-                Err(format!("a PNG file holds integers, not a {}; write it with exr or npy", kind.form))
+            (DType::F16 | DType::F32, 1..=4, _) => {
+                Err(format!("a PNG file holds integers, not {}; write it with exr or npy", with_article(&kind.form)))
             }
-            _ => Err(format!("a PNG file has no channels for a {}; write it with npy", kind.form)),
+            (DType::Bool | DType::U8 | DType::U16, ..) => {
+                Err(format!("a PNG file has no channels for {}; write it with npy", with_article(&kind.form)))
+            }
+            _ => Err(format!(
+                "a PNG file holds unsigned integers of 8 or 16 bits, not {}; write it with npy",
+                with_article(&kind.form)
+            )),
         }
     }
 
@@ -270,17 +279,39 @@ mod tests {
                 image(DType::F32, None),
                 Semantic::Data,
                 "",
-                "a PNG file holds integers, not a f32 image; write it with exr",
+                "a PNG file holds integers, not an f32 image; write it with exr",
             ),
-            (image(DType::F32, None), Semantic::Depth, "mm", "a PNG file holds integers, not a f32 image; "),
+            (image(DType::F32, None), Semantic::Depth, "mm", "a PNG file holds integers, not an f32 image; "),
             (
                 image(DType::U8, Some(2)),
                 Semantic::Data,
                 "",
                 "a PNG file has no channels for a u8 image of 2 channels; ",
             ),
-            (image(DType::U32, None), Semantic::Label, "", "a PNG file has no channels for a u32 image; "),
-            (Form::Tensor(DType::Bool), Semantic::Data, "", "a PNG file holds images and masks, not a bool array that"),
+            (
+                image(DType::U32, None),
+                Semantic::Label,
+                "",
+                "a PNG file holds unsigned integers of 8 or 16 bits, not a u32 image; write it with npy",
+            ),
+            (
+                image(DType::I16, None),
+                Semantic::Data,
+                "",
+                "a PNG file holds unsigned integers of 8 or 16 bits, not an i16 image; write it with npy",
+            ),
+            (
+                image(DType::F16, Some(3)),
+                Semantic::Normal,
+                "",
+                "a PNG file holds integers, not an f16 image of 3 channels; write it with exr or npy",
+            ),
+            (
+                Form::Tensor(DType::Bool),
+                Semantic::Data,
+                "",
+                "a PNG file holds images and masks, not a bool array; write it with npy",
+            ),
             (Form::Record, Semantic::Data, "", "a PNG file holds images and masks, not a record; "),
         ] {
             let refusal = coding(form.clone(), semantic, unit).expect_err("refused");
@@ -291,7 +322,7 @@ mod tests {
     #[test]
     fn depth_is_a_multiple_of_its_unit() {
         let bytes = [1.25_f32, 0.0].into_iter().flat_map(f32::to_le_bytes).collect();
-        let value = Value::Tensor(Tensor { dtype: DType::F32, axes: vec!["y", "x"], shape: vec![1, 2], bytes });
+        let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 2], bytes));
         let image = Coding::Depth.image(&value, 0.25).expect("an image");
         assert_eq!(image, Image { width: 2, height: 1, samples: Samples::Gray16(vec![5000, 0]) });
     }

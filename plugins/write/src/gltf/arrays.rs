@@ -100,7 +100,7 @@ impl Arrays {
     }
 
     /// Tangents `[x, y, z, w]` along u: the faces' ones by area, at right angles to the normal; the bitangent
-    /// `w · normal × tangent` goes up the picture. Vertices are doubled where mirrored faces meet others.
+    /// `w · normal × tangent` goes up the texture. Vertices are doubled where mirrored faces meet others.
     fn with_tangents(self) -> (Self, Vec<[f32; 4]>) {
         let smooth = if self.normals.is_empty() { self.flat() } else { self };
         // glTF has v downwards.
@@ -171,8 +171,8 @@ mod tests {
     }
 
     #[test]
-    fn tangents_go_along_the_picture_and_mirrors_are_told() {
-        // Two triangles of a square; the second shows the picture mirrored, sharing two vertices and their coordinates.
+    fn tangents_go_along_the_texture_and_mirrors_are_told() {
+        // Two triangles of a square; the second shows the texture mirrored, sharing two vertices and their coordinates.
         let data = MeshData {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
             uvs: vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]],

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Arc, OnceLock};
+use syntable_model::context::{Collected, Serial};
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
@@ -38,7 +39,10 @@ pub fn writer(kind: &str, options: &str) -> Result<Box<dyn Writer>, String> {
 /// A scene with its views.
 pub struct Take {
     pub scene: Scene,
-    pub views: Vec<(View, Arc<Products>)>,
+    /// All products of the scene, those that are made from all views included.
+    pub products: Products,
+    /// Each view with its products, and those of the scene that are known before the views.
+    pub views: Vec<(View, Products)>,
 }
 
 /// What is in a view.
@@ -65,18 +69,17 @@ pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
 
 pub fn take(id: u32, objects: usize, crowds: &[Crowd]) -> Take {
     let scene = scene(id, objects);
-    let mut of_scene = Products::new();
+    let mut known = Products::new();
     let report = Value::record([("objects", (objects as i64).into()), ("simulated_s", 5.0.into())]);
-    of_scene.put(SETTLE_REPORT, report).expect("first");
-    let of_scene = Arc::new(of_scene);
+    known.put(SETTLE_REPORT, report).expect("first");
     let views = (0..).zip(crowds).map(|(number, &crowd)| {
         let view = view(number);
-        let seed = Stream::root(9).at(id.into()).at(number.into());
-        let frame = frame(&scene, &view, crowd, seed, of_scene.clone());
-        (view, Arc::new(frame))
+        let stream = Stream::root(9).at(id.into()).at(number.into());
+        let products = view_products(&scene, &view, crowd, stream, &known);
+        (view, products)
     });
     let views = views.collect();
-    Take { scene, views }
+    Take { scene, products: known, views }
 }
 
 fn scene(id: u32, objects: usize) -> Scene {
@@ -130,7 +133,7 @@ fn view(number: u32) -> View {
 
 /// Every product of a view. Objects are ellipses; the smaller the id, the nearer, except where a random stripe turns
 /// the order round; the table is behind them but in front of some.
-fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene: Arc<Products>) -> Frame {
+fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, known: &Products) -> Products {
     let count = scene.objects().len() as u16;
     let table = InstanceId(count + 1);
     let blobs: Vec<[f64; 4]> = (0..count)
@@ -185,7 +188,7 @@ fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene:
     }
     let rate = |id: &InstanceId| f64::from(occlusion[id].area()) / f64::from(amodal[id].area());
 
-    let mut frame = Products::of_view(of_scene);
+    let mut products = known.clone();
     let camera_from_world = view.camera.world_from_camera.inverse();
     let infos = ids.iter().map(|id| {
         let body = scene.body(*id).expect("an object");
@@ -211,38 +214,38 @@ fn frame(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, of_scene:
         ("min_visible_px", 0_i64.into()),
         ("max_occlusion_rate", 1.0.into()),
     ]);
-    let put = |frame: &mut Products| -> Result<()> {
-        frame.put(OCCLUSION_RATE, ids.iter().map(|id| (*id, rate(id))).collect())?;
-        frame.put(VISIBLE_BOX, ids.iter().map(|id| (*id, visible[id].bbox())).collect())?;
-        frame.put(AMODAL_BOX, ids.iter().map(|id| (*id, amodal[id].bbox())).collect())?;
-        frame.put(OCCLUSION_ORDER, order.clone())?;
-        frame.put(OCCLUSION_MASK, PerInstance(occlusion.clone()))?;
-        frame.put(VISIBLE_MASK, PerInstance(visible.clone()))?;
-        frame.put(AMODAL_MASK, PerInstance(amodal.clone()))?;
-        frame.put(OBJECT_INFO, info.clone())?;
-        frame.put(CAMERA, camera.clone())?;
-        frame.put(LABEL_POLICY, policy.clone())?;
-        frame.put(EXPOSURE, Value::record([("ev100", 1.0.into()), ("tone", "srgb".into())]))?;
-        frame.put(DENOISER, Value::record([("name", "none".into())]))?;
+    let put = |products: &mut Products| -> Result<()> {
+        products.put(OCCLUSION_RATE, ids.iter().map(|id| (*id, rate(id))).collect())?;
+        products.put(VISIBLE_BOX, ids.iter().map(|id| (*id, visible[id].bbox())).collect())?;
+        products.put(AMODAL_BOX, ids.iter().map(|id| (*id, amodal[id].bbox())).collect())?;
+        products.put(OCCLUSION_ORDER, order.clone())?;
+        products.put(OCCLUSION_MASK, PerInstance(occlusion.clone()))?;
+        products.put(VISIBLE_MASK, PerInstance(visible.clone()))?;
+        products.put(AMODAL_MASK, PerInstance(amodal.clone()))?;
+        products.put(OBJECT_INFO, info.clone())?;
+        products.put(CAMERA, camera.clone())?;
+        products.put(LABEL_POLICY, policy.clone())?;
+        products.put(EXPOSURE, Value::record([("ev100", 1.0.into()), ("tone", "srgb".into())]))?;
+        products.put(DENOISER, Value::record([("name", "none".into())]))?;
         let depth = |hits: &Vec<InstanceId>| hits.first().map_or(f32::INFINITY, |id| 0.4567 + f32::from(id.0) * 0.1234);
-        frame.put(DEPTH, rays.map(depth))?;
-        frame.put(INSTANCE, rays.map(|hits| hits.first().copied().unwrap_or_default()))
+        products.put(DEPTH, rays.map(depth))?;
+        products.put(INSTANCE, rays.map(|hits| hits.first().copied().unwrap_or_default()))
     };
-    put(&mut frame).expect("first");
-    frame.put(RGB, Plane::from_fn(WIDTH, HEIGHT, |_, _| [0; 3].map(|_| stream.below(256) as u8))).expect("first");
+    put(&mut products).expect("first");
+    products.put(RGB, Plane::from_fn(WIDTH, HEIGHT, |_, _| [0; 3].map(|_| stream.below(256) as u8))).expect("first");
     let normal = |hits: &Vec<InstanceId>| if hits.is_empty() { [0.0; 3] } else { [0.6, 0.0, -0.8_f32] };
-    let glow =
+    let brightness =
         |hits: &Vec<InstanceId>| hits.iter().map(|id| f32::from(id.0).exp2() - 2.5).fold(1e-20, |sum, x| sum + x);
-    frame.put(RADIANCE, rays.map(|hits| [glow(hits), 1.0 / 3.0, 1e9])).expect("first");
-    frame.put(NORMAL, rays.map(normal)).expect("first");
-    frame.put(ALBEDO, rays.map(|hits| [hits.len() as f32 / 8.0, 0.5, 2.0])).expect("first");
-    frame
+    products.put(RADIANCE, rays.map(|hits| [brightness(hits), 1.0 / 3.0, 1e9])).expect("first");
+    products.put(NORMAL, rays.map(normal)).expect("first");
+    products.put(ALBEDO, rays.map(|hits| [hits.len() as f32 / 8.0, 0.5, 2.0])).expect("first");
+    products
 }
 
 fn pose(pose: &Pose) -> Value {
     let m = pose.to_homogeneous();
     let bytes = (0..16).flat_map(|i| m[(i / 4, i % 4)].to_le_bytes()).collect();
-    Value::Tensor(Tensor { dtype: DType::F64, axes: vec!["row", "column"], shape: vec![4, 4], bytes })
+    Value::Tensor(Tensor::new(DType::F64, &["row", "column"], vec![4, 4], bytes))
 }
 
 /// Three scenes with random crowds, one view without objects, and one in which all are hidden.
@@ -263,24 +266,37 @@ pub fn write_scenes<'a>(
     dataset: &DatasetInfo,
     takes: impl IntoIterator<Item = &'a Take>,
 ) -> Result<()> {
+    let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
+    let log = Collected::default();
     for take in takes {
-        let mut site = Site { dataset, scene: &take.scene, view: None };
-        let mut scene = writer.scene(&site, Output::new(root, id, take.scene.id))?;
-        for (view, frame) in &take.views {
-            site.view = Some(view);
-            for name in writer.reads() {
-                assert!(frame.contains(&name), "{name} is read but nobody makes it here");
-            }
-            scene.view(&site, frame)?;
+        let cx = DatasetContext::new(dataset, &Serial, &log).scene(&take.scene);
+        let mut scene = writer.scene(&cx, Output::new(root, id, take.scene.id))?;
+        for (view, products) in &take.views {
+            scene.view(&cx.view(view), &products.only(&reads))?;
         }
-        scene.close()?;
+        scene.close(&cx, &take.products.only(&reads))?;
     }
     Ok(())
 }
 
 /// Ends a run with these scenes done.
 pub fn finish(root: &Path, id: &str, writer: &dyn Writer, dataset: &DatasetInfo, scenes: &[u32]) -> Result<()> {
-    writer.finish(dataset, &Finish::new(root, id, scenes.iter().map(|&scene| SceneId(scene)).collect()))
+    finish_with(root, id, writer, dataset, scenes, &Products::new())
+}
+
+/// Ends a run with these scenes done and these products of the dataset.
+pub fn finish_with(
+    root: &Path,
+    id: &str,
+    writer: &dyn Writer,
+    dataset: &DatasetInfo,
+    scenes: &[u32],
+    products: &Products,
+) -> Result<()> {
+    let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
+    let log = Collected::default();
+    let done = Finish::new(root, id, scenes.iter().map(|&scene| SceneId(scene)).collect());
+    writer.finish(&DatasetContext::new(dataset, &Serial, &log), &products.only(&reads), &done)
 }
 
 /// A dataset of all takes.
