@@ -366,8 +366,9 @@ impl<'s> Reference<'s> {
             };
             let _ = writeln!(page, "| `{key}` | {value} | {} |", cell(&text(&properties[key])));
         }
-        page += "\nTables are merged key by key; lists of values are replaced. Steps of `[[place]]` and `[[lights]]` are \
-                 found by their id. `[set]` applies after the merge, `--set` on the command line after that:\n\n\
+        page += "\nTables are merged key by key. A recipe that gives a list replaces the inherited one; so it is with all \
+                 steps of `[[place]]` and of `[[lights]]`. `[set]` and `remove` reach one step by its id. `[set]` applies \
+                 after the merge, `--set` on the command line after that:\n\n\
                  ```toml\nextends = \"recipes/quickstart.toml\"\nremove = [\"write.contact_sheet\"]\n\n\
                  [render]\nsamples_per_pixel = 64\n\n[set]\n\"place.objects.count\" = 5\n```\n";
         page += "\n`[lock]` has these keys:\n";
