@@ -101,7 +101,7 @@ impl Config for SphereLights {
     const KIND: &'static str = "sphere_lights";
     const EXAMPLE: &'static str = "count = { integers = [0, 2] }\nradius = { beyond_views_m = [0.1, 1.1] }\n\
         temperature_k = { uniform = [2000, 6500] }\nbrightness = { illuminance_lx = { uniform = [100, 20000] } }";
-    const RENAMED: &'static [(&'static str, &'static str)] = &[
+    const RENAMED: &[(&str, &str)] = &[
         ("centre_offset_m", "center_offset_m"),
         ("radius.metres", "radius.meters"),
         ("illuminance_lx", "brightness.illuminance_lx"),
