@@ -297,7 +297,7 @@ impl<'s> Reference<'s> {
         };
         page += &match slot.spec().default_kinds {
             [] => String::new(),
-            kinds => format!("\nWithout the section: {}.\n", list(kinds.iter().map(|kind| format!("`{kind}`")), "and")),
+            kinds => format!("\nDefault: {}.\n", list(kinds.iter().map(|kind| format!("`{kind}`")), "and")),
         };
         let entries: Vec<&Entry> = registry.of_slot(slot).collect();
         page += "\n| kind | what it does |\n|---|---|\n";
@@ -319,21 +319,24 @@ impl<'s> Reference<'s> {
         let mut generator = schemars::generate::SchemaSettings::draft07().into_generator();
         let own = Value::from(entry.schema(&mut generator));
         let required = names(&own["required"]);
-        let mut section = format!("\n## `{}`\n\n{}\n", entry.kind, schema["description"].as_str().unwrap_or("").trim());
+        // Headings of a description are below that of the kind.
+        let description = schema["description"].as_str().unwrap_or_default().trim().replace("\n# ", "\n### ");
+        let mut section = format!("\n## `{}`\n\n{description}\n", entry.kind);
         let output = output(entry);
         if !output.is_empty() {
-            let _ = write!(section, "\n**Output.** {output}\n");
+            let _ = write!(section, "\n{output}\n");
         }
         let own_option = |name: &str| own["properties"].get(name).is_some();
         let options = self.options(schema, &required, &|name| !own_option(name));
-        section += if options.is_empty() { "\nNo options.\n" } else { &options };
+        section += "\n### Options\n";
+        section += if options.is_empty() { "\nNone.\n" } else { &options };
         let header = match entry.slot.shape() {
             Shape::One => format!("[{}]\nkind = \"{}\"", entry.slot, entry.kind),
             Shape::List => format!("[[{}]]\nkind = \"{}\"", entry.slot, entry.kind),
             Shape::Keyed => format!("[{}.{}]", entry.slot, entry.kind),
         };
         let example = format!("{header}\n{}", entry.example.trim());
-        let _ = write!(section, "\n```toml\n{}\n```\n\nFrom `{}`.\n", example.trim(), entry.crate_name);
+        let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n\nFrom `{}`.\n", example.trim(), entry.crate_name);
         section
     }
 
@@ -431,7 +434,7 @@ fn output(entry: &Entry) -> String {
     let keys = |keys: Vec<KeyId>| list(keys.into_iter().map(|key| format!("`{}`", key.name)), "and");
     match Producer::of(stage) {
         Ok(producer) => {
-            let mut line = format!("{} per {}", keys(producer.provides()), producer.scope());
+            let mut line = format!("**Provides** {} per {}", keys(producer.provides()), producer.scope());
             if !producer.reads().is_empty() {
                 let _ = write!(line, ", from {}", keys(producer.reads()));
             }
@@ -441,14 +444,16 @@ fn output(entry: &Entry) -> String {
             }
             line + "."
         }
-        Err(Stage::Render(renderer)) => format!("{} per view, as far as somebody reads them.", keys(renderer.offers())),
+        Err(Stage::Render(renderer)) => {
+            format!("**Offers** {} per view. Only those that are read are rendered.", keys(renderer.offers()))
+        }
         Err(Stage::Write(writer)) => {
             let read: Vec<String> = writer.reads().into_iter().map(|input| format!("`{}`", input.product)).collect();
-            format!("files, by default of {}.", list(read.into_iter(), "and"))
+            format!("**Reads** {} by default.", list(read.into_iter(), "and"))
         }
         Err(Stage::Assets(source)) => match source.class() {
-            AssetClass::Environment => "environment maps.".to_owned(),
-            class => format!("{class}s."),
+            AssetClass::Environment => "**Gives** environment maps.".to_owned(),
+            class => format!("**Gives** {class}s."),
         },
         Err(_) => String::new(),
     }
@@ -483,7 +488,10 @@ fn words(description: &str) -> (String, Vec<String>) {
 
 fn first_sentence(text: &str) -> String {
     let text = text.split("\n\n").next().unwrap_or_default().replace('\n', " ");
-    text.split_once(". ").map_or(text.trim_end_matches('.'), |(first, _)| first).to_owned()
+    // A stop that ends a sentence is followed by a capital: not that of `Rec. 709`.
+    let ends = |&(at, _): &(usize, &str)| text[at + 2..].starts_with(|c: char| c.is_uppercase() || c == '`');
+    let end = text.match_indices(". ").find(ends).map_or(text.len(), |(at, _)| at);
+    text[..end].trim_end_matches('.').to_owned()
 }
 
 fn cell(text: &str) -> String {
@@ -524,7 +532,8 @@ fn capital(text: &str) -> String {
 
 /// The limits of a number.
 fn range(schema: &Value) -> String {
-    let limit = |key: &str| schema.get(key).filter(|limit| limit.is_number()).map(ToString::to_string);
+    let plain = |limit: &Value| limit.to_string().trim_end_matches(".0").to_owned();
+    let limit = |key: &str| schema.get(key).filter(|limit| limit.is_number()).map(plain);
     let low =
         limit("minimum").map(|low| format!("≥ {low}")).or(limit("exclusiveMinimum").map(|low| format!("> {low}")));
     let high =
