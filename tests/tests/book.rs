@@ -4,7 +4,7 @@ mod support;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use support::{fails, ok, root, syntable};
+use support::{fails, ok, root, syntable, text};
 use syntable_model::dist::{Dist, IntDist};
 use syntable_runtime::cli;
 use syntable_standard as _;
@@ -70,7 +70,7 @@ fn prose(text: &str) -> String {
     outside.concat().split('`').step_by(2).collect()
 }
 
-/// Targets of links and pictures.
+/// Targets of links and images.
 fn targets(text: &str) -> Vec<String> {
     let prose = prose(text);
     let ends = prose.split("](").skip(1).map(|rest| rest.split(')').next().unwrap_or_default().to_owned());
@@ -261,6 +261,31 @@ fn a_mistake_looks_as_the_tutorial_shows() {
     let page = read(&root().join("book/src/tutorial.md"));
     let shown = fences(&page, "text");
     assert!(said.starts_with(&shown[0]), "{said}");
+}
+
+#[test]
+fn recipes_of_the_diagnostics_fail_and_are_mended() {
+    // Standard output and standard error of `check`. Folders of assets need not be there: that has no code.
+    let check = |recipe: &Path| {
+        let mut command = syntable();
+        command.arg("check").arg(recipe).env_remove("SCANS").env("HOME", "/home/me");
+        text(&command.output().expect("the program starts"))
+    };
+    let mut seen = 0;
+    for entry in fs::read_dir(root().join("tests/fixtures/diagnostics")).expect("readable") {
+        let failing = entry.expect("readable").path();
+        let code = failing.file_stem().and_then(|stem| stem.to_str()).expect("a name").to_owned();
+        if code.ends_with(".fixed") {
+            continue;
+        }
+        seen += 1;
+        let said = check(&failing);
+        assert!(said.contains(&format!("[{code}]")), "{}\n{said}", name(&failing));
+        let mended = failing.with_file_name(format!("{code}.fixed.toml"));
+        let said = check(&mended);
+        assert!(!said.contains("[D0"), "{}\n{said}", name(&mended));
+    }
+    assert!(seen >= 20, "{seen} failing recipes");
 }
 
 #[test]

@@ -82,6 +82,15 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     assert_eq!(png, millimeters);
     assert!(out["exr/headroom/000000_0001.exr"].starts_with(&[0x76, 0x2f, 0x31, 0x01]), "OpenEXR's magic number");
 
+    // The source, the placer, the sensor and the writer took part: a tower of two cubes, black pixels, a table.
+    let objects = lines.lines().find(|line| line.contains("object_info")).expect("a line of a view");
+    let cubes = objects.matches("\"cube\"").count();
+    assert!((1..=2).contains(&cubes), "{cubes} cubes: {objects}");
+    assert!(out.contains_key("png/rgb_dead_pixels/000000_0001.png"));
+    let table = std::str::from_utf8(&out["areas/000000.csv"]).expect("text");
+    assert!(table.starts_with("view,instance,pixels\n0,"), "{table}");
+    assert!(table.lines().skip(1).all(|line| line.split(',').all(|number| number.parse::<u32>().is_ok())), "{table}");
+
     // The mesh format serves `check --asset` too, and the verb is in the help.
     let asset = ok(&mut cargo_run(folder.path(), &["check", "--asset", "shapes/wedge.off"]));
     assert!(asset.contains("OFF") && asset.contains('8'), "{asset}");

@@ -1,6 +1,6 @@
 //! The JSON Schema of recipes, from the registry.
 //!
-//! DiagnosticBuilder-07, in the shape that editors' TOML servers are precise with: a stage table is an open object with an enum on
+//! Draft-07, in the shape that editors' TOML servers are precise with: a stage table is an open object with an enum on
 //! `kind` and one `if`/`then` a kind, and the definition of each kind is closed and knows `kind` itself. In keyed slots
 //! every kind is also a property name, so that typing `[write.` completes.
 //!
@@ -161,7 +161,7 @@ pub fn schema(registry: &Registry) -> Json {
         described(&schemas.lock, "Versions and digests that a resolved recipe was made with; written by the program."),
     );
     json!({
-        "$schema": "http://json-schema.org/diagnostic-07/schema#",
+        "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "SynTable recipe",
         "description": "Declares a synthetic dataset for unseen-object amodal instance segmentation.",
         "type": "object",

@@ -101,9 +101,9 @@ impl Config for SphereLights {
     const KIND: &'static str = "sphere_lights";
     const EXAMPLE: &'static str = "count = { integers = [0, 2] }\nradius = { beyond_views_m = [0.1, 1.1] }\n\
         temperature_k = { uniform = [2000, 6500] }\nbrightness = { illuminance_lx = { uniform = [100, 20000] } }";
-    const RENAMED: &'static [(&'static str, &'static str)] = &[
-        ("center_offset_m", "center_offset_m"),
-        ("radius.meters", "radius.meters"),
+    const RENAMED: &[(&str, &str)] = &[
+        ("centre_offset_m", "center_offset_m"),
+        ("radius.metres", "radius.meters"),
         ("illuminance_lx", "brightness.illuminance_lx"),
         ("luminance_nits", "brightness.luminance_nits"),
         ("luminous_flux_lm", "brightness.luminous_flux_lm"),

@@ -51,8 +51,7 @@ impl Config for HemisphereShell {
     const KIND: &'static str = "hemisphere_shell";
     const EXAMPLE: &'static str =
         "radius = { of_table = [1.0, 1.7] }\ncenter_offset_m = 0.2\nlook_at = \"tabletop_center\"";
-    const RENAMED: &'static [(&'static str, &'static str)] =
-        &[("center_offset_m", "center_offset_m"), ("radius.meters", "radius.meters")];
+    const RENAMED: &[(&str, &str)] = &[("centre_offset_m", "center_offset_m"), ("radius.metres", "radius.meters")];
 
     fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         self.radius.check("radius")?;

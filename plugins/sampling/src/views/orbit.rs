@@ -49,8 +49,7 @@ impl Config for Orbit {
     type Stage = dyn ViewSampler;
     const KIND: &'static str = "orbit";
     const EXAMPLE: &'static str = "distance = { meters = 1.2 }\nelevation_deg = 35\nstep_deg = 30";
-    const RENAMED: &'static [(&'static str, &'static str)] =
-        &[("center_offset_m", "center_offset_m"), ("distance.meters", "distance.meters")];
+    const RENAMED: &[(&str, &str)] = &[("centre_offset_m", "center_offset_m"), ("distance.metres", "distance.meters")];
 
     fn build(self) -> Result<Box<dyn ViewSampler>, ConfigError> {
         Ok(Box::new(self))

@@ -1,0 +1,49 @@
+//! Placer `tower`: objects above each other in the middle of the table.
+
+use syntable_model::geometry::{Translation3, UnitQuaternion};
+use syntable_model::prelude::*;
+use syntable_model::scene::{BodyDraft, Motion, Role};
+
+/// Places objects in a column above the middle of the tabletop.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tower {
+    /// Object pools to draw from, uniformly over all their entries.
+    #[schemars(length(min = 1))]
+    from: Vec<ObjectPool>,
+    /// Number of objects; 1 to 20.
+    #[serde(default = "three")]
+    count: IntDist,
+}
+
+fn three() -> IntDist {
+    IntDist::Constant(3)
+}
+
+impl Config for Tower {
+    type Stage = dyn Placer;
+    const KIND: &'static str = "tower";
+    const EXAMPLE: &'static str = "from = [\"objects\"]\ncount = 3";
+    fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
+        self.count.within("count", 1, 20)?;
+        Ok(Box::new(self))
+    }
+}
+
+impl Placer for Tower {
+    fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        let tabletop = scene.tabletop()?;
+        let mut height = tabletop.height();
+        // Each quantity has a stream of its own, so that one more object leaves the others as they are.
+        for k in 0..self.count.draw(&mut context.stream.child("count")).max(0) as u64 {
+            let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset").at(k))?;
+            let bounds = object.mesh.bounds();
+            let [x, y, _] = tabletop.center;
+            let pose = Pose::from_parts(Translation3::new(x, y, height - bounds.min.z), UnitQuaternion::identity());
+            height += bounds.size().z + 0.002;
+            scene.add(BodyDraft::new(asset, object, pose, Role::Object, Motion::Dynamic));
+        }
+        Ok(())
+    }
+}
+register!(Tower);
