@@ -12,15 +12,15 @@ fn main() {
 }
 
 /// Disks scattered over the image, the first in front, with a table behind the lower half.
-fn discs(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
+fn disks(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
     let [width, height] = SIZE;
     let mut stream = Stream::root(objects as u64);
-    let discs: Vec<[f64; 3]> = (0..objects)
+    let disks: Vec<[f64; 3]> = (0..objects)
         .map(|_| [stream.uniform(40.0, 600.0), stream.uniform(60.0, 440.0), stream.uniform(25.0, 90.0)])
         .collect();
     let covers = |x: i32, y: i32, [cx, cy, r]: [f64; 3]| {
         let (dx, dy) = (f64::from(x) + 0.5 - cx, f64::from(y) + 0.5 - cy);
-        // A scalloped outline, as of a real thing.
+        // A scalloped outline, as of a real object.
         let r = r * (1.0 + 0.1 * (9.0 * dy.atan2(dx)).sin());
         dx * dx + dy * dy < r * r
     };
@@ -28,13 +28,13 @@ fn discs(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
     let [mx, my] = margin.map(|margin| margin as i32);
     for y in -my..height as i32 + my {
         for x in -mx..width as i32 + mx {
-            for (i, _) in discs.iter().enumerate().filter(|(_, disc)| covers(x, y, **disc)) {
+            for (i, _) in disks.iter().enumerate().filter(|(_, disk)| covers(x, y, **disk)) {
                 coverage.insert(x, y, InstanceId(i as u16 + 1));
             }
         }
     }
     let first = Plane::from_fn(width, height, |x, y| {
-        let front = discs.iter().position(|&disc| covers(x as i32, y as i32, disc));
+        let front = disks.iter().position(|&disk| covers(x as i32, y as i32, disk));
         InstanceId(front.map_or(if y > height / 2 { objects + 1 } else { objects + 2 }, |i| i + 1) as u16)
     });
     (first, coverage)
@@ -43,14 +43,14 @@ fn discs(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
 /// Masks as run lengths, and the occlusion order.
 #[divan::bench(args = [1, 20, 40, 64, 130])]
 fn masks_and_order(bencher: Bencher, objects: usize) {
-    let (first, coverage) = discs(objects, [0, 0]);
+    let (first, coverage) = disks(objects, [0, 0]);
     bencher.bench(|| sweep(black_box(&first), black_box(&coverage)).expect("planes agree"));
 }
 
 /// As above, and the compressed strings of COCO.
 #[divan::bench(args = [20])]
 fn masks_order_and_coco(bencher: Bencher, objects: usize) {
-    let (first, coverage) = discs(objects, [0, 0]);
+    let (first, coverage) = disks(objects, [0, 0]);
     bencher.bench(|| {
         let sweep = sweep(black_box(&first), black_box(&coverage)).expect("planes agree");
         let masks = sweep.objects.iter().flat_map(|object| [&object.visible, &object.amodal, &object.occlusion]);
@@ -61,6 +61,6 @@ fn masks_order_and_coco(bencher: Bencher, objects: usize) {
 /// Areas on the canvas three times as wide and high.
 #[divan::bench(args = [20, 130])]
 fn areas_outside(bencher: Bencher, objects: usize) {
-    let (_, wide) = discs(objects, SIZE);
+    let (_, wide) = disks(objects, SIZE);
     bencher.bench(|| area_outside(black_box(&wide)));
 }

@@ -20,20 +20,20 @@ fn pixels(mask: &Mask) -> Pixels {
 
 fn annotate(rays: &Rays, options: &str) -> Result<Products> {
     let world = World::new(rays.objects);
-    let mut frame = Products::new();
+    let mut products = Products::new();
     let annotator = annotator("masks", options);
     for key in annotator.reads() {
         match key.name {
-            "instance" => frame.put(INSTANCE, rays.instance())?,
-            "coverage" => frame.put(COVERAGE, rays.coverage(false, false))?,
-            "coverage_wide" => frame.put(COVERAGE_WIDE, rays.coverage(false, true))?,
-            "coverage_before_support" => frame.put(COVERAGE_BEFORE_SUPPORT, rays.coverage(true, false))?,
-            "coverage_before_support_wide" => frame.put(COVERAGE_BEFORE_SUPPORT_WIDE, rays.coverage(true, true))?,
+            "instance" => products.put(INSTANCE, rays.instance())?,
+            "coverage" => products.put(COVERAGE, rays.coverage(false, false))?,
+            "coverage_wide" => products.put(COVERAGE_WIDE, rays.coverage(false, true))?,
+            "coverage_before_support" => products.put(COVERAGE_BEFORE_SUPPORT, rays.coverage(true, false))?,
+            "coverage_before_support_wide" => products.put(COVERAGE_BEFORE_SUPPORT_WIDE, rays.coverage(true, true))?,
             other => panic!("{other} is read"),
         }
     }
-    annotator.annotate(&world.site(), &mut frame)?;
-    Ok(frame)
+    annotator.annotate(&world.of_view(), &mut products)?;
+    Ok(products)
 }
 
 /// What the annotator should find, by counting pixels.
@@ -70,9 +70,9 @@ fn truth(rays: &Rays, extend: bool, clip_support: bool, min_visible: usize, max_
 }
 
 fn check(rays: &Rays, options: &str, truth: &Truth) {
-    let frame = annotate(rays, options).expect("labels");
+    let products = annotate(rays, options).expect("labels");
     let sets = |key: Key<PerInstance<Mask>>| -> BTreeMap<u16, Pixels> {
-        frame.get(key).expect("made").iter().map(|(id, mask)| (id.0, pixels(mask))).collect()
+        products.get(key).expect("made").iter().map(|(id, mask)| (id.0, pixels(mask))).collect()
     };
     let (visible, amodal, occlusion) = (sets(VISIBLE_MASK), sets(AMODAL_MASK), sets(OCCLUSION_MASK));
     assert_eq!(visible, truth.visible, "visible, {options}");
@@ -83,13 +83,13 @@ fn check(rays: &Rays, options: &str, truth: &Truth) {
         .map(|(id, amodal)| (*id, amodal.iter().copied().filter(|p| !truth.visible[id].contains(p)).collect()))
         .collect();
     assert_eq!(occlusion, minus, "occlusion, {options}");
-    let rates = frame.get(OCCLUSION_RATE).expect("made");
+    let rates = products.get(OCCLUSION_RATE).expect("made");
     assert_eq!(rates.iter().map(|(id, _)| id.0).collect::<Vec<_>>(), truth.rate.keys().copied().collect::<Vec<_>>());
     for (id, rate) in rates.iter() {
         assert!((rate - truth.rate[&id.0]).abs() < 1e-12, "rate of {id}: {rate}, not {}", truth.rate[&id.0]);
     }
     // The paper's Algorithm 1: i occludes j iff the visible mask of i meets the occlusion mask of j.
-    let order = frame.get(OCCLUSION_ORDER).expect("made");
+    let order = products.get(OCCLUSION_ORDER).expect("made");
     let ids: Vec<u16> = order.ids().iter().map(|id| id.0).collect();
     assert_eq!(ids, truth.visible.keys().copied().collect::<Vec<_>>());
     for (row, i) in ids.iter().enumerate() {
@@ -117,16 +117,16 @@ fn three_rectangles_in_a_row() {
     let rays =
         Rays::new([13, 5], [13, 5], 3, |x, y| (1..=3).filter(|&id| inside(x, y, boxes[usize::from(id) - 1])).collect());
     check_all_policies(&rays);
-    let frame = annotate(&rays, "").expect("labels");
+    let products = annotate(&rays, "").expect("labels");
     let areas = |key: Key<PerInstance<Mask>>| {
-        frame.get(key).expect("made").iter().map(|(_, mask)| mask.area()).collect::<Vec<_>>()
+        products.get(key).expect("made").iter().map(|(_, mask)| mask.area()).collect::<Vec<_>>()
     };
     assert_eq!(areas(AMODAL_MASK), [9, 12, 8]);
     assert_eq!(areas(VISIBLE_MASK), [9, 9, 7]);
     assert_eq!(areas(OCCLUSION_MASK), [0, 3, 1]);
-    let order = frame.get(OCCLUSION_ORDER).expect("made").matrix().to_vec();
+    let order = products.get(OCCLUSION_ORDER).expect("made").matrix().to_vec();
     assert_eq!(order.iter().map(|&bit| u8::from(bit)).collect::<Vec<_>>(), [0, 1, 0, 0, 0, 1, 0, 0, 0]);
-    let rates = frame.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>();
+    let rates = products.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>();
     assert_eq!(rates, [0.0, 0.25, 0.125]);
 }
 
@@ -193,18 +193,18 @@ fn hidden_objects_are_kept_or_left_out() {
     // All hidden: the table is in front of everything.
     let hidden = Rays::new([3, 3], [0, 0], 2, |_, _| vec![3, 1, 2]);
     check(&hidden, "", &truth(&hidden, false, false, 0, 1.0));
-    let frame = annotate(&hidden, "").expect("labels");
-    assert_eq!(frame.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>(), [1.0, 1.0]);
-    assert!(!frame.get(OCCLUSION_ORDER).expect("made").matrix().contains(&true));
+    let products = annotate(&hidden, "").expect("labels");
+    assert_eq!(products.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>(), [1.0, 1.0]);
+    assert!(!products.get(OCCLUSION_ORDER).expect("made").matrix().contains(&true));
 }
 
 #[test]
 fn an_empty_image_has_no_annotation() {
     let rays = Rays::new([5, 4], [5, 4], 2, |_, _| vec![3]);
     check_all_policies(&rays);
-    let frame = annotate(&rays, "").expect("labels");
-    assert!(frame.get(AMODAL_MASK).expect("made").0.is_empty());
-    assert!(frame.get(OCCLUSION_ORDER).expect("made").ids().is_empty());
+    let products = annotate(&rays, "").expect("labels");
+    assert!(products.get(AMODAL_MASK).expect("made").0.is_empty());
+    assert!(products.get(OCCLUSION_ORDER).expect("made").ids().is_empty());
 }
 
 #[test]
@@ -227,23 +227,23 @@ fn planes_that_disagree_are_refused() {
     let rays = Rays::new([4, 3], [0, 0], 2, |_, _| vec![1]);
     let world = World::new(2);
     let labels = |change: &dyn Fn(&mut Products)| {
-        let mut frame = Products::new();
-        change(&mut frame);
-        annotator("masks", "").annotate(&world.site(), &mut frame).expect_err("refused").to_string()
+        let mut products = Products::new();
+        change(&mut products);
+        annotator("masks", "").annotate(&world.of_view(), &mut products).expect_err("refused").to_string()
     };
-    let wrong = labels(&|frame| {
-        frame.put(INSTANCE, rays.instance().map(|_| InstanceId(2))).expect("first");
-        frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
+    let wrong = labels(&|products| {
+        products.put(INSTANCE, rays.instance().map(|_| InstanceId(2))).expect("first");
+        products.put(COVERAGE, rays.coverage(false, false)).expect("first");
     });
     assert!(wrong.starts_with("instance 2 is visible at pixel (0, 0) but not in the coverage plane"), "{wrong}");
-    let wrong = labels(&|frame| {
-        frame.put(INSTANCE, rays.instance()).expect("first");
-        frame.put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(false, false)).expect("first");
+    let wrong = labels(&|products| {
+        products.put(INSTANCE, rays.instance()).expect("first");
+        products.put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(false, false)).expect("first");
     });
     assert_eq!(wrong, "the coverage plane is 4 × 2 with a margin of [0, 0], the instance plane 4 × 3");
-    let wrong = labels(&|frame| {
-        frame.put(INSTANCE, rays.instance()).expect("first");
-        frame.put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(false, false)).expect("first");
+    let wrong = labels(&|products| {
+        products.put(INSTANCE, rays.instance()).expect("first");
+        products.put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(false, false)).expect("first");
     });
     assert_eq!(wrong, "the coverage plane knows 3 objects, the scene 2");
 }

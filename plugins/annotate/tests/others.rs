@@ -1,19 +1,26 @@
-//! The annotators that describe the site.
+//! Annotators of boxes, objects, cameras, lights and settling.
 
 mod common;
 
-use common::{Rays, World, annotator};
+use common::{Rays, World, annotator, stage};
 use serde_json::json;
 use syntable_model::prelude::*;
+use syntable_model::product::Scope;
 use syntable_model::product::standard::*;
+use syntable_model::registry::Stage;
 use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
-fn run(world: &World, kind: &str, options: &str, frame: &mut Products) {
-    annotator(kind, options).annotate(&world.site(), frame).expect("made");
+fn run(world: &World, kind: &str, options: &str, products: &mut Products) {
+    match stage(kind, options) {
+        Stage::Annotate(annotator) => annotator.annotate(&world.of_view(), products),
+        Stage::AnnotateScene(annotator) => annotator.annotate(&world.of_scene(), &[], products),
+        _ => panic!("`{kind}` does not annotate"),
+    }
+    .expect("made");
 }
 
-fn json(frame: &Products, name: &str) -> serde_json::Value {
-    serde_json::to_value(frame.value(name).expect("made")).expect("serializes")
+fn json(products: &Products, name: &str) -> serde_json::Value {
+    serde_json::to_value(products.value(name).expect("made")).expect("serializes")
 }
 
 #[test]
@@ -25,25 +32,27 @@ fn every_kind_conforms() {
     assert_eq!(kinds, ["boxes", "camera", "lights", "masks", "object_info", "settle_report"]);
     let world = World::new(2);
     let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
-    let make_frame = || {
-        let mut frame = Products::new();
-        frame.put(INSTANCE, rays.instance()).expect("first");
-        frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
-        frame.put(COVERAGE_WIDE, rays.coverage(false, true)).expect("first");
-        frame
-    };
+    let mut rendered = Products::new();
+    rendered.put(INSTANCE, rays.instance()).expect("first");
+    rendered.put(COVERAGE, rays.coverage(false, false)).expect("first");
+    rendered.put(COVERAGE_WIDE, rays.coverage(false, true)).expect("first");
+    let mut labeled = rendered.clone();
+    run(&world, "masks", "", &mut labeled);
     for entry in registry.entries() {
         conformance::entry(entry);
-        let of_masks = matches!(entry.kind, "boxes" | "object_info");
-        conformance::annotator(&*annotator(entry.kind, ""), &world.site(), || {
-            let mut frame = make_frame();
-            if of_masks {
-                run(&world, "masks", "", &mut frame);
+        let products = if entry.kind == "masks" { &rendered } else { &labeled };
+        match stage(entry.kind, "") {
+            Stage::Annotate(annotator) => drop(conformance::annotator(&*annotator, &world.of_view(), products)),
+            Stage::AnnotateScene(annotator) => {
+                let mut made = Products::new();
+                annotator.annotate(&world.of_scene(), &[], &mut made).expect("reads nothing");
+                assert_eq!(made.keys(), annotator.provides(), "{}", entry.kind);
+                assert!(made.keys().iter().all(|key| key.scope == Scope::Scene), "{}", entry.kind);
             }
-            frame
-        });
+            _ => panic!("`{}` does not annotate", entry.kind),
+        }
     }
-    conformance::annotator(&*annotator("masks", "image_frame = \"extend\""), &world.site(), make_frame);
+    conformance::annotator(&*annotator("masks", "image_frame = \"extend\""), &world.of_view(), &rendered);
 }
 
 #[test]
@@ -62,23 +71,23 @@ fn boxes_are_tight() {
         (6, 5) => vec![2],
         _ => vec![],
     });
-    let mut frame = Products::new();
-    frame.put(INSTANCE, rays.instance()).expect("first");
-    frame.put(COVERAGE, rays.coverage(false, false)).expect("first");
-    run(&world, "masks", "", &mut frame);
-    run(&world, "boxes", "", &mut frame);
-    assert_eq!(json(&frame, "visible_box"), json!({ "1": [2, 1, 3, 2], "2": [6, 5, 1, 1] }));
-    assert_eq!(json(&frame, "amodal_box"), json!({ "1": [2, 1, 3, 2], "2": [2, 1, 5, 5] }));
+    let mut products = Products::new();
+    products.put(INSTANCE, rays.instance()).expect("first");
+    products.put(COVERAGE, rays.coverage(false, false)).expect("first");
+    run(&world, "masks", "", &mut products);
+    run(&world, "boxes", "", &mut products);
+    assert_eq!(json(&products, "visible_box"), json!({ "1": [2, 1, 3, 2], "2": [6, 5, 1, 1] }));
+    assert_eq!(json(&products, "amodal_box"), json!({ "1": [2, 1, 3, 2], "2": [2, 1, 5, 5] }));
 }
 
 #[test]
 fn objects_are_described_with_their_poses() {
     let world = World::new(2);
-    let mut frame = Products::new();
+    let mut products = Products::new();
     let masks = PerInstance::from_iter([(InstanceId(2), Mask::empty(8, 6))]);
-    frame.put(AMODAL_MASK, masks).expect("first");
-    run(&world, "object_info", "", &mut frame);
-    let info = json(&frame, "object_info");
+    products.put(AMODAL_MASK, masks).expect("first");
+    run(&world, "object_info", "", &mut products);
+    let info = json(&products, "object_info");
     assert_eq!(info.as_object().map(|map| map.keys().cloned().collect::<Vec<_>>()), Some(vec!["2".to_owned()]));
     let object = &info["2"];
     assert_eq!(object["asset"], json!("pool/tetra"));
@@ -93,17 +102,17 @@ fn objects_are_described_with_their_poses() {
     let origin = world.view.camera.world_from_camera.inverse() * syntable_model::geometry::Point3::new(0.02, 0.0, 0.7);
     assert!((0..3).all(|i| (column[i] - origin[i]).abs() < 1e-12), "{column:?} {origin}");
 
-    let mut frame = Products::new();
-    run(&world, "object_info", "objects = \"all\"", &mut frame);
-    assert_eq!(frame.get(OBJECT_INFO).expect("made").0.len(), 2);
+    let mut products = Products::new();
+    run(&world, "object_info", "objects = \"all\"", &mut products);
+    assert_eq!(products.get(OBJECT_INFO).expect("made").0.len(), 2);
 }
 
 #[test]
 fn the_camera_projects_its_world() {
     let world = World::new(1);
-    let mut frame = Products::new();
-    run(&world, "camera", "", &mut frame);
-    let camera = json(&frame, "camera");
+    let mut products = Products::new();
+    run(&world, "camera", "", &mut products);
+    let camera = json(&products, "camera");
     assert_eq!(camera["K"], json!([[7.0, 0.0, 4.0], [0.0, 7.5, 3.0], [0.0, 0.0, 1.0]]));
     assert_eq!((&camera["width"], &camera["height"]), (&json!(8), &json!(6)));
     // The camera looks from (1, 0, 1.5) at (0, 0, 0.7): that point lies on the axis, √1.64 m away.
@@ -136,17 +145,16 @@ fn lights_and_the_settle_report_are_recorded() {
         asset: world.scene.objects()[0].asset.clone(),
         reason: "fell off the table".into(),
     });
-    let mut frame = Products::new();
-    run(&world, "lights", "", &mut frame);
-    run(&world, "settle_report", "", &mut frame);
-    let lights = json(&frame, "lights");
+    let mut products = Products::new();
+    run(&world, "lights", "", &mut products);
+    run(&world, "settle_report", "", &mut products);
+    let lights = json(&products, "lights");
     assert_eq!(lights[0]["center_world_m"], json!([1.0, 2.0, 3.0]));
     assert_eq!(lights[0]["radiance_nits"], json!([1.0, 2.0, 3.0]));
     assert_eq!((&lights[1]["shape"], &lights[1]["normal_world"]), (&json!("rect"), &json!([0.0, 0.0, -1.0])));
-    let report = json(&frame, "settle_report");
+    let report = json(&products, "settle_report");
     assert_eq!((&report["objects"], &report["attempt"]), (&json!(1), &json!(1)));
     assert_eq!(report["removed"], json!([{ "spawn": 0, "asset": "pool/tetra", "reason": "fell off the table" }]));
-    assert_eq!(annotator("settle_report", "").scope(), syntable_model::product::Scope::Scene);
 }
 
 #[test]
@@ -170,18 +178,18 @@ fn records_keep_their_fields_and_their_order() {
             rotation: std::f64::consts::PI,
         }),
     ];
-    let mut frame = Products::new();
-    run(&world, "camera", "", &mut frame);
-    run(&world, "lights", "", &mut frame);
-    run(&world, "settle_report", "", &mut frame);
-    run(&world, "object_info", "objects = \"all\"", &mut frame);
+    let mut products = Products::new();
+    run(&world, "camera", "", &mut products);
+    run(&world, "lights", "", &mut products);
+    run(&world, "settle_report", "", &mut products);
+    run(&world, "object_info", "objects = \"all\"", &mut products);
     assert_eq!(
-        names(&frame.value("camera").expect("made")),
+        names(&products.value("camera").expect("made")),
         "width height K world_from_camera camera_from_world camera_axes world_axes length_unit pixel_centres \
          distortion_k1_k2_p1_p2_k3 aperture_radius_m focus_distance_m"
     );
-    assert_eq!(json(&frame, "camera")["distortion_k1_k2_p1_p2_k3"], json!([1.0, 2.0, 4.0, 5.0, 3.0]));
-    let Ok(Value::List(lights)) = frame.value("lights") else { panic!("a list") };
+    assert_eq!(json(&products, "camera")["distortion_k1_k2_p1_p2_k3"], json!([1.0, 2.0, 4.0, 5.0, 3.0]));
+    let Ok(Value::List(lights)) = products.value("lights") else { panic!("a list") };
     assert_eq!(
         lights.iter().map(names).collect::<Vec<_>>(),
         [
@@ -190,13 +198,13 @@ fn records_keep_their_fields_and_their_order() {
             "shape map scale_nits rotation_deg"
         ]
     );
-    let lights = json(&frame, "lights");
+    let lights = json(&products, "lights");
     assert_eq!((&lights[1]["half_angle_deg"], &lights[2]["rotation_deg"]), (&json!(45.0), &json!(180.0)));
     assert_eq!(
-        names(&frame.value("settle_report").expect("made")),
+        names(&products.value("settle_report").expect("made")),
         "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m respawned removed"
     );
-    let Ok(Value::PerInstance(objects)) = frame.value("object_info") else { panic!("one record per object") };
+    let Ok(Value::PerInstance(objects)) = products.value("object_info") else { panic!("one record per object") };
     assert_eq!(
         objects.values().map(names).collect::<Vec<_>>(),
         ["asset pool name category spawn mass_kg license digest world_from_object camera_from_object"]

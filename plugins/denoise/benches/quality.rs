@@ -1,7 +1,7 @@
 //! Errors of images before and after denoising, against a reference of many samples.
 //!
 //! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [REGULARIZE [FOLDER]]]` renders the middle of the room of the
-//! renderer's bench with 1 to 64 samples a pixel and with `REFERENCE` (512), all with the option
+//! renderer's bench with 1 to 64 samples per pixel and with `REFERENCE` (512), all with the option
 //! `regularize = REGULARIZE` (0.3, as recipes have it), and writes the images to `FOLDER`. The
 //! reference has noise too: 512 samples are good for errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise,
 //! if it is to be compared.
@@ -9,12 +9,16 @@
 //! PSNR is of the sRGB-encoded image, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
 //! channels of (x − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::denoise;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 use syntable_denoise as _;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RADIANCE;
+use syntable_model::product::standard::{RADIANCE, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot};
 use syntable_render_cpu::{CpuPath, CpuPathRenderer};
 use syntable_testing::room;
@@ -36,10 +40,9 @@ fn main() {
         Err(_) => println!("SYNTABLE_OIDN is not set: no comparison with Open Image Denoise"),
     }
     let (scene, view) = (room::scene(), room::view(WIDTH, HEIGHT));
-    let wants: Vec<KeyId> =
-        denoisers.iter().flat_map(|(_, denoiser)| denoiser.guides()).chain([RADIANCE.id()]).collect();
-    let reference = render(&scene, &view, (many, regularize), 100, &[RADIANCE.id()]);
-    let reference = reference.get(RADIANCE).expect("made").data();
+    let wants: Vec<KeyId> = denoisers.iter().flat_map(|(_, denoiser)| denoiser.reads()).collect();
+    let reference = render(&scene, &view, (many, regularize), 100, &[RADIANCE_NOISY.id()]);
+    let reference = reference.get(RADIANCE_NOISY).expect("made").data();
     let white = white(reference);
     let keep = |name: &str, image: &Image| {
         if let Some(folder) = folder {
@@ -49,9 +52,9 @@ fn main() {
     keep("reference.png", reference);
     println!("samples  image       PSNR    relMSE  light     time");
     for samples in [1, 2, 4, 8, 16, 32, 64] {
-        let frame = render(&scene, &view, (samples, regularize), 1, &wants);
-        let noisy = frame.get(RADIANCE).expect("made").data();
-        let tell = |name: &str, image: &Image, seconds: f64| {
+        let products = render(&scene, &view, (samples, regularize), 1, &wants);
+        let noisy = products.get(RADIANCE_NOISY).expect("made").data();
+        let report = |name: &str, image: &Image, seconds: f64| {
             println!(
                 "{samples:7}  {name:8} {:6.2} dB  {:8.5}  {:.4}  {:4.0} ms",
                 psnr(image, reference, white),
@@ -61,14 +64,14 @@ fn main() {
             );
             keep(&format!("{name}-{samples}.png"), image);
         };
-        tell("noisy", noisy, 0.0);
+        report("noisy", noisy, 0.0);
         for (name, denoiser) in &denoisers {
             let run = || {
                 let started = Instant::now();
-                (denoiser.denoise(&frame, &Threads(2)).expect("denoises"), started.elapsed().as_secs_f64())
+                (denoise(&**denoiser, &products, &Threads(2)).expect("denoises"), started.elapsed().as_secs_f64())
             };
             let (first, second) = (run(), run());
-            tell(name, first.0.radiance.data(), first.1.min(second.1));
+            report(name, first.0.get(RADIANCE).expect("provided").data(), first.1.min(second.1));
         }
     }
 }
@@ -82,17 +85,20 @@ fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
     }
 }
 
-fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), seed: u64, wants: &[KeyId]) -> Frame {
+fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), seed: u64, wants: &[KeyId]) -> Products {
     let options = CpuPath { samples_per_pixel: samples, regularize, ..CpuPath::default() };
     let mut session = CpuPathRenderer::new(options).expect("sound options").session();
     session.load(scene, &Threads(2)).expect("loads");
-    let mut frame = Products::new();
-    let mut wants = wants.to_vec();
+    let mut products = Products::new();
+    // The renderer knows the noisy image as the image.
+    let mut wants: Vec<KeyId> =
+        wants.iter().map(|&key| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key }).collect();
     wants.sort_by_key(|key| key.name);
     wants.dedup();
     let request = RenderRequest { view, wants: &wants, stream: Stream::root(seed), workers: &Threads(2) };
-    session.render(&request, &mut frame).expect("renders");
-    frame
+    session.render(&request, &mut products).expect("renders");
+    products.rename(RADIANCE.id(), RADIANCE_NOISY.id()).expect("not there yet");
+    products
 }
 
 fn sum(image: &Image) -> f64 {

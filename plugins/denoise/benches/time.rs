@@ -3,7 +3,7 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::Room;
+use common::{Room, denoise};
 use divan::Bencher;
 use syntable_denoise::guided::Guided;
 use syntable_model::prelude::*;
@@ -15,7 +15,7 @@ fn main() {
 
 #[divan::bench(args = [(1, 1), (1, 2), (4, 2)], sample_count = 10)]
 fn guided(bencher: Bencher, (samples, threads): (u32, usize)) {
-    let frame = Room::new(640, 480).frame(samples, 1);
+    let products = Room::new(640, 480).render(samples, 1);
     let denoiser = Guided::default().build().expect("sound defaults");
-    bencher.bench(|| denoiser.denoise(&frame, &Threads(threads)).expect("denoises"));
+    bencher.bench(|| denoise(&*denoiser, &products, &Threads(threads)).expect("denoises"));
 }

@@ -2,22 +2,24 @@
 
 mod common;
 
-use common::{Room, luminance};
+use common::{Room, denoise, luminance};
 use syntable_denoise::guided::Guided;
-use syntable_model::context::Serial;
+use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
-    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
+    DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DENOISER, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
+    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
-use syntable_model::registry::{Registry, Slot};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_testing::workers::Threads;
 
 type Rgb = [f32; 3];
 
-fn denoise(frame: &Products) -> Vec<Rgb> {
+/// The image of the guided filter on two threads.
+fn filtered(products: &Products) -> Vec<Rgb> {
     let denoiser = Guided::default().build().expect("sound defaults");
-    denoiser.denoise(frame, &Threads(2)).expect("denoises").radiance.data().to_vec()
+    let made = denoise(&*denoiser, products, &Threads(2)).expect("denoises");
+    made.get(RADIANCE).expect("provided").data().to_vec()
 }
 
 /// A pixel of a synthetic image.
@@ -30,7 +32,7 @@ struct Pixel {
     depth: f32,
     id: u16,
     /// If not the radiance over the mean color.
-    untinted: Option<Rgb>,
+    demodulated: Option<Rgb>,
 }
 
 /// A white wall that faces the camera.
@@ -41,25 +43,25 @@ const WALL: Pixel = Pixel {
     normal: [0.0, 0.0, -1.0],
     depth: 2.0,
     id: 1,
-    untinted: None,
+    demodulated: None,
 };
 
-fn image(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Frame {
+fn image(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> Pixel) -> Products {
     let pixels = Plane::from_fn(width, height, &mut pixel);
-    let mut frame = Products::new();
-    frame.put(RADIANCE, pixels.map(|p| p.radiance)).expect("new");
+    let mut products = Products::new();
+    products.put(RADIANCE_NOISY, pixels.map(|p| p.radiance)).expect("new");
     let over_mean = |p: &Pixel| std::array::from_fn(|c| p.radiance[c] / (p.albedo[c] + DEMODULATION_EPSILON));
-    let untinted = |p: &Pixel| p.untinted.unwrap_or_else(|| over_mean(p));
+    let demodulated = |p: &Pixel| p.demodulated.unwrap_or_else(|| over_mean(p));
     let variance = |p: &Pixel| p.variance / luminance(p.albedo.map(|a| a + DEMODULATION_EPSILON)).powi(2);
-    frame.put(RADIANCE_DEMODULATED, pixels.map(untinted)).expect("new");
-    frame.put(RADIANCE_DEMODULATED_VARIANCE, pixels.map(variance)).expect("new");
-    frame.put(RADIANCE_SPECULAR, pixels.map(|_| [0.0; 3])).expect("new");
-    frame.put(RADIANCE_SPECULAR_VARIANCE, pixels.map(|_| 0.0)).expect("new");
-    frame.put(DENOISE_ALBEDO, pixels.map(|p| p.albedo)).expect("new");
-    frame.put(DENOISE_NORMAL, pixels.map(|p| p.normal)).expect("new");
-    frame.put(DEPTH, pixels.map(|p| p.depth)).expect("new");
-    frame.put(INSTANCE, pixels.map(|p| InstanceId(p.id))).expect("new");
-    frame
+    products.put(RADIANCE_DEMODULATED, pixels.map(demodulated)).expect("new");
+    products.put(RADIANCE_DEMODULATED_VARIANCE, pixels.map(variance)).expect("new");
+    products.put(RADIANCE_SPECULAR, pixels.map(|_| [0.0; 3])).expect("new");
+    products.put(RADIANCE_SPECULAR_VARIANCE, pixels.map(|_| 0.0)).expect("new");
+    products.put(DENOISE_ALBEDO, pixels.map(|p| p.albedo)).expect("new");
+    products.put(DENOISE_NORMAL, pixels.map(|p| p.normal)).expect("new");
+    products.put(DEPTH, pixels.map(|p| p.depth)).expect("new");
+    products.put(INSTANCE, pixels.map(|p| InstanceId(p.id))).expect("new");
+    products
 }
 
 /// Noise of mean 1 and a known relative deviation.
@@ -73,13 +75,34 @@ fn mean(values: impl Iterator<Item = f32>) -> f64 {
 }
 
 #[test]
-fn the_kind_keeps_the_house_rules() {
+fn every_kind_conforms() {
     let registry = Registry::linked().expect("no clash");
-    for kind in ["guided", "oidn"] {
+    for kind in ["guided", "none", "oidn"] {
         syntable_testing::conformance::entry(registry.find(Slot::Denoise, kind).expect("registered"));
     }
-    assert!(Guided { strength: f64::NAN, ..Guided::default() }.build().is_err());
-    assert!(Guided { levels: 6, ..Guided::default() }.build().is_err());
+    let guided = registry.find(Slot::Denoise, "guided").expect("registered");
+    for (options, sound) in [
+        ("strength = 0.1\nlevels = 1", true),
+        ("strength = 10\nlevels = 5", true),
+        ("strength = 0.09", false),
+        ("strength = 10.1", false),
+        ("strength = nan", false),
+        ("levels = 0", false),
+        ("levels = 6", false),
+    ] {
+        assert_eq!(guided.construct_str(options).is_ok(), sound, "{options}");
+    }
+}
+
+#[test]
+fn without_a_denoiser_the_image_stays_and_says_so() {
+    let registry = Registry::linked().expect("no clash");
+    let stage = registry.find(Slot::Denoise, "none").expect("registered").construct_str("").expect("no options").stage;
+    let Stage::Denoise(none) = stage else { panic!("the registry keeps slots apart") };
+    assert!(none.reads().is_empty() && none.replaces().is_empty());
+    let made = denoise(&*none, &image(4, 3, |_, _| WALL), &Serial).expect("does nothing");
+    assert_eq!(made.get(DENOISER).expect("provided"), &Value::record([("name", "none".into())]));
+    assert!(!made.contains("radiance"));
 }
 
 #[test]
@@ -89,8 +112,8 @@ fn an_image_without_noise_stays() {
         let light = 5.0 + 4.0 * (0.2 * x as f32).sin() * (0.13 * y as f32).cos();
         Pixel { radiance: [light * shade, light * 0.3, light * 2.0], albedo: [shade; 3], variance: 0.0, ..WALL }
     };
-    let frame = image(70, 50, textured);
-    for (after, before) in denoise(&frame).iter().zip(frame.get(RADIANCE).expect("put").data()) {
+    let products = image(70, 50, textured);
+    for (after, before) in filtered(&products).iter().zip(products.get(RADIANCE_NOISY).expect("put").data()) {
         for c in 0..3 {
             assert!((after[c] - before[c]).abs() <= 1e-3 * before[c], "{before:?} became {after:?}");
         }
@@ -101,12 +124,12 @@ fn an_image_without_noise_stays() {
 fn error_on_a_wall_falls_as_a_mean_of_its_neighbors() {
     for (variance_known, deviation) in [(false, 0.5), (true, 0.5), (true, 0.1)] {
         let mut stream = Stream::root(7);
-        let frame = image(96, 80, |_, _| {
+        let products = image(96, 80, |_, _| {
             let radiance = [10.0 * noise(&mut stream, deviation); 3];
             let variance = if variance_known { (10.0 * deviation).powi(2) as f32 } else { f32::INFINITY };
             Pixel { radiance, variance, ..WALL }
         });
-        let after = denoise(&frame);
+        let after = filtered(&products);
         let light = mean(after.iter().map(|p| p[0]));
         // 7680 samples: their own mean deviates by deviation / 88.
         let bound = 4.0 * deviation / 88.0 + 0.01;
@@ -124,11 +147,11 @@ fn light_does_not_cross_from_one_body_or_face_to_the_next() {
     let other = Pixel { id: 2, albedo: [0.46; 3], radiance: [1.0; 3], normal: [0.0, -1.0, 0.0], ..WALL };
     let behind = Pixel { depth: 3.0, radiance: [90.0; 3], ..WALL };
     let parts = [WALL, turned, other, behind];
-    let frame = image(96, 40, |x, _| {
+    let products = image(96, 40, |x, _| {
         let part = parts[x as usize / 24];
         Pixel { radiance: part.radiance.map(|r| r * noise(&mut stream, 0.2)), ..part }
     });
-    let after = denoise(&frame);
+    let after = filtered(&products);
     for (number, part) in parts.iter().enumerate() {
         for x in [0, 1, 22, 23] {
             let column = (0..40).map(|y| after[y * 96 + number * 24 + x][0]);
@@ -142,14 +165,14 @@ fn light_does_not_cross_from_one_body_or_face_to_the_next() {
 fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
     // Gray of 0.49 lit to 50 nits; the sky counts as white, of 1 nit. Halves of the pixels at the edge show one of them.
     let mut stream = Stream::root(4);
-    let frame = image(64, 40, |x, _| {
+    let products = image(64, 40, |x, _| {
         let light = 50.0 * noise(&mut stream, 0.3);
         let wall = Pixel { radiance: [light; 3], variance: 225.0, albedo: [0.49; 3], ..WALL };
         match x {
             0..=31 => wall,
             32 => Pixel {
                 radiance: [(light + 1.0) / 2.0; 3],
-                untinted: Some([(light / 0.5 + 1.0 / 1.01) / 2.0; 3]),
+                demodulated: Some([(light / 0.5 + 1.0 / 1.01) / 2.0; 3]),
                 albedo: [(0.49 + 1.0) / 2.0; 3],
                 normal: [0.0, 0.0, -0.5],
                 ..wall
@@ -157,7 +180,7 @@ fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
             _ => Pixel { radiance: [1.0; 3], variance: 0.0, albedo: [1.0; 3], normal: [0.0; 3], id: 0, ..wall },
         }
     });
-    let after = denoise(&frame);
+    let after = filtered(&products);
     let edge = mean((0..40).map(|y| after[y * 64 + 32][0]));
     assert!((edge / 25.5 - 1.0).abs() < 0.1, "{edge} nits");
 }
@@ -166,11 +189,11 @@ fn the_edge_of_a_bright_body_before_a_dark_sky_is_their_mean() {
 fn a_speck_is_cut_but_a_sure_highlight_is_kept() {
     for (variance, kept) in [(f32::INFINITY, false), (4.0, true)] {
         let mut stream = Stream::root(5);
-        let frame = image(48, 48, |x, y| {
+        let products = image(48, 48, |x, y| {
             let light = if (x, y) == (24, 24) { 1000.0 } else { 10.0 * noise(&mut stream, 0.2) };
             Pixel { radiance: [light; 3], variance, ..WALL }
         });
-        let after = denoise(&frame);
+        let after = filtered(&products);
         assert_eq!(after[24 * 48 + 24][0] > 900.0, kept, "{}", after[24 * 48 + 24][0]);
         let beside = after[24 * 48 + 26][0];
         assert!((8.0..12.0).contains(&beside), "{beside} nits beside it");
@@ -180,7 +203,7 @@ fn a_speck_is_cut_but_a_sure_highlight_is_kept() {
 #[test]
 fn what_is_no_number_stays_where_it_is() {
     let mut stream = Stream::root(1);
-    let frame = image(40, 40, |x, y| {
+    let products = image(40, 40, |x, y| {
         let pixel = Pixel { radiance: [10.0 * noise(&mut stream, 0.3); 3], ..WALL };
         match (x, y) {
             (5, 5) => Pixel { radiance: [f32::NAN; 3], ..pixel },
@@ -193,7 +216,7 @@ fn what_is_no_number_stays_where_it_is() {
             _ => pixel,
         }
     });
-    let after = denoise(&frame);
+    let after = filtered(&products);
     assert_eq!(after[20 * 40 + 20], [5e4; 3], "a light passes");
     for (number, pixel) in after.iter().enumerate() {
         let odd = [(5, 5), (20, 5), (20, 20), (35, 10), (37, 37)].contains(&(number % 40, number / 40));
@@ -205,16 +228,18 @@ fn what_is_no_number_stays_where_it_is() {
 fn any_size_and_any_number_of_threads() {
     for (width, height) in [(1, 1), (1, 9), (31, 2), (33, 17), (130, 70)] {
         let mut stream = Stream::root(2);
-        let frame = image(width, height, |_, y| {
+        let products = image(width, height, |_, y| {
             let id = 1 + (y / 9) as u16;
             Pixel { radiance: [10.0 * noise(&mut stream, 0.3), 3.0, 20.0], id, ..WALL }
         });
         let denoiser = Guided::default().build().expect("sound defaults");
-        let one = denoiser.denoise(&frame, &Serial).expect("denoises");
-        assert!(one.radiance.data().iter().flatten().all(|x| x.is_finite() && *x > 0.0));
+        let run = |workers: &dyn Workers| {
+            denoise(&*denoiser, &products, workers).expect("denoises").get(RADIANCE).expect("provided").clone()
+        };
+        let one = run(&Serial);
+        assert!(one.data().iter().flatten().all(|x| x.is_finite() && *x > 0.0));
         for threads in [2, 5] {
-            let many = denoiser.denoise(&frame, &Threads(threads)).expect("denoises");
-            assert_eq!(one.radiance, many.radiance, "{width} × {height}, {threads} threads");
+            assert_eq!(one, run(&Threads(threads)), "{width} × {height}, {threads} threads");
         }
     }
 }
@@ -222,16 +247,16 @@ fn any_size_and_any_number_of_threads() {
 #[test]
 fn a_room_gets_better_at_few_samples_and_no_worse_at_many() {
     let room = Room::new(64, 48);
-    let reference = room.frame(1024, 99);
-    let reference = reference.get(RADIANCE).expect("put").data();
+    let reference = room.render(1024, 99);
+    let reference = reference.get(RADIANCE_NOISY).expect("put").data();
     let scale = mean(reference.iter().map(|&c| luminance(c)));
     let error = |image: &[Rgb]| {
         let pairs = image.iter().flatten().zip(reference.iter().flatten());
         mean(pairs.map(|(a, r)| (a - r).powi(2) / (r * r + 0.01 * (scale * scale) as f32)))
     };
     for (samples, factor) in [(1, 0.3), (4, 0.45), (128, 1.0)] {
-        let frame = room.frame(samples, 5);
-        let (before, after) = (error(frame.get(RADIANCE).expect("put").data()), error(&denoise(&frame)));
+        let products = room.render(samples, 5);
+        let (before, after) = (error(products.get(RADIANCE_NOISY).expect("put").data()), error(&filtered(&products)));
         assert!(after < factor * before, "{samples} samples: relMSE {before} became {after}");
     }
 }

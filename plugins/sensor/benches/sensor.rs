@@ -1,12 +1,12 @@
 //! What sensors cost at 640 × 480 on one thread: `cargo bench -p syntable-sensor`.
 
 use divan::{Bencher, black_box};
-use syntable_model::context::{Collected, Context, NoCache, Serial};
+use syntable_model::context::{Collected, DatasetContext, Serial};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, DEPTH, NORMAL, RADIANCE};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_sensor::rgb_camera::{Developer, Tone, ev100_of, white_nits};
-use syntable_testing::{assets::NoAssets, scenes};
+use syntable_testing::scenes;
 
 const SIZE: [u32; 2] = [640, 480];
 
@@ -50,22 +50,20 @@ fn sense(bencher: Bencher, (kind, options): (&str, &str)) {
     };
     let (scene, dataset) = (scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]), scenes::dataset());
     let view = scenes::view([0.0, -1.0, 1.0], [0.0; 3], SIZE, 70.0);
-    let site = Site { dataset: &dataset, scene: &scene, view: Some(&view) };
     // A floor with a board every 40 pixels.
     let depth = Plane::from_fn(SIZE[0], SIZE[1], |x, y| 2.0 - 0.002 * y as f32 - if x % 40 < 12 { 0.3 } else { 0.0 });
-    let make_frame = || {
-        let mut frame = Products::new();
-        frame.put(RADIANCE, noisy_light()).expect("first");
-        frame.put(DEPTH, depth.clone()).expect("first");
-        frame.put(ALBEDO, depth.map(|_| [0.5; 3])).expect("first");
-        frame.put(NORMAL, depth.map(|_| [0.0, -0.6, -0.8])).expect("first");
-        frame
+    let make_products = || {
+        let mut products = Products::new();
+        products.put(RADIANCE, noisy_light()).expect("first");
+        products.put(DEPTH, depth.clone()).expect("first");
+        products.put(ALBEDO, depth.map(|_| [0.5; 3])).expect("first");
+        products.put(NORMAL, depth.map(|_| [0.0, -0.6, -0.8])).expect("first");
+        products
     };
     let log = Collected::default();
-    bencher.with_inputs(make_frame).bench_local_values(|mut frame| {
-        let stream = Stream::root(3);
-        let context = Context { stream, assets: &NoAssets, cache: &NoCache, workers: &Serial, log: &log };
-        sensor.sense(&site, &context, &mut frame).expect("senses");
-        frame
+    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene).view(&view);
+    bencher.with_inputs(make_products).bench_local_values(|mut products| {
+        sensor.sense(&cx, &Stream::root(3), &mut products).expect("senses");
+        products
     });
 }

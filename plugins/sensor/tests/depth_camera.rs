@@ -15,32 +15,32 @@ const FOCAL_PX: f64 = 600.0;
 const AXIAL: &str = "lateral_px = 0\nedge_loss = 0\n";
 
 /// Clean products: depth, reflectance and normal of every pixel.
-fn frame(at: impl FnMut(u32, u32) -> (f64, f64, [f32; 3])) -> Frame {
+fn clean(at: impl FnMut(u32, u32) -> (f64, f64, [f32; 3])) -> Products {
     let pixels = Plane::from_fn(SIZE[0], SIZE[1], at);
-    let mut frame = Products::new();
-    frame.put(DEPTH, pixels.map(|pixel| pixel.0 as f32)).expect("first");
-    frame.put(ALBEDO, pixels.map(|pixel| [pixel.1 as f32; 3])).expect("first");
-    frame.put(NORMAL, pixels.map(|pixel| pixel.2)).expect("first");
-    frame
+    let mut products = Products::new();
+    products.put(DEPTH, pixels.map(|pixel| pixel.0 as f32)).expect("first");
+    products.put(ALBEDO, pixels.map(|pixel| [pixel.1 as f32; 3])).expect("first");
+    products.put(NORMAL, pixels.map(|pixel| pixel.2)).expect("first");
+    products
 }
 
 /// A wall at normal incidence.
-fn wall(depth: f64, reflectance: f64) -> Frame {
-    frame(|_, _| (depth, reflectance, [0.0, 0.0, -1.0]))
+fn wall(depth: f64, reflectance: f64) -> Products {
+    clean(|_, _| (depth, reflectance, [0.0, 0.0, -1.0]))
 }
 
 /// A near wall left of column 100, a far one right of it.
-fn step(near: f64, far: f64) -> Frame {
-    frame(|x, _| (if x < 100 { near } else { far }, 0.95, [0.0, 0.0, -1.0]))
+fn step(near: f64, far: f64) -> Products {
+    clean(|x, _| (if x < 100 { near } else { far }, 0.95, [0.0, 0.0, -1.0]))
 }
 
-fn seen_by(workers: &dyn Workers, options: &str, frame: Products, seed: u64) -> Frame {
+fn seen_by(workers: &dyn Workers, options: &str, products: Products, seed: u64) -> Products {
     let view = view(SIZE, FOCAL_PX, Exposure::Fixed { ev100: 9.0 });
-    sense(&*sensor("depth_camera", options), &view, frame, seed, workers)
+    sense(&*sensor("depth_camera", options), &view, products, seed, workers)
 }
 
-fn depth(options: &str, frame: Products) -> Plane<f32> {
-    seen_by(&Serial, options, frame, 3).get(DEPTH_SENSED).expect("made").clone()
+fn depth(options: &str, products: Products) -> Plane<f32> {
+    seen_by(&Serial, options, products, 3).get(DEPTH_SENSED).expect("made").clone()
 }
 
 fn fraction(plane: &Plane<f32>, columns: std::ops::Range<u32>, is: impl Fn(f32) -> bool) -> f64 {
@@ -64,7 +64,7 @@ fn the_stream_decides_threads_do_not_and_clean_depth_is_kept() {
         let options = format!("model = \"{model}\"\nnoise = {{ uniform = [0.5, 1.5] }}\ndropout = 0.05");
         let see = |workers: &dyn Workers, seed| seen_by(workers, &options, step(0.9, 1.4), seed);
         let (one, three, other) = (see(&Serial, 1), see(&Threads(3), 1), see(&Serial, 2));
-        let of = |frame: &Products| frame.get(DEPTH_SENSED).expect("made").clone();
+        let of = |products: &Products| products.get(DEPTH_SENSED).expect("made").clone();
         assert_eq!(of(&one), of(&three), "{model}");
         assert_ne!(of(&one), of(&other), "{model}");
         assert_eq!(one.get(DEPTH).expect("there"), step(0.9, 1.4).get(DEPTH).expect("there"));
@@ -101,8 +101,8 @@ fn time_of_flight_has_the_stated_noise() {
         let mut view = view(SIZE, 1e6, Exposure::Fixed { ev100: 9.0 });
         view.camera.intrinsics.fx = 1e6;
         let options = format!("model = \"{model}\"\n{AXIAL}");
-        let frame = sense(&*sensor("depth_camera", &options), &view, wall(z, reflectance), 4, &Serial);
-        let depth = frame.get(DEPTH_SENSED).expect("made");
+        let products = sense(&*sensor("depth_camera", &options), &view, wall(z, reflectance), 4, &Serial);
+        let depth = products.get(DEPTH_SENSED).expect("made");
         let errors: Vec<f64> = depth.data().iter().map(|&got| f64::from(got) - z).collect();
         let unit: f64 = if model == "l515" { 0.00025 } else { 0.001 };
         let want = law(parameters, z, reflectance).powi(2) + unit * unit / 12.0;
@@ -127,8 +127,8 @@ fn stereo_has_the_stated_noise() {
         let mut errors = Vec::new();
         for seed in 0..12 {
             let options = format!("model = \"d435\"\n{AXIAL}unit_mm = 0.01");
-            let frame = seen_by(&Serial, &options, wall(z, 0.5), seed);
-            let depth = frame.get(DEPTH_SENSED).expect("made");
+            let products = seen_by(&Serial, &options, wall(z, 0.5), seed);
+            let depth = products.get(DEPTH_SENSED).expect("made");
             assert_eq!(fraction(depth, 0..band, |z| z == 0.0), 1.0, "the band at {z} m");
             assert_eq!(fraction(depth, band + 1..SIZE[0], |z| z > 0.0), 1.0, "beside the band at {z} m");
             let at = (band + 1..SIZE[0]).step_by(11).flat_map(|x| (0..SIZE[1]).step_by(11).map(move |y| (x, y)));
@@ -143,18 +143,18 @@ fn stereo_has_the_stated_noise() {
 
 #[test]
 fn neighbors_in_stereo_are_correlated_as_a_gaussian_is() {
-    let mut products = Vec::new();
+    let mut covariances = Vec::new();
     for seed in 0..30 {
         let options = format!("model = \"d435\"\n{AXIAL}unit_mm = 0.001\nstereo = {{ disparity_step_px = 0 }}");
-        let frame = seen_by(&Serial, &options, wall(1.0, 0.5), seed);
-        let depth = frame.get(DEPTH_SENSED).expect("made");
+        let products = seen_by(&Serial, &options, wall(1.0, 0.5), seed);
+        let depth = products.get(DEPTH_SENSED).expect("made");
         let noise = |x: u32, y: u32| (22.35 / f64::from(*depth.at(x, y)) - 22.35) / 0.08;
         let at = (40..150).step_by(14).flat_map(|x| (0..120).step_by(14).map(move |y| (x, y)));
-        products.extend(at.map(|(x, y)| noise(x, y) * noise(x + 2, y)));
+        covariances.extend(at.map(|(x, y)| noise(x, y) * noise(x + 2, y)));
     }
     // White noise after a Gaussian of σ has the correlation exp(−d² / 4σ²).
     let want = (-4.0 / (4.0 * 1.5_f64.powi(2))).exp();
-    assert!(stats::z_test_p(&products, want) > 0.001, "not {want}");
+    assert!(stats::z_test_p(&covariances, want) > 0.001, "not {want}");
 }
 
 #[test]
@@ -172,13 +172,13 @@ fn outside_its_range_nothing_is_measured() {
         let inside = fraction(&depth(&options, wall(near * 1.1, 0.95)), 120..150, |z| z > 0.0);
         assert_eq!(inside, 1.0, "{model}");
     }
-    let nothing = depth("", frame(|_, _| (f64::INFINITY, 0.0, [0.0; 3])));
+    let nothing = depth("", clean(|_, _| (f64::INFINITY, 0.0, [0.0; 3])));
     assert!(nothing.data().iter().all(|z| *z == 0.0));
 }
 
 #[test]
 fn dark_and_steep_surfaces_give_no_light_back() {
-    let measured = |options: &str, frame: Frame| fraction(&depth(options, frame), 50..150, |z| z > 0.0);
+    let measured = |options: &str, products: Products| fraction(&depth(options, products), 50..150, |z| z > 0.0);
     // At 2 m a 15 % surface at 3.9 m sends as much as one of 0.15 · (2 / 3.9)² = 3.9 %.
     assert!(measured("", wall(2.0, 0.06)) > 0.99 && measured("", wall(2.0, 0.025)) < 0.01);
     assert!(measured("model = \"d435\"", wall(2.0, 0.001)) > 0.99);
@@ -186,7 +186,7 @@ fn dark_and_steep_surfaces_give_no_light_back() {
     let slanted = |degrees: f64| {
         let (sine, cosine) = degrees.to_radians().sin_cos();
         move || {
-            frame(|x, _| {
+            clean(|x, _| {
                 let u = (f64::from(x) + 0.5 - 80.0) / FOCAL_PX;
                 // The plane through (0, 0, 2) with this normal.
                 (2.0 * cosine / (cosine - sine * u), 0.08, [sine as f32, 0.0, -cosine as f32])
@@ -202,7 +202,7 @@ fn dark_and_steep_surfaces_give_no_light_back() {
 #[test]
 fn lateral_noise_becomes_depth_on_a_slope() {
     // A plane that falls away by dz/dx = 1 at 1 m: a shift by s pixels is s / f meters of depth.
-    let sloped = frame(|x, _| {
+    let sloped = clean(|x, _| {
         let u = (f64::from(x) + 0.5 - 80.0) / 1e4;
         (1.0 / (1.0 - u), 0.95, [std::f32::consts::FRAC_1_SQRT_2, 0.0, -std::f32::consts::FRAC_1_SQRT_2])
     });
@@ -212,7 +212,7 @@ fn lateral_noise_becomes_depth_on_a_slope() {
     let options = "noise = 0\nlateral_px = 2\nunit_mm = 0.001";
     let seen = sense(&*sensor("depth_camera", options), &view, sloped, 6, &Serial);
     let pairs = seen.get(DEPTH_SENSED).expect("made").data().iter().zip(clean.data()).enumerate();
-    // Away from the frame, where there is nothing to be taken from.
+    // Away from the border, where there is nothing to be taken from.
     let inside = pairs.filter(|(i, _)| (12..148).contains(&(i % 160)) && (12 * 160..108 * 160).contains(i));
     let squares: Vec<f64> = inside.map(|(_, (&got, &z))| ((got - z) as f64 * 1e4).powi(2)).collect();
     // θ / (π/2 − θ) is 1 at 45°.
@@ -246,7 +246,7 @@ fn edges_lose_measurements_and_fly() {
 #[test]
 fn near_objects_cast_a_shadow_to_their_left() {
     // A board before a wall, seen from the left camera: f b (1/z − 1/z') pixels of the wall are hidden from the right.
-    let board = || frame(|x, _| (if (80..110).contains(&x) { 0.8 } else { 1.6 }, 0.9, [0.0, 0.0, -1.0]));
+    let board = || clean(|x, _| (if (80..110).contains(&x) { 0.8 } else { 1.6 }, 0.9, [0.0, 0.0, -1.0]));
     let quiet = "model = \"d435\"\nnoise = 0\nlateral_px = 0\nedge_loss = 0\nstereo = { disparity_step_px = 0 }";
     let seen = depth(quiet, board());
     let width = FOCAL_PX * 0.05 * (1.0 / 0.8 - 1.0 / 1.6);

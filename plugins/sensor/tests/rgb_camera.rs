@@ -15,11 +15,11 @@ const FIXED: Exposure = Exposure::Fixed { ev100: 1.0 };
 const WHITE: f32 = 2.4;
 const FOCAL_PX: f64 = 90.0;
 
-fn taken_by(workers: &dyn Workers, options: &str, radiance: Plane<[f32; 3]>, exposure: Exposure) -> Frame {
+fn taken_by(workers: &dyn Workers, options: &str, radiance: Plane<[f32; 3]>, exposure: Exposure) -> Products {
     let view = view([radiance.width(), radiance.height()], FOCAL_PX, exposure);
-    let mut frame = Products::new();
-    frame.put(RADIANCE, radiance).expect("first");
-    sense(&*sensor("rgb_camera", options), &view, frame, 5, workers)
+    let mut products = Products::new();
+    products.put(RADIANCE, radiance).expect("first");
+    sense(&*sensor("rgb_camera", options), &view, products, 5, workers)
 }
 
 fn image(options: &str, radiance: Plane<[f32; 3]>) -> Plane<[u8; 3]> {
@@ -92,11 +92,11 @@ fn wrong_options_are_rejected_by_name() {
 #[test]
 fn images_have_the_requested_tone_and_exposure() {
     let ramp = || Plane::from_vec(4, 1, vec![[0.0; 3], [0.6, 1.2, 2.4], [1.2, 0.0, 0.6], [f32::INFINITY; 3]]);
-    let frame = taken_by(&Serial, "tone = \"srgb\"", ramp(), FIXED);
+    let products = taken_by(&Serial, "tone = \"srgb\"", ramp(), FIXED);
     // White is 2.4 nits; sRGB codes of 1/4 and 1/2 are 137 and 188.
-    assert_eq!(frame.get(RGB).expect("made").data(), [[0, 0, 0], [137, 188, 255], [188, 0, 137], [255, 255, 255]]);
+    assert_eq!(products.get(RGB).expect("made").data(), [[0, 0, 0], [137, 188, 255], [188, 0, 137], [255, 255, 255]]);
     let exposure = json!({ "mode": "fixed", "ev100": 1.0, "white_nits": 2.4, "tone": "srgb" });
-    assert_eq!(json(&frame, "exposure"), exposure);
+    assert_eq!(json(&products, "exposure"), exposure);
 
     // Automatic: an even gray wall is 18 % whatever its luminance, and one stop more is twice that.
     for tone in ["filmic", "agx"] {
@@ -105,10 +105,10 @@ fn images_have_the_requested_tone_and_exposure() {
                 let wall = Plane::from_fn(8, 6, |_, _| [nits; 3]);
                 taken_by(&Serial, &format!("tone = \"{tone}\""), wall, Exposure::Auto { compensation_ev })
             };
-            let frame = shoot(0.0);
-            let image = frame.get(RGB).expect("made");
+            let products = shoot(0.0);
+            let image = products.get(RGB).expect("made");
             assert!(image.data().iter().all(|pixel| *pixel == [118; 3]), "{nits}: {:?}", image.at(0, 0));
-            let exposure = json(&frame, "exposure");
+            let exposure = json(&products, "exposure");
             assert_eq!((&exposure["mode"], &exposure["tone"]), (&json!("auto"), &json!(tone)));
             let brighter = shoot(1.0);
             let code = brighter.get(RGB).expect("made").at(0, 0)[0];
@@ -250,8 +250,8 @@ fn white_balance_makes_a_lit_wall_gray() {
             assert!(r.abs_diff(*g) <= 1 && b.abs_diff(*g) <= 1, "{balance}: {r} {g} {b}");
         }
     }
-    let frame = taken_by(&Serial, "white_balance = \"auto\"", Plane::from_fn(40, 30, wall), FIXED);
-    let kelvin = json(&frame, "exposure")["white_balance"]["kelvin"].as_f64().expect("a number");
+    let products = taken_by(&Serial, "white_balance = \"auto\"", Plane::from_fn(40, 30, wall), FIXED);
+    let kelvin = json(&products, "exposure")["white_balance"]["kelvin"].as_f64().expect("a number");
     assert!((kelvin - 3000.0).abs() < 15.0, "{kelvin}");
 }
 

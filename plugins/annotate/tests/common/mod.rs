@@ -3,24 +3,31 @@
 #![allow(dead_code)]
 
 use std::sync::Arc;
+use syntable_model::context::{Collected, DatasetContext, SceneContext, Serial, ViewContext};
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::{BitPlane, Plane};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Material, Mesh, MeshData, Motion, Object, Role, SceneId,
     SettleReport, Tabletop, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
-/// The kind's default stage, or the one that these options give.
-pub fn annotator(kind: &str, options: &str) -> Box<dyn Annotator> {
+/// The stage that these options give.
+pub fn stage(kind: &str, options: &str) -> Stage {
     use syntable_annotate as _;
-    let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
-    let entry = registry.find(syntable_model::registry::Slot::Annotate, kind).expect("a registered kind");
-    match entry.construct_str(options).expect("good options").stage {
-        syntable_model::registry::Stage::Annotate(annotator) => annotator,
-        _ => unreachable!("the registry keeps slots apart"),
+    let registry = Registry::linked().expect("kinds are unique");
+    let entry = registry.find(Slot::Annotate, kind).expect("a registered kind");
+    entry.construct_str(options).expect("good options").stage
+}
+
+/// An annotator of views.
+pub fn annotator(kind: &str, options: &str) -> Box<dyn Annotator> {
+    match stage(kind, options) {
+        Stage::Annotate(annotator) => annotator,
+        _ => panic!("`{kind}` does not annotate views"),
     }
 }
 
@@ -29,6 +36,7 @@ pub struct World {
     pub dataset: DatasetInfo,
     pub scene: Scene,
     pub view: View,
+    pub log: Collected,
 }
 
 impl World {
@@ -80,11 +88,15 @@ impl World {
             recipe: String::new(),
             program: "test".into(),
         };
-        Self { dataset, scene, view }
+        Self { dataset, scene, view, log: Collected::default() }
     }
 
-    pub fn site(&self) -> Site<'_> {
-        Site { dataset: &self.dataset, scene: &self.scene, view: Some(&self.view) }
+    pub fn of_scene(&self) -> SceneContext<'_> {
+        DatasetContext::new(&self.dataset, &Serial, &self.log).scene(&self.scene)
+    }
+
+    pub fn of_view(&self) -> ViewContext<'_> {
+        self.of_scene().view(&self.view)
     }
 }
 

@@ -291,10 +291,10 @@ impl Input<'_> {
             let error = (RESIDUAL * luminance(own)).powi(2);
             let trust = (error / (error + noise + 1e-30)).powi(2);
             let border = guides.border.at(at) > 0.0;
-            let [untinted, mirrored] =
+            let [demodulated, mirrored] =
                 [self.light(pixel, Part::Diffuse, border), self.light(pixel, Part::Specular, border)];
             std::array::from_fn(|c| {
-                let residual = own[c] - (untinted[c] * factor[c] + mirrored[c]);
+                let residual = own[c] - (demodulated[c] * factor[c] + mirrored[c]);
                 let residual = if residual.is_finite() { trust * residual } else { 0.0 };
                 (diffuse.color[c].at(at) * factor[c] + specular.color[c].at(at) + residual).max(0.0)
             })

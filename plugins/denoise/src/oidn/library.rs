@@ -173,7 +173,7 @@ impl Device {
     /// Filters an image.
     pub fn filter(&mut self, job: Job) -> Result<()> {
         let Job { width, height, color, albedo, normal, .. } = job;
-        assert!([color.len(), albedo.len(), normal.len()] == [width * height; 3], "pictures of one size");
+        assert!([color.len(), albedo.len(), normal.len()] == [width * height; 3], "images of one size");
         let f = &self.functions;
         // SAFETY: every image is width × height packed pixels of three floats, as was checked, and outlives the filter,
         // which is released below whatever happens in between; reading and writing the same image is allowed.
@@ -186,11 +186,11 @@ impl Device {
             let image = |name: &CStr, data: *mut [f32; 3]| {
                 (f.set_image)(filter, name.as_ptr(), data.cast(), FLOAT3, width, height, 0, 0, 0);
             };
-            let picture = color.as_mut_ptr();
-            image(c"color", picture);
+            let radiance = color.as_mut_ptr();
+            image(c"color", radiance);
             image(c"albedo", albedo.as_mut_ptr());
             image(c"normal", normal.as_mut_ptr());
-            image(c"output", picture);
+            image(c"output", radiance);
             (f.set_bool)(filter, c"hdr".as_ptr(), true);
             (f.set_bool)(filter, c"cleanAux".as_ptr(), job.clean_guides);
             (f.set_float)(filter, c"inputScale".as_ptr(), job.scale);

@@ -1,20 +1,37 @@
-//! Rendered frames of the room of the renderer's bench, with everything that denoisers read.
+//! The room of the renderer's bench, rendered with everything that denoisers read.
 
 #![allow(dead_code)]
 
 use std::sync::Arc;
+use syntable_model::context::{Collected, DatasetContext, Workers};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
-    RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
+    RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
 use syntable_render_cpu::{CpuPath, CpuPathRenderer};
-use syntable_testing::room;
 use syntable_testing::workers::Threads;
+use syntable_testing::{room, scenes};
 
 /// Relative luminance of linear Rec. 709.
 pub fn luminance(c: [f32; 3]) -> f32 {
     0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
+}
+
+/// Runs a denoiser, which is lent only the products that it declares. Gives what it made, and no more than it declares.
+pub fn denoise(denoiser: &dyn Denoiser, products: &Products, workers: &dyn Workers) -> Result<Products> {
+    let (dataset, scene) = (scenes::dataset(), scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]));
+    let (view, log) = (scenes::view([0.0, -1.0, 1.0], [0.0; 3], [8, 8], 60.0), Collected::default());
+    let cx = DatasetContext::new(&dataset, workers, &log).scene(&scene).view(&view);
+    let names: Vec<&str> = denoiser.reads().iter().map(|key| key.name).collect();
+    let lent = products.only(&names);
+    let mut filled = lent.clone();
+    denoiser.denoise(&cx, &mut filled)?;
+    let made = filled.without(&lent);
+    let mut provided = denoiser.provides();
+    provided.sort_by_key(|key| key.name);
+    assert_eq!(made.keys(), provided, "it makes other products than it declares");
+    Ok(made)
 }
 
 /// The room, seen by a camera whose focal length is 600 px.
@@ -29,8 +46,8 @@ impl Room {
         Self { scene: room::scene(), view: room::view(width, height) }
     }
 
-    /// A rendered frame with all guides.
-    pub fn frame(&self, samples_per_pixel: u32, seed: u64) -> Frame {
+    /// The noisy image with all guides.
+    pub fn render(&self, samples_per_pixel: u32, seed: u64) -> Products {
         let wants: [KeyId; 9] = [
             RADIANCE.id(),
             DENOISE_ALBEDO.id(),
@@ -48,8 +65,9 @@ impl Room {
         session.load(&self.scene, &Threads(2)).expect("loads");
         let stream = Stream::root(seed);
         let request = RenderRequest { view: &self.view, wants: &wants, stream, workers: &Threads(2) };
-        let mut frame = Products::new();
-        session.render(&request, &mut frame).expect("renders");
-        frame
+        let mut products = Products::new();
+        session.render(&request, &mut products).expect("renders");
+        products.rename(RADIANCE.id(), RADIANCE_NOISY.id()).expect("not there yet");
+        products
     }
 }

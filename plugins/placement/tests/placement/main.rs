@@ -10,7 +10,7 @@ use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, CatalogEntry, EnvironmentMap, Material, Mesh, MeshData, Motion, Object, Role, TextureMapping,
+    Asset, AssetRef, BodyDraft, CatalogEntry, Material, Mesh, MeshData, Motion, Object, Role, TextureMapping,
 };
 use syntable_placement as _;
 
@@ -50,7 +50,10 @@ impl Assets for Pools {
     fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
         self.0.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("no pool {pool}")))
     }
-    fn object(&self, asset: &AssetRef) -> Result<Arc<Object>> {
+    fn get(&self, asset: &AssetRef) -> Result<Asset> {
+        if asset.pool == "materials" {
+            return Ok(Material::plain(&asset.name, [0.5; 3], 0.5).into());
+        }
         let edges: Vec<f32> =
             asset.name.split('x').filter_map(|edge| edge.parse().ok()).map(|mm: f32| mm / 1e3).collect();
         let [a, b, c] = edges[..] else { return Err(Error::new("a bad asset")) };
@@ -66,7 +69,7 @@ impl Assets for Pools {
             ..MeshData::default()
         })?;
         assert!((mesh.signed_volume() - f64::from(a * b * c)).abs() < 1e-6);
-        Ok(Arc::new(Object {
+        Ok(Asset::from(Object {
             name: asset.name.clone(),
             category: "box".into(),
             mesh: Arc::new(mesh),
@@ -77,12 +80,6 @@ impl Assets for Pools {
             license: String::new(),
             digest: Digest::of(asset.name.as_bytes()),
         }))
-    }
-    fn material(&self, asset: &AssetRef) -> Result<Arc<Material>> {
-        Ok(Arc::new(Material::plain(&asset.name, [0.5; 3], 0.5)))
-    }
-    fn environment(&self, asset: &AssetRef) -> Result<Arc<EnvironmentMap>> {
-        Err(Error::new(format!("there is no {asset}")))
     }
 }
 
@@ -111,7 +108,7 @@ fn center(body: &BodyDraft) -> Point3<f64> {
 }
 
 #[test]
-fn a_room_encloses_the_table_and_every_surface_draws_its_own_material() {
+fn a_room_encloses_the_table_and_every_part_draws_its_own_material() {
     let options = "material = { floor = \"materials\", walls = \"materials\" }\nsize_m = { uniform = [6, 15] }";
     let room = placer("room", options);
     let mut combinations = std::collections::BTreeSet::new();
@@ -123,15 +120,15 @@ fn a_room_encloses_the_table_and_every_surface_draws_its_own_material() {
         for body in &bodies {
             assert_eq!((body.role, body.motion), (Role::Room, Motion::Fixed));
             assert!(body.object.mesh.signed_volume() > 0.0);
-            match (&body.surface, body.asset.name.as_str()) {
+            match (&body.material_override, body.asset.name.as_str()) {
                 (None, "ceiling") => {}
-                (Some(surface), name) if name != "ceiling" => {
-                    names.push(surface.material.name.clone());
-                    let TextureMapping::Box { rotation, offset } = surface.mapping else { panic!("{name}") };
+                (Some(replacement), name) if name != "ceiling" => {
+                    names.push(replacement.material.name.clone());
+                    let TextureMapping::Box { rotation, offset } = replacement.mapping else { panic!("{name}") };
                     assert!((0.0..std::f32::consts::TAU).contains(&rotation));
                     assert!(offset.iter().all(|x| (0.0..1.0).contains(x)));
                 }
-                (surface, name) => panic!("{name}: {surface:?}"),
+                (replacement, name) => panic!("{name}: {replacement:?}"),
             }
         }
         combinations.insert(names[1..].to_vec());
@@ -169,7 +166,7 @@ fn a_table_stands_on_the_floor_in_the_center() {
     assert!((Vector3::from(top.center) - Vector3::new(0.0, 0.0, 0.75)).norm() < 1e-6, "{top:?}");
     assert!((top.size[0] - 1.2).abs() < 1e-6 && (top.size[1] - 0.8).abs() < 1e-6, "{top:?}");
     let (_, body) = scene.bodies().next().expect("a body");
-    assert_eq!((body.role, body.motion, body.surface.is_none()), (Role::Support, Motion::Fixed, true));
+    assert_eq!((body.role, body.motion, body.material_override.is_none()), (Role::Support, Motion::Fixed, true));
     let bounds = body.world_bounds();
     assert!((bounds.min.coords - Vector3::new(-0.6, -0.4, 0.0)).norm() < 1e-6, "{bounds:?}");
     // Turned by 30°: the tabletop is the box around it.
@@ -188,7 +185,7 @@ fn a_table_gets_a_material_as_often_as_asked() {
     let drawn = (0..2000)
         .filter(|&seed| {
             let (scene, _) = place(&[&*some], seed).expect("placed");
-            scene.bodies().next().expect("a body").1.surface.is_some()
+            scene.bodies().next().expect("a body").1.material_override.is_some()
         })
         .count();
     // 500 ± 4 standard deviations of a binomial.

@@ -15,20 +15,21 @@ fn walls_alike_have_one_material_and_mapping() {
     let mut same_as_floor = 0;
     for seed in 0..80 {
         let (scene, _) = place(&[&*room], seed).expect("placed");
-        let surfaces: Vec<_> = bodies(&scene).iter().map(|body| body.surface.clone().expect("a surface")).collect();
-        for wall in &surfaces[2..5] {
-            assert_eq!(wall.material.digest, surfaces[1].material.digest);
-            assert_eq!(wall.mapping, surfaces[1].mapping);
+        let overrides: Vec<_> =
+            bodies(&scene).iter().map(|body| body.material_override.clone().expect("an override")).collect();
+        for wall in &overrides[2..5] {
+            assert_eq!(wall.material.digest, overrides[1].material.digest);
+            assert_eq!(wall.mapping, overrides[1].mapping);
         }
-        same_as_floor += usize::from(surfaces[0].material.name == surfaces[1].material.name);
+        same_as_floor += usize::from(overrides[0].material.name == overrides[1].material.name);
         // The pool's materials have tiles of 1 m.
-        assert!(surfaces.iter().all(|surface| (0.5..2.0).contains(&surface.material.tile_m)));
-        assert!(surfaces[0].material.tile_m != surfaces[1].material.tile_m);
+        assert!(overrides.iter().all(|one| (0.5..2.0).contains(&one.material.tile_m)));
+        assert!(overrides[0].material.tile_m != overrides[1].material.tile_m);
         // Floor and ceiling are those of a room whose walls differ.
         let (other, _) = place(&[&*apart], seed).expect("placed");
         for i in [0, 5] {
-            let other = bodies(&other)[i].surface.clone().expect("a surface");
-            assert_eq!((&other.material.name, other.mapping), (&surfaces[i].material.name, surfaces[i].mapping));
+            let other = bodies(&other)[i].material_override.clone().expect("an override");
+            assert_eq!((&other.material.name, other.mapping), (&overrides[i].material.name, overrides[i].mapping));
             assert_eq!(other.material.tile_m, 1.0);
         }
     }
@@ -81,8 +82,8 @@ fn some_objects_get_another_material_and_nothing_else_changes() {
                 (&a.asset, a.world_from_body, a.object.mass_kg),
                 (&b.asset, b.world_from_body, b.object.mass_kg)
             );
-            assert!(a.surface.is_none());
-            replaced += usize::from(b.surface.as_ref().is_some_and(|surface| surface.material.tile_m == 0.5));
+            assert!(a.material_override.is_none());
+            replaced += usize::from(b.material_override.as_ref().is_some_and(|other| other.material.tile_m == 0.5));
         }
     }
     // 600 ± 4 standard deviations of a binomial.
@@ -133,10 +134,10 @@ fn distractors_lie_on_the_floor_around_the_table() {
 #[test]
 fn distractors_come_after_objects_and_before_the_table() {
     let (room, table) = (placer("room", ""), table());
-    let unlabelled = placer("drop_box", "from = [\"small\"]\ncount = 3\nannotated = false");
+    let unlabeled = placer("drop_box", "from = [\"small\"]\ncount = 3\nannotated = false");
     let floor = placer("distractors", "from = [\"small\"]\ncount = 4");
     let drop = placer("drop_box", "from = [\"small\"]\ncount = 5");
-    let (scene, _) = place(&[&*room, &*table, &*unlabelled, &*floor, &*drop], 2).expect("placed");
+    let (scene, _) = place(&[&*room, &*table, &*unlabeled, &*floor, &*drop], 2).expect("placed");
     assert_eq!(objects(&scene).iter().map(|body| body.spawn).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     let scene = scene.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
     assert_eq!((scene.objects().len(), scene.foreground().len(), scene.bodies().len()), (5, 12, 19));

@@ -27,7 +27,7 @@ pub enum Brightness {
     IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
     /// Luminance of the light's surface, nits (cd/m²), from 0 to 10¹⁰.
     LuminanceNits(#[schemars(extend("minimum" = LUMINANCE_NITS[0], "maximum" = LUMINANCE_NITS[1]))] Dist),
-    /// Luminous flux of each light, lumens, as printed on the box of a lamp, from 0 to 10⁹.
+    /// Luminous flux of each light, lumens, as on the package of a light bulb, from 0 to 10⁹.
     LuminousFluxLm(#[schemars(extend("minimum" = LUMINOUS_FLUX_LM[0], "maximum" = LUMINOUS_FLUX_LM[1]))] Dist),
 }
 

@@ -2,12 +2,12 @@
 
 #![allow(dead_code)]
 
-use syntable_model::context::{Context, NoCache, Workers};
+use syntable_model::context::{Collected, DatasetContext, Workers};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Constructed, Registry, Slot, Stage};
 use syntable_model::scene::{Exposure, View};
 use syntable_sensor as _;
-use syntable_testing::{assets::NoAssets, scenes};
+use syntable_testing::scenes;
 
 /// The stage that these options give.
 pub fn sensor(kind: &str, options: &str) -> Box<dyn Sensor> {
@@ -41,28 +41,27 @@ pub fn view(size: [u32; 2], focal_px: f64, exposure: Exposure) -> View {
     view
 }
 
-/// Runs a sensor on a frame, which it can read only as it declares.
-pub fn sense(sensor: &dyn Sensor, view: &View, mut frame: Products, seed: u64, workers: &dyn Workers) -> Frame {
+/// Runs a sensor, which is lent only the products that it declares, and gives those that were there and those that it made.
+pub fn sense(sensor: &dyn Sensor, view: &View, mut products: Products, seed: u64, workers: &dyn Workers) -> Products {
     let scene = scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]);
     let dataset = scenes::dataset();
-    let site = Site { dataset: &dataset, scene: &scene, view: Some(view) };
-    let context = Context {
-        stream: Stream::root(seed),
-        assets: &NoAssets,
-        cache: &NoCache,
-        workers,
-        log: &syntable_model::context::Collected::default(),
+    let log = Collected::default();
+    let cx = DatasetContext::new(&dataset, workers, &log).scene(&scene).view(view);
+    let names: Vec<&str> = sensor.reads().iter().map(|key| key.name).collect();
+    let lent = products.only(&names);
+    let mut filled = lent.clone();
+    sensor.sense(&cx, &Stream::root(seed), &mut filled).expect("senses");
+    let made = filled.without(&lent);
+    let sorted = |mut keys: Vec<KeyId>| {
+        keys.sort_by_key(|key| key.name);
+        keys
     };
-    frame.guard(&sensor.reads());
-    sensor.sense(&site, &context, &mut frame).expect("senses");
-    frame.unguard();
-    for key in sensor.provides() {
-        assert!(frame.contains(key.name), "{} is missing", key.name);
-    }
-    frame
+    assert_eq!(made.keys(), sorted(sensor.provides()), "it makes other products than it declares");
+    products.extend(made).expect("all are new");
+    products
 }
 
 /// A product as JSON.
-pub fn json(frame: &Products, name: &str) -> serde_json::Value {
-    serde_json::to_value(frame.value(name).expect("made")).expect("serializes")
+pub fn json(products: &Products, name: &str) -> serde_json::Value {
+    serde_json::to_value(products.value(name).expect("made")).expect("serializes")
 }
