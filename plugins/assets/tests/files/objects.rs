@@ -90,7 +90,7 @@ fn obj_text() {
             &text(&|t| t.replace("vt 0 0\n", "vt 0 0\nvn nan nan nan\n").replace("4/3", "4/3/1")),
             Accept,
         ),
-        ("missing normals", &text(&|t| t.replace("4/3", "4/3/7")), Warn("corners name normals that are not there")),
+        ("missing normals", &text(&|t| t.replace("4/3", "4/3/7")), Warn("corners refer to missing normals")),
         ("flat", &text(&|t| t.replace(" 0.1\n", " 0\n")), Reject("one plane")),
         (
             "one point",
