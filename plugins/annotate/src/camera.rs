@@ -47,7 +47,8 @@ struct CameraView {
     camera_axes: &'static str,
     world_axes: &'static str,
     length_unit: &'static str,
-    pixel_centres: &'static str,
+    #[serde(rename = "pixel_centres")] // typos: ignore
+    pixel_centers: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,7 +68,7 @@ impl From<&scene::Camera> for CameraView {
             camera_axes: "x right, y down, z forward",
             world_axes: "right-handed, z up",
             length_unit: "m",
-            pixel_centres: "half-integers: the image's top-left corner is (0, 0)",
+            pixel_centers: "half-integers: the image's top-left corner is (0, 0)",
             distortion_k1_k2_p1_p2_k3: camera.distortion.map(|distortion| {
                 let ([k1, k2, k3], [p1, p2]) = (distortion.radial, distortion.tangential);
                 [k1, k2, p1, p2, k3]

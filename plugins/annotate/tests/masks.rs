@@ -245,7 +245,7 @@ fn planes_that_disagree_are_refused() {
         products.put(INSTANCE, rays.instance()).expect("first");
         products.put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(false, false)).expect("first");
     });
-    assert_eq!(wrong, "the coverage plane knows 3 objects, the scene 2");
+    assert_eq!(wrong, "the coverage plane has 3 objects, the scene 2");
 }
 
 #[test]

@@ -185,8 +185,11 @@ fn records_keep_their_fields_and_their_order() {
     run(&world, "object_info", "objects = \"all\"", &mut products);
     assert_eq!(
         names(&products.value("camera").expect("made")),
-        "width height K world_from_camera camera_from_world camera_axes world_axes length_unit pixel_centres \
-         distortion_k1_k2_p1_p2_k3 aperture_radius_m focus_distance_m"
+        concat!(
+            "width height K world_from_camera camera_from_world camera_axes world_axes length_unit ",
+            "pixel_centres ", // typos: ignore
+            "distortion_k1_k2_p1_p2_k3 aperture_radius_m focus_distance_m"
+        )
     );
     assert_eq!(json(&products, "camera")["distortion_k1_k2_p1_p2_k3"], json!([1.0, 2.0, 4.0, 5.0, 3.0]));
     let Ok(Value::List(lights)) = products.value("lights") else { panic!("a list") };

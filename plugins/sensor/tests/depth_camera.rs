@@ -263,7 +263,7 @@ fn near_objects_cast_a_shadow_to_their_left() {
 #[test]
 fn wrong_options_are_rejected_by_name() {
     for (options, want) in [
-        ("model = \"d415\"", "unknown variant `d415`"),
+        ("model = \"d415\"", "model: `model` cannot be \"d415\""),
         ("model = \"d435\"\ntime_of_flight = {}", "time_of_flight: `d435` is not a time-of-flight camera"),
         ("stereo = { baseline_m = 0.1 }", "stereo: `l515` is not a stereo camera"),
         ("range_m = [2, 1]", "range_m: `range_m = [2, 1]` is empty"),

@@ -351,18 +351,22 @@ fn same_stream_same_scene() {
 fn options_are_checked() {
     for (kind, options, want) in [
         ("table", "", "from"),
-        ("table", "from = []", "no pool"),
-        ("table", "from = [\"tables\"]\nmaterial_probability = 1.5", "outside 0 to 1"),
-        ("drop_box", "from = []", "no pool"),
+        ("table", "from = []", "`from` must not be empty"),
+        ("table", "from = [\"tables\"]\nmaterial_probability = 1.5", "`material_probability` cannot be 1.5"),
+        ("drop_box", "from = []", "`from` must not be empty"),
         ("drop_box", "from = [\"small\"]\ncount = 0", "can become 0"),
         ("drop_box", "from = [\"small\"]\nrotation = \"uniform\"", "uniform_so3"),
-        ("drop_box", "from = [\"small\"]\nclearance_m = -1", "outside"),
+        ("drop_box", "from = [\"small\"]\nclearance_m = -1", "`clearance_m` cannot be -1"),
         ("room", "size_m = { uniform = [0, 4] }", "can become 0"),
         ("room", "texture_scale = 0", "can become 0"),
-        ("drop_box", "from = [\"small\"]\nmaterial = { from = \"materials\", probability = 2 }", "outside 0 to 1"),
-        ("distractors", "from = []", "no pool"),
+        (
+            "drop_box",
+            "from = [\"small\"]\nmaterial = { from = \"materials\", probability = 2 }",
+            "`material.probability` cannot be 2",
+        ),
+        ("distractors", "from = []", "`from` must not be empty"),
         ("distractors", "from = [\"small\"]\ndistance_m = [2, 1]", "write the smaller bound first"),
-        ("distractors", "from = [\"small\"]\nlying_probability = 2", "outside 0 to 1"),
+        ("distractors", "from = [\"small\"]\nlying_probability = 2", "`lying_probability` cannot be 2"),
         ("room", "material = { roof = \"materials\" }", "roof"),
     ] {
         let error = refused(kind, options);

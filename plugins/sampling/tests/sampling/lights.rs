@@ -234,7 +234,7 @@ fn a_map_has_its_sun_where_it_is_brightest() {
     assert!((at / aside - 50.0).abs() < 1e-3, "{at} {aside}");
     assert!((disk.towards.z - 33.75_f64.to_radians().sin()).abs() < 0.01, "{disk:?}");
     let refusal = refused(Slot::Lights, "environment", "source = { constant = { sun = { ratio = 2 } } }");
-    assert!(refusal.contains("unknown field `sun`"), "{refusal}");
+    assert!(refusal.contains("has no option `sun`"), "{refusal}");
 }
 
 #[test]
