@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 use std::fmt;
 
 macro_rules! codes {
-    ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $title:literal, $explanation:literal, $way_out:literal;)*) => {
+    ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $title:literal, $explanation:literal, $help_text:literal;)*) => {
         /// Kind of mistake. Codes never change their meaning.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum Code {
@@ -37,9 +37,9 @@ macro_rules! codes {
             }
 
             /// How to fix it: a paragraph of Markdown.
-            pub fn way_out(self) -> &'static str {
+            pub fn help_text(self) -> &'static str {
                 match self {
-                    $(Self::$name => $way_out,)*
+                    $(Self::$name => $help_text,)*
                 }
             }
         }

@@ -161,7 +161,7 @@ pub fn schema(registry: &Registry) -> Json {
         described(&schemas.lock, "Versions and digests that a resolved recipe was made with; written by the program."),
     );
     json!({
-        "$schema": "http://json-schema.org/diagnostic-07/schema#",
+        "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "SynTable recipe",
         "description": "Declares a synthetic dataset for unseen-object amodal instance segmentation.",
         "type": "object",
