@@ -21,7 +21,11 @@ fn generated() -> BTreeMap<String, String> {
         .into_generator()
         .into_root_schema_for::<run::journal::SceneRecord>();
     let journal = serde_json::to_string_pretty(&journal).expect("plain data");
+    let log =
+        schemars::generate::SchemaSettings::draft07().into_generator().into_root_schema_for::<run::progress::LogLine>();
+    let log = serde_json::to_string_pretty(&log).expect("plain data");
     let mut files = BTreeMap::from([
+        ("schemas/log.schema.json".to_owned(), log + "\n"),
         ("schemas/recipe.schema.json".to_owned(), schema + "\n"),
         ("schemas/journal.schema.json".to_owned(), journal + "\n"),
         ("book/src/reference/products.md".to_owned(), products(&registry)),
@@ -206,7 +210,7 @@ fn products(registry: &Registry) -> String {
     );
     for (key, provider) in cli::products(registry) {
         let per = if key.scope == Scope::Scene { "scene" } else { "view" };
-        let _ = writeln!(page, "| `{}` | `{}` | {per} | {provider} | {} |", key.name, key.type_name(), key.doc);
+        let _ = writeln!(page, "| `{}` | `{}` | {per} | {provider} | {} |", key.name, key.type_name(), key.doc());
     }
     page
 }

@@ -74,11 +74,12 @@ enum BuiltIn {
     #[command(after_help = "Example:
   syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
     Plan(RecipeArgs),
-    /// Show every kind of stage, or every product, of this binary.
+    /// Show every kind of stage, every product, or every file format of this binary.
     #[command(after_help = "Examples:
   syntable list              all kinds
   syntable list lights       the kinds of one slot
-  syntable list products     all products")]
+  syntable list products     all products
+  syntable list formats      all mesh and image formats that can be read")]
     List(list::ListArgs),
     /// Print the JSON Schema of recipes, with the kinds of all plugins of this binary.
     #[command(after_help = "Example:
