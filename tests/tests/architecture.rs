@@ -1,8 +1,9 @@
 //! What the architecture promises: who depends on whom, and what every kind of stage looks like.
 
 mod support;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::path::Path;
 use support::root;
 use syntable_model::registry::{Registry, Slot};
 use syntable_standard as _;
@@ -40,7 +41,8 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
         let allowed: Vec<&str> = match name.as_str() {
             "syntable-model" | "syntable-simd" => vec![],
             name if NEUTRAL.contains(&name) => vec!["syntable-model", "syntable-simd"],
-            "syntable-runtime" | "syntable-testing" => vec!["syntable-model"],
+            "syntable-runtime" => vec!["syntable-model", "syntable-mesh", "syntable-simd"],
+            "syntable-testing" => vec!["syntable-model"],
             "syntable-standard" => {
                 crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
             }
@@ -111,11 +113,40 @@ fn the_top_level_is_what_the_card_says() {
 
 #[test]
 fn every_kind_keeps_the_house_rules() {
-    for entry in Registry::linked().expect("no clash").entries() {
-        let snake = entry.kind.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
-        assert!(snake && !entry.kind.is_empty(), "{}.{} is not snake_case", entry.slot, entry.kind);
-        syntable_testing::conformance::entry(entry);
+    let breaches = syntable_runtime::recipe::lints(&Registry::linked().expect("no clash"));
+    assert!(breaches.is_empty(), "{}", breaches.join("\n"));
+}
+
+/// A kind is found by its name: `<kind>.rs` or `<kind>/mod.rs` in the sources of the crate that registers it.
+#[test]
+fn every_kind_has_a_file_or_folder_of_its_name() {
+    fn walk(folder: &Path, found: &mut BTreeSet<String>) {
+        for entry in fs::read_dir(folder).expect("readable") {
+            let path = entry.expect("readable").path();
+            let stem = path.file_stem().expect("named").to_string_lossy().into_owned();
+            if path.join("mod.rs").is_file() || path.extension().is_some_and(|extension| extension == "rs") {
+                found.insert(stem);
+            }
+            if path.is_dir() {
+                walk(&path, found);
+            }
+        }
     }
+    let mut sources: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    let mut homeless = Vec::new();
+    let registry = Registry::linked().expect("no clash");
+    for entry in registry.entries() {
+        let files = sources.entry(entry.crate_name).or_insert_with(|| {
+            let plugin = entry.crate_name.trim_start_matches("syntable-");
+            let mut found = BTreeSet::new();
+            walk(&root().join("plugins").join(plugin).join("src"), &mut found);
+            found
+        });
+        if !files.contains(entry.kind) {
+            homeless.push(format!("{}.{} of {}", entry.slot, entry.kind, entry.crate_name));
+        }
+    }
+    assert!(homeless.is_empty(), "no file is called like\n{}", homeless.join("\n"));
 }
 
 #[test]

@@ -2,6 +2,9 @@
 
 mod support;
 use support::{fails, ok, syntable};
+use syntable_model::registry::Registry;
+use syntable_runtime::recipe::{self, Overrides, Source};
+use syntable_standard as _;
 
 #[test]
 fn list_names_kinds_crates_and_products() {
@@ -10,6 +13,10 @@ fn list_names_kinds_crates_and_products() {
         assert!(listed.contains(word), "{word} is not in\n{listed}");
     }
     assert!(ok(syntable().args(["list", "lights"])).contains("sphere_lights"));
+    let formats = ok(syntable().args(["list", "formats"]));
+    for word in ["glb", "obj", "png", "exr"] {
+        assert!(formats.contains(word), "{word} is not in\n{formats}");
+    }
     assert!(fails(syntable().args(["list", "wine"]), 2).contains("nothing to list under `wine`"));
 }
 
@@ -37,6 +44,11 @@ fn check_finds_every_mistake_at_once() {
     for word in ["sampels_per_pixel", "samples_per_pixel", "sphere_lights", "tables", "bad.toml:", "3 errors"] {
         assert!(error.contains(word), "{word} is not in\n{error}");
     }
+    // What the library shows is what is printed, byte for byte.
+    let registry = Registry::linked().expect("no clash");
+    let source = Source::read(&file).expect("readable");
+    let report = recipe::load(&registry, source, &Overrides::of_process(Vec::new())).err().expect("refused");
+    assert_eq!(error, report.to_string());
     assert!(ok(syntable().args(["check", "recipes/quickstart.toml"])).contains("no mistake found"));
 }
 

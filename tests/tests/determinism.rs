@@ -35,10 +35,10 @@ fn the_seed_matters_and_the_scene_number_too() {
     ok(&mut small_run(&at("a"), &["--seed", "1"]));
     ok(&mut small_run(&at("b"), &["--seed", "2"]));
     let (a, b) = (files(&at("a")), files(&at("b")));
-    let picture = |scene: u32, view: u32| format!("data/mono/rgb/{scene}_{view}.png");
-    assert_ne!(a[&picture(0, 0)], b[&picture(0, 0)]);
-    assert_ne!(a[&picture(0, 0)], a[&picture(1, 0)]);
-    assert_ne!(a[&picture(0, 0)], a[&picture(0, 1)]);
+    let image = |scene: u32, view: u32| format!("data/mono/rgb/{scene}_{view}.png");
+    assert_ne!(a[&image(0, 0)], b[&image(0, 0)]);
+    assert_ne!(a[&image(0, 0)], a[&image(1, 0)]);
+    assert_ne!(a[&image(0, 0)], a[&image(0, 1)]);
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn lights_of_a_scene_stay_while_the_camera_moves() {
         ok(small_run(&out, &["--views", "3"]).args(&sets));
         let files = files(&out);
         let (_, lines) = files.iter().find(|(name, _)| name.starts_with("jsonl")).expect("lines");
-        // One line a view; what follows the key is the same if the lights are.
+        // One line per view; what follows the key is the same if the lights are.
         let text = String::from_utf8_lossy(lines).into_owned();
         text.lines().map(|line| line.split("\"lights\":").nth(1).expect("lights").to_owned()).collect::<Vec<_>>()
     };

@@ -26,7 +26,11 @@ fn generated() -> BTreeMap<String, String> {
         .into_generator()
         .into_root_schema_for::<run::journal::SceneRecord>();
     let journal = serde_json::to_string_pretty(&journal).expect("plain data");
+    let log =
+        schemars::generate::SchemaSettings::draft07().into_generator().into_root_schema_for::<run::progress::LogLine>();
+    let log = serde_json::to_string_pretty(&log).expect("plain data");
     let mut files = BTreeMap::from([
+        ("schemas/log.schema.json".to_owned(), log + "\n"),
         ("schemas/recipe.schema.json".to_owned(), recipe::schema_text(&registry)),
         ("schemas/journal.schema.json".to_owned(), journal + "\n"),
         ("book/src/reference/recipe.md".to_owned(), reference.recipe_page()),

@@ -27,11 +27,6 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
     /// Options that had another name, as (old, new) paths such as `("camera.fov", "camera.fov_deg")`. A recipe
     /// that uses the old name gets an error that names the new one.
     const RENAMED: &'static [(&'static str, &'static str)] = &[];
-    /// Sets options that were left out and whose defaults depend on others, and drops those that others override. The
-    /// resolved recipe shows the result.
-    fn completed(self) -> Self {
-        self
-    }
     /// Builds the stage. Checks what ranges cannot say. Does no input or output, so that `check` is quick.
     fn build(self) -> Result<Box<Self::Stage>, ConfigError>;
 }
@@ -256,7 +251,7 @@ impl Entry {
 }
 
 fn construct<C: Config>(table: RecipeValue<'_>) -> Result<Constructed, ConstructError> {
-    let config = C::deserialize(toml::de::ValueDeserializer::from(table)).map_err(ConstructError::Form)?.completed();
+    let config = C::deserialize(toml::de::ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
     let options = toml::Table::try_from(&config).map_err(|error| {
         ConstructError::Invalid(ConfigError::new("", format!("the options cannot be written back: {error}")))
     })?;

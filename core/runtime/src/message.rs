@@ -4,7 +4,38 @@ use crate::recipe::{Diagnostic, Label};
 use serde::Serialize;
 use syntable_model::error::{Error, Place};
 
-/// How bad a message is.
+/// Something to print on standard error.
+#[derive(Debug, Clone)]
+pub enum Message {
+    /// A mistake in a recipe.
+    Diagnostic(Diagnostic),
+    /// An error that is not of a recipe's text.
+    Error(Error),
+    /// Something that is probably not what was meant.
+    Warning(Error),
+}
+
+impl Message {
+    /// Text for people: a diagnostic with the lines at fault underlined, with ANSI colors if `colored`, or one line.
+    pub fn render(&self, colored: bool) -> String {
+        match self {
+            Self::Diagnostic(diagnostic) => diagnostic.render(colored),
+            Self::Error(_) | Self::Warning(_) => Record::from(self).line(),
+        }
+    }
+}
+
+impl From<&Message> for Record {
+    fn from(message: &Message) -> Self {
+        match message {
+            Message::Diagnostic(diagnostic) => Self::from(diagnostic),
+            Message::Error(error) => Self::of(Level::Error, error),
+            Message::Warning(error) => Self::of(Level::Warning, error),
+        }
+    }
+}
+
+/// Severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
@@ -17,7 +48,7 @@ pub enum Level {
 /// A diagnostic, error or warning as one JSON object.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Record {
-    /// How bad it is.
+    /// Severity.
     pub level: Level,
     /// Code of the diagnostic, such as `D0008`; none for errors that are not of a recipe's text.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -89,6 +120,13 @@ impl From<&Diagnostic> for Record {
 }
 
 impl Record {
+    /// One line for people: `error: what is wrong (help)`.
+    pub fn line(&self) -> String {
+        let level = if self.level == Level::Error { "error" } else { "warning" };
+        let help = if self.help.is_empty() { String::new() } else { format!(" ({})", self.help.join("; ")) };
+        format!("{level}: {}{help}", self.message)
+    }
+
     /// The record of an error that is not of a recipe's text.
     pub fn of(level: Level, error: &Error) -> Self {
         let (line, byte) = match error.place() {

@@ -6,6 +6,7 @@ use quick_cache::Weighter;
 use quick_cache::sync::Cache;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use syntable_mesh::mass::estimate_kg;
 use syntable_model::context::{Assets, Log};
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
@@ -15,10 +16,6 @@ use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
 const KEEP_BYTES: u64 = 256 << 20;
-
-/// Density and limits of mass of an object that was scaled and whose mass nobody states: hollow household things.
-const DENSITY_KG_M3: f64 = 400.0;
-const MASS_KG: [f64; 2] = [0.005, 20.0];
 
 /// All pools of a recipe, with what was loaded from them.
 pub struct AssetStore<'a> {
@@ -117,9 +114,17 @@ impl<'a> AssetStore<'a> {
     fn load(&self, asset: &AssetRef) -> Result<Asset> {
         let pool = self.pool(&asset.pool)?;
         let log = Named { asset, log: self.log };
-        let loaded = match pool.source.load(&asset.name, &log)? {
-            Asset::Object(object) => pool.normalize(Arc::unwrap_or_clone(object))?.into(),
-            other => other,
+        let loaded = match (pool.source.load(&asset.name, &log)?, &pool.options.license) {
+            (Asset::Object(object), _) => pool.normalize(Arc::unwrap_or_clone(object))?.into(),
+            (Asset::Material(material), Some(license)) => {
+                Material { license: license.clone(), ..Arc::unwrap_or_clone(material) }.into()
+            }
+            (Asset::Environment(map), Some(license)) => {
+                let mut map = Arc::unwrap_or_clone(map);
+                map.license.clone_from(license);
+                map.into()
+            }
+            (other, _) => other,
         };
         let digest = loaded.digest().to_string();
         if let Some(locked) = self.locked.get(&asset.to_string())
@@ -197,7 +202,7 @@ fn material_bytes(material: &Material) -> usize {
 }
 
 impl Pool<'_> {
-    /// Applies the pool's scale, centre, mass and licence to an object as the source read it, and checks its size.
+    /// Applies the pool's scale, center, mass and license to an object as the source read it, and checks its size.
     fn normalize(&self, object: Object) -> Result<Object> {
         let options = self.options;
         if options.single_part_only {
@@ -220,10 +225,7 @@ impl Pool<'_> {
             (Some(mass), _) => mass,
             (None, Some(density)) => (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4),
             (None, None) if scale == 1.0 => object.mass_kg,
-            (None, None) => {
-                let volume = Topology::of(&object.mesh).solid_volume() * scale.powi(3);
-                (volume * DENSITY_KG_M3).clamp(MASS_KG[0], MASS_KG[1])
-            }
+            (None, None) => estimate_kg(Topology::of(&object.mesh).solid_volume() * scale.powi(3)),
         };
         let untouched = scale == 1.0 && offset.norm() == 0.0;
         let mesh = if untouched { Arc::clone(&object.mesh) } else { Arc::new(object.mesh.transformed(offset, scale)?) };
@@ -250,7 +252,7 @@ impl Pool<'_> {
 /// The material of an object that is made larger by a factor.
 ///
 /// Its light passes through the object on ways that are longer by that factor; so is the distance after which a medium
-/// has its colour, and a large bottle looks like a small one. In glTF this distance is a length in the world, which no
+/// has its color, and a large bottle looks like a small one. In glTF this distance is a length in the world, which no
 /// node scales; but a pool's scale changes the unit of a file's whole world.
 fn scaled(material: Arc<Material>, factor: f64) -> Arc<Material> {
     let medium = material.transmission.as_ref().and_then(|transmission| transmission.volume);
@@ -279,7 +281,8 @@ impl Log for Named<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::scene::{AssetClass, Catalog, Scalar, Transmission, Volume};
+    use syntable_model::context::Collected;
+    use syntable_model::scene::{AssetClass, Catalog, EnvironmentMap, Scalar, Transmission, Volume};
     use syntable_testing::scenes::{box_mesh, object};
 
     struct Nothing;
@@ -311,7 +314,7 @@ mod tests {
         Pool { source: &Nothing, options, entries: Vec::new() }.normalize(object).expect("sound")
     }
 
-    /// The share of light left after a straight way through the middle of the object, along its longest side.
+    /// Transmittance along a straight path through the center of the object, along its longest side.
     fn passed(object: &Object) -> f64 {
         let medium = object.materials[0].transmission.as_ref().and_then(|glass| glass.volume).expect("filled");
         let way = object.mesh.bounds().size().max() / f64::from(medium.attenuation_distance_m);
@@ -333,8 +336,57 @@ mod tests {
         }
     }
 
+    /// A source of one material and one environment map.
+    struct Licensed;
+
+    impl AssetSource for Licensed {
+        fn class(&self) -> AssetClass {
+            AssetClass::Material
+        }
+
+        fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+            Ok(Catalog { entries: Vec::new() })
+        }
+
+        fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
+            Ok(match name {
+                "sky" => EnvironmentMap::constant([1.0; 3]).into(),
+                _ => Material::plain("oak", [0.5; 3], 0.5).with_digest().into(),
+            })
+        }
+    }
+
     #[test]
-    fn only_coloured_media_are_changed_by_scale() {
+    fn a_pool_gives_its_license_to_materials_and_maps_and_no_digest_changes() {
+        let load = |name: &str, license: Option<&str>| {
+            let options = PoolOptions { license: license.map(str::to_owned), ..PoolOptions::default() };
+            let pools = BTreeMap::from([("p", Pool { source: &Licensed, options: &options, entries: Vec::new() })]);
+            let store = AssetStore {
+                pools,
+                locked: &BTreeMap::new(),
+                on_bad_asset: OnBadAsset::Fail,
+                log: &Collected::default(),
+                loaded: Cache::with_weighter(16, KEEP_BYTES, ByBytes),
+                bad: Mutex::default(),
+                refused: Mutex::default(),
+            };
+            let asset = store.get(&AssetRef { pool: "p".into(), name: name.into() }).expect("loads");
+            let license = match &asset {
+                Asset::Material(material) => material.license.clone(),
+                Asset::Environment(map) => map.license.clone(),
+                _ => String::new(),
+            };
+            (license, asset.digest())
+        };
+        for name in ["oak", "sky"] {
+            let (plain, licensed) = (load(name, None), load(name, Some("CC0-1.0")));
+            assert_eq!((plain.0.as_str(), licensed.0.as_str()), ("", "CC0-1.0"));
+            assert_eq!(plain.1, licensed.1, "{name}");
+        }
+    }
+
+    #[test]
+    fn only_colored_media_are_changed_by_scale() {
         let materials = vec![Arc::new(Material::plain("clay", [0.5; 3], 0.5)), glass(f32::INFINITY), glass(0.02)];
         let kept = |options: &PoolOptions| {
             let object = normalized(materials.clone(), options);

@@ -9,6 +9,7 @@ use syntable_model::context::Cache;
 use syntable_model::digest::Digest;
 use syntable_model::inspect::inspectors;
 use syntable_model::registry::{Registry, Slot};
+use syntable_simd::Processor;
 
 pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit> {
     let mut out = format!("syntable {}\n", env!("CARGO_PKG_VERSION"));
@@ -18,7 +19,7 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     line("system", format!("{} {}", std::env::consts::OS, std::env::consts::ARCH));
     line("threads", workers::available().to_string());
     line("memory", memory());
-    line("ray kernel", kernel().to_owned());
+    line("instructions", Processor::detect().name().to_owned());
     let cache = DiskCache::of_user();
     let probe = Digest::of(b"doctor");
     cache.put("doctor", probe, b"ok");
@@ -40,14 +41,6 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
         format!("{} (no GPU is needed)", kinds.join(", "))
     });
     console.print(&out)
-}
-
-fn kernel() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        return "8 boxes at a time (AVX2)";
-    }
-    "scalar; a processor with AVX2 is several times as fast"
 }
 
 fn memory() -> String {

@@ -7,11 +7,12 @@ mod new;
 mod run;
 mod verb;
 
+pub use crate::message::Message;
 pub use list::products;
 pub use verb::Verb;
 
-use crate::message::{Level, Record};
-use crate::recipe::{self, Diagnostic, Overrides, Recipe, Source};
+use crate::message::Record;
+use crate::recipe::{self, Overrides, Recipe, Source};
 use crate::run::progress::{Event, Human, JsonLines, Reporter};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use std::io::{IsTerminal, Write};
@@ -73,11 +74,12 @@ enum BuiltIn {
     #[command(after_help = "Example:
   syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
     Plan(RecipeArgs),
-    /// Show every kind of stage, or every product, of this binary.
+    /// Show every kind of stage, every product, or every file format of this binary.
     #[command(after_help = "Examples:
   syntable list              all kinds
   syntable list lights       the kinds of one slot
-  syntable list products     all products")]
+  syntable list products     all products
+  syntable list formats      all mesh and image formats that can be read")]
     List(list::ListArgs),
     /// Print the JSON Schema of recipes, with the kinds of all plugins of this binary.
     #[command(after_help = "Example:
@@ -118,17 +120,6 @@ pub struct Exit {
     pub code: u8,
     /// What to print.
     pub messages: Vec<Message>,
-}
-
-/// Something to print on standard error.
-#[derive(Debug, Clone)]
-pub enum Message {
-    /// A mistake in a recipe.
-    Diagnostic(Diagnostic),
-    /// An error that is not of a recipe's text.
-    Error(Error),
-    /// Something that is probably not what was meant.
-    Warning(Error),
 }
 
 impl Exit {
@@ -263,15 +254,10 @@ impl Console {
 
     /// Prints a message: a diagnostic with the line underlined, or one JSON object.
     pub fn say(&self, message: &Message) {
-        let record = match message {
-            Message::Diagnostic(diagnostic) if self.format == LogFormat::Human => {
-                return self.reporter.text(&diagnostic.render(std::io::stderr().is_terminal()));
-            }
-            Message::Diagnostic(diagnostic) => Record::from(diagnostic),
-            Message::Error(error) => Record::of(Level::Error, error),
-            Message::Warning(error) => Record::of(Level::Warning, error),
-        };
-        self.reporter.event(&Event::Message(record));
+        match self.format {
+            LogFormat::Human => self.reporter.text(&message.render(std::io::stderr().is_terminal())),
+            LogFormat::Json => self.reporter.event(&Event::Message(Record::from(message))),
+        }
     }
 
     /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
@@ -296,10 +282,10 @@ impl Console {
                 Ok(recipe)
             }
             Err(report) => {
-                let summary = Error::new(format!("{}; nothing was rendered", report.count()));
-                let mut messages: Vec<Message> = report.diagnostics.into_iter().map(Message::Diagnostic).collect();
-                if self.format == LogFormat::Human {
-                    messages.push(Message::Error(summary));
+                let mut messages = report.messages();
+                if self.format == LogFormat::Json {
+                    // Every line is about one mistake: nobody counts for a program.
+                    messages.retain(|message| matches!(message, Message::Diagnostic(_)));
                 }
                 Err(Exit { code: 2, messages })
             }

@@ -2,11 +2,12 @@
 
 use super::code::Code;
 use super::source::{SourceFile, Span};
+use crate::message::Message;
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet, normalize_untrusted_str};
-use serde_json::{Value, json};
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
+use syntable_model::error::Error;
 
 /// Severity of a diagnostic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -15,16 +16,6 @@ pub enum Severity {
     Error,
     /// The recipe can be run, but is probably not as intended.
     Warning,
-}
-
-impl Severity {
-    /// `error` or `warning`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Error => "error",
-            Self::Warning => "warning",
-        }
-    }
 }
 
 /// A marked range of a text.
@@ -95,29 +86,9 @@ impl Diagnostic {
         text.push('\n');
         text
     }
-
-    /// Converts to a JSON record with the keys `level`, `code`, `message`, `file`, `line`, `column`, `end_line`, `end_column`,
-    /// `label`, `help`, `related`.
-    pub fn to_json(&self) -> Value {
-        let mut record = json!({ "level": self.severity.name(), "code": self.code.text(), "message": self.message });
-        let place = |label: &Label| {
-            let (line, column) = label.line_column();
-            let (end_line, end_column) = label.file.line_column(label.span.end);
-            json!({ "file": label.file.name(), "line": line, "column": column,
-                    "end_line": end_line, "end_column": end_column, "label": label.message })
-        };
-        if let Some(first) = self.labels.first()
-            && let (Value::Object(record), Value::Object(place)) = (&mut record, place(first))
-        {
-            record.extend(place);
-        }
-        record["help"] = json!(self.help);
-        record["related"] = self.labels.iter().skip(1).map(place).collect();
-        record
-    }
 }
 
-/// All mistakes of a recipe that cannot be run; never empty.
+/// All mistakes of a recipe that cannot be run; never empty. Displayed as the command line prints it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Report {
     /// All errors and warnings, in reading order.
@@ -125,11 +96,10 @@ pub struct Report {
 }
 
 impl Report {
-    /// Renders as text with the offending lines underlined and a last line that counts, with ANSI colors if `colored`.
-    pub fn render(&self, colored: bool) -> String {
-        let mut text: String = self.diagnostics.iter().map(|diagnostic| diagnostic.render(colored) + "\n").collect();
-        text += &format!("{}; nothing was rendered\n", self.count());
-        text
+    /// What the command line prints: the diagnostics, then an error that counts them.
+    pub fn messages(&self) -> Vec<Message> {
+        let summary = Error::new(format!("{}; nothing was rendered", self.count()));
+        self.diagnostics.iter().cloned().map(Message::Diagnostic).chain([Message::Error(summary)]).collect()
     }
 
     /// The diagnostics, in reading order.
@@ -138,7 +108,7 @@ impl Report {
     }
 
     /// `2 errors, 1 warning`.
-    pub fn count(&self) -> String {
+    fn count(&self) -> String {
         let of = |severity| self.diagnostics.iter().filter(|diagnostic| diagnostic.severity == severity).count();
         let say = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
         match (of(Severity::Error), of(Severity::Warning)) {
@@ -146,16 +116,11 @@ impl Report {
             (errors, warnings) => format!("{}, {}", say(errors, "error"), say(warnings, "warning")),
         }
     }
-
-    /// One record per diagnostic; see [`Diagnostic::to_json`].
-    pub fn records(&self) -> Vec<Value> {
-        self.diagnostics.iter().map(Diagnostic::to_json).collect()
-    }
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.render(false))
+        self.messages().iter().try_for_each(|message| writeln!(f, "{}", message.render(false)))
     }
 }
 

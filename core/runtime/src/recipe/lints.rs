@@ -73,7 +73,7 @@ fn of_entry(entry: &Entry, schemas: &Schemas) -> Vec<String> {
         if name == "kind" || (name == "id" && entry.slot.shape() == Shape::List) {
             fault(format!("`{name}` is a key of the recipe itself; call the option otherwise"));
         }
-        walk.option(name, name, option);
+        walk.option(name, name, option, false);
     }
     walk.faults.into_iter().for_each(&mut fault);
     example(entry, &kind.options, schemas, &mut fault);
@@ -124,11 +124,11 @@ struct Walk<'s> {
 }
 
 impl<'s> Walk<'s> {
-    fn option(&mut self, path: &str, name: &str, option: &'s Json) {
+    fn option(&mut self, path: &str, name: &str, option: &'s Json, documented: bool) {
         if !is_snake_case(name) {
             self.faults.push(format!("option `{path}` is not snake_case"));
         }
-        if text(option, "description").is_none() && text(option, "const").is_none() {
+        if !documented && text(option, "description").is_none() && text(option, "const").is_none() {
             self.faults.push(format!("option `{path}` has no doc comment"));
         }
         let numeric = self.is_numeric(option);
@@ -157,9 +157,11 @@ impl<'s> Walk<'s> {
         if is_distribution(target) {
             return;
         }
+        // The table of an enum's variant has one key, and the variant's documentation.
+        let variant = properties(target).count() == 1 && text(target, "description").is_some();
         for (name, option) in properties(target) {
             let path = format!("{path}.{name}");
-            self.option(&path, name, option);
+            self.option(&path, name, option, variant);
         }
         for keyword in ["allOf", "anyOf", "oneOf", "items"] {
             for part in target.get(keyword).and_then(Json::as_array).into_iter().flatten() {

@@ -26,7 +26,7 @@ pub struct Pool {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoolOptions {
-    /// Patterns of names to keep: `*` matches any characters, `?` one, `[ab]` one of several, `{a,b}` one of several words. Empty keeps all.
+    /// Patterns of names to keep: `*` matches any characters, `?` one ASCII character, `[ab]` one of several, `{a,b}` one of several words. Empty keeps all.
     pub include: Vec<String>,
     /// Patterns of names to leave out.
     pub exclude: Vec<String>,
@@ -214,7 +214,7 @@ fn names_of_list(list: &AssetPath) -> Result<BTreeSet<String>> {
     Ok(names.filter(|name| !name.is_empty()).map(str::to_owned).collect())
 }
 
-/// Compiles patterns of names. A pattern matches a whole name; `*` and `?` match `/`, too.
+/// Compiles patterns of names. A pattern matches a whole name; `*` and `?` match `/`, too, and `?` one byte.
 fn patterns(option: &str, patterns: &[String]) -> std::result::Result<GlobSet, ConfigError> {
     let mut set = GlobSetBuilder::new();
     for (index, pattern) in patterns.iter().enumerate() {
@@ -225,7 +225,7 @@ fn patterns(option: &str, patterns: &[String]) -> std::result::Result<GlobSet, C
         }
         let glob = GlobBuilder::new(&plain).backslash_escape(false).build().map_err(|error| {
             ConfigError::new(format!("{option}[{index}]"), format!("\"{pattern}\" is not a pattern: {}", error.kind()))
-                .help("`*` matches any characters, `?` one, `[ab]` one of several, `{a,b}` one of several words; `[*]` matches a `*`")
+                .help("`*` matches any characters, `?` one ASCII character, `[ab]` one of several, `{a,b}` one of several words; `[*]` matches a `*`")
         })?;
         set.add(glob);
     }
@@ -266,7 +266,8 @@ mod tests {
             hits += u32::from(expected);
         }
         assert!(hits > 100, "the patterns must match now and then: {hits}");
-        assert!(matches("Überseeische*", "Überseeische_Tasse") && matches("T?sse", "Tässe"));
+        assert!(matches("Überseeische*", "Überseeische_Tasse") && matches("T*sse", "Tässe"));
+        assert!(matches("T?sse", "Tasse") && matches("T??sse", "Tässe"), "one byte: two in UTF-8 beyond ASCII");
         assert!(matches("mug_[12]", "mug_2") && matches("{mug,can}_*", "can_7") && matches("a[*]", "a*"));
     }
 

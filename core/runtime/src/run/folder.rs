@@ -10,6 +10,7 @@
 //! ```
 
 use super::journal::{Journal, SceneRecord};
+use crate::recipe::without_asset_digests;
 use parking_lot::Mutex;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -53,7 +54,7 @@ impl Folder {
         }
         let recipe = folder.recipe();
         match fs::read_to_string(&recipe) {
-            Ok(present) if without_digests(&present) == without_digests(resolved) => {}
+            Ok(present) if without_asset_digests(&present) == without_asset_digests(resolved) => {}
             Ok(_) => {
                 return Err(Error::new("the folder holds a dataset of another recipe")
                     .in_file(root)
@@ -170,11 +171,6 @@ impl Folder {
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
-}
-
-/// A resolved recipe without the digests that are added when a run ends.
-pub fn without_digests(recipe: &str) -> &str {
-    recipe.find("\n[lock.assets]").map_or(recipe, |end| &recipe[..end]).trim_end()
 }
 
 /// Removes a file or folder, if it is there.

@@ -16,7 +16,7 @@ mod sessions;
 use crate::cache::DiskCache;
 use crate::plan::Producer;
 use crate::pools::AssetStore;
-use crate::recipe::{Recipe, with_asset_digests};
+use crate::recipe::{Recipe, with_asset_digests, without_asset_digests};
 use crate::workers::Pool;
 use folder::Folder;
 use journal::{Journal, SceneRecord};
@@ -220,7 +220,7 @@ fn dataset_info(recipe: &Recipe) -> DatasetInfo {
         seed: recipe.dataset.seed,
         scenes: recipe.dataset.scenes,
         views_per_scene: recipe.dataset.views_per_scene,
-        recipe: folder::without_digests(&recipe.resolved).to_owned() + "\n",
+        recipe: without_asset_digests(&recipe.resolved),
         program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
     }
 }

@@ -226,12 +226,7 @@ impl Reporter for Human {
                 let then = if *last { "given up" } else { "trying again" };
                 self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));
             }
-            Event::Message(record) => {
-                let level = if record.level == Level::Error { "error" } else { "warning" };
-                let help =
-                    if record.help.is_empty() { String::new() } else { format!(" ({})", record.help.join("; ")) };
-                self.say(&format!("{level}: {}{help}", record.message));
-            }
+            Event::Message(record) => self.say(&record.line()),
             Event::Finished { out, scenes, failed, images, made, seconds } => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 use syntable_model::prelude::*;
+use syntable_model::product::Form;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, INSTANCE, OCCLUSION_RATE, RADIANCE, VISIBLE_MASK};
 use syntable_model::registry::{Entry, Registry};
 use syntable_model::scene::{Asset, AssetClass, Camera, Catalog, Light, Optics, SceneBuilder, SettleReport, ViewId};
+use syntable_model::stage::{Accepts, Input};
 use syntable_runtime::recipe::{self, Diagnostic, Overrides, Recipe, Report, Source};
 
 fn nothing<T>() -> Result<T> {
@@ -422,7 +424,7 @@ macro_rules! annotator {
             fn provides(&self) -> Vec<KeyId> {
                 keys![$($key),*]
             }
-            fn annotate(&self, _: &Site, _: &mut Products) -> Result<()> {
+            fn annotate(&self, _: &ViewContext, _: &mut Products) -> Result<()> {
                 nothing()
             }
         }
@@ -467,6 +469,7 @@ pub enum Limit {
     /// Not above.
     Below {
         /// The bound.
+        #[schemars(range(min = 0))]
         bound: f64,
     },
     /// Not outside.
@@ -481,8 +484,16 @@ impl Default for Npy {
     }
 }
 
+/// A PNG file holds images and masks.
+fn stored_as_png(key: &KeyId) -> Result<(), String> {
+    match key.form().of_one() {
+        Form::Image { .. } | Form::Mask => Ok(()),
+        _ => Err("a PNG file holds images and masks; write it with npy".to_owned()),
+    }
+}
+
 macro_rules! writer {
-    ($($name:ident, $kind:literal, $example:literal;)*) => {$(
+    ($($name:ident, $kind:literal, $example:literal, $accepts:expr;)*) => {$(
         impl $name {
             fn validate(&self) -> Result<(), ConfigError> {
                 Ok(())
@@ -490,18 +501,18 @@ macro_rules! writer {
         }
         config!($name => Writer, $kind, $example);
         impl Writer for $name {
-            fn reads(&self) -> Vec<String> {
-                self.include.iter().map(|name| name.as_str().to_owned()).collect()
+            fn reads(&self) -> Vec<Input> {
+                Input::included(&self.include, $accepts)
             }
-            fn scene(&self, _: &Site, _: Output) -> Result<Box<dyn SceneWriter>> {
+            fn scene(&self, _: &SceneContext, _: Output) -> Result<Box<dyn SceneWriter>> {
                 nothing()
             }
         }
     )*};
 }
 writer! {
-    Png, "png", "include = [\"radiance\", \"depth\"]";
-    Npy, "npy", "include = [\"occlusion_rate\"]\nlimits = { depth = { type = \"below\", bound = 4.0 } }";
+    Png, "png", "include = [\"radiance\", \"depth\"]", Accepts::If(stored_as_png);
+    Npy, "npy", "include = [\"occlusion_rate\"]\nlimits = { depth = { type = \"below\", bound = 4.0 } }", Accepts::Any;
 }
 
 /// Kinds for all slots.

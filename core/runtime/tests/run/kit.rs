@@ -63,7 +63,7 @@ kind!(/** Places two boxes on a table. */ Boxes, Placer, "boxes", sleep_ms: u32)
 kind!(/** Leaves everything where it is. */ Still, Settler, "rapier");
 kind!(/** A small camera. */ Small, CameraModel, "pinhole");
 kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell");
-kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32);
+kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
     sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool);
@@ -107,12 +107,13 @@ impl ViewSampler for Fixed {
     }
 }
 
-static RENDERED: AtomicU32 = AtomicU32::new(0);
+/// Views rendered, by the option `tally`: tests run at the same time.
+static RENDERED: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 
 pub struct Counters;
 impl Counters {
-    pub fn rendered() -> u32 {
-        RENDERED.load(Ordering::SeqCst)
+    pub fn rendered(tally: usize) -> u32 {
+        RENDERED[tally].load(Ordering::SeqCst)
     }
 }
 
@@ -125,21 +126,21 @@ impl Renderer for Sleeper {
     }
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
         assert_eq!(index, 0, "there is one device");
-        Ok(Box::new(Asleep(self.sleep_ms)))
+        Ok(Box::new(Asleep(self.clone())))
     }
     fn cost(&self) -> String {
         format!("{} ms", self.sleep_ms)
     }
 }
 
-struct Asleep(u32);
+struct Asleep(Sleeper);
 impl RenderSession for Asleep {
     fn load(&mut self, _: &Arc<Scene>, _: &dyn syntable_model::context::Workers) -> Result<()> {
         Ok(())
     }
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()> {
-        RENDERED.fetch_add(1, Ordering::SeqCst);
-        sleep(self.0);
+        RENDERED[self.0.tally].fetch_add(1, Ordering::SeqCst);
+        sleep(self.0.sleep_ms);
         if request.wants.is_empty() { Ok(()) } else { products.put(LIGHT, Value::Int(1)) }
     }
 }
