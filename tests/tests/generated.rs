@@ -131,7 +131,8 @@ impl<'s> Reference<'s> {
             Some("path") => return "path".to_owned(),
             Some("product") => return "[product](products.md)".to_owned(),
             Some(pool) if pool.starts_with("pool:") => {
-                return format!("pool of {}s", pool.trim_start_matches("pool:"));
+                let class = pool.trim_start_matches("pool:");
+                return format!("pool of {class}{}", if class == "environment" { " maps" } else { "s" });
             }
             _ => {}
         }
@@ -271,7 +272,12 @@ impl<'s> Reference<'s> {
             }
             let sole = properties.len() == 1 || schema["maxProperties"] == json!(1);
             let needed = !sole && required.contains(&key.as_str());
+            let row = out.rows.len();
             self.option(&format!("{path}.{key}"), &field, needed, &only, depth, out);
+            // One of several forms is not there by default, and is not left out either.
+            if sole && out.rows[row][2] == "none" {
+                out.rows[row][2].clear();
+            }
         }
     }
 
@@ -408,10 +414,29 @@ impl<'s> Reference<'s> {
             self.inside("", definition, 5, &mut options);
             for row in &mut options.rows {
                 row[0] = row[0].replacen("`.", "`", 1);
+                if row[3].is_empty() {
+                    row[3] = distribution(&row[0]).to_owned();
+                }
             }
             page += &options.render();
         }
         page
+    }
+}
+
+/// Meaning of a field of a distribution: these schemas are written by hand, without descriptions.
+fn distribution(field: &str) -> &'static str {
+    match field.trim_matches('`') {
+        "uniform" => "Uniform between two bounds.",
+        "log_uniform" => "Uniform in the logarithm, between two positive bounds.",
+        "normal" => "Normal (Gaussian); values beyond `min` and `max` become these.",
+        "normal.mean" => "Mean of the distribution without limits.",
+        "normal.std" => "Standard deviation of the distribution without limits.",
+        "normal.min" => "Smallest value.",
+        "normal.max" => "Largest value.",
+        "choice" => "One of these, each as likely.",
+        "integers" => "Uniform between two bounds, both included.",
+        field => panic!("`{field}` has no description"),
     }
 }
 
@@ -631,7 +656,7 @@ fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
         Ok((_, warnings)) => warnings,
         Err(report) => report.diagnostics,
     };
-    (found.iter().map(|it| it.code).collect(), found.iter().map(|it| it.render(false)).collect())
+    (found.iter().map(|it| it.code).collect(), found.iter().map(|it| it.render(false)).collect::<Vec<_>>().join("\n"))
 }
 
 #[test]
@@ -642,7 +667,7 @@ fn recipes_of_the_diagnostics_fail_and_are_mended() {
         let Some(failing) = fixture(&format!("{code}.toml")) else { continue };
         let mended = fixture(&format!("{code}.fixed.toml")).expect("a mended recipe beside the failing one");
         let (codes, said) = diagnosed(&registry, &failing);
-        assert_eq!(codes, [code], "{code}.toml\n{said}");
+        assert!(!codes.is_empty() && codes.iter().all(|&other| other == code), "{code}.toml\n{said}");
         let (codes, said) = diagnosed(&registry, &mended);
         assert!(codes.is_empty(), "{code}.fixed.toml\n{said}");
         seen += 1;
