@@ -5,7 +5,7 @@
 
 Checked: files and their types; ids; every mask decodes, encodes back to the same bytes, and visible masks are disjoint;
 occlusion = amodal - visible; areas, boxes and rates are those of the masks; the label policy is kept; the occlusion
-order equals the paper's Algorithm 1; cameras and poses are rigid and agree; every picture has its companions.
+order equals the paper's Algorithm 1; cameras and poses are rigid and agree; every image has its companions.
 
 Exit code 0 and a summary if all is well; 1 and the problems if not; 2 if there is nothing to check.
 """

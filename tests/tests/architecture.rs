@@ -52,7 +52,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             assert!(allowed.contains(&dependency.as_str()), "{name} must not depend on {dependency}");
         }
         for dependency in ours(tests) {
-            // What a denoiser does to a picture is measured on rendered ones.
+            // What a denoiser does to an image is measured on rendered ones.
             let rendered = (name.as_str(), dependency.as_str()) == ("syntable-denoise", "syntable-render-cpu");
             assert!(
                 rendered || ["syntable-model", "syntable-testing"].contains(&dependency.as_str()),

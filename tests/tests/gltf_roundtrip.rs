@@ -1,4 +1,4 @@
-//! A scene goes out as glTF and comes back as an asset: rendered from the camera of the file, it is the same picture.
+//! A scene goes out as glTF and comes back as an asset: rendered from the camera of the file, it is the same image.
 
 mod support;
 use serde_json::Value as Json;
@@ -17,7 +17,7 @@ use syntable_testing::workers::Threads;
 
 const SIZE: [u32; 2] = [96, 72];
 
-/// One scene with a room, a table, things with pictures on them and lamps that are balls and rectangles. No glass: its
+/// One scene with a room, a table, objects with printed textures, and spherical and rectangular lights. No glass: its
 /// caustics would drown the comparison in noise.
 const RECIPE: &str = r#"
 [dataset]
@@ -123,7 +123,7 @@ fn view_of(json: &Json) -> View {
     }
 }
 
-/// The file as one body, rendered from its own camera with no light but what glows in it.
+/// The file as one body, rendered from its own camera lit by its emissive bodies alone.
 fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     use syntable_standard as _;
     let registry = Registry::linked().expect("no clash");
@@ -146,7 +146,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     let mut builder = SceneBuilder::default();
     builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
     let asset = AssetRef { pool: "files".into(), name: "000000".into() };
-    builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Fixed));
+    builder.add(BodyDraft::new(asset, object, Pose::identity(), Role::Object, Motion::Fixed));
     let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene"));
     let Stage::Render(renderer) = stage(Slot::Render, "cpu_path", &format!("samples_per_pixel = {samples}")) else {
         panic!("a renderer")
@@ -156,10 +156,10 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     let view = view_of(&json_of(&folder.join("000000.glb")));
     let wants = keys![RADIANCE, RADIANCE_VARIANCE];
     let request = RenderRequest { view: &view, wants: &wants, stream: Stream::root(5), workers: &Threads(2) };
-    let mut frame = Products::new();
-    session.render(&request, &mut frame).expect("renders");
-    let radiance = frame.get(RADIANCE).expect("made").data().as_flattened().iter().map(|&x| f64::from(x)).collect();
-    let variance = frame.get(RADIANCE_VARIANCE).expect("made").data().iter().map(|&x| f64::from(x)).collect();
+    let mut products = Products::new();
+    session.render(&request, &mut products).expect("renders");
+    let radiance = products.get(RADIANCE).expect("made").data().as_flattened().iter().map(|&x| f64::from(x)).collect();
+    let variance = products.get(RADIANCE_VARIANCE).expect("made").data().iter().map(|&x| f64::from(x)).collect();
     (radiance, variance)
 }
 
@@ -183,7 +183,7 @@ fn a_scene_that_comes_back_looks_the_same() {
     let (there, there_variance) = render(&out.join("gltf"), SAMPLES);
     assert_eq!(here.len(), there.len());
 
-    // Regions: every body of some size, and the picture in twelve.
+    // Regions: every body of some size, and the image in twelve.
     let [width, height] = SIZE.map(|side| side as usize);
     let body = |id: u16| (0..width * height).filter(|&i| instances[i] == id).collect::<Vec<_>>();
     let mut regions: Vec<(String, Vec<usize>)> =
@@ -208,7 +208,7 @@ fn a_scene_that_comes_back_looks_the_same() {
             100.0 * (b / a - 1.0),
             100.0 * sigma / a
         );
-        // Noise, and half a percent for pictures of 8 bits, lamps with corners and edges of objects.
+        // Noise, and half a percent for images of 8 bits, lights with corners and edges of objects.
         assert!((a - b).abs() < 4.0 * sigma + 0.005 * a, "{name}: {a} and {b} nits, sigma {sigma}");
         for channel in 0..3 {
             let (x, y) = (mean(&here, channel) / a, mean(&there, channel) / b);

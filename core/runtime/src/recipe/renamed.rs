@@ -24,7 +24,7 @@ pub(crate) struct RenamedNames<'r> {
 
 /// All names that have changed.
 pub(crate) const RENAMED: RenamedNames<'static> = RenamedNames {
-    pool: &[("centre", "center"), ("licence", "license")],
+    pool: &[("centre", "center"), ("licence", "license")], // typos: ignore
     dataset: &[],
     kinds: &[],
     products: PRODUCTS,
@@ -88,10 +88,10 @@ mod tests {
             pool: &[],
             dataset: &[("count", "scenes")],
             kinds: &[(Slot::Write, "book", "ledger")],
-            products: &[("picture", "radiance")],
+            products: &[("glare", "radiance")],
         };
         let text = "[dataset]\ncount = 2\n[write.book]\n[write.a]\nkind = \"book\"\n[write.b]\nkind = \"ledger\"\n\
-                    products = []\n[write.c]\nkind = \"ledger\"\ninclude = [\"picture\"]\n";
+                    products = []\n[write.c]\nkind = \"ledger\"\ninclude = [\"glare\"]\n";
         let overrides = Overrides::of_process(Vec::new());
         let report = load_with(&registry, Source::embedded("r.toml", text), &overrides, &renamed);
         let report = report.err().expect("old names are errors");
@@ -108,7 +108,7 @@ mod tests {
                 (3, "the kind `book` of `write` is called `ledger` now"),
                 (5, "the kind `book` of `write` is called `ledger` now"),
                 (8, "`products` of `ledger` is called `include` now"),
-                (11, "the product `picture` is called `radiance` now"),
+                (11, "the product `glare` is called `radiance` now"),
             ]
         );
     }

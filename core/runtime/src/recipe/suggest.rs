@@ -61,7 +61,7 @@ mod tests {
         check("samples", &["bounces", "samples_per_pixel"], Some("samples_per_pixel"));
         check("Resolution", &["resolution"], Some("resolution"));
         check("pixels-min", &["min_pixels", "max_pixels"], Some("min_pixels"));
-        check("centre", &["center"], Some("center"));
+        check("centre", &["center"], Some("center")); // typos: ignore
         check("banana", &["count", "clearance_m"], None);
         check("x", &["y"], None);
         check("sceen", &["seed", "scenes"], Some("scenes"));
