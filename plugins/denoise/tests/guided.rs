@@ -254,7 +254,8 @@ fn a_room_gets_better_at_few_samples_and_no_worse_at_many() {
         let pairs = image.iter().flatten().zip(reference.iter().flatten());
         mean(pairs.map(|(a, r)| (a - r).powi(2) / (r * r + 0.01 * (scale * scale) as f32)))
     };
-    for (samples, factor) in [(1, 0.3), (4, 0.45), (128, 1.0)] {
+    // 64 samples are the most that the filter is made for.
+    for (samples, factor) in [(1, 0.3), (4, 0.45), (64, 1.0)] {
         let products = room.render(samples, 5);
         let (before, after) = (error(products.get(RADIANCE_NOISY).expect("put").data()), error(&filtered(&products)));
         assert!(after < factor * before, "{samples} samples: relMSE {before} became {after}");

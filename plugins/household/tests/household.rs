@@ -322,7 +322,7 @@ fn names_and_options_are_checked() {
     }
     let registry = Registry::linked().expect("no clash");
     for (kind, options, want) in [
-        ("household", "families = []", "selects nothing"),
+        ("household", "families = []", "must not be empty"),
         ("household", "families = [\"mug\", \"mug\"]", "listed twice"),
         ("household", "families = [\"mgu\"]", "mgu"),
         ("procedural_tables", "designs = []", "designs = []"),

@@ -45,7 +45,7 @@ pub struct CpuPath {
     /// without it the image is unbiased.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
-    pub max_indirect_luminance: Option<f64>,
+    pub max_indirect_luminance_nits: Option<f64>,
     /// Minimum perceptual roughness of surfaces after the first rough bounce (path-space regularization, Kaplanyan and
     /// Dachsbacher, 2013). 0.3 or so blurs caustics, which are fireflies otherwise, without losing light; what the camera
     /// sees directly or in mirrors is unchanged. 0 disables it.
@@ -69,7 +69,7 @@ impl Default for CpuPath {
             samples_per_pixel: 64,
             max_bounces: 8,
             russian_roulette_from: 3,
-            max_indirect_luminance: None,
+            max_indirect_luminance_nits: None,
             regularize: 0.0,
             noise: None,
             time_s: None,
@@ -80,7 +80,7 @@ impl Default for CpuPath {
 impl Config for CpuPath {
     type Stage = dyn Renderer;
     const KIND: &'static str = "cpu_path";
-    const RENAMED: &[(&str, &str)] = &[("clamp_nits", "max_indirect_luminance"), ("roughen", "regularize")];
+    const RENAMED: &[(&str, &str)] = &[("clamp_nits", "max_indirect_luminance_nits"), ("roughen", "regularize")];
     const EXAMPLE: &'static str = "samples_per_pixel = 64\nmax_bounces = 8";
 
     fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
@@ -108,11 +108,11 @@ pub struct CpuPathSession {
 impl CpuPathRenderer {
     /// Builds the renderer.
     pub fn new(options: CpuPath) -> Result<Self, ConfigError> {
-        let max_indirect_luminance = match options.max_indirect_luminance {
+        let max_indirect_luminance_nits = match options.max_indirect_luminance_nits {
             Some(nits) if nits <= 0.0 || nits.is_nan() => {
                 return Err(ConfigError::new(
-                    "max_indirect_luminance",
-                    format!("`max_indirect_luminance = {nits}` leaves no light"),
+                    "max_indirect_luminance_nits",
+                    format!("`max_indirect_luminance_nits = {nits}` leaves no light"),
                 )
                 .help("give a luminance above 0, or leave the key out for no limit"));
             }
@@ -140,7 +140,7 @@ impl CpuPathRenderer {
             samples: options.samples_per_pixel,
             max_bounces: options.max_bounces,
             roulette_from: options.russian_roulette_from.max(1),
-            max_indirect_luminance,
+            max_indirect_luminance_nits,
             regularize: options.regularize as f32,
             strategy: Strategy::Combined,
             processor: Processor::detect(),

@@ -209,7 +209,7 @@ mod tests {
         check("-Y 3 +X 2", &body, Err("row 2 of 3 ends with the file"));
         check("-Y -3 +X 2", &body, Err("`-Y -3 +X 2` is not a resolution"));
         check("+X 2 -Y 2", &body, Err("is not a resolution"));
-        check("-Y 0 +X 2", &body, Err("has none"));
+        check("-Y 0 +X 2", &body, Err("2 x 0 pixels is empty"));
         check("-Y 400000 +X 200000", &body, Err("more than the limit"));
     }
 

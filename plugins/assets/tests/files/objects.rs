@@ -131,7 +131,7 @@ fn obj_text() {
         (
             "one face turned",
             &text(&|t| t.replace("f 1/1 2/2 4/3", "f 2/1 1/2 4/3")),
-            Warn("neighboring faces oriented inconsistently at 3 edges"),
+            Warn("neighboring faces are oriented inconsistently at 3 edges"),
         ),
         (
             "three boxes",

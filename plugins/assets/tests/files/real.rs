@@ -242,7 +242,7 @@ fn material_folders_are_complete() {
     for root in roots() {
         let rows = table(&root, "materials");
         let root = root.join("materials");
-        let source = source_of("pbr_folder", &root, "tile_m = 0.5\nlicense = \"CC0-1.0\"");
+        let source = source_of("pbr_folder", &root, "tile_m = 0.5");
         let log = Collected::default();
         assert_eq!(source.catalog(&log).expect("a catalog").entries.len(), rows.len());
         for row in &rows {

@@ -61,7 +61,7 @@ pub(crate) struct Settings {
     /// Bounces after which Russian roulette may end paths.
     pub roulette_from: u32,
     /// Maximum luminance of one indirect contribution, nits.
-    pub max_indirect_luminance: f32,
+    pub max_indirect_luminance_nits: f32,
     /// Minimum perceptual roughness after the first rough bounce.
     pub regularize: f32,
     pub strategy: Strategy,
@@ -251,7 +251,7 @@ impl<'a> PathTracer<'a> {
     /// A color with its luminance limit_luminance.
     #[inline(always)]
     fn limit_luminance<T: Real>(&self, color: Rgb<T>) -> Rgb<T> {
-        let limit = self.settings.max_indirect_luminance;
+        let limit = self.settings.max_indirect_luminance_nits;
         if limit == f32::INFINITY {
             return color;
         }

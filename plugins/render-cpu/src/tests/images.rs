@@ -243,10 +243,10 @@ fn options_are_checked_and_the_example_builds() {
     let registry = syntable_model::registry::Registry::linked().expect("one kind of each name");
     let entry = registry.find(syntable_model::registry::Slot::Render, "cpu_path").expect("registered");
     entry.construct_str(entry.example).expect("builds");
-    let built = entry.construct_str("samples_per_pixel = 8\nmax_indirect_luminance = 1e4").expect("builds");
+    let built = entry.construct_str("samples_per_pixel = 8\nmax_indirect_luminance_nits = 1e4").expect("builds");
     assert_eq!(built.options["russian_roulette_from"].as_integer(), Some(3));
-    assert!(entry.construct_str("").expect("builds").options.get("max_indirect_luminance").is_none());
-    for wrong in ["max_indirect_luminance = 0", "max_indirect_luminance = nan", "samples_per_pixel = 0"] {
+    assert!(entry.construct_str("").expect("builds").options.get("max_indirect_luminance_nits").is_none());
+    for wrong in ["max_indirect_luminance_nits = 0", "max_indirect_luminance_nits = nan", "samples_per_pixel = 0"] {
         assert!(entry.construct_str(wrong).is_err(), "{wrong}");
     }
 }

@@ -156,7 +156,7 @@ fn clamping_limits_scattered_light_alone() {
     let table = object("table", sheet([3.0, 3.0]), matte(0.5));
     let scene = scene([body(&table, at(0.0, 0.0, 0.0), Role::Object)]);
     let light = sphere_light([0.0, 0.0, 1.0], 0.2, 1000.0);
-    let clamped = CpuPath { max_indirect_luminance: Some(3.0), ..options(16, 4) };
+    let clamped = CpuPath { max_indirect_luminance_nits: Some(3.0), ..options(16, 4) };
     let below = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0; 3], vec![light.clone()]);
     // A path may bring the limit by a sampled light and a little by meeting it.
     check("clamped", &render(clamped.clone(), &scene, &below, &[RADIANCE.id()]), 3.0, 0.03);

@@ -58,6 +58,7 @@ struct LookAtPose {
     /// Rotation of the camera about its optical axis, degrees; positive is clockwise seen from behind the camera. 0 by
     /// default.
     #[serde(default)]
+    #[schemars(range(min = -360.0, max = 360.0))]
     roll_deg: f64,
 }
 

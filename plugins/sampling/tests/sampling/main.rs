@@ -212,7 +212,7 @@ fn views_follow_their_options() {
     assert!((low - 0.8 * 0.7).abs() < 1e-12 && (high - 1.7 * 0.8 * 0.7).abs() < 1e-12);
     for (options, want) in [
         ("radius = { of_table = [1.7, 1.0] }", "smaller bound first"),
-        ("radius = { meters = [1, 2] }", "meters"),
+        ("radius = { miles = [1, 2] }", "meters"),
         ("elevation_deg = [60, 30]", "smaller bound first"),
         ("look_at = \"table\"", "tabletop_center"),
     ] {
