@@ -216,10 +216,8 @@ impl<'s> Reference<'s> {
         let (_, of_target) = words(&text(target));
         let mut listed = if listed.is_empty() { of_target } else { listed };
         if let Some(branches) = target["oneOf"].as_array() {
-            let described = |branch: &Value| match branch.get("const") {
-                Some(word) => Some(format!("`{}`: {}", toml_like(word), text(branch))),
-                None => None,
-            };
+            let described =
+                |branch: &Value| branch.get("const").map(|word| format!("`{}`: {}", toml_like(word), text(branch)));
             listed.extend(branches.iter().filter_map(described));
         }
         if listed.iter().map(String::len).sum::<usize>() <= 160 && !listed.is_empty() {

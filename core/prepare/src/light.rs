@@ -390,9 +390,8 @@ mod tests {
     #[test]
     fn unsound_lights_are_named_and_black_ones_left_out() {
         let center = Point3::origin();
-        let sphere = |radius, nits: f64| {
-            scene::Light::Sphere(scene::SphereLight { center: center, radius, radiance: [nits; 3] })
-        };
+        let sphere =
+            |radius, nits: f64| scene::Light::Sphere(scene::SphereLight { center, radius, radiance: [nits; 3] });
         let cache = SceneCache::default();
         let table = LightTable::new(&[sphere(1.0, 0.0), sphere(2.0, 3.0)], &cache).expect("sound");
         assert_eq!(table.area.len(), 1);

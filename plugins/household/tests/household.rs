@@ -325,7 +325,7 @@ fn names_and_options_are_checked() {
         ("household", "families = []", "must not be empty"),
         ("household", "families = [\"mug\", \"mug\"]", "listed twice"),
         ("household", "families = [\"mgu\"]", "mgu"),
-        ("procedural_tables", "designs = []", "designs = []"),
+        ("procedural_tables", "designs = []", "must not be empty"),
         ("procedural_materials", "families = [\"wood\", \"wood\"]", "listed twice"),
     ] {
         let error =

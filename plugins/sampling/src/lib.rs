@@ -1,6 +1,6 @@
 //! Camera models, view samplers and light samplers.
 //!
-//! - [`camera`]: `pinhole`.
+//! - [`camera`] has `pinhole`.
 //! - [`views`]: `hemisphere_shell` (the paper's), `orbit`, `fixed_poses`.
 //! - [`lights`]: `sphere_lights` (the paper's), `ceiling_light`, `window_light`, `sun`, `environment`.
 //!

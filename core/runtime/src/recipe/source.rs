@@ -61,6 +61,10 @@ impl SourceFile {
 /// The texts of one recipe. Texts are only added, so that parsed tables can borrow from them.
 #[derive(Default)]
 pub(crate) struct Sources {
+    #[expect(
+        clippy::redundant_allocation,
+        reason = "readers want the `Arc`, and a `FrozenVec` lends what its boxes hold"
+    )]
     files: FrozenVec<Box<Arc<SourceFile>>>,
 }
 

@@ -162,7 +162,7 @@ impl CeilingLight {
         // u × v points down.
         let (half_u, half_v) =
             (Vector3::new(self.size_m[0] / 2.0, 0.0, 0.0), Vector3::new(0.0, -self.size_m[1] / 2.0, 0.0));
-        RectLight { center: center, half_u, half_v, radiance: [0.0; 3] }
+        RectLight { center, half_u, half_v, radiance: [0.0; 3] }
     }
 
     /// Area of one light, m².

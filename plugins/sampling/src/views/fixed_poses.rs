@@ -159,7 +159,7 @@ impl ViewSampler for Listed {
             .iter()
             .map(|pose| ((origin * pose).translation.vector - center.coords).norm())
             .fold([f64::INFINITY, 0.0], |[low, high], r| [r.min(low), r.max(high)]);
-        Shell { center: center, radius }
+        Shell { center, radius }
     }
 
     fn count(&self) -> Option<u32> {

@@ -10,6 +10,7 @@ use syntable_model::scene::Scene;
 /// The point that the camera looks at.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[expect(clippy::enum_variant_names, reason = "the names of the choices in recipes")]
 pub enum LookAt {
     /// Center of the tabletop.
     #[default]
