@@ -8,7 +8,7 @@
 //!   → sensors → annotators → writers
 //! ```
 //!
-//! Everything after the settled [`Scene`](scene::Scene) is a [product](product): a typed value under a [`Key`].
+//! Everything after the settled [`Scene`](scene::Scene) is a [product]: a typed value under a [`Key`].
 //! Renderers offer products, annotators provide them from others, writers want them; the program computes what is
 //! wanted and nothing else.
 //!

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`geometry`], [`arrays`] | meshes, each once |
 //! | [`material`], [`texture`] | materials, with their textures packed into glTF's channels |
-//! | [`light`], [`environment`], [`camera`] | lights, environment maps, cameras |
+//! | `light`, [`environment`], [`camera`] | lights, environment maps, cameras |
 //! | [`document`], [`glb`] | JSON and container |
 //!
 //! **Frames.** glTF is y up, the dataset z up. The root node rotates between them, so that its children have the
