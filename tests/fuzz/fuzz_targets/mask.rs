@@ -16,6 +16,6 @@ fuzz_target!(|input: (u16, u16, &str)| {
     assert!(mask.minus(&again).is_empty());
     if u64::from(width) * u64::from(height) <= 1 << 16 {
         let plane = mask.to_plane();
-        assert_eq!(Mask::from_fn(width, height, |x, y| plane.get(x, y)), mask);
+        assert_eq!(Mask::from_fn(width, height, |x, y| *plane.at(x, y)), mask);
     }
 });
