@@ -155,7 +155,7 @@ fn render(folder: &Path, samples: u32) -> (Vec<f64>, Vec<f64>) {
     session.load(&scene, &Threads(2)).expect("loads");
     let view = view_of(&json_of(&folder.join("000000.glb")));
     let wants = keys![RADIANCE, RADIANCE_VARIANCE];
-    let request = RenderRequest { view: &view, wants: &wants, stream: Stream::root(5), workers: &Threads(2) };
+    let request = RenderRequest::new(&view, &wants, Stream::root(5), &Threads(2));
     let mut products = Products::new();
     session.render(&request, &mut products).expect("renders");
     let radiance = products.get(RADIANCE).expect("made").data().as_flattened().iter().map(|&x| f64::from(x)).collect();

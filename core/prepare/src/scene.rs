@@ -13,6 +13,7 @@ use syntable_model::scene::{self, Body, Scene, TextureMapping, UvTransform};
 use syntable_simd::{Rgb, Vec3, vec3};
 
 /// Tables of a scene. Body `i` of the scene has index `i` in [`Self::bodies`].
+#[derive(Clone)]
 pub struct PreparedScene {
     /// Meshes; bodies of the same object share one.
     pub meshes: Vec<Arc<ShadingMesh>>,

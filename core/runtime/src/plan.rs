@@ -5,10 +5,10 @@
 //! the original keeps a key of its own. Gaps, ambiguities, cycles and products that a writer cannot store are errors
 //! before anything runs. `check`, `plan`, `list` and `run` all ask here.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use syntable_model::error::Error;
-use syntable_model::product::{KeyId, Scope};
+use syntable_model::product::{KeyId, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
     Annotator, DatasetAnnotator, Denoiser, Input, Renderer, Replacement, SceneAnnotator, Sensor,
@@ -243,8 +243,8 @@ pub fn resolve(
     writers: &[(String, Vec<Input>)],
 ) -> Result<Plan, Vec<PlanError>> {
     // What the recipe sets up replaces the defaults of every kind that provides the same.
-    let taken: BTreeSet<&str> = explicit.iter().flat_map(|it| it.producer.provides()).map(|key| key.name).collect();
-    let free = |it: &Candidate| !it.producer.provides().iter().any(|key| taken.contains(key.name));
+    let taken: BTreeSet<Name> = explicit.iter().flat_map(|it| it.producer.provides()).map(|key| key.name).collect();
+    let free = |it: &Candidate| !it.producer.provides().iter().any(|key| taken.contains(&key.name));
     let mut candidates = explicit;
     candidates.extend(implied.into_iter().filter(free).collect::<Vec<_>>());
     let mut resolver = Resolver::new(offers, candidates);
@@ -270,7 +270,12 @@ impl Plan {
     pub fn table(&self, renderer: &dyn Renderer) -> String {
         let mut rows = vec![["product", "provider", "per", "wanted by"].map(str::to_owned)];
         rows.extend(self.entries.iter().map(|entry| {
-            [entry.key.name.to_owned(), entry.provider.clone(), entry.key.scope.to_string(), entry.wanted_by.join(", ")]
+            [
+                entry.key.name.to_string(),
+                entry.provider.clone(),
+                entry.key.scope.to_string(),
+                entry.wanted_by.join(", "),
+            ]
         }));
         let mut out = table(&rows);
         let _ = writeln!(out, "\nrender: {}", renderer.cost());
@@ -290,6 +295,17 @@ impl Plan {
             }
         }
         Ok(())
+    }
+
+    /// The rendered products by the canvas that they are wanted on, each as a product of the image: the renderer is asked
+    /// for one window after the other.
+    pub fn by_canvas(&self) -> BTreeMap<u32, Vec<KeyId>> {
+        let mut canvases: BTreeMap<u32, Vec<KeyId>> = BTreeMap::new();
+        for key in &self.rendered {
+            let parameters = RenderParameters { canvas: 1, ..key.name.parameters };
+            canvases.entry(key.name.parameters.canvas).or_default().push(key.with(parameters));
+        }
+        canvases
     }
 
     /// Products of a scope that the annotators of the dataset read: they are recorded for every scene.
@@ -376,14 +392,21 @@ impl Resolver {
         match (replacers.as_slice(), self.replacements.iter().find(|(_, it)| it.original.name == name).copied()) {
             (&[index], _) if self.has_source(name) => self.provide(index, name, by, path),
             (&[_, _, ..], _) => self.ambiguous(&replacers, "is replaced by several stages", name, by),
-            (_, Some((_, replacement))) => self.source(replacement.product.name, replacement.original, by, path),
+            (_, Some((_, replacement))) => {
+                self.source(&replacement.product.name.to_string(), replacement.original, by, path)
+            }
             _ => self.provided(name, by, path),
         }
     }
 
+    /// The product of that name that the renderer offers, with the parameters of the name.
+    fn offered(&self, name: &str) -> Option<KeyId> {
+        self.offers.iter().find_map(|key| key.parse(name))
+    }
+
     /// Whether a product is made by somebody who does not replace it.
     fn has_source(&self, name: &str) -> bool {
-        self.offers.iter().any(|key| key.name == name) || !self.sources(name).is_empty()
+        self.offered(name).is_some() || !self.sources(name).is_empty()
     }
 
     /// The candidates that make a product anew.
@@ -403,7 +426,7 @@ impl Resolver {
     }
 
     fn provided(&mut self, name: &str, by: &Asker, path: &mut Vec<usize>) {
-        let offered = self.offers.iter().find(|key| key.name == name).copied();
+        let offered = self.offered(name);
         let sources = self.sources(name);
         match (offered, sources.as_slice()) {
             (Some(key), []) => {
@@ -427,7 +450,7 @@ impl Resolver {
         path.push(index);
         let asker = Asker { stage: &stage, option: None };
         for read in reads {
-            self.want(read.name, &asker, path);
+            self.want(&read.name.to_string(), &asker, path);
             self.check_read(index, &read, scope, &asker);
         }
         path.pop();
@@ -440,14 +463,14 @@ impl Resolver {
 
     /// Checks the type of a product that a producer reads, and that it is known in time.
     fn check_read(&mut self, index: usize, read: &KeyId, scope: Scope, by: &Asker) {
-        let Some(entry) = self.entry(read.name).cloned() else { return };
+        let Some(entry) = self.entries.iter().find(|entry| entry.key.name == read.name).cloned() else { return };
         if entry.key.type_id() != read.type_id() {
             let (theirs, ours) = (entry.key.type_name(), read.type_name());
             let message =
                 format!("{} reads `{}` as {ours}, but {} provides {theirs}", by.stage, read.name, entry.provider);
             let help =
                 "one of the two plugins defines the product wrongly: keys of one name must have one type".to_owned();
-            self.fail(Fault::WrongType, by, read.name, message, help);
+            self.fail(Fault::WrongType, by, &read.name.to_string(), message, help);
         }
         let late = self.notes.iter().any(|note| note.stage == entry.provider && note.after_views);
         match (scope, entry.key.scope) {
@@ -462,12 +485,12 @@ impl Resolver {
     fn too_early(&mut self, read: &KeyId, by: &Asker, when: &str) {
         let message = format!("{} reads `{}`, which is known only {when}", by.stage, read.name);
         let help = "let an annotator of the scene or the dataset read it, or a writer".to_owned();
-        self.fail(Fault::TooEarly, by, read.name, message, help);
+        self.fail(Fault::TooEarly, by, &read.name.to_string(), message, help);
     }
 
     fn ambiguous(&mut self, candidates: &[usize], what: &str, name: &str, by: &Asker) {
         let mut names: Vec<String> = candidates.iter().map(|&i| self.notes[i].stage.clone()).collect();
-        if self.offers.iter().any(|key| key.name == name) && what.contains("providers") {
+        if self.offered(name).is_some() && what.contains("providers") {
             names.push("render".to_owned());
         }
         let message = format!("product `{name}` {what}: {}", names.join(", "));
@@ -476,9 +499,9 @@ impl Resolver {
     }
 
     fn unknown(&mut self, name: &str, by: &Asker) {
-        let mut known: Vec<&str> = self.offers.iter().map(|key| key.name).collect();
-        known.extend(self.notes.iter().flat_map(|note| &note.provides).map(|key| key.name));
-        known.extend(self.replacements.iter().map(|(_, it)| it.original.name));
+        let mut known: Vec<&str> = self.offers.iter().map(|key| key.name.base).collect();
+        known.extend(self.notes.iter().flat_map(|note| &note.provides).map(|key| key.name.base));
+        known.extend(self.replacements.iter().map(|(_, it)| it.original.name.base));
         known.sort_unstable();
         known.dedup();
         let message = format!("{} reads product `{name}`, which nothing provides", by.stage);

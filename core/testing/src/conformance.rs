@@ -3,11 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::ViewContext;
-use syntable_model::product::{KeyId, Products, Scope};
+use syntable_model::context::Workers;
+use syntable_model::keys;
+use syntable_model::product::standard::{ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE};
+use syntable_model::product::{KeyId, Name, Products, Scope, Value};
 use syntable_model::registry::{ConstructError, Constructed, Entry};
-use syntable_model::scene::Scene;
-use syntable_model::stage::{Annotator, Output, RenderRequest, Renderer, SceneWriter, Writer};
-use syntable_model::{context::Workers, random::Stream};
+use syntable_model::scene::{InstanceId, Scene};
+use syntable_model::stage::{Annotator, Bodies, Output, RenderRequest, Renderer, SceneWriter, Window, Writer};
 
 /// A kind of stage: its example builds, its options survive writing and reading, unknown keys are refused, and
 /// everything is documented. Gives the stage of the example.
@@ -50,30 +52,61 @@ pub fn annotator(annotator: &dyn Annotator, cx: &ViewContext, products: &Product
     };
     let made = make();
     assert_eq!(sorted(made.keys()), sorted(provided.clone()), "it makes other products than it declares");
-    let values = |products: &Products| provided.iter().map(|key| products.value(key.name).ok()).collect::<Vec<_>>();
+    let values = |products: &Products| provided.iter().map(|key| products.value(&key.name).ok()).collect::<Vec<_>>();
     assert_eq!(values(&made), values(&make()), "it gives different products from the same");
     made
 }
 
-/// A renderer: it makes exactly what is wanted, alone or together, the same for any number of threads.
+/// A renderer: it makes exactly what is wanted, alone or together, the same for any number of threads; a window shows the
+/// pixels of the image, and all bodies by name are the whole scene.
 pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderRequest, threads: &[&dyn Workers]) {
-    let render = |wants: &[KeyId], workers: &dyn Workers| {
+    let render = |wants: &[KeyId], workers: &dyn Workers, window: Window, bodies: Bodies| {
         let mut session = renderer.open(0).expect("opens");
         session.load(scene, workers).expect("loads");
         let mut products = Products::new();
-        let stream: Stream = request.stream.clone();
-        session.render(&RenderRequest { view: request.view, wants, stream, workers }, &mut products).expect("renders");
+        let request = RenderRequest::new(request.view, wants, request.stream.clone(), workers);
+        session.render(&RenderRequest { window, bodies, ..request }, &mut products).expect("renders");
         assert_eq!(sorted(products.keys()), sorted(wants.to_vec()), "it makes other products than wanted");
-        wants.iter().map(|key| products.value(key.name).expect("made")).collect::<Vec<_>>()
+        wants.iter().map(|key| products.value(&key.name).expect("made")).collect::<Vec<_>>()
     };
+    let image = Window::of(&request.view.camera.intrinsics);
     let offers = renderer.offers();
-    let all = render(&offers, threads[0]);
+    let all = render(&offers, threads[0], image, Bodies::All);
     for &workers in threads {
-        assert!(render(&offers, workers) == all, "images differ with {} threads", workers.threads());
+        let again = render(&offers, workers, image, Bodies::All);
+        assert!(again == all, "images differ with {} threads", workers.threads());
     }
     for (key, value) in offers.iter().zip(&all) {
-        assert!(&render(&[*key], threads[0])[0] == value, "`{}` differs when it is made alone", key.name);
+        let alone = render(&[*key], threads[0], image, Bodies::All);
+        assert!(&alone[0] == value, "`{}` differs when it is made alone", key.name);
     }
+    let ids: Vec<InstanceId> = scene.bodies().iter().map(|body| body.id).collect();
+    for bodies in [Bodies::Only(&ids), Bodies::Seen(&ids)] {
+        assert!(render(&offers, threads[0], image, bodies) == all, "all bodies by name are not the whole scene");
+    }
+    let window = Window { x: image.width as i32 / 3, y: -3, width: image.width, height: image.height };
+    // What depends on neighbors may differ at the edges of a window.
+    let pixels: Vec<KeyId> =
+        keys![RADIANCE, DEPTH, INSTANCE, NORMAL, ALBEDO].into_iter().filter(|key| offers.contains(key)).collect();
+    let (part, whole) =
+        (render(&pixels, threads[0], window, Bodies::All), render(&pixels, threads[0], image, Bodies::All));
+    for ((key, part), whole) in pixels.iter().zip(part).zip(whole) {
+        for y in 0..window.height as i32 + window.y {
+            for x in 0..image.width as i32 - window.x {
+                let (x_image, y_image) = ((x + window.x) as usize, y as usize);
+                let (part, whole) =
+                    (pixel(&part, x as usize, (y - window.y) as usize), pixel(&whole, x_image, y_image));
+                assert!(part == whole, "`{}` differs in a window at ({x_image}, {y_image})", key.name);
+            }
+        }
+    }
+}
+
+/// Bytes of a pixel of an image.
+fn pixel(value: &Value, x: usize, y: usize) -> &[u8] {
+    let Value::Tensor(tensor) = value else { panic!("no image") };
+    let size = tensor.bytes.len() / (tensor.shape[0] * tensor.shape[1]);
+    &tensor.bytes[(y * tensor.shape[1] + x) * size..][..size]
 }
 
 /// A writer: the same samples give the same files, all inside its folder, and it reads nothing else than it declares.
@@ -97,11 +130,11 @@ pub fn writer(writer: &dyn Writer, cx: &ViewContext, products: &Products, folder
     first
 }
 
-fn names(keys: &[KeyId]) -> Vec<&'static str> {
+fn names(keys: &[KeyId]) -> Vec<Name> {
     keys.iter().map(|key| key.name).collect()
 }
 
-fn sorted(keys: Vec<KeyId>) -> Vec<&'static str> {
+fn sorted(keys: Vec<KeyId>) -> Vec<Name> {
     let mut names = names(&keys);
     names.sort_unstable();
     names

@@ -11,9 +11,8 @@ fn main() {
     divan::main();
 }
 
-/// Disks scattered over the image, the first in front, with a table behind the lower half.
-fn disks(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
-    let [width, height] = SIZE;
+/// Disks scattered over an image of that size, the first in front, with a table behind the lower half.
+fn disks(objects: usize, [width, height]: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
     let mut stream = Stream::root(objects as u64);
     let disks: Vec<[f64; 3]> = (0..objects)
         .map(|_| [stream.uniform(40.0, 600.0), stream.uniform(60.0, 440.0), stream.uniform(25.0, 90.0)])
@@ -24,11 +23,10 @@ fn disks(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
         let r = r * (1.0 + 0.1 * (9.0 * dy.atan2(dx)).sin());
         dx * dx + dy * dy < r * r
     };
-    let mut coverage = BitPlane::new(width, height, margin, objects);
-    let [mx, my] = margin.map(|margin| margin as i32);
-    for y in -my..height as i32 + my {
-        for x in -mx..width as i32 + mx {
-            for (i, _) in disks.iter().enumerate().filter(|(_, disk)| covers(x, y, **disk)) {
+    let mut coverage = BitPlane::new(width, height, objects);
+    for y in 0..height {
+        for x in 0..width {
+            for (i, _) in disks.iter().enumerate().filter(|(_, disk)| covers(x as i32, y as i32, **disk)) {
                 coverage.insert(x, y, InstanceId(i as u16 + 1));
             }
         }
@@ -43,14 +41,14 @@ fn disks(objects: usize, margin: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
 /// Masks as run lengths, and the occlusion order.
 #[divan::bench(args = [1, 20, 40, 64, 130])]
 fn masks_and_order(bencher: Bencher, objects: usize) {
-    let (first, coverage) = disks(objects, [0, 0]);
+    let (first, coverage) = disks(objects, SIZE);
     bencher.bench(|| sweep(black_box(&first), black_box(&coverage)).expect("planes agree"));
 }
 
 /// As above, and the compressed strings of COCO.
 #[divan::bench(args = [20])]
 fn masks_order_and_coco(bencher: Bencher, objects: usize) {
-    let (first, coverage) = disks(objects, [0, 0]);
+    let (first, coverage) = disks(objects, SIZE);
     bencher.bench(|| {
         let sweep = sweep(black_box(&first), black_box(&coverage)).expect("planes agree");
         let masks = sweep.objects.iter().flat_map(|object| [&object.visible, &object.amodal, &object.occlusion]);
@@ -61,6 +59,6 @@ fn masks_order_and_coco(bencher: Bencher, objects: usize) {
 /// Areas on the canvas three times as wide and high.
 #[divan::bench(args = [20, 130])]
 fn areas_outside(bencher: Bencher, objects: usize) {
-    let (_, wide) = disks(objects, SIZE);
-    bencher.bench(|| area_outside(black_box(&wide)));
+    let ((_, image), (_, canvas)) = (disks(objects, SIZE), disks(objects, SIZE.map(|edge| 3 * edge)));
+    bencher.bench(|| area_outside(black_box(&image), black_box(&canvas)));
 }

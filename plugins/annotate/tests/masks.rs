@@ -6,8 +6,8 @@ use common::{Rays, World, annotator};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use syntable_model::prelude::*;
-use syntable_model::product::Value;
 use syntable_model::product::standard::*;
+use syntable_model::product::{Name, RenderParameters, Value};
 
 type Pixels = Vec<(i32, i32)>;
 
@@ -23,12 +23,10 @@ fn annotate(rays: &Rays, options: &str) -> Result<Products> {
     let mut products = Products::new();
     let annotator = annotator("masks", options);
     for key in annotator.reads() {
-        match key.name {
+        let Name { base, parameters } = key.name;
+        match base {
             "instance" => products.put(INSTANCE, rays.instance())?,
-            "coverage" => products.put(COVERAGE, rays.coverage(false, false))?,
-            "coverage_wide" => products.put(COVERAGE_WIDE, rays.coverage(false, true))?,
-            "coverage_before_support" => products.put(COVERAGE_BEFORE_SUPPORT, rays.coverage(true, false))?,
-            "coverage_before_support_wide" => products.put(COVERAGE_BEFORE_SUPPORT_WIDE, rays.coverage(true, true))?,
+            "coverage" => products.put(COVERAGE.with(parameters), rays.coverage(parameters))?,
             other => panic!("{other} is read"),
         }
     }
@@ -218,7 +216,7 @@ fn any_number_of_objects() {
 fn no_object_at_all() {
     // A scene always has one, the kernel need not.
     let first = syntable_model::product::Plane::from_fn(3, 2, |_, _| InstanceId(1));
-    let coverage = syntable_model::product::BitPlane::new(3, 2, [0, 0], 0);
+    let coverage = syntable_model::product::BitPlane::new(3, 2, 0);
     assert!(syntable_annotate::masks::sweep(&first, &coverage).expect("labels").objects.is_empty());
 }
 
@@ -233,29 +231,34 @@ fn planes_that_disagree_are_refused() {
     };
     let wrong = labels(&|products| {
         products.put(INSTANCE, rays.instance().map(|_| InstanceId(2))).expect("first");
-        products.put(COVERAGE, rays.coverage(false, false)).expect("first");
+        products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
     });
     assert!(wrong.starts_with("instance 2 is visible at pixel (0, 0) but not in the coverage plane"), "{wrong}");
     let wrong = labels(&|products| {
         products.put(INSTANCE, rays.instance()).expect("first");
-        products.put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(false, false)).expect("first");
+        products
+            .put(COVERAGE, Rays::new([4, 2], [0, 0], 2, |_, _| vec![1]).coverage(RenderParameters::IMAGE))
+            .expect("first");
     });
-    assert_eq!(wrong, "the coverage plane is 4 × 2 with a margin of [0, 0], the instance plane 4 × 3");
+    assert_eq!(wrong, "the coverage plane is 4 × 2, the instance plane 4 × 3");
     let wrong = labels(&|products| {
         products.put(INSTANCE, rays.instance()).expect("first");
-        products.put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(false, false)).expect("first");
+        products
+            .put(COVERAGE, Rays::new([4, 3], [0, 0], 3, |_, _| vec![1]).coverage(RenderParameters::IMAGE))
+            .expect("first");
     });
     assert_eq!(wrong, "the coverage plane has 3 objects, the scene 2");
 }
 
 #[test]
 fn only_what_is_needed_is_read() {
-    let reads = |options: &str| annotator("masks", options).reads().iter().map(|key| key.name).collect::<Vec<_>>();
+    let reads =
+        |options: &str| annotator("masks", options).reads().iter().map(|key| key.name.to_string()).collect::<Vec<_>>();
     assert_eq!(reads(""), ["instance", "coverage"]);
-    assert_eq!(reads("image_frame = \"extend\""), ["instance", "coverage", "coverage_wide"]);
+    assert_eq!(reads("image_frame = \"extend\""), ["instance", "coverage", "coverage (canvas 3)"]);
     assert_eq!(
         reads("image_frame = \"extend\"\ntable_and_room = \"clip\""),
-        ["instance", "coverage_before_support", "coverage_before_support_wide"]
+        ["instance", "coverage (before support)", "coverage (canvas 3, before support)"]
     );
 }
 

@@ -5,8 +5,8 @@ mod common;
 use common::{Rays, World, annotator, stage};
 use serde_json::json;
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
 use syntable_model::product::standard::*;
+use syntable_model::product::{RenderParameters, Scope};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
@@ -34,8 +34,9 @@ fn every_kind_conforms() {
     let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
     let mut rendered = Products::new();
     rendered.put(INSTANCE, rays.instance()).expect("first");
-    rendered.put(COVERAGE, rays.coverage(false, false)).expect("first");
-    rendered.put(COVERAGE_WIDE, rays.coverage(false, true)).expect("first");
+    rendered.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    let canvas = COVERAGE.on_canvas(3);
+    rendered.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
     let mut labeled = rendered.clone();
     run(&world, "masks", "", &mut labeled);
     for entry in registry.entries() {
@@ -73,7 +74,7 @@ fn boxes_are_tight() {
     });
     let mut products = Products::new();
     products.put(INSTANCE, rays.instance()).expect("first");
-    products.put(COVERAGE, rays.coverage(false, false)).expect("first");
+    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
     run(&world, "masks", "", &mut products);
     run(&world, "boxes", "", &mut products);
     assert_eq!(json(&products, "visible_box"), json!({ "1": [2, 1, 3, 2], "2": [6, 5, 1, 1] }));

@@ -95,7 +95,7 @@ fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), se
         wants.iter().map(|&key| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key }).collect();
     wants.sort_by_key(|key| key.name);
     wants.dedup();
-    let request = RenderRequest { view, wants: &wants, stream: Stream::root(seed), workers: &Threads(2) };
+    let request = RenderRequest::new(view, &wants, Stream::root(seed), &Threads(2));
     session.render(&request, &mut products).expect("renders");
     products.rename(RADIANCE.id(), RADIANCE_NOISY.id()).expect("not there yet");
     products

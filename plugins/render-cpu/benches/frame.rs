@@ -5,9 +5,7 @@
 
 use std::time::Instant;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_WIDE, DEPTH, INSTANCE, NORMAL, RADIANCE,
-};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, RADIANCE};
 use syntable_render_cpu::{CpuPath, CpuPathRenderer, Statistics};
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
@@ -31,7 +29,7 @@ fn main() {
             let mut frame = Products::new();
             let before = session.statistics();
             let (started, cpu) = (Instant::now(), processor_seconds());
-            let request = RenderRequest { view: &view, wants, stream: Stream::root(1), workers: &workers };
+            let request = RenderRequest::new(&view, wants, Stream::root(1), &workers);
             session.render(&request, &mut frame).expect("renders");
             let (wall, cpu) = (started.elapsed().as_secs_f64(), processor_seconds() - cpu);
             let now = session.statistics();
@@ -58,13 +56,12 @@ fn main() {
             if let Some(path) = arguments.get(2) {
                 write_ppm(path, frame.get(RADIANCE).expect("made"));
             }
-            let labels: [(&str, &[KeyId]); 3] = [
+            let labels: [(&str, &[KeyId]); 2] = [
                 (
                     "depth, instance, coverage",
-                    &[DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE_BEFORE_SUPPORT.id()],
+                    &[DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()],
                 ),
                 ("normal, albedo", &[NORMAL.id(), ALBEDO.id()]),
-                ("wide coverage", &[COVERAGE_WIDE.id()]),
             ];
             for (name, wants) in labels {
                 let (_, _, wall, cpu) = render(wants);

@@ -3,6 +3,7 @@
 use crate::bvh::Ray;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::Camera;
+use syntable_model::stage::Window;
 use syntable_simd::{Vec3, vec3};
 
 /// A camera ready to give rays. Without distortion they are affine in the pixel coordinates; computed in f64 and
@@ -26,10 +27,10 @@ pub(crate) struct RayCamera {
 #[derive(Clone, Debug)]
 struct Warp {
     camera: Camera,
-    /// Direction in the camera's frame with z = 1 at every pixel's corners, row by row, one more than pixels a row.
+    /// Direction in the camera's frame with z = 1 at every pixel's corners, row by row, one more than pixels per row.
     /// Not a number where the lens sees nothing.
     corners: Vec<[f32; 2]>,
-    columns: usize,
+    window: Window,
 }
 
 /// A lens of finite aperture.
@@ -43,7 +44,8 @@ pub(crate) struct Lens {
 }
 
 impl RayCamera {
-    pub fn new(camera: &Camera) -> Self {
+    /// Rays for the pixels of a window.
+    pub fn new(camera: &Camera, window: Window) -> Self {
         let k = &camera.intrinsics;
         let pose = &camera.world_from_camera;
         let corner = k.unproject(0.0, 0.0);
@@ -58,7 +60,7 @@ impl RayCamera {
             along_v: rotation * Vector3::new(0.0, 1.0 / k.fy, 0.0),
             rows,
             pixel_angle: (1.0 / (k.fx * k.fy).abs().sqrt()) as f32,
-            warp: camera.distortion.map(|_| Box::new(Warp::new(camera))),
+            warp: camera.distortion.map(|_| Box::new(Warp::new(camera, window))),
             lens: camera.lens.filter(|lens| lens.aperture_radius_m > 0.0).map(|lens| Lens {
                 right: rows[0] * lens.aperture_radius_m as f32,
                 down: rows[1] * lens.aperture_radius_m as f32,
@@ -86,7 +88,7 @@ impl RayCamera {
 
     /// Direction of [`Self::ray`] at a pixel's top-left corner, as if there were no distortion.
     #[inline]
-    pub fn corner(&self, x: u32, y: u32) -> Vec3 {
+    pub fn corner(&self, x: i32, y: i32) -> Vec3 {
         let d = self.corner + self.along_u * f64::from(x) + self.along_v * f64::from(y);
         vec3(d.x as f32, d.y as f32, d.z as f32)
     }
@@ -101,13 +103,15 @@ impl RayCamera {
         self.warp.is_some()
     }
 
-    /// The distorted direction at a place within a pixel, between those of its corners; black where there is none.
+    /// The distorted direction at a place within a pixel of the window, between those of its corners; none where the
+    /// lens sees nothing.
     #[inline]
-    pub fn warped(&self, x: u32, y: u32, [u, v]: [f32; 2]) -> Option<Vec3> {
+    pub fn warped(&self, x: i32, y: i32, [u, v]: [f32; 2]) -> Option<Vec3> {
         let warp = self.warp.as_ref()?;
-        let at = y as usize * warp.columns + x as usize;
+        let columns = warp.columns();
+        let at = (y - warp.window.y) as usize * columns + (x - warp.window.x) as usize;
         let mix = |i: usize| {
-            let [a, b] = [at, at + warp.columns].map(|at| {
+            let [a, b] = [at, at + columns].map(|at| {
                 let [left, right] = [warp.corners[at][i], warp.corners[at + 1][i]];
                 left + (right - left) * u
             });
@@ -126,13 +130,18 @@ impl RayCamera {
 }
 
 impl Warp {
-    fn new(camera: &Camera) -> Self {
-        let (columns, rows) = (camera.intrinsics.width as usize + 1, camera.intrinsics.height as usize + 1);
-        let corner = |i: usize| match camera.unproject((i % columns) as f64, (i / columns) as f64) {
+    fn new(camera: &Camera, window: Window) -> Self {
+        let corner = |x: i32, y: i32| match camera.unproject(f64::from(x), f64::from(y)) {
             Some(d) => [d.x as f32, d.y as f32],
             None => [f32::NAN; 2],
         };
-        Self { camera: *camera, corners: (0..columns * rows).map(corner).collect(), columns }
+        let rows = window.y..=window.bottom();
+        let corners = rows.flat_map(|y| (window.x..=window.right()).map(move |x| (x, y)));
+        Self { camera: *camera, corners: corners.map(|(x, y)| corner(x, y)).collect(), window }
+    }
+
+    fn columns(&self) -> usize {
+        self.window.width as usize + 1
     }
 }
 
@@ -156,12 +165,12 @@ mod tests {
         }) {
             let p_camera = world_from_camera.inverse_transform_point(&p);
             let [u, v] = camera.project(&p_camera);
-            let rays = RayCamera::new(&camera);
+            let rays = RayCamera::new(&camera, Window::of(&intrinsics));
             let ray = rays.ray(u, v).expect("within");
             let hit = Vec3::from(ray.origin) + Vec3::from(ray.direction) * p_camera.z as f32;
             assert!((hit - vec3(p.x as f32, p.y as f32, p.z as f32)).length() < 1e-6, "{hit:?}");
             // Between corners, to a thousandth of a pixel.
-            if let Some(warped) = rays.warped(u as u32, v as u32, [u.fract() as f32, v.fract() as f32]) {
+            if let Some(warped) = rays.warped(u as i32, v as i32, [u.fract() as f32, v.fract() as f32]) {
                 assert!((warped - Vec3::from(ray.direction)).length() < 1e-3 / 457.0, "{warped:?} {ray:?}");
             } else {
                 assert!(camera.distortion.is_none());

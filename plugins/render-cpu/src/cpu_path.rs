@@ -11,10 +11,10 @@ use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, DENOISE_ALBEDO,
-    DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
-    RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
+    ALBEDO, COVERAGE, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, RADIANCE, RADIANCE_DEMODULATED,
+    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
+use syntable_model::stage::{Bodies, Window};
 use syntable_simd::Processor;
 
 /// What is gathered on the way for denoisers.
@@ -167,9 +167,6 @@ impl Renderer for CpuPathRenderer {
             DEPTH,
             INSTANCE,
             COVERAGE,
-            COVERAGE_BEFORE_SUPPORT,
-            COVERAGE_WIDE,
-            COVERAGE_BEFORE_SUPPORT_WIDE,
             NORMAL,
             ALBEDO,
             DENOISE_NORMAL,
@@ -213,16 +210,45 @@ impl CpuPathSession {
         self
     }
 
+    /// Renders the window of a request, whatever its bodies.
+    fn render_world(&self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
+        let wants = |key: KeyId| request.wants.contains(&key);
+        let camera = RayCamera::new(&request.view.camera, request.window);
+        let Window { width, height, .. } = request.window;
+        let bits = |key: Key<BitPlane>| wants(key.id()).then(|| BitPlane::new(width, height, world.scene.objects));
+        let color = |key: Key<Plane<[f32; 3]>>| wants(key.id()).then(|| Plane::from_fn(width, height, |_, _| [0.0; 3]));
+        let mut labels = Labels {
+            depth: wants(DEPTH.id()).then(|| Plane::from_fn(width, height, |_, _| f32::INFINITY)),
+            instance: wants(INSTANCE.id()).then(|| Plane::from_fn(width, height, |_, _| InstanceId::BACKGROUND)),
+            normal: color(NORMAL),
+            albedo: color(ALBEDO),
+            coverage: bits(COVERAGE),
+            coverage_before_support: bits(COVERAGE.before_support()),
+        };
+        if labels.any() {
+            LabelCaster::new(world, &camera, request.window).cast(&mut labels, request.workers);
+        }
+        labels.put(frame)?;
+        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
+        match of_paths.into_iter().chain(OF_GUIDES).any(wants) {
+            true => self.trace(world, request, &camera, frame),
+            false => Ok(Statistics::default()),
+        }
+    }
+
     /// Traces paths for the products that need them.
-    fn trace(&mut self, request: &RenderRequest, camera: &RayCamera, frame: &mut Products) -> Result<()> {
-        let Some(world) = &self.world else { return Err(not_loaded()) };
+    fn trace(
+        &self,
+        world: &World,
+        request: &RenderRequest,
+        camera: &RayCamera,
+        frame: &mut Products,
+    ) -> Result<Statistics> {
         let lights = Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?;
         let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
         let guides = request.wants.iter().any(|want| OF_GUIDES.contains(want));
         let tracer = tracer.with_guides(guides);
-        let (width, height) = size(request);
-        let film = Film::trace(&tracer, width, height, &self.budget, request.workers);
-        self.statistics.add(&film.statistics);
+        let film = Film::trace(&tracer, request.window, &self.budget, request.workers);
         let workers = request.workers;
         for &want in request.wants {
             if want == RADIANCE.id() {
@@ -251,7 +277,7 @@ impl CpuPathSession {
                 frame.put(RENDER_REPORT, film.report(workers))?;
             }
         }
-        Ok(())
+        Ok(film.statistics)
     }
 }
 
@@ -264,45 +290,24 @@ impl RenderSession for CpuPathSession {
     }
 
     fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<()> {
-        let wants = |key: KeyId| request.wants.contains(&key);
-        let camera = RayCamera::new(&request.view.camera);
-        let (width, height) = size(request);
-        {
-            let world = self.world.as_ref().ok_or_else(not_loaded)?;
-            let bits = |key: Key<BitPlane>, margin: [u32; 2]| {
-                wants(key.id()).then(|| BitPlane::new(width, height, margin, world.scene.objects))
-            };
-            let color =
-                |key: Key<Plane<[f32; 3]>>| wants(key.id()).then(|| Plane::from_fn(width, height, |_, _| [0.0; 3]));
-            let mut labels = Labels {
-                depth: wants(DEPTH.id()).then(|| Plane::from_fn(width, height, |_, _| f32::INFINITY)),
-                instance: wants(INSTANCE.id()).then(|| Plane::from_fn(width, height, |_, _| InstanceId::BACKGROUND)),
-                normal: color(NORMAL),
-                albedo: color(ALBEDO),
-                coverage: bits(COVERAGE, [0, 0]),
-                coverage_before_support: bits(COVERAGE_BEFORE_SUPPORT, [0, 0]),
-                coverage_wide: bits(COVERAGE_WIDE, [width, height]),
-                coverage_before_support_wide: bits(COVERAGE_BEFORE_SUPPORT_WIDE, [width, height]),
-            };
-            if labels.any() {
-                LabelCaster::new(world, &camera, width, height).cast(&mut labels, request.workers);
-            }
-            labels.put(frame)?;
-        }
-        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
-        if of_paths.into_iter().chain(OF_GUIDES).any(wants) { self.trace(request, &camera, frame) } else { Ok(()) }
+        let world = self.world.as_ref().ok_or_else(not_loaded)?;
+        let statistics = match request.bodies {
+            Bodies::All => self.render_world(world, request, frame)?,
+            _ => self.render_world(&world.with_bodies(&request.bodies)?, request, frame)?,
+        };
+        self.statistics.add(&statistics);
+        Ok(())
     }
 }
 
 impl Labels {
     fn any(&self) -> bool {
-        let bits =
-            [&self.coverage, &self.coverage_before_support, &self.coverage_wide, &self.coverage_before_support_wide];
         self.depth.is_some()
             || self.instance.is_some()
             || self.normal.is_some()
             || self.albedo.is_some()
-            || bits.iter().any(|plane| plane.is_some())
+            || self.coverage.is_some()
+            || self.coverage_before_support.is_some()
     }
 
     fn put(self, frame: &mut Products) -> Result<()> {
@@ -314,14 +319,8 @@ impl Labels {
         one(frame, NORMAL, self.normal)?;
         one(frame, ALBEDO, self.albedo)?;
         one(frame, COVERAGE, self.coverage)?;
-        one(frame, COVERAGE_BEFORE_SUPPORT, self.coverage_before_support)?;
-        one(frame, COVERAGE_WIDE, self.coverage_wide)?;
-        one(frame, COVERAGE_BEFORE_SUPPORT_WIDE, self.coverage_before_support_wide)
+        one(frame, COVERAGE.before_support(), self.coverage_before_support)
     }
-}
-
-fn size(request: &RenderRequest) -> (u32, u32) {
-    (request.view.camera.intrinsics.width, request.view.camera.intrinsics.height)
 }
 
 fn not_loaded() -> Error {

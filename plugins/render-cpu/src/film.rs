@@ -6,9 +6,10 @@ use std::time::Instant;
 use syntable_model::context::Workers;
 use syntable_model::photometry::luminance;
 use syntable_model::product::{Plane, Value};
+use syntable_model::stage::Window;
 
 /// Edge of the squares of pixels that are one job, and that stop together.
-const TILE: u32 = 16;
+const TILE: i32 = 16;
 
 /// Samples of the first round where tiles may stop early: enough to know how noisy they are.
 const FIRST_ROUND: u32 = 16;
@@ -36,31 +37,31 @@ pub(crate) struct Budget {
 
 /// An image in progress: sums per pixel, by tile.
 pub(crate) struct Film {
-    width: u32,
-    height: u32,
+    window: Window,
     tiles: Vec<Mutex<Tile>>,
     pub statistics: Statistics,
 }
 
 struct Tile {
-    /// Left, top, right, bottom.
-    area: [u32; 4],
+    /// Left, top, right, bottom, px from the corner of the image.
+    area: [i32; 4],
     sums: Vec<PixelSums>,
     done: bool,
 }
 
 impl Film {
-    /// Renders an image.
-    pub fn trace(tracer: &PathTracer, width: u32, height: u32, budget: &Budget, workers: &dyn Workers) -> Self {
-        let tile = |left: u32, top: u32| {
-            let area = [left, top, (left + TILE).min(width), (top + TILE).min(height)];
+    /// Renders a window of the image.
+    pub fn trace(tracer: &PathTracer, window: Window, budget: &Budget, workers: &dyn Workers) -> Self {
+        let tile = |left: i32, top: i32| {
+            let area = [left, top, (left + TILE).min(window.right()), (top + TILE).min(window.bottom())];
             let pixels = (area[2] - left) * (area[3] - top);
             Mutex::new(Tile { area, sums: vec![PixelSums::default(); pixels as usize], done: false })
         };
-        let steps = |to: u32| (0..to).step_by(TILE as usize);
-        let tiles = steps(height).flat_map(|top| steps(width).map(move |left| (left, top)));
+        let columns = || (window.x..window.right()).step_by(TILE as usize);
+        let rows = (window.y..window.bottom()).step_by(TILE as usize);
+        let tiles = rows.flat_map(|top| columns().map(move |left| (left, top)));
         let tiles = tiles.map(|(left, top)| tile(left, top)).collect();
-        let mut film = Self { width, height, tiles, statistics: Statistics::default() };
+        let mut film = Self { window, tiles, statistics: Statistics::default() };
         let whole = budget.noise.is_none() && budget.seconds.is_none();
         let (started, mut from) = (Instant::now(), 0);
         while from < budget.samples {
@@ -125,8 +126,9 @@ impl Film {
             let tile = &mut *tile;
             let differs = |pixel: &u16| {
                 let (x, y) = place(tile.area, *pixel);
+                let (x, y) = ((x - self.window.x) as usize, (y - self.window.y) as usize);
                 tile.sums[usize::from(*pixel)].samples < GUIDE_SAMPLES
-                    && [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x as usize, y as usize))
+                    && [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y))
             };
             let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(differs).collect();
             let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };
@@ -164,24 +166,25 @@ impl Film {
         zero: T,
         value: impl Fn(&PixelSums) -> T + Sync,
     ) -> Plane<T> {
-        let mut data = vec![zero; self.width as usize * self.height as usize];
-        let rows = TILE as usize * self.width as usize;
-        let bands: Vec<_> = data.chunks_mut(rows).zip(self.tiles.chunks(self.width.div_ceil(TILE) as usize)).collect();
+        let Window { width, height, .. } = self.window;
+        let mut data = vec![zero; width as usize * height as usize];
+        let rows = TILE as usize * width as usize;
+        let bands: Vec<_> =
+            data.chunks_mut(rows).zip(self.tiles.chunks(width.div_ceil(TILE as u32) as usize)).collect();
         let bands: Vec<_> = bands.into_iter().map(Mutex::new).collect();
         workers.run(bands.len(), &|number| {
             let (pixels, tiles) = &mut *bands[number].lock();
             for tile in *tiles {
                 let tile = tile.lock();
-                let [left, _, right, _] = tile.area;
-                for (row, sums) in pixels.chunks_mut(self.width as usize).zip(tile.sums.chunks((right - left) as usize))
-                {
-                    for (pixel, sums) in row[left as usize..right as usize].iter_mut().zip(sums) {
+                let [left, right] = [tile.area[0], tile.area[2]].map(|x| (x - self.window.x) as usize);
+                for (row, sums) in pixels.chunks_mut(width as usize).zip(tile.sums.chunks(right - left)) {
+                    for (pixel, sums) in row[left..right].iter_mut().zip(sums) {
                         *pixel = value(sums);
                     }
                 }
             }
         });
-        Plane::from_vec(self.width, self.height, data)
+        Plane::from_vec(width, height, data)
     }
 
     /// Mean radiance over the area of every pixel, nits.

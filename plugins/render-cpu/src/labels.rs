@@ -11,6 +11,7 @@ use parking_lot::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::product::{BitPlane, Plane};
 use syntable_model::scene::InstanceId;
+use syntable_model::stage::Window;
 use syntable_prepare::labels::{BASE_LAYER, LABEL_ALPHA, instance_id};
 use syntable_simd::Vec3;
 
@@ -26,13 +27,12 @@ pub(crate) struct Labels {
     pub albedo: Option<Plane<[f32; 3]>>,
     pub coverage: Option<BitPlane>,
     pub coverage_before_support: Option<BitPlane>,
-    pub coverage_wide: Option<BitPlane>,
-    pub coverage_before_support_wide: Option<BitPlane>,
 }
 
 /// Hits of one pixel's ray.
 #[derive(Clone, Copy)]
 struct Pixel {
+    /// Column and row in the image.
     x: i32,
     y: i32,
     /// The nearest hit.
@@ -45,8 +45,7 @@ struct Pixel {
 pub(crate) struct LabelCaster<'a> {
     world: &'a World,
     camera: &'a RayCamera,
-    width: i32,
-    height: i32,
+    window: Window,
     /// Bodies with cut-outs, each in a tree of its own, since hits on them must be tested.
     cutouts: Vec<(u32, SceneBvh)>,
 }
@@ -59,25 +58,24 @@ struct Tile {
 }
 
 impl<'a> LabelCaster<'a> {
-    pub fn new(world: &'a World, camera: &'a RayCamera, width: u32, height: u32) -> Self {
-        let cutouts = (0..world.scene.bodies.len()).filter(|&i| world.scene.bodies[i].has_cutouts());
+    pub fn new(world: &'a World, camera: &'a RayCamera, window: Window) -> Self {
+        let cutouts =
+            (0..world.scene.bodies.len()).filter(|&i| world.is_seen(i) && world.scene.bodies[i].has_cutouts());
         let cutouts = cutouts.map(|i| (i as u32, world.alone(i))).collect();
-        Self { world, camera, width: width as i32, height: height as i32, cutouts }
+        Self { world, camera, window, cutouts }
     }
 
     /// Fills the planes.
     pub fn cast(&self, labels: &mut Labels, workers: &dyn Workers) {
-        let wide = labels.coverage_wide.is_some() || labels.coverage_before_support_wide.is_some();
-        let (margin_x, margin_y) = if wide { (self.width, self.height) } else { (0, 0) };
-        let columns = self.width + 2 * margin_x;
-        let bands = (self.height + 2 * margin_y + TILE - 1) / TILE;
+        let window = self.window;
+        let bands = window.height.div_ceil(TILE as u32);
         let shaded = labels.normal.is_some() || labels.albedo.is_some();
         let labels = Mutex::new(labels);
         workers.run(bands as usize, &|band| {
-            let top = band as i32 * TILE - margin_y;
-            let bottom = (top + TILE).min(self.height + margin_y);
-            for left in (-margin_x..columns - margin_x).step_by(TILE as usize) {
-                let right = (left + TILE).min(self.width + margin_x);
+            let top = window.y + band as i32 * TILE;
+            let bottom = (top + TILE).min(window.bottom());
+            for left in (window.x..window.right()).step_by(TILE as usize) {
+                let right = (left + TILE).min(window.right());
                 let tile = self.tile([left, top, right, bottom]);
                 let surfaces: Vec<_> = tile.pixels.iter().map(|pixel| self.surface(pixel, shaded)).collect();
                 let mut labels = labels.lock();
@@ -95,7 +93,7 @@ impl<'a> LabelCaster<'a> {
         let seen: Vec<(usize, Ray)> =
             tile.pixels.iter().enumerate().filter_map(|(number, pixel)| Some((number, self.ray(pixel)?))).collect();
         let rays: Vec<Ray> = seen.iter().map(|(_, ray)| *ray).collect();
-        self.world.bvh.all_instances_tile(&rays, 0.0, f32::INFINITY, |number, hit| {
+        self.world.seen().all_instances_tile(&rays, 0.0, f32::INFINITY, |number, hit| {
             if !self.world.scene.bodies[hit.instance as usize].has_cutouts() {
                 tile.hits.push((seen[number].0 as u32, hit));
             }
@@ -120,18 +118,19 @@ impl<'a> LabelCaster<'a> {
         tile
     }
 
-    fn ray(&self, pixel: &Pixel) -> Option<Ray> {
-        self.camera.ray(f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5)
+    /// Column and row in the window.
+    fn place(&self, pixel: &Pixel) -> (u32, u32) {
+        ((pixel.x - self.window.x) as u32, (pixel.y - self.window.y) as u32)
     }
 
-    fn inside(&self, pixel: &Pixel) -> bool {
-        (0..self.width).contains(&pixel.x) && (0..self.height).contains(&pixel.y)
+    fn ray(&self, pixel: &Pixel) -> Option<Ray> {
+        self.camera.ray(f64::from(pixel.x) + 0.5, f64::from(pixel.y) + 0.5)
     }
 
     /// Normal in the camera's frame and base color of what a pixel sees.
     fn surface(&self, pixel: &Pixel, shaded: bool) -> [[f32; 3]; 2] {
         match pixel.first {
-            Some(hit) if shaded && self.inside(pixel) => {
+            Some(hit) if shaded => {
                 let Some(ray) = self.ray(pixel) else { return [[0.0; 3]; 2] };
                 let direction = Vec3::from(ray.direction);
                 let distance = hit.t * direction.length();
@@ -146,21 +145,20 @@ impl<'a> LabelCaster<'a> {
 
     fn store(&self, labels: &mut Labels, tile: &Tile, surfaces: &[[[f32; 3]; 2]]) {
         for (pixel, [normal, albedo]) in tile.pixels.iter().zip(surfaces) {
-            if self.inside(pixel) {
-                let index = pixel.y as usize * self.width as usize + pixel.x as usize;
-                if let Some(depth) = &mut labels.depth {
-                    depth.data_mut()[index] = pixel.first.map_or(f32::INFINITY, |hit| hit.t);
-                }
-                if let Some(instance) = &mut labels.instance {
-                    instance.data_mut()[index] =
-                        pixel.first.map_or(InstanceId::BACKGROUND, |hit| instance_id(hit.instance));
-                }
-                if let Some(plane) = &mut labels.normal {
-                    plane.data_mut()[index] = *normal;
-                }
-                if let Some(plane) = &mut labels.albedo {
-                    plane.data_mut()[index] = *albedo;
-                }
+            let (column, row) = self.place(pixel);
+            let index = row as usize * self.window.width as usize + column as usize;
+            if let Some(depth) = &mut labels.depth {
+                depth.data_mut()[index] = pixel.first.map_or(f32::INFINITY, |hit| hit.t);
+            }
+            if let Some(instance) = &mut labels.instance {
+                instance.data_mut()[index] =
+                    pixel.first.map_or(InstanceId::BACKGROUND, |hit| instance_id(hit.instance));
+            }
+            if let Some(plane) = &mut labels.normal {
+                plane.data_mut()[index] = *normal;
+            }
+            if let Some(plane) = &mut labels.albedo {
+                plane.data_mut()[index] = *albedo;
             }
         }
         for &(number, hit) in &tile.hits {
@@ -168,21 +166,14 @@ impl<'a> LabelCaster<'a> {
                 continue;
             }
             let pixel = &tile.pixels[number as usize];
-            let before = hit.t <= pixel.support;
-            let put = |plane: &mut Option<BitPlane>| {
-                if let Some(plane) = plane {
-                    plane.insert(pixel.x, pixel.y, instance_id(hit.instance));
-                }
-            };
-            put(&mut labels.coverage_wide);
-            if before {
-                put(&mut labels.coverage_before_support_wide);
+            let (column, row) = self.place(pixel);
+            if let Some(plane) = &mut labels.coverage {
+                plane.insert(column, row, instance_id(hit.instance));
             }
-            if self.inside(pixel) {
-                put(&mut labels.coverage);
-                if before {
-                    put(&mut labels.coverage_before_support);
-                }
+            if let Some(plane) = &mut labels.coverage_before_support
+                && hit.t <= pixel.support
+            {
+                plane.insert(column, row, instance_id(hit.instance));
             }
         }
     }

@@ -5,7 +5,10 @@ use crate::bvh::{Hit, Instance, MeshBvh, Ray, SceneBvh};
 use crate::layer::{LayerSample, base_parameters, mapped_normal, normal_map, sample_layer};
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
+use syntable_model::error::{Error, Result};
 use syntable_model::scene::Scene;
+use syntable_model::stage::Bodies;
+use syntable_prepare::labels::instance_id;
 use syntable_prepare::{AssetCache, PreparedScene, Sampler, SceneCache, SurfacePoint, TextureCoordinates, unpack_unit};
 use syntable_simd::{Rgb, Vec3, max, min};
 
@@ -25,11 +28,22 @@ impl Default for Caches {
 }
 
 /// A scene ready to be traced. Body `i` of the scene is instance `i` of the tree.
+#[derive(Clone)]
 pub(crate) struct World {
     pub scene: PreparedScene,
-    pub bvh: SceneBvh,
+    bvh: SceneBvh,
+    /// What camera rays meet, if not the whole scene.
+    seen: Option<Seen>,
     /// Trees of the bodies.
     trees: Vec<Arc<MeshBvh>>,
+}
+
+/// Bodies that camera rays meet.
+#[derive(Clone)]
+struct Seen {
+    bvh: SceneBvh,
+    /// For every body of the scene, whether it is one.
+    bodies: Vec<bool>,
 }
 
 /// The surface at a hit.
@@ -82,12 +96,27 @@ impl World {
         });
         let trees: Vec<_> =
             trees.into_iter().enumerate().map(|(i, tree)| tree.into_inner().unwrap_or_else(|| build(i))).collect();
-        let instances = bodies.iter().zip(&prepared.bodies).zip(&trees).map(|((body, prepared), tree)| Instance {
-            world_from_object: prepared.world_from_body(),
-            mesh: tree.clone(),
-            id: u32::from(body.id.0),
-        });
-        Self { bvh: SceneBvh::build(instances), scene: prepared, trees }
+        let bvh = top_level(&prepared, &trees, |_| true);
+        Self { bvh, scene: prepared, seen: None, trees }
+    }
+
+    /// The world with some of its bodies. They keep their indices.
+    pub fn with_bodies(&self, bodies: &Bodies) -> Result<Self> {
+        let (Bodies::Only(ids) | Bodies::Seen(ids)) = *bodies else { return Ok(self.clone()) };
+        let mut chosen = vec![false; self.scene.bodies.len()];
+        for id in ids {
+            let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
+            let unknown = || Error::new(format!("there is no body {} to render", id.0)).permanent();
+            *body.ok_or_else(unknown)? = true;
+        }
+        let bvh = top_level(&self.scene, &self.trees, |body| chosen[body]);
+        let mut world = self.clone();
+        if let Bodies::Only(_) = bodies {
+            world.scene.emitters.retain(|emitter| chosen[emitter.instance as usize]);
+            world.bvh = bvh.clone();
+        }
+        world.seen = Some(Seen { bvh, bodies: chosen });
+        Ok(world)
     }
 
     /// The tree of one body alone.
@@ -96,13 +125,24 @@ impl World {
         SceneBvh::build([Instance { world_from_object, mesh: self.trees[instance].clone(), id: 0 }])
     }
 
-    /// The first surface of a ray; `seed` decides where surfaces cover in part.
+    /// The tree of what camera rays meet.
+    pub fn seen(&self) -> &SceneBvh {
+        self.seen.as_ref().map_or(&self.bvh, |seen| &seen.bvh)
+    }
+
+    /// Whether camera rays meet a body.
+    pub fn is_seen(&self, instance: usize) -> bool {
+        self.seen.as_ref().is_none_or(|seen| seen.bodies[instance])
+    }
+
+    /// The first surface of a ray, from the camera or later; `seed` decides where surfaces cover in part.
     #[inline]
-    pub fn closest(&self, ray: &Ray, to: f32, seed: u32) -> Option<Hit> {
+    pub fn closest(&self, ray: &Ray, to: f32, seed: u32, from_camera: bool) -> Option<Hit> {
+        let bvh = if from_camera { self.seen() } else { &self.bvh };
         if self.scene.has_cutouts {
-            self.bvh.closest_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit)))
+            bvh.closest_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit)))
         } else {
-            self.bvh.closest(ray, 0.0, to)
+            bvh.closest(ray, 0.0, to)
         }
     }
 
@@ -193,6 +233,16 @@ impl World {
             emission: scene.materials.emission(material, at),
         }
     }
+}
+
+/// The top level over the bodies to keep; the others keep their place, and are never hit.
+fn top_level(scene: &PreparedScene, trees: &[Arc<MeshBvh>], keep: impl Fn(usize) -> bool) -> SceneBvh {
+    let nothing = Arc::new(MeshBvh::build(&[], &[]));
+    SceneBvh::build(scene.bodies.iter().zip(trees).enumerate().map(|(i, (body, tree))| Instance {
+        world_from_object: body.world_from_body(),
+        mesh: if keep(i) { tree.clone() } else { nothing.clone() },
+        id: u32::from(instance_id(i as u32).0),
+    }))
 }
 
 /// A random number in [0, 1) for a surface that covers in part: one for every ray and triangle.

@@ -5,7 +5,7 @@ use crate::include;
 use serde_json::{Map, Value as Json};
 use std::collections::BTreeSet;
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
+use syntable_model::product::{Name, Scope};
 
 /// Writes any products as JSON Lines.
 ///
@@ -95,7 +95,7 @@ struct JsonlScene {
     /// Finished lines of the shard.
     lines: Vec<u8>,
     /// The products of the scene that the lines of the views have.
-    written: BTreeSet<&'static str>,
+    written: BTreeSet<Name>,
     /// The views of the scene's own line.
     views: Vec<Json>,
 }
@@ -110,7 +110,9 @@ impl SceneWriter for JsonlScene {
                 // What is known before the views is in each line, in the order of `include`.
                 for key in include.iter().filter_map(|name| products.key(name.as_str())) {
                     self.written.insert(key.name);
-                    record.insert(key.name.to_owned(), encoded(products, key.name)?);
+                    let name = key.name.to_string();
+                    let value = encoded(products, &name)?;
+                    record.insert(name, value);
                 }
                 json_shard::push_line(&mut self.lines, &record)
             }
@@ -132,7 +134,7 @@ impl SceneWriter for JsonlScene {
                 json_shard::push_line(&mut self.lines, &line)?;
             }
             LinePer::View => {
-                of_scene.retain(|name, _| !self.written.contains(name.as_str()));
+                of_scene.retain(|name, _| !self.written.iter().any(|written| written == name));
                 if !of_scene.is_empty() {
                     line.extend(of_scene);
                     json_shard::push_line(&mut self.lines, &line)?;

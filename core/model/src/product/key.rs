@@ -1,6 +1,6 @@
 //! Typed names of products.
 
-use super::{Form, Value};
+use super::{BitPlane, Form, Name, RenderParameters, Value};
 use std::any::{Any, TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
@@ -82,15 +82,15 @@ pub trait Product: Any + Send + Sync {
 /// assert_eq!(VISIBLE_AREA.id().doc(), "Visible pixels per instance.");
 /// ```
 pub struct Key<T> {
-    id: KeyId,
+    pub(super) id: KeyId,
     of: PhantomData<fn() -> T>,
 }
 
 /// A key without its type: name, scope, meaning, and the type's identity.
 #[derive(Clone, Copy)]
 pub struct KeyId {
-    /// Name in recipes and files, snake_case, unique among all plugins.
-    pub name: &'static str,
+    /// Name in recipes and files, snake_case, unique among all plugins; with the parameters of a rendered product.
+    pub name: Name,
     /// How often it is made.
     pub scope: Scope,
     /// What its numbers mean.
@@ -121,7 +121,7 @@ impl<T: Product> Key<T> {
 
     const fn new(name: &'static str, scope: Scope, doc: &'static str) -> Self {
         let id = KeyId {
-            name,
+            name: Name::new(name),
             scope,
             semantic: Semantic::Data,
             unit: "",
@@ -156,9 +156,26 @@ impl<T: Product> Key<T> {
         self.id
     }
 
-    /// The name.
+    /// The name, without parameters of rendering.
     pub const fn name(&self) -> &'static str {
-        self.id.name
+        self.id.name.base
+    }
+
+    /// The rendered product with other parameters.
+    pub const fn with(self, parameters: RenderParameters) -> Self {
+        Self { id: self.id.with(parameters), of: PhantomData }
+    }
+
+    /// The rendered product on a larger canvas; see [`RenderParameters::canvas`].
+    pub const fn on_canvas(self, canvas: u32) -> Self {
+        self.with(RenderParameters { canvas, ..self.id.name.parameters })
+    }
+}
+
+impl Key<BitPlane> {
+    /// The objects in front of the first support or room part alone; see [`RenderParameters::before_support`].
+    pub const fn before_support(self) -> Self {
+        self.with(RenderParameters { before_support: true, ..self.id.name.parameters })
     }
 }
 
@@ -170,6 +187,18 @@ impl<T> Clone for Key<T> {
 impl<T> Copy for Key<T> {}
 
 impl KeyId {
+    /// The rendered product with other parameters.
+    pub const fn with(self, parameters: RenderParameters) -> Self {
+        Self { name: self.name.with(parameters), ..self }
+    }
+
+    /// The product that a text names, with its parameters: `coverage (canvas 3)`. None if it names another.
+    pub fn parse(&self, text: &str) -> Option<Self> {
+        let name = self.name.parse(text)?;
+        let has_depth = self.type_id() == TypeId::of::<BitPlane>();
+        (has_depth || !name.parameters.before_support).then(|| self.with(name.parameters))
+    }
+
     /// Meaning, frame and special values, in sentences. Links to other keys read as their names.
     pub fn doc(&self) -> String {
         let mut out = String::new();

@@ -7,6 +7,7 @@
 mod form;
 mod key;
 mod mask;
+mod name;
 mod plane;
 mod serialize;
 pub mod standard;
@@ -16,6 +17,7 @@ mod value;
 pub use form::Form;
 pub use key::{Key, KeyId, Product, Scope, Semantic};
 pub use mask::Mask;
+pub use name::{MAX_CANVAS, Name, RenderParameters};
 pub use plane::{BitPlane, Plane};
 pub use store::Products;
 pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value};

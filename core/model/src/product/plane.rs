@@ -54,67 +54,59 @@ impl<T> Plane<T> {
     }
 }
 
-/// A set of objects for every pixel: bit `i` stands for the object with instance id `i + 1`.
+/// A set of objects for every pixel, row 0 at the top: bit `i` stands for the object with instance id `i + 1`.
 ///
-/// Only objects own bits; supports and room parts do not. The plane may be larger than the image by a margin on
-/// every side, so that labels can cover what lies outside the image.
+/// Only objects own bits; supports and room parts do not.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BitPlane {
     width: u32,
     height: u32,
-    margin: [u32; 2],
     objects: usize,
     words: usize,
     data: Vec<u64>,
 }
 
 impl BitPlane {
-    /// An empty plane over an image of width × height, grown by `margin` = (columns, rows) on every side.
-    pub fn new(width: u32, height: u32, margin: [u32; 2], objects: usize) -> Self {
+    /// A plane of empty sets.
+    pub fn new(width: u32, height: u32, objects: usize) -> Self {
         let words = objects.div_ceil(64).max(1);
-        let pixels = (width + 2 * margin[0]) as usize * (height + 2 * margin[1]) as usize;
-        Self { width, height, margin, objects, words, data: vec![0; pixels * words] }
+        Self { width, height, objects, words, data: vec![0; width as usize * height as usize * words] }
     }
 
-    /// Width of the image without margins, px.
+    /// Width, px.
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Height of the image without margins, px.
+    /// Height, px.
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// Columns and rows that the plane has beyond the image, on every side.
-    pub fn margin(&self) -> [u32; 2] {
-        self.margin
-    }
-
-    /// How many objects own a bit.
+    /// Number of objects that own a bit.
     pub fn objects(&self) -> usize {
         self.objects
     }
 
-    /// Words a pixel.
+    /// Words per pixel.
     pub fn words(&self) -> usize {
         self.words
     }
 
-    /// The set of a pixel as words, bit 0 first. x runs over `-margin .. width + margin`, y likewise.
-    pub fn set(&self, x: i32, y: i32) -> &[u64] {
+    /// The set of the pixel at column x of row y as words, bit 0 first.
+    pub fn set(&self, x: u32, y: u32) -> &[u64] {
         let start = self.index(x, y);
         &self.data[start..start + self.words]
     }
 
     /// Whether an object is in the set of a pixel.
-    pub fn contains(&self, x: i32, y: i32, id: InstanceId) -> bool {
+    pub fn contains(&self, x: u32, y: u32, id: InstanceId) -> bool {
         let bit = usize::from(id.0) - 1;
         bit < self.objects && self.set(x, y)[bit / 64] >> (bit % 64) & 1 == 1
     }
 
-    /// Puts an object into the set of a pixel.
-    pub fn insert(&mut self, x: i32, y: i32, id: InstanceId) {
+    /// Adds an object to the set of a pixel.
+    pub fn insert(&mut self, x: u32, y: u32, id: InstanceId) {
         let bit = usize::from(id.0) - 1;
         assert!(bit < self.objects, "only objects own a bit");
         let start = self.index(x, y);
@@ -126,20 +118,13 @@ impl BitPlane {
         &self.data
     }
 
-    /// All words, to be filled in parallel by rows of [`row_words`](Self::row_words).
-    pub fn data_mut(&mut self) -> &mut [u64] {
-        &mut self.data
-    }
-
-    /// Words in a row of the plane.
+    /// Words per row.
     pub fn row_words(&self) -> usize {
-        (self.width + 2 * self.margin[0]) as usize * self.words
+        self.width as usize * self.words
     }
 
-    fn index(&self, x: i32, y: i32) -> usize {
-        let column = (x + self.margin[0] as i32) as usize;
-        let row = (y + self.margin[1] as i32) as usize;
-        row * self.row_words() + column * self.words
+    fn index(&self, x: u32, y: u32) -> usize {
+        y as usize * self.row_words() + x as usize * self.words
     }
 }
 
@@ -148,13 +133,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sets_at_word_borders_and_in_margins() {
+    fn sets_at_word_borders() {
         for objects in [1, 64, 65] {
-            let mut plane = BitPlane::new(3, 2, [1, 2], objects);
+            let mut plane = BitPlane::new(3, 2, objects);
             let last = InstanceId(objects as u16);
-            plane.insert(-1, -2, last);
-            plane.insert(3, 3, InstanceId(1));
-            assert!(plane.contains(-1, -2, last) && plane.contains(3, 3, InstanceId(1)));
+            plane.insert(0, 0, last);
+            plane.insert(2, 1, InstanceId(1));
+            assert!(plane.contains(0, 0, last) && plane.contains(2, 1, InstanceId(1)));
             assert_eq!(plane.data().iter().map(|word| word.count_ones()).sum::<u32>(), 2);
         }
     }

@@ -20,16 +20,9 @@ products! {
     pub const INSTANCE: Key<Plane<InstanceId>> = view("instance").semantic(Semantic::Label);
 
     /// Objects on the ray through the pixel center at any depth, as a bit set: bit `i` stands for instance `i + 1`.
+    /// `coverage (before support)` has those in front of the first support or room part alone, `coverage (canvas 3)` shows a
+    /// canvas three times as wide and high with the image in its center.
     pub const COVERAGE: Key<BitPlane> = view("coverage");
-
-    /// Objects on the ray through the pixel center in front of the first support or room part, as a bit set.
-    pub const COVERAGE_BEFORE_SUPPORT: Key<BitPlane> = view("coverage_before_support");
-
-    /// As [`COVERAGE`], on a canvas three times as wide and high with the image in its center.
-    pub const COVERAGE_WIDE: Key<BitPlane> = view("coverage_wide");
-
-    /// As [`COVERAGE_BEFORE_SUPPORT`], on the canvas of [`COVERAGE_WIDE`].
-    pub const COVERAGE_BEFORE_SUPPORT_WIDE: Key<BitPlane> = view("coverage_before_support_wide");
 
     /// Unit shading normal at the pixel center, camera frame. Zero where there is no surface.
     pub const NORMAL: Key<Plane<[f32; 3]>> = view("normal").semantic(Semantic::Normal);
@@ -143,6 +136,9 @@ products! {
 /// Products that had another name, as (old, new).
 pub const RENAMED: &[(&str, &str)] = &[
     ("albedo_mean", "denoise_albedo"),
+    ("coverage_before_support", "coverage (before support)"),
+    ("coverage_before_support_wide", "coverage (canvas 3, before support)"),
+    ("coverage_wide", "coverage (canvas 3)"),
     ("normal_mean", "denoise_normal"),
     ("radiance_gloss", "radiance_specular"),
     ("radiance_gloss_variance", "radiance_specular_variance"),

@@ -1,15 +1,16 @@
 //! The products of one view, scene or dataset.
 
-use super::{Key, KeyId, Product, Value};
+use super::{Key, KeyId, Name, Product, Value};
 use crate::error::{Error, Result};
 use std::any::Any;
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::sync::Arc;
 
 /// A write-once store of products. Copies share what they hold.
 #[derive(Clone, Default)]
 pub struct Products {
-    stored: BTreeMap<&'static str, Stored>,
+    stored: BTreeMap<Name, Stored>,
     declared: Option<Vec<String>>,
 }
 
@@ -42,7 +43,7 @@ impl Products {
 
     /// A product. The error says whether it is missing, undeclared, or of another type.
     pub fn get<T: Product>(&self, key: Key<T>) -> Result<&T> {
-        let stored = self.stored(key.name())?;
+        let stored = self.stored(&key.id.name)?;
         (&*stored.product as &dyn Any).downcast_ref().ok_or_else(|| {
             Error::new(format!("product `{}` is {}, not {}", key.name(), stored.key.type_name(), key.id().type_name()))
                 .permanent()
@@ -50,18 +51,27 @@ impl Products {
     }
 
     /// The generic encoding of a product, by name.
-    pub fn value(&self, name: &str) -> Result<Value> {
+    pub fn value<N: Display + ?Sized>(&self, name: &N) -> Result<Value>
+    where
+        Name: PartialEq<N>,
+    {
         Ok(self.stored(name)?.product.encode())
     }
 
     /// The key of a product, by name.
-    pub fn key(&self, name: &str) -> Option<KeyId> {
-        self.stored.get(name).map(|stored| stored.key)
+    pub fn key<N: ?Sized>(&self, name: &N) -> Option<KeyId>
+    where
+        Name: PartialEq<N>,
+    {
+        self.find(name).map(|stored| stored.key)
     }
 
     /// Whether a product is there.
-    pub fn contains(&self, name: &str) -> bool {
-        self.stored.contains_key(name)
+    pub fn contains<N: ?Sized>(&self, name: &N) -> bool
+    where
+        Name: PartialEq<N>,
+    {
+        self.find(name).is_some()
     }
 
     /// The keys of all products that are there, by name.
@@ -70,9 +80,12 @@ impl Products {
     }
 
     /// The products of some names, and no others: what a stage is lent, so that what it declares is all it can read.
-    pub fn only<S: AsRef<str>>(&self, names: &[S]) -> Self {
-        let declared: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
-        let stored = self.stored.iter().filter(|(name, _)| declared.iter().any(|other| other == *name));
+    pub fn only<N: Display>(&self, names: &[N]) -> Self
+    where
+        Name: PartialEq<N>,
+    {
+        let declared = names.iter().map(N::to_string).collect();
+        let stored = self.stored.iter().filter(|(name, _)| names.iter().any(|other| **name == *other));
         Self { stored: stored.map(|(name, stored)| (*name, stored.clone())).collect(), declared: Some(declared) }
     }
 
@@ -83,7 +96,7 @@ impl Products {
 
     /// Takes a product out of this store, under another key of the same type.
     pub fn rename(&mut self, from: KeyId, to: KeyId) -> Result<()> {
-        if let Some(stored) = self.stored.remove(from.name) {
+        if let Some(stored) = self.stored.remove(&from.name) {
             self.store(Stored { key: to, ..stored })?;
         }
         Ok(())
@@ -103,9 +116,20 @@ impl Products {
         }
     }
 
-    fn stored(&self, name: &str) -> Result<&Stored> {
-        self.stored.get(name).ok_or_else(|| {
-            let undeclared = self.declared.as_ref().is_some_and(|declared| !declared.iter().any(|other| other == name));
+    fn find<N: ?Sized>(&self, name: &N) -> Option<&Stored>
+    where
+        Name: PartialEq<N>,
+    {
+        self.stored.iter().find(|(other, _)| **other == *name).map(|(_, stored)| stored)
+    }
+
+    fn stored<N: Display + ?Sized>(&self, name: &N) -> Result<&Stored>
+    where
+        Name: PartialEq<N>,
+    {
+        self.find(name).ok_or_else(|| {
+            let name = name.to_string();
+            let undeclared = self.declared.as_ref().is_some_and(|declared| !declared.contains(&name));
             let error = if undeclared {
                 Error::new(format!("product `{name}` is read but not declared"))
             } else {

@@ -321,11 +321,10 @@ impl<P: Pixel> Product for Plane<P> {
 
 impl Product for BitPlane {
     fn encode(&self) -> Value {
-        let [mx, my] = self.margin();
         Value::Tensor(Tensor::new(
             DType::U64,
             &["y", "x", "word"],
-            vec![(self.height() + 2 * my) as usize, (self.width() + 2 * mx) as usize, self.words()],
+            vec![self.height() as usize, self.width() as usize, self.words()],
             self.data().iter().flat_map(|word| word.to_le_bytes()).collect(),
         ))
     }
@@ -505,8 +504,7 @@ mod tests {
         assert_eq!(element(DType::I16, &[0, 0x80]), Value::Int(-32_768));
         // IEEE 754 binary16: 0x3555 is the nearest to one third.
         assert_eq!(element(DType::F16, &[0x55, 0x35]), Value::Float(0.333_251_953_125));
-        let words = BitPlane::new(1, 1, [0, 0], 64);
-        let mut words = words;
+        let mut words = BitPlane::new(1, 1, 64);
         words.insert(0, 0, InstanceId(64));
         assert_eq!(serde_json::to_string(&words.encode()).expect("serializes"), "[[[9223372036854775808]]]");
     }

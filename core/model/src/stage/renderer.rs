@@ -4,7 +4,7 @@ use crate::context::Workers;
 use crate::error::Result;
 use crate::product::{KeyId, Products};
 use crate::random::Stream;
-use crate::scene::{Scene, View};
+use crate::scene::{InstanceId, Intrinsics, Scene, View};
 use std::sync::Arc;
 
 /// A way of rendering. It offers products; the plan asks for those that somebody wants.
@@ -29,15 +29,81 @@ pub trait RenderSession: Send {
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()>;
 }
 
-/// One view to render.
+/// One view to render: the whole image of the whole scene ([`RenderRequest::new`]), or a window of it, or some bodies.
 #[derive(Clone)]
 pub struct RenderRequest<'a> {
     /// Camera and lights.
     pub view: &'a View,
-    /// The products to make, all among those offered.
+    /// The products to make, all among those offered. Their canvas is that of the image: `window` says what to render.
     pub wants: &'a [KeyId],
+    /// Pixels to render; the products have its size.
+    pub window: Window,
+    /// Bodies that take part.
+    pub bodies: Bodies<'a>,
     /// Seed of the sampling.
     pub stream: Stream,
     /// Threads to spread the pixels over.
     pub workers: &'a dyn Workers,
+}
+
+impl<'a> RenderRequest<'a> {
+    /// The image of the whole scene.
+    pub fn new(view: &'a View, wants: &'a [KeyId], stream: Stream, workers: &'a dyn Workers) -> Self {
+        let window = Window::of(&view.camera.intrinsics);
+        Self { view, wants, window, bodies: Bodies::All, stream, workers }
+    }
+}
+
+/// A rectangle of pixels on the camera's image plane, px from the top-left corner of the image. It may reach beyond the
+/// image on every side: the canvas then shows what the camera does not.
+///
+/// A pixel has the same values in every window that it lies in, whatever the size of the window: labels always, light
+/// where the number of samples does not depend on noise or time. Products that look at neighboring pixels, such as
+/// denoising guides, may differ at the edges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// Column of the left edge; negative left of the image.
+    pub x: i32,
+    /// Row of the top edge; negative above the image.
+    pub y: i32,
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+}
+
+impl Window {
+    /// The image.
+    pub fn of(image: &Intrinsics) -> Self {
+        Self { x: 0, y: 0, width: image.width, height: image.height }
+    }
+
+    /// A canvas `times` as wide and high as the image, an odd number, with the image in its center.
+    pub fn canvas(image: &Intrinsics, times: u32) -> Self {
+        let beyond = |edge: u32| (edge * (times.saturating_sub(1) / 2)) as i32;
+        let Intrinsics { width, height, .. } = *image;
+        Self { x: -beyond(width), y: -beyond(height), width: width * times, height: height * times }
+    }
+
+    /// Column past the right edge.
+    pub fn right(&self) -> i32 {
+        self.x + self.width as i32
+    }
+
+    /// Row past the bottom edge.
+    pub fn bottom(&self) -> i32 {
+        self.y + self.height as i32
+    }
+}
+
+/// Bodies that take part in a rendering.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bodies<'a> {
+    /// The whole scene.
+    All,
+    /// These alone, as if there were no others: what an object looks like by itself, under the lights of the view.
+    Only(&'a [InstanceId]),
+    /// Camera rays meet these alone; the others still cast shadows and reflect light, and mirrors show them: what an
+    /// object looks like in its place, without what occludes it.
+    Seen(&'a [InstanceId]),
 }

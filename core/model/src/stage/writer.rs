@@ -60,7 +60,7 @@ pub enum Accepts {
 impl Input {
     /// A product that the writer knows, of exactly its type.
     pub fn of<T: Product>(key: Key<T>) -> Self {
-        Self { product: key.name().to_owned(), accepts: Accepts::Type(key.id()), option: None }
+        Self { product: key.id().name.to_string(), accepts: Accepts::Type(key.id()), option: None }
     }
 
     /// The products that an option named `include` lists.

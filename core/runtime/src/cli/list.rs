@@ -59,7 +59,7 @@ pub fn products(registry: &Registry) -> Vec<(KeyId, String)> {
 fn products_table(registry: &Registry) -> String {
     let mut rows = vec![["product", "kind of value", "per", "provider", "meaning"].map(str::to_owned)];
     for (key, provider) in products(registry) {
-        rows.push([key.name.to_owned(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
+        rows.push([key.name.to_string(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
     }
     table(&rows)
 }

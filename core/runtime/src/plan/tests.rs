@@ -129,7 +129,7 @@ fn scene_annotators_run_before_or_after_the_views() {
     let found = plan(stages(), &["d"]).expect("planned");
     assert_eq!(order(&found), ["a", "tracks", "of_tracks", "all"]);
     assert_eq!((found.before_views.len(), found.after_views.len(), found.per_dataset.len()), (0, 2, 1));
-    let recorded = |scope| found.recorded(scope).iter().map(|key| key.name).collect::<Vec<_>>();
+    let recorded = |scope| found.recorded(scope).iter().map(|key| key.name.base).collect::<Vec<_>>();
     assert_eq!((recorded(Scope::Scene), recorded(Scope::View)), (vec!["t"], vec!["a"]));
     let mut early = stages();
     early.push(stage("early", &[S.id()], &[B.id()]));
@@ -143,12 +143,27 @@ fn scene_annotators_run_before_or_after_the_views() {
 }
 
 #[test]
+fn a_rendered_product_is_wanted_on_several_canvases() {
+    let wide = PIXELS.on_canvas(3);
+    let stages = vec![stage("a", &[PIXELS.id(), wide.id()], &[A.id()]), stage("b", &[wide.id()], &[B.id()])];
+    let found = plan(stages, &["a", "b", "pixels (canvas 5)"]).expect("planned");
+    assert_eq!(found.rendered, [PIXELS.id(), wide.id(), PIXELS.on_canvas(5).id()]);
+    let by_canvas = found.by_canvas();
+    assert_eq!(by_canvas.keys().collect::<Vec<_>>(), [&1, &3, &5]);
+    assert!(by_canvas.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
+    let known = |name| format!("reads product `{name}`, which nothing provides");
+    for wrong in ["pixels (canvas 2)", "pixels (before support)", "a (canvas 3)"] {
+        refused(vec![stage("a", &[], &[A.id()])], &[wrong], Fault::Unknown, &known(wrong));
+    }
+}
+
+#[test]
 fn a_replaced_product_is_the_new_one_for_all_others() {
     let filter =
         || Candidate { stage: "sensor.filter".into(), producer: Producer::Sensor(Box::new(Filter)), implied: None };
     let found = plan(vec![stage("a", &[PIXELS.id()], &[A.id()]), filter()], &["a", "pixels_raw"]).expect("planned");
     let entries: Vec<(&str, &str)> =
-        found.entries.iter().map(|entry| (entry.key.name, entry.provider.as_str())).collect();
+        found.entries.iter().map(|entry| (entry.key.name.base, entry.provider.as_str())).collect();
     assert_eq!(entries, [("pixels_raw", "render"), ("pixels", "sensor.filter"), ("a", "annotate.a")]);
     assert_eq!(found.rendered, [PIXELS.id()]);
     assert_eq!(found.replaced.len(), 1);

@@ -44,7 +44,7 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec
                 if stage.header == NOWHERE {
                     return None;
                 }
-                let names: Vec<&str> = idle.provides.iter().map(|key| key.name).collect();
+                let names: Vec<&str> = idle.provides.iter().map(|key| key.name.base).collect();
                 let message = format!("{} is not computed: no writer reads what it provides", idle.stage);
                 let help = format!("include {} in a [write.<id>] table", names.join(" or "));
                 Some(DiagnosticBuilder::warning(Code::IdleStage, stage.header.clone(), message).help(help))

@@ -50,8 +50,8 @@ impl Records {
 
 fn values(keys: &[KeyId], products: &Products) -> Result<Values> {
     let value = |key: &KeyId| {
-        let encoded = serde_json::to_value(products.value(key.name)?).expect("values are plain data");
-        Ok((key.name.to_owned(), encoded))
+        let encoded = serde_json::to_value(products.value(&key.name)?).expect("values are plain data");
+        Ok((key.name.to_string(), encoded))
     };
     keys.iter().map(value).collect()
 }

@@ -20,10 +20,12 @@ use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{KeyId, Products, Scope};
+use syntable_model::product::{KeyId, Name, Products, RenderParameters, Scope};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Camera, Optics, Scene, SceneBuilder, SceneId, View, ViewId};
-use syntable_model::stage::{DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts};
+use syntable_model::stage::{
+    DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts, Window,
+};
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
@@ -115,7 +117,7 @@ impl<'m> Attempt<'m, '_> {
         let writers = Writers::start(maker.recipe, &cx, staged)?;
         let views = self.render(&scene, &views, writers, &products, queue)?;
         for stage in &maker.plan().after_views {
-            let reads: Vec<&str> = stage.reads.iter().map(|key| key.name).collect();
+            let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
             let lent: Vec<ViewProducts> = views
                 .views
                 .iter()
@@ -202,15 +204,19 @@ impl<'m> Attempt<'m, '_> {
 
     fn render_view(&self, session: &mut dyn RenderSession, view: &View, products: &mut Products) -> Result<()> {
         let plan = self.maker.plan();
-        let request = RenderRequest {
-            view,
-            wants: &plan.rendered,
-            stream: self.stream("render").at(u64::from(view.id.0)),
-            workers: self.maker.workers,
-        };
         let mut rendered = Products::new();
-        caught("render", || session.render(&request, &mut rendered))?;
-        provided(&plan.rendered, &rendered).map_err(|error| error.context("render"))?;
+        for (canvas, wants) in plan.by_canvas() {
+            let stream = self.stream("render").at(u64::from(view.id.0));
+            let request = RenderRequest::new(view, &wants, stream, self.maker.workers);
+            let request = RenderRequest { window: Window::canvas(&view.camera.intrinsics, canvas), ..request };
+            let mut of_canvas = Products::new();
+            caught("render", || session.render(&request, &mut of_canvas))?;
+            provided(&wants, &of_canvas).map_err(|error| error.context("render"))?;
+            for key in wants {
+                of_canvas.rename(key, key.with(RenderParameters { canvas, ..key.name.parameters }))?;
+            }
+            rendered.extend(of_canvas)?;
+        }
         keep(plan, rendered, products)
     }
 }
@@ -307,7 +313,7 @@ impl Default for Views<'_> {
 impl Views<'_> {
     fn keep(&mut self, plan: &Plan, view: &Arc<View>, products: &Products) {
         let reads = plan.after_views.iter().flat_map(|stage| &stage.reads);
-        let names: Vec<&str> = reads.filter(|key| key.scope == Scope::View).map(|key| key.name).collect();
+        let names: Vec<Name> = reads.filter(|key| key.scope == Scope::View).map(|key| key.name).collect();
         if !names.is_empty() {
             self.views.push(ViewProducts { view: Arc::clone(view), products: products.only(&names) });
         }
@@ -393,7 +399,7 @@ pub fn lend(
 
 /// Checks that a stage made what it had to, and nothing else.
 fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
-    if let Some(key) = declared.iter().find(|key| !made.contains(key.name)) {
+    if let Some(key) = declared.iter().find(|key| !made.contains(&key.name)) {
         return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).permanent());
     }
     match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
@@ -406,7 +412,7 @@ fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
 fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
     for replacement in &plan.replaced {
         // The stage that replaces a product reads the original, which is there by then.
-        if !products.contains(replacement.original.name) {
+        if !products.contains(&replacement.original.name) {
             made.rename(replacement.product, replacement.original)?;
         }
     }

@@ -247,11 +247,11 @@ impl SceneWriter for LinesScene {
 }
 
 fn text(products: &Products, keep: impl Fn(&KeyId) -> bool) -> String {
-    let values: BTreeMap<&str, Value> = products
+    let values: BTreeMap<String, Value> = products
         .keys()
         .iter()
         .filter(|key| keep(key))
-        .map(|key| (key.name, products.value(key.name).expect("there")))
+        .map(|key| (key.name.to_string(), products.value(&key.name).expect("there")))
         .collect();
     serde_json::to_string(&values).expect("plain data")
 }

@@ -6,10 +6,12 @@ pub use sweep::{ObjectMasks, Sweep, area_outside, sweep};
 
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_MASK, COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE, COVERAGE_WIDE, INSTANCE,
-    LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_MASK,
+    AMODAL_MASK, COVERAGE, INSTANCE, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_MASK,
 };
 use syntable_model::product::{BitPlane, OcclusionOrder};
+
+/// Canvas of the parts of objects beyond the image: one image size beyond every edge.
+const CANVAS: u32 = 3;
 
 /// Visible, amodal and occlusion masks, occlusion rates and the occlusion order matrix (OOAM), all from one ray per
 /// pixel center, so that the occlusion mask is exactly the amodal mask minus the visible mask.
@@ -78,7 +80,7 @@ impl Annotator for Masks {
     fn reads(&self) -> Vec<KeyId> {
         let mut keys = keys![INSTANCE, self.coverage()];
         if self.image_frame == ImageFrame::Extend {
-            keys.push(self.coverage_wide().id());
+            keys.push(self.coverage().on_canvas(CANVAS).id());
         }
         keys
     }
@@ -95,9 +97,9 @@ impl Annotator for Masks {
         let outside = match self.image_frame {
             ImageFrame::Clip => vec![0; objects],
             ImageFrame::Extend => {
-                let wide = products.get(self.coverage_wide())?;
-                check_objects(wide, objects)?;
-                area_outside(wide)
+                let canvas = products.get(self.coverage().on_canvas(CANVAS))?;
+                check_objects(canvas, objects)?;
+                area_outside(coverage, canvas)
             }
         };
         let rates: Vec<Option<f64>> =
@@ -134,14 +136,7 @@ impl Masks {
     fn coverage(&self) -> Key<BitPlane> {
         match self.table_and_room {
             TableAndRoom::Occlude => COVERAGE,
-            TableAndRoom::Clip => COVERAGE_BEFORE_SUPPORT,
-        }
-    }
-
-    fn coverage_wide(&self) -> Key<BitPlane> {
-        match self.table_and_room {
-            TableAndRoom::Occlude => COVERAGE_WIDE,
-            TableAndRoom::Clip => COVERAGE_BEFORE_SUPPORT_WIDE,
+            TableAndRoom::Clip => COVERAGE.before_support(),
         }
     }
 

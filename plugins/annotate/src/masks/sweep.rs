@@ -48,15 +48,14 @@ impl Sweep {
 
 /// Finds the masks of all objects and their occlusion order. Costs O(H·W·⌈M/64⌉ + runs).
 ///
-/// `coverage` must have the size of the image and no margin, and must contain every object that `first` shows.
+/// `coverage` must have the size of the image, and must contain every object that `first` shows.
 pub fn sweep(first: &Plane<InstanceId>, coverage: &BitPlane) -> Result<Sweep> {
     let (width, height) = (first.width(), first.height());
-    if (coverage.width(), coverage.height(), coverage.margin()) != (width, height, [0, 0]) {
+    if (coverage.width(), coverage.height()) != (width, height) {
         return Err(Error::new(format!(
-            "the coverage plane is {} × {} with a margin of {:?}, the instance plane {width} × {height}",
+            "the coverage plane is {} × {}, the instance plane {width} × {height}",
             coverage.width(),
-            coverage.height(),
-            coverage.margin()
+            coverage.height()
         )));
     }
     let mut objects = Vec::with_capacity(coverage.objects());
@@ -148,24 +147,18 @@ fn occluded_sets(first: &Plane<InstanceId>, coverage: &BitPlane) -> Vec<u64> {
     rows
 }
 
-/// For every object, the number of pixels that it covers in the margins of a plane, outside the image.
-pub fn area_outside(wide: &BitPlane) -> Vec<u64> {
-    let [mx, my] = wide.margin().map(|margin| margin as usize);
-    let (height, words, row_words) = (wide.height() as usize, wide.words(), wide.row_words());
-    let mut areas = vec![0; wide.objects()];
-    for (y, row) in wide.data().chunks_exact(row_words).enumerate() {
-        if (my..my + height).contains(&y) {
-            add_areas(&row[..mx * words], words, &mut areas);
-            add_areas(&row[row_words - mx * words..], words, &mut areas);
-        } else {
-            add_areas(row, words, &mut areas);
-        }
-    }
-    areas
+/// For every object, the number of pixels that it covers outside the image: those on a canvas around the image less
+/// those in it.
+pub fn area_outside(image: &BitPlane, canvas: &BitPlane) -> Vec<u64> {
+    let (mut inside, mut all) = (vec![0; canvas.objects()], vec![0; canvas.objects()]);
+    add_areas(image, &mut inside);
+    add_areas(canvas, &mut all);
+    all.into_iter().zip(inside).map(|(all, inside): (u64, u64)| all.saturating_sub(inside)).collect()
 }
 
 /// Adds the number of pixels that each object covers, run by run of equal sets.
-fn add_areas(sets: &[u64], words: usize, areas: &mut [u64]) {
+fn add_areas(plane: &BitPlane, areas: &mut [u64]) {
+    let (sets, words) = (plane.data(), plane.words());
     for word in 0..words {
         let mut add = |mut set: u64, run: u64| {
             while set != 0 {

@@ -7,7 +7,7 @@ use syntable_model::context::{Collected, DatasetContext, SceneContext, Serial, V
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
-use syntable_model::product::{BitPlane, Plane};
+use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Material, Mesh, MeshData, Motion, Object, Role, SceneId,
@@ -168,13 +168,13 @@ impl Rays {
         })
     }
 
-    pub fn coverage(&self, before_support: bool, wide: bool) -> BitPlane {
-        let [mx, my] = if wide { self.margin } else { [0, 0] };
-        let mut plane = BitPlane::new(self.width as u32, self.height as u32, [mx as u32, my as u32], self.objects);
+    pub fn coverage(&self, RenderParameters { canvas, before_support }: RenderParameters) -> BitPlane {
+        let [mx, my] = if canvas == 1 { [0, 0] } else { self.margin };
+        let mut plane = BitPlane::new((self.width + 2 * mx) as u32, (self.height + 2 * my) as u32, self.objects);
         for y in -my..self.height + my {
             for x in -mx..self.width + mx {
                 for id in self.cover(x, y, before_support) {
-                    plane.insert(x, y, InstanceId(id));
+                    plane.insert((x + mx) as u32, (y + my) as u32, InstanceId(id));
                 }
             }
         }

@@ -23,7 +23,7 @@ pub fn denoise(denoiser: &dyn Denoiser, products: &Products, workers: &dyn Worke
     let (dataset, scene) = (scenes::dataset(), scenes::boxes(&[([0.0, 0.0, 0.5], [1.0; 3])]));
     let (view, log) = (scenes::view([0.0, -1.0, 1.0], [0.0; 3], [8, 8], 60.0), Collected::default());
     let cx = DatasetContext::new(&dataset, workers, &log).scene(&scene).view(&view);
-    let names: Vec<&str> = denoiser.reads().iter().map(|key| key.name).collect();
+    let names: Vec<_> = denoiser.reads().iter().map(|key| key.name).collect();
     let lent = products.only(&names);
     let mut filled = lent.clone();
     denoiser.denoise(&cx, &mut filled)?;
@@ -64,7 +64,7 @@ impl Room {
         let mut session = CpuPathRenderer::new(options).expect("sound options").session();
         session.load(&self.scene, &Threads(2)).expect("loads");
         let stream = Stream::root(seed);
-        let request = RenderRequest { view: &self.view, wants: &wants, stream, workers: &Threads(2) };
+        let request = RenderRequest::new(&self.view, &wants, stream, &Threads(2));
         let mut products = Products::new();
         session.render(&request, &mut products).expect("renders");
         products.rename(RADIANCE.id(), RADIANCE_NOISY.id()).expect("not there yet");

@@ -230,7 +230,7 @@ impl<'a> PathTracer<'a> {
                 true => alpha_seed(batch.paths.seed[i], batch.paths.index[i], bounce),
                 false => 0,
             };
-            let hit = self.world.closest(&ray, f32::INFINITY, seed);
+            let hit = self.world.closest(&ray, f32::INFINITY, seed, bounce == 0);
             if let Some(hit) = &hit {
                 self.world.prefetch(hit);
             }

@@ -14,8 +14,8 @@ const LENS: u32 = 1;
 
 /// Paths to trace: samples of some pixels of a tile.
 pub(crate) struct Task<'a> {
-    /// Left, top, right, bottom of the tile, px.
-    pub area: [u32; 4],
+    /// Left, top, right, bottom of the tile, px from the corner of the image.
+    pub area: [i32; 4],
     /// Numbers of the pixels in the tile, row by row.
     pub pixels: &'a [u16],
     pub samples: Range<u32>,
@@ -50,14 +50,14 @@ impl Task<'_> {
         }
     }
 
-    fn place(&self, number: usize) -> (u32, u32) {
+    fn place(&self, number: usize) -> (i32, i32) {
         place(self.area, self.pixels[number])
     }
 }
 
 /// Column and row in the image of a pixel of a tile [left, top, right, bottom].
-pub(crate) fn place([left, top, right, _]: [u32; 4], pixel: u16) -> (u32, u32) {
-    let pixel = u32::from(pixel);
+pub(crate) fn place([left, top, right, _]: [i32; 4], pixel: u16) -> (i32, i32) {
+    let pixel = i32::from(pixel);
     (left + pixel % (right - left), top + pixel / (right - left))
 }
 
@@ -71,7 +71,8 @@ impl PathTracer<'_> {
         while count < BATCH && !task.is_over(*cursor) {
             let (x, y) = task.place(cursor.number);
             let corner = self.camera.corner(x, y);
-            let (seed, first) = self.order.pixel(x, y);
+            // Pixels beyond the image have numbers of their own, in the order of two's complement.
+            let (seed, first) = self.order.pixel(x as u32, y as u32);
             let more = ((task.samples.end - cursor.sample) as usize).min(BATCH - count);
             for i in count..count + more {
                 set(&mut paths.origin, i, self.camera.origin());

@@ -44,7 +44,7 @@ fn estimate(strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, 
     for number in 0..images {
         let mut frame = Products::new();
         let stream = Stream::root(100).at(number);
-        let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(2) };
+        let request = RenderRequest::new(&view, &LIGHT, stream, &Threads(2));
         session.render(&request, &mut frame).expect("renders");
         let plane = frame.get(RADIANCE).expect("made").clone();
         for (sum, pixel) in sums.iter_mut().zip(plane.data()) {

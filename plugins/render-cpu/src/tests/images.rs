@@ -8,7 +8,6 @@ use syntable_model::context::Serial;
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::product::BitPlane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{
     Alpha, Color, Encoding, Light, Material, MaterialOverride, NormalMap, RectLight, Role, Scalar, SphereLight,
@@ -70,14 +69,12 @@ pub(super) fn busy_scene() -> (Arc<Scene>, View) {
     (scene, view(45, 37, 40.0, [0.7, -1.2, 1.0], [0.0, 0.1, 0.15], vec![Light::Rect(panel), Light::Sphere(globe)]))
 }
 
-const ALL: [KeyId; 15] = [
+pub(super) const ALL: [KeyId; 13] = [
     RADIANCE.id(),
     DEPTH.id(),
     INSTANCE.id(),
     COVERAGE.id(),
-    COVERAGE_BEFORE_SUPPORT.id(),
-    COVERAGE_WIDE.id(),
-    COVERAGE_BEFORE_SUPPORT_WIDE.id(),
+    COVERAGE.before_support().id(),
     NORMAL.id(),
     ALBEDO.id(),
     DENOISE_NORMAL.id(),
@@ -88,7 +85,7 @@ const ALL: [KeyId; 15] = [
     RENDER_REPORT.id(),
 ];
 
-fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
+pub(super) fn bits(plane: &Plane<[f32; 3]>) -> Vec<[u32; 3]> {
     plane.data().iter().map(|p| p.map(f32::to_bits)).collect()
 }
 
@@ -106,8 +103,8 @@ fn any_number_of_workers_gives_the_same_bits() {
         }
         assert!(one.get(DEPTH).expect("made") == many.get(DEPTH).expect("made"));
         assert!(one.get(INSTANCE).expect("made") == many.get(INSTANCE).expect("made"));
-        for key in [COVERAGE, COVERAGE_BEFORE_SUPPORT, COVERAGE_WIDE, COVERAGE_BEFORE_SUPPORT_WIDE] {
-            assert!(one.get(key).expect("made") == many.get(key).expect("made"), "{}", key.name());
+        for key in [COVERAGE, COVERAGE.before_support()] {
+            assert!(one.get(key).expect("made") == many.get(key).expect("made"), "{}", key.id().name);
         }
     }
 }
@@ -119,7 +116,7 @@ fn any_number_of_lanes_gives_the_same_bits() {
     let mut session = crate::CpuPathRenderer::new(options(5, 4)).expect("sound").session().portable();
     session.load(&scene, &Serial).expect("loads");
     let mut one = Products::new();
-    let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(7), workers: &Serial };
+    let request = RenderRequest::new(&view, &LIGHT, Stream::root(7), &Serial);
     session.render(&request, &mut one).expect("renders");
     let (a, b) = (many.get(RADIANCE).expect("made"), one.get(RADIANCE).expect("made"));
     assert!(bits(a) == bits(b), "{}", keep("lanes", &[("many", a), ("one", b)]));
@@ -132,7 +129,7 @@ fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
     for want in ALL {
         let alone = render(options(2, 2), &scene, &view, &[want]);
         assert_eq!(alone.keys(), [want]);
-        assert!(alone.value(want.name).expect("made") == all.value(want.name).expect("made"), "{want:?}");
+        assert!(alone.value(&want.name).expect("made") == all.value(&want.name).expect("made"), "{want:?}");
     }
 }
 
@@ -143,8 +140,7 @@ fn the_seed_matters_and_sessions_can_be_used_again() {
     let mut image = |seed: u64| {
         session.load(&scene, &Serial).expect("loads");
         let mut frame = Products::new();
-        let request =
-            RenderRequest { view: &view, wants: &[RADIANCE.id()], stream: Stream::root(seed), workers: &Serial };
+        let request = RenderRequest::new(&view, &LIGHT, Stream::root(seed), &Serial);
         session.render(&request, &mut frame).expect("renders");
         bits(frame.get(RADIANCE).expect("made"))
     };
@@ -158,7 +154,8 @@ fn a_session_without_a_scene_says_so() {
     let (_, view) = busy_scene();
     let mut session = crate::CpuPathRenderer::new(options(1, 1)).expect("sound").session();
     for want in ALL {
-        let request = RenderRequest { view: &view, wants: &[want], stream: Stream::root(1), workers: &Serial };
+        let wants = [want];
+        let request = RenderRequest::new(&view, &wants, Stream::root(1), &Serial);
         let error = session.render(&request, &mut Products::new()).expect_err("no scene");
         assert!(error.to_string().contains("no scene was loaded"), "{error}");
     }
@@ -221,21 +218,6 @@ fn normal_maps_tilt_towards_growing_u_and_v() {
     check(TextureMapping::Box { rotation: quarter, offset: [0.0; 2] }, 1.0, [b, a]);
     // From below the same relief is seen from behind, and the camera's x is −world x.
     check(TextureMapping::Uv(UvTransform::default()), -1.0, [a, b]);
-}
-
-#[test]
-fn wide_planes_continue_the_image() {
-    let (scene, view) = busy_scene();
-    let frame = render(options(1, 1), &scene, &view, &ALL);
-    for (near, wide) in [(COVERAGE, COVERAGE_WIDE), (COVERAGE_BEFORE_SUPPORT, COVERAGE_BEFORE_SUPPORT_WIDE)] {
-        let (near, wide): (&BitPlane, &BitPlane) = (frame.get(near).expect("made"), frame.get(wide).expect("made"));
-        assert_eq!((near.margin(), wide.margin()), ([0, 0], [45, 37]));
-        for y in 0..37 {
-            for x in 0..45 {
-                assert_eq!(near.set(x, y), wide.set(x, y), "({x}, {y})");
-            }
-        }
-    }
 }
 
 #[test]

@@ -8,15 +8,9 @@ use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::Role;
+use syntable_model::stage::{Bodies, Window};
 
-const LABELS: [KeyId; 6] = [
-    DEPTH.id(),
-    INSTANCE.id(),
-    COVERAGE.id(),
-    COVERAGE_BEFORE_SUPPORT.id(),
-    COVERAGE_WIDE.id(),
-    COVERAGE_BEFORE_SUPPORT_WIDE.id(),
-];
+const LABELS: [KeyId; 4] = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
 
 /// Depth of the first triangle of each body on the ray through (u, v), in f64 (Möller and Trumbore). None of the
 /// scenes here has an edge within 1e-6 of a pixel's center ray.
@@ -41,24 +35,26 @@ fn depths(scene: &Scene, view: &View, u: f64, v: f64) -> Vec<Option<f64>> {
     scene.bodies().iter().map(depth).collect()
 }
 
-/// Renders all labels and compares every pixel, margins included, with the casts of single bodies.
+/// Renders all labels and compares every pixel, those of a larger canvas included, with the casts of single bodies.
 fn check(scene: &Arc<Scene>, view: &View) -> Products {
     let frame = render(options(1, 1), scene, view, &LABELS);
     let (width, height) = (view.camera.intrinsics.width as i32, view.camera.intrinsics.height as i32);
     let objects = scene.objects().len();
+    let canvas = canvas(scene, view);
     let (wide, wide_before) =
-        (frame.get(COVERAGE_WIDE).expect("made"), frame.get(COVERAGE_BEFORE_SUPPORT_WIDE).expect("made"));
+        (canvas.get(COVERAGE).expect("made"), canvas.get(COVERAGE.before_support()).expect("made"));
     for y in -height..2 * height {
         for x in -width..2 * width {
+            let (column, row) = ((x + width) as u32, (y + height) as u32);
             let depths = depths(scene, view, f64::from(x) + 0.5, f64::from(y) + 0.5);
             let support = depths[scene.foreground().len()..].iter().flatten().fold(f64::INFINITY, |a, &b| a.min(b));
             let first =
                 depths.iter().enumerate().filter_map(|(i, d)| Some((i, (*d)?))).min_by(|a, b| a.1.total_cmp(&b.1));
             for (i, depth) in depths[..objects].iter().enumerate() {
                 let id = InstanceId(i as u16 + 1);
-                assert_eq!(wide.contains(x, y, id), depth.is_some(), "object {id} at ({x}, {y})");
+                assert_eq!(wide.contains(column, row, id), depth.is_some(), "object {id} at ({x}, {y})");
                 let before = depth.is_some_and(|depth| depth < support);
-                assert_eq!(wide_before.contains(x, y, id), before, "object {id} before supports at ({x}, {y})");
+                assert_eq!(wide_before.contains(column, row, id), before, "object {id} before supports at ({x}, {y})");
             }
             if (0..width).contains(&x) && (0..height).contains(&y) {
                 let id = *frame.get(INSTANCE).expect("made").at(x as u32, y as u32);
@@ -71,13 +67,19 @@ fn check(scene: &Arc<Scene>, view: &View) -> Products {
                 );
                 // What is seen is covered, exactly.
                 if (1..=objects).contains(&usize::from(id.0)) {
-                    assert!(frame.get(COVERAGE).expect("made").contains(x, y, id));
-                    assert!(frame.get(COVERAGE_BEFORE_SUPPORT).expect("made").contains(x, y, id));
+                    let contains = |key: Key<BitPlane>| frame.get(key).expect("made").contains(x as u32, y as u32, id);
+                    assert!(contains(COVERAGE) && contains(COVERAGE.before_support()));
                 }
             }
         }
     }
     frame
+}
+
+/// Labels on a canvas three times as wide and high as the image.
+fn canvas(scene: &Arc<Scene>, view: &View) -> Products {
+    let window = Window::canvas(&view.camera.intrinsics, 3);
+    render_part(options(1, 1), scene, view, &LABELS, window, Bodies::All)
 }
 
 fn floor() -> syntable_model::scene::BodyDraft {
@@ -100,7 +102,7 @@ fn stacked_boxes_on_a_table() {
     let count =
         |id| (0..47).flat_map(|y| (0..61).map(move |x| (x, y))).filter(|&(x, y)| coverage.contains(x, y, id)).count();
     assert!(count(InstanceId(1)) > 200 && count(InstanceId(2)) > 80 && count(InstanceId(3)) > 5);
-    let before = frame.get(COVERAGE_BEFORE_SUPPORT).expect("made");
+    let before = frame.get(COVERAGE.before_support()).expect("made");
     assert!((0..47).all(|y| (0..61).all(|x| !before.contains(x, y, InstanceId(3)))));
 }
 
@@ -119,7 +121,7 @@ fn a_distractor_hides_and_does_not_cut() {
             pixels.iter().filter(|&&(x, y)| plane.contains(x, y, id)).count()
         };
         let visible = frame.get(INSTANCE).expect("made").data().iter().filter(|&&seen| seen == id).count();
-        [visible, covered(COVERAGE), covered(COVERAGE_BEFORE_SUPPORT)]
+        [visible, covered(COVERAGE), covered(COVERAGE.before_support())]
     };
     let [visible, covered, before] = seen(Role::Distractor);
     assert!(0 < visible && visible < covered && before == covered, "{visible} {covered} {before}");
@@ -147,7 +149,7 @@ fn a_ring_of_occlusion() {
     let hides = |a: u16, b: u16| {
         (0..64)
             .flat_map(|y| (0..64).map(move |x| (x, y)))
-            .any(|(x, y)| *seen.at(x as u32, y as u32) == InstanceId(a) && coverage.contains(x, y, InstanceId(b)))
+            .any(|(x, y)| *seen.at(x, y) == InstanceId(a) && coverage.contains(x, y, InstanceId(b)))
     };
     let order = [(1, 2), (2, 3), (3, 1)];
     let forwards = order.iter().all(|&(a, b)| hides(a, b) && !hides(b, a));
@@ -164,13 +166,15 @@ fn an_object_cut_by_the_frame() {
         body(&block, at(-2.0, 0.0, 0.2), Role::Object),
         floor(),
     ]);
-    let frame = check(&scene, &view(33, 25, 30.0, [0.0, -0.2, 2.0], [0.0; 3], vec![]));
-    let wide = frame.get(COVERAGE_WIDE).expect("made");
-    let count = |columns: std::ops::Range<i32>, id| {
-        columns.flat_map(|x| (-25..50).map(move |y| (x, y))).filter(|&(x, y)| wide.contains(x, y, id)).count()
+    let view = view(33, 25, 30.0, [0.0, -0.2, 2.0], [0.0; 3], vec![]);
+    check(&scene, &view);
+    let canvas = canvas(&scene, &view);
+    let wide = canvas.get(COVERAGE).expect("made");
+    let count = |columns: std::ops::Range<u32>, id| {
+        columns.flat_map(|x| (0..75).map(move |y| (x, y))).filter(|&(x, y)| wide.contains(x, y, id)).count()
     };
-    assert!(count(0..33, InstanceId(1)) > 0 && count(33..66, InstanceId(1)) > 0);
-    assert!(count(0..33, InstanceId(2)) == 0 && count(-33..0, InstanceId(2)) > 0);
+    assert!(count(33..66, InstanceId(1)) > 0 && count(66..99, InstanceId(1)) > 0);
+    assert!(count(33..66, InstanceId(2)) == 0 && count(0..33, InstanceId(2)) > 0);
 }
 
 #[test]
@@ -233,8 +237,8 @@ fn of_surfaces_at_the_same_depth_the_object_is_in_front() {
     for y in 0..16 {
         for x in 0..16 {
             let covered = frame.get(COVERAGE).expect("made").contains(x, y, InstanceId(1));
-            let before = frame.get(COVERAGE_BEFORE_SUPPORT).expect("made").contains(x, y, InstanceId(1));
-            let visible = seen.at(x as u32, y as u32).0 == 1;
+            let before = frame.get(COVERAGE.before_support()).expect("made").contains(x, y, InstanceId(1));
+            let visible = seen.at(x, y).0 == 1;
             assert!(!visible || (covered && before), "({x}, {y})");
             count += usize::from(covered);
         }

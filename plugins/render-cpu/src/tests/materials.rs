@@ -227,7 +227,7 @@ fn all_strategies_agree_on_every_light_and_layer() {
         let image = |number: u64| {
             let mut frame = Products::new();
             let stream = Stream::root(40).at(number);
-            let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(2) };
+            let request = RenderRequest::new(&view, &LIGHT, stream, &Threads(2));
             session.render(&request, &mut frame).expect("renders");
             frame.get(RADIANCE).expect("made").clone()
         };

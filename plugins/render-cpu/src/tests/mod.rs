@@ -8,3 +8,4 @@ mod light_transport;
 mod materials;
 mod optics;
 mod support;
+mod windows;

@@ -101,7 +101,8 @@ fn lenses_give_the_same_bits_in_any_number_of_lanes() {
         let mut session = if portable { renderer.session().portable() } else { renderer.session() };
         session.load(&scene, &Serial).expect("loads");
         let (mut frame, stream) = (Products::new(), Stream::root(3));
-        let request = RenderRequest { view: &view, wants: &[RADIANCE.id()], stream, workers: &Threads(threads) };
+        let workers = Threads(threads);
+        let request = RenderRequest::new(&view, &LIGHT, stream, &workers);
         session.render(&request, &mut frame).expect("renders");
         frame.get(RADIANCE).expect("made").data().iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>()
     };

@@ -13,6 +13,7 @@ use syntable_model::scene::{
     Object, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 
+use syntable_model::stage::{Bodies, Window};
 pub use syntable_testing::workers::Threads;
 
 /// A box of half-sizes around the origin, faces outwards, with uvs 0..1 on every face.
@@ -143,6 +144,9 @@ pub fn view(width: u32, height: u32, focal: f64, eye: [f64; 3], target: [f64; 3]
     View { id: ViewId(0), camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights }
 }
 
+/// What most tests render.
+pub const LIGHT: [KeyId; 1] = [syntable_model::product::standard::RADIANCE.id()];
+
 /// Options for tests: few bounces are no wish of theirs.
 pub fn options(samples_per_pixel: u32, max_bounces: u32) -> CpuPath {
     CpuPath { samples_per_pixel, max_bounces, ..CpuPath::default() }
@@ -161,8 +165,25 @@ pub fn render_with(
     session.load(scene, workers)?;
     let mut frame = Products::new();
     let stream = Stream::root(7);
-    session.render(&RenderRequest { view, wants, stream, workers }, &mut frame)?;
+    session.render(&RenderRequest::new(view, wants, stream, workers), &mut frame)?;
     Ok(frame)
+}
+
+/// Renders a window of a view, or some of its bodies, on one thread.
+pub fn render_part(
+    options: CpuPath,
+    scene: &Arc<Scene>,
+    view: &View,
+    wants: &[KeyId],
+    window: Window,
+    bodies: Bodies,
+) -> Products {
+    let mut session = CpuPathRenderer::new(options).expect("sound options").session();
+    session.load(scene, &Serial).expect("loads");
+    let mut frame = Products::new();
+    let request = RenderRequest::new(view, wants, Stream::root(7), &Serial);
+    session.render(&RenderRequest { window, bodies, ..request }, &mut frame).expect("renders");
+    frame
 }
 
 /// Renders products of a view on one thread.

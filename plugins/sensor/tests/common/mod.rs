@@ -47,7 +47,7 @@ pub fn sense(sensor: &dyn Sensor, view: &View, mut products: Products, seed: u64
     let dataset = scenes::dataset();
     let log = Collected::default();
     let cx = DatasetContext::new(&dataset, workers, &log).scene(&scene).view(view);
-    let names: Vec<&str> = sensor.reads().iter().map(|key| key.name).collect();
+    let names: Vec<_> = sensor.reads().iter().map(|key| key.name).collect();
     let lent = products.only(&names);
     let mut filled = lent.clone();
     sensor.sense(&cx, &Stream::root(seed), &mut filled).expect("senses");

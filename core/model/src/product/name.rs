@@ -1,0 +1,119 @@
+//! Names of products, with the parameters of those that a renderer makes.
+
+use std::fmt;
+
+/// Name of a product.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Name {
+    /// What recipes and files call it: snake_case, unique among all plugins.
+    pub base: &'static str,
+    /// How it is rendered.
+    pub parameters: RenderParameters,
+}
+
+/// How a product is rendered, where a stage needs it otherwise than as the image: `COVERAGE.on_canvas(3)` in code,
+/// `coverage (canvas 3)` in a recipe.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct RenderParameters {
+    /// Edges of the canvas over those of the image, an odd number up to [`MAX_CANVAS`]. The image lies in the center of
+    /// the canvas, and both have the same pixels there.
+    pub canvas: u32,
+    /// Whether what a ray meets behind the first support or room part is left out; for sets of objects such as
+    /// [`COVERAGE`](super::standard::COVERAGE), which look behind surfaces.
+    pub before_support: bool,
+}
+
+/// Maximum of [`RenderParameters::canvas`].
+pub const MAX_CANVAS: u32 = 9;
+
+impl RenderParameters {
+    /// Those of the image.
+    pub const IMAGE: Self = Self { canvas: 1, before_support: false };
+
+    const fn is_valid(&self) -> bool {
+        self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS
+    }
+}
+
+impl Name {
+    /// The name of a product of the image, of the scene or of the dataset.
+    pub const fn new(base: &'static str) -> Self {
+        Self { base, parameters: RenderParameters::IMAGE }
+    }
+
+    /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large.
+    pub const fn with(self, parameters: RenderParameters) -> Self {
+        assert!(parameters.is_valid(), "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image");
+        Self { base: self.base, parameters }
+    }
+
+    /// The name that a text means: that of this product, with or without parameters in parentheses.
+    pub fn parse(self, text: &str) -> Option<Self> {
+        let rest = text.strip_prefix(self.base)?;
+        let mut parameters = RenderParameters::IMAGE;
+        if !rest.is_empty() {
+            for word in rest.strip_prefix(" (")?.strip_suffix(')')?.split(", ") {
+                match word.strip_prefix("canvas ") {
+                    Some(canvas) => parameters.canvas = canvas.parse().ok()?,
+                    None if word == "before support" => parameters.before_support = true,
+                    None => return None,
+                }
+            }
+        }
+        parameters.is_valid().then_some(Self { base: self.base, parameters })
+    }
+}
+
+/// As `coverage`, or `coverage (canvas 3, before support)`.
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let RenderParameters { canvas, before_support } = self.parameters;
+        f.write_str(self.base)?;
+        match (canvas, before_support) {
+            (1, false) => Ok(()),
+            (1, true) => f.write_str(" (before support)"),
+            (canvas, false) => write!(f, " (canvas {canvas})"),
+            (canvas, true) => write!(f, " (canvas {canvas}, before support)"),
+        }
+    }
+}
+
+impl PartialEq<str> for Name {
+    fn eq(&self, other: &str) -> bool {
+        self.parse(other) == Some(*self)
+    }
+}
+
+impl PartialEq<String> for Name {
+    fn eq(&self, other: &String) -> bool {
+        self == other.as_str()
+    }
+}
+
+impl PartialEq<&str> for Name {
+    fn eq(&self, other: &&str) -> bool {
+        self == *other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        let coverage = Name::new("coverage");
+        for canvas in [1, 3, MAX_CANVAS] {
+            for before_support in [false, true] {
+                let name = coverage.with(RenderParameters { canvas, before_support });
+                assert_eq!(coverage.parse(&name.to_string()), Some(name));
+                assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
+            }
+        }
+        for wrong in
+            ["coverag", "coverage2", "coverage (canvas 2)", "coverage (canvas 11)", "coverage ()", "coverage (canvas 3"]
+        {
+            assert_eq!(coverage.parse(wrong), None, "{wrong}");
+        }
+    }
+}
