@@ -3,7 +3,7 @@
 mod support;
 use std::path::Path;
 use std::sync::Mutex;
-use support::{SMALL, files, root};
+use support::{SMALL, root};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::registry::Registry;
@@ -12,6 +12,7 @@ use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions, run};
 use syntable_standard as _;
+use syntable_testing::folder::files;
 
 products! {
     /// A product that is hard to make.
