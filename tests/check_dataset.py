@@ -218,13 +218,13 @@ class Checker:
             self.rigid(camera[key], key) for key in ("world_from_camera", "camera_from_world"))
         self.expect(np.allclose(world_from_camera @ camera_from_world, np.eye(4), atol=1e-9), "camera poses disagree")
         for annotation in annotations:
-            thing = annotation["object"]
-            if not self.expect(thing is not None, f"annotation {annotation['id']}: nothing is said of the object"):
+            info = annotation["object"]
+            if not self.expect(info is not None, f"annotation {annotation['id']}: it has no `object`"):
                 continue
-            world, seen = (self.rigid(thing[key], key) for key in ("world_from_object", "camera_from_object"))
+            world, seen = (self.rigid(info[key], key) for key in ("world_from_object", "camera_from_object"))
             self.expect(np.allclose(camera_from_world @ world, seen, atol=1e-9),
                         f"annotation {annotation['id']}: poses disagree")
-            self.expect(thing["name"] == annotation["object_name"], f"annotation {annotation['id']}: names disagree")
+            self.expect(info["name"] == annotation["object_name"], f"annotation {annotation['id']}: names disagree")
 
     def rigid(self, rows, name):
         pose = np.array(rows, dtype=float)

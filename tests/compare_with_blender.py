@@ -8,7 +8,7 @@ Not part of CI: it needs `pip install bpy==5.0.1` (Python 3.11). A dataset to co
 
     python tests/compare_with_blender.py DATASET [--scene 0] [--samples 128]
 
-Prints the mean luminance of every body that covers at least 60 pixels of the first view, and of the whole picture.
+Prints the mean luminance of every body that covers at least 60 pixels of the first view, and of the whole image.
 """
 
 import argparse
@@ -44,10 +44,10 @@ def render(path, width, height, samples):
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
     with tempfile.TemporaryDirectory() as folder:
-        scene.render.filepath = f"{folder}/picture.exr"
+        scene.render.filepath = f"{folder}/image.exr"
         bpy.ops.render.render(write_still=True)
-        picture = bpy.data.images.load(scene.render.filepath)
-        return np.array(picture.pixels[:]).reshape(height, width, 4)[::-1, :, :3]
+        image = bpy.data.images.load(scene.render.filepath)
+        return np.array(image.pixels[:]).reshape(height, width, 4)[::-1, :, :3]
 
 
 def main():

@@ -1,8 +1,8 @@
 """Assets whose materials mean the same in every renderer.
 
-The scenes of the comparison of correctness are built of them: Lambert's matte surfaces (dielectrics with an index of
+The scenes of the comparison of correctness are built of them: Lambert's diffuse surfaces (dielectrics with an index of
 refraction of one, which reflect nothing), metals that are smooth enough for masking models not to matter, clear glass,
-and a glowing ball.
+and an emissive ball.
 """
 
 from pathlib import Path
@@ -31,8 +31,8 @@ def glass() -> dict:
     )
 
 
-def glowing(nits: list[float]) -> dict:
-    """A black body that glows."""
+def emissive(nits: list[float]) -> dict:
+    """A black emissive body."""
     brightest = max(nits)
     strength = {"emissiveStrength": brightest}
     material = _material([0.0] * 3, 0.0, 1.0, KHR_materials_ior={"ior": 1.0}, KHR_materials_emissive_strength=strength)
@@ -77,7 +77,7 @@ def ring(radius: float, thickness: float, material: dict) -> Part:
 
 
 def box(low: list[float], high: list[float], material: dict) -> Part:
-    """A box with flat faces and a whole picture on each."""
+    """A box with flat faces and a whole image on each."""
     low, high = np.array(low), np.array(high)
     positions, normals, uvs, triangles = [], [], [], []
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -96,7 +96,7 @@ def box(low: list[float], high: list[float], material: dict) -> Part:
 
 
 def checker(size: int, colors: list[list[int]], cells: int) -> np.ndarray:
-    """A picture of soft squares and a slope, so that filtering and the decoding of sRGB both count."""
+    """An image of soft squares and a slope, so that filtering and the decoding of sRGB both count."""
     y, x = np.mgrid[0:size, 0:size] / size
     waves = 0.5 + 0.5 * np.sin(2 * np.pi * cells * x) * np.sin(2 * np.pi * cells * y)
     mixed = waves[..., None] * colors[0] + (1 - waves[..., None]) * np.array(colors[1])
@@ -130,4 +130,4 @@ def write(folder: Path) -> None:
     glb.write(objects / "copper_ball.glb", [ball(0.05, metal([0.9, 0.5, 0.35], 0.3))])
     glb.write(objects / "glass_ball.glb", [ball(0.06, glass(), rows=128)])
     glb.write(objects / "glass_block.glb", [cube(0.1, glass())])
-    glb.write(objects / "lamp_ball.glb", [ball(0.035, glowing([900.0, 600.0, 300.0]))])
+    glb.write(objects / "light_ball.glb", [ball(0.035, emissive([900.0, 600.0, 300.0]))])

@@ -15,10 +15,10 @@ Scanned Objects in place of the embedded ones.
 glb.py and rendered by Mitsuba; the mean radiance of every region must agree within 1 % (2 % where surfaces of other
 models light it), or three standard errors if that is more.
 
-`speed`: twenty things in a closed room, 640 × 480, eight bounces. All times are wall-clock and for the scene loaded
-and kernels compiled; errors are against each renderer's own converged picture. Nothing else should run meanwhile.
+`speed`: twenty objects in a closed room, 640 × 480, eight bounces. All times are wall-clock and for the scene loaded
+and kernels compiled; errors are against each renderer's own converged image. Nothing else should run meanwhile.
 
-With `--book`, tables and pictures go to the book.
+With `--book`, tables and images go to the book.
 """
 
 import argparse
@@ -39,8 +39,8 @@ def main() -> int:
     parser.add_argument("--binary", type=Path, default=ROOT / "target" / "release" / "syntable")
     parser.add_argument("--work", type=Path, help="folder for what is made on the way; a temporary one if left out")
     parser.add_argument("--quick", action="store_true", help="few samples: to see that everything runs")
-    parser.add_argument("--patience", type=float, default=120, help="seconds for each converged picture of `speed`")
-    parser.add_argument("--book", action="store_true", help="write tables and pictures to the book")
+    parser.add_argument("--patience", type=float, default=120, help="seconds for each converged image of `speed`")
+    parser.add_argument("--book", action="store_true", help="write tables and images to the book")
     arguments = parser.parse_args()
     agree = True
     with tempfile.TemporaryDirectory() as temporary:
@@ -48,9 +48,9 @@ def main() -> int:
         work.mkdir(parents=True, exist_ok=True)
         if arguments.what != "speed":
             views, samples = (4, 16) if arguments.quick else (24, 32)
-            table, picture, agree = correctness.compare(arguments.binary, work, views, samples)
+            table, image, agree = correctness.compare(arguments.binary, work, views, samples)
             publish(table, "correctness", arguments.book)
-            save(picture, BOOK / "images" / "comparison.png" if arguments.book else work / "comparison.png")
+            save(image, BOOK / "images" / "comparison.png" if arguments.book else work / "comparison.png")
             print("all regions agree" if agree else "REGIONS DIFFER", flush=True)
         if arguments.what != "correctness":
             assets = os.environ.get("ASSETS")
@@ -70,9 +70,9 @@ def publish(table: str, name: str, book: bool) -> None:
         page.write_text(f"{before}{begin}\n\n{table.strip()}\n\n{end}{rest.split(end)[1]}")
 
 
-def save(picture, path: Path) -> None:
-    """A picture of few colours, small enough for a repository."""
-    picture.quantize(256).save(path, optimize=True)
+def save(image, path: Path) -> None:
+    """An image of few colors, small enough for a repository."""
+    image.quantize(256).save(path, optimize=True)
 
 
 if __name__ == "__main__":

@@ -17,9 +17,9 @@ BOUNCES = 12
 # Smaller regions are left out.
 PIXELS = 60
 
-# The scenes: whether their materials are translated by gltf_bsdf.py rather than to Mitsuba's own, and how far regions
-# may differ. At home, surfaces that are another model there light all others.
-SCENES = {"lamps": (False, 0.01), "sky": (False, 0.01), "home": (True, 0.02)}
+# The scenes: whether their materials are translated by gltf_bsdf.py rather than to Mitsuba's own, and the largest
+# difference of regions. At home, surfaces of another model there light all others.
+SCENES = {"lights": (False, 0.01), "sky": (False, 0.01), "home": (True, 0.02)}
 
 # What is another model there, so that such regions need not agree.
 OTHER = {
@@ -31,14 +31,14 @@ OTHER = {
 
 
 def compare(binary: Path, work: Path, views: int, samples: int) -> tuple[str, Image.Image, bool]:
-    """The tables, the pictures side by side, and whether all regions agree."""
+    """The tables, the images side by side, and whether all regions agree."""
     assets.write(work / "assets")
     lines, rows, agree = [], [], True
     for name, (exact, tolerance) in SCENES.items():
         settings = [f"dataset.views_per_scene={views}", f"render.samples_per_pixel={samples}"]
         settings += [f"render.max_bounces={BOUNCES}"]
         run = ours.run(binary, HERE / f"{name}.toml", work / name, settings, {"PEERS": work / "assets"})
-        scene, mine = run.scene(), run.pictures()
+        scene, mine = run.scene(), run.images()
         peer = Peer(scene, BOUNCES, exact)
         theirs = np.stack([peer.render(samples, seed)[0] for seed in range(views)])
         masks = list(_bodies(scene, run.instances(), theirs, exact))
@@ -48,20 +48,20 @@ def compare(binary: Path, work: Path, views: int, samples: int) -> tuple[str, Im
         agree &= all(r.agrees(tolerance) for r in regions if r.name[-1] not in OTHER)
         third = _cycles(run.folder, scene, samples, max(views // 3, 2), work)
         thirds = [measures.region(name, mask, mine, third) for name, mask in masks] if third is not None else []
-        lines += _table(f"`{name}.toml`, {views * samples} samples a pixel:", regions, thirds)
+        lines += _table(f"`{name}.toml`, {views * samples} samples per pixel:", regions, thirds)
         lines += _whole(mine, theirs)
         rows.append(_side_by_side(mine.mean(0), theirs.mean(0)))
     lines += [f"{mark} {text}\n" for mark, text in OTHER.items()]
     return "\n".join(lines), Image.fromarray(np.vstack(rows)), agree
 
 
-def _cycles(folder: Path, scene: glb.Scene, samples: int, pictures: int, work: Path) -> np.ndarray | None:
-    """Pictures of Cycles, if it is there; glTF has no environment maps for it."""
+def _cycles(folder: Path, scene: glb.Scene, samples: int, images: int, work: Path) -> np.ndarray | None:
+    """Images of Cycles, if it is there; glTF has no environment maps for it."""
     if scene.environments or not cycles_peer.is_there():
         return None
     size = scene.camera.width, scene.camera.height
     peer = cycles_peer.Peer(folder / "gltf" / "000000.glb", size, BOUNCES, work)
-    made = [peer.render(samples, seed, denoise=False)[0] for seed in range(pictures)]
+    made = [peer.render(samples, seed, denoise=False)[0] for seed in range(images)]
     peer.close()
     return np.stack(made)
 
@@ -95,7 +95,7 @@ def _other(material: dict, exact: bool) -> str:
 
 
 def _cells(instances: np.ndarray):
-    """The picture in twelve, without the background."""
+    """The image in twelve, without the background."""
     height, width = instances.shape
     y, x = np.mgrid[0:height, 0:width]
     for row in range(3):
@@ -121,26 +121,26 @@ def _difference(r: measures.Region) -> str:
 
 
 def _whole(mine: np.ndarray, theirs: np.ndarray) -> list[str]:
-    """Errors of the whole picture."""
+    """Errors of the whole image."""
     a, b = mine.mean(0), theirs.mean(0)
     noise = (_variance(mine) + _variance(theirs)) / (b**2 + (0.01 * b.mean()) ** 2)
     flip = measures.flip(a, b)
-    told = f"; mean FLIP {flip:.4f}" if flip is not None else ""
-    return [f"Ours and Mitsuba's: relMSE {measures.rel_mse(a, b):.5f}, of which noise {noise.mean():.5f}{told}.", ""]
+    suffix = f"; mean FLIP {flip:.4f}" if flip is not None else ""
+    return [f"Ours and Mitsuba's: relMSE {measures.rel_mse(a, b):.5f}, of which noise {noise.mean():.5f}{suffix}.", ""]
 
 
-def _variance(pictures: np.ndarray) -> np.ndarray:
-    """Of the mean of independent pictures."""
-    return pictures.var(0, ddof=1) / len(pictures)
+def _variance(images: np.ndarray) -> np.ndarray:
+    """Of the mean of independent images."""
+    return images.var(0, ddof=1) / len(images)
 
 
 def _side_by_side(mine: np.ndarray, theirs: np.ndarray) -> np.ndarray:
-    """Ours, theirs, and the relative difference of blocks of 4 × 4 pixels: grey is none, in white and black ours is
+    """Ours, theirs, and the relative difference of blocks of 4 × 4 pixels: gray is none, in white and black ours is
     10 % brighter and darker.
     """
-    a, b = (_blocks(picture @ measures.LUMINANCE) for picture in (mine, theirs))
-    grey = np.repeat(np.clip(0.5 + 5 * (a - b) / (b + 0.01 * theirs.mean()), 0, 1)[..., None], 3, -1)
-    panels = [measures.developed(mine, theirs), measures.developed(theirs, theirs), grey]
+    a, b = (_blocks(image @ measures.LUMINANCE) for image in (mine, theirs))
+    gray = np.repeat(np.clip(0.5 + 5 * (a - b) / (b + 0.01 * theirs.mean()), 0, 1)[..., None], 3, -1)
+    panels = [measures.developed(mine, theirs), measures.developed(theirs, theirs), gray]
     return np.uint8(np.round(255 * np.hstack(panels)))
 
 

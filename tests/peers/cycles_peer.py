@@ -49,13 +49,13 @@ class Peer:
 
 
 def serve(file: str, width: int, height: int, bounces: int) -> None:
-    """Loads a scene and renders what is asked for until there is no more."""
+    """Loads a scene and renders each request until the input ends."""
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=file)
     scene = bpy.context.scene
-    scene.camera = next(thing for thing in scene.objects if thing.type == "CAMERA")
+    scene.camera = next(item for item in scene.objects if item.type == "CAMERA")
     scene.render.engine, scene.render.use_persistent_data = "CYCLES", True
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
     scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
@@ -72,9 +72,9 @@ def serve(file: str, width: int, height: int, bounces: int) -> None:
         start = time.perf_counter()
         bpy.ops.render.render()
         seconds = time.perf_counter() - start
-        picture = str(Path(job["to"]).with_suffix(".exr"))
-        bpy.data.images["Render Result"].save_render(picture)
-        image = bpy.data.images.load(picture)
+        path = str(Path(job["to"]).with_suffix(".exr"))
+        bpy.data.images["Render Result"].save_render(path)
+        image = bpy.data.images.load(path)
         texels = np.empty(4 * width * height, np.float32)
         image.pixels.foreach_get(texels)
         bpy.data.images.remove(image)

@@ -1,7 +1,7 @@
 """Binary glTF 2.0: a reader of what the `gltf` writer writes, and a writer of small assets.
 
 The reader knows the extensions and `extras` that book/src/export.md names. Poses are those below the root node `world`:
-z up, metres, so that they are the dataset's own.
+z up, meters, so that they are the dataset's own.
 """
 
 import io
@@ -31,7 +31,7 @@ class Part:
 
 @dataclass
 class Body:
-    """A thing with a mesh; `instance` is its id in the labels, None for lamps."""
+    """A body with a mesh; `instance` is its id in the labels, None for lights."""
 
     name: str
     instance: int | None
@@ -51,7 +51,7 @@ class Camera:
 
 @dataclass
 class Scene:
-    """A file: its bodies and lamps, its first camera, notes on environment maps, and its pictures on demand."""
+    """A file: its bodies and lights, its first camera, notes on environment maps, and its images on demand."""
 
     folder: Path
     bodies: list[Body]
@@ -61,7 +61,7 @@ class Scene:
     binary: bytes
     decoded: dict[int, np.ndarray] = field(default_factory=dict)
 
-    def picture(self, texture: int) -> np.ndarray:
+    def image(self, texture: int) -> np.ndarray:
         """Texels of a texture, `[height, width, 3 or 4]` of uint8, row 0 at the top."""
         image = self.document["textures"][texture]["source"]
         if image not in self.decoded:
@@ -153,8 +153,8 @@ def _pose(node: dict) -> np.ndarray:
     return pose
 
 
-def write(path: Path, parts: list[Part], pictures: list[np.ndarray] = ()) -> None:
-    """Writes one body as an asset. Parts are z up; materials refer to `pictures` by their number."""
+def write(path: Path, parts: list[Part], textures: list[np.ndarray] = ()) -> None:
+    """Writes one body as an asset. Parts are z up; materials refer to `textures` by index."""
     blob, views, accessors, materials, primitives = bytearray(), [], [], [], []
 
     def view(data: bytes) -> int:
@@ -182,9 +182,9 @@ def write(path: Path, parts: list[Part], pictures: list[np.ndarray] = ()) -> Non
         materials.append(part.material)
         primitives.append({"attributes": attributes, "indices": indices, "material": len(materials) - 1})
     images = []
-    for picture in pictures:
+    for texture in textures:
         file = io.BytesIO()
-        Image.fromarray(picture).save(file, "PNG")
+        Image.fromarray(texture).save(file, "PNG")
         images.append({"bufferView": view(file.getvalue()), "mimeType": "image/png"})
     used = sorted({name for material in materials for name in material.get("extensions", {})})
     document = {

@@ -33,8 +33,8 @@ def _albedo(alpha: float, mu: float) -> tuple[float, float]:
     first = np.array([0.0, 1.0, 0.0])
     second = np.cross(view, first)
     r, turn = np.sqrt(u), 2 * np.pi * v
-    x, share = r * np.cos(turn), (1 + view[2]) / 2
-    y = (1 - share) * np.sqrt(1 - x * x) + share * r * np.sin(turn)
+    x, fraction = r * np.cos(turn), (1 + view[2]) / 2
+    y = (1 - fraction) * np.sqrt(1 - x * x) + fraction * r * np.sin(turn)
     half = np.outer(x, first) + np.outer(y, second) + np.outer(np.sqrt(np.maximum(0, 1 - x * x - y * y)), view)
     half *= [alpha, alpha, 1]
     half /= np.linalg.norm(half, axis=1, keepdims=True)
@@ -113,16 +113,16 @@ class Gltf(mi.BSDF):
 
     @staticmethod
     def _terminator(si, wo):
-        """How much light from `wo` a bent normal lets through where the face below turns away from it."""
+        """Shadow-terminator factor of light from `wo` at a perturbed normal, where the face turns away from it."""
         normal, direction = si.sh_frame.n, si.to_world(wo)
         face = dr.mulsign(mi.Vector3f(si.n), dr.dot(si.n, normal))
-        turned = dr.dot(face, direction) / dr.maximum(dr.dot(normal, direction) * dr.dot(normal, face), 1e-6)
-        g = dr.clip(turned, 0, 1)
+        terminator = dr.dot(face, direction) / dr.maximum(dr.dot(normal, direction) * dr.dot(normal, face), 1e-6)
+        g = dr.clip(terminator, 0, 1)
         return g * (1 + g - dr.square(g))
 
     @staticmethod
     def _after(fresnel, mean):
-        """Share of the light that leaves after more than one bounce, of that which is lost."""
+        """Fraction of the light that single scattering loses which leaves after further bounces."""
         return dr.square(fresnel) * mean / (1 - fresnel * (1 - mean))
 
     def _surface(self, si, active):
@@ -135,7 +135,7 @@ class Gltf(mi.BSDF):
 
     @staticmethod
     def _place(x):
-        """From [0, 1] between the middles of the first and the last texel."""
+        """From [0, 1] between the centers of the first and the last texel."""
         return (dr.clip(x, 0, 1) * (SIZE - 1) + 0.5) / SIZE
 
     @classmethod

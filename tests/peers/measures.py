@@ -1,4 +1,4 @@
-"""How far a picture is from another."""
+"""Differences between images."""
 
 from dataclasses import dataclass
 
@@ -7,55 +7,55 @@ import numpy as np
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
-def developed(picture: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Radiance as one sees it: the median luminance of `like` becomes middle grey (0.18), then sRGB's curve."""
-    x = np.clip(picture * (0.18 / np.median(like @ LUMINANCE)), 0, 1)
+def developed(image: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Tone-mapped radiance: the median luminance of `like` becomes middle gray (0.18), then sRGB's curve."""
+    x = np.clip(image * (0.18 / np.median(like @ LUMINANCE)), 0, 1)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
 
-def rel_mse(picture: np.ndarray, reference: np.ndarray) -> float:
+def rel_mse(image: np.ndarray, reference: np.ndarray) -> float:
     """Mean over pixels and channels of (x − r)² / (r² + ε²), where ε is a hundredth of the reference's mean."""
-    return float(np.mean((picture - reference) ** 2 / (reference**2 + (0.01 * reference.mean()) ** 2)))
+    return float(np.mean((image - reference) ** 2 / (reference**2 + (0.01 * reference.mean()) ** 2)))
 
 
-def flip(picture: np.ndarray, reference: np.ndarray) -> float | None:
-    """Mean FLIP (Andersson et al., 2020) of the developed pictures, if `flip-evaluator` is installed."""
+def flip(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """Mean FLIP (Andersson et al., 2020) of the developed images, if `flip-evaluator` is installed."""
     try:
         import flip_evaluator
     except ImportError:
         return None
-    pair = [developed(image, reference).astype(np.float32) for image in (reference, picture)]
+    pair = [developed(one, reference).astype(np.float32) for one in (reference, image)]
     return float(flip_evaluator.evaluate(*pair, "LDR")[1])
 
 
 @dataclass
 class Reference:
-    """A converged picture as two independent halves, so that what noise is left in it can be taken off errors.
+    """A converged image as two independent halves, so that its remaining noise can be subtracted from errors.
 
-    A picture's squared error against the mean of the halves is that against the truth plus the mean's own variance, and
+    An image's squared error against the mean of the halves is that against the truth plus the mean's own variance, and
     that is a quarter of the squared difference of the halves.
     """
 
     halves: tuple[np.ndarray, np.ndarray]
 
     def mean(self) -> np.ndarray:
-        """The picture."""
+        """The image."""
         return (self.halves[0] + self.halves[1]) / 2
 
-    def psnr(self, picture: np.ndarray) -> float:
-        """Peak signal to noise of the developed picture, dB. The halves are developed before they are averaged: a speck
+    def psnr(self, image: np.ndarray) -> float:
+        """Peak signal to noise of the developed image, dB. The halves are developed before they are averaged: a speck
         that is clipped at white then counts as much in their difference as in their mean.
         """
         a, b = (developed(half, self.mean()) for half in self.halves)
-        error = np.mean((developed(picture, self.mean()) - (a + b) / 2) ** 2) - np.mean((a - b) ** 2) / 4
+        error = np.mean((developed(image, self.mean()) - (a + b) / 2) ** 2) - np.mean((a - b) ** 2) / 4
         return float(-10 * np.log10(max(error, 1e-9)))
 
-    def rel_mse(self, picture: np.ndarray) -> float:
+    def rel_mse(self, image: np.ndarray) -> float:
         """[`rel_mse`] without the reference's own noise."""
         mean = self.mean()
         a, b = self.halves
         own = np.mean((a - b) ** 2 / (mean**2 + (0.01 * mean.mean()) ** 2)) / 4
-        return max(rel_mse(picture, mean) - float(own), 0.0)
+        return max(rel_mse(image, mean) - float(own), 0.0)
 
     def floor(self) -> float:
         """Peak signal to noise of the reference itself, dB."""
@@ -74,7 +74,7 @@ class Region:
     sigma: float
 
     def difference(self) -> float:
-        """Ours over theirs, less one."""
+        """Ours over theirs, minus one."""
         return self.ours / self.theirs - 1
 
     def agrees(self, tolerance: float) -> bool:
@@ -83,7 +83,7 @@ class Region:
 
 
 def region(name: str, mask: np.ndarray, ours: np.ndarray, theirs: np.ndarray) -> Region:
-    """Compares independent pictures `[n, height, width, 3]` of both renderers in a region."""
-    means = [(pictures[:, mask] @ LUMINANCE).mean(1) for pictures in (ours, theirs)]
+    """Compares independent images `[n, height, width, 3]` of both renderers in a region."""
+    means = [(images[:, mask] @ LUMINANCE).mean(1) for images in (ours, theirs)]
     sigma = np.sqrt(sum(mean.var(ddof=1) / len(mean) for mean in means))
     return Region(name, int(mask.sum()), means[0].mean(), means[1].mean(), float(sigma))

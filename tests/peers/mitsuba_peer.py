@@ -1,7 +1,7 @@
 """The same scene in Mitsuba 3.
 
 Materials whose meaning is the same in both renderers are translated exactly: Lambert's (a dielectric with an index of
-refraction of one), perfect mirrors, clear smooth glass, what glows. All others become Mitsuba's `principled`, which is
+refraction of one), perfect mirrors, clear smooth glass, emissive surfaces. All others become Mitsuba's `principled`, which is
 alike in cost and in looks and for smooth metals the same, but is another model; or, with `exact`, glTF's model as
 gltf_bsdf.py has it, without clear coats and sheen.
 """
@@ -59,20 +59,20 @@ class Peer:
         return self._timed(self._integrator, samples, seed)
 
     def guides(self, samples: int, seed: int) -> tuple[np.ndarray, float]:
-        """Albedo and normal of what is first met, `[height, width, 6]`, and the seconds that they took."""
+        """Albedo and normal at the first hit, `[height, width, 6]`, and the seconds that they took."""
         return self._timed(self._guides, samples, seed)
 
     def _timed(self, integrator, samples: int, seed: int) -> tuple[np.ndarray, float]:
         start = time.perf_counter()
-        picture = np.array(mi.render(self._scene, integrator=integrator, spp=samples, seed=seed))
-        return picture, time.perf_counter() - start
+        image = np.array(mi.render(self._scene, integrator=integrator, spp=samples, seed=seed))
+        return image, time.perf_counter() - start
 
 
 def _sensor(camera: glb.Camera) -> dict:
     k = camera.k
     width, height = camera.width, camera.height
     if abs(k[0, 0] / k[1, 1] - 1) > 1e-6 or abs(k[0, 2] - width / 2) > 1e-6 or abs(k[1, 2] - height / 2) > 1e-6:
-        raise ValueError("only square pixels and a principal point in the middle are translated")
+        raise ValueError("only square pixels and a principal point in the center are translated")
     film = {
         "type": "hdrfilm",
         "width": width,
@@ -98,9 +98,9 @@ def _transform(matrix: np.ndarray):
 
 
 def _shapes(scene: glb.Scene, body: glb.Body, stem: Path, exact: bool):
-    """The parts of a body; lamps become the shapes that they stand for."""
-    lamp = {"light": None, "(sphere)": "sphere", "(rectangle)": "rectangle", "(disk)": "disk"}
-    shape = lamp.get(body.name.split()[-1]) if body.instance is None else None
+    """The parts of a body; lights become the shapes that they represent."""
+    shapes = {"light": None, "(sphere)": "sphere", "(rectangle)": "rectangle", "(disk)": "disk"}
+    shape = shapes.get(body.name.split()[-1]) if body.instance is None else None
     if shape:
         black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
         to_world = _transform(body.world_from_body)
@@ -166,7 +166,7 @@ def bsdf(scene: glb.Scene, material: dict, exact: bool) -> dict:
     cutoff = material.get("alphaCutoff", 0.5) if material.get("alphaMode") == "MASK" else None
     if cutoff is None or "baseColorTexture" not in pbr:
         return flat
-    alpha = scene.picture(pbr["baseColorTexture"]["index"])[..., 3] / 255
+    alpha = scene.image(pbr["baseColorTexture"]["index"])[..., 3] / 255
     opacity = _bitmap(scene, pbr["baseColorTexture"], np.float32(alpha >= cutoff)[..., None], raw=True)
     return {"type": "mask", "opacity": opacity, "bsdf": flat}
 
@@ -200,12 +200,12 @@ def _principled(scene: glb.Scene, material: dict) -> dict:
 
 def _gltf(scene: glb.Scene, material: dict) -> dict:
     pbr = material["pbrMetallicRoughness"]
-    grey = lambda value: value if isinstance(value, dict) else {"type": "rgb", "value": [value] * 3}
+    gray = lambda value: value if isinstance(value, dict) else {"type": "rgb", "value": [value] * 3}
     return {
         "type": "gltf",
         "base_color": _color(scene, pbr, "baseColor"),
-        "roughness": grey(_number(scene, pbr, "roughnessFactor", "metallicRoughnessTexture", 1)),
-        "metallic": grey(_number(scene, pbr, "metallicFactor", "metallicRoughnessTexture", 2)),
+        "roughness": gray(_number(scene, pbr, "roughnessFactor", "metallicRoughnessTexture", 1)),
+        "metallic": gray(_number(scene, pbr, "metallicFactor", "metallicRoughnessTexture", 2)),
         "ior": _extension(material, "ior").get("ior", 1.5),
     }
 
@@ -215,7 +215,7 @@ def _bumped(scene: glb.Scene, material: dict, flat: dict) -> dict:
     normal = material.get("normalTexture")
     if normal is None:
         return flat
-    texels = scene.picture(normal["index"])[..., :3] / 127.5 - 1
+    texels = scene.image(normal["index"])[..., :3] / 127.5 - 1
     texels[..., :2] *= normal.get("scale", 1.0)
     texels /= np.linalg.norm(texels, axis=-1, keepdims=True)
     return {
@@ -231,7 +231,7 @@ def _color(scene: glb.Scene, pbr: dict, name: str) -> dict:
     info = pbr.get(f"{name}Texture")
     if info is None:
         return {"type": "rgb", "value": factor.tolist()}
-    texels = scene.picture(info["index"])[..., :3]
+    texels = scene.image(info["index"])[..., :3]
     if np.all(factor == 1):
         return _bitmap(scene, info, texels, raw=False)
     return _bitmap(scene, info, np.float32(_linear(texels) * factor), raw=True)
@@ -247,7 +247,7 @@ def _number(scene: glb.Scene, pbr: dict, factor: str, texture: str, channel: int
     info, factor = pbr.get(texture), float(pbr.get(factor, 1.0))
     if info is None:
         return factor
-    texels = scene.picture(info["index"])[..., channel : channel + 1]
+    texels = scene.image(info["index"])[..., channel : channel + 1]
     return _bitmap(scene, info, np.float32(texels / 255.0 * factor), raw=True)
 
 
@@ -268,15 +268,15 @@ def _laid(transform: dict):
 def _environment(folder: Path, note: dict) -> dict:
     turn = note["rotation_rad"]
     c, s = np.cos(turn), np.sin(turn)
-    # Mitsuba's maps have y up and z in their middle; ours have z up and x in their middle.
+    # Mitsuba's maps have y up and z in their center; ours have z up and x in their center.
     axes = np.array([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-    turned = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    rotated = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     bitmap = mi.Bitmap(read_hdr(folder / note["file"]))
-    return {"type": "envmap", "bitmap": bitmap, "to_world": _transform(turned @ axes)}
+    return {"type": "envmap", "bitmap": bitmap, "to_world": _transform(rotated @ axes)}
 
 
 def read_hdr(path: Path) -> np.ndarray:
-    """A picture in Radiance's format without run lengths, `[height, width, 3]`."""
+    """An image in Radiance's format without run lengths, `[height, width, 3]`."""
     header, texels = path.read_bytes().split(b"\n\n", 1)
     size, texels = texels.split(b"\n", 1)
     _, height, _, width = size.split()

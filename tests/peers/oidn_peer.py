@@ -1,6 +1,6 @@
 """Open Image Denoise from PyPI's `pyoidn` (2.5) or `oidn` (1.4), through its C interface.
 
-The module of the older package does not find the TBB that lies beside its library; here that is loaded first.
+The module of the older package does not find the TBB beside its library; here that is loaded first.
 """
 
 import ctypes
@@ -24,7 +24,7 @@ def library() -> Path | None:
 
 
 class Denoiser:
-    """The filter for path-traced pictures of one size, with guides free of noise."""
+    """The filter for path-traced images of one size, with guides free of noise."""
 
     def __init__(self, path: Path, height: int, width: int):
         for tbb in sorted(path.parent.glob("libtbb.so.*"))[:1]:

@@ -22,7 +22,7 @@ class Run:
         """The exported scene."""
         return glb.read(self.folder / "gltf" / "000000.glb")
 
-    def pictures(self) -> np.ndarray:
+    def images(self) -> np.ndarray:
         """Radiance of all views, `[views, height, width, 3]`."""
         return np.stack([np.load(path) for path in sorted((self.folder / "npy" / "radiance").glob("*.npy"))])
 
@@ -32,7 +32,7 @@ class Run:
 
 
 def run(binary: Path, recipe: Path, out: Path, settings: list[str], folders: dict[str, Path]) -> Run:
-    """Runs a recipe. `seconds` are from one picture's end to the next one's: all that the program does for a view of a
+    """Runs a recipe. `seconds` are from one image's end to the next one's: all that the program does for a view of a
     scene that is loaded, labels and writing included. The first view's are those of loading and settling, too, and are
     left out.
     """

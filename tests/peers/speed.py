@@ -1,4 +1,4 @@
-"""Times and errors of pictures of few samples."""
+"""Times and errors of images of few samples."""
 
 import subprocess
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from mitsuba_peer import Peer
 
 RECIPE = Path(__file__).parent / "room.toml"
 BOUNCES = 8
-# Samples a pixel: without denoiser, with one, and in Cycles, whose samples take longest.
+# Samples per pixel: without denoiser, with one, and in Cycles, whose samples take longest.
 PLAIN, DENOISED, SLOW = (1, 2, 4, 8, 16, 32, 64), (1, 2, 4, 8, 16), (1, 2, 4, 8)
 REPEATS = 2
 AIMS = (35.0, 39.0)
@@ -38,7 +38,7 @@ class Row:
 
 def compare(binary: Path, work: Path, assets: Path | None, patience: float) -> str:
     """The table of times and errors, and the times at which the aims are reached. `patience` is how many seconds a
-    converged picture may take.
+    converged image may take.
     """
     settings = [f"assets.objects={{ kind = 'google_scanned_objects', root = '{assets / 'gso'}' }}"] if assets else []
     run = _Ours(binary, work, settings)
@@ -75,7 +75,7 @@ def _aims(rows: list[Row]) -> list[str]:
 
 
 def reached(rows: list[Row], aim: float) -> str:
-    """When a picture reaches a quality, between the rows in proportion to the logarithm of time."""
+    """When an image reaches a quality, between the rows in proportion to the logarithm of time."""
     if rows[0].psnr >= aim:
         return f"at most {rows[0].seconds:.2f} s"
     for low, high in zip(rows, rows[1:]):
@@ -86,14 +86,14 @@ def reached(rows: list[Row], aim: float) -> str:
 
 
 def _floors(floors: list[tuple[str, float]]) -> list[str]:
-    told = ", ".join(f"{name} {floor:.1f} dB" for name, floor in floors)
-    return [f"Noise left in the converged pictures, taken off the errors: {told}."]
+    listed = ", ".join(f"{name} {floor:.1f} dB" for name, floor in floors)
+    return [f"Noise left in the converged images, subtracted from the errors: {listed}."]
 
 
-def _row(how: str, samples: int, reference: measures.Reference, pictures: list, seconds: list[float]) -> Row:
+def _row(how: str, samples: int, reference: measures.Reference, images: list, seconds: list[float]) -> Row:
     """Errors are means over repetitions, the time is the least."""
-    psnr = float(np.mean([reference.psnr(picture) for picture in pictures]))
-    error = float(np.mean([reference.rel_mse(picture) for picture in pictures]))
+    psnr = float(np.mean([reference.psnr(image) for image in images]))
+    error = float(np.mean([reference.rel_mse(image) for image in images]))
     return Row(how, samples, min(seconds), psnr, error)
 
 
@@ -114,22 +114,22 @@ class _Ours:
         return self._run(1, "render.samples_per_pixel=1").scene()
 
     def labels(self) -> float:
-        """Seconds for all labels of a view, without a picture."""
+        """Seconds for all labels of a view, without an image."""
         arrays, masks = ["depth", "instance", "occlusion_order"], ["visible_mask", "amodal_mask", "occlusion_mask"]
         run = self._run(7, f"write.npy.include={arrays}", f"write.jsonl.include={masks + ['occlusion_rate']}")
         return min(run.seconds)
 
     def annotated(self, rows: list[Row]) -> list[str]:
-        """Seconds for whole annotated frames: pictures that reach the first aim, and everything of the `syntable` writer."""
-        told = []
+        """Seconds for whole annotated frames: images that reach the first aim, and everything of the `syntable` writer."""
+        lines = []
         for how, denoise in self._denoisers().items():
             enough = [row for row in rows if row.how == how and row.psnr >= AIMS[0]]
             if enough:
                 n = enough[0].samples
                 run = self._run(1 + REPEATS, f"render.samples_per_pixel={n}", *denoise, "write.syntable={}")
-                told.append(f"{how}, {n} samples, {enough[0].psnr:.1f} dB: {min(run.seconds):.2f} s")
+                lines.append(f"{how}, {n} samples, {enough[0].psnr:.1f} dB: {min(run.seconds):.2f} s")
         every = "depth, masks of all kinds with their runs, occlusion order and JSON written"
-        return [f"A whole annotated frame, picture, {every}: {'; '.join(told)}."] if told else []
+        return [f"A whole annotated frame, image, {every}: {'; '.join(lines)}."] if lines else []
 
     def _denoisers(self) -> dict[str, list[str]]:
         listed = subprocess.run([self._binary, "list"], capture_output=True, text=True, check=True).stdout
@@ -143,12 +143,12 @@ class _Ours:
 
     def rows(self, patience: float):
         half = f"render.time_s={patience / 2}"
-        reference = measures.Reference(tuple(self._run(2, "render.samples_per_pixel=65536", half).pictures()))
+        reference = measures.Reference(tuple(self._run(2, "render.samples_per_pixel=65536", half).images()))
         self.floor = reference.floor()
         for how, denoise in self._denoisers().items():
             for n in DENOISED if denoise else PLAIN:
                 run = self._run(1 + REPEATS, f"render.samples_per_pixel={n}", *denoise)
-                yield _row(how, n, reference, list(run.pictures()), run.seconds)
+                yield _row(how, n, reference, list(run.images()), run.seconds)
 
 
 class _Mitsuba:
@@ -159,14 +159,14 @@ class _Mitsuba:
         halves, spent, seed = [[], []], 0.0, 1 << 20
         peer.render(PASS, seed)
         while spent < patience or not halves[1]:
-            picture, seconds = peer.render(PASS, seed + 1)
-            halves[seed % 2].append(picture)
+            image, seconds = peer.render(PASS, seed + 1)
+            halves[seed % 2].append(image)
             seed, spent = seed + 1, spent + seconds
         self.reference = measures.Reference(tuple(np.mean(half, 0) for half in halves))
 
     def _render(self, samples: int, seed: int) -> tuple[np.ndarray, float]:
         passes = [self._peer.render(min(samples, PASS), 64 * seed + i) for i in range(max(samples // PASS, 1))]
-        return np.mean([picture for picture, _ in passes], 0), sum(seconds for _, seconds in passes)
+        return np.mean([image for image, _ in passes], 0), sum(seconds for _, seconds in passes)
 
     def rows(self) -> list[Row]:
         plain, denoised = [], []
@@ -178,13 +178,13 @@ class _Mitsuba:
             made = [self._render(n, seed) for seed in range(REPEATS + 1)][1:]
             plain.append(_row(self.name, n, self.reference, *zip(*made)))
             if denoiser and n in DENOISED:
-                made = [self._denoise(denoiser, picture, seconds) for picture, seconds in made]
+                made = [self._denoise(denoiser, image, seconds) for image, seconds in made]
                 denoised.append(_row(f"{self.name} + OIDN", n, self.reference, *zip(*made)))
         return plain + denoised
 
-    def _denoise(self, denoiser, picture: np.ndarray, seconds: float) -> tuple[np.ndarray, float]:
+    def _denoise(self, denoiser, image: np.ndarray, seconds: float) -> tuple[np.ndarray, float]:
         guides, more = self._peer.guides(GUIDE_SAMPLES, 1)
-        result, own = denoiser.denoise(picture, guides)
+        result, own = denoiser.denoise(image, guides)
         return result, seconds + more + own
 
 

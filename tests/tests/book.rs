@@ -153,7 +153,7 @@ fn recipes_are_sound() {
         }
         for block in fences(&read(&page), "toml") {
             seen += 1;
-            // Single options, one a line, to show what can be written: all are distributions.
+            // Single options, one per line, to show what can be written: all are distributions.
             if !block.lines().any(|line| line.starts_with('[')) {
                 block.lines().for_each(check_distribution);
                 continue;

@@ -1,7 +1,8 @@
 //! The dataset is a function of the recipe: threads, splits and other annotators do not change it.
 
 mod support;
-use support::{assert_same, files, ok, small_run, syntable};
+use support::{assert_same, ok, small_run, syntable};
+use syntable_testing::folder::files;
 
 #[test]
 fn threads_and_splits_do_not_matter() {

@@ -3,7 +3,7 @@
 mod support;
 use std::path::Path;
 use std::sync::Mutex;
-use support::{SMALL, files, root};
+use support::{SMALL, root};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::registry::Registry;
@@ -12,6 +12,7 @@ use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions, run};
 use syntable_standard as _;
+use syntable_testing::folder::files;
 
 products! {
     /// A product that is hard to make.
@@ -120,7 +121,9 @@ fn a_panic_costs_one_scene_and_shifts_none() {
     }
     assert!(!bad.keys().any(|name| name.starts_with("data/mono/rgb/1_")), "nothing of a failed scene is left");
     let journal = String::from_utf8(bad[".syntable/journal.jsonl"].clone()).expect("text");
-    assert!(journal.lines().nth(1).expect("four lines").contains("scene 1 is too much"), "{journal}");
+    let lines: Vec<&str> = journal.lines().collect();
+    assert!(lines[0].contains(r#""outcome":"made","views":2,"#), "{journal}");
+    assert!(lines[1].contains(r#""outcome":"failed","#) && lines[1].contains("scene 1 is too much"), "{journal}");
 }
 
 #[test]

@@ -24,7 +24,7 @@ fn generated() -> BTreeMap<String, String> {
     let reference = Reference::of(&schema);
     let journal = schemars::generate::SchemaSettings::draft07()
         .into_generator()
-        .into_root_schema_for::<run::journal::SceneRecord>();
+        .into_root_schema_for::<run::journal::JournalEntry>();
     let journal = serde_json::to_string_pretty(&journal).expect("plain data");
     let log =
         schemars::generate::SchemaSettings::draft07().into_generator().into_root_schema_for::<run::progress::LogLine>();
@@ -412,29 +412,11 @@ impl<'s> Reference<'s> {
             self.inside("", definition, 5, &mut options);
             for row in &mut options.rows {
                 row[0] = row[0].replacen("`.", "`", 1);
-                if row[3].is_empty() {
-                    row[3] = distribution(&row[0]).to_owned();
-                }
+                assert!(!row[3].is_empty(), "{} of `{name}` has no description", row[0]);
             }
             page += &options.render();
         }
         page
-    }
-}
-
-/// Meaning of a field of a distribution: these schemas are written by hand, without descriptions.
-fn distribution(field: &str) -> &'static str {
-    match field.trim_matches('`') {
-        "uniform" => "Uniform between two bounds.",
-        "log_uniform" => "Uniform in the logarithm, between two positive bounds.",
-        "normal" => "Normal (Gaussian); values beyond `min` and `max` become these.",
-        "normal.mean" => "Mean of the distribution without limits.",
-        "normal.std" => "Standard deviation of the distribution without limits.",
-        "normal.min" => "Smallest value.",
-        "normal.max" => "Largest value.",
-        "choice" => "One of these, each as likely.",
-        "integers" => "Uniform between two bounds, both included.",
-        field => panic!("`{field}` has no description"),
     }
 }
 

@@ -4,7 +4,8 @@ mod support;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
-use support::{files, ok, root, syntable};
+use support::{ok, root, syntable};
+use syntable_testing::folder::files;
 
 /// `cargo run --release` in a foreign crate. It shares the target folder, so that dependencies are not built again.
 fn cargo_run(folder: &Path, args: &[&str]) -> Command {

@@ -268,20 +268,37 @@ impl JsonSchema for Dist {
         "Dist".into()
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let pair = || json_schema!({ "type": "array", "items": { "type": "number" }, "minItems": 2, "maxItems": 2 });
+        let pair = |description: &str| {
+            json_schema!({
+                "description": description,
+                "type": "array", "items": { "type": "number" }, "minItems": 2, "maxItems": 2
+            })
+        };
+        let number = |description: &str| json_schema!({ "description": description, "type": "number" });
         json_schema!({
             "description": "A number, or a distribution to draw it from.",
             "type": ["number", "object"],
             "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
             "properties": {
-                "uniform": pair(),
-                "log_uniform": pair(),
+                "uniform": pair("Uniform between two bounds."),
+                "log_uniform": pair("Uniform in the logarithm, between two positive bounds."),
                 "normal": {
+                    "description": "Normal (Gaussian); values beyond `min` and `max` become these.",
                     "type": "object", "required": ["mean", "std"], "additionalProperties": false,
-                    "properties": { "mean": { "type": "number" }, "std": { "type": "number", "minimum": 0 },
-                                    "min": { "type": "number" }, "max": { "type": "number" } }
+                    "properties": {
+                        "mean": number("Mean of the distribution without limits."),
+                        "std": {
+                            "description": "Standard deviation of the distribution without limits.",
+                            "type": "number", "minimum": 0
+                        },
+                        "min": number("Smallest value; `mean - 4 * std` if not given."),
+                        "max": number("Largest value; `mean + 4 * std` if not given.")
+                    }
                 },
-                "choice": { "type": "array", "items": { "type": "number" }, "minItems": 1 }
+                "choice": {
+                    "description": "One of these, each as likely.",
+                    "type": "array", "items": { "type": "number" }, "minItems": 1
+                }
             }
         })
     }
@@ -297,8 +314,14 @@ impl JsonSchema for IntDist {
             "type": ["integer", "object"],
             "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
             "properties": {
-                "integers": { "type": "array", "items": { "type": "integer" }, "minItems": 2, "maxItems": 2 },
-                "choice": { "type": "array", "items": { "type": "integer" }, "minItems": 1 }
+                "integers": {
+                    "description": "Uniform between two bounds, both included.",
+                    "type": "array", "items": { "type": "integer" }, "minItems": 2, "maxItems": 2
+                },
+                "choice": {
+                    "description": "One of these, each as likely.",
+                    "type": "array", "items": { "type": "integer" }, "minItems": 1
+                }
             }
         })
     }

@@ -1,6 +1,6 @@
 //! Frames and units, stated once.
 //!
-//! - **World**: right-handed, z up, meters; the origin lies on the floor under the table's center.
+//! - **World**: right-handed, z up, meters; the origin is on the floor under the table's center.
 //! - **Body**: an asset's own frame, meters, z up.
 //! - **Camera**: x right, y down, z forward (the convention of OpenCV and BOP).
 //! - **Image**: the origin is the top-left *corner* of the top-left pixel, u to the right, v down; pixel centers
@@ -54,7 +54,7 @@ impl Aabb {
         self.max - self.min
     }
 
-    /// Middle of the box.
+    /// Center of the box.
     pub fn center(&self) -> Point3<f64> {
         nalgebra::center(&self.min, &self.max)
     }

@@ -282,13 +282,20 @@ pub struct Finding {
 impl From<Finding> for ConfigError {
     fn from(finding: Finding) -> Self {
         let invalid = Self::new(DisplayPath(&finding.path).to_string(), finding.message);
+        let names = |names: &[String]| listing(names.iter().map(String::as_str));
         match finding.problem {
             Problem::OutOfRange { allowed } if !allowed.is_empty() => invalid.help(allowed),
-            Problem::UnknownChoice { choices, .. } => {
-                invalid.help(format!("one of {}", listing(choices.iter().map(String::as_str))))
+            Problem::UnknownChoice { choices, forms, .. } if forms.is_empty() => {
+                invalid.help(format!("one of {}", names(&choices)))
             }
-            Problem::UnknownKey { known, .. } if !known.is_empty() => {
-                invalid.help(format!("its options are {}", listing(known.iter().map(String::as_str))))
+            Problem::UnknownChoice { choices, forms, .. } => {
+                invalid.help(format!("one of {}, or a table with one of {}", names(&choices), names(&forms)))
+            }
+            Problem::UnknownKey { known, form: false, .. } if !known.is_empty() => {
+                invalid.help(format!("its options are {}", names(&known)))
+            }
+            Problem::UnknownKey { known: forms, .. } | Problem::NotOneForm { forms } if !forms.is_empty() => {
+                invalid.help(format!("one of {}", names(&forms)))
             }
             _ => invalid,
         }
@@ -1187,20 +1194,31 @@ mod tests {
             })
         };
         let schema = json!({ "properties": {
-            "x": { "oneOf": [{ "enum": ["all"], "type": "string" }, form("share"), form("disk")] },
+            "x": { "oneOf": [{ "enum": ["all"], "type": "string" }, form("fraction"), form("disk")] },
             "y": { "oneOf": [tagged("below"), tagged("above")] }
         } });
         let check = |text: &str, expected: &[&str]| assert_eq!(messages(&schema, text), expected, "{text}");
-        check("x = { share = 2 }", &["x.share: `x.share` cannot be 2"]);
-        check("x = { shares = 2 }", &["x.shares: `x` has no form `shares`"]);
-        check("x = { share = 1, disk = 1 }", &["x: `x` takes only one of `share`, `disk`"]);
+        check("x = { fraction = 2 }", &["x.fraction: `x.fraction` cannot be 2"]);
+        check("x = { fractions = 2 }", &["x.fractions: `x` has no form `fractions`"]);
+        check("x = { fraction = 1, disk = 1 }", &["x: `x` takes only one of `fraction`, `disk`"]);
         check("x = {}", &["x: `x` needs exactly one key"]);
         check("x = 'every'", &["x: `x` cannot be \"every\""]);
-        check("x = 1", &["x: `x` must be \"all\" or a table with one of `share`, `disk`"]);
+        check("x = 1", &["x: `x` must be \"all\" or a table with one of `fraction`, `disk`"]);
         check("y = { type = 'below', below = 'a' }", &["y.below: `y.below` must be a number"]);
         check("y = { type = 'beside' }", &["y.type: `y.type` cannot be \"beside\""]);
         check("y = { type = 1 }", &["y.type: `y.type` must be one of `below`, `above`"]);
         check("y = { below = 1 }", &["y.type: `owner.y` needs `type`"]);
+        let help = |text: &str| {
+            let (table, definitions) = (DeTable::parse(text).expect("TOML"), Map::new());
+            let validator = Validator { definitions: &definitions };
+            let outcome = validator.table("owner", spanned_members(table.get_ref()), table.span(), &schema);
+            ConfigError::from(outcome.findings.into_iter().next().expect("a mistake")).help
+        };
+        let choices = "one of `all`, or a table with one of `fraction`, `disk`";
+        assert_eq!(help("x = 'every'").as_deref(), Some(choices));
+        assert_eq!(help("x = { fractions = 2 }").as_deref(), Some("one of `fraction`, `disk`"));
+        assert_eq!(help("x = {}").as_deref(), Some("one of `fraction`, `disk`"));
+        assert_eq!(help("y = { type = 'beside' }").as_deref(), Some("one of `below`, `above`"));
     }
 
     #[test]

@@ -63,7 +63,7 @@ pub fn sphere_luminance(illuminance_lx: f64, distance_m: f64, radius_m: f64) -> 
 /// Illuminance (lux) per nit of a one-sided convex polygon, at a point on a plane with unit `normal`.
 ///
 /// Lambert's closed form: half the sum over the edges of the angle that the edge subtends times the cosine between
-/// `normal` and the edge's plane normal. What lies below the plane does not count.
+/// `normal` and the edge's plane normal. What is below the plane does not count.
 pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: Vector3<f64>) -> f64 {
     let corners: Vec<Vector3<f64>> = corners.iter().map(|corner| corner - point).collect();
     let mut above = Vec::with_capacity(corners.len() + 1);
@@ -92,7 +92,7 @@ pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: 
 ///
 /// The light vector of a disk of radius a, seen from height h above its plane and from ρ beside its axis: with
 /// `w = √((h² + ρ² + a²)² - 4 a² ρ²)` it has `π/2 (1 - (h² + ρ² - a²) / w)` towards the disk's plane, along its axis, and
-/// `π h / 2ρ ((h² + ρ² + a²) / w - 1)` towards the axis (Howell's catalogue of configuration factors, B-12 and its
+/// `π h / 2ρ ((h² + ρ² + a²) / w - 1)` towards the axis (Howell's catalog of configuration factors, B-12 and its
 /// perpendicular case). Exact while the whole disk is above the plane; one that the plane cuts is taken as a polygon
 /// of 512 corners and equal area.
 pub fn disk_illuminance(
@@ -110,7 +110,7 @@ pub fn disk_illuminance(
     let sideways = to_center + axis * height;
     let beside = sideways.norm();
     let along = axis.dot(&normal);
-    // How far the disk reaches above and below its center, as the plane sees heights.
+    // Extent of the disk above and below its center, as heights over the plane.
     let reach = radius * (1.0 - along * along).max(0.0).sqrt();
     let above = to_center.dot(&normal);
     if above <= -reach {

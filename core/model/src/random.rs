@@ -34,7 +34,7 @@ impl Stream {
         Self { node, block: 0, buffer: [0; 4], left: 0 }
     }
 
-    /// The child of a name. Children are independent of each other and of how far this stream was drawn.
+    /// The child of a name. Children are independent of each other and of the position of this stream.
     pub fn child(&self, name: &str) -> Self {
         let fnv = name
             .bytes()

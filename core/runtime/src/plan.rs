@@ -494,7 +494,16 @@ impl Resolver {
             names.push("render".to_owned());
         }
         let message = format!("product `{name}` {what}: {}", names.join(", "));
-        let help = "keep one of them; name the one you want in a [sensor.<id>] or [annotate.<id>] table".to_owned();
+        let explicit = candidates.iter().filter(|&&i| self.notes[i].explicit);
+        let tables: Vec<String> = explicit.map(|&i| format!("[{}]", self.notes[i].stage)).collect();
+        let help = match tables.as_slice() {
+            [] => "name the one you want in a [sensor.<id>] or [annotate.<id>] table".to_owned(),
+            several if names.last().is_some_and(|name| name == "render") => {
+                format!("remove {} from the recipe: the renderer makes `{name}`", several.join(" and "))
+            }
+            [first, second] => format!("remove {first} or {second} from the recipe"),
+            several => format!("keep one of {} in the recipe and remove the others", several.join(", ")),
+        };
         self.fail(Fault::Ambiguous, by, name, message, help).involve(names);
     }
 

@@ -1,5 +1,5 @@
 //! What the tests of SynTable plugins share: scenes whose labels can be worked out on paper, checks that every
-//! implementation of a trait must pass, and statistics for random things.
+//! implementation of a trait must pass, and statistics for random quantities.
 //!
 //! ```
 //! use syntable_testing::{scenes, stats};
@@ -11,6 +11,7 @@
 
 pub mod assets;
 pub mod conformance;
+pub mod folder;
 pub mod room;
 pub mod scenes;
 pub mod stats;

@@ -12,7 +12,7 @@ use syntable_model::scene::{
     Texture, TextureMapping, ViewId, Wrap,
 };
 
-/// The table from above one corner, 600 px of focal length: the middle of a 640 × 480 image, or all of it.
+/// The table from above one corner, 600 px of focal length: the center of a 640 × 480 image, or all of it.
 pub fn view(width: u32, height: u32) -> View {
     let intrinsics =
         Intrinsics { width, height, fx: 600.0, fy: 600.0, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 };

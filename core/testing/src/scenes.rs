@@ -77,7 +77,7 @@ pub fn boxes(boxes: &[([f64; 3], [f32; 3])]) -> Scene {
     builder.freeze(SceneId(0), 0, SettleReport::default()).expect("a scene of boxes is sound")
 }
 
-/// A view from `eye` towards `target`: square pixels, principal point in the middle, the given horizontal field of
+/// A view from `eye` towards `target`: square pixels, principal point in the center, the given horizontal field of
 /// view, one sphere light above.
 pub fn view(eye: [f64; 3], target: [f64; 3], size: [u32; 2], fov_deg: f64) -> View {
     let focal = f64::from(size[0]) / 2.0 / (fov_deg.to_radians() / 2.0).tan();

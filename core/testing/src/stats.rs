@@ -1,4 +1,4 @@
-//! Statistics for tests of random things. Fixed seeds make such tests repeatable; the probabilities say how unlikely
+//! Statistics for tests of random quantities. Fixed seeds make such tests repeatable; the probabilities say how unlikely
 //! a failure of correct code would have been.
 
 /// Probability of a χ² statistic at least as large, for counts against expected counts of the same total.

@@ -47,6 +47,7 @@ struct CameraView {
     camera_axes: &'static str,
     world_axes: &'static str,
     length_unit: &'static str,
+    // The key in published datasets, whose bytes do not change.
     #[serde(rename = "pixel_centres")] // typos: ignore
     pixel_centers: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]

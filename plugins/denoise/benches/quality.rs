@@ -1,6 +1,6 @@
 //! Errors of images before and after denoising, against a reference of many samples.
 //!
-//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [REGULARIZE [FOLDER]]]` renders the middle of the room of the
+//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [REGULARIZE [FOLDER]]]` renders the center of the room of the
 //! renderer's bench with 1 to 64 samples per pixel and with `REFERENCE` (512), all with the option
 //! `regularize = REGULARIZE` (0.3, as recipes have it), and writes the images to `FOLDER`. The
 //! reference has noise too: 512 samples are good for errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise,

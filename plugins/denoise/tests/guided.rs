@@ -245,7 +245,7 @@ fn any_size_and_any_number_of_threads() {
 }
 
 #[test]
-fn a_room_gets_better_at_few_samples_and_no_worse_at_many() {
+fn a_room_gets_better_up_to_64_samples() {
     let room = Room::new(64, 48);
     let reference = room.render(1024, 99);
     let reference = reference.get(RADIANCE_NOISY).expect("put").data();
@@ -254,8 +254,9 @@ fn a_room_gets_better_at_few_samples_and_no_worse_at_many() {
         let pairs = image.iter().flatten().zip(reference.iter().flatten());
         mean(pairs.map(|(a, r)| (a - r).powi(2) / (r * r + 0.01 * (scale * scale) as f32)))
     };
-    // 64 samples are the most that the filter is made for.
-    for (samples, factor) in [(1, 0.3), (4, 0.45), (64, 1.0)] {
+    // At 64 samples eight seeds give factors of 0.80 ± 0.05; the bound is three deviations above. At 128 the filter's bias
+    // is as large as the noise, above it is larger: dark lines at bright edges take light from beside them.
+    for (samples, factor) in [(1, 0.3), (4, 0.45), (64, 0.96)] {
         let products = room.render(samples, 5);
         let (before, after) = (error(products.get(RADIANCE_NOISY).expect("put").data()), error(&filtered(&products)));
         assert!(after < factor * before, "{samples} samples: relMSE {before} became {after}");

@@ -105,7 +105,7 @@ fn clearcoat_and_sheen_are_where_they_belong() {
             _ => assert_eq!((coated, fibrous), (0, 0), "{family:?}"),
         }
         for material in &baked {
-            assert_eq!(material.clone().with_digest().digest, material.digest, "the digest speaks of everything");
+            assert_eq!(material.clone().with_digest().digest, material.digest, "the digest covers everything");
         }
     }
 }

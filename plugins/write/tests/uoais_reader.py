@@ -35,15 +35,15 @@ def register(root, file):
         for annotation in per_image:
             assert annotation["image_id"] == record["image_id"]
             assert annotation.get("ignore", 0) == 0
-            thing = {key: annotation[key] for key in ("bbox", "category_id", "occluded_rate", "area")}
+            instance = {key: annotation[key] for key in ("bbox", "category_id", "occluded_rate", "area")}
             for key in ("segmentation", "visible_mask", "occluded_mask"):
                 rle = annotation[key]
                 assert isinstance(rle, dict), f"{key}: polygons crash the reader"
                 assert isinstance(rle["counts"], str), f"{key}: uncompressed runs crash the reader"
-                thing[key] = rle
-            thing["iscrowd"] = annotation.get("iscrowd", 0)
-            thing["category_id"] = categories[annotation["category_id"]]
-            record["annotations"].append(thing)
+                instance[key] = rle
+            instance["iscrowd"] = annotation.get("iscrowd", 0)
+            instance["category_id"] = categories[annotation["category_id"]]
+            record["annotations"].append(instance)
         records.append(record)
     return records
 
@@ -56,20 +56,20 @@ def load(record):
     assert depth.dtype == np.uint16 and depth.shape == rgb.shape[:2], (depth.dtype, depth.shape)
     depth = np.clip(depth.astype(np.float32), 250, 2500)
     depth = ((depth - 250) / (2500 - 250) * 255).astype(np.uint8)
-    things = []
-    for thing in record["annotations"]:
-        if thing["iscrowd"]:
+    instances = []
+    for instance in record["annotations"]:
+        if instance["iscrowd"]:
             continue
-        amodal, visible, occluded = (coco_mask.decode(thing[k]) for k in ("segmentation", "visible_mask", "occluded_mask"))
+        amodal, visible, occluded = (coco_mask.decode(instance[k]) for k in ("segmentation", "visible_mask", "occluded_mask"))
         for mask in (amodal, visible, occluded):
             assert mask.shape == rgb.shape[:2]
-        assert len(thing["bbox"]) == 4 and 0 <= thing["occluded_rate"] <= 1
+        assert len(instance["bbox"]) == 4 and 0 <= instance["occluded_rate"] <= 1
         # Boxes are computed again from the amodal mask; the class is the 5 % rule.
         ys, xs = np.nonzero(amodal)
-        things.append({"box": [xs.min(), ys.min(), xs.max() + 1, ys.max() + 1], "occluded": thing["occluded_rate"] >= 0.05})
+        instances.append({"box": [xs.min(), ys.min(), xs.max() + 1, ys.max() + 1], "occluded": instance["occluded_rate"] >= 0.05})
         # The modified evaluator.
-        _ = thing["area"] * thing["occluded_rate"]
-    return np.dstack([depth] * 3), things
+        _ = instance["area"] * instance["occluded_rate"]
+    return np.dstack([depth] * 3), instances
 
 
 def evaluate(root, file):
@@ -90,12 +90,12 @@ def main():
     root, compat = pathlib.Path(sys.argv[1]), sys.argv[2]
     file = root / "annotation_final.json"
     records = register(root, file)
-    things = [load(record)[1] for record in records]
+    instances = [load(record)[1] for record in records]
     if compat == "syntable_1":
         evaluate(root, file)
-        assert all(things), "an image without annotations crashes the evaluation"
-    assert any(things), "nothing was read"
-    print(f"{len(records)} images, {sum(map(len, things))} objects, {sum(t['occluded'] for p in things for t in p)} occluded")
+        assert all(instances), "an image without annotations crashes the evaluation"
+    assert any(instances), "nothing was read"
+    print(f"{len(records)} images, {sum(map(len, instances))} objects, {sum(t['occluded'] for p in instances for t in p)} occluded")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use syntable_testing::folder::files;
 
 /// Root of the checkout.
 pub fn root() -> PathBuf {
@@ -71,24 +72,6 @@ pub fn small_run(out: &Path, more: &[&str]) -> Command {
     let mut command = syntable();
     command.args(["run", "recipes/quickstart.toml", "--out"]).arg(out).args(SMALL).args(more);
     command
-}
-
-/// All files below a folder by relative path, with their content.
-pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    fn walk(folder: &Path, root: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
-        for entry in std::fs::read_dir(folder).expect("readable") {
-            let path = entry.expect("readable").path();
-            if path.is_dir() {
-                walk(&path, root, files);
-            } else {
-                let name = path.strip_prefix(root).expect("below").to_string_lossy().into_owned();
-                files.insert(name, std::fs::read(&path).expect("readable"));
-            }
-        }
-    }
-    let mut found = BTreeMap::new();
-    walk(folder, folder, &mut found);
-    found
 }
 
 /// Two folders must hold the same files, byte for byte.

@@ -175,7 +175,7 @@ pub struct Object {
 pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
-    /// Refuses an object whose largest extent lies outside [`EXTENT_M`]: its file has another unit than meters, or is
+    /// Refuses an object whose largest extent is outside [`EXTENT_M`]: its file has another unit than meters, or is
     /// broken. To be called after a scale was applied.
     pub fn check_extent(&self) -> Result<()> {
         let extent = self.mesh.bounds().size().max();

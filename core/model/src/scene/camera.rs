@@ -14,7 +14,7 @@ pub struct Intrinsics {
     pub fx: f64,
     /// Focal length along v, px.
     pub fy: f64,
-    /// Principal point, u, px from the left edge; `width / 2` is the middle.
+    /// Principal point, u, px from the left edge; `width / 2` is the center.
     pub cx: f64,
     /// Principal point, v, px from the top edge.
     pub cy: f64,
@@ -75,8 +75,8 @@ impl Distortion {
         ]
     }
 
-    /// The point that is seen at `(x', y')`: Newton's method on [`distort`](Self::distort), from the middle outwards,
-    /// so that it finds the branch that goes through the middle. None where the lens folds the image over.
+    /// The point that is seen at `(x', y')`: Newton's method on [`distort`](Self::distort), from the center outwards,
+    /// so that it finds the branch that goes through the center. None where the lens folds the image over.
     pub fn undistort(&self, seen: [f64; 2]) -> Option<[f64; 2]> {
         const STEPS: i32 = 8;
         let mut at = [0.0; 2];
@@ -98,7 +98,7 @@ impl Distortion {
     }
 }
 
-/// A lens of finite aperture: what lies off the plane of focus is blurred. Labels are those of its center.
+/// A lens of finite aperture: what is off the plane of focus is blurred. Labels are those of its center.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ThinLens {
     /// Radius of the aperture, meters: focal length over twice the f-number.

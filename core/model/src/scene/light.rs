@@ -36,9 +36,9 @@ pub struct SphereLight {
 pub struct RectLight {
     /// Center, world, meters.
     pub center: Point3<f64>,
-    /// From the center to the middle of one edge, meters.
+    /// From the center to the midpoint of one edge, meters.
     pub half_u: Vector3<f64>,
-    /// From the center to the middle of a neighboring edge, meters; at right angles to `half_u`.
+    /// From the center to the midpoint of a neighboring edge, meters; at right angles to `half_u`.
     pub half_v: Vector3<f64>,
     /// Emitted radiance on the side of `half_u × half_v`, nits.
     pub radiance: [f64; 3],
@@ -73,7 +73,7 @@ pub struct DiskLight {
 /// Light from a small round patch of the sky, infinitely far away.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectionalLight {
-    /// Unit vector from the scene towards the middle of the light.
+    /// Unit vector from the scene towards the center of the light.
     pub towards: Vector3<f64>,
     /// Half of the angle under which the light is seen, radians: 0.00465 for the sun.
     pub half_angle: f64,

@@ -67,7 +67,7 @@ pub enum Alpha {
         /// Cutoff in [0, 1].
         cutoff: f32,
     },
-    /// The surface covers that share of what lies behind it: light meets it with this probability. Labels need a
+    /// The surface covers that fraction of what is behind it: light hits it with this probability. Labels need a
     /// surface that is there or not: for them it is there from one half on.
     Blend {
         /// Multiplies the texture's alpha.
@@ -82,7 +82,7 @@ pub struct Clearcoat {
     pub strength: Scalar,
     /// Perceptual roughness of the clearcoat.
     pub roughness: Scalar,
-    /// Surface detail of the clearcoat; without it, the clearcoat is smooth whatever lies below.
+    /// Surface detail of the clearcoat; without it, the clearcoat is smooth whatever is below.
     pub normal: Option<NormalMap>,
 }
 
@@ -98,7 +98,7 @@ pub struct Sheen {
 /// Light that passes the surface rather than being scattered below it (KHR_materials_transmission).
 #[derive(Debug, Clone)]
 pub struct Transmission {
-    /// Share of the light that enters the surface and passes; the base color tints it.
+    /// Fraction of the light entering the surface that is transmitted, tinted by the base color.
     pub share: Scalar,
     /// What fills the body. Without it the surface is a thin sheet: light goes straight on.
     pub volume: Option<Volume>,
@@ -107,7 +107,7 @@ pub struct Transmission {
 /// A clear medium that fills a closed mesh (KHR_materials_volume); light is refracted by the material's index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume {
-    /// Share of light left after [`attenuation_distance_m`](Self::attenuation_distance_m), linear Rec. 709.
+    /// Fraction of light left after [`attenuation_distance_m`](Self::attenuation_distance_m), linear Rec. 709.
     pub attenuation_color: [f32; 3],
     /// Distance after which light has that color, meters; infinite for a clear medium.
     pub attenuation_distance_m: f32,

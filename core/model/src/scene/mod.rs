@@ -41,14 +41,14 @@ pub struct ViewId(pub u32);
 /// The rectangle that objects are dropped on: level, axis-aligned in the world.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Tabletop {
-    /// Middle of the rectangle, in the world, meters; z is the height of the top.
+    /// Center of the rectangle, in the world, meters; z is the height of the top.
     pub center: [f64; 3],
     /// Extents along world x (the paper's w) and y (the paper's l), meters.
     pub size: [f64; 2],
 }
 
 impl Tabletop {
-    /// Middle of the rectangle.
+    /// Center of the rectangle.
     pub fn center(&self) -> Point3<f64> {
         self.center.into()
     }
@@ -92,7 +92,7 @@ pub struct SettleReport {
     pub residual_angular_speed_rad_s: f64,
     /// Deepest penetration between any two bodies that stayed, m.
     pub deepest_penetration_m: f64,
-    /// How many times a body was dropped again.
+    /// Number of respawns of bodies.
     pub respawned: u32,
     /// Bodies that were taken out, in spawn order.
     pub removed: Vec<Removal>,

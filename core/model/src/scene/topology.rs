@@ -17,17 +17,17 @@ pub struct Topology {
     pub misoriented_edges: usize,
     /// Area of every connected part, largest first, m². Parts hang together by vertices.
     pub part_areas: Vec<f64>,
-    /// Volume by the divergence theorem, m³, with every hole closed by a fan around the middle of its rim; negative if
+    /// Volume by the divergence theorem, m³, with every hole closed by a fan around the center of its rim; negative if
     /// the faces point inwards.
     pub signed_volume: f64,
     bounds: Aabb,
 }
 
 impl Topology {
-    /// Share of a mesh's area from which on a connected part counts as a piece of its own.
-    pub const PART_SHARE: f64 = 0.01;
-    /// Volume of a mesh whose faces enclose none in a consistent way, as a share of its bounding box.
-    pub const BOX_SHARE: f64 = 0.3;
+    /// Minimum area of a connected part that counts as a piece of its own, as a fraction of the mesh's area.
+    pub const PART_FRACTION: f64 = 0.01;
+    /// Volume of a mesh whose faces enclose none in a consistent way, as a fraction of its bounding box.
+    pub const BOX_FRACTION: f64 = 0.3;
 
     /// Examines a mesh. Time O(T log T) for T triangles.
     pub fn of(mesh: &Mesh) -> Self {
@@ -106,22 +106,22 @@ impl Topology {
         self.misoriented_edges == 0
     }
 
-    /// Number of connected parts with at least [`PART_SHARE`](Self::PART_SHARE) of the area. A model of several
-    /// separate things has more than one.
+    /// Number of connected parts with at least [`PART_FRACTION`](Self::PART_FRACTION) of the area. A model of several
+    /// separate objects has more than one.
     pub fn significant_parts(&self) -> usize {
         let total: f64 = self.part_areas.iter().sum();
-        self.part_areas.iter().filter(|area| **area >= Self::PART_SHARE * total).count()
+        self.part_areas.iter().filter(|area| **area >= Self::PART_FRACTION * total).count()
     }
 
     /// Volume for computing a mass, m³; above zero and finite for a mesh with thickness.
     ///
-    /// The enclosed volume of a closed, consistently oriented mesh. Otherwise the volume with holes closed, if it lies
-    /// between 1 % and all of the bounding box; else [`BOX_SHARE`](Self::BOX_SHARE) of the bounding box.
+    /// The enclosed volume of a closed, consistently oriented mesh. Otherwise the volume with holes closed, if it is
+    /// between 1 % and all of the bounding box; else [`BOX_FRACTION`](Self::BOX_FRACTION) of the bounding box.
     pub fn solid_volume(&self) -> f64 {
         let boxed: f64 = self.bounds.size().iter().product();
         let volume = self.signed_volume.abs();
         let plausible = if self.is_closed() && self.is_oriented() { 0.0 } else { 0.01 * boxed };
-        if volume > plausible && volume <= boxed * (1.0 + 1e-6) { volume } else { Self::BOX_SHARE * boxed }
+        if volume > plausible && volume <= boxed * (1.0 + 1e-6) { volume } else { Self::BOX_FRACTION * boxed }
     }
 }
 
@@ -162,15 +162,15 @@ fn cap(mesh: &Mesh, ids: &[u32], rims: &[(u32, u32, f64)], origin: Point3<f64>) 
     for &(from, to, _) in rims {
         loops.join(from, to);
     }
-    let mut middles = vec![(Vector3::zeros(), 0.0); ids.len()];
+    let mut centers = vec![(Vector3::zeros(), 0.0); ids.len()];
     for &(from, to, _) in rims {
-        let (sum, count) = &mut middles[loops.root(from) as usize];
+        let (sum, count) = &mut centers[loops.root(from) as usize];
         *sum += point(from) + point(to);
         *count += 2.0;
     }
     rims.iter()
         .map(|&(from, to, times)| {
-            let (sum, count) = middles[loops.root(from) as usize];
+            let (sum, count) = centers[loops.root(from) as usize];
             times * tetrahedron(point(from), point(to), sum / count)
         })
         .sum()

@@ -7,6 +7,6 @@ use crate::scene::{Optics, Scene};
 
 /// Gives a view's optics.
 pub trait CameraModel: Send + Sync {
-    /// Intrinsics, distortion, lens and exposure of one view, whose camera stands at `world_from_camera`.
+    /// Intrinsics, distortion, lens and exposure of one view, whose camera is at `world_from_camera`.
     fn optics(&self, scene: &Scene, world_from_camera: &Pose, context: &Context) -> Result<Optics>;
 }

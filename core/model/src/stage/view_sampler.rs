@@ -1,4 +1,4 @@
-//! Where the camera stands.
+//! Camera poses.
 
 use crate::context::Context;
 use crate::error::Result;
@@ -8,7 +8,7 @@ use crate::scene::{Scene, ViewId};
 /// A range of distances around a point, meters: where cameras or lights can be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shell {
-    /// The middle, world.
+    /// The center, world.
     pub center: Point3<f64>,
     /// Smallest and largest distance.
     pub radius: [f64; 2],

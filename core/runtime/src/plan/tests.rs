@@ -191,6 +191,18 @@ fn gaps_ambiguities_and_cycles_are_refused() {
 }
 
 #[test]
+fn an_ambiguity_is_resolved_by_what_its_help_says() {
+    let of = |id: &str| stage(id, &[], &[A.id()]);
+    let (x, y, z) = ("[annotate.x]", "[annotate.y]", "[annotate.z]");
+    refused(vec![of("x"), of("y")], &["a"], Fault::Ambiguous, &format!("remove {x} or {y} from the recipe"));
+    let three = format!("keep one of {x}, {y}, {z} in the recipe");
+    refused(vec![of("x"), of("y"), of("z")], &["a"], Fault::Ambiguous, &three);
+    let rendered = stage("x", &[], &[PIXELS.id()]);
+    let renderer = format!("remove {x} from the recipe: the renderer makes `pixels`");
+    refused(vec![rendered], &["pixels"], Fault::Ambiguous, &renderer);
+}
+
+#[test]
 fn a_writer_refuses_what_it_cannot_store() {
     let input = |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()) };
     let check = |accepts| resolve(vec![PIXELS.id()], vec![], vec![], &[("w".into(), vec![input(accepts)])]).err();

@@ -114,7 +114,7 @@ fn diagnostic(finding: Finding) -> DiagnosticBuilder {
     }
 }
 
-/// Describes a value of the wrong type and how to write it, if that can be told from the value.
+/// Describes a value of the wrong type and how to write it, if the value says so.
 fn type_label(wanted: Option<Type>, found: Type, text: &str) -> String {
     let this = match found {
         Type::Boolean => format!("this is {text}"),

@@ -163,8 +163,8 @@ codes! {
         "The products that the writers read, and those that they are made from, cannot be provided: two \
          stages provide the same product, annotators need each other in a circle, or one reads a product as another \
          type than it is provided with.",
-        "Keep one provider: name the annotator that you want in an `[annotate.<id>]` table, or remove one. \
-         `syntable plan` shows which stage provides each product.";
+        "Keep one provider: if the recipe has several, remove all tables but one; if it has none, name the annotator \
+         that you want in an `[annotate.<id>]` table. `syntable plan` shows which stage provides each product.";
     /// An option, kind or product has another name now.
     Renamed = "D0022", "the name has changed",
         "Earlier versions had an option, a kind or a product of this name; this version calls it otherwise. The old name \

@@ -41,7 +41,7 @@ pub(crate) struct Graph<'a> {
     damage: Damage,
 }
 
-/// How far syntax errors spoiled the texts.
+/// Extent of the damage by syntax errors.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Damage {
     /// Whether keys may have been lost, so that a key cannot be said to be missing.
@@ -187,7 +187,7 @@ impl<'a> Reader<'_, 'a> {
 }
 
 impl<'a> Graph<'a> {
-    /// Merges all tables into one, and reports how far syntax errors spoiled it.
+    /// Merges all tables into one, and reports the extent of the damage by syntax errors.
     pub fn merge(self, diagnostics: &mut Vec<DiagnosticBuilder>) -> (DeTable<'a>, Damage) {
         let mut tree = self.root.map_or_else(DeTable::new, |root| self.node(root, diagnostics));
         for line in &self.overrides {

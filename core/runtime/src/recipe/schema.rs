@@ -4,7 +4,7 @@
 //! `kind` and one `if`/`then` a kind, and the definition of each kind is closed and knows `kind` itself. In keyed slots
 //! every kind is also a property name, so that typing `[write.` completes.
 //!
-//! A recipe that extends another one may leave out what it inherits. So what is required stands apart, under an `if` on
+//! A recipe that extends another one may leave out what it inherits. So what is required is apart, under an `if` on
 //! `extends`, and the definitions of kinds require nothing at their top level. Schemas that only add a demand say
 //! `additionalProperties: true`, or strict editors would take them for closed.
 

@@ -3,13 +3,13 @@
 //! ```text
 //! <dataset>/recipe.toml                 the resolved recipe; running it again gives the same dataset
 //! <dataset>/.syntable/lock              held while a run works
-//! <dataset>/.syntable/journal.jsonl     one line a scene that is done
-//! <dataset>/.syntable/shards/<writer>/  what `finish` merges, one file a scene
+//! <dataset>/.syntable/journal.jsonl     one line per scene that is done
+//! <dataset>/.syntable/shards/<writer>/  what `finish` merges, one file per scene
 //! <dataset>/.syntable/staging/3.part/   a scene in the making
 //! <dataset>/.syntable/staging/3.ready/  a scene whose files are being moved into place
 //! ```
 
-use super::journal::{Journal, SceneRecord};
+use super::journal::{Journal, JournalEntry};
 use crate::recipe::without_asset_digests;
 use parking_lot::Mutex;
 use std::fs::{self, File};
@@ -92,14 +92,14 @@ impl Folder {
 
     /// Moves the files of a staged scene into place and writes it down. Interrupted anywhere, the next
     /// [`open`](Self::open) either finishes the job or finds nothing of the scene.
-    pub fn commit(&self, record: SceneRecord, journal: &Mutex<Journal>) -> Result<()> {
-        let part = self.staging().join(format!("{}.part", record.scene));
-        let ready = self.staging().join(format!("{}.ready", record.scene));
-        self.write(&part.join(RECORD), &serde_json::to_string(&record).expect("a record is plain data"))?;
+    pub fn commit(&self, entry: JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
+        let part = self.staging().join(format!("{}.part", entry.scene));
+        let ready = self.staging().join(format!("{}.ready", entry.scene));
+        self.write(&part.join(RECORD), &serde_json::to_string(&entry).expect("an entry is plain data"))?;
         sync_tree(&part)?;
         remove(&ready)?;
         fs::rename(&part, &ready).map_err(|error| Error::io(&part, &error))?;
-        self.publish(&ready, record, &mut journal.lock())
+        self.publish(&ready, entry, &mut journal.lock())
     }
 
     /// Drops a staged scene.
@@ -126,9 +126,9 @@ impl Folder {
             let ready = entry.map_err(|error| Error::io(&staging, &error))?.path();
             if ready.extension().is_some_and(|extension| extension == "ready")
                 && let Ok(text) = fs::read_to_string(ready.join(RECORD))
-                && let Ok(record) = serde_json::from_str::<SceneRecord>(&text)
+                && let Ok(entry) = serde_json::from_str::<JournalEntry>(&text)
             {
-                self.publish(&ready, record, &mut journal)?;
+                self.publish(&ready, entry, &mut journal)?;
             }
         }
         remove(&staging)
@@ -139,10 +139,10 @@ impl Folder {
     }
 
     /// The record is the last to go, so that an interrupted move can be taken up again.
-    fn publish(&self, ready: &Path, record: SceneRecord, journal: &mut Journal) -> Result<()> {
+    fn publish(&self, ready: &Path, entry: JournalEntry, journal: &mut Journal) -> Result<()> {
         move_tree(ready, &self.root, Some(RECORD))?;
-        if !journal.records().contains_key(&record.scene) {
-            journal.append(record)?;
+        if !journal.entries().contains_key(&entry.scene) {
+            journal.append(entry)?;
         }
         remove(ready)
     }
@@ -216,6 +216,7 @@ fn sync_tree(folder: &Path) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::journal::SceneOutcome;
     use super::*;
 
     #[test]
@@ -244,8 +245,9 @@ mod tests {
         Folder::open(&root, "a = 2\n", true).expect("overwritten");
     }
 
-    fn record(scene: u32) -> SceneRecord {
-        SceneRecord { scene, attempt: 0, views: 1, objects: 1, errors: Vec::new(), assets: Default::default() }
+    fn entry(scene: u32) -> JournalEntry {
+        let outcome = SceneOutcome::Made { views: 1, objects: 1 };
+        JournalEntry { scene, attempt: 0, outcome, errors: Vec::new(), assets: Default::default() }
     }
 
     fn staged(open: &Folder, scene: u32) -> PathBuf {
@@ -264,10 +266,10 @@ mod tests {
         staged(&open, 3);
         assert!(!root.join("rgb").exists());
         let journal = Mutex::new(Journal::open(&open.journal()).expect("new"));
-        open.commit(record(3), &journal).expect("committed");
+        open.commit(entry(3), &journal).expect("committed");
         assert_eq!(fs::read_to_string(root.join("rgb/3.png")).expect("there"), "x");
         assert!(!root.join(".syntable/staging/3.ready").exists() && !root.join(RECORD).exists());
-        assert!(Journal::open(&open.journal()).expect("there").records().contains_key(&3));
+        assert!(Journal::open(&open.journal()).expect("there").entries().contains_key(&3));
     }
 
     #[test]
@@ -276,7 +278,7 @@ mod tests {
         let root = folder.path().join("data");
         let open = Folder::open(&root, "", false).expect("new");
         let ready = staged(&open, 3);
-        fs::write(ready.join(RECORD), serde_json::to_string(&record(3)).expect("plain")).expect("writable");
+        fs::write(ready.join(RECORD), serde_json::to_string(&entry(3)).expect("plain")).expect("writable");
         // One file was moved, then the program was killed; another scene was half made.
         fs::rename(ready.join("info.txt"), root.join("info.txt")).expect("moved");
         fs::rename(&ready, open.staging().join("3.ready")).expect("moved");
@@ -284,7 +286,7 @@ mod tests {
         drop(open);
         let open = Folder::open(&root, "", false).expect("again");
         assert!(root.join("rgb/3.png").exists() && root.join("info.txt").exists() && !open.staging().exists());
-        let scenes: Vec<u32> = Journal::open(&open.journal()).expect("there").records().keys().copied().collect();
+        let scenes: Vec<u32> = Journal::open(&open.journal()).expect("there").entries().keys().copied().collect();
         assert_eq!(scenes, [3]);
     }
 }

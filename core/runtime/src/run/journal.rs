@@ -7,18 +7,17 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
 
-/// What is known of a scene that is done.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct SceneRecord {
+/// A line of the journal: a scene that is done.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct JournalEntry {
     /// Number of the scene.
     pub scene: u32,
-    /// The attempt that counts, from 0.
+    /// The attempt that counts, from 0; the last one if all failed.
     pub attempt: u32,
-    /// How many views were written; 0 if the scene failed.
-    pub views: u32,
-    /// How many objects lie on the table.
-    pub objects: u32,
-    /// What went wrong, one entry an attempt that failed.
+    /// What came of the scene.
+    #[serde(flatten)]
+    pub outcome: SceneOutcome,
+    /// Messages of the attempts that failed, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<String>,
     /// Digests of all assets in the scene, by `pool/name`.
@@ -26,10 +25,58 @@ pub struct SceneRecord {
     pub assets: BTreeMap<String, String>,
 }
 
-impl SceneRecord {
+/// What came of a scene that is done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(tag = "outcome", rename_all = "snake_case")]
+pub enum SceneOutcome {
+    /// The scene is in the dataset.
+    Made {
+        /// Number of views that were written.
+        views: u32,
+        /// Number of objects in the scene after settling.
+        objects: u32,
+    },
+    /// All attempts failed; the dataset has no file of the scene.
+    Failed,
+}
+
+impl JournalEntry {
     /// Whether all attempts failed.
     pub fn failed(&self) -> bool {
-        self.views == 0
+        self.outcome == SceneOutcome::Failed
+    }
+
+    /// Number of views in the dataset.
+    pub fn views(&self) -> u32 {
+        match self.outcome {
+            SceneOutcome::Made { views, .. } => views,
+            SceneOutcome::Failed => 0,
+        }
+    }
+}
+
+/// What a scene's thread hands over when the scene is done.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SceneRecord {
+    /// Number of the scene.
+    pub scene: u32,
+    /// The attempt that counts, from 0.
+    pub attempt: u32,
+    /// Number of views that were written; 0 if all attempts failed.
+    pub views: u32,
+    /// Number of objects in the scene after settling.
+    pub objects: u32,
+    /// Messages of the attempts that failed, in order.
+    pub errors: Vec<String>,
+    /// Digests of all assets in the scene, by `pool/name`.
+    pub assets: BTreeMap<String, String>,
+}
+
+impl From<SceneRecord> for JournalEntry {
+    fn from(record: SceneRecord) -> Self {
+        let SceneRecord { scene, attempt, views, objects, errors, assets } = record;
+        let outcome = if views == 0 { SceneOutcome::Failed } else { SceneOutcome::Made { views, objects } };
+        Self { scene, attempt, outcome, errors, assets }
     }
 }
 
@@ -37,7 +84,7 @@ impl SceneRecord {
 pub struct Journal {
     path: PathBuf,
     file: File,
-    records: BTreeMap<u32, SceneRecord>,
+    entries: BTreeMap<u32, JournalEntry>,
 }
 
 impl Journal {
@@ -50,32 +97,32 @@ impl Journal {
             Err(error) => return Err(fail(error)),
         };
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        let mut records = BTreeMap::new();
+        let mut entries = BTreeMap::new();
         for (number, line) in text[..whole].lines().enumerate() {
-            let record: SceneRecord = serde_json::from_str(line).map_err(|error| {
+            let entry: JournalEntry = serde_json::from_str(line).map_err(|error| {
                 Error::new(format!("not a journal line: {error}"))
                     .in_file(path)
                     .at_line(number + 1)
-                    .help("the dataset is damaged; start it anew with --overwrite")
+                    .help("the dataset is damaged, or another version began it; start it anew with --overwrite")
             })?;
-            records.insert(record.scene, record);
+            entries.insert(entry.scene, entry);
         }
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
         if whole < text.len() {
             file.set_len(whole as u64).map_err(fail)?;
         }
-        Ok(Self { path: path.to_owned(), file, records })
+        Ok(Self { path: path.to_owned(), file, entries })
     }
 
     /// The scenes that are done, ascending.
-    pub fn records(&self) -> &BTreeMap<u32, SceneRecord> {
-        &self.records
+    pub fn entries(&self) -> &BTreeMap<u32, JournalEntry> {
+        &self.entries
     }
 
-    /// Writes a record down for good.
-    pub fn append(&mut self, record: SceneRecord) -> Result<()> {
+    /// Writes an entry down for good.
+    pub fn append(&mut self, entry: JournalEntry) -> Result<()> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
-        let mut line = serde_json::to_string(&record).expect("a record is plain data");
+        let mut line = serde_json::to_string(&entry).expect("an entry is plain data");
         line.push('\n');
         let length = self.file.metadata().map_err(fail)?.len();
         if let Err(error) = self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data()) {
@@ -83,13 +130,13 @@ impl Journal {
             let _ = self.file.set_len(length);
             return Err(fail(error));
         }
-        self.records.insert(record.scene, record);
+        self.entries.insert(entry.scene, entry);
         Ok(())
     }
 
     /// Forgets the scenes that failed, so that they are tried again.
     pub fn forget_failed(&mut self) -> Result<()> {
-        self.records.retain(|_, record| !record.failed());
+        self.entries.retain(|_, entry| !entry.failed());
         self.rewrite()
     }
 
@@ -98,8 +145,8 @@ impl Journal {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let part = self.path.with_extension("jsonl.part");
         let mut file = File::create(&part).map_err(fail)?;
-        for record in self.records.values() {
-            let line = serde_json::to_string(record).expect("a record is plain data");
+        for entry in self.entries.values() {
+            let line = serde_json::to_string(entry).expect("an entry is plain data");
             writeln!(file, "{line}").map_err(fail)?;
         }
         file.sync_all().map_err(fail)?;
@@ -113,8 +160,22 @@ impl Journal {
 mod tests {
     use super::*;
 
-    fn record(scene: u32) -> SceneRecord {
-        SceneRecord { scene, attempt: 0, views: 2, objects: 3, errors: Vec::new(), assets: BTreeMap::new() }
+    fn entry(scene: u32) -> JournalEntry {
+        let outcome = SceneOutcome::Made { views: 2, objects: 3 };
+        JournalEntry { scene, attempt: 0, outcome, errors: Vec::new(), assets: BTreeMap::new() }
+    }
+
+    #[test]
+    fn a_line_states_the_outcome() {
+        let made = r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3}"#;
+        let failed = r#"{"scene":5,"attempt":2,"outcome":"failed","errors":["a","b","c"]}"#;
+        let errors = ["a", "b", "c"].map(str::to_owned).to_vec();
+        let failure = JournalEntry { attempt: 2, outcome: SceneOutcome::Failed, errors, ..entry(5) };
+        for (line, entry, views) in [(made, entry(4), 2), (failed, failure, 0)] {
+            assert_eq!(serde_json::to_string(&entry).expect("plain data"), line);
+            assert_eq!(serde_json::from_str::<JournalEntry>(line).expect("reads back"), entry);
+            assert_eq!((entry.views(), entry.failed()), (views, views == 0));
+        }
     }
 
     #[test]
@@ -122,17 +183,17 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal.jsonl");
         let mut journal = Journal::open(&path).expect("new");
-        journal.append(record(4)).expect("written");
-        journal.append(record(1)).expect("written");
+        journal.append(entry(4)).expect("written");
+        journal.append(entry(1)).expect("written");
         drop(journal);
         let whole = fs::read(&path).expect("there");
         for cut in 0..whole.len() {
             fs::write(&path, &whole[..cut]).expect("writable");
             let mut journal = Journal::open(&path).expect("readable");
             let lines = whole[..cut].iter().filter(|&&byte| byte == b'\n').count();
-            assert_eq!(journal.records().len(), lines, "cut at {cut}");
-            journal.append(record(7)).expect("written");
-            assert_eq!(Journal::open(&path).expect("readable").records().len(), lines + 1);
+            assert_eq!(journal.entries().len(), lines, "cut at {cut}");
+            journal.append(entry(7)).expect("written");
+            assert_eq!(Journal::open(&path).expect("readable").entries().len(), lines + 1);
         }
     }
 
@@ -141,9 +202,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let write = |name: &str, order: [u32; 3]| {
             let mut journal = Journal::open(&folder.path().join(name)).expect("new");
-            order.into_iter().for_each(|scene| journal.append(record(scene)).expect("written"));
+            order.into_iter().for_each(|scene| journal.append(entry(scene)).expect("written"));
             journal.rewrite().expect("written");
-            journal.append(record(9)).expect("goes on");
+            journal.append(entry(9)).expect("goes on");
             fs::read(folder.path().join(name)).expect("there")
         };
         assert_eq!(write("a", [0, 1, 2]), write("b", [2, 0, 1]));
@@ -153,8 +214,14 @@ mod tests {
     fn damage_is_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal.jsonl");
-        fs::write(&path, "{\"scene\":0}\n").expect("writable");
-        let error = Journal::open(&path).err().expect("damaged").to_string();
-        assert!(error.contains("journal.jsonl:1: not a journal line"), "{error}");
+        // The second line is one of the first edition, which had no outcome.
+        for (line, lacks) in
+            [(r#"{"scene":0}"#, "attempt"), (r#"{"scene":0,"attempt":0,"views":2,"objects":3}"#, "outcome")]
+        {
+            fs::write(&path, format!("{line}\n")).expect("writable");
+            let error = Journal::open(&path).err().expect("damaged").to_string();
+            let want = format!("journal.jsonl:1: not a journal line: missing field `{lacks}`");
+            assert!(error.contains(&want) && error.contains("another version began it"), "{error}");
+        }
     }
 }

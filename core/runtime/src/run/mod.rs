@@ -19,7 +19,7 @@ use crate::pools::AssetStore;
 use crate::recipe::{Recipe, with_asset_digests, without_asset_digests};
 use crate::workers::Pool;
 use folder::Folder;
-use journal::{Journal, SceneRecord};
+use journal::{Journal, JournalEntry};
 use parking_lot::Mutex;
 use progress::{Event, Reporter, Warnings};
 use queue::Queue;
@@ -74,7 +74,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         journal.forget_failed()?;
     }
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
-    let todo: Vec<u32> = wanted.clone().filter(|scene| !journal.records().contains_key(scene)).collect();
+    let todo: Vec<u32> = wanted.clone().filter(|scene| !journal.entries().contains_key(scene)).collect();
     reporter.event(&Event::Started {
         out: options.out.display().to_string(),
         scenes: wanted.len() as u32,
@@ -82,7 +82,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         resumed: wanted.len() as u32 - todo.len() as u32,
         threads: options.threads,
     });
-    let before: u32 = journal.records().values().map(|record| record.views).sum();
+    let before: u32 = journal.entries().values().map(JournalEntry::views).sum();
     let journal = Mutex::new(journal);
     let pool = Pool::new(options.threads)?;
     if !todo.is_empty() {
@@ -138,7 +138,7 @@ fn make_scenes(
                     while !stop.load(Ordering::Relaxed) {
                         let Some(&scene) = todo.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
                         let made = maker.make(SceneId(scene), &queue);
-                        if let Err(error) = made.and_then(|record| commit(folder, journal, record)) {
+                        if let Err(error) = made.and_then(|record| commit(folder, journal, record.into())) {
                             stop.store(true, Ordering::Relaxed);
                             let error = stopping(error).context(format!("scene {scene}"));
                             failure.lock().get_or_insert(error);
@@ -161,12 +161,12 @@ fn stopping(error: Error) -> Error {
 }
 
 /// A failed scene leaves a line in the journal and no file.
-fn commit(folder: &Folder, journal: &Mutex<Journal>, record: SceneRecord) -> Result<()> {
-    if record.failed() {
-        folder.abandon(record.scene)?;
-        journal.lock().append(record)
+fn commit(folder: &Folder, journal: &Mutex<Journal>, entry: JournalEntry) -> Result<()> {
+    if entry.failed() {
+        folder.abandon(entry.scene)?;
+        journal.lock().append(entry)
     } else {
-        folder.commit(record, journal)
+        folder.commit(entry, journal)
     }
 }
 
@@ -181,7 +181,7 @@ fn finish(
     let (dataset, log) = (dataset_info(recipe), Warnings(reporter));
     let cx = DatasetContext::new(&dataset, pool, &log);
     let done: Vec<SceneId> =
-        journal.records().values().filter(|record| !record.failed()).map(|record| SceneId(record.scene)).collect();
+        journal.entries().values().filter(|entry| !entry.failed()).map(|entry| SceneId(entry.scene)).collect();
     let products = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &done))?;
     let mut finished = Ok(());
     for (id, writer) in &recipe.write {
@@ -190,15 +190,14 @@ fn finish(
         finished = finished.and(panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish))));
     }
     finished?;
-    let assets: BTreeMap<String, String> =
-        journal.records().values().flat_map(|record| record.assets.clone()).collect();
+    let assets: BTreeMap<String, String> = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
     folder.finish(&with_asset_digests(&recipe.resolved, &assets))?;
     journal.rewrite()?;
-    let records = journal.records().values();
+    let entries = journal.entries().values();
     Ok(Outcome {
         scenes: done.len() as u32,
-        failed: records.clone().filter(|record| record.failed()).count() as u32,
-        images: records.map(|record| record.views).sum(),
+        failed: entries.clone().filter(|entry| entry.failed()).count() as u32,
+        images: entries.map(JournalEntry::views).sum(),
     })
 }
 

@@ -75,7 +75,7 @@ pub enum Event {
 pub trait Reporter: Send + Sync {
     /// Shows one event. Events come from several threads.
     fn event(&self, event: &Event);
-    /// Shows text that was laid out for people.
+    /// Shows text that is formatted for people.
     fn text(&self, text: &str) {
         let _ = text;
     }
@@ -171,7 +171,7 @@ impl State {
     }
 }
 
-/// A number of things: `1 scene`, `2 scenes`.
+/// A number with its noun: `1 scene`, `2 scenes`.
 pub fn count(number: u32, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }

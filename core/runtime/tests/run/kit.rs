@@ -278,21 +278,3 @@ pub fn run_scenes(recipe: &str, out: &Path, threads: usize, scenes: Option<Range
     let options = RunOptions { out: out.to_owned(), scenes, threads, overwrite: false, retry_failed: false, cache };
     syntable_runtime::run::run(&recipe, &options, &Quiet)
 }
-
-/// All files of a dataset by relative path.
-pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    fn walk(folder: &Path, root: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
-        for entry in std::fs::read_dir(folder).expect("readable") {
-            let path = entry.expect("readable").path();
-            if path.is_dir() {
-                walk(&path, root, files);
-            } else {
-                let name = path.strip_prefix(root).expect("below").to_string_lossy().into_owned();
-                files.insert(name, std::fs::read(&path).expect("readable"));
-            }
-        }
-    }
-    let mut found = BTreeMap::new();
-    walk(folder, folder, &mut found);
-    found
-}

@@ -2,8 +2,9 @@
 
 mod kit;
 
-use kit::{Counters, files, run};
+use kit::{Counters, run};
 use std::time::{Duration, Instant};
+use syntable_testing::folder::files;
 
 /// Scenes and views of each, and how long a scene takes to compose, a view to render and a view to annotate, ms.
 const SCENES: u32 = 6;

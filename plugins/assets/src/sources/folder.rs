@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use syntable_mesh::root::AssetRoot;
-use syntable_mesh::scan::{extension, root_name, walk};
+use syntable_mesh::scan::{extension, list, root_name, walk};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::names::AssetPath;
 use syntable_model::scene::{Catalog, CatalogEntry};
 
 /// Maximum depth of folders below the root that are scanned.
@@ -42,6 +43,22 @@ impl FileIndex {
             None => Ok(find()?.remove(name)),
         }
     }
+}
+
+/// The catalog of a root with one folder per object: those that hold a mesh, with a category by path and name.
+pub fn catalog_of_folders(
+    root: &AssetPath,
+    has_mesh: impl Fn(&Path) -> bool,
+    category: impl Fn(&Path, &str) -> String,
+    looked_for: &str,
+) -> Result<Catalog> {
+    let root = AssetRoot::open(root.path())?;
+    let folders = list(root.folder())?.folders.into_iter().map(|name| (root.folder().join(&name), name));
+    let entries: Vec<CatalogEntry> = folders
+        .filter(|(folder, _)| has_mesh(folder))
+        .map(|(folder, name)| CatalogEntry { category: category(&folder, &name), name })
+        .collect();
+    if entries.is_empty() { Err(nothing_found(&root, looked_for)) } else { Ok(Catalog { entries }) }
 }
 
 /// All files below a root with one of the extensions, by path without extension: the same path in several formats is

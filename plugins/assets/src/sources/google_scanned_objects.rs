@@ -1,13 +1,12 @@
 //! `google_scanned_objects`: folders `<name>/meshes/model.obj`, meters, z up.
 
-use super::nothing_found;
+use super::folder::catalog_of_folders;
 use crate::formats::obj;
 use std::path::Path;
 use syntable_mesh::ObjectInfo;
 use syntable_mesh::root::{AssetRoot, read_file};
-use syntable_mesh::scan::list;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry};
+use syntable_model::scene::{Asset, AssetClass, Catalog};
 
 /// Objects of Google Scanned Objects (Downs et al., ICRA 2022), as downloaded: one folder per object with
 /// `meshes/model.obj`, `meshes/model.mtl` and `materials/textures/texture.png`. Meters, z up. The category is the first
@@ -42,19 +41,8 @@ impl AssetSource for GoogleScannedObjects {
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
-        let root = AssetRoot::open(self.root.path())?;
-        let folder = root.folder();
-        let entries: Vec<CatalogEntry> = list(folder)?
-            .folders
-            .into_iter()
-            .filter(|name| folder.join(name).join(MESH).exists())
-            .map(|name| CatalogEntry { category: category(&folder.join(&name)), name })
-            .collect();
-        if entries.is_empty() {
-            Err(nothing_found(&root, "`<name>/meshes/model.obj`"))
-        } else {
-            Ok(Catalog { entries })
-        }
+        let has_mesh = |folder: &Path| folder.join(MESH).exists();
+        catalog_of_folders(&self.root, has_mesh, |folder, _| category(folder), "`<name>/meshes/model.obj`")
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {

@@ -1,13 +1,12 @@
 //! `ycb`: folders `<name>/google_16k/textured.obj`, meters, z up.
 
-use super::nothing_found;
+use super::folder::catalog_of_folders;
 use crate::formats::obj;
 use std::path::{Path, PathBuf};
 use syntable_mesh::ObjectInfo;
 use syntable_mesh::root::AssetRoot;
-use syntable_mesh::scan::list;
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry};
+use syntable_model::scene::{Asset, AssetClass, Catalog};
 
 /// Objects of the YCB Object and Model Set (Calli et al., 2015), as downloaded: one folder per object with
 /// `google_16k/textured.obj` beside its texture; or as in YCB-Video, with `textured.obj` or `textured_simple.obj` in the
@@ -73,19 +72,9 @@ impl AssetSource for Ycb {
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
-        let root = AssetRoot::open(self.root.path())?;
-        let folder = root.folder();
-        let entries: Vec<CatalogEntry> = list(folder)?
-            .folders
-            .into_iter()
-            .filter(|name| mesh_in(&folder.join(name), self.reconstruction).is_some())
-            .map(|name| CatalogEntry { category: category(&name), name })
-            .collect();
-        if entries.is_empty() {
-            let wanted = format!("`<name>/{}/textured.obj`", self.reconstruction.folder());
-            return Err(nothing_found(&root, &wanted));
-        }
-        Ok(Catalog { entries })
+        let wanted = format!("`<name>/{}/textured.obj`", self.reconstruction.folder());
+        let has_mesh = |folder: &Path| mesh_in(folder, self.reconstruction).is_some();
+        catalog_of_folders(&self.root, has_mesh, |_, name| category(name), &wanted)
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {

@@ -61,7 +61,7 @@ impl Cells {
         sums.into_iter().map(factor).collect()
     }
 
-    /// The factor of a pixel: linear between the middles of the squares.
+    /// The factor of a pixel: linear between the centers of the squares.
     fn between(&self, factors: &[f32], x: usize, y: usize) -> f32 {
         let place = |at: usize, count: usize| {
             let at = ((at as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (count - 1) as f32);

@@ -62,7 +62,7 @@ impl Guides {
     /// light is looked at; from 8 on they are worth nothing. `per_normal` is what a squared difference of normals costs.
     ///
     /// Inside a body, taps must be of that body and near its plane. At its border a pixel shows two bodies, and its depth
-    /// and id speak of one of them: there the mean normal and color alone decide.
+    /// and id are of one of them: there the mean normal and color alone decide.
     #[inline(always)]
     pub fn cost(&self, here: usize, there: usize, dx: f32, dy: f32, per_normal: &Chunk) -> Chunk {
         let [nx, ny, nz] = &self.normal;

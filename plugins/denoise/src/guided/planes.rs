@@ -6,7 +6,7 @@ use syntable_model::context::Workers;
 /// Numbers that inner loops take at a time, px.
 pub(super) const CHUNK: usize = 32;
 
-/// Margin around the image: how far a tap may reach, px.
+/// Margin around the image: maximum distance of a tap, px.
 pub(super) const MARGIN: usize = 32;
 
 /// One chunk of a row.

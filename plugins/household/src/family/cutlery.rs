@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 use syntable_model::scene::Material;
 
-/// A section of a flat thing along x.
+/// A section of a flat body along x.
 struct Section {
     x: f64,
     /// Center, y and z.

@@ -1,4 +1,4 @@
-//! Books, toys and small things of the household.
+//! Books, toys and small objects of the household.
 
 use super::{Draw, Model, density};
 use crate::material::{

@@ -310,22 +310,9 @@ pub fn write_all(root: &Path, id: &str, kind: &str, options: &str) -> Vec<Take> 
 
 /// All files of a folder, shards excepted, by their path.
 pub fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
-    fn walk(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
-        for entry in std::fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            let name = path.strip_prefix(root).expect("inside").to_string_lossy().replace('\\', "/");
-            if path.is_dir() {
-                if name != ".syntable" {
-                    walk(root, &path, files);
-                }
-            } else {
-                files.insert(name, std::fs::read(&path).expect("readable"));
-            }
-        }
-    }
-    let mut all = BTreeMap::new();
-    walk(root, root, &mut all);
-    all
+    let mut files = syntable_testing::folder::files(root);
+    files.retain(|name, _| !name.starts_with(".syntable/"));
+    files
 }
 
 /// Runs a script of the reference readers, or reports that they are not installed.

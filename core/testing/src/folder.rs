@@ -1,0 +1,22 @@
+//! Folders that a test wrote.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Contents of all files below a folder, by path relative to it with `/` between folders.
+pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    fn walk(folder: &Path, root: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
+        for entry in std::fs::read_dir(folder).expect("readable") {
+            let path = entry.expect("readable").path();
+            if path.is_dir() {
+                walk(&path, root, files);
+            } else {
+                let name = path.strip_prefix(root).expect("below").to_string_lossy();
+                files.insert(name.replace(std::path::MAIN_SEPARATOR, "/"), std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    let mut found = BTreeMap::new();
+    walk(folder, folder, &mut found);
+    found
+}
