@@ -33,7 +33,7 @@ pub fn untextured(material: &Material) -> Option<Material> {
         flatten(&mut sheen.roughness);
     }
     if let Some(transmission) = &mut flat.transmission {
-        flatten(&mut transmission.share);
+        flatten(&mut transmission.fraction);
     }
     Some(flat.with_digest())
 }
@@ -102,13 +102,13 @@ mod tests {
         });
         material.sheen =
             Some(Sheen { color: Color::texture(texture.clone()), roughness: Scalar::texture(texture.clone(), 3) });
-        material.transmission = Some(Transmission { share: Scalar::texture(texture, 1), volume: None });
+        material.transmission = Some(Transmission { fraction: Scalar::texture(texture, 1), volume: None });
         let flat = untextured(&material).expect("had textures");
         assert_eq!(flat.textures().count(), 0);
         assert_eq!(flat.alpha, Alpha::Blend { factor: 0.25 });
         assert_eq!(flat.clearcoat.expect("kept").strength.factor, 0.5);
         let sheen = flat.sheen.expect("kept");
         assert_eq!((sheen.color.factor[0], sheen.roughness.factor), (0.5, 0.5));
-        assert_eq!(flat.transmission.expect("kept").share.factor, 0.0);
+        assert_eq!(flat.transmission.expect("kept").fraction.factor, 0.0);
     }
 }

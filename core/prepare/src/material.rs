@@ -322,7 +322,7 @@ impl<'a> TableBuilder<'a> {
     fn layers(&mut self, material: &scene::Material, ior: f32) -> u32 {
         let coat = material.clearcoat.as_ref().filter(|coat| unit(coat.strength.factor) > 0.0);
         let sheen = material.sheen.as_ref().filter(|sheen| sheen.color.factor.map(unit) != [0.0; 3]);
-        let transmission = material.transmission.as_ref().filter(|passing| passing.share.factor > 0.0);
+        let transmission = material.transmission.as_ref().filter(|passing| passing.fraction.factor > 0.0);
         if coat.is_none() && sheen.is_none() && transmission.is_none() {
             return NO_LAYERS;
         }
@@ -336,7 +336,7 @@ impl<'a> TableBuilder<'a> {
                 self.color(&sheen.color)
             }),
             sheen_roughness: sheen.map_or(none, |sheen| self.scalar(&sheen.roughness)),
-            transmission: transmission.map_or(none, |passing| self.scalar(&passing.share)),
+            transmission: transmission.map_or(none, |passing| self.scalar(&passing.fraction)),
             has_volume: u32::from(volume.is_some()),
             absorption: volume.map_or(Rgb::ZERO, |volume| absorption(&volume)),
             ior,
@@ -459,7 +459,7 @@ mod tests {
         let cache = SceneCache::default();
         let volume = Volume { attenuation_color: [0.5, 0.25, 1.0], attenuation_distance_m: 0.2 };
         let material = scene::Material {
-            transmission: Some(Transmission { share: Scalar::constant(1.0), volume: Some(volume) }),
+            transmission: Some(Transmission { fraction: Scalar::constant(1.0), volume: Some(volume) }),
             ..scene::Material::plain("m", [1.0; 3], 0.0)
         };
         let mut builder = TableBuilder::new(&cache, BTreeMap::new());

@@ -305,7 +305,7 @@ mod tests {
     fn glass(attenuation_distance_m: f32) -> Arc<Material> {
         let mut glass = Material::plain("glass", [1.0; 3], 0.0);
         let volume = Some(Volume { attenuation_color: [0.2, 0.6, 0.4], attenuation_distance_m });
-        glass.transmission = Some(Transmission { share: Scalar::constant(1.0), volume });
+        glass.transmission = Some(Transmission { fraction: Scalar::constant(1.0), volume });
         Arc::new(glass.with_digest())
     }
 

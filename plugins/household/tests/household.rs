@@ -344,7 +344,7 @@ fn glass_is_clear_and_crockery_is_glazed() {
         for material in &object.materials {
             let transmission = material.transmission.as_ref().expect("clear");
             let volume = transmission.volume.expect("filled");
-            assert!((1.4..1.6).contains(&material.ior) && transmission.share.factor == 1.0, "{}", object.name);
+            assert!((1.4..1.6).contains(&material.ior) && transmission.fraction.factor == 1.0, "{}", object.name);
             assert!(volume.attenuation_color.iter().all(|x| (0.0..=1.0).contains(x)), "{volume:?}");
         }
     }

@@ -196,10 +196,10 @@ fn thread_time() -> f64 {
 
 /// Mray/s of CPU time, summed over threads that share the rays in blocks, and the tally.
 fn measure(rays: &[Ray], threads: usize, trace: impl Fn(&[Ray]) -> Tally + Sync) -> (f64, Tally) {
-    let share = rays.len().div_ceil(threads);
+    let block = rays.len().div_ceil(threads);
     std::thread::scope(|scope| {
         let workers: Vec<_> = rays
-            .chunks(share)
+            .chunks(block)
             .map(|rays| {
                 let trace = &trace;
                 scope.spawn(move || {

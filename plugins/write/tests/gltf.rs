@@ -72,7 +72,7 @@ fn rich() -> Material {
     });
     material.sheen = Some(Sheen { color: Color::constant([0.25, 0.5, 1.0]), roughness: Scalar::texture(rough, 0) });
     material.transmission = Some(Transmission {
-        share: Scalar::constant(0.875),
+        fraction: Scalar::constant(0.875),
         volume: Some(Volume { attenuation_color: [0.5, 0.25, 1.0], attenuation_distance_m: 0.02 }),
     });
     material.license = "CC-BY-4.0".into();

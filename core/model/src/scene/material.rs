@@ -99,7 +99,7 @@ pub struct Sheen {
 #[derive(Debug, Clone)]
 pub struct Transmission {
     /// Fraction of the light entering the surface that is transmitted, tinted by the base color.
-    pub share: Scalar,
+    pub fraction: Scalar,
     /// What fills the body. Without it the surface is a thin sheet: light goes straight on.
     pub volume: Option<Volume>,
 }
@@ -201,7 +201,7 @@ impl Material {
             hasher = scalar(color(hasher.text("sheen"), &sheen.color), &sheen.roughness);
         }
         if let Some(transmission) = &self.transmission {
-            hasher = scalar(hasher.text("transmission"), &transmission.share);
+            hasher = scalar(hasher.text("transmission"), &transmission.fraction);
             if let Some(volume) = transmission.volume {
                 hasher = hasher.text("volume").floats(volume.attenuation_color.into_iter());
                 hasher = hasher.number(volume.attenuation_distance_m.into());
@@ -230,7 +230,7 @@ impl Material {
             coat_normal.map(|normal| &normal.map),
             sheen.and_then(|sheen| sheen.color.texture.as_ref()),
             sheen.and_then(|sheen| of_scalar(&sheen.roughness)),
-            self.transmission.as_ref().and_then(|transmission| of_scalar(&transmission.share)),
+            self.transmission.as_ref().and_then(|transmission| of_scalar(&transmission.fraction)),
         ]
         .into_iter()
         .flatten()

@@ -55,31 +55,6 @@ impl JournalEntry {
     }
 }
 
-/// What a scene's thread hands over when the scene is done.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct SceneRecord {
-    /// Number of the scene.
-    pub scene: u32,
-    /// The attempt that counts, from 0.
-    pub attempt: u32,
-    /// Number of views that were written; 0 if all attempts failed.
-    pub views: u32,
-    /// Number of objects in the scene after settling.
-    pub objects: u32,
-    /// Messages of the attempts that failed, in order.
-    pub errors: Vec<String>,
-    /// Digests of all assets in the scene, by `pool/name`.
-    pub assets: BTreeMap<String, String>,
-}
-
-impl From<SceneRecord> for JournalEntry {
-    fn from(record: SceneRecord) -> Self {
-        let SceneRecord { scene, attempt, views, objects, errors, assets } = record;
-        let outcome = if views == 0 { SceneOutcome::Failed } else { SceneOutcome::Made { views, objects } };
-        Self { scene, attempt, outcome, errors, assets }
-    }
-}
-
 /// The journal file, appended to while a run works.
 pub struct Journal {
     path: PathBuf,

@@ -138,7 +138,7 @@ fn make_scenes(
                     while !stop.load(Ordering::Relaxed) {
                         let Some(&scene) = todo.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
                         let made = maker.make(SceneId(scene), &queue);
-                        if let Err(error) = made.and_then(|record| commit(folder, journal, record.into())) {
+                        if let Err(error) = made.and_then(|entry| commit(folder, journal, entry)) {
                             stop.store(true, Ordering::Relaxed);
                             let error = stopping(error).context(format!("scene {scene}"));
                             failure.lock().get_or_insert(error);

@@ -5,7 +5,7 @@
 //! attempt is that of its first failing view, so nothing depends on the scheduling.
 
 use super::folder::Folder;
-use super::journal::SceneRecord;
+use super::journal::{JournalEntry, SceneOutcome};
 use super::panics::caught;
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
@@ -41,15 +41,18 @@ pub struct SceneMaker<'a> {
 }
 
 impl<'a> SceneMaker<'a> {
-    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns the record to commit; an
-    /// error stops the run.
-    pub fn make<'env>(&'env self, scene: SceneId, queue: &Queue<'env>) -> Result<SceneRecord> {
+    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns the line of the journal;
+    /// an error stops the run.
+    pub fn make<'env>(&'env self, scene: SceneId, queue: &Queue<'env>) -> Result<JournalEntry> {
         let mut errors = Vec::new();
         for number in 0..self.recipe.dataset.max_attempts {
             let staged = self.folder.stage(scene.0)?;
             let attempt = Attempt { maker: self, scene, number, assets: RecordingAssets::new(self.assets) };
             let error = match attempt.run(&staged, queue) {
-                Ok(record) => return Ok(SceneRecord { errors, assets: attempt.assets.into_digests(), ..record }),
+                Ok(outcome) => {
+                    let assets = attempt.assets.into_digests();
+                    return Ok(JournalEntry { scene: scene.0, attempt: number, outcome, errors, assets });
+                }
                 Err(error) => error,
             };
             // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
@@ -62,7 +65,8 @@ impl<'a> SceneMaker<'a> {
             errors.push(error.to_string());
         }
         let attempt = self.recipe.dataset.max_attempts.saturating_sub(1);
-        Ok(SceneRecord { scene: scene.0, attempt, views: 0, objects: 0, errors, assets: BTreeMap::new() })
+        let outcome = SceneOutcome::Failed;
+        Ok(JournalEntry { scene: scene.0, attempt, outcome, errors, assets: BTreeMap::new() })
     }
 
     fn plan(&self) -> &'a Plan {
@@ -103,7 +107,7 @@ impl<'m> Attempt<'m, '_> {
         result
     }
 
-    fn run(&self, staged: &Path, queue: &Queue<'m>) -> Result<SceneRecord> {
+    fn run(&self, staged: &Path, queue: &Queue<'m>) -> Result<SceneOutcome> {
         let maker = self.maker;
         let scene = Arc::new(self.scene()?);
         let cx = maker.scene_context(&scene);
@@ -129,9 +133,7 @@ impl<'m> Attempt<'m, '_> {
         views.records.write(maker.plan(), &products, &Output::new(staged, "@records", self.scene))?;
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
-        let views = maker.dataset.views_per_scene;
-        let record = SceneRecord { scene: self.scene.0, attempt: self.number, views, objects, ..Default::default() };
-        Ok(record)
+        Ok(SceneOutcome::Made { views: maker.dataset.views_per_scene, objects })
     }
 
     /// Places the bodies and lets them come to rest.

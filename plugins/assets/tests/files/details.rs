@@ -300,7 +300,7 @@ fn gltf_layers() {
     assert_eq!((color.texture.encoding, color.transform.scale), (Encoding::Srgb, [2.0, 3.0]));
     check(&sheen.roughness, 0.75, 3, Encoding::Srgb, [1.0; 2]);
     let glass = material.transmission.as_ref().expect("glass");
-    check(&glass.share, 0.875, 0, Encoding::Linear, [1.0; 2]);
+    check(&glass.fraction, 0.875, 0, Encoding::Linear, [1.0; 2]);
     assert_eq!(glass.volume, Some(Volume { attenuation_color: [0.5, 0.25, 1.0], attenuation_distance_m: 0.02 }));
     assert_eq!(material.alpha, Alpha::Opaque);
 }

@@ -167,7 +167,7 @@ fn gltf_materials_are_those_of_the_file() {
         assert!(named("ToyCar").emission.texture.is_some());
         assert_eq!((named("Glass").base_color.factor, named("Glass").roughness.factor), ([0.3, 0.8, 0.3], 0.0));
         let glass = named("Glass").transmission.as_ref().expect("glass");
-        assert_eq!((glass.share.factor, glass.volume), (1.0, None));
+        assert_eq!((glass.fraction.factor, glass.volume), (1.0, None));
         let sheen = fabric.sheen.as_ref().expect("sheen");
         assert_eq!((sheen.color.factor, sheen.roughness.factor), ([1.0, 0.0, 0.0], 0.5));
         let coat = named("ToyCar").clearcoat.as_ref().expect("clearcoat");

@@ -16,7 +16,7 @@ const TINT_M: f32 = 0.02;
 /// A transmissive solid with a tinted interior medium.
 pub fn clear_solid(name: &str, tint: Rgb, ior: f64, roughness: f64) -> Arc<Material> {
     let volume = Volume { attenuation_color: linear(tint), attenuation_distance_m: TINT_M };
-    let transmission = Transmission { share: Scalar::constant(1.0), volume: Some(volume) };
+    let transmission = Transmission { fraction: Scalar::constant(1.0), volume: Some(volume) };
     let material = Material {
         base_color: Color::constant([1.0; 3]),
         roughness: Scalar::constant(roughness as f32),

@@ -15,7 +15,7 @@ pub(super) const BAND: f32 = 4.0 * f32::EPSILON;
 /// The same for boxes of instances, where moving the ray to the object's frame adds its own error.
 pub(super) const PLACED_BAND: f32 = 16.0 * f32::EPSILON;
 
-/// Direction components below this fraction of the largest count as this share: a parallel slab then
+/// Direction components below this fraction of the largest count as this fraction: a parallel slab then
 /// gives finite distances, and over the whole range the ray strays far less than [`BAND`].
 const FLATTEST: f32 = 1e-12;
 

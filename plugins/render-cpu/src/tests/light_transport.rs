@@ -73,7 +73,7 @@ fn a_half_hidden_light_gives_half() {
     check("half-hidden light", &frame, 0.5 * 0.5 * 100.0 / PI, 0.01);
 }
 
-/// A closed ball of a given albedo with a light in its center: every bounce returns the share ρ of what arrives evenly
+/// A closed ball of a given albedo with a light in its center: every bounce returns the fraction ρ of what arrives evenly
 /// again, so that the wall's radiance is ρ E / (π (1 − ρ)) with the light's own E.
 #[test]
 fn a_ball_lit_from_its_center() {

@@ -38,7 +38,7 @@ fn fibrous(base: Material, color: f32, roughness: f32) -> Material {
 
 fn clear(roughness: f32, volume: Option<Volume>) -> Material {
     Material {
-        transmission: Some(Transmission { share: Scalar::constant(1.0), volume }),
+        transmission: Some(Transmission { fraction: Scalar::constant(1.0), volume }),
         ..Material::plain("clear", [1.0; 3], roughness)
     }
 }

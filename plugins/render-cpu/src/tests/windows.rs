@@ -97,7 +97,8 @@ fn bodies_alone_are_a_scene_of_their_own() {
         emission: syntable_model::scene::Color::constant([60.0; 3]),
         ..syntable_model::scene::Material::plain("globe", [0.8; 3], 0.6)
     };
-    let (block, globe) = (object("block", cuboid([0.2, 0.15, 0.25]), matte(0.4)), object("globe", ball(0.1, 24), shining));
+    let (block, globe) =
+        (object("block", cuboid([0.2, 0.15, 0.25]), matte(0.4)), object("globe", ball(0.1, 24), shining));
     let floor = object("floor", sheet([1.5, 1.5]), matte(0.7));
     let drafts = || -> [BodyDraft; 4] {
         [

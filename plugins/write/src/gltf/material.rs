@@ -112,8 +112,8 @@ impl Materials {
         }
         if let Some(transmission) = &material.transmission {
             extensions.transmission = Some(Transmission {
-                transmission_factor: unit(transmission.share.factor),
-                transmission_texture: self.textures.packed(glb, [channel(&transmission.share), None, None, None])?,
+                transmission_factor: unit(transmission.fraction.factor),
+                transmission_texture: self.textures.packed(glb, [channel(&transmission.fraction), None, None, None])?,
             });
             extensions.volume = transmission.volume.map(|volume| Volume {
                 thickness_factor: THICKNESS_M,

@@ -183,7 +183,7 @@ impl<'a> Materials<'a> {
         }
         if let Some(glass) = layers.transmission.as_ref().filter(|glass| glass.transmission_factor > 0.0) {
             material.transmission = Some(Transmission {
-                share: self.scalar(glass.transmission_factor, &glass.transmission_texture, 0, buffers)?,
+                fraction: self.scalar(glass.transmission_factor, &glass.transmission_texture, 0, buffers)?,
                 volume: layers.medium(),
             });
         }
