@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use support::root;
+use support::{gallery, root, samples};
 use syntable_mesh::format::{ImageDecoder, ImageFormats, MeshFormats};
 use syntable_model::product::KeyId;
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
@@ -330,6 +330,7 @@ impl<'s> Reference<'s> {
         // Headings of a description are below that of the kind.
         let description = schema["description"].as_str().unwrap_or_default().trim().replace("\n# ", "\n### ");
         let mut section = format!("\n## `{}`\n\n{description}\n", entry.kind);
+        section += &shown(entry);
         let output = output(entry);
         if !output.is_empty() {
             let _ = write!(section, "\n{output}\n");
@@ -344,7 +345,13 @@ impl<'s> Reference<'s> {
             Shape::Keyed => format!("[{}.{}]", entry.slot, entry.kind),
         };
         let example = format!("{header}\n{}", entry.example.trim());
-        let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n\nFrom `{}`.\n", example.trim(), entry.crate_name);
+        let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n", example.trim());
+        if entry.slot == Slot::Write {
+            section += "\n### Sample output\n\nOf the example, for a scene with two objects and one view of 64 × 48 \
+                        pixels. “…” stands for what is left out.\n\n";
+            section += &samples::of(&example);
+        }
+        let _ = write!(section, "\nFrom `{}`.\n", entry.crate_name);
         section
     }
 
@@ -434,6 +441,31 @@ impl Options {
         }
         out
     }
+}
+
+/// The image of a kind in the gallery, and what the recipes that it is rendered from say about the kind.
+fn shown(entry: &Entry) -> String {
+    const SOURCES: &str = "https://github.com/syntable/syntable/blob/main/book/gallery";
+    let (slot, kind) = (entry.slot, entry.kind);
+    let (mut captions, mut excerpts, mut links) = (Vec::new(), Vec::new(), Vec::new());
+    for path in gallery::recipes(slot, kind) {
+        let recipe = fs::read_to_string(&path).expect("readable");
+        let name = path.file_name().expect("named").to_string_lossy();
+        let caption = gallery::caption(&recipe);
+        excerpts.push(format!("```toml\n# {caption}\n{}\n```", gallery::excerpt(&recipe, entry)));
+        captions.push(caption);
+        links.push(format!("[`{name}`]({SOURCES}/{slot}/{name})"));
+    }
+    if links.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\n![{kind}: {}](../images/reference/{})\n\n{}\n\nRendered from {}.\n",
+        captions.join(" "),
+        gallery::image_name(slot, kind),
+        excerpts.join("\n\n"),
+        list(links.into_iter(), "and")
+    )
 }
 
 /// What a stage makes, from what.

@@ -1,6 +1,9 @@
 //! What the whole-program tests share: the binary, small recipes, comparing folders.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+pub mod gallery;
+pub mod samples;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
