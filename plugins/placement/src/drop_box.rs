@@ -156,7 +156,7 @@ impl DropBox {
         let max_count = self.count.range().1;
         if max_count > all.len() as i64 {
             let message = format!("`count` can become {max_count}, but there are {} assets to draw from", all.len());
-            return Err(Error::new(message).help("set with_replacement = true, or a smaller count"));
+            return Err(Error::new(message).help("set with_replacement = true, or a smaller count").permanent());
         }
         context.stream.child("order").shuffle(&mut all);
         let mut drawn = Vec::new();
