@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use support::{gallery, root, samples};
 use syntable_mesh::format::{ImageDecoder, ImageFormats, MeshFormats};
-use syntable_model::product::KeyId;
+use syntable_model::product::{KeyId, first_sentence};
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 use syntable_runtime::plan::Producer;
@@ -525,14 +525,6 @@ fn words(description: &str) -> (String, Vec<String>) {
         }
         _ => (description.to_owned(), Vec::new()),
     }
-}
-
-fn first_sentence(text: &str) -> String {
-    let text = text.split("\n\n").next().unwrap_or_default().replace('\n', " ");
-    // A stop that ends a sentence is followed by a capital: not that of `Rec. 709`.
-    let ends = |&(at, _): &(usize, &str)| text[at + 2..].starts_with(|c: char| c.is_uppercase() || c == '`');
-    let end = text.match_indices(". ").find(ends).map_or(text.len(), |(at, _)| at);
-    text[..end].trim_end_matches('.').to_owned()
 }
 
 fn cell(text: &str) -> String {

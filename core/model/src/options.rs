@@ -9,6 +9,7 @@
 
 use crate::error::ConfigError;
 use crate::names::REFERENCE;
+use crate::product::first_sentence;
 use crate::registry::RecipeValue;
 use schemars::generate::SchemaSettings;
 use schemars::{Schema, SchemaGenerator};
@@ -953,10 +954,10 @@ impl<'s> Validator<'s> {
     fn meaning(&self, schema: &'s Json) -> Option<String> {
         let all_of = schema.get("allOf").and_then(Json::as_array).and_then(|parts| parts.first());
         let own = |schema: &Json| schema.get("description").and_then(Json::as_str).map(str::to_owned);
-        own(schema).or_else(|| own(self.target(schema))).or_else(|| own(self.target(all_of?))).map(|text| {
-            let text = text.replace('\n', " ");
-            text.split(". ").next().unwrap_or(&text).trim_end_matches('.').to_owned()
-        })
+        own(schema)
+            .or_else(|| own(self.target(schema)))
+            .or_else(|| own(self.target(all_of?)))
+            .map(|text| first_sentence(&text))
     }
 
     /// The values that a schema accepts, in words.

@@ -6,8 +6,9 @@
 //! low-discrepancy numbers of paths, [`labels`] the policy that all label renderers share. A [`SceneCache`] keeps between
 //! scenes what depends on a single asset.
 //!
-//! Tables are vectors of `Copy` structs: a GPU renderer uploads them as they are. Methods that look a table up are the
-//! reference of what a shader does, and what the CPU renderer runs.
+//! Tables are vectors of plain structs that refer to each other by number and hold no pointers, so that a GPU renderer can
+//! pack each into its own layout. Methods that look a table up are the reference of what a shader does, and what the CPU
+//! renderer runs.
 //!
 //! **Units and frames.** Meters; radiance in nits, linear Rec. 709; meshes in the body frame, everything else in the world
 //! frame. Texture coordinates have v upwards.

@@ -515,7 +515,15 @@ impl Resolver {
         known.dedup();
         let message = format!("{} reads product `{name}`, which nothing provides", by.stage);
         let known = known.into_iter().map(str::to_owned).collect();
-        let help = "`syntable list products` shows all products of the linked plugins".to_owned();
+        let rendered =
+            self.offers.iter().any(|key| name.split_once(" (").is_some_and(|(base, _)| key.name.base == base));
+        let help = match rendered {
+            true => {
+                "a rendered product may have `(canvas 3)`, 5, 7 or 9, and coverage `(before support)`, joined by a comma"
+            }
+            false => "`syntable list products` shows all products of the linked plugins",
+        };
+        let help = help.to_owned();
         self.fail(Fault::Unknown, by, name, message, help);
         if let Some(error) = self.errors.iter_mut().find(|error| error.product == name && error.fault == Fault::Unknown)
         {

@@ -8,15 +8,15 @@ use crate::wide::{Column, Wide};
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Shl, Shr, Sub};
 
-/// F32x8 `f32`.
+/// Eight `f32`.
 #[derive(Clone, Copy, Debug)]
 pub struct F32x8(__m256);
 
-/// F32x8 `u32`.
+/// Eight `u32`.
 #[derive(Clone, Copy, Debug)]
 pub struct U32x8(__m256i);
 
-/// F32x8 truths, all bits set or none.
+/// Eight truth values, all bits set or none.
 #[derive(Clone, Copy, Debug)]
 pub struct Mask8(__m256);
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use syntable_model::context::ViewContext;
 use syntable_model::context::Workers;
 use syntable_model::keys;
-use syntable_model::product::standard::{ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, RADIANCE};
 use syntable_model::product::{KeyId, Name, Products, Scope, Value};
 use syntable_model::registry::{ConstructError, Constructed, Entry};
 use syntable_model::scene::{InstanceId, Scene};
@@ -70,7 +70,10 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
         wants.iter().map(|key| products.value(&key.name).expect("made")).collect::<Vec<_>>()
     };
     let image = Window::of(&request.view.camera.intrinsics);
-    let offers = renderer.offers();
+    let mut offers = renderer.offers();
+    if offers.contains(&COVERAGE.id()) {
+        offers.push(COVERAGE.before_support().id());
+    }
     let all = render(&offers, threads[0], image, Bodies::All);
     for &workers in threads {
         let again = render(&offers, workers, image, Bodies::All);
@@ -86,8 +89,10 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
     }
     let window = Window { x: image.width as i32 / 3, y: -3, width: image.width, height: image.height };
     // What depends on neighbors may differ at the edges of a window.
-    let pixels: Vec<KeyId> =
-        keys![RADIANCE, DEPTH, INSTANCE, NORMAL, ALBEDO].into_iter().filter(|key| offers.contains(key)).collect();
+    let pixels: Vec<KeyId> = keys![RADIANCE, DEPTH, INSTANCE, COVERAGE, COVERAGE.before_support(), NORMAL, ALBEDO]
+        .into_iter()
+        .filter(|key| offers.contains(key))
+        .collect();
     let (part, whole) =
         (render(&pixels, threads[0], window, Bodies::All), render(&pixels, threads[0], image, Bodies::All));
     for ((key, part), whole) in pixels.iter().zip(part).zip(whole) {

@@ -58,6 +58,7 @@ impl Config for Jsonl {
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         include::check_unique(&self.include)?;
         include::check_free(&self.include, &["scene", "view", "views"])?;
+        self.file.as_ref().map_or(Ok(()), |file| check_path("file", file))?;
         Ok(Box::new(self))
     }
 }

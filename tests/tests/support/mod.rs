@@ -7,7 +7,7 @@ pub mod samples;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use syntable_testing::folder::files;
+pub use syntable_testing::folder::files;
 
 /// Root of the checkout.
 pub fn root() -> PathBuf {

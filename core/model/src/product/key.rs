@@ -214,11 +214,7 @@ impl KeyId {
 
     /// First sentence of [`doc`](Self::doc), without its full stop.
     pub fn summary(&self) -> String {
-        let doc = self.doc();
-        // A full stop before a capital ends a sentence; that of `Rec. 709` does not.
-        let end =
-            doc.match_indices(". ").find(|(at, _)| doc[at + 2..].starts_with(|c: char| c.is_uppercase() || c == '`'));
-        doc[..end.map_or(doc.len(), |(at, _)| at)].trim_end_matches('.').to_owned()
+        first_sentence(&self.doc())
     }
 
     /// Identity of the product's type.
@@ -256,6 +252,15 @@ impl KeyId {
             semantic => format!("{} ({semantic})", self.form()),
         }
     }
+}
+
+/// First sentence of a description, on one line, without its full stop.
+pub fn first_sentence(text: &str) -> String {
+    let text = text.split("\n\n").next().unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ");
+    // A full stop before a capital ends a sentence; that of `Rec. 709` does not.
+    let ends = |&(at, _): &(usize, &str)| text[at + 2..].starts_with(|c: char| c.is_uppercase() || c == '`');
+    let end = text.match_indices(". ").find(ends).map_or(text.len(), |(at, _)| at);
+    text[..end].trim_end_matches('.').to_owned()
 }
 
 impl PartialEq for KeyId {

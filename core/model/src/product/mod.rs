@@ -15,7 +15,7 @@ mod store;
 mod value;
 
 pub use form::Form;
-pub use key::{Key, KeyId, Product, Scope, Semantic};
+pub use key::{Key, KeyId, Product, Scope, Semantic, first_sentence};
 pub use mask::Mask;
 pub use name::{MAX_CANVAS, Name, RenderParameters};
 pub use plane::{BitPlane, Plane};

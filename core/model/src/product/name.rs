@@ -60,7 +60,10 @@ impl Name {
                 }
             }
         }
-        parameters.is_valid().then_some(Self { base: self.base, parameters })
+        let name = Self { base: self.base, parameters };
+        // Each name has one spelling.
+        let spelling = name.to_string();
+        (parameters.is_valid() && spelling == text).then_some(name)
     }
 }
 
@@ -110,9 +113,18 @@ mod tests {
                 assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
             }
         }
-        for wrong in
-            ["coverag", "coverage2", "coverage (canvas 2)", "coverage (canvas 11)", "coverage ()", "coverage (canvas 3"]
-        {
+        for wrong in [
+            "coverag",
+            "coverage2",
+            "coverage (canvas 2)",
+            "coverage (canvas 11)",
+            "coverage ()",
+            "coverage (canvas 1)",
+            "coverage (canvas +3)",
+            "coverage (canvas 3, canvas 3)",
+            "coverage (before support, canvas 3)",
+            "coverage (canvas 3",
+        ] {
             assert_eq!(coverage.parse(wrong), None, "{wrong}");
         }
     }

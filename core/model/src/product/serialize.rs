@@ -2,7 +2,7 @@
 //!
 //! Structs and maps become records in the order of their fields, sequences and tuples become lists, and a variant
 //! without data becomes its name; any other variant becomes a record of one field, the variant's name. `None` and `()`
-//! become [`Value::Float`] of NaN, which is written as null; fields are left out with
+//! become [`Value::Null`]; fields are left out with
 //! `#[serde(skip_serializing_if = "…")]`. Numbers that are not finite are kept as they are.
 
 use super::Value;
@@ -104,9 +104,10 @@ fn tagged(variant: Option<&'static str>, value: Value) -> Value {
 fn integer<N: fmt::Display + Copy>(number: N) -> Outcome
 where
     i64: TryFrom<N>,
+    u64: TryFrom<N>,
 {
-    let fits = i64::try_from(number).map(Value::Int);
-    fits.map_err(|_| Failure(Error::new(format!("the integer {number} does not fit into 64 bits signed"))))
+    let fits = i64::try_from(number).map(Value::Int).or_else(|_| u64::try_from(number).map(Value::Uint));
+    fits.map_err(|_| Failure(Error::new(format!("the integer {number} does not fit into 64 bits"))))
 }
 
 impl serde::Serializer for ToValue {
@@ -166,7 +167,7 @@ impl serde::Serializer for ToValue {
         Ok(Value::Text(value.to_owned()))
     }
     fn serialize_bytes(self, value: &[u8]) -> Outcome {
-        Ok(Value::List(value.iter().map(|&byte| Value::Int(byte.into())).collect()))
+        Ok(Value::Bytes(value.to_vec()))
     }
     fn serialize_none(self) -> Outcome {
         Ok(Value::Null)
@@ -397,10 +398,13 @@ mod tests {
     fn what_has_no_value_is_an_error_that_names_the_place() {
         #[derive(Serialize)]
         struct Large {
-            ids: Vec<u64>,
+            ids: Vec<u128>,
         }
-        let error = Value::of(&Large { ids: vec![1, u64::MAX] }).expect_err("too large").to_string();
-        assert_eq!(error, "field `ids`: element 1: the integer 18446744073709551615 does not fit into 64 bits signed");
+        let large = u128::from(u64::MAX);
+        let Ok(Value::Record(fields)) = Value::of(&Large { ids: vec![1, large] }) else { panic!("a record") };
+        assert_eq!(fields[0].1, Value::List(vec![Value::Int(1), Value::Uint(u64::MAX)]));
+        let error = Value::of(&Large { ids: vec![1, large + 1] }).expect_err("too large").to_string();
+        assert_eq!(error, "field `ids`: element 1: the integer 18446744073709551616 does not fit into 64 bits");
         let error = Value::of(&BTreeMap::from([([1, 2], 0)])).expect_err("a list as a key").to_string();
         assert!(error.contains("neither text nor an integer"), "{error}");
     }

@@ -28,7 +28,9 @@ pub use renderer::{Bodies, RenderRequest, RenderSession, Renderer, Window};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
-pub use writer::{Accepts, Finish, Input, Output, SceneWriter, Writer, shard_path};
+pub use writer::{
+    Accepts, Finish, FinishedFiles, Input, Output, RESERVED, SceneWriter, Writer, check_path, shard_path,
+};
 
 use crate::product::KeyId;
 

@@ -85,6 +85,11 @@ impl Window {
         Self { x: -beyond(width), y: -beyond(height), width: width * times, height: height * times }
     }
 
+    /// Number of pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
     /// Column past the right edge.
     pub fn right(&self) -> i32 {
         self.x + self.width as i32

@@ -1,13 +1,15 @@
 //! Writes samples to files.
 
 use crate::context::{DatasetContext, SceneContext, ViewContext};
-use crate::error::{Error, Result};
+use crate::error::{ConfigError, Error, Result};
 use crate::names::ProductName;
 use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::SceneId;
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
 /// scenes is written in `finish`, from per-scene shards.
@@ -108,7 +110,12 @@ impl Output {
 
     /// Creates a file at a path relative to the dataset, such as `data/mono/rgb/0_0.png`. It must not exist yet.
     pub fn create(&self, path: &str) -> Result<BufWriter<File>> {
-        let full = self.staging.join(relative(path)?);
+        relative(path)?;
+        self.create_at(path)
+    }
+
+    fn create_at(&self, path: &str) -> Result<BufWriter<File>> {
+        let full = self.staging.join(path);
         if let Some(parent) = full.parent() {
             fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error))?;
         }
@@ -125,13 +132,18 @@ impl Output {
 
     /// Writes a whole file at a path relative to the dataset.
     pub fn write(&self, path: &str, bytes: &[u8]) -> Result<()> {
-        let mut file = self.create(path)?;
+        relative(path)?;
+        self.write_at(path, bytes)
+    }
+
+    fn write_at(&self, path: &str, bytes: &[u8]) -> Result<()> {
+        let mut file = self.create_at(path)?;
         file.write_all(bytes).and_then(|()| file.flush()).map_err(|error| Error::io(self.staging.join(path), &error))
     }
 
     /// Writes this scene's shard, which [`Finish::shard`] reads back.
     pub fn write_shard(&self, bytes: &[u8]) -> Result<()> {
-        self.write(&shard_path(&self.id, self.scene), bytes)
+        self.write_at(&shard_path(&self.id, self.scene), bytes)
     }
 }
 
@@ -141,12 +153,21 @@ pub struct Finish {
     root: PathBuf,
     id: String,
     scenes: Vec<SceneId>,
+    written: FinishedFiles,
 }
+
+/// The files that the writers of a run have written at its end, each with the writer's id.
+pub type FinishedFiles = Arc<Mutex<BTreeMap<String, String>>>;
 
 impl Finish {
     /// The end of a run for the writer `id`: `scenes` are done, ascending.
     pub fn new(root: impl Into<PathBuf>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
-        Self { root: root.into(), id: id.into(), scenes }
+        Self { root: root.into(), id: id.into(), scenes, written: FinishedFiles::default() }
+    }
+
+    /// The same beside other writers, none of which may write a file that another has written.
+    pub fn beside(self, written: FinishedFiles) -> Self {
+        Self { written, ..self }
     }
 
     /// The writer's id in the recipe.
@@ -171,6 +192,13 @@ impl Finish {
     pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
         let full = self.root.join(relative(path)?);
         let fail = |error: std::io::Error| Error::io(&full, &error);
+        let before =
+            self.written.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned(), self.id.clone());
+        if let Some(other) = before.filter(|other| *other != self.id) {
+            return Err(Error::new(format!("`{path}` is already the file of `write.{other}`"))
+                .help(format!("give one of `write.{other}` and `write.{}` another file name", self.id))
+                .permanent());
+        }
         if let Some(parent) = full.parent() {
             fs::create_dir_all(parent).map_err(fail)?;
         }
@@ -195,13 +223,32 @@ pub fn shard_path(id: &str, scene: SceneId) -> String {
     format!(".syntable/shards/{id}/{:06}.jsonl", scene.0)
 }
 
-/// A path that stays inside the dataset.
+/// Names at the top of a dataset, and of a staged scene, that the program keeps for itself.
+pub const RESERVED: [&str; 3] = [".syntable", ".scene.json", "recipe.toml"];
+
+/// Checks an option that names a file or folder of the dataset: a relative path that stays inside it, and is none of the
+/// program's own.
+pub fn check_path(option: &str, path: &str) -> Result<(), ConfigError> {
+    let help = "write it as `a` or `a/b`, relative to the dataset";
+    inside(path).map(drop).map_err(|message| ConfigError::new(option, message).help(help))
+}
+
 fn relative(path: &str) -> Result<&Path> {
-    let path = Path::new(path);
-    if path.components().all(|part| matches!(part, Component::Normal(_))) && path.components().next().is_some() {
-        Ok(path)
+    inside(path).map_err(|message| Error::new(message).permanent())
+}
+
+/// A path that stays inside the dataset and is none of the program's own, or what is wrong with it.
+fn inside(path: &str) -> std::result::Result<&Path, String> {
+    let relative = Path::new(path);
+    let mut parts = relative.components();
+    let first = parts.next();
+    let is_normal = |part: Component| matches!(part, Component::Normal(_));
+    if !first.is_some_and(is_normal) || !parts.all(is_normal) || path.contains('\\') {
+        Err(format!("`{path}` is not a path inside the dataset"))
+    } else if RESERVED.iter().any(|name| first == Some(Component::Normal(name.as_ref()))) {
+        Err(format!("`{path}` is a path that the program keeps for itself"))
     } else {
-        Err(Error::new(format!("`{}` is not a path inside the dataset", path.display())).permanent())
+        Ok(relative)
     }
 }
 
@@ -210,10 +257,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_file_of_the_dataset_has_one_writer() {
+        let folder = std::env::temp_dir().join(format!("syntable-finish-{}", std::process::id()));
+        let written = FinishedFiles::default();
+        let write = |id: &str| {
+            Finish::new(&folder, id, Vec::new())
+                .beside(written.clone())
+                .write("all.jsonl", |out| out.write_all(id.as_bytes()).map_err(|error| Error::io("all.jsonl", &error)))
+        };
+        write("a").expect("first");
+        let error = write("b").expect_err("second");
+        assert!(error.is_permanent() && error.to_string().contains("already the file of `write.a`"), "{error}");
+        assert_eq!(fs::read_to_string(folder.join("all.jsonl")).expect("written"), "a");
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+
+    #[test]
     fn paths_stay_inside() {
         assert!(relative("data/rgb/0_0.png").is_ok());
-        for path in ["../a", "/a", "", "a/../../b"] {
-            assert!(relative(path).is_err(), "{path}");
+        for path in ["../a", "/a", "", "a/../../b", "a\\b", ".syntable/journal.jsonl", "recipe.toml"] {
+            assert!(relative(path).is_err() && check_path("file", path).is_err(), "{path}");
         }
     }
 }

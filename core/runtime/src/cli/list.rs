@@ -5,7 +5,7 @@ use crate::plan::{available, table};
 use clap::Args;
 use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::KeyId;
+use syntable_model::product::{KeyId, first_sentence};
 use syntable_model::registry::{Entry, Registry, Slot};
 
 #[derive(Args)]
@@ -47,8 +47,7 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
 /// First sentence of a kind's description.
 pub fn summary(entry: &Entry) -> String {
     let schema = entry.schema(&mut schemars::generate::SchemaSettings::draft07().into_generator());
-    let text = schema.get("description").and_then(|text| text.as_str()).unwrap_or_default().replace('\n', " ");
-    text.split_once(". ").map_or(text.trim_end_matches('.'), |(first, _)| first).to_owned()
+    first_sentence(schema.get("description").and_then(|text| text.as_str()).unwrap_or_default())
 }
 
 /// All products of the linked plugins with their default options, and who makes them.

@@ -38,7 +38,7 @@ pub const QUICKSTART: &str = include_str!("../../../../recipes/quickstart.toml")
 
 Exit codes:
   0  done
-  1  stopped early; what was done is kept, the same command goes on from there
+  1  stopped, or could not begin; what was done is kept, the same command goes on from there
   2  the recipe, an option or an asset is wrong; nothing was made
   3  done, but some scenes failed; the journal says why"
 )]
@@ -186,9 +186,14 @@ fn command() -> Result<(clap::Command, Vec<(String, Verb)>), String> {
     Ok((command, verbs))
 }
 
+/// The command line with the verbs of the linked crates, or without them if they clash.
+fn whole() -> clap::Command {
+    command().map_or_else(|_| Cli::command(), |(command, _)| command)
+}
+
 /// The program's help as text, verb by verb, for the reference page.
 pub fn help_pages() -> Vec<(String, String)> {
-    let mut root = command().map_or_else(|_| Cli::command(), |(command, _)| command).term_width(100);
+    let mut root = whole().term_width(100);
     root.build();
     let mut pages = vec![("syntable".to_owned(), root.render_long_help().to_string())];
     for verb in root.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
@@ -199,7 +204,7 @@ pub fn help_pages() -> Vec<(String, String)> {
 
 /// Whether a command line, the program's name first, is one that the program understands; if not, what is wrong with it.
 pub fn understands(words: &[String]) -> Result<(), String> {
-    Cli::try_parse_from(words).map(drop).map_err(|error| error.to_string())
+    whole().try_get_matches_from(words).map(drop).map_err(|error| error.to_string())
 }
 
 /// Where results and messages go: the one place that prints.
@@ -236,7 +241,7 @@ impl Console {
             BuiltIn::Doctor => doctor::doctor(self, registry),
             BuiltIn::Completions { shell } => {
                 let mut script = Vec::new();
-                clap_complete::generate(shell, &mut Cli::command(), "syntable", &mut script);
+                clap_complete::generate(shell, &mut whole(), "syntable", &mut script);
                 self.print(&String::from_utf8_lossy(&script))
             }
         }

@@ -15,6 +15,7 @@ use parking_lot::Mutex;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::RESERVED;
 
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {
@@ -22,8 +23,9 @@ pub struct Folder {
     _lock: File,
 }
 
-const MARK: &str = ".syntable";
-const RECORD: &str = "record.json";
+const MARK: &str = RESERVED[0];
+/// Line of the journal of a staged scene, among files that no writer can write.
+const RECORD: &str = RESERVED[1];
 
 impl Folder {
     /// Opens a folder for the dataset of a resolved recipe: a new or empty one, or one in which a run of the same
@@ -74,7 +76,7 @@ impl Folder {
 
     /// Path of the resolved recipe.
     pub fn recipe(&self) -> PathBuf {
-        self.root.join("recipe.toml")
+        self.root.join(RESERVED[2])
     }
 
     /// Path of the journal.

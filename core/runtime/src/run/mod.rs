@@ -29,13 +29,14 @@ use sessions::{Sessions, scenes_in_flight};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 use syntable_model::context::DatasetContext;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{DatasetInfo, Finish};
+use syntable_model::stage::{DatasetInfo, Finish, FinishedFiles};
 
 /// How to run a recipe.
 pub struct RunOptions {
@@ -113,7 +114,7 @@ fn make_scenes(
     let log = Warnings(reporter);
     let assets = AssetStore::open(recipe, &log)?;
     let in_flight = scenes_in_flight(recipe, options.threads, todo.len());
-    let sessions = Sessions::open(recipe, in_flight)?;
+    let sessions = Sessions::open(&*recipe.render, in_flight)?;
     let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
     let failure: Mutex<Option<Error>> = Mutex::new(None);
@@ -184,8 +185,10 @@ fn finish(
         journal.entries().values().filter(|entry| !entry.failed()).map(|entry| SceneId(entry.scene)).collect();
     let products = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &done))?;
     let mut finished = Ok(());
+    let written = FinishedFiles::default();
     for (id, writer) in &recipe.write {
-        let (stage, finish) = (format!("write.{id}"), Finish::new(folder.root(), id, done.clone()));
+        let stage = format!("write.{id}");
+        let finish = Finish::new(folder.root(), id, done.clone()).beside(Arc::clone(&written));
         let read = products.only(&names(&writer.reads()));
         finished = finished.and(panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish))));
     }

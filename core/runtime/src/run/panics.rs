@@ -3,6 +3,8 @@
 use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Once;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use syntable_model::error::{Error, Result};
 
 thread_local! {
@@ -45,17 +47,31 @@ pub fn caught<T>(stage: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
     result.map_err(|error| error.context(stage))
 }
 
-/// While `work` runs, a panic prints nothing by itself: it is reported as an event.
+/// Number of runs of this process that report panics themselves.
+static QUIET: AtomicUsize = AtomicUsize::new(0);
+
+/// While `work` runs, a panic prints nothing by itself: it is reported as an event. Runs may overlap.
 pub fn quiet<T>(work: impl FnOnce() -> T) -> T {
-    let before = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|info| {
-        if let Some(location) = info.location() {
-            LOCATION.set(Some(format!("{}:{}", location.file(), location.line())));
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if QUIET.load(Ordering::SeqCst) == 0 {
+                before(info);
+            } else if let Some(location) = info.location() {
+                LOCATION.set(Some(format!("{}:{}", location.file(), location.line())));
+            }
+        }));
+    });
+    struct Counted;
+    impl Drop for Counted {
+        fn drop(&mut self) {
+            QUIET.fetch_sub(1, Ordering::SeqCst);
         }
-    }));
-    let result = work();
-    std::panic::set_hook(before);
-    result
+    }
+    QUIET.fetch_add(1, Ordering::SeqCst);
+    let _counted = Counted;
+    work()
 }
 
 #[cfg(test)]
@@ -63,6 +79,14 @@ mod tests {
     use super::*;
     use crate::workers::Pool;
     use syntable_model::context::Workers;
+
+    #[test]
+    fn runs_overlap_and_a_panic_ends_one() {
+        let inner = || quiet(|| catch_unwind(|| quiet(|| panic!("inside"))).is_err());
+        assert!(quiet(inner));
+        let place = quiet(|| caught::<()>("x", || panic!("after"))).expect_err("panics").to_string();
+        assert!(place.contains("panics.rs:"), "{place}");
+    }
 
     #[test]
     fn a_panic_on_a_worker_thread_keeps_its_place() {

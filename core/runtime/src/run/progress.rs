@@ -4,6 +4,7 @@ use crate::message::{Level, Record};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use parking_lot::Mutex;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::{Duration, Instant};
 use syntable_model::error::Error;
@@ -123,7 +124,6 @@ pub struct Human {
     state: Mutex<State>,
 }
 
-#[derive(Clone, Copy)]
 struct State {
     start: Instant,
     said: Instant,
@@ -131,6 +131,8 @@ struct State {
     total: u64,
     scenes: u32,
     scenes_total: u32,
+    /// Images of scenes that may still fail, by scene.
+    unfinished: BTreeMap<u32, u64>,
 }
 
 impl Human {
@@ -146,7 +148,15 @@ impl Human {
             bar
         });
         let now = Instant::now();
-        let state = State { start: now, said: now, images: 0, total: 0, scenes: 0, scenes_total: 0 };
+        let state = State {
+            start: now,
+            said: now,
+            images: 0,
+            total: 0,
+            scenes: 0,
+            scenes_total: 0,
+            unfinished: BTreeMap::new(),
+        };
         Self { bar, state: Mutex::new(state) }
     }
 
@@ -205,8 +215,9 @@ impl Reporter for Human {
                     bar.set_length(state.total);
                 }
             }
-            Event::Image { .. } => {
+            Event::Image { scene, .. } => {
                 state.images += 1;
+                *state.unfinished.entry(*scene).or_default() += 1;
                 let pace = state.pace();
                 if let Some(bar) = &self.bar {
                     bar.set_position(state.images);
@@ -216,13 +227,16 @@ impl Reporter for Human {
                     eprintln!("{}/{} images  {pace}", state.images, state.total);
                 }
             }
-            Event::Scene { .. } => {
+            Event::Scene { scene, .. } => {
                 state.scenes += 1;
+                state.unfinished.remove(scene);
                 if let Some(bar) = &self.bar {
                     bar.set_message(state.pace());
                 }
             }
             Event::Attempt { scene, attempt, error, last } => {
+                // The images of an attempt that fails are not in the dataset.
+                state.images -= state.unfinished.remove(scene).unwrap_or(0);
                 let then = if *last { "given up" } else { "trying again" };
                 self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));
             }

@@ -37,7 +37,7 @@ pub struct SceneMaker<'a> {
     pub log: &'a dyn Log,
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
-    pub sessions: &'a Sessions,
+    pub sessions: &'a Sessions<'a>,
 }
 
 impl<'a> SceneMaker<'a> {
@@ -130,7 +130,9 @@ impl<'m> Attempt<'m, '_> {
             run_in_scene(stage, &cx, &lent, &mut products)?;
         }
         views.writers.close(&cx, &products)?;
-        views.records.write(maker.plan(), &products, &Output::new(staged, "@records", self.scene))?;
+        caught("records", || {
+            views.records.write(maker.plan(), &products, &Output::new(staged, "@records", self.scene))
+        })?;
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
         Ok(SceneOutcome::Made { views: maker.dataset.views_per_scene, objects })
@@ -210,7 +212,9 @@ impl<'m> Attempt<'m, '_> {
         for (canvas, wants) in plan.by_canvas() {
             let stream = self.stream("render").at(u64::from(view.id.0));
             let request = RenderRequest::new(view, &wants, stream, self.maker.workers);
-            let request = RenderRequest { window: Window::canvas(&view.camera.intrinsics, canvas), ..request };
+            let window = Window::canvas(&view.camera.intrinsics, canvas);
+            check_pixels(window, canvas)?;
+            let request = RenderRequest { window, ..request };
             let mut of_canvas = Products::new();
             caught("render", || session.render(&request, &mut of_canvas))?;
             provided(&wants, &of_canvas).map_err(|error| error.context("render"))?;
@@ -279,7 +283,7 @@ impl<'m> Line<'m> {
         if state.failure.is_none() {
             let written = made.and_then(|()| {
                 state.views.writers.view(&cx, &products)?;
-                state.views.records.view(maker.plan(), &products)
+                caught("records", || state.views.records.view(maker.plan(), &products))
             });
             match written {
                 Ok(()) => {
@@ -397,6 +401,20 @@ pub fn lend(
     let made = filled.without(&lent);
     provided(&stage.provides, &made).map_err(|error| error.context(&stage.stage))?;
     Ok(made)
+}
+
+/// Maximum number of pixels of a canvas.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// Refuses a canvas that no memory can hold.
+fn check_pixels(window: Window, canvas: u32) -> Result<()> {
+    if window.pixels() <= MAX_PIXELS {
+        return Ok(());
+    }
+    let Window { width, height, .. } = window;
+    Err(Error::new(format!("`(canvas {canvas})` has {width} × {height} pixels, more than {MAX_PIXELS}"))
+        .help("ask for a smaller canvas, or set a lower resolution in [camera]")
+        .permanent())
 }
 
 /// Checks that a stage made what it had to, and nothing else.

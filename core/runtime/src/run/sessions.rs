@@ -1,14 +1,22 @@
 //! Render sessions, lent to one scene at a time, for loading and rendering only.
 
+use super::panics::caught;
 use crate::recipe::Recipe;
 use parking_lot::{Condvar, Mutex};
 use syntable_model::error::Result;
-use syntable_model::stage::RenderSession;
+use syntable_model::stage::{RenderSession, Renderer};
 
 /// As many sessions as there are scenes in flight, or fewer if there are fewer devices.
-pub struct Sessions {
-    free: Mutex<Vec<Box<dyn RenderSession>>>,
+pub struct Sessions<'a> {
+    renderer: &'a dyn Renderer,
+    free: Mutex<Vec<Device>>,
     returned: Condvar,
+}
+
+/// A device of the renderer, with its session if that is sound.
+struct Device {
+    index: usize,
+    session: Option<Box<dyn RenderSession>>,
 }
 
 /// How many scenes are in flight: one per thread. With a limited number of sessions there is at least one more, so that
@@ -18,28 +26,102 @@ pub fn scenes_in_flight(recipe: &Recipe, threads: usize, scenes: usize) -> usize
     threads.max(least).min(scenes).max(1)
 }
 
-impl Sessions {
+impl<'a> Sessions<'a> {
     /// Opens the sessions for a number of scenes in flight.
-    pub fn open(recipe: &Recipe, in_flight: usize) -> Result<Self> {
-        let count = recipe.render.max_sessions().map_or(in_flight, |max| in_flight.min(max.max(1)));
-        let open = |index| recipe.render.open(index).map_err(|error| error.context("render"));
-        Ok(Self { free: Mutex::new((0..count).map(open).collect::<Result<_>>()?), returned: Condvar::new() })
+    pub fn open(renderer: &'a dyn Renderer, in_flight: usize) -> Result<Self> {
+        let count = renderer.max_sessions().map_or(in_flight, |max| in_flight.min(max.max(1)));
+        let open = |index| Ok(Device { index, session: Some(open(renderer, index)?) });
+        let free = (0..count).map(open).collect::<Result<_>>()?;
+        Ok(Self { renderer, free: Mutex::new(free), returned: Condvar::new() })
     }
 
-    /// Waits for a session and lends it.
-    pub fn with<T>(&self, work: impl FnOnce(&mut dyn RenderSession) -> T) -> T {
-        let mut session = {
+    /// Waits for a session and lends it. One that fails is closed, and opened anew for the next scene: its device may
+    /// have been lost.
+    pub fn with<T>(&self, work: impl FnOnce(&mut dyn RenderSession) -> Result<T>) -> Result<T> {
+        let Device { index, session } = {
             let mut free = self.free.lock();
             loop {
                 match free.pop() {
-                    Some(session) => break session,
+                    Some(device) => break device,
                     None => self.returned.wait(&mut free),
                 }
             }
         };
-        let result = work(&mut *session);
-        self.free.lock().push(session);
+        let (session, result) = match session.map_or_else(|| open(self.renderer, index), Ok) {
+            Ok(mut session) => {
+                let result = work(&mut *session);
+                (result.is_ok().then_some(session), result)
+            }
+            Err(error) => (None, Err(error)),
+        };
+        self.free.lock().push(Device { index, session });
         self.returned.notify_one();
         result
+    }
+}
+
+fn open(renderer: &dyn Renderer, index: usize) -> Result<Box<dyn RenderSession>> {
+    caught("render", || renderer.open(index))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use syntable_model::context::Workers;
+    use syntable_model::error::Error;
+    use syntable_model::product::{KeyId, Products};
+    use syntable_model::scene::Scene;
+    use syntable_model::stage::RenderRequest;
+
+    /// Two devices; `opened` counts the sessions of each.
+    #[derive(Default)]
+    struct Counting {
+        opened: [AtomicUsize; 2],
+    }
+
+    impl Renderer for Counting {
+        fn offers(&self) -> Vec<KeyId> {
+            Vec::new()
+        }
+        fn max_sessions(&self) -> Option<usize> {
+            Some(2)
+        }
+        fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
+            let before = self.opened[index].fetch_add(1, Ordering::SeqCst);
+            if before == 1 { Err(Error::new("the device is not back yet")) } else { Ok(Box::new(Idle)) }
+        }
+        fn cost(&self) -> String {
+            String::new()
+        }
+    }
+
+    struct Idle;
+
+    impl RenderSession for Idle {
+        fn load(&mut self, _: &Arc<Scene>, _: &dyn Workers) -> Result<()> {
+            Ok(())
+        }
+        fn render(&mut self, _: &RenderRequest, _: &mut Products) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_session_that_failed_is_opened_anew() {
+        let renderer = Counting::default();
+        let opened = || renderer.opened.each_ref().map(|count| count.load(Ordering::SeqCst));
+        let sessions = Sessions::open(&renderer, 5).expect("opens");
+        assert_eq!(opened(), [1, 1]);
+        sessions.with(|_| Ok(())).expect("works");
+        assert_eq!(opened(), [1, 1]);
+        let lost = sessions.with(|_| -> Result<()> { Err(Error::new("device lost")) }).expect_err("lost");
+        assert_eq!(lost.to_string(), "device lost");
+        // The next scene meets the device that was lost, which comes back at the second try.
+        let still_lost = sessions.with(|_| Ok(())).expect_err("lost").to_string();
+        assert_eq!(still_lost, "render: the device is not back yet");
+        sessions.with(|_| Ok(())).expect("works again");
+        assert_eq!(opened(), [1, 3]);
     }
 }

@@ -184,7 +184,7 @@ fn check_objects(coverage: &BitPlane, objects: usize) -> Result<()> {
     if coverage.objects() == objects {
         return Ok(());
     }
-    Err(Error::new(format!("the coverage plane has {} objects, the scene {objects}", coverage.objects())))
+    Err(Error::new(format!("the coverage plane has {} objects, the scene {objects}", coverage.objects())).permanent())
 }
 
 register!(Masks);

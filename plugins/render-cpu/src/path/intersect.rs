@@ -72,7 +72,7 @@ impl PathTracer<'_> {
             Strategy::Combined => power_heuristic(bsdf, emitter),
             #[cfg(test)]
             Strategy::Bsdf => T::splat(1.0),
-            // Light behind a transmitting surface is contribution in no other way.
+            // Light behind a transmitting surface contributes in no other way.
             #[cfg(test)]
             Strategy::Emitters => T::select(bsdf.ge(T::splat(f32::INFINITY)), T::splat(1.0), T::splat(0.0)),
         }

@@ -248,7 +248,7 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// A color with its luminance limit_luminance.
+    /// A color with its luminance limited to the option `max_indirect_luminance_nits`.
     #[inline(always)]
     fn limit_luminance<T: Real>(&self, color: Rgb<T>) -> Rgb<T> {
         let limit = self.settings.max_indirect_luminance_nits;
@@ -296,7 +296,7 @@ fn is_light<T: Real>(color: Rgb<T>) -> T::Mask {
     sum.gt(T::splat(0.0)) & sum.lt(T::splat(f32::INFINITY))
 }
 
-/// Power power_heuristic with exponent two.
+/// Power heuristic with exponent two (Veach 1997, section 9.2.4).
 #[inline(always)]
 fn power_heuristic<T: Real>(own: T, other: T) -> T {
     // As a quotient, so that squares of large densities cannot overflow.

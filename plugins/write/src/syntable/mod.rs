@@ -100,10 +100,9 @@ impl Config for SynTable {
             let message = format!("`{}` is not a file name", self.annotation_file);
             return Err(ConfigError::new("annotation_file", message));
         }
-        let inside = |part: &str| !part.is_empty() && part != "." && part != "..";
-        if !self.folder.is_empty() && !self.folder.split('/').all(inside) {
-            let message = format!("`{}` is not a folder inside the dataset", self.folder);
-            return Err(ConfigError::new("folder", message).help("write it as `a` or `a/b`"));
+        check_path("annotation_file", &self.annotation_file)?;
+        if !self.folder.is_empty() {
+            check_path("folder", &self.folder)?;
         }
         Ok(Box::new(self))
     }

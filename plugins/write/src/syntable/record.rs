@@ -88,6 +88,7 @@ impl<'a> Labels<'a> {
             product.get(id).ok_or_else(|| {
                 Error::new(format!("instance {id} is in `occlusion_order` but not in `{name}`"))
                     .help("all label products must come from one annotator, or from annotators that agree")
+                    .permanent()
             })
         }
         Ok(ObjectLabels {
