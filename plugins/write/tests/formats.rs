@@ -49,7 +49,10 @@ fn wrong_options_are_refused() {
         ("exr", "include = [\"depth\", \"depth\"]", "include[1]: `depth` is included twice"),
         ("jsonl", "include = [\"view\"]", "include[0]: a product named `view` has the name of a field of this writer"),
         ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not a file name"),
-        ("syntable", "folder = \"../up\"", "folder: `../up` is not a folder inside the dataset"),
+        ("syntable", "folder = \"../up\"", "folder: `../up` is not a path inside the dataset"),
+        ("syntable", "folder = \".syntable\"", "folder: `.syntable` is a path that the program keeps for itself"),
+        ("jsonl", "file = \"../up.jsonl\"", "file: `../up.jsonl` is not a path inside the dataset"),
+        ("jsonl", "file = \"recipe.toml\"", "file: `recipe.toml` is a path that the program keeps for itself"),
         ("template", "template = \"a\\n{{ b\"", "template: line 2 of the template: expected"),
         ("template", "template = \"\"\npath = \"{% if %}\"", "path: line 1 of the template: expected"),
     ] {

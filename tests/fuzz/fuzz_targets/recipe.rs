@@ -1,4 +1,5 @@
-//! The recipe parser, from text to the built stages or the diagnostics.
+//! The recipe parser, from text to stages or diagnostics. Rendering, settling and writing are not linked, so that tables of
+//! those slots end in a diagnostic.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

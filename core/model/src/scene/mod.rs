@@ -145,7 +145,8 @@ impl SceneBuilder {
     /// The tabletop, or an error for a placer or settler that needs one.
     pub fn tabletop(&self) -> Result<Tabletop> {
         self.tabletop.ok_or_else(|| {
-            Error::new("there is no tabletop yet").help("place a table first: [[place]] kind = \"table\"")
+            let error = Error::new("there is no tabletop yet").permanent();
+            error.help("place a table first: [[place]] kind = \"table\"")
         })
     }
 

@@ -19,7 +19,7 @@ fn slow(out: &std::path::Path, threads: usize) -> Duration {
          [[place]]\nkind = \"boxes\"\nsleep_ms = {COMPOSE_MS}\n\
          [render]\nkind = \"sleeper\"\nsleep_ms = {RENDER_MS}\n\
          [annotate.thinker]\nsleep_ms = {ANNOTATE_MS}\n\
-         [write.lines]\ninclude = [\"thought\"]\n"
+         [write.lines]\ninclude = [\"thought\", \"light\"]\n"
     );
     let start = Instant::now();
     run(&recipe, out, threads).expect("the run ends well");
@@ -92,7 +92,7 @@ fn what_chance_cannot_change_ends_the_run_at_once() {
         let recipe = format!(
             "[dataset]\nscenes = 50\nviews_per_scene = 2\nname = \"broken\"\nmax_attempts = 4\n\
              [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\ntally = {tally}\n[annotate.thinker]\n{broken}\n\
-             [write.lines]\ninclude = [\"thought\"]\n"
+             [write.lines]\ninclude = [\"thought\", \"light\"]\n"
         );
         let error = run(&recipe, folder.path(), 1).expect_err("it stops").to_string();
         assert!(error.contains(message), "{error}");
@@ -106,7 +106,7 @@ fn what_chance_can_change_is_tried_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let recipe = "[dataset]\nscenes = 2\nviews_per_scene = 2\nname = \"panics\"\nmax_attempts = 2\n\
          [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[annotate.thinker]\npanics = true\n\
-         [write.lines]\ninclude = [\"thought\"]\n";
+         [write.lines]\ninclude = [\"thought\", \"light\"]\n";
     let outcome = run(recipe, folder.path(), 2).expect("the run ends well");
     assert_eq!((outcome.scenes, outcome.failed), (0, 2));
     let journal = String::from_utf8(files(folder.path())[".syntable/journal.jsonl"].clone()).expect("text");
