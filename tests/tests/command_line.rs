@@ -1,7 +1,8 @@
 //! The verbs, as a new user types them.
 
 mod support;
-use support::{fails, ok, syntable};
+use std::process::Stdio;
+use support::{fails, ok, root, small_run, syntable};
 use syntable_model::registry::Registry;
 use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_standard as _;
@@ -68,6 +69,9 @@ fn a_missing_library_is_told_before_anything_is_rendered() {
 
 #[test]
 fn machines_get_json_lines() {
+    let schema = std::fs::read_to_string(root().join("schemas/log.schema.json")).expect("readable");
+    let schema = serde_json::from_str(&schema).expect("JSON");
+    let log = jsonschema::draft7::new(&schema).expect("a schema");
     let error = fails(
         syntable().args(["check", "recipes/quickstart.toml", "--set", "dataset.scenes=0", "--log-format", "json"]),
         2,
@@ -75,6 +79,28 @@ fn machines_get_json_lines() {
     for line in error.lines() {
         let record: serde_json::Value = serde_json::from_str(line).unwrap_or_else(|_| panic!("not JSON: {line}"));
         assert!(record["message"].as_str().is_some_and(|message| message.contains("scenes")), "{record}");
+        assert!(log.is_valid(&record), "{record} is not what schemas/log.schema.json says");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = small_run(folder.path(), &["--log-format", "json"]).output().expect("the program starts");
+    let lines = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && lines.lines().count() > 3, "{lines}");
+    for line in lines.lines() {
+        let record = serde_json::from_str(line).unwrap_or_else(|_| panic!("not JSON: {line}"));
+        assert!(log.is_valid(&record), "{record} is not what schemas/log.schema.json says");
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_stops_no_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (number, format) in ["human", "json"].into_iter().enumerate() {
+        let out = folder.path().join(number.to_string());
+        let mut command = small_run(&out, &["--log-format", format]);
+        let mut run = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+        drop((run.stdout.take(), run.stderr.take()));
+        assert!(run.wait().expect("it ends").success(), "{format}");
+        assert!(out.join("annotation_final.json").is_file(), "{format}");
     }
 }
 
@@ -91,6 +117,7 @@ fn doctor_and_completions_and_new_recipe() {
     ok(syntable().arg("check").arg(&file));
     assert!(fails(syntable().args(["new", "recipe"]).arg(&file), 2).contains("exists already"));
     assert!(fails(syntable().args(["new", "plugin", "My-Plugin"]), 2).contains("not snake_case"));
+    assert!(fails(syntable().args(["new", "plugin", "fn"]), 2).contains("a word of Rust"));
 }
 
 #[test]

@@ -61,7 +61,7 @@ pub struct Record {
     /// Help messages.
     pub help: Vec<String>,
     /// Related places.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub related: Vec<Location>,
 }
 
@@ -86,7 +86,7 @@ pub struct Location {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub byte: Option<u64>,
     /// What is at the place.
-    #[serde(skip_serializing_if = "String::is_empty")]
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub label: String,
 }
 

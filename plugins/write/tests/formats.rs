@@ -377,7 +377,7 @@ fn products_that_do_not_fit_are_named() {
         (
             "png",
             "object_info",
-            "product `object_info`: a PNG file holds images and masks, not a record; write it with npy or jsonl",
+            "product `object_info`: a PNG file holds images and masks, not a record; write it with jsonl",
         ),
         (
             "png",

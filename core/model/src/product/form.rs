@@ -23,6 +23,8 @@ pub enum Form {
     Record,
     /// A list of values.
     List,
+    /// A list of records.
+    Records,
     /// A fixed-length list of integers, such as a box.
     Ints(usize),
     /// One value per pixel, row 0 at the top: axes `y`, `x` and, with channels, `channel`.
@@ -61,6 +63,7 @@ impl fmt::Display for Form {
             Self::Mask => f.write_str("mask"),
             Self::Record => f.write_str("record"),
             Self::List => f.write_str("list"),
+            Self::Records => f.write_str("list of records"),
             Self::Ints(length) => write!(f, "list of {length} integers"),
             Self::Image { dtype, channels: None } => write!(f, "{dtype} image"),
             Self::Image { dtype, channels: Some(1) } => write!(f, "{dtype} image of 1 channel"),
@@ -84,6 +87,9 @@ impl From<&Value> for Form {
             Value::Bytes(_) => Self::Bytes,
             Value::Mask(_) => Self::Mask,
             Value::Record(_) => Self::Record,
+            Value::List(values) if !values.is_empty() && values.iter().all(|it| matches!(it, Value::Record(_))) => {
+                Self::Records
+            }
             Value::List(_) => Self::List,
             Value::PerInstance(_) => Self::PerInstance(Box::new(Self::Any)),
             Value::Tensor(Tensor { dtype, axes, shape, .. }) => {

@@ -127,7 +127,7 @@ products! {
     pub const CAMERA: Key<Value> = view("camera").form(|| Form::Record);
 
     /// Lights of the view.
-    pub const LIGHTS: Key<Value> = view("lights").form(|| Form::List);
+    pub const LIGHTS: Key<Value> = view("lights").form(|| Form::Records);
 
     /// Residual speeds, deepest penetration and removed bodies of the settled scene.
     pub const SETTLE_REPORT: Key<Value> = scene("settle_report").form(|| Form::Record);

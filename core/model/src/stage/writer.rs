@@ -123,7 +123,10 @@ impl Output {
             Ok(file) => Ok(BufWriter::new(file)),
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
                 Err(Error::new(format!("`{path}` is written twice"))
-                    .help(format!("two writers use one path; give `write.{}` another id or folder", self.id))
+                    .help(format!(
+                        "two files of a scene have one path; give `write.{}` another id, folder or path",
+                        self.id
+                    ))
                     .permanent())
             }
             Err(error) => Err(Error::io(full, &error)),

@@ -37,6 +37,67 @@ enum What {
     },
 }
 
+/// Words that cannot name a crate: Rust's keywords, and the crates that every program has.
+const KEYWORDS: [&str; 57] = [
+    "abstract",
+    "alloc",
+    "as",
+    "async",
+    "await",
+    "become",
+    "box",
+    "break",
+    "const",
+    "continue",
+    "core",
+    "crate",
+    "do",
+    "dyn",
+    "else",
+    "enum",
+    "extern",
+    "false",
+    "final",
+    "fn",
+    "for",
+    "gen",
+    "if",
+    "impl",
+    "in",
+    "let",
+    "loop",
+    "macro",
+    "match",
+    "mod",
+    "move",
+    "mut",
+    "override",
+    "priv",
+    "proc_macro",
+    "pub",
+    "ref",
+    "return",
+    "self",
+    "static",
+    "std",
+    "struct",
+    "super",
+    "syntable",
+    "test",
+    "trait",
+    "true",
+    "try",
+    "type",
+    "typeof",
+    "unsafe",
+    "unsized",
+    "use",
+    "virtual",
+    "where",
+    "while",
+    "yield",
+];
+
 const RECIPE: &str = include_str!("scaffold/recipe.toml");
 const MANIFEST: &str = include_str!("scaffold/Cargo.toml.txt");
 const LIBRARY: &str = include_str!("scaffold/lib.rs.txt");
@@ -68,6 +129,11 @@ fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit
         return Err(Exit::wrong(
             Error::new(format!("`{name}` is not snake_case"))
                 .help("use small letters, digits and _, with a letter first"),
+        ));
+    }
+    if KEYWORDS.contains(&name) {
+        return Err(Exit::wrong(
+            Error::new(format!("`{name}` is a word of Rust or one of its crates")).help("choose another name"),
         ));
     }
     if folder.exists() {

@@ -64,8 +64,10 @@ pub(crate) fn options(
 
 /// The diagnostic for a key that has another name now.
 pub(crate) fn renamed_key(owner: &str, span: Span, old: &str, new: &str) -> DiagnosticBuilder {
+    // The label stands at the last word of the old path: in the same table the new word is enough.
+    let beside = old.rsplit_once('.').and_then(|(table, _)| new.strip_prefix(table)?.strip_prefix('.'));
     DiagnosticBuilder::error(Code::Renamed, span, format!("`{old}` of `{owner}` is called `{new}` now"))
-        .label(format!("write `{}`", new.rsplit('.').next().unwrap_or(new)))
+        .label(format!("write `{}`", beside.unwrap_or(new)))
 }
 
 /// The keys of a path, without indices of arrays.

@@ -69,6 +69,9 @@ pub struct Outcome {
 pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let start = Instant::now();
     recipe.plan.ready()?;
+    let log = Warnings(reporter);
+    // Nothing is deleted for a run whose assets cannot be found.
+    let assets = options.overwrite.then(|| AssetStore::open(recipe, &log)).transpose()?;
     let folder = Folder::open(&options.out, &recipe.resolved, options.overwrite)?;
     let mut journal = Journal::open(&folder.journal())?;
     if options.retry_failed {
@@ -87,7 +90,8 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let journal = Mutex::new(journal);
     let pool = Pool::new(options.threads)?;
     if !todo.is_empty() {
-        make_scenes(recipe, options, reporter, &pool, &folder, &journal, &todo)?;
+        let assets = assets.map_or_else(|| AssetStore::open(recipe, &log), Ok)?;
+        make_scenes(recipe, options, reporter, &assets, &pool, (&folder, &journal), &todo)?;
     }
     let outcome = finish(recipe, reporter, &pool, &folder, journal.into_inner())?;
     reporter.event(&Event::Finished {
@@ -105,14 +109,13 @@ fn make_scenes(
     recipe: &Recipe,
     options: &RunOptions,
     reporter: &dyn Reporter,
+    assets: &AssetStore,
     pool: &Pool,
-    folder: &Folder,
-    journal: &Mutex<Journal>,
+    (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &[u32],
 ) -> Result<()> {
     let dataset = dataset_info(recipe);
     let log = Warnings(reporter);
-    let assets = AssetStore::open(recipe, &log)?;
     let in_flight = scenes_in_flight(recipe, options.threads, todo.len());
     let sessions = Sessions::open(&*recipe.render, in_flight)?;
     let next = AtomicUsize::new(0);
@@ -121,7 +124,7 @@ fn make_scenes(
     let maker = scene::SceneMaker {
         recipe,
         dataset: &dataset,
-        assets: &assets,
+        assets,
         cache: &options.cache,
         workers: pool,
         log: &log,

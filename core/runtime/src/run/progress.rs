@@ -162,10 +162,15 @@ impl Human {
 
     fn say(&self, line: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{line}")),
-            None => eprintln!("{line}"),
+            Some(bar) => bar.suspend(|| print_line(line)),
+            None => print_line(line),
         }
     }
+}
+
+/// Prints a line on standard error. A reader that has gone away must not stop a run.
+fn print_line(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 impl State {
@@ -224,7 +229,7 @@ impl Reporter for Human {
                     bar.set_message(pace);
                 } else if state.images == 1 || state.said.elapsed() > Duration::from_secs(10) {
                     state.said = Instant::now();
-                    eprintln!("{}/{} images  {pace}", state.images, state.total);
+                    print_line(&format!("{}/{} images  {pace}", state.images, state.total));
                 }
             }
             Event::Scene { scene, .. } => {
@@ -249,8 +254,8 @@ impl Reporter for Human {
                     if *failed > 0 { format!(", {} failed", count(*failed, "scene")) } else { String::new() };
                 let (time, made) = (clock(Duration::from_secs_f64(*seconds)), count(*made, "image"));
                 let (scenes, images) = (count(*scenes, "scene"), count(*images, "image"));
-                eprintln!("made {made} in {time}; the dataset has {scenes}, {images}{failures}");
-                println!("{out}");
+                print_line(&format!("made {made} in {time}; the dataset has {scenes}, {images}{failures}"));
+                let _ = writeln!(std::io::stdout(), "{out}");
             }
         }
     }

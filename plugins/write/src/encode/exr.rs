@@ -1,6 +1,6 @@
 //! OpenEXR files.
 
-use super::kind::{Form, Kind, Semantic, with_article};
+use super::kind::{Form, Kind, Semantic, other_writer, with_article};
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, Text, WritableImage, f16,
@@ -42,8 +42,9 @@ impl Coding {
             }
             ref form => {
                 return Err(format!(
-                    "an EXR file holds 16- and 32-bit float images, not {}; write it with npy or jsonl",
-                    with_article(form)
+                    "an EXR file holds 16- and 32-bit float images, not {}; write it with {}",
+                    with_article(form),
+                    other_writer(form)
                 ));
             }
         };
@@ -90,7 +91,9 @@ impl Coding {
         let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
         let mut layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
         if !self.unit.is_empty() {
-            layer.attributes.other.insert(Text::from("unit"), AttributeValue::Text(Text::from(self.unit)));
+            // Readers take text for UTF-8, but the format's library writes Latin-1: ASCII is the same in both.
+            let unit = self.unit.replace('²', "^2");
+            layer.attributes.other.insert(Text::from("unit"), AttributeValue::Text(Text::from(unit.as_str())));
         }
         if self.color && self.unit == "nit" {
             layer.attributes.white_luminance = Some(1.0);
@@ -141,7 +144,7 @@ mod tests {
                 "an EXR file holds 16- and 32-bit float images, not a u16 image; ",
             ),
             (Form::Mask, "an EXR file holds 16- and 32-bit float images, not a mask; write it with npy or png"),
-            (Form::Record, "an EXR file holds 16- and 32-bit float images, not a record; write it with npy or jsonl"),
+            (Form::Record, "an EXR file holds 16- and 32-bit float images, not a record; write it with jsonl"),
         ] {
             let refusal = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "" }).expect_err("refused");
             assert!(refusal.starts_with(want), "{refusal}");

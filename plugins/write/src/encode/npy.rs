@@ -8,7 +8,7 @@ use syntable_model::scene::InstanceId;
 /// Refuses a kind of value that is not an array of numbers. A refusal is a reason and a remedy.
 pub fn check(kind: &Kind) -> Result<(), String> {
     match kind.form {
-        Form::Text | Form::Bytes | Form::Record | Form::PerInstance(_) => Err(format!(
+        Form::Text | Form::Bytes | Form::Record | Form::Records | Form::PerInstance(_) => Err(format!(
             "a NumPy file holds numbers of one shape, not {}; write it with jsonl",
             with_article(&kind.form)
         )),

@@ -1,6 +1,6 @@
 //! PNG files.
 
-use super::kind::{Form, Kind, Semantic, with_article};
+use super::kind::{Form, Kind, Semantic, other_writer, with_article};
 use png::{BitDepth, ColorType, Compression, Encoder};
 use std::sync::LazyLock;
 use syntable_model::color::srgb_to_linear;
@@ -35,8 +35,9 @@ impl Coding {
             Form::Image { dtype, channels } => (dtype, channels.unwrap_or(1)),
             ref form => {
                 return Err(format!(
-                    "a PNG file holds images and masks, not {}; write it with npy or jsonl",
-                    with_article(form)
+                    "a PNG file holds images and masks, not {}; write it with {}",
+                    with_article(form),
+                    other_writer(form)
                 ));
             }
         };
