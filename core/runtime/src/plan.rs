@@ -349,6 +349,8 @@ struct Note {
     stage: String,
     reads: Vec<KeyId>,
     provides: Vec<KeyId>,
+    /// What it replaces, whether it is in the recipe or not: of that it is no source.
+    replaces: Vec<Replacement>,
     scope: Scope,
     after_views: bool,
     explicit: bool,
@@ -362,6 +364,7 @@ impl Resolver {
                 stage: candidate.stage.clone(),
                 reads: candidate.producer.reads(),
                 provides: candidate.producer.provides(),
+                replaces: candidate.producer.replaces(),
                 scope: candidate.producer.scope(),
                 after_views: false,
                 explicit: candidate.implied.is_none(),
@@ -411,7 +414,7 @@ impl Resolver {
 
     /// The candidates that make a product anew.
     fn sources(&self, name: &str) -> Vec<usize> {
-        let replaces = |i: usize| self.replacements.iter().any(|(other, it)| *other == i && it.product.name == name);
+        let replaces = |i: usize| self.notes[i].replaces.iter().any(|it| it.product.name == name);
         let provides = |i: usize| self.notes[i].provides.iter().any(|key| key.name == name);
         (0..self.notes.len()).filter(|&i| provides(i) && !replaces(i)).collect()
     }

@@ -72,13 +72,19 @@ fn a_resumed_run_annotates_the_dataset_from_all_scenes() {
 
 #[test]
 fn a_stage_replaces_a_product_for_all_others() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let recipe = "[dataset]\nscenes = 1\nviews_per_scene = 1\nname = \"replaced\"\n\
-         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[sensor.doubler]\n\
-         [write.lines]\ninclude = [\"light\", \"light_raw\", \"thought\"]\n";
-    run(recipe, folder.path(), 1).expect("the run ends well");
-    let text = String::from_utf8(files(folder.path())["lines/000000_0000.json"].clone()).expect("text");
-    assert_eq!(text, r#"{"light":2,"light_raw":1,"thought":0}"#);
+    let line = |stage: &str, include: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let recipe = format!(
+            "[dataset]\nscenes = 1\nviews_per_scene = 1\nname = \"replaced\"\n\
+             [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n{stage}[write.lines]\ninclude = [{include}]\n"
+        );
+        run(&recipe, folder.path(), 1).expect("the run ends well");
+        String::from_utf8(files(folder.path())["lines/000000_0000.json"].clone()).expect("text")
+    };
+    let replaced = line("[sensor.doubler]\n", "\"light\", \"light_raw\", \"thought\"");
+    assert_eq!(replaced, r#"{"light":2,"light_raw":1,"thought":0}"#);
+    // A registered stage that is not in the recipe replaces nothing.
+    assert_eq!(line("", "\"light\", \"thought\""), r#"{"light":1,"thought":0}"#);
 }
 
 #[test]
