@@ -1,6 +1,6 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
-use crate::recipe::{Center, OnBadAsset, PoolOptions, Recipe};
+use crate::recipe::{Center, Mass, OnBadAsset, PoolOptions, Recipe};
 use parking_lot::Mutex;
 use quick_cache::Weighter;
 use quick_cache::sync::Cache;
@@ -214,18 +214,20 @@ impl Pool<'_> {
         }
         let bounds = object.mesh.bounds();
         let longest = bounds.size().max();
-        let scale = options.longest_side_m.map_or(options.scale, |wanted| wanted / longest);
+        let scale = options.scale.factor(longest);
         let center = bounds.center();
         let offset = match options.center {
             Center::Bounds => -center.coords,
             Center::Bottom => -Point3::new(center.x, center.y, bounds.min.z).coords,
             Center::None => Vector3::zeros(),
         };
-        let mass = match (options.mass_kg, options.density_kg_m3) {
-            (Some(mass), _) => mass,
-            (None, Some(density)) => (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4),
-            (None, None) if scale == 1.0 => object.mass_kg,
-            (None, None) => estimate_kg(Topology::of(&object.mesh).solid_volume() * scale.powi(3)),
+        let mass = match options.mass {
+            Some(Mass::Kg(mass)) => mass,
+            Some(Mass::DensityKgM3(density)) => {
+                (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4)
+            }
+            None if scale == 1.0 => object.mass_kg,
+            None => estimate_kg(Topology::of(&object.mesh).solid_volume() * scale.powi(3)),
         };
         let untouched = scale == 1.0 && offset.norm() == 0.0;
         let mesh = if untouched { Arc::clone(&object.mesh) } else { Arc::new(object.mesh.transformed(offset, scale)?) };
@@ -281,6 +283,7 @@ impl Log for Named<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recipe::Scale;
     use syntable_model::context::Collected;
     use syntable_model::scene::{AssetClass, Catalog, EnvironmentMap, Scalar, Transmission, Volume};
     use syntable_testing::scenes::{box_mesh, object};
@@ -327,9 +330,9 @@ mod tests {
         let before = passed(&normalized(vec![glass(0.02)], &as_it_is));
         assert!((before - 0.2_f64.powi(20)).abs() < 1e-6 * before, "0.4 m are twenty times 0.02 m: {before}");
         for options in [
-            PoolOptions { scale: 0.05, ..PoolOptions::default() },
-            PoolOptions { scale: 3.0, ..PoolOptions::default() },
-            PoolOptions { longest_side_m: Some(0.1), ..PoolOptions::default() },
+            PoolOptions { scale: Scale::Factor(0.05), ..PoolOptions::default() },
+            PoolOptions { scale: Scale::Factor(3.0), ..PoolOptions::default() },
+            PoolOptions { scale: Scale::Size { longest_side_m: 0.1 }, ..PoolOptions::default() },
         ] {
             let after = passed(&normalized(vec![glass(0.02)], &options));
             assert!((after / before - 1.0).abs() < 1e-4, "{options:?}: {after}, not {before}");
@@ -394,6 +397,9 @@ mod tests {
             (pairs.iter().map(|(a, b)| Arc::ptr_eq(a, b)).collect(), pairs.iter().all(|(a, b)| a.digest == b.digest))
         };
         assert_eq!(kept(&PoolOptions::default()), (vec![true; 3], true));
-        assert_eq!(kept(&PoolOptions { scale: 2.0, ..PoolOptions::default() }), (vec![true, true, false], false));
+        assert_eq!(
+            kept(&PoolOptions { scale: Scale::Factor(2.0), ..PoolOptions::default() }),
+            (vec![true, true, false], false)
+        );
     }
 }

@@ -87,7 +87,7 @@ fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
 
 fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), seed: u64, wants: &[KeyId]) -> Products {
     let options = CpuPath { samples_per_pixel: samples, regularize, ..CpuPath::default() };
-    let mut session = CpuPathRenderer::new(options).expect("sound options").session();
+    let mut session = CpuPathRenderer::new(options).session();
     session.load(scene, &Threads(2)).expect("loads");
     let mut products = Products::new();
     // The renderer knows the noisy image as the image.

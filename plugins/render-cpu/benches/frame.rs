@@ -19,7 +19,7 @@ fn main() {
 
     for max_bounces in [8, 1] {
         let options = CpuPath { samples_per_pixel: samples, max_bounces, ..CpuPath::default() };
-        let mut session = CpuPathRenderer::new(options).expect("sound options").session();
+        let mut session = CpuPathRenderer::new(options).session();
         let started = Instant::now();
         session.load(&scene, &workers).expect("loads");
         if max_bounces == 8 {

@@ -44,7 +44,7 @@ pub struct CpuPath {
     /// Maximum luminance of one indirect contribution to a path, nits. Removes fireflies, and some true light with them;
     /// without it the image is unbiased.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub max_indirect_luminance_nits: Option<f64>,
     /// Minimum perceptual roughness of surfaces after the first rough bounce (path-space regularization, Kaplanyan and
     /// Dachsbacher, 2013). 0.3 or so blurs caustics, which are fireflies otherwise, without losing light; what the camera
@@ -54,12 +54,12 @@ pub struct CpuPath {
     /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such as
     /// 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get as many.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 1.0))]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub noise: Option<f64>,
     /// Time limit per image, seconds; `samples_per_pixel` is then the maximum. The number of samples depends on the
     /// machine and its load, so such images are not reproducible; `render_report` has the number.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0))]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
 }
 
@@ -84,7 +84,7 @@ impl Config for CpuPath {
     const EXAMPLE: &'static str = "samples_per_pixel = 64\nmax_bounces = 8";
 
     fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
-        Ok(Box::new(CpuPathRenderer::new(self)?))
+        Ok(Box::new(CpuPathRenderer::new(self)))
     }
 }
 
@@ -106,35 +106,9 @@ pub struct CpuPathSession {
 }
 
 impl CpuPathRenderer {
-    /// Builds the renderer.
-    pub fn new(options: CpuPath) -> Result<Self, ConfigError> {
-        let max_indirect_luminance_nits = match options.max_indirect_luminance_nits {
-            Some(nits) if nits <= 0.0 || nits.is_nan() => {
-                return Err(ConfigError::new(
-                    "max_indirect_luminance_nits",
-                    format!("`max_indirect_luminance_nits = {nits}` leaves no light"),
-                )
-                .help("give a luminance above 0, or leave the key out for no limit"));
-            }
-            Some(nits) => nits as f32,
-            None => f32::INFINITY,
-        };
-        if options.samples_per_pixel == 0 {
-            return Err(ConfigError::new("samples_per_pixel", "`samples_per_pixel = 0` renders no image")
-                .help("give at least 1; leave `radiance` and `rgb` out of the writers to render labels alone"));
-        }
-        for (key, value) in [("noise", options.noise), ("time_s", options.time_s)] {
-            if let Some(value) = value.filter(|value| *value <= 0.0 || !value.is_finite()) {
-                return Err(ConfigError::new(key, format!("`{key} = {value}` is never reached"))
-                    .help(format!("give a number above 0, or leave `{key}` out")));
-            }
-        }
-        if !(0.0..=1.0).contains(&options.regularize) {
-            return Err(ConfigError::new(
-                "regularize",
-                format!("`regularize = {}` is outside 0 to 1", options.regularize),
-            ));
-        }
+    /// Builds the renderer. The options must be within the limits of their schema.
+    pub fn new(options: CpuPath) -> Self {
+        let max_indirect_luminance_nits = options.max_indirect_luminance_nits.map_or(f32::INFINITY, |nits| nits as f32);
         let budget = Budget { samples: options.samples_per_pixel, noise: options.noise, seconds: options.time_s };
         let settings = Settings {
             samples: options.samples_per_pixel,
@@ -145,7 +119,7 @@ impl CpuPathRenderer {
             strategy: Strategy::Combined,
             processor: Processor::detect(),
         };
-        Ok(Self { options, settings, budget, caches: Arc::default() })
+        Self { options, settings, budget, caches: Arc::default() }
     }
 
     /// Opens a session of the concrete type.

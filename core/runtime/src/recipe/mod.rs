@@ -40,7 +40,7 @@ pub use diagnostic::{Diagnostic, Label, Report, Severity};
 pub use lints::lints;
 pub use load::load;
 pub use overrides::Overrides;
-pub use pool::{Center, Part, Pool, PoolOptions, Split};
+pub use pool::{Center, Mass, Part, Pool, PoolOptions, Scale, Split};
 pub use resolved::{with_asset_digests, without_asset_digests};
 pub use schema::{schema, schema_text};
 pub use source::SourceFile;

@@ -43,23 +43,14 @@ pub struct PoolOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     pub license: Option<String>,
-    /// Scale factor of the objects; 0.001 converts millimeters to meters.
-    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e6))]
-    pub scale: f64,
-    /// Length of the longest side of each object's bounding box, meters; objects are scaled to it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1000))]
-    pub longest_side_m: Option<f64>,
+    /// Scale of the objects: a factor, such as 0.001 for files in millimeters, or `{ longest_side_m = 0.2 }`.
+    pub scale: Scale,
     /// Origin of the objects.
     pub center: Center,
-    /// Density of the objects, kg/m³: mass is density times volume.
+    /// Mass of the objects: `{ kg = 0.3 }` each, or `{ density_kg_m3 = 800 }` times the volume of the mesh. If left out, the
+    /// mass is that of the source.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))]
-    pub density_kg_m3: Option<f64>,
-    /// Mass of each object, kg.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))]
-    pub mass_kg: Option<f64>,
+    pub mass: Option<Mass>,
     /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,
 }
@@ -73,14 +64,48 @@ impl Default for PoolOptions {
             exclude_list: None,
             split: None,
             license: None,
-            scale: 1.0,
-            longest_side_m: None,
+            scale: Scale::Factor(1.0),
             center: Center::Bounds,
-            density_kg_m3: None,
-            mass_kg: None,
+            mass: None,
             single_part_only: false,
         }
     }
+}
+
+/// Scale of the objects of a pool.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, deny_unknown_fields)]
+#[schemars(rename = "ObjectScale")]
+pub enum Scale {
+    /// A factor; 0.001 converts millimeters to meters.
+    Factor(#[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e6))] f64),
+    /// Each object is scaled to a size.
+    Size {
+        /// Length of the longest side of each object's bounding box, meters.
+        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1000))]
+        longest_side_m: f64,
+    },
+}
+
+impl Scale {
+    /// The factor for an object whose bounding box has a longest side of that length, meters.
+    pub fn factor(self, longest_m: f64) -> f64 {
+        match self {
+            Self::Factor(factor) => factor,
+            Self::Size { longest_side_m } => longest_side_m / longest_m,
+        }
+    }
+}
+
+/// Mass of the objects of a pool.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "ObjectMass")]
+pub enum Mass {
+    /// Mass of each object, kg.
+    Kg(#[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))] f64),
+    /// Density, kg/m³: mass is density times the volume of the mesh.
+    DensityKgM3(#[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))] f64),
 }
 
 /// Origin of an object.
@@ -152,8 +177,7 @@ impl Split {
 
 impl PoolOptions {
     /// Options that apply to objects alone, not to materials or environment maps.
-    pub const FOR_OBJECTS: [&'static str; 6] =
-        ["scale", "longest_side_m", "center", "density_kg_m3", "mass_kg", "single_part_only"];
+    pub const FOR_OBJECTS: [&'static str; 4] = ["scale", "center", "mass", "single_part_only"];
 
     /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {
@@ -164,14 +188,6 @@ impl PoolOptions {
     pub(crate) fn validate(&self) -> std::result::Result<(), ConfigError> {
         patterns("include", &self.include)?;
         patterns("exclude", &self.exclude)?;
-        if self.longest_side_m.is_some() && self.scale != 1.0 {
-            return Err(ConfigError::new("longest_side_m", "`longest_side_m` and `scale` contradict each other")
-                .help("keep one of them"));
-        }
-        if self.mass_kg.is_some() && self.density_kg_m3.is_some() {
-            return Err(ConfigError::new("mass_kg", "`mass_kg` and `density_kg_m3` contradict each other")
-                .help("keep one of them"));
-        }
         if let Some(split) = &self.split
             && split.val_fraction + split.test_fraction > 1.0
         {

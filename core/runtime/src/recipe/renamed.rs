@@ -24,7 +24,13 @@ pub(crate) struct RenamedNames<'r> {
 
 /// All names that have changed.
 pub(crate) const RENAMED: RenamedNames<'static> = RenamedNames {
-    pool: &[("centre", "center"), ("licence", "license")], // typos: ignore
+    pool: &[
+        ("centre", "center"),   // typos: ignore
+        ("licence", "license"), // typos: ignore
+        ("longest_side_m", "scale.longest_side_m"),
+        ("mass_kg", "mass.kg"),
+        ("density_kg_m3", "mass.density_kg_m3"),
+    ],
     dataset: &[],
     kinds: &[],
     products: PRODUCTS,

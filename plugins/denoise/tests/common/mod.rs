@@ -61,7 +61,7 @@ impl Room {
         ];
         // As recipes have it: caustics converge too slowly for a reference.
         let options = CpuPath { samples_per_pixel, regularize: 0.3, ..CpuPath::default() };
-        let mut session = CpuPathRenderer::new(options).expect("sound options").session();
+        let mut session = CpuPathRenderer::new(options).session();
         session.load(&self.scene, &Threads(2)).expect("loads");
         let stream = Stream::root(seed);
         let request = RenderRequest::new(&self.view, &wants, stream, &Threads(2));

@@ -36,8 +36,7 @@ fn room() -> (std::sync::Arc<Scene>, View) {
 /// Mean and standard error of every pixel, over images of different seeds.
 fn estimate(strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
     let (scene, view) = room();
-    let mut session =
-        crate::CpuPathRenderer::new(options(samples, 3)).expect("sound").session().with_strategy(strategy);
+    let mut session = crate::CpuPathRenderer::new(options(samples, 3)).session().with_strategy(strategy);
     session.load(&scene, &Serial).expect("loads");
     let mut sums = vec![[0.0_f64; 2]; 24 * 18];
     let mut last = None;

@@ -113,7 +113,7 @@ fn any_number_of_workers_gives_the_same_bits() {
 fn any_number_of_lanes_gives_the_same_bits() {
     let (scene, view) = busy_scene();
     let many = render(options(5, 4), &scene, &view, &[RADIANCE.id()]);
-    let mut session = crate::CpuPathRenderer::new(options(5, 4)).expect("sound").session().portable();
+    let mut session = crate::CpuPathRenderer::new(options(5, 4)).session().portable();
     session.load(&scene, &Serial).expect("loads");
     let mut one = Products::new();
     let request = RenderRequest::new(&view, &LIGHT, Stream::root(7), &Serial);
@@ -136,7 +136,7 @@ fn exactly_what_is_wanted_is_made_and_does_not_depend_on_the_rest() {
 #[test]
 fn the_seed_matters_and_sessions_can_be_used_again() {
     let (scene, view) = busy_scene();
-    let mut session = crate::CpuPathRenderer::new(options(2, 2)).expect("sound").session();
+    let mut session = crate::CpuPathRenderer::new(options(2, 2)).session();
     let mut image = |seed: u64| {
         session.load(&scene, &Serial).expect("loads");
         let mut frame = Products::new();
@@ -152,7 +152,7 @@ fn the_seed_matters_and_sessions_can_be_used_again() {
 #[test]
 fn a_session_without_a_scene_says_so() {
     let (_, view) = busy_scene();
-    let mut session = crate::CpuPathRenderer::new(options(1, 1)).expect("sound").session();
+    let mut session = crate::CpuPathRenderer::new(options(1, 1)).session();
     for want in ALL {
         let wants = [want];
         let request = RenderRequest::new(&view, &wants, Stream::root(1), &Serial);
@@ -228,7 +228,13 @@ fn options_are_checked_and_the_example_builds() {
     let built = entry.construct_str("samples_per_pixel = 8\nmax_indirect_luminance_nits = 1e4").expect("builds");
     assert_eq!(built.options["russian_roulette_from"].as_integer(), Some(3));
     assert!(entry.construct_str("").expect("builds").options.get("max_indirect_luminance_nits").is_none());
-    for wrong in ["max_indirect_luminance_nits = 0", "max_indirect_luminance_nits = nan", "samples_per_pixel = 0"] {
+    for wrong in [
+        "max_indirect_luminance_nits = 0",
+        "max_indirect_luminance_nits = nan",
+        "samples_per_pixel = 0",
+        "time_s = inf",
+        "noise = 0",
+    ] {
         assert!(entry.construct_str(wrong).is_err(), "{wrong}");
     }
 }

@@ -221,7 +221,7 @@ fn everything() -> (Arc<Scene>, View) {
 fn all_strategies_agree_on_every_light_and_layer() {
     let (scene, view) = everything();
     let estimate = |strategy: Strategy, samples: u32| {
-        let renderer = CpuPathRenderer::new(options(samples, 4)).expect("sound");
+        let renderer = CpuPathRenderer::new(options(samples, 4));
         let mut session = renderer.session().with_strategy(strategy);
         session.load(&scene, &Serial).expect("loads");
         let image = |number: u64| {

@@ -97,7 +97,7 @@ fn lenses_give_the_same_bits_in_any_number_of_lanes() {
     let lens = ThinLens { aperture_radius_m: 0.03, focus_distance_m: 3.5 };
     let view = through(from_above(37, 40.0, vec![Light::Sphere(light)]), Some(lens), Some(BARREL));
     let image = |portable: bool, threads: usize| {
-        let renderer = CpuPathRenderer::new(options(5, 3)).expect("sound");
+        let renderer = CpuPathRenderer::new(options(5, 3));
         let mut session = if portable { renderer.session().portable() } else { renderer.session() };
         session.load(&scene, &Serial).expect("loads");
         let (mut frame, stream) = (Products::new(), Stream::root(3));

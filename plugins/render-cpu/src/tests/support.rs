@@ -161,7 +161,7 @@ pub fn render_with(
     wants: &[KeyId],
     workers: &dyn Workers,
 ) -> Result<Products> {
-    let mut session = CpuPathRenderer::new(options).expect("sound options").session().with_strategy(strategy);
+    let mut session = CpuPathRenderer::new(options).session().with_strategy(strategy);
     session.load(scene, workers)?;
     let mut frame = Products::new();
     let stream = Stream::root(7);
@@ -178,7 +178,7 @@ pub fn render_part(
     window: Window,
     bodies: Bodies,
 ) -> Products {
-    let mut session = CpuPathRenderer::new(options).expect("sound options").session();
+    let mut session = CpuPathRenderer::new(options).session();
     session.load(scene, &Serial).expect("loads");
     let mut frame = Products::new();
     let request = RenderRequest::new(view, wants, Stream::root(7), &Serial);

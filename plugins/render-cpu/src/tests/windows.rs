@@ -28,7 +28,7 @@ fn image(view: &View) -> Window {
 #[test]
 fn the_renderer_conforms() {
     let (scene, view) = busy_scene();
-    let renderer = crate::CpuPathRenderer::new(options(2, 2)).expect("sound");
+    let renderer = crate::CpuPathRenderer::new(options(2, 2));
     let request = RenderRequest::new(&view, &ALL, Stream::root(3), &Serial);
     conformance::renderer(&renderer, &scene, &request, &[&Serial, &Threads(2)]);
 }
@@ -167,7 +167,7 @@ fn an_object_seen_in_its_place_looks_as_in_the_whole_scene() {
 #[test]
 fn a_body_that_is_not_there_is_an_error() {
     let (scene, view) = busy_scene();
-    let mut session = crate::CpuPathRenderer::new(options(1, 1)).expect("sound").session();
+    let mut session = crate::CpuPathRenderer::new(options(1, 1)).session();
     session.load(&scene, &Serial).expect("loads");
     for id in [0, 5] {
         let request = RenderRequest::new(&view, &PIXELS, Stream::root(1), &Serial);
