@@ -347,8 +347,8 @@ impl<'s> Reference<'s> {
         let example = format!("{header}\n{}", entry.example.trim());
         let _ = write!(section, "\n### Example\n\n```toml\n{}\n```\n", example.trim());
         if entry.slot == Slot::Write {
-            section += "\n### Sample output\n\nOf the example, for a scene with two objects and one view of 64 × 48 \
-                        pixels. “…” stands for what is left out.\n\n";
+            section += "\n### Sample output\n\nWhat the example below writes for a scene with two objects and one view of 64 × 48 \
+                        pixels. “…” marks what is left out.\n\n";
             section += &samples::of(&example);
         }
         let _ = write!(section, "\nFrom `{}`.\n", entry.crate_name);
@@ -615,7 +615,7 @@ fn products(registry: &Registry) -> String {
 fn formats() -> String {
     let mut page = format!(
         "{MADE}# File formats\n\nMeshes, textures and environment maps that pools read. Of one asset in several formats \
-         the one that stands first is read. A crate can [add a format](../plugins.md#a-mesh-or-image-format).\n\n\
+         the first in these lists is read. A crate can [add a format](../plugins.md#a-mesh-or-image-format).\n\n\
          | format | holds | extensions | crate |\n|---|---|---|---|\n"
     );
     let extensions = |list: &[&str]| list.iter().map(|e| format!("`.{e}`")).collect::<Vec<_>>().join(" ");
