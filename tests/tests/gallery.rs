@@ -12,6 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use support::{files, gallery, ok, skip, syntable};
+use syntable_model::digest::Digest;
 use syntable_model::registry::{Registry, Slot};
 use syntable_standard as _;
 
@@ -53,19 +54,17 @@ fn command(verb: &str, recipe: &Path) -> Command {
     command
 }
 
-/// Digest (FNV-1a) of the content of recipes and of those that they extend; comments do not count.
+/// Digest of the content of recipes and of those that they extend; comments do not count.
 fn digest(recipes: &[PathBuf]) -> String {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut content = Vec::new();
     let mut waiting: Vec<PathBuf> = recipes.to_vec();
     while let Some(recipe) = waiting.pop() {
         let table: toml::Table = read(&recipe).parse().unwrap_or_else(|error| panic!("{}: {error}", recipe.display()));
-        for byte in serde_json::to_vec(&table).expect("plain data") {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
-        }
+        content.extend(serde_json::to_vec(&table).expect("plain data"));
         let base = table.get("extends").and_then(toml::Value::as_str);
         waiting.extend(base.map(|base| recipe.parent().expect("in a folder").join(base)));
     }
-    format!("recipes {hash:016x}")
+    format!("recipes {}", Digest::of(&content))
 }
 
 #[test]
