@@ -121,6 +121,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn units_are_ascii_in_the_header() {
+        let form = Form::Image { dtype: DType::F32, channels: None };
+        let coding = Coding::of(&Kind { form, semantic: Semantic::Data, unit: "nit²" }).expect("a float image");
+        let value = Value::Tensor(Tensor::new(DType::F32, &["y", "x"], vec![1, 1], vec![0; 4]));
+        let file = coding.encode(&value, Precision::Float).expect("encodes");
+        assert!(file.windows(13).any(|bytes| bytes == b"string\0\x05\0\0\0ni"), "a text of five bytes");
+        assert!(file.windows(5).any(|bytes| bytes == b"nit^2"));
+    }
+
+    #[test]
     fn channels_are_named_by_the_kind_of_value() {
         let names = |channels, semantic, unit| {
             let form = Form::Image { dtype: DType::F32, channels };
