@@ -161,7 +161,7 @@ class Checker:
 
         visible_box, amodal_box = box(visible), box(amodal)
         self.expect(annotation["visible_bbox"] == visible_box, f"{name}: visible_bbox, not {visible_box}")
-        self.bbox_kinds -= {kind for kind, b in (("visible", visible_box), ("amodal", amodal_box)) if annotation["bbox"] != b}
+        self.bbox_kinds -= {kind for kind, b in (("visible", visible_box if v else amodal_box), ("amodal", amodal_box)) if annotation["bbox"] != b}
         rate = annotation["occluded_rate"]
         self.expect(isinstance(rate, (int, float)) and 0 <= rate <= 1, f"{name}: rate {rate}")
         if self.compat == "syntable_1":

@@ -30,7 +30,7 @@ fn crowded_scenes_of_every_policy_are_right() {
     for (name, policy) in [
         ("occlude", "{ table_and_room = \"occlude\" }"),
         ("clip", "{ table_and_room = \"clip\" }"),
-        ("drop", "{ min_visible_px = 1 }"),
+        ("hidden", "{ min_visible_px = 0 }"),
         ("extend", "{ image_frame = \"extend\" }"),
     ] {
         let out = folder.path().join(name);

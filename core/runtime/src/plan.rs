@@ -583,7 +583,14 @@ impl Resolver {
                 (Scope::Dataset, _) => plan.per_dataset.push(planned),
             }
         }
-        let idle = self.notes.into_iter().zip(&self.candidates).filter(|(note, left)| note.explicit && left.is_some());
+        // A denoiser that replaces nothing leaves images as they are, as the recipe says.
+        let is_missed = |note: &Note, left: &Candidate| {
+            !matches!(left.producer, Producer::Denoiser(_)) || !note.replaces.is_empty()
+        };
+        let idle =
+            self.notes.into_iter().zip(&self.candidates).filter(|(note, left)| {
+                note.explicit && left.as_ref().is_some_and(|candidate| is_missed(note, candidate))
+            });
         plan.idle = idle.map(|(note, _)| Idle { stage: note.stage, provides: note.provides }).collect();
         plan.entries = self.entries;
         Ok(plan)

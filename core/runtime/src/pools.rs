@@ -229,12 +229,6 @@ impl Pool<'_> {
             None if scale == 1.0 => object.mass_kg,
             None => estimate_kg(Topology::of(&object.mesh).solid_volume() * scale.powi(3)),
         };
-        let untouched = scale == 1.0 && offset.norm() == 0.0;
-        let mesh = if untouched { Arc::clone(&object.mesh) } else { Arc::new(object.mesh.transformed(offset, scale)?) };
-        let collision = object.collision.as_ref().map(|parts| {
-            let moved = |p: &[f32; 3]| std::array::from_fn(|i| ((f64::from(p[i]) + offset[i]) * scale) as f32);
-            Arc::new(parts.iter().map(|part| part.iter().map(moved).collect()).collect())
-        });
         let digest = Hasher::new("pooled object")
             .digest(object.digest)
             .number(scale)
@@ -243,29 +237,11 @@ impl Pool<'_> {
             .number(offset.z)
             .number(mass)
             .finish();
-        let license = options.license.clone().unwrap_or(object.license);
-        let materials = object.materials.into_iter().map(|material| scaled(material, scale)).collect();
-        let object = Object { mesh, materials, collision, mass_kg: mass, digest, license, ..object };
+        let license = options.license.clone().unwrap_or_else(|| object.license.clone());
+        let object = Object { mass_kg: mass, digest, license, ..object.transformed(offset, scale)? };
         object.check_extent()?;
         Ok(object)
     }
-}
-
-/// The material of an object that is made larger by a factor.
-///
-/// Its light passes through the object on ways that are longer by that factor; so is the distance after which a medium
-/// has its color, and a large bottle looks like a small one. In glTF this distance is a length in the world, which no
-/// node scales; but a pool's scale changes the unit of a file's whole world.
-fn scaled(material: Arc<Material>, factor: f64) -> Arc<Material> {
-    let medium = material.transmission.as_ref().and_then(|transmission| transmission.volume);
-    if factor == 1.0 || medium.is_none_or(|medium| medium.attenuation_distance_m.is_infinite()) {
-        return material;
-    }
-    let mut material = Arc::unwrap_or_clone(material);
-    if let Some(medium) = material.transmission.as_mut().and_then(|transmission| transmission.volume.as_mut()) {
-        medium.attenuation_distance_m = (f64::from(medium.attenuation_distance_m) * factor) as f32;
-    }
-    Arc::new(material.with_digest())
 }
 
 /// A log that names the asset.

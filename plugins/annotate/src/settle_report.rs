@@ -44,6 +44,7 @@ struct Report<'a> {
     deepest_penetration_m: f64,
     respawned: u32,
     removed: Vec<Removal<'a>>,
+    removed_distractors: u32,
 }
 
 /// A removed object.
@@ -67,6 +68,7 @@ impl<'a> From<&'a Scene> for Report<'a> {
             deepest_penetration_m: report.deepest_penetration_m,
             respawned: report.respawned,
             removed: report.removed.iter().map(Removal::from).collect(),
+            removed_distractors: report.removed_distractors,
         }
     }
 }

@@ -177,10 +177,11 @@ fn hidden_objects_are_kept_or_left_out() {
         _ => vec![],
     });
     for (options, min_visible, max_rate, want) in [
-        ("", 0, 1.0, vec![1, 2, 3, 4]),
+        ("min_visible_px = 0", 0, 1.0, vec![1, 2, 3, 4]),
+        ("", 1, 1.0, vec![1, 3]),
         ("min_visible_px = 1", 1, 1.0, vec![1, 3]),
         ("min_visible_px = 2", 2, 1.0, vec![1]),
-        ("max_occlusion_rate = 0.995", 0, 0.995, vec![1, 3]),
+        ("min_visible_px = 0\nmax_occlusion_rate = 0.995", 0, 0.995, vec![1, 3]),
         ("max_occlusion_rate = 0.75", 0, 0.75, vec![1, 3]),
         ("max_occlusion_rate = 0.7", 0, 0.7, vec![1]),
     ] {
@@ -190,8 +191,8 @@ fn hidden_objects_are_kept_or_left_out() {
     }
     // All hidden: the table is in front of everything.
     let hidden = Rays::new([3, 3], [0, 0], 2, |_, _| vec![3, 1, 2]);
-    check(&hidden, "", &truth(&hidden, false, false, 0, 1.0));
-    let products = annotate(&hidden, "").expect("labels");
+    check(&hidden, "min_visible_px = 0", &truth(&hidden, false, false, 0, 1.0));
+    let products = annotate(&hidden, "min_visible_px = 0").expect("labels");
     assert_eq!(products.get(OCCLUSION_RATE).expect("made").0.values().copied().collect::<Vec<_>>(), [1.0, 1.0]);
     assert!(!products.get(OCCLUSION_ORDER).expect("made").matrix().contains(&true));
 }

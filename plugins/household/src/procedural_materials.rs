@@ -1,6 +1,6 @@
 //! `procedural_materials`: tileable surface materials of 20 families.
 
-use crate::material::MaterialFamily;
+use crate::material::{MaterialFamily, Surface};
 use crate::variants::{check_families, parse_name, variant_catalog};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
@@ -15,6 +15,10 @@ pub struct ProceduralMaterials {
     /// Families to include; all by default.
     #[schemars(length(min = 1))]
     families: Vec<MaterialFamily>,
+    /// Keeps the families that one of these surfaces has in the world, such as boards and carpet for a floor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1))]
+    surfaces: Option<Vec<Surface>>,
     /// Number of variants of each family.
     #[schemars(range(min = 1, max = 10000))]
     variants_per_family: u32,
@@ -28,18 +32,30 @@ pub struct ProceduralMaterials {
 
 impl Default for ProceduralMaterials {
     fn default() -> Self {
-        Self { families: MaterialFamily::ALL.to_vec(), variants_per_family: 8, texture_px: 512, seed: 0 }
+        Self {
+            families: MaterialFamily::ALL.to_vec(),
+            surfaces: None,
+            variants_per_family: 8,
+            texture_px: 512,
+            seed: 0,
+        }
     }
 }
 
 impl Config for ProceduralMaterials {
     type Stage = dyn AssetSource;
     const KIND: &'static str = "procedural_materials";
-    const EXAMPLE: &'static str =
-        "families = [\"wood\", \"marble\", \"tiles\", \"fabric\"]  # all by default\nvariants_per_family = 8";
+    const EXAMPLE: &'static str = "surfaces = [\"floor\"]                        # or families = [\"wood\", \"marble\"]; all by default\nvariants_per_family = 8";
 
     fn build(mut self) -> Result<Box<dyn AssetSource>, ConfigError> {
         check_families("families", &mut self.families, MaterialFamily::name)?;
+        if let Some(surfaces) = &self.surfaces {
+            self.families.retain(|family| family.surfaces().iter().any(|surface| surfaces.contains(surface)));
+        }
+        if self.families.is_empty() {
+            return Err(ConfigError::new("surfaces", "none of `families` is for these surfaces".to_owned())
+                .help("leave out `families` or `surfaces`"));
+        }
         Ok(Box::new(self))
     }
 }

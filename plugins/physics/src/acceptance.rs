@@ -2,7 +2,7 @@
 
 use crate::engine::{Engine, Overlap};
 use crate::rapier::{OnViolation, Rapier, Remove};
-use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, Vector3};
+use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Role, SettleReport, Tabletop};
 
@@ -15,14 +15,27 @@ const MAX_DURATIONS: f64 = 10.0;
 /// Name of the random stream of respawn poses. It is part of the output: another name gives other datasets.
 const RESPAWN_STREAM: &str = "drop_again";
 
+/// Where bodies are accepted.
+#[derive(Clone, Copy)]
+pub struct Place {
+    /// Bodies are respawned above it, and must be above it if those off it are removed.
+    pub tabletop: Option<Tabletop>,
+    /// Height of the ceiling, meters; none under the open sky.
+    pub ceiling_m: Option<f64>,
+}
+
 /// What the acceptance check must know of a body.
 pub struct BodyInfo {
-    /// Its role; only objects are removed.
+    /// Its role. Objects off the tabletop are removed, distractors are not.
     pub role: Role,
     /// Number in spawn order: keys its random stream.
     pub spawn: u32,
     /// Name, for reasons of removal.
     pub name: String,
+    /// Pose at the start.
+    pub start: Pose,
+    /// Half extents of the rectangle that it is respawned over, meters; the whole tabletop if not set.
+    pub respawn_half_m: Option<[f64; 2]>,
 }
 
 /// The outcome: the figures of the report, and the bodies that were removed, by index.
@@ -37,6 +50,14 @@ pub struct Outcome {
 struct Violator {
     body: usize,
     reason: String,
+    /// Whether it may come to rest if it gets more time.
+    is_moving: bool,
+}
+
+/// An object that was taken out because of where it was.
+struct Fallen {
+    body: usize,
+    reason: &'static str,
 }
 
 /// Lets the bodies of an engine come to rest and removes those that are not accepted.
@@ -44,24 +65,25 @@ pub struct Acceptance<'a> {
     config: &'a Rapier,
     engine: &'a mut Engine,
     infos: &'a [BodyInfo],
-    tabletop: Option<Tabletop>,
+    place: Place,
     respawns: Vec<u32>,
+    /// Whether a body had more time since it was last respawned.
+    waited: Vec<bool>,
     removed: Vec<(usize, String)>,
     simulated_s: f64,
     report: SettleReport,
 }
 
 impl<'a> Acceptance<'a> {
-    /// A check of bodies that have just been added. Bodies are respawned above `tabletop`, and must be above it if
-    /// those off it are removed.
-    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], tabletop: Option<Tabletop>) -> Self {
-        let respawns = vec![0; infos.len()];
+    /// A check of bodies that have just been added.
+    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], place: Place) -> Self {
         Self {
             config,
             engine,
             infos,
-            tabletop,
-            respawns,
+            place,
+            respawns: vec![0; infos.len()],
+            waited: vec![false; infos.len()],
             removed: Vec::new(),
             simulated_s: 0.0,
             report: SettleReport::default(),
@@ -70,11 +92,16 @@ impl<'a> Acceptance<'a> {
 
     /// Simulates and checks, again and again, until no body violates a limit.
     pub fn run(mut self, stream: &Stream) -> Outcome {
-        self.simulate();
+        let mut off = self.pour();
+        off.extend(self.simulate(self.config.duration_s));
         loop {
-            if self.remove_off_tabletop() && self.config.on_violation != OnViolation::Keep && self.engine.is_awake() {
-                self.simulate();
-                continue;
+            off.extend(self.off_tabletop());
+            if !off.is_empty() {
+                let respawned = self.handle_fallen(std::mem::take(&mut off), stream);
+                if respawned || (self.config.on_violation != OnViolation::Keep && self.engine.is_awake()) {
+                    off = self.simulate(self.config.duration_s);
+                    continue;
+                }
             }
             let overlaps = self.engine.overlaps();
             let mut violators = self.violators(&overlaps);
@@ -86,46 +113,95 @@ impl<'a> Acceptance<'a> {
                 return self.finish(&overlaps);
             }
             self.handle(violators, stream);
-            self.simulate();
+            off = self.simulate(self.config.duration_s);
         }
     }
 
-    fn simulate(&mut self) {
-        let objects_only = self.infos.iter().all(|info| info.role == Role::Object);
-        let floor = self.tabletop.filter(|_| objects_only && self.config.remove == Remove::OffTabletop);
+    /// Lets the bodies start one after another, if they are poured. Returns those that fell off meanwhile.
+    fn pour(&mut self) -> Vec<Fallen> {
+        let Some(interval_s) = self.config.pour_interval_s else { return Vec::new() };
+        let mut order: Vec<usize> = self.engine.present().collect();
+        order.sort_by_key(|&body| (self.infos[body].spawn, body));
+        order.iter().for_each(|&body| self.engine.take(body));
+        let mut off = Vec::new();
+        for body in order {
+            let pose = self.lifted(body, self.infos[body].start);
+            self.engine.put(body, &pose);
+            off.extend(self.simulate(interval_s));
+        }
+        off
+    }
+
+    /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off the table meanwhile.
+    fn simulate(&mut self, duration_s: f64) -> Vec<Fallen> {
+        let min_height =
+            self.place.tabletop.filter(|_| self.config.remove == Remove::OffTabletop).map(|tabletop| tabletop.height());
         let mut fallen = Vec::new();
-        let time = self.engine.run(floor.map(|tabletop| tabletop.height()), &mut fallen);
-        self.removed.extend(fallen.into_iter().map(|body| (body, "fell off the table".to_owned())));
+        let is_object = |body: usize| self.infos[body].role == Role::Object;
+        let time = self.engine.run(duration_s, min_height, is_object, &mut fallen);
         self.simulated_s += time;
         self.report.simulated_s = self.report.simulated_s.max(time);
+        fallen.into_iter().map(|body| Fallen { body, reason: "fell off the table" }).collect()
     }
 
-    /// Removes objects whose center is off the tabletop. Returns whether there were any.
-    fn remove_off_tabletop(&mut self) -> bool {
-        let (Remove::OffTabletop, Some(tabletop)) = (self.config.remove, self.tabletop) else { return false };
-        let off: Vec<usize> = self
-            .objects()
-            .filter(|&body| !self.engine.is_broken(body) && !tabletop.column_contains(&self.engine.center(body)))
+    /// Takes out objects whose center is off the tabletop.
+    fn off_tabletop(&mut self) -> Vec<Fallen> {
+        let (Remove::OffTabletop, Some(tabletop)) = (self.config.remove, self.place.tabletop) else {
+            return Vec::new();
+        };
+        let reason = |body: usize| {
+            let center = self.engine.center(body);
+            if self.place.ceiling_m.is_some_and(|ceiling| center.z > ceiling) {
+                Some("above the ceiling")
+            } else if tabletop.column_contains(&center) {
+                None
+            } else if center.z < tabletop.height() {
+                Some("fell off the table")
+            } else {
+                Some("beyond the edge of the table")
+            }
+        };
+        let off: Vec<Fallen> = self
+            .engine
+            .present()
+            .filter(|&body| self.infos[body].role == Role::Object && !self.engine.is_broken(body))
+            .filter_map(|body| Some(Fallen { body, reason: reason(body)? }))
             .collect();
-        for &body in &off {
-            let fell = self.engine.center(body).z < tabletop.height();
-            self.remove(body, if fell { "fell off the table" } else { "beyond the edge of the table" }.to_owned());
-        }
-        !off.is_empty()
+        off.iter().for_each(|fallen| self.engine.take(fallen.body));
+        off
     }
 
-    /// Objects that violate a limit, in the order of their indices.
+    /// Respawns or removes objects that were taken out. Returns whether any was respawned.
+    fn handle_fallen(&mut self, off: Vec<Fallen>, stream: &Stream) -> bool {
+        let (again, lost): (Vec<Fallen>, Vec<Fallen>) =
+            off.into_iter().partition(|fallen| self.config.respawn_fallen && self.may_respawn(fallen.body));
+        self.removed.extend(lost.into_iter().map(|Fallen { body, reason }| (body, reason.to_owned())));
+        again.iter().for_each(|fallen| self.respawn(fallen.body, stream));
+        !again.is_empty()
+    }
+
+    fn may_respawn(&self, body: usize) -> bool {
+        self.infos[body].role == Role::Object
+            && self.respawns[body] < self.config.max_respawns
+            && self.simulated_s < MAX_DURATIONS * self.config.duration_s
+            && !self.engine.is_broken(body)
+    }
+
+    /// Bodies that violate a limit, in the order of their indices.
     fn violators(&self, overlaps: &[Overlap]) -> Vec<Violator> {
         let mut violators: Vec<Violator> = Vec::new();
-        for body in self.objects() {
+        for body in self.engine.present() {
             let (speed, angular_speed) = self.engine.speeds(body);
-            if self.engine.is_broken(body) {
-                violators.push(Violator { body, reason: "its motion left the range of numbers".to_owned() });
+            let (is_moving, reason) = if self.engine.is_broken(body) {
+                (false, "its motion left the range of numbers".to_owned())
             } else if speed > self.config.max_speed_m_s {
-                violators.push(Violator { body, reason: format!("still moving at {speed:.3} m/s") });
+                (true, format!("still moving at {speed:.3} m/s"))
             } else if angular_speed > self.config.max_angular_speed_rad_s {
-                violators.push(Violator { body, reason: format!("still turning at {angular_speed:.3} rad/s") });
-            }
+                (true, format!("still turning at {angular_speed:.3} rad/s"))
+            } else {
+                continue;
+            };
+            violators.push(Violator { body, reason, is_moving });
         }
         let is_violator = |violators: &[Violator], body: usize| violators.iter().any(|violator| violator.body == body);
         // Of two penetrating bodies only one has to go: the one with more such pairs, else the upper one.
@@ -143,7 +219,6 @@ impl<'a> Acceptance<'a> {
                 .iter()
                 .flat_map(|pair| [Some(pair.body), pair.other])
                 .flatten()
-                .filter(|&body| self.infos[body].role == Role::Object)
                 .map(rank)
                 .max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
             let Some((_, _, body)) = worst else { break };
@@ -154,74 +229,78 @@ impl<'a> Acceptance<'a> {
             if let Some(pair) = deepest {
                 let other = if pair.body == body { pair.other } else { Some(pair.body) };
                 let what = other.map_or("the table or the room", |other| &self.infos[other].name);
-                violators.push(Violator { body, reason: format!("{:.1} mm deep in {what}", pair.depth * 1e3) });
+                let reason = format!("{:.1} mm deep in {what}", pair.depth * 1e3);
+                violators.push(Violator { body, reason, is_moving: false });
             }
         }
         violators.sort_by_key(|violator| violator.body);
         violators
     }
 
-    /// Respawns every violator, or removes it if it has used up its respawns.
+    /// Gives violators that move more time, and respawns the others, or removes them if they have used up their respawns.
     fn handle(&mut self, violators: Vec<Violator>, stream: &Stream) {
         let in_time = self.simulated_s < MAX_DURATIONS * self.config.duration_s;
         let mut respawned = Vec::new();
-        for Violator { body, reason } in violators {
-            let may_respawn = self.config.on_violation == OnViolation::Respawn && in_time;
-            if may_respawn && self.respawns[body] < self.config.max_respawns && !self.engine.is_broken(body) {
+        for Violator { body, reason, is_moving } in violators {
+            if self.config.on_violation == OnViolation::Respawn && in_time && is_moving && !self.waited[body] {
+                self.waited[body] = true;
+            } else if self.config.on_violation == OnViolation::Respawn && self.may_respawn(body) {
                 self.engine.take(body);
                 respawned.push(body);
             } else {
-                self.remove(body, reason);
+                self.engine.take(body);
+                self.removed.push((body, reason));
             }
         }
-        for body in respawned {
-            self.respawns[body] += 1;
-            self.report.respawned += 1;
-            let stream =
-                stream.child(RESPAWN_STREAM).at(u64::from(self.infos[body].spawn)).at(u64::from(self.respawns[body]));
-            let pose = self.respawn_pose(body, stream);
-            self.engine.put(body, &pose);
-        }
+        respawned.into_iter().for_each(|body| self.respawn(body, stream));
     }
 
-    /// A pose of random rotation and random position over the tabletop, clear of everything that is there.
+    /// Lets a body that was taken out start anew.
+    fn respawn(&mut self, body: usize, stream: &Stream) {
+        self.respawns[body] += 1;
+        self.waited[body] = false;
+        self.report.respawned += 1;
+        let stream =
+            stream.child(RESPAWN_STREAM).at(u64::from(self.infos[body].spawn)).at(u64::from(self.respawns[body]));
+        let pose = self.respawn_pose(body, stream);
+        self.engine.put(body, &pose);
+    }
+
+    /// A pose over where the body's placer drops bodies, clear of everything that is there. Its rotation is that of the
+    /// start, turned about the vertical, which leaves the distributions of placers as they are.
     fn respawn_pose(&self, body: usize, mut stream: Stream) -> Pose {
-        let rotation = stream.rotation();
-        let rotated = Pose::from_parts(Translation3::identity(), rotation);
+        let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), stream.uniform(0.0, std::f64::consts::TAU));
+        let rotated = Pose::from_parts(Translation3::identity(), yaw * self.infos[body].start.rotation);
         let bounds = self.engine.bounds_at(body, &rotated);
-        let (size, center, area) = (bounds.size(), bounds.center(), self.respawn_area());
+        let (size, center, area) = (bounds.size(), bounds.center(), self.respawn_area(body));
         let mut along = |axis: usize| {
             let room = (area.size()[axis] - size[axis]).max(0.0);
             stream.uniform(-0.5, 0.5) * room + area.center()[axis] - center[axis]
         };
-        let shift = Vector3::new(along(0), along(1), 0.0);
-        let (min, max) = (bounds.min + shift, bounds.max + shift);
-        let below = self
-            .engine
-            .present()
-            .map(|other| self.engine.bounds(other))
-            .filter(|other| (0..2).all(|axis| other.min[axis] < max[axis] && other.max[axis] > min[axis]));
-        let top = below.map(|other| other.max.z).fold(area.min.z, f64::max);
-        Pose::from_parts(Translation3::new(shift.x, shift.y, top + RESPAWN_CLEARANCE_M - min.z), rotation)
+        let shift = Translation3::new(along(0), along(1), area.min.z - bounds.min.z);
+        self.lifted(body, shift * rotated)
     }
 
-    /// Flat box to respawn over: the tabletop, or the extent of what is there.
-    fn respawn_area(&self) -> Aabb {
-        if let Some(tabletop) = self.tabletop {
-            let half = Vector3::new(tabletop.size[0] / 2.0, tabletop.size[1] / 2.0, 0.0);
+    /// A pose lifted until the body is clear of everything that is below it.
+    fn lifted(&self, body: usize, pose: Pose) -> Pose {
+        let bounds = self.engine.bounds_at(body, &pose);
+        let below = self.engine.present().map(|other| self.engine.bounds(other)).filter(|other| {
+            (0..2).all(|axis| other.min[axis] < bounds.max[axis] && other.max[axis] > bounds.min[axis])
+        });
+        let top = below.map(|other| other.max.z).fold(self.respawn_area(body).min.z, f64::max);
+        let lift = (top + RESPAWN_CLEARANCE_M - bounds.min.z).max(0.0);
+        Translation3::new(0.0, 0.0, lift) * pose
+    }
+
+    /// Flat box to respawn a body over: where its placer drops bodies, the tabletop, or the extent of what is there.
+    fn respawn_area(&self, body: usize) -> Aabb {
+        if let Some(tabletop) = self.place.tabletop {
+            let [x, y] = self.infos[body].respawn_half_m.unwrap_or(tabletop.size.map(|edge| edge / 2.0));
+            let half = Vector3::new(x, y, 0.0);
             return Aabb { min: tabletop.center() - half, max: tabletop.center() + half };
         }
         let all = self.engine.present().map(|body| self.engine.bounds(body)).reduce(Aabb::union);
         all.unwrap_or(Aabb { min: Point3::origin(), max: Point3::origin() })
-    }
-
-    fn objects(&self) -> impl Iterator<Item = usize> + '_ {
-        self.engine.present().filter(|&body| self.infos[body].role == Role::Object)
-    }
-
-    fn remove(&mut self, body: usize, reason: String) {
-        self.engine.take(body);
-        self.removed.push((body, reason));
     }
 
     fn finish(mut self, overlaps: &[Overlap]) -> Outcome {

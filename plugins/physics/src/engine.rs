@@ -25,8 +25,12 @@ use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Aabb, Point3, Pose};
 use syntable_model::scene::BodyDraft;
 
-/// Distance ahead of a moving body at which contacts are predicted, meters.
+/// Minimum distance ahead of a moving body at which contacts are predicted, meters.
 const SPECULATIVE_M: f64 = 0.02;
+
+/// A body that has fallen one meter; what is ahead of it within a time step is predicted, so that it does not pass
+/// through, m/s.
+const FALLING_M_S: f64 = 4.5;
 
 /// Seconds of stillness after which a body sleeps.
 const SLEEP_AFTER_S: f32 = 0.5;
@@ -42,6 +46,7 @@ pub struct DynamicBody {
     center: Point3<f64>,
     mass: f64,
     friction: f32,
+    restitution: Option<f32>,
     rigid: Option<RigidBodyHandle>,
 }
 
@@ -62,7 +67,6 @@ pub struct Engine {
     bodies: Vec<DynamicBody>,
     static_bodies: Vec<StaticBody>,
     step_s: f64,
-    duration_s: f64,
     restitution: f32,
     angular_damping: f32,
 }
@@ -96,7 +100,6 @@ impl Engine {
             bodies: Vec::new(),
             static_bodies,
             step_s: config.time_step_s,
-            duration_s: config.duration_s,
             restitution: config.restitution as f32,
             angular_damping: config.angular_damping_per_s as f32,
         }
@@ -120,7 +123,8 @@ impl Engine {
             shape,
             center: body.object.mesh.bounds().center(),
             mass,
-            friction: friction(body.object.friction),
+            friction: friction(body.friction),
+            restitution: body.restitution.map(|restitution| restitution as f32),
             rigid: None,
         });
         self.put(self.bodies.len() - 1, &body.world_from_body);
@@ -129,18 +133,18 @@ impl Engine {
     /// Puts a body at a pose and at rest, whether it was in the world or not.
     pub fn put(&mut self, index: usize, world_from_body: &Pose) {
         self.take(index);
-        let DynamicBody { shape, mass, friction, .. } = &self.bodies[index];
+        let DynamicBody { shape, mass, friction, restitution, .. } = &self.bodies[index];
+        let restitution = restitution.unwrap_or(self.restitution);
         let mut body = RigidBodyBuilder::dynamic()
             .pose(units::pose(world_from_body))
             .additional_mass_properties(shape.with_mass(*mass))
             .angular_damping(self.angular_damping)
-            .soft_ccd_prediction(units::length(SPECULATIVE_M))
+            .soft_ccd_prediction(units::length(SPECULATIVE_M.max(FALLING_M_S * self.step_s)))
             .build();
         body.activation_mut().time_until_sleep = SLEEP_AFTER_S;
         let rigid = self.world.insert_body(body);
         for part in &shape.parts {
-            let collider =
-                ColliderBuilder::new(part.clone()).density(0.0).friction(*friction).restitution(self.restitution);
+            let collider = ColliderBuilder::new(part.clone()).density(0.0).friction(*friction).restitution(restitution);
             self.world.insert_collider(collider, Some(rigid));
         }
         self.bodies[index].rigid = Some(rigid);
@@ -158,16 +162,23 @@ impl Engine {
         (0..self.bodies.len()).filter(|&body| self.bodies[body].rigid.is_some())
     }
 
-    /// Simulates until everything sleeps or the time is over. Returns the simulated time, s. Bodies that are completely
-    /// below `min_height` are taken out on the way, and their indices are added to `fallen`.
-    pub fn run(&mut self, min_height: Option<f64>, fallen: &mut Vec<usize>) -> f64 {
-        let steps = (self.duration_s / self.step_s).ceil() as usize;
+    /// Simulates until everything sleeps or `duration_s` is over. Returns the simulated time, s. Bodies that `may_fall`
+    /// and are completely below `min_height` are taken out on the way, and their indices are added to `fallen`.
+    pub fn run(
+        &mut self,
+        duration_s: f64,
+        min_height: Option<f64>,
+        may_fall: impl Fn(usize) -> bool,
+        fallen: &mut Vec<usize>,
+    ) -> f64 {
+        let steps = (duration_s / self.step_s).ceil() as usize;
         for step in 1..=steps {
             self.world.step();
             if let Some(height) = min_height
                 && step % FALL_CHECK_STEPS == 0
             {
-                let below: Vec<usize> = self.present().filter(|&body| self.bounds(body).max.z < height).collect();
+                let below: Vec<usize> =
+                    self.present().filter(|&body| may_fall(body) && self.bounds(body).max.z < height).collect();
                 below.iter().for_each(|&body| self.take(body));
                 fallen.extend(below);
             }

@@ -7,8 +7,11 @@
 //! 2. `static_body`: supports become convex parts too, with a thick slab under a flat tabletop; floor, walls and
 //!    ceiling become half-spaces.
 //! 3. `engine`: the simulation runs until everything sleeps or the time is over.
-//! 4. `acceptance`: bodies off the tabletop are removed. Bodies that still move, or penetrate another deeper than a
-//!    limit, are respawned above the pile or removed, and the rest settles again, until no body violates a limit.
+//! 4. `acceptance`: bodies off the tabletop are removed or respawned. Bodies that still move get more time; those that
+//!    move even then, or penetrate another deeper than a limit, are respawned above the pile or removed, and the rest
+//!    settles again, until no body violates a limit.
+//!
+//! The kind `none` leaves every body where it was placed.
 //!
 //! **What is measured.** The penetration depth of two bodies is the largest depth of any two of their convex parts, and
 //! the depth of two convex parts is the length of their minimum translation vector. Speed is that of the center of mass
@@ -17,7 +20,7 @@
 //! **Invariants.** Poses depend on the scene, the options and the stream alone: each scene is simulated on one thread
 //! of its own with platform-independent arithmetic, bodies are inserted in the order in which they were added, and
 //! cached parts are read back bit by bit. The acceptance loop ends on any input: every round uses up one of a body's
-//! respawns or removes a body.
+//! respawns or the one time that it is waited for after each, or removes a body.
 //!
 //! **Units.** Meters, kilograms, seconds, in f64; inside the engine eighths of meters, in f32 (see `units`).
 
@@ -27,11 +30,13 @@ mod decompose;
 mod engine;
 mod hull_cache;
 mod hull_codec;
+mod none;
 mod rapier;
 mod settle;
 mod static_body;
 mod units;
 
+pub use none::NoPhysics;
 pub use rapier::{Collision, Mass, OnViolation, Rapier, Remove};
 
 #[cfg(test)]

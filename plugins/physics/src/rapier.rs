@@ -16,7 +16,7 @@ pub struct Rapier {
     #[schemars(range(min = 0.01, max = 60.0))]
     pub(crate) duration_s: f64,
     /// Time step, seconds; at most `duration_s`. Longer steps are faster, but bodies penetrate deeper.
-    #[schemars(range(min = 0.0005, max = 0.04))]
+    #[schemars(range(min = 0.0005, max = 0.02))]
     pub(crate) time_step_s: f64,
     /// Gravitational acceleration, m/s², along −z.
     #[schemars(range(min = 0.1, max = 30.0))]
@@ -37,14 +37,22 @@ pub struct Rapier {
     pub(crate) concavity: f64,
     /// Mass of dynamic bodies: `"real"` for the object's own, or `{ kg = 1.0 }` for the same mass for all.
     pub(crate) mass: Mass,
-    /// Coefficient of restitution of all contacts: 0 is inelastic, 1 fully elastic.
+    /// Coefficient of restitution: 0 is inelastic, 1 fully elastic. A placer can give its objects another.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) restitution: f64,
     /// Damping of angular velocity, 1/s. It approximates rolling friction.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub(crate) angular_damping_per_s: f64,
+    /// Pours the bodies: they start one after another in spawn order, this many seconds apart, above what is already
+    /// there. Without it all start at once.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.01, max = 10.0))]
+    pub(crate) pour_interval_s: Option<f64>,
     /// Which bodies are removed because of where they came to rest.
     pub(crate) remove: Remove,
+    /// Whether objects that would be removed because of where they came to rest are respawned first, up to
+    /// `max_respawns` times each: nearly as many objects stay on the table as were dropped.
+    pub(crate) respawn_fallen: bool,
     /// What happens to an object that violates one of the limits below.
     pub(crate) on_violation: OnViolation,
     /// Maximum number of times that one object is respawned before it is removed.
@@ -85,17 +93,18 @@ pub enum Mass {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Remove {
-    /// Objects whose bounding-box center is below the tabletop or outside its width and length.
+    /// Objects whose bounding-box center is below the tabletop, outside its width and length, or above the ceiling.
     OffTabletop,
     /// No bodies.
     Keep,
 }
 
-/// What happens to an object that violates a limit.
+/// What happens to an object that violates a limit. One that only moves gets `duration_s` more time first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnViolation {
-    /// It is respawned above the pile in a random pose; after `max_respawns` times it is removed.
+    /// It is respawned above the pile, in its start orientation turned about the vertical; after `max_respawns` times it
+    /// is removed. Distractors are removed at once.
     Respawn,
     /// It is removed.
     Remove,
@@ -116,7 +125,9 @@ impl Default for Rapier {
             mass: Mass::Real,
             restitution: 0.0,
             angular_damping_per_s: 0.5,
+            pour_interval_s: None,
             remove: Remove::OffTabletop,
+            respawn_fallen: false,
             on_violation: OnViolation::Respawn,
             max_respawns: 3,
             max_speed_m_s: 0.01,

@@ -1,6 +1,6 @@
 //! The stage: moves the bodies of a scene to their poses at rest.
 
-use crate::acceptance::{Acceptance, BodyInfo, Outcome};
+use crate::acceptance::{Acceptance, BodyInfo, Outcome, Place};
 use crate::engine::Engine;
 use crate::hull_cache::HullCache;
 use crate::rapier::{Mass, Rapier, Remove};
@@ -76,14 +76,21 @@ impl Settler for Settle {
 
         let infos: Vec<BodyInfo> = dynamic
             .iter()
-            .map(|(_, body, _)| BodyInfo { role: body.role, spawn: body.spawn, name: body.asset.to_string() })
+            .map(|(_, body, _)| BodyInfo {
+                role: body.role,
+                spawn: body.spawn,
+                name: body.asset.to_string(),
+                start: body.world_from_body,
+                respawn_half_m: body.respawn_half_m,
+            })
             .collect();
+        let place = Place { tabletop, ceiling_m: scene.ceiling_height() };
         let mut engine = Engine::new(&self.config, static_bodies);
         for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone(), self.config.mass);
         }
         let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
-            let outcome = Acceptance::new(&self.config, engine, &infos, tabletop).run(&context.stream);
+            let outcome = Acceptance::new(&self.config, engine, &infos, place).run(&context.stream);
             let poses: Vec<(usize, Pose)> = engine.present().map(|body| (body, engine.pose(body))).collect();
             (outcome, poses)
         })?;
@@ -95,6 +102,10 @@ impl Settler for Settle {
         for (index, reason) in removed {
             let (handle, body, _) = &dynamic[index];
             scene.remove(*handle);
+            if body.role != Role::Object {
+                report.removed_distractors += 1;
+                continue;
+            }
             report.removed.push(Removal { spawn: body.spawn, asset: body.asset.clone(), reason });
         }
         report.removed.sort_by_key(|removal| removal.spawn);

@@ -63,7 +63,7 @@ pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody>
     axes.sort_by(|&a, &b| size[a].total_cmp(&size[b]));
     let thin = axes[0];
     let pose = body.world_from_body;
-    let friction = friction(body.object.friction);
+    let friction = friction(body.friction);
     if size[thin] <= MAX_FLATNESS * size[axes[1]] {
         let axis = pose * Vector3::ith(thin, 1.0);
         for normal in [axis, -axis] {
@@ -88,7 +88,7 @@ pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody>
 
 /// The static bodies of a support: the slab under its top, if that is flat, and its convex parts.
 pub fn support(body: &BodyDraft, shape: &CollisionShape, tabletop: Option<&Tabletop>) -> Vec<StaticBody> {
-    let friction = friction(body.object.friction);
+    let friction = friction(body.friction);
     let pose = units::pose(&body.world_from_body);
     let slab = tabletop.and_then(|tabletop| slab(body, tabletop));
     let mut parts: Vec<SharedShape> = shape.parts.clone();

@@ -196,10 +196,147 @@ fn moving_bodies_are_detected() {
     assert!(report.removed[0].reason.starts_with("still moving at 0.98"), "{report:?}");
     assert_eq!(report.residual_speed_m_s, 0.0);
 
-    // Too short to come to rest: all respawns are used up, then the body is removed.
+    // What only needs more time gets it once: 0.32 s to the table, from where it does not move any more.
     let mut scene = falling();
-    let report = settle("duration_s = 0.05\nmax_respawns = 2", &mut scene);
+    let report = settle("duration_s = 0.3", &mut scene);
+    assert_eq!((report.respawned, report.removed.len()), (0, 0), "{report:?}");
+    assert!((heights(&scene)[0] - f64::from(CUBE) / 2.0).abs() < 0.001);
+
+    // Too short to fall 3 cm even twice: all respawns are used up, then the body is removed.
+    let mut scene = falling();
+    let report = settle("duration_s = 0.03\nmax_respawns = 2", &mut scene);
     assert_eq!((report.respawned, report.removed.len()), (2, 1), "{report:?}");
+
+    // Distractors move no less.
+    let mut scene = table_scene();
+    scene.add(draft(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.5), Role::Distractor, Motion::Dynamic));
+    let report = settle("on_violation = \"remove\"\nduration_s = 0.1", &mut scene);
+    assert_eq!((report.removed.len(), report.removed_distractors, report.residual_speed_m_s), (0, 1, 0.0));
+}
+
+#[test]
+fn what_fell_off_is_dropped_again() {
+    let scene = || {
+        let mut scene = table_scene();
+        scene.add(dynamic(&cube(), at(1.0, 0.0, TABLE_HEIGHT + 0.1)));
+        scene.add(dynamic(&cube(), at(0.61, 0.0, TABLE_HEIGHT + 0.1)));
+        scene
+    };
+    let mut lost = scene();
+    assert_eq!(settle("", &mut lost).removed.len(), 2);
+    let mut kept = scene();
+    let report = settle("respawn_fallen = true", &mut kept);
+    assert!(report.removed.is_empty() && report.respawned >= 2, "{report:?}");
+    for body in objects(&kept) {
+        let place = body.world_from_body.translation.vector;
+        assert!(place.x.abs() < 0.6 && place.y.abs() < 0.4 && place.z > TABLE_HEIGHT, "{place:?}");
+    }
+}
+
+#[test]
+fn a_respawned_body_keeps_to_its_placer() {
+    let mut scene = caged_cube();
+    let handle = scene.bodies().find(|(_, body)| body.role == Role::Object).expect("a cube").0;
+    let body = scene.remove(handle).expect("a cube");
+    scene.add(BodyDraft { respawn_half_m: Some([0.05, 0.08]), ..body });
+    let report = settle("", &mut scene);
+    assert!(report.removed.is_empty() && report.respawned >= 1, "{report:?}");
+    let pose = objects(&scene).next().expect("a cube").world_from_body;
+    assert!(pose.translation.x.abs() < 0.051 && pose.translation.y.abs() < 0.081, "{pose:?}");
+    let up = pose.rotation * Vector3::z();
+    assert!((up - Vector3::z()).norm() < 0.01, "it started upright: {up:?}");
+}
+
+#[test]
+fn poured_bodies_start_one_after_another() {
+    // All start at one place, where only one has room.
+    let scene = || {
+        let mut scene = table_scene();
+        for _ in 0..8 {
+            scene.add(dynamic(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.1)));
+        }
+        scene
+    };
+    let mut together = scene();
+    let report = settle("on_violation = \"keep\"\nremove = \"keep\"\nduration_s = 0.01", &mut together);
+    assert!(report.deepest_penetration_m > 0.02, "{report:?}");
+    let mut poured = scene();
+    let report = settle("pour_interval_s = 0.2\nremove = \"keep\"", &mut poured);
+    assert!(report.deepest_penetration_m < 0.002 && report.respawned == 0, "{report:?}");
+    assert_eq!(objects(&poured).count(), 8);
+    let highest = heights(&poured).into_iter().fold(0.0, f64::max);
+    assert!(highest > 1.4 * f64::from(CUBE), "some lie on others: {:?}", heights(&poured));
+}
+
+#[test]
+fn nothing_rests_on_the_ceiling() {
+    let mut scene = table_scene();
+    let ceiling = object("ceiling", cuboid([0.0; 3], [4.0, 4.0, 0.1]), 1.0);
+    scene.add(draft(&ceiling, at(0.0, 0.0, 1.55), Role::Room, Motion::Fixed));
+    scene.add(dynamic(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.1)));
+    scene.add(dynamic(&cube(), at(0.2, 0.0, 1.7)));
+    assert!(scene.ceiling_height().is_some_and(|height| (height - 1.5).abs() < 1e-6));
+    let report = settle("", &mut scene);
+    let removed: Vec<(u32, &str)> = report.removed.iter().map(|r| (r.spawn, &r.reason[..])).collect();
+    assert_eq!(removed, [(1, "above the ceiling")]);
+}
+
+#[test]
+fn a_placer_can_set_friction_and_restitution() {
+    // The coefficients of two bodies are averaged. tan 40° = 0.84 is below (0.5 + 2) / 2 and above (0.5 + 0.5) / 2.
+    let moved = |friction: f64| {
+        let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 40_f64.to_radians());
+        let on_slope = |along: f64, up: f64| {
+            let offset = Vector3::new(0.0, 0.0, 1.5) + tilt * Vector3::new(along, 0.0, up);
+            Pose::from_parts(Translation3::from(offset), tilt)
+        };
+        let slope = object("slope", cuboid([0.0; 3], [2.0, 1.0, 0.1]), 1.0);
+        let mut scene = SceneBuilder::default();
+        scene.add(draft(&slope, on_slope(0.0, 0.0), Role::Support, Motion::Fixed));
+        let start = on_slope(-0.5, 0.05 + f64::from(CUBE) / 2.0);
+        scene.add(BodyDraft { friction, ..dynamic(&cube(), start) });
+        settle("remove = \"keep\"\non_violation = \"keep\"\nduration_s = 0.5", &mut scene);
+        let body = objects(&scene).next().expect("a cube");
+        (body.world_from_body.translation.vector - start.translation.vector).norm()
+    };
+    assert!(moved(2.0) < 0.01 && moved(0.5) > 0.2, "{} {}", moved(2.0), moved(0.5));
+
+    // 0.2 m take 0.2 s. At e = (0 + 1) / 2 the ball comes back at half the speed: a quarter of the height, 0.1 s later.
+    let height = |restitution: Option<f64>| {
+        let mut scene = table_scene();
+        let ball = dynamic(&object("ball", sphere(0.03), 0.1), at(0.0, 0.0, TABLE_HEIGHT + 0.23));
+        scene.add(BodyDraft { restitution, ..ball });
+        settle("on_violation = \"keep\"\nduration_s = 0.303", &mut scene);
+        heights(&scene)[0] - 0.03
+    };
+    assert!(height(None) < 0.005, "{}", height(None));
+    assert!((height(Some(1.0)) - 0.05).abs() < 0.01, "{}", height(Some(1.0)));
+}
+
+#[test]
+fn the_longest_time_step_lets_nothing_through() {
+    let mut scene = table_scene();
+    drop_objects(&mut scene, &kit_objects(), 16, 4);
+    let before = objects(&scene).count();
+    let report = settle("time_step_s = 0.02\non_violation = \"keep\"\nremove = \"keep\"", &mut scene);
+    let table = |body: &&BodyDraft| {
+        let place = body.world_from_body.translation.vector;
+        place.x.abs() < 0.55 && place.y.abs() < 0.35
+    };
+    for body in objects(&scene).filter(table) {
+        let (low, _) = z_range(body);
+        assert!(low > TABLE_HEIGHT - 0.02, "{} at {low}: {report:?}", body.object.name);
+    }
+    assert_eq!(objects(&scene).count(), before);
+}
+
+#[test]
+fn without_physics_everything_stays() {
+    let mut scene = table_scene();
+    drop_objects(&mut scene, &kit_objects(), 5, 2);
+    let before = pose_bits(&scene);
+    let report = settle_with(&*no_physics(), &mut scene, &NoCache).expect("nothing to do");
+    assert_eq!((pose_bits(&scene), report), (before, SettleReport::default()));
 }
 
 #[test]

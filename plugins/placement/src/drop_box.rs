@@ -19,7 +19,7 @@ const MAX_GROWTHS: u32 = 16;
 /// tabletop and starts `clearance_m` above it. Objects are numbered in the order in which they are drawn.
 ///
 /// With `overlap_free`, no two bounding boxes overlap at the start: up to `max_tries` positions are drawn per object,
-/// then the box grows upwards until the object fits.
+/// then the box grows upwards until the object fits. The box ends at the ceiling of the room.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropBox {
@@ -61,6 +61,15 @@ pub struct DropBox {
     /// masks, and stay on the floor when they fall off the table.
     #[serde(default = "yes")]
     annotated: bool,
+    /// Whether the objects stay where they are placed, as if they were held. They are annotated all the same.
+    #[serde(default)]
+    fixed: bool,
+    /// Coulomb friction coefficient of each object, 0 to 10. If left out, it is that of the asset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    friction: Option<Dist>,
+    /// Coefficient of restitution of each object, 0 to 1. If left out, it is that of `[settle]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    restitution: Option<Dist>,
 }
 
 /// Distribution of initial rotations.
@@ -105,6 +114,8 @@ impl Config for DropBox {
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         self.count.within("count", i64::from(self.annotated), 10_000)?;
         self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
+        self.friction.as_ref().map_or(Ok(()), |friction| friction.within("friction", 0.0, 10.0))?;
+        self.restitution.as_ref().map_or(Ok(()), |restitution| restitution.within("restitution", 0.0, 1.0))?;
         Ok(Box::new(self))
     }
 }
@@ -120,7 +131,7 @@ impl Placer for DropBox {
             .filter(|(_, body)| body.role != Role::Room)
             .map(|(_, body)| OrientedBox::new(&body.object.mesh.bounds(), &body.world_from_body, GAP_M / 2.0))
             .collect();
-        let mut space = StartBox::new(self, &tabletop);
+        let mut space = StartBox::new(self, &tabletop, scene.ceiling_height())?;
         for k in 0..once.as_ref().map_or(count, Vec::len) {
             let stream = context.stream.child("object").at(k as u64);
             let (asset, object) = match &once {
@@ -129,7 +140,12 @@ impl Placer for DropBox {
             };
             let rotation = self.rotation.draw(&mut stream.child("rotation"));
             let pose = if self.overlap_free {
-                self.free_pose(&object, rotation, &mut space, &mut taken, &stream.child("place"))
+                self.free_pose(&object, rotation, &mut space, &mut taken, &stream.child("place")).map_err(|error| {
+                    error.context(format!("{asset}, object {} of {count}", k + 1)).help(
+                        "lower `count` or `clearance_m`, raise `width_factor` or the height of the room, or set \
+                         overlap_free = false",
+                    )
+                })?
             } else {
                 pose_at(&object, rotation, space.draw(&mut stream.child("place")))
             };
@@ -138,7 +154,15 @@ impl Placer for DropBox {
                 None => None,
             };
             let role = if self.annotated { Role::Object } else { Role::Distractor };
-            scene.add(BodyDraft::new(asset, object, pose, role, Motion::Dynamic).with_material_override(surface));
+            let motion = if self.fixed { Motion::Fixed } else { Motion::Dynamic };
+            let body = BodyDraft::new(asset, object, pose, role, motion).with_material_override(surface);
+            let draw = |dist: &Dist, name: &str| dist.draw(&mut stream.child(name));
+            scene.add(BodyDraft {
+                friction: self.friction.as_ref().map_or(body.friction, |dist| draw(dist, "friction")),
+                restitution: self.restitution.as_ref().map(|dist| draw(dist, "restitution")),
+                respawn_half_m: Some(space.half),
+                ..body
+            });
         }
         Ok(())
     }
@@ -189,26 +213,29 @@ impl DropBox {
         space: &mut StartBox,
         taken: &mut Vec<OrientedBox>,
         stream: &Stream,
-    ) -> Pose {
+    ) -> Result<Pose> {
         let bounds = object.mesh.bounds();
         let mut tries = stream.clone();
         for _ in 0..=MAX_GROWTHS {
             for _ in 0..self.max_tries {
                 let pose = pose_at(object, rotation, space.draw(&mut tries));
                 let candidate = OrientedBox::new(&bounds, &pose, GAP_M / 2.0);
-                if !taken.iter().any(|other| other.overlaps(&candidate)) {
+                if candidate.top() <= space.ceiling && !taken.iter().any(|other| other.overlaps(&candidate)) {
                     taken.push(candidate);
-                    return pose;
+                    return Ok(pose);
                 }
             }
-            space.high += bounds.diagonal().max(GAP_M);
+            space.high = space.ceiling.min(space.high + bounds.diagonal().max(GAP_M));
         }
         let mut at = space.draw(&mut tries);
         let level = OrientedBox::new(&bounds, &pose_at(object, rotation, at), GAP_M / 2.0);
         at.z = taken.iter().map(OrientedBox::top).fold(space.low, f64::max) + level.half_height() + GAP_M;
+        if at.z + level.half_height() > space.ceiling {
+            return Err(Error::new("there is no place left for it between the tabletop and the ceiling"));
+        }
         let pose = pose_at(object, rotation, at);
         taken.push(OrientedBox::new(&bounds, &pose, GAP_M / 2.0));
-        pose
+        Ok(pose)
     }
 }
 
@@ -232,17 +259,27 @@ struct StartBox {
     half: [f64; 2],
     low: f64,
     high: f64,
+    /// Height of the ceiling, meters; infinite under the open sky.
+    ceiling: f64,
 }
 
 impl StartBox {
-    fn new(options: &DropBox, tabletop: &Tabletop) -> Self {
+    fn new(options: &DropBox, tabletop: &Tabletop, ceiling: Option<f64>) -> Result<Self> {
         let low = tabletop.height() + options.clearance_m;
-        Self {
+        let ceiling = ceiling.unwrap_or(f64::INFINITY);
+        if low >= ceiling {
+            return Err(Error::new(format!(
+                "the box starts {low:.2} m above the floor, and the ceiling is at {ceiling:.2} m"
+            ))
+            .help("lower `clearance_m`, or raise the height of the room"));
+        }
+        Ok(Self {
             center: tabletop.center(),
             half: tabletop.size.map(|edge| options.width_factor * edge / 2.0),
             low,
-            high: low + options.height_m,
-        }
+            high: ceiling.min(low + options.height_m),
+            ceiling,
+        })
     }
 
     fn draw(&self, stream: &mut Stream) -> Point3<f64> {

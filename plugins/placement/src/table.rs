@@ -1,9 +1,11 @@
 //! The table that objects are dropped on.
 
 use crate::material::{always, any_angle_deg, check_scale, draw_material, real_size};
+use std::sync::Arc;
+use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{BodyDraft, Mesh, Motion, Role, Tabletop};
+use syntable_model::scene::{BodyDraft, Mesh, Motion, Object, Role, Tabletop};
 
 /// Draws a table, places it on the floor at the center of the room, and sets the tabletop to the top of its bounding
 /// box.
@@ -33,6 +35,10 @@ pub struct Table {
     /// Rotation of the table about the world z axis, degrees.
     #[serde(default = "no_rotation")]
     yaw_deg: Dist,
+    /// Longer side of the tabletop, meters; 0.05 to 10. The table is scaled to it, in all directions alike. Tables keep
+    /// their own size without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    longer_side_m: Option<Dist>,
 }
 
 fn no_rotation() -> Dist {
@@ -46,6 +52,7 @@ impl Config for Table {
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         check_scale("texture_scale", &self.texture_scale)?;
+        self.longer_side_m.as_ref().map_or(Ok(()), |side| side.within("longer_side_m", 0.05, 10.0))?;
         Ok(Box::new(self))
     }
 }
@@ -59,7 +66,7 @@ impl Placer for Table {
         let (asset, object) = context.assets.draw_object(&self.from, &mut context.stream.child("asset"))?;
         let yaw = self.yaw_deg.draw(&mut context.stream.child("yaw")).to_radians();
         let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
-        let bounds = rotated_bounds(&object.mesh, &rotation);
+        let (object, bounds) = self.sized(object, &rotation, context)?;
         let shift = Vector3::new(-bounds.center().x, -bounds.center().y, -bounds.min.z);
         let (size, pose) = (bounds.size(), Pose::from_parts(shift.into(), rotation));
         if size.min() < 1e-6 {
@@ -76,6 +83,28 @@ impl Placer for Table {
         scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
         scene.add(BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_material_override(material));
         Ok(())
+    }
+}
+
+impl Table {
+    /// A table of the size that is drawn, and its bounding box when it is rotated.
+    fn sized(
+        &self,
+        object: Arc<Object>,
+        rotation: &UnitQuaternion<f64>,
+        context: &Context,
+    ) -> Result<(Arc<Object>, Aabb)> {
+        let bounds = rotated_bounds(&object.mesh, rotation);
+        let Some(side) = &self.longer_side_m else { return Ok((object, bounds)) };
+        let scale = side.draw(&mut context.stream.child("size")) / bounds.size().xy().max();
+        if !(scale.is_finite() && scale > 0.0) {
+            return Ok((object, bounds));
+        }
+        let digest = Hasher::new("sized table").digest(object.digest).number(scale).finish();
+        let mass_kg = object.mass_kg * scale.powi(3);
+        let object = Arc::unwrap_or_clone(object).transformed(Vector3::zeros(), scale)?;
+        let bounds = rotated_bounds(&object.mesh, rotation);
+        Ok((Arc::new(Object { mass_kg, digest, ..object }), bounds))
     }
 }
 

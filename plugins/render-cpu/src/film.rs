@@ -21,8 +21,12 @@ const GUIDE_SAMPLES: u32 = 8;
 /// Neighbors differ from this difference of base color or normal on.
 const DIFFERENT: f32 = 0.1;
 
-/// A pixel is a firefly if it is brighter than all its neighbors by this factor.
-const FIREFLY: f64 = 8.0;
+/// A firefly is brighter than the median of the 5 × 5 pixels around it by this factor, as one sees it in an image.
+const FIREFLY: f64 = 3.0;
+
+/// The standard error of a firefly is at least this fraction of its luminance: one or two samples made it. What is bright
+/// by itself, such as a highlight or a lamp, has a smaller one.
+const FIREFLY_ERROR: f64 = 0.5;
 
 /// Limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -206,7 +210,7 @@ impl Film {
             ("shadow_rays", (shadow_rays as i64).into()),
             ("samples_min", samples.data().iter().copied().min().unwrap_or(0).into()),
             ("samples_max", samples.data().iter().copied().max().unwrap_or(0).into()),
-            ("fireflies", fireflies(&radiance).into()),
+            ("fireflies", fireflies(&radiance, &error).into()),
         ];
         // A single sample says nothing of its error.
         if relative.is_finite() {
@@ -225,21 +229,21 @@ fn differs_from_neighbors(guide: &Plane<[f32; 3]>, x: usize, y: usize) -> bool {
     around.any(|there| (0..3).any(|c| (here[c] - there[c]).abs() > DIFFERENT))
 }
 
-/// Pixels that are far brighter than everything around them.
-pub(crate) fn fireflies(radiance: &Plane<[f32; 3]>) -> u32 {
+/// Number of pixels that are far brighter than their surroundings by chance: `error` is the standard error of the
+/// luminance. An image of a single sample has none, since nothing is known of its error.
+fn fireflies(radiance: &Plane<[f32; 3]>, error: &Plane<f64>) -> u32 {
     let (width, height) = (radiance.width() as usize, radiance.height() as usize);
     let y: Vec<f64> = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).collect();
-    let mut found = 0;
-    for row in 0..height {
-        for column in 0..width {
-            let rows = row.saturating_sub(1)..(row + 2).min(height);
-            let around = rows.flat_map(|r| (column.saturating_sub(1)..(column + 2).min(width)).map(move |c| (r, c)));
-            let around = around.filter(|&at| at != (row, column)).map(|(r, c)| y[r * width + c]);
-            let brightest = around.fold(0.0, f64::max);
-            found += u32::from(brightest > 0.0 && y[row * width + column] > FIREFLY * brightest);
-        }
-    }
-    found
+    let by_chance = |&at: &usize| error.data()[at] > FIREFLY_ERROR * y[at];
+    let is_far_brighter = |&at: &usize| {
+        let (row, column) = (at / width, at % width);
+        let rows = row.saturating_sub(2)..(row + 3).min(height);
+        let mut around: Vec<f64> =
+            rows.flat_map(|r| &y[r * width..][column.saturating_sub(2)..(column + 3).min(width)]).copied().collect();
+        let middle = around.len() / 2;
+        y[at] > FIREFLY * *around.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    (0..y.len()).filter(by_chance).filter(is_far_brighter).count() as u32
 }
 
 #[cfg(test)]
@@ -247,12 +251,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fireflies_are_lonely() {
-        let at = |bright: &[(u32, u32)]| {
-            Plane::from_fn(9, 7, |x, y| if bright.contains(&(x, y)) { [90.0; 3] } else { [1.0; 3] })
+    fn fireflies_are_bright_by_chance() {
+        let at = |bright: &[(u32, u32)], error: f64| {
+            let is_bright = |x, y| bright.contains(&(x, y));
+            let radiance = Plane::from_fn(9, 7, |x, y| if is_bright(x, y) { [9.0; 3] } else { [1.0; 3] });
+            let error = Plane::from_fn(9, 7, |x, y| if is_bright(x, y) { 9.0 * error } else { 0.1 });
+            fireflies(&radiance, &error)
         };
-        assert_eq!(fireflies(&at(&[(0, 0), (4, 3)])), 2);
-        assert_eq!(fireflies(&at(&[(4, 3), (5, 3)])), 0, "a light of two pixels is none");
-        assert_eq!(fireflies(&at(&[])), 0);
+        assert_eq!(at(&[(0, 0), (4, 3)], 0.9), 2);
+        assert_eq!(at(&[(4, 3), (5, 3)], 0.9), 2, "side by side");
+        assert_eq!(at(&[(4, 3), (5, 3)], 0.1), 0, "a lamp of two pixels is none");
+        assert_eq!(at(&[(4, 3)], f64::NAN), 0, "one sample");
+        assert_eq!(at(&[], 0.9), 0);
     }
 }

@@ -6,7 +6,7 @@ use common::{json, refusal, sense, sensor, view};
 use serde_json::json;
 use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{EXPOSURE, RADIANCE, RGB};
+use syntable_model::product::standard::{ALBEDO, EXPOSURE, RADIANCE, RGB};
 use syntable_model::scene::Exposure;
 use syntable_testing::{conformance, stats, workers::Threads};
 
@@ -18,6 +18,7 @@ const FOCAL_PX: f64 = 90.0;
 fn taken_by(workers: &dyn Workers, options: &str, radiance: Plane<[f32; 3]>, exposure: Exposure) -> Products {
     let view = view([radiance.width(), radiance.height()], FOCAL_PX, exposure);
     let mut products = Products::new();
+    products.put(ALBEDO, Plane::from_fn(radiance.width(), radiance.height(), |_, _| [0.5; 3])).expect("first");
     products.put(RADIANCE, radiance).expect("first");
     sense(&*sensor("rgb_camera", options), &view, products, 5, workers)
 }
@@ -244,7 +245,7 @@ fn noise_has_the_stated_mean_and_variance() {
 fn white_balance_makes_a_lit_wall_gray() {
     let light = syntable_model::photometry::blackbody(3000.0);
     let wall = |x: u32, y: u32| light.map(|v| (v * WHITE as f64 * (0.1 + 0.003 * f64::from(x + y))) as f32);
-    for balance in ["\"auto\"", "{ kelvin = 3000 }"] {
+    for balance in ["\"auto\"", "\"gray_world\"", "{ kelvin = 3000 }"] {
         let image = linear(&format!("white_balance = {balance}"), Plane::from_fn(40, 30, wall));
         for [r, g, b] in image.data() {
             assert!(r.abs_diff(*g) <= 1 && b.abs_diff(*g) <= 1, "{balance}: {r} {g} {b}");

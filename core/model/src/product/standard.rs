@@ -30,8 +30,8 @@ products! {
     /// Base color at the pixel center, linear Rec. 709. Zero where there is no surface.
     pub const ALBEDO: Key<Plane<[f32; 3]>> = view("albedo").semantic(Semantic::Color);
 
-    /// Paths, rays, samples per pixel, the standard error over the mean, and the number of pixels far brighter than all
-    /// around them.
+    /// Paths, rays, samples per pixel, the standard error over the mean, and `fireflies`: the number of pixels
+    /// that a few samples made far brighter than their surroundings.
     pub const RENDER_REPORT: Key<Value> = view("render_report").form(|| Form::Record);
 }
 

@@ -3,6 +3,7 @@
 use super::{EnvironmentMap, Material, Mesh};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
+use crate::geometry::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -175,6 +176,22 @@ pub struct Object {
 pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
+    /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape and the media of its materials.
+    /// Mass and digest are those of the original.
+    pub fn transformed(self, offset: Vector3<f64>, factor: f64) -> Result<Self> {
+        if factor == 1.0 && offset == Vector3::zeros() {
+            return Ok(self);
+        }
+        let moved = |p: &[f32; 3]| std::array::from_fn(|i| ((f64::from(p[i]) + offset[i]) * factor) as f32);
+        let part = |part: &ConvexPart| part.iter().map(moved).collect();
+        Ok(Self {
+            mesh: Arc::new(self.mesh.transformed(offset, factor)?),
+            collision: self.collision.map(|parts| Arc::new(parts.iter().map(part).collect())),
+            materials: self.materials.into_iter().map(|material| material.enlarged(factor)).collect(),
+            ..self
+        })
+    }
+
     /// Refuses an object whose largest extent is outside [`EXTENT_M`]: its file has another unit than meters, or is
     /// broken. To be called after a scale was applied.
     pub fn check_extent(&self) -> Result<()> {

@@ -63,6 +63,13 @@ pub struct Body<Id = InstanceId> {
     pub motion: Motion,
     /// Replaces all of the object's materials, if set.
     pub material_override: Option<MaterialOverride>,
+    /// Coulomb friction coefficient; that of the object if its placer says nothing else.
+    pub friction: f64,
+    /// Coefficient of restitution, 0 to 1; that of the settler if not set.
+    pub restitution: Option<f64>,
+    /// Half extents along world x and y of the rectangle over the middle of the tabletop where the body starts anew if
+    /// it has to, meters; the whole tabletop if not set.
+    pub respawn_half_m: Option<[f64; 2]>,
     /// Number among the objects in spawn order, from 0, with gaps where objects were removed. Set by
     /// [`SceneBuilder::add`](super::SceneBuilder::add).
     pub spawn: u32,
@@ -74,7 +81,20 @@ pub type BodyDraft = Body<()>;
 impl BodyDraft {
     /// A body with the object's own materials.
     pub fn new(asset: AssetRef, object: Arc<Object>, world_from_body: Pose, role: Role, motion: Motion) -> Self {
-        Self { id: (), asset, object, world_from_body, role, motion, material_override: None, spawn: 0 }
+        let friction = object.friction;
+        Self {
+            id: (),
+            asset,
+            object,
+            world_from_body,
+            role,
+            motion,
+            material_override: None,
+            friction,
+            restitution: None,
+            respawn_half_m: None,
+            spawn: 0,
+        }
     }
 
     /// The same body with all materials replaced.
@@ -83,8 +103,32 @@ impl BodyDraft {
     }
 
     pub(super) fn with_id(self, id: InstanceId) -> Body {
-        let Self { id: (), asset, object, world_from_body, role, motion, material_override, spawn } = self;
-        Body { id, asset, object, world_from_body, role, motion, material_override, spawn }
+        let Self {
+            id: (),
+            asset,
+            object,
+            world_from_body,
+            role,
+            motion,
+            material_override,
+            friction,
+            restitution,
+            respawn_half_m,
+            spawn,
+        } = self;
+        Body {
+            id,
+            asset,
+            object,
+            world_from_body,
+            role,
+            motion,
+            material_override,
+            friction,
+            restitution,
+            respawn_half_m,
+            spawn,
+        }
     }
 }
 

@@ -170,6 +170,23 @@ impl Material {
 }
 
 impl Material {
+    /// The material of an object that is made larger by a factor.
+    ///
+    /// Its light passes through the object on ways that are longer by that factor; so is the distance after which a
+    /// medium has its color, and a large bottle looks like a small one. In glTF this distance is a length in the world,
+    /// which no node scales; but a scaled object changes the unit of a file's whole world.
+    pub fn enlarged(self: Arc<Self>, factor: f64) -> Arc<Self> {
+        let medium = self.transmission.as_ref().and_then(|transmission| transmission.volume);
+        if factor == 1.0 || medium.is_none_or(|medium| medium.attenuation_distance_m.is_infinite()) {
+            return self;
+        }
+        let mut material = Arc::unwrap_or_clone(self);
+        if let Some(medium) = material.transmission.as_mut().and_then(|transmission| transmission.volume.as_mut()) {
+            medium.attenuation_distance_m = (f64::from(medium.attenuation_distance_m) * factor) as f32;
+        }
+        Arc::new(material.with_digest())
+    }
+
     /// The same with its digest set from everything but name and license.
     pub fn with_digest(mut self) -> Self {
         let color = |hasher: Hasher, color: &Color| {

@@ -27,7 +27,7 @@ pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};
-use crate::geometry::{Point3, Pose};
+use crate::geometry::{Aabb, Point3, Pose};
 use serde::Serialize;
 
 /// A scene's number in its dataset, from 0.
@@ -94,8 +94,10 @@ pub struct SettleReport {
     pub deepest_penetration_m: f64,
     /// Number of respawns of bodies.
     pub respawned: u32,
-    /// Bodies that were taken out, in spawn order.
+    /// Objects that were taken out, in spawn order.
     pub removed: Vec<Removal>,
+    /// Number of distractors that were taken out.
+    pub removed_distractors: u32,
 }
 
 /// A scene under construction.
@@ -148,6 +150,16 @@ impl SceneBuilder {
             let error = Error::new("there is no tabletop yet").permanent();
             error.help("place a table first: [[place]] kind = \"table\"")
         })
+    }
+
+    /// Height of the lowest part of the room above the middle of the tabletop, meters; none under the open sky.
+    pub fn ceiling_height(&self) -> Option<f64> {
+        let top = self.tabletop?.center();
+        let above = |bounds: &Aabb| {
+            bounds.min.z >= top.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&top[axis]))
+        };
+        let parts = self.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());
+        parts.filter(above).map(|bounds| bounds.min.z).reduce(f64::min)
     }
 
     /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.

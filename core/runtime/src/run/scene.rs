@@ -87,9 +87,10 @@ struct Attempt<'m, 'a> {
 }
 
 impl<'m> Attempt<'m, '_> {
-    /// The random numbers of a stage.
+    /// The random numbers of a stage. They are those of the dataset's name and seed, so that splits are independent.
     fn stream(&self, stage: &str) -> Stream {
-        Stream::root(self.maker.dataset.seed).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
+        let DatasetInfo { seed, name, .. } = self.maker.dataset;
+        Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
     }
 
     /// Runs a stage that composes the scene.

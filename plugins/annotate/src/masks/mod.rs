@@ -27,8 +27,8 @@ pub struct Masks {
     /// How to treat the part of an object behind table and room: with `occlude` (the default) it is hidden and part of
     /// the amodal mask; with `clip` it is not part of the object (SynTable's released program).
     pub table_and_room: TableAndRoom,
-    /// Minimum number of visible pixels of an annotated object. 0 (the default) keeps fully hidden objects; SynTable's
-    /// released program has 1.
+    /// Minimum number of visible pixels of an annotated object. 1 (the default), as in SynTable's released program, leaves
+    /// out fully hidden objects, which no network can find; 0 keeps them.
     pub min_visible_px: u32,
     /// Maximum occlusion rate of an annotated object. 1 (the default) keeps all objects; SynTable's released program has
     /// 0.995.
@@ -61,7 +61,7 @@ impl Default for Masks {
         Self {
             image_frame: ImageFrame::Clip,
             table_and_room: TableAndRoom::Occlude,
-            min_visible_px: 0,
+            min_visible_px: 1,
             max_occlusion_rate: 1.0,
         }
     }
@@ -70,7 +70,7 @@ impl Default for Masks {
 impl Config for Masks {
     type Stage = dyn Annotator;
     const KIND: &'static str = "masks";
-    const EXAMPLE: &'static str = "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 0";
+    const EXAMPLE: &'static str = "image_frame = \"clip\"\ntable_and_room = \"occlude\"\nmin_visible_px = 1";
     fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }

@@ -1,10 +1,14 @@
 //! A print: shapes drawn over each other with soft edges.
 
 use super::color::Rgb;
-use super::{byte, texture};
+use super::{byte, lettering, texture};
 use std::sync::Arc;
 use syntable_model::random::Stream;
 use syntable_model::scene::{Encoding, Texture, Wrap};
+
+/// Distance between the left edges of two letters, and the gap between them, in heights of a letter.
+const LETTER_STEP: f32 = 0.78;
+const LETTER_GAP: f32 = 0.26;
 
 /// An image under construction. Positions are in texels, x to the right, y down.
 pub struct Canvas {
@@ -109,29 +113,29 @@ impl Canvas {
         });
     }
 
-    /// A line of made-up letters of one height, centered at `x`; as many as fit in `width`.
-    pub fn words(&mut self, stream: &mut Stream, [x, y]: [f32; 2], height: f32, width: f32, color: Rgb) {
-        let step = 0.72 * height;
-        let count = ((width / step) as usize).clamp(1, 24);
-        let start = x - (count as f32 - 0.28) * step / 2.0;
-        let weight = height * stream.uniform(0.13, 0.24) as f32;
-        for i in 0..count {
-            if count > 6 && i > 0 && stream.chance(0.16) {
-                continue;
-            }
-            self.letter(stream, [start + i as f32 * step, y], height, weight, color);
-        }
+    /// A word of a height, centered at a point; smaller if it would be wider than `width`.
+    pub fn word(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, width: f32, color: Rgb) {
+        let word = lettering::word(stream);
+        let weight = stream.uniform(0.11, 0.19) as f32;
+        let height = height.min(width / (LETTER_STEP * word.len() as f32));
+        self.letters(word, center, height, weight * height, color);
     }
 
-    /// A made-up letter: two or three strokes of a grid of 2 × 3 nodes.
-    fn letter(&mut self, stream: &mut Stream, [x, y]: [f32; 2], height: f32, weight: f32, color: Rgb) {
-        const STROKES: [[usize; 2]; 9] = [[0, 4], [1, 5], [0, 1], [2, 3], [4, 5], [0, 5], [1, 4], [0, 3], [2, 5]];
-        let node =
-            |n: usize| [x + (n % 2) as f32 * 0.46 * height, y + ((n / 2) as f32 - 1.0) * 0.5 * (height - weight)];
-        let upright = stream.below(2) as usize;
-        for stroke in [upright, 2 + stream.below(7) as usize, 2 + stream.below(7) as usize] {
-            let [a, b] = STROKES[stroke].map(node);
-            self.line(a, b, weight, color);
+    /// Any one letter of a height, centered at a point.
+    pub fn letter(&mut self, stream: &mut Stream, center: [f32; 2], height: f32, color: Rgb) {
+        let first = stream.below(lettering::ALPHABET.len() as u64) as usize;
+        self.letters(&lettering::ALPHABET[first..=first], center, height, 0.15 * height, color);
+    }
+
+    fn letters(&mut self, text: &str, [x, y]: [f32; 2], height: f32, weight: f32, color: Rgb) {
+        let start = x - (text.len() as f32 * LETTER_STEP - LETTER_GAP) * height / 2.0;
+        for (i, letter) in text.chars().enumerate() {
+            let left = start + i as f32 * LETTER_STEP * height;
+            let at =
+                |p: [f32; 2]| [left + p[0] * (LETTER_STEP - LETTER_GAP) * height, y + (p[1] - 0.5) * (height - weight)];
+            for stroke in lettering::strokes(letter) {
+                stroke.windows(2).for_each(|pair| self.line(at(pair[0]), at(pair[1]), weight, color));
+            }
         }
     }
 

@@ -52,7 +52,48 @@ pub enum MaterialFamily {
     Wood,
 }
 
+/// A surface of a scene, by which materials it has in the world.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Surface {
+    /// A floor indoors.
+    Floor,
+    /// A wall indoors.
+    Wall,
+    /// A ceiling.
+    Ceiling,
+    /// Pavement and other ground outdoors.
+    Ground,
+    /// A table with its legs.
+    Table,
+    /// A thing of daily use.
+    Object,
+}
+
 impl MaterialFamily {
+    /// The surfaces that have such materials.
+    pub fn surfaces(self) -> &'static [Surface] {
+        use Surface::{Ceiling, Floor, Ground, Object, Table, Wall};
+        match self {
+            Self::Brick => &[Wall, Ground],
+            Self::BrushedMetal | Self::Lacquer | Self::Metal | Self::Timber => &[Table, Object],
+            Self::Carpet => &[Floor],
+            Self::Concrete => &[Floor, Wall, Ceiling, Ground],
+            Self::Granite => &[Floor, Ground, Table],
+            Self::Marble => &[Floor, Table],
+            Self::PaintedWall | Self::Plaster => &[Wall, Ceiling],
+            Self::Tiles => &[Floor, Wall, Ground],
+            Self::Wood => &[Floor, Ground],
+            Self::Cardboard
+            | Self::Ceramic
+            | Self::Fabric
+            | Self::Leather
+            | Self::Paper
+            | Self::Plastic
+            | Self::Velvet => &[Object],
+        }
+    }
+
     /// All families, sorted by name.
     pub const ALL: [Self; 20] = [
         Self::Brick,

@@ -14,6 +14,7 @@ mod color;
 mod family;
 mod field;
 mod layers;
+mod lettering;
 mod made;
 mod natural;
 mod print;
@@ -22,7 +23,7 @@ mod woven;
 pub use cache::MaterialCache;
 pub use canvas::Canvas;
 pub use color::{Rgb, hsv, linear, mix, shade, vivid};
-pub use family::MaterialFamily;
+pub use family::{MaterialFamily, Surface};
 pub use field::Field;
 pub use print::{ball, bands, book, carton, label, remote, skin};
 

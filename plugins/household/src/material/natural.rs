@@ -23,7 +23,8 @@ fn grain(stream: &mut Stream, size: usize, rings: i64) -> [Field; 2] {
     let bend = Field::fractal(size, [2, 5], 4, 0.5, stream);
     let fibers = Field::fractal(size, [6, 110], 2, 0.6, stream);
     let streaks = Field::fractal(size, [2, 28], 3, 0.6, stream);
-    let wave = stream.uniform(0.3, 0.9) as f32;
+    // The rings swerve by several of their widths: a plank is not cut along the trunk.
+    let wave = stream.uniform(0.04, 0.12) as f32 * rings as f32;
     let mut i = 0;
     let darkness = Field::from_fn(size, |_, y| {
         let phase = rings as f32 * y + wave * bend.values()[i];
@@ -44,7 +45,7 @@ fn wood_colors(stream: &mut Stream) -> [Rgb; 2] {
 /// One piece of wood, 0.5 to 0.8 m per tile.
 pub fn timber(stream: &mut Stream, size: usize) -> Bake {
     let [dark, light] = wood_colors(stream);
-    let rings = stream.integer(6, 14);
+    let rings = stream.integer(30, 60);
     let [darkness, fibers] = grain(stream, size, rings);
     let gloss = stream.uniform(0.25, 0.65) as f32;
     Bake {
@@ -59,7 +60,7 @@ pub fn timber(stream: &mut Stream, size: usize) -> Bake {
 /// Floor boards along x, 0.9 to 1.2 m per tile.
 pub fn boards(stream: &mut Stream, size: usize) -> Bake {
     let [dark, light] = wood_colors(stream);
-    let rings = stream.integer(18, 34);
+    let rings = stream.integer(60, 100);
     let [darkness, fibers] = grain(stream, size, rings);
     let rows = stream.integer(6, 10) as usize;
     let gap = (stream.uniform(0.001, 0.002) as f32).max(1.0 / size as f32);

@@ -40,16 +40,16 @@ impl Design {
         if self.layout == 1 || self.layout == 4 {
             let plate = [x - 0.46 * w, y(brand_y) - 0.75 * size, x + 0.46 * w, y(brand_y) + 0.75 * size];
             canvas.rect(plate, 0.3 * size, main);
-            canvas.words(&mut brand, [x, y(brand_y)], size, 0.8 * w, self.colors[0]);
+            canvas.word(&mut brand, [x, y(brand_y)], size, 0.8 * w, self.colors[0]);
         } else {
-            canvas.words(&mut brand, [x, y(brand_y)], size, 0.84 * w, ink);
+            canvas.word(&mut brand, [x, y(brand_y)], size, 0.84 * w, ink);
         }
         self.emblem(canvas, [x, y(emblem_y)], 0.3 * w.min(0.75 * h), accent);
         let line = (0.03 * h).max(4.0);
         if self.layout.is_multiple_of(2) {
             canvas.small_print(stream, [x - 0.35 * w, y(0.85), x + 0.35 * w, y(0.97)], line, ink);
         } else {
-            canvas.words(stream, [x, y(0.08)], (0.06 * h).min(0.1 * w), 0.6 * w, ink);
+            canvas.word(stream, [x, y(0.08)], (0.06 * h).min(0.1 * w), 0.6 * w, ink);
         }
     }
 
@@ -141,7 +141,7 @@ impl Design {
         let [w, h] = [r[2] - r[0], r[3] - r[1]];
         let c = [(r[0] + r[2]) / 2.0, (r[1] + r[3]) / 2.0];
         self.ground(canvas, r);
-        canvas.words(&mut self.seed.clone(), c, (0.12 * h).min(0.25 * w), 0.8 * w, self.colors[3]);
+        canvas.word(&mut self.seed.clone(), c, (0.12 * h).min(0.25 * w), 0.8 * w, self.colors[3]);
         let line = (0.03 * h).max(4.0);
         canvas.small_print(
             stream,
@@ -259,7 +259,7 @@ pub fn bands(stream: &mut Stream) -> Arc<Texture> {
             canvas.rect([-1.0, split, w + 1.0, h], 0.0, main);
             let c = [0.25 * w, y.max(0.3 * h)];
             Design::new(stream).emblem(&mut canvas, c, 0.22 * h, other);
-            canvas.words(stream, [0.25 * w, 0.75 * h], 0.1 * h, 0.3 * w, glaze);
+            canvas.word(stream, [0.25 * w, 0.75 * h], 0.1 * h, 0.3 * w, glaze);
         }
     }
     canvas.finish(Wrap::Repeat)
@@ -280,7 +280,7 @@ pub fn book(stream: &mut Stream, [width, height, thickness]: [f64; 3]) -> (Arc<T
     let letters = (0.6 * (b - a)).max(3.0);
     let mut y = 0.15 * h32;
     while y < 0.6 * h32 {
-        canvas.words(stream, [(a + b) / 2.0, y], letters, 0.0, design.colors[0]);
+        canvas.letter(stream, [(a + b) / 2.0, y], letters, design.colors[0]);
         y += 0.9 * letters;
     }
     canvas.ellipse([(a + b) / 2.0, 0.85 * h32], [0.3 * (b - a); 2], design.colors[2]);

@@ -24,9 +24,9 @@ impl Weave {
     }
 }
 
-/// Woven cloth, 8 to 20 cm per tile.
+/// Woven cloth, 6 to 12 cm per tile: threads of half a millimeter to a millimeter at 512 texels.
 pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
-    let threads = (size / *stream.pick(&[8_usize, 8, 16]).unwrap_or(&8)).max(4) / 4 * 4;
+    let threads = (size / 4).max(4) / 4 * 4;
     let weave = *stream.pick(&[Weave::Plain, Weave::Twill, Weave::Basket]).unwrap_or(&Weave::Plain);
     let [background, main, accent, _] = palette(stream);
     let stripes = |stream: &mut Stream| -> Vec<Rgb> {
@@ -71,7 +71,7 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
         roughness: Field::constant(size, stream.uniform(0.8, 0.98) as f32),
         height: Field::of(size, height),
         metallic: 0.0,
-        tile_m: stream.uniform(0.08, 0.2) as f32,
+        tile_m: stream.uniform(0.06, 0.12) as f32,
     }
 }
 

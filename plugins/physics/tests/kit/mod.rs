@@ -275,6 +275,10 @@ pub fn settler(options: &str) -> Box<dyn Settler> {
     build::<syntable_physics::Rapier>(options)
 }
 
+pub fn no_physics() -> Box<dyn Settler> {
+    build::<syntable_physics::NoPhysics>("")
+}
+
 fn build<C: Config>(options: &str) -> Box<dyn Settler> {
     match Entry::of::<C>("syntable-physics", "0").construct_str(options).map(|built| built.stage) {
         Ok(Stage::Settle(settler)) => settler,

@@ -264,6 +264,66 @@ fn no_two_objects_overlap_at_the_start() {
 }
 
 #[test]
+fn objects_start_below_the_ceiling() {
+    let top = |body: &BodyDraft| body.world_bounds().max.z;
+    let scene = |height: f64, options: &str, seed: u64| {
+        let room = placer("room", &format!("size_m = 6\nheight_m = {height}"));
+        let drop = placer("drop_box", &format!("from = [\"small\"]\n{options}"));
+        place(&[&*room, &*table(), &*drop], seed).map(|(scene, _)| scene)
+    };
+    // Under a high ceiling the box is as high as it says, under a low one it ends there.
+    for (height, most) in [(15.0, 1.85), (1.3, 1.3)] {
+        let tops = (0..20).flat_map(|seed| {
+            objects(&scene(height, "count = 20", seed).expect("placed")).into_iter().map(top).collect::<Vec<_>>()
+        });
+        let highest = tops.fold(0.0, f64::max);
+        assert!(highest <= most && highest > most - 0.1, "{highest} under {height}");
+    }
+    let crowded = scene(1.3, "count = 400\nwidth_factor = 0.2", 1).expect_err("too many").to_string();
+    assert!(crowded.contains("between the tabletop and the ceiling") && crowded.contains("lower `count`"), "{crowded}");
+    let none = scene(1.0, "clearance_m = 0.5", 1).expect_err("above it").to_string();
+    assert!(none.contains("starts 1.25 m above the floor, and the ceiling is at 1.00 m"), "{none}");
+}
+
+#[test]
+fn a_drop_box_hands_on_what_physics_needs() {
+    let options = "from = [\"small\"]\ncount = 30\nwidth_factor = 0.5\nfriction = { uniform = [0.2, 0.9] }\n\
+                   restitution = { choice = [0.1, 0.4] }\nfixed = true";
+    let (scene, _) = place(&[&*table(), &*placer("drop_box", options)], 3).expect("placed");
+    let bodies = objects(&scene);
+    let area = |body: &BodyDraft| body.respawn_half_m.expect("set");
+    let is_near = |[x, y]: [f64; 2]| (x - 0.3).abs() < 1e-6 && (y - 0.2).abs() < 1e-6;
+    assert!(bodies.iter().all(|body| body.motion == Motion::Fixed && is_near(area(body))));
+    assert!(bodies.iter().all(|body| (0.2..0.9).contains(&body.friction)));
+    assert!(bodies.iter().map(|body| body.friction.to_bits()).collect::<std::collections::BTreeSet<_>>().len() == 30);
+    let bouncy = bodies.iter().filter(|body| body.restitution == Some(0.4)).count();
+    assert!((4..26).contains(&bouncy) && bodies.iter().all(|body| body.restitution.is_some()), "{bouncy}");
+    let (plain, _) = place(&[&*table(), &*placer("drop_box", "from = [\"small\"]")], 3).expect("placed");
+    let own = |body: &&BodyDraft| body.friction == 0.5 && body.restitution.is_none() && body.motion == Motion::Dynamic;
+    assert!(objects(&plain).iter().all(own));
+}
+
+#[test]
+fn a_table_can_be_scaled() {
+    let sized = placer("table", "from = [\"tables\"]\nlonger_side_m = { uniform = [0.6, 2.4] }");
+    let (mut low, mut high) = (f64::INFINITY, 0.0_f64);
+    for seed in 0..200 {
+        let (scene, _) = place(&[&*sized], seed).expect("placed");
+        let tabletop = scene.tabletop.expect("a tabletop");
+        let (_, body) = scene.bodies().next().expect("a table");
+        let size = body.world_bounds().size();
+        // 1200 × 800 × 750 mm, in all directions alike, and it stands on the floor.
+        assert!(
+            (size.x - tabletop.size[0]).abs() < 1e-6 && (tabletop.size[1] / tabletop.size[0] - 2.0 / 3.0).abs() < 1e-6
+        );
+        assert!((tabletop.height() / tabletop.size[0] - 0.75 / 1.2).abs() < 1e-6);
+        assert!(body.world_bounds().min.z.abs() < 1e-6);
+        (low, high) = (low.min(tabletop.size[0]), high.max(tabletop.size[0]));
+    }
+    assert!((0.6..0.65).contains(&low) && (2.35..2.4).contains(&high), "{low} {high}");
+}
+
+#[test]
 fn an_object_depends_on_others_only_by_overlap() {
     let table = table();
     let scene = |options: &str| {
@@ -359,6 +419,9 @@ fn options_are_checked() {
         ("drop_box", "from = [\"small\"]\nclearance_m = -1", "`clearance_m` cannot be -1"),
         ("room", "size_m = { uniform = [0, 4] }", "can become 0"),
         ("room", "texture_scale = 0", "can become 0"),
+        ("table", "from = [\"tables\"]\nlonger_side_m = { uniform = [0, 2] }", "can become 0"),
+        ("drop_box", "from = [\"small\"]\nfriction = -1", "can become -1"),
+        ("drop_box", "from = [\"small\"]\nrestitution = { uniform = [0, 2] }", "can become 2"),
         (
             "drop_box",
             "from = [\"small\"]\nmaterial = { from = \"materials\", probability = 2 }",

@@ -18,7 +18,7 @@ pub use white_balance::WhiteBalance;
 use crate::image_filter::filled;
 use std::borrow::Cow;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{EXPOSURE, RADIANCE, RGB};
+use syntable_model::product::standard::{ALBEDO, EXPOSURE, RADIANCE, RGB};
 use syntable_model::scene::Exposure;
 
 /// Turns radiance into an 8-bit image: exposure, tone curve, sRGB encoding and rounding; and, if their tables are given,
@@ -45,7 +45,7 @@ pub struct RgbCamera {
     /// Blur of lens and focus; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blur: Option<Blur>,
-    /// The light that becomes white: `"none"` (the default), `"auto"` or `{ kelvin = 4000 }`.
+    /// The light that becomes white: `"none"` (the default), `"auto"`, `"gray_world"` or `{ kelvin = 4000 }`.
     pub white_balance: WhiteBalance,
     /// Shot noise and read noise; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -74,7 +74,9 @@ impl Config for RgbCamera {
 
 impl Sensor for RgbCamera {
     fn reads(&self) -> Vec<KeyId> {
-        keys![RADIANCE]
+        let mut reads = keys![RADIANCE];
+        reads.extend(self.white_balance.reads_albedo().then_some(ALBEDO.id()));
+        reads
     }
 
     fn provides(&self) -> Vec<KeyId> {
@@ -103,7 +105,8 @@ impl Sensor for RgbCamera {
         };
         let white = white_nits(ev100);
         // The light is estimated without noise, as by a camera that averages several images.
-        let balance = self.white_balance.gains(light.data(), &stream("white_balance"));
+        let albedo = self.white_balance.reads_albedo().then(|| products.get(ALBEDO)).transpose()?;
+        let balance = self.white_balance.gains(light.data(), albedo.map(Plane::data), &stream("white_balance"));
         if let Some(noise) = &self.noise {
             applied.push(("noise", noise.apply(finite(&mut light), white, workers, &stream("noise"))));
         }

@@ -11,22 +11,24 @@ use syntable_model::photometry::{blackbody, luminance};
 use syntable_model::product::Value;
 use syntable_model::random::Stream;
 
-/// The light that becomes white: `"none"`, `"auto"` or `{ kelvin = 4000 }`.
+/// The light that becomes white: `"none"`, `"auto"`, `"gray_world"` or `{ kelvin = 4000 }`.
 ///
 /// The channels are scaled by von Kries gains in linear Rec. 709, so that light of a black body at that temperature
 /// becomes a gray of the same luminance.
+///
+/// An estimate is the black body from 2000 K to 10,000 K whose ratios of red to green and blue to green are nearest, in
+/// their logarithms, to the medians over the pixels between the 10th and the 90th percentile of luminance. With medians,
+/// what is unlike the rest may fill up to half of the image.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum WhiteBalance {
     /// No gains: light of the chromaticity of D65 is white.
     #[default]
     None,
-    /// The light is estimated from the image.
-    ///
-    /// Robust gray world: the medians of red over green and of blue over green stand for a gray surface (Buchsbaum,
-    /// J. Franklin Institute 1980, with means; with medians, colored objects can fill up to half of the image). Only
-    /// pixels between the 10th and the 90th percentile of luminance count. The estimate is the black body from 2500 K to
-    /// 10,000 K that is nearest in the logarithms of both ratios, so that a green table is not taken for green light.
+    /// The light that falls on the surfaces: their radiance over their albedo. A room of one color keeps it.
     Auto,
+    /// What leaves the surfaces, as cameras estimate the light that know no albedo (Buchsbaum, J. Franklin Institute 1980,
+    /// with means): a brown table in a brown room becomes gray.
+    GrayWorld,
     /// Light of a black body at this temperature, kelvin, from 2000 to 40,000.
     Kelvin(Dist),
 }
@@ -34,23 +36,37 @@ pub enum WhiteBalance {
 /// Limits of `kelvin`. Below, a black body has hardly any blue.
 const KELVIN: [f64; 2] = [2000.0, 40_000.0];
 /// Range of estimated temperatures, reciprocal megakelvin.
-const MIRED: std::ops::RangeInclusive<u32> = 100..=400;
+const MIRED: std::ops::RangeInclusive<u32> = 100..=500;
 /// Fraction of the darkest and of the brightest pixels that the estimate leaves out.
 const TAIL: f64 = 0.1;
+/// Surfaces whose albedo is below this in any channel do not tell the color of the light.
+const MIN_ALBEDO: f32 = 0.02;
 
 impl WhiteBalance {
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         match self {
             Self::Kelvin(kelvin) => kelvin.within("white_balance.kelvin", KELVIN[0], KELVIN[1]),
-            Self::None | Self::Auto => Ok(()),
+            Self::None | Self::Auto | Self::GrayWorld => Ok(()),
         }
     }
 
-    /// The gains of the channels for an image, and their record; none without white balance.
-    pub(super) fn gains(&self, radiance: &[[f32; 3]], stream: &Stream) -> Option<([f32; 3], Value)> {
+    /// Whether the estimate needs the albedo of the surfaces.
+    pub(super) fn reads_albedo(&self) -> bool {
+        *self == Self::Auto
+    }
+
+    /// The gains of the channels for an image, and their record; none without white balance. `albedo` has the pixels of
+    /// `radiance` if it is needed.
+    pub(super) fn gains(
+        &self,
+        radiance: &[[f32; 3]],
+        albedo: Option<&[[f32; 3]]>,
+        stream: &Stream,
+    ) -> Option<([f32; 3], Value)> {
         let (mode, kelvin) = match self {
             Self::None => return None,
-            Self::Auto => ("auto", estimated(radiance)),
+            Self::Auto => ("auto", estimated(incident(radiance, albedo.unwrap_or_default()))),
+            Self::GrayWorld => ("gray_world", estimated(radiance.iter().map(|&pixel| (pixel, pixel)))),
             Self::Kelvin(kelvin) => ("kelvin", Some(kelvin.draw(&mut stream.child("kelvin")))),
         };
         // An image without light has no estimate.
@@ -64,12 +80,18 @@ impl WhiteBalance {
     }
 }
 
-/// The estimated temperature of the light in an image, kelvin; none if no pixel is lit.
-pub fn estimated(radiance: &[[f32; 3]]) -> Option<f64> {
-    let lit: Vec<(f32, [f32; 3])> = radiance
-        .iter()
-        .filter(|pixel| pixel.iter().all(|v| v.is_finite() && *v > 0.0))
-        .map(|&pixel| (luminance(pixel.map(f64::from)) as f32, pixel))
+/// Radiance of the pixels that show a surface with an albedo, and the color of the light that falls on it.
+fn incident<'a>(radiance: &'a [[f32; 3]], albedo: &'a [[f32; 3]]) -> impl Iterator<Item = ([f32; 3], [f32; 3])> + 'a {
+    let pairs = radiance.iter().zip(albedo).filter(|(_, albedo)| albedo.iter().all(|&a| a >= MIN_ALBEDO));
+    pairs.map(|(&pixel, albedo)| (pixel, std::array::from_fn(|c| pixel[c] / albedo[c])))
+}
+
+/// The temperature of the light that is estimated from the radiance of pixels and the color of the light that each stands
+/// for, kelvin; none if no pixel is lit.
+fn estimated(pixels: impl Iterator<Item = ([f32; 3], [f32; 3])>) -> Option<f64> {
+    let lit: Vec<(f32, [f32; 3])> = pixels
+        .filter(|(pixel, _)| pixel.iter().all(|v| v.is_finite() && *v > 0.0))
+        .map(|(pixel, light)| (luminance(pixel.map(f64::from)) as f32, light))
         .collect();
     let last = lit.len().checked_sub(1)?;
     let mut sorted: Vec<f32> = lit.iter().map(|(y, _)| *y).collect();
@@ -78,7 +100,7 @@ pub fn estimated(radiance: &[[f32; 3]]) -> Option<f64> {
     let (low, high) = (quantile(TAIL), quantile(1.0 - TAIL));
     let ratio = |channel: usize| {
         let mut ratios: Vec<f32> =
-            lit.iter().filter(|(y, _)| (low..=high).contains(y)).map(|(_, pixel)| pixel[channel] / pixel[1]).collect();
+            lit.iter().filter(|(y, _)| (low..=high).contains(y)).map(|(_, light)| light[channel] / light[1]).collect();
         let middle = ratios.len() / 2;
         let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
         libm::log(f64::from(median))
@@ -103,6 +125,7 @@ impl Serialize for WhiteBalance {
         match self {
             Self::None => serializer.serialize_str("none"),
             Self::Auto => serializer.serialize_str("auto"),
+            Self::GrayWorld => serializer.serialize_str("gray_world"),
             Self::Kelvin(kelvin) => Tagged { kelvin: kelvin.clone() }.serialize(serializer),
         }
     }
@@ -120,13 +143,14 @@ impl<'de> Visitor<'de> for TextOrTable {
     type Value = WhiteBalance;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("\"none\", \"auto\" or { kelvin = 4000 }")
+        f.write_str("\"none\", \"auto\", \"gray_world\" or { kelvin = 4000 }")
     }
 
     fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<WhiteBalance, E> {
         match text {
             "none" => Ok(WhiteBalance::None),
             "auto" => Ok(WhiteBalance::Auto),
+            "gray_world" => Ok(WhiteBalance::GrayWorld),
             _ => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
         }
     }
@@ -148,9 +172,9 @@ impl JsonSchema for WhiteBalance {
         kelvin.insert("minimum".into(), KELVIN[0].into());
         kelvin.insert("maximum".into(), KELVIN[1].into());
         json_schema!({
-            "description": "The light that becomes white: \"none\", \"auto\" (estimated from the image) or { kelvin = 4000 }.",
+            "description": "The light that becomes white: \"none\", \"auto\" (the light that falls on the surfaces), \"gray_world\" (estimated from the image alone) or { kelvin = 4000 }.",
             "oneOf": [
-                { "description": "No white balance, or one that is estimated from the image.", "type": "string", "enum": ["none", "auto"] },
+                { "description": "No white balance, or one that is estimated.", "type": "string", "enum": ["none", "auto", "gray_world"] },
                 {
                     "description": "The temperature of the light that becomes white.",
                     "type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
@@ -165,35 +189,73 @@ impl JsonSchema for WhiteBalance {
 mod tests {
     use super::*;
 
-    /// A room of gray objects; two fifths of the image have a saturated color.
-    fn room(kelvin: f64, paint: [f64; 3]) -> Vec<[f32; 3]> {
+    /// Radiance and albedo of a room; two fifths of the image are painted, the rest has the color of the walls.
+    fn room(kelvin: f64, walls: [f64; 3], paint: [f64; 3]) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
         let light = blackbody(kelvin);
         let mut stream = Stream::root(3);
         (0..5000)
             .map(|i| {
                 let gray = stream.uniform(0.1, 0.9);
-                let tint = if i % 5 < 2 { paint } else { [1.0; 3] };
-                std::array::from_fn(|c| (100.0 * gray * tint[c] * light[c]) as f32)
+                let albedo = (if i % 5 < 2 { paint } else { walls }).map(|tint| gray * tint);
+                (std::array::from_fn(|c| (100.0 * albedo[c] * light[c]) as f32), albedo.map(|a| a as f32))
             })
-            .collect()
+            .unzip()
+    }
+
+    fn kelvin_of(balance: &WhiteBalance, radiance: &[[f32; 3]], albedo: &[[f32; 3]]) -> Option<f64> {
+        let (gains, _) = balance.gains(radiance, Some(albedo), &Stream::root(0)).expect("a white balance");
+        // The gains are those of a black body.
+        let nearest = MIRED.map(|mired| 1e6 / f64::from(mired)).find(|&kelvin| {
+            blackbody(kelvin).iter().zip(gains).all(|(v, gain)| (v * f64::from(gain) - 1.0).abs() < 1e-5)
+        });
+        assert!(nearest.is_some() || gains == [1.0; 3], "{gains:?}");
+        nearest
     }
 
     #[test]
     fn the_light_is_found_in_spite_of_colored_objects() {
-        for kelvin in [2700.0, 4000.0, 6500.0, 9000.0] {
+        for kelvin in [2100.0, 2700.0, 4000.0, 6500.0, 9000.0] {
             for paint in [[1.0; 3], [1.0, 0.2, 0.1], [0.3, 1.0, 0.3]] {
-                let got = estimated(&room(kelvin, paint)).expect("lit");
-                assert!((1e6 / got - 1e6 / kelvin).abs() <= 1.0, "{got} K instead of {kelvin} K beside {paint:?}");
+                let (radiance, albedo) = room(kelvin, [1.0; 3], paint);
+                for balance in [WhiteBalance::Auto, WhiteBalance::GrayWorld] {
+                    let got = kelvin_of(&balance, &radiance, &albedo).expect("lit");
+                    assert!((1e6 / got - 1e6 / kelvin).abs() <= 1.0, "{balance:?}: {got} K, not {kelvin} K, {paint:?}");
+                }
             }
         }
-        assert_eq!(estimated(&[[0.0; 3]; 4]), None);
-        assert_eq!(estimated(&[]), None);
+        for balance in [WhiteBalance::Auto, WhiteBalance::GrayWorld] {
+            assert_eq!(kelvin_of(&balance, &[[0.0; 3]; 4], &[[0.5; 3]; 4]), None);
+            assert_eq!(kelvin_of(&balance, &[], &[]), None);
+        }
+    }
+
+    #[test]
+    fn a_room_of_one_color_keeps_it() {
+        let (brown, teal) = ([0.6, 0.3, 0.12], [0.2, 0.6, 0.6]);
+        for kelvin in [3000.0, 6500.0] {
+            for walls in [brown, teal] {
+                let (radiance, albedo) = room(kelvin, walls, walls);
+                let got = kelvin_of(&WhiteBalance::Auto, &radiance, &albedo).expect("lit");
+                assert!((1e6 / got - 1e6 / kelvin).abs() <= 1.0, "{got} K, not {kelvin} K");
+                let fooled = kelvin_of(&WhiteBalance::GrayWorld, &radiance, &albedo).expect("lit");
+                assert!((1e6 / fooled - 1e6 / kelvin).abs() > 30.0, "{fooled} K");
+            }
+        }
+    }
+
+    #[test]
+    fn light_and_background_have_no_albedo() {
+        let (mut radiance, mut albedo) = room(3500.0, [1.0; 3], [1.0; 3]);
+        radiance.extend([[900.0, 2000.0, 4000.0]; 20_000]);
+        albedo.extend([[0.0; 3]; 20_000]);
+        let got = kelvin_of(&WhiteBalance::Auto, &radiance, &albedo).expect("lit");
+        assert!((1e6 / got - 1e6 / 3500.0).abs() <= 1.0, "{got} K");
     }
 
     #[test]
     fn the_chosen_light_becomes_gray_of_the_same_luminance() {
         let balance = WhiteBalance::Kelvin(Dist::Constant(3200.0));
-        let (gains, _) = balance.gains(&[], &Stream::root(0)).expect("a white balance");
+        let (gains, _) = balance.gains(&[], None, &Stream::root(0)).expect("a white balance");
         let light = blackbody(3200.0);
         let balanced: [f64; 3] = std::array::from_fn(|c| light[c] * f64::from(gains[c]));
         assert!(balanced.iter().all(|v| (v - 1.0).abs() < 1e-6), "{balanced:?}");

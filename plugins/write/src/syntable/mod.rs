@@ -72,7 +72,7 @@ pub enum Compat {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BoxSource {
-    /// The visible mask.
+    /// The visible mask; of an object without visible pixels, the amodal mask.
     Visible,
     /// The amodal mask.
     Amodal,

@@ -200,10 +200,11 @@ pub fn annotation_1(
 }
 
 impl ObjectLabels<'_> {
+    /// The box of the source. An object without a visible pixel has no other box than the amodal one.
     fn bbox(&self, source: BoxSource) -> [i32; 4] {
         match source {
-            BoxSource::Visible => self.visible_box.into(),
-            BoxSource::Amodal => self.amodal_box.into(),
+            BoxSource::Visible if !self.visible.is_empty() => self.visible_box.into(),
+            BoxSource::Visible | BoxSource::Amodal => self.amodal_box.into(),
         }
     }
 }
