@@ -8,10 +8,12 @@
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
 //! | [`settle_report`] | result of the physics simulation |
+//! | [`bodies`] | what the ids of the scene stand for |
 //!
 //! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
 //! products of a view cover the same instances: those that [`masks`] annotates.
 
+pub mod bodies;
 pub mod boxes;
 pub mod camera;
 pub mod lights;

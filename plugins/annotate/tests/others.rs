@@ -105,6 +105,12 @@ fn objects_are_described_with_their_poses() {
 
     let mut products = Products::new();
     run(&world, "object_info", "objects = \"all\"", &mut products);
+    run(&world, "bodies", "", &mut products);
+    let bodies = json(&products, "bodies");
+    let bodies = bodies.as_array().expect("a list");
+    let expected: Vec<_> = world.scene.bodies().iter().map(|body| (json!(body.id.0), json!(body.role))).collect();
+    assert_eq!(bodies.iter().map(|body| (body["id"].clone(), body["role"].clone())).collect::<Vec<_>>(), expected);
+    assert!(bodies.iter().all(|body| body["materials"].as_array().is_some_and(|names| !names.is_empty())));
     assert_eq!(products.get(OBJECT_INFO).expect("made").0.len(), 2);
 }
 
@@ -209,6 +215,9 @@ fn records_keep_their_fields_and_their_order() {
         "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m respawned removed \
          removed_distractors"
     );
+    run(&world, "bodies", "", &mut products);
+    let Ok(Value::List(bodies)) = products.value("bodies") else { panic!("a list") };
+    assert_eq!(names(&bodies[0]), "id role pool name category materials world_from_body");
     let Ok(Value::PerInstance(objects)) = products.value("object_info") else { panic!("one record per object") };
     assert_eq!(
         objects.values().map(names).collect::<Vec<_>>(),

@@ -129,6 +129,10 @@ products! {
     /// Lights of the view.
     pub const LIGHTS: Key<Value> = view("lights").form(|| Form::Records);
 
+    /// Role, asset, materials and pose of every body of the scene, by its id in `instance`: objects, distractors, table and
+    /// room.
+    pub const BODIES: Key<Value> = scene("bodies").form(|| Form::Records);
+
     /// Residual speeds, deepest penetration and removed bodies of the settled scene.
     pub const SETTLE_REPORT: Key<Value> = scene("settle_report").form(|| Form::Record);
 }

@@ -126,7 +126,7 @@ pub fn marble(stream: &mut Stream, size: usize) -> Bake {
     }
 }
 
-/// Polished granite, 0.3 to 0.5 m per tile.
+/// Polished granite, 0.15 to 0.25 m per tile: grains of some millimeters.
 pub fn granite(stream: &mut Stream, size: usize) -> Bake {
     let hue = stream.unit();
     let base = hsv(hue, stream.uniform(0.02, 0.25), stream.uniform(0.3, 0.7));
@@ -155,7 +155,7 @@ pub fn granite(stream: &mut Stream, size: usize) -> Bake {
         roughness: fine.clone().map(|b| gloss + 0.1 * b),
         height: Field::constant(size, 0.0),
         metallic: 0.0,
-        tile_m: stream.uniform(0.3, 0.5) as f32,
+        tile_m: stream.uniform(0.15, 0.25) as f32,
     }
 }
 

@@ -1,7 +1,8 @@
 //! The files of SynTable's switch `--save-segmentation-data`.
 //!
 //! `k` is the object's spawn number, with gaps where objects were removed. The values are those of the released program:
-//! visible and occlusion masks are 0 and 1, amodal masks 0 and the instance id, ids modulo 256.
+//! visible and occlusion masks are 0 and 1, amodal masks 0 and the instance id; the ids of objects modulo 256, and 0 for
+//! everything else.
 
 use super::SynTable;
 use super::record::Labels;
@@ -23,7 +24,8 @@ pub fn write(
     let depth = products.get(DEPTH)?;
     output.write(&path(format!("depth/{name}.pfm")), &pfm::encode(depth))?;
     Image::gray8(&inverse_depth(depth)).write(output, &path(format!("depth/visuals/{name}.png")))?;
-    let ids = products.get(INSTANCE)?.map(|id| id.0 as u8);
+    let objects = cx.scene.objects().len();
+    let ids = products.get(INSTANCE)?.map(|id| if usize::from(id.0) <= objects { id.0 as u8 } else { 0 });
     Image::gray8(&ids).write(output, &path(format!("instance/{name}.png")))?;
     for &id in labels.ids() {
         let k = cx.scene.body(id).map_or(0, |body| body.spawn);

@@ -1,0 +1,68 @@
+//! What the ids of a scene stand for.
+
+use crate::matrix::pose;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::BODIES;
+use syntable_model::scene::{Body, Role};
+
+/// Every body of the scene by its id in `instance`: role, asset, materials and pose.
+///
+/// Ids are 1 to M for the M objects, then those of distractors, then those of table and room; 0 is where there is nothing.
+/// With `role`, `instance` gives the masks of tabletop and background as well.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bodies {}
+
+impl Config for Bodies {
+    type Stage = dyn SceneAnnotator;
+    const KIND: &'static str = "bodies";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl SceneAnnotator for Bodies {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![BODIES]
+    }
+
+    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
+        let bodies = cx.scene.bodies().iter().map(|body| Value::of(&Record::from(body))).collect::<Result<_>>()?;
+        products.put(BODIES, Value::List(bodies))
+    }
+}
+
+/// An entry of the product `bodies`.
+#[derive(Serialize)]
+struct Record<'a> {
+    id: u16,
+    role: Role,
+    pool: &'a str,
+    name: &'a str,
+    category: &'a str,
+    /// Names, by the object's material slots, or the one that replaces them all.
+    materials: Vec<&'a str>,
+    world_from_body: [[f64; 4]; 4],
+}
+
+impl<'a> From<&'a Body> for Record<'a> {
+    fn from(body: &'a Body) -> Self {
+        let own = || body.object.materials.iter().map(|material| material.name.as_str()).collect();
+        Self {
+            id: body.id.0,
+            role: body.role,
+            pool: &body.asset.pool,
+            name: &body.asset.name,
+            category: &body.object.category,
+            materials: body.material_override.as_ref().map_or_else(own, |other| vec![other.material.name.as_str()]),
+            world_from_body: pose(&body.world_from_body),
+        }
+    }
+}
+
+register!(Bodies);
