@@ -5,6 +5,7 @@ use crate::recipe::{Recipe, without_lock};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
+use syntable_model::registry::{Shape, Slot};
 
 /// Number of differing keys that an error lists.
 const SHOWN: usize = 12;
@@ -43,7 +44,17 @@ impl std::fmt::Display for Difference {
 
 /// The keys in which two resolved recipes differ, locks of inputs aside.
 pub fn differences(before: &str, now: &str) -> Vec<Difference> {
-    let (before, now) = (keys_of(before), keys_of(now));
+    let (mut before, mut now) = (keys_of(before), keys_of(now));
+    let tables =
+        [&before, &now].map(|keys| keys.keys().filter_map(|key| keyed_table(key)).map(str::to_owned).collect());
+    let [had, has]: [BTreeSet<String>; 2] = tables;
+    // A table that only one of them has is one difference.
+    for (keys, table) in had.difference(&has).map(|it| (0, it)).chain(has.difference(&had).map(|it| (1, it))) {
+        let keys = if keys == 0 { &mut before } else { &mut now };
+        let kind = keys.get(&format!("{table}.kind")).cloned().unwrap_or_default();
+        keys.retain(|key, _| keyed_table(key) != Some(table));
+        keys.insert(table.clone(), format!("kind {kind}"));
+    }
     let keys: BTreeSet<&String> = before.keys().chain(now.keys()).collect();
     let values = |key: &String| [before.get(key).cloned(), now.get(key).cloned()];
     let differing = keys.into_iter().filter(|key| before.get(*key) != now.get(*key));
@@ -139,12 +150,18 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
     Ok(growth)
 }
 
-/// The table of a keyed stage that makes or writes products, such as `write.png`.
-fn table_of(key: &str) -> Option<&str> {
+/// The table of a stage that has an id, such as `write.png`.
+fn keyed_table(key: &str) -> Option<&str> {
     let mut dots = key.match_indices('.').map(|(at, _)| at);
     let slot = &key[..dots.next()?];
     let end = dots.next().unwrap_or(key.len());
-    matches!(slot, "write" | "annotate" | "sensor").then(|| &key[..end])
+    let keyed = Slot::ALL.into_iter().any(|known| known.name() == slot && known.shape() == Shape::Keyed);
+    keyed.then(|| &key[..end])
+}
+
+/// The same for stages that make or write products.
+fn table_of(key: &str) -> Option<&str> {
+    keyed_table(key).filter(|table| !table.starts_with(Slot::Assets.name()))
 }
 
 /// Whether a key is an option of a writer that the end of a run alone reads.
@@ -191,10 +208,14 @@ impl Growth {
             let names: Vec<String> = self.writers.iter().map(|id| format!("`write.{id}`")).collect();
             parts.push(format!("by the files of {}, for scenes that are done, too", names.join(" and ")));
         }
-        if !self.finish.is_empty() {
-            parts.push(format!("anew at its end, for {}", self.finish.join(", ")));
+        let mut sentences = Vec::new();
+        if !parts.is_empty() {
+            sentences.push(format!("the dataset grows {}", parts.join("; ")));
         }
-        format!("the dataset grows {}", parts.join("; "))
+        if !self.finish.is_empty() {
+            sentences.push(format!("its end is written anew, with another {}", self.finish.join(", ")));
+        }
+        sentences.join("; ")
     }
 }
 
@@ -212,6 +233,8 @@ mod tests {
         assert_eq!(listing(&found), "\n  place[0].more: nothing -> [1, 2]\n  views.radius: 0.8 -> 1.0");
         assert_eq!(listing(&differences(now, before)[..1]), "\n  place[0].more: [1, 2] -> nothing");
         assert!(differences(before, before).is_empty());
+        let more = format!("{before}[write.png]\nkind = \"png\"\ninclude = [\"rgb\"]\n");
+        assert_eq!(listing(&differences(before, &more)), "\n  write.png: nothing -> kind \"png\"");
     }
 
     #[test]
@@ -221,6 +244,7 @@ mod tests {
             ("annotate.masks.policy.frame", Some("annotate.masks")),
             ("sensor.rgb", Some("sensor.rgb")),
             ("views.radius", None),
+            ("assets.mugs.root", None),
             ("dataset.scenes", None),
             ("write", None),
         ] {

@@ -24,7 +24,7 @@
 //! told apart from one that ended.
 
 use super::journal::{Journal, JournalEntry};
-use super::manifest::{Manifest, Stamp};
+use super::manifest::{Manifest, Stamp, State};
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -43,6 +43,8 @@ pub struct Folder {
 
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
+/// What the end of a run reads of the scenes.
+const SHARDS: &str = ".syntable/shards/";
 /// What is known of a staged scene, among files that no writer can write.
 const RECORD: &str = ".syntable/staged.json";
 /// What `--overwrite` takes away, in this order: without a journal there is no dataset.
@@ -166,6 +168,27 @@ impl Folder {
         Ok(Manifest::read(&manifest_path(&self.root, scene))?.map(|(manifest, _)| manifest))
     }
 
+    /// Compares the shards of a scene with its manifest, and that with the journal.
+    pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
+        let damaged = |path: &Path| {
+            Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
+                .in_file(path)
+                .help("run the same command with --repair: it makes the scene again")
+                .permanent()
+        };
+        let path = manifest_path(&self.root, entry.scene);
+        let Some((manifest, _)) = Manifest::read(&path)?.filter(|(_, digest)| entry.manifest() == Some(digest)) else {
+            return Err(damaged(&path));
+        };
+        for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
+            let path = self.root.join(inside);
+            if stamp.check(&path)? != State::Whole {
+                return Err(damaged(&path));
+            }
+        }
+        Ok(())
+    }
+
     /// Moves the files of a staged scene into place and writes it down. Interrupted anywhere, the next
     /// [`recover`](Self::recover) either finishes the job or finds nothing of the scene.
     ///
@@ -204,9 +227,16 @@ impl Folder {
         self.write(&part.join(RECORD), &serde_json::to_string(&staged).expect("an entry is plain data"))?;
         let ready = self.staging().join(format!("{scene}.ready"));
         let mut journal = journal.lock();
-        for path in new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK)) {
-            if fs::symlink_metadata(self.root.join(path)).is_ok() {
-                return Err(self.taken(path)?.context(format!("scene {scene}")));
+        let there = |path: &&String| fs::symlink_metadata(self.root.join(path)).is_ok();
+        let of_others = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
+        let clashes: Vec<&str> = of_others.filter(there).map(String::as_str).collect();
+        if !clashes.is_empty() {
+            // The files of a scene whose manifest is lost are its own if no other manifest has them.
+            let present = journal.entries().get(&scene).and_then(JournalEntry::manifest);
+            let lost = present.is_some_and(|digest| own.text().1 != digest);
+            let owners = self.owners(&clashes)?;
+            if let Some(path) = clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
+                return Err(taken(path, owners.get(*path)).context(format!("scene {scene}")));
             }
         }
         remove(&ready)?;
@@ -220,30 +250,24 @@ impl Folder {
         remove(&self.staging().join(format!("{scene}.part")))
     }
 
-    /// Says whose file is where another one shall be written.
-    fn taken(&self, path: &str) -> Result<Error> {
-        let finished = self.finished()?;
-        let mut owner = finished.manifest.has(path).then(|| "is a file that the end of a run writes".to_owned());
-        if owner.is_none() {
-            let scenes = self.root.join(MARK).join("scenes");
-            for entry in fs::read_dir(&scenes).into_iter().flatten().flatten() {
-                let scene = entry.path().file_stem().and_then(|stem| stem.to_str()?.parse::<u32>().ok());
-                if let Some(scene) = scene
-                    && self.manifest(scene)?.is_some_and(|manifest| manifest.has(path))
-                {
-                    owner = Some(format!("is a file of scene {scene}"));
-                    break;
-                }
+    /// Whose files these are, for those that a manifest lists.
+    fn owners(&self, paths: &[&str]) -> Result<BTreeMap<String, String>> {
+        let mut owners = BTreeMap::new();
+        let mut add = |manifest: &Manifest, owner: &str| {
+            let listed = paths.iter().filter(|path| manifest.has(path));
+            owners.extend(listed.map(|path| ((*path).to_owned(), owner.to_owned())));
+        };
+        add(&self.finished()?.manifest, "a file that the end of a run writes");
+        let scenes = self.root.join(MARK).join("scenes");
+        for entry in fs::read_dir(&scenes).into_iter().flatten().flatten() {
+            let scene = entry.path().file_stem().and_then(|stem| stem.to_str()?.parse::<u32>().ok());
+            if let Some(scene) = scene
+                && let Some(manifest) = self.manifest(scene)?
+            {
+                add(&manifest, &format!("a file of scene {scene}"));
             }
         }
-        let (owner, help) = match owner {
-            Some(owner) => (owner, "two files have one path: give the writer another id, folder or path"),
-            None => (
-                "is there already and does not belong to the dataset".to_owned(),
-                "move it away, or choose another --out",
-            ),
-        };
-        Ok(Error::new(format!("`{path}` {owner}")).help(help).permanent())
+        Ok(owners)
     }
 
     /// What the end of the last run wrote.
@@ -260,7 +284,7 @@ impl Folder {
         let mut refused = None;
         for path in new.files.keys().cloned().collect::<Vec<_>>() {
             if !old.has(&path) && fs::symlink_metadata(self.root.join(&path)).is_ok() {
-                refused.get_or_insert(self.taken(&path)?);
+                refused.get_or_insert(taken(&path, self.owners(&[&path])?.get(&path)));
                 new.files.remove(&path);
                 remove(&staged.join(&path))?;
             }
@@ -397,6 +421,17 @@ impl Folder {
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
+}
+
+/// Says whose file is where another one shall be written.
+fn taken(path: &str, owner: Option<&String>) -> Error {
+    let (owner, help) = match owner {
+        Some(owner) => (format!("is {owner}"), "two files have one path: give the writer another id, folder or path"),
+        None => {
+            ("is there already and does not belong to the dataset".to_owned(), "move it away, or choose another --out")
+        }
+    };
+    Error::new(format!("`{path}` {owner}")).help(help).permanent()
 }
 
 /// Locks a file of a dataset, or says why not.

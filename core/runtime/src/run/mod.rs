@@ -419,6 +419,7 @@ fn finish(
 ) -> Result<Outcome> {
     let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
     let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
+    check_shards(folder, workers, &made)?;
     let staged = folder.stage_finish()?;
     let ended = end(recipe, log, workers, folder, &made, &staged)?;
     let failure = ended.into_iter().find_map(|(_, ended)| ended.err());
@@ -438,6 +439,17 @@ fn finish(
         failed: (entries.len() - made.len()) as u32,
         images: entries.iter().map(JournalEntry::views).sum(),
     })
+}
+
+/// Compares what the end of a run reads of the scenes with what was written: lines that are gone would be missed by nobody.
+fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -> Result<()> {
+    let failure = Mutex::new(None);
+    workers.run(made.len(), &|index| {
+        if let Err(error) = folder.check_shards(&made[index]) {
+            failure.lock().get_or_insert(error);
+        }
+    });
+    failure.into_inner().map_or(Ok(()), Err)
 }
 
 /// Annotates the dataset of some scenes and lets every writer finish into a staging folder. Returns how each ended.

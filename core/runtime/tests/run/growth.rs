@@ -147,7 +147,7 @@ fn another_dataset_is_refused_key_by_key() {
     for (other, says) in [
         (recipe(2, 2, 0, &both), vec!["begun with 3 scenes", "has 2 now", "--scenes"]),
         (recipe(3, 1, 0, &both), vec!["begun with 2 views per scene", "has 1 now"]),
-        (recipe(3, 2, 0, LIGHT), vec!["another recipe", "write.more.kind: \"lines\" -> nothing", "--out"]),
+        (recipe(3, 2, 0, LIGHT), vec!["another recipe", "write.more: kind \"lines\" -> nothing", "--out"]),
         (recipe(3, 2, 0, &both.replace("\"track\", ", "")), vec!["write.more.include: [", "] -> ["]),
         (recipe(3, 2, 1, &both), vec!["render.tally: 0 -> 1", "settle.tally: 0 -> 1"]),
         (recipe(3, 2, 0, &format!("{both}[sensor.doubler]\n")), vec!["[sensor.doubler]", "write.lines"]),

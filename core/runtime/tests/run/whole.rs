@@ -29,10 +29,11 @@ fn listed(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 fn every_file_is_compared_and_repaired() {
     let folder = tempfile::tempdir().expect("a folder");
     let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
-    run(RECIPE, &whole, 2).expect("whole");
-    run(RECIPE, &data, 2).expect("whole");
+    let small = RECIPE.replace("scenes = 4", "scenes = 2").replace("views_per_scene = 2", "views_per_scene = 1");
+    run(&small, &whole, 2).expect("whole");
+    run(&small, &data, 2).expect("whole");
     let all = listed(&data);
-    assert_eq!(verify(&data, 2).map(|found| (found.whole(), found.scenes)), Ok((true, 4)));
+    assert_eq!(verify(&data, 2).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
     assert!(all.keys().any(|name| name.contains("shards")) && all.keys().any(|name| name.contains("settled")));
     for (index, (name, bytes)) in all.iter().enumerate() {
         let path = data.join(name);
@@ -49,22 +50,35 @@ fn every_file_is_compared_and_repaired() {
         }
         let found = verify(&data, 1).expect("a dataset");
         let (named, other) = if missing { (&found.missing, &found.damaged) } else { (&found.damaged, &found.missing) };
-        assert!(named == &[name.clone()] && other.is_empty() && !found.whole(), "{name}: {found:?}");
+        assert!(*named == std::slice::from_ref(name) && other.is_empty() && !found.whole(), "{name}: {found:?}");
         if name == "recipe.toml" {
             // Without it nobody knows what the scenes are of.
-            run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("no recipe");
+            run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("no recipe");
             fs::write(&path, bytes).expect("writable");
             continue;
         }
-        run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
+        run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
         assert_same(&whole, &data);
     }
     // A file that is not the dataset's is named and stays.
     fs::write(data.join("notes.txt"), "mine").expect("writable");
     let found = verify(&data, 1).expect("a dataset");
     assert!(found.whole() && found.foreign == ["notes.txt"], "{found:?}");
-    run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("nothing to repair");
+    run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("nothing to repair");
     assert!(data.join("notes.txt").exists());
+}
+
+#[test]
+fn lines_that_are_gone_are_missed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    run(RECIPE, &whole, 2).expect("whole");
+    run_scenes(RECIPE, &data, 1, Some(0..3)).expect("a part");
+    fs::write(data.join(".syntable/shards/lines/000001.jsonl"), "").expect("writable");
+    let error = run(RECIPE, &data, 1).expect_err("the end would lose lines").to_string();
+    assert!(error.contains("shards/lines/000001.jsonl") && error.contains("--repair"), "{error}");
+    run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
+    assert_same(&whole, &data);
 }
 
 #[test]
