@@ -75,7 +75,7 @@ fn an_asset_that_cannot_be_read_for_a_while_changes_nothing() {
     assert!(calls > 20, "{calls} calls");
     // EIO, EMFILE, ENFILE, ESTALE, ETIMEDOUT, ENOMEM, EACCES, EAGAIN.
     let errors = [5, 24, 23, 116, 110, 12, 13, 11];
-    let (tries, mut stopped) = (16, 0);
+    let (tries, mut stopped) = (10, 0);
     for number in 0..tries {
         let (at, errno) = (1 + number * (calls - 1) / (tries - 1), errors[number as usize % errors.len()]);
         let data = home.join(format!("data-{number}"));
@@ -93,7 +93,7 @@ fn an_asset_that_cannot_be_read_for_a_while_changes_nothing() {
         assert_same(&whole, &data);
         fs::remove_dir_all(&data).expect("removable");
     }
-    assert!(stopped > 4);
+    assert_eq!(stopped, tries / 2);
 }
 
 #[test]
@@ -233,7 +233,7 @@ fn a_half_made_dataset_can_be_moved_and_names_no_place() {
 fn signals_stop_a_run_that_goes_on() {
     let folder = tempfile::tempdir().expect("a folder");
     let whole = folder.path().join("whole");
-    let more = ["--set", "dataset.scenes=40"];
+    let more = ["--set", "dataset.scenes=14"];
     ok(&mut small_run(&whole, &more));
     let data = folder.path().join("data");
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
@@ -276,7 +276,7 @@ fn a_second_signal_ends_a_run_at_once() {
 fn killed_anywhere(command: &dyn Fn() -> Command, after_kill: &dyn Fn()) -> u32 {
     for kills in 0.. {
         let mut run = command().stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
-        let patience = Duration::from_millis(u64::from(kills * kills) + 2);
+        let patience = Duration::from_millis(u64::from(kills.pow(3)) / 4 + 2);
         let start = Instant::now();
         while start.elapsed() < patience {
             if let Some(status) = run.try_wait().expect("waits") {
@@ -327,9 +327,9 @@ fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
 fn kills_while_merging_and_repairing_change_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let whole = folder.path().join("whole");
-    let scenes = ["--set", "dataset.scenes=12", "--set", "write.npy.include=[\"depth\", \"normal\"]"];
+    let scenes = ["--set", "dataset.scenes=6", "--set", "write.npy.include=[\"depth\", \"normal\"]"];
     ok(&mut small_run(&whole, &scenes));
-    let parts: Vec<PathBuf> = ["0..5", "5..6", "6..12"]
+    let parts: Vec<PathBuf> = ["0..2", "2..3", "3..6"]
         .into_iter()
         .map(|range| {
             let part = folder.path().join(range);

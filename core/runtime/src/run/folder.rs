@@ -236,7 +236,7 @@ impl Folder {
             let lost = present.is_some_and(|digest| own.text().1 != digest);
             let owners = self.owners(&clashes)?;
             if let Some(path) = clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
-                return Err(taken(path, owners.get(*path)).context(format!("scene {scene}")));
+                return Err(taken(path, owners.get(*path)));
             }
         }
         remove(&ready)?;
