@@ -87,14 +87,7 @@ fn attempt(out: &Path, set: &[(&str, &str)]) -> (Result<Outcome>, Vec<Event>) {
     changes.push(("dataset.scenes".into(), "4".into()));
     changes.push(("write.jsonl.include".into(), "[\"fragile\"]".into()));
     let (recipe, _) = recipe::load(&registry, source, &Overrides::of_process(changes)).expect("a good recipe");
-    let options = RunOptions {
-        out: out.to_owned(),
-        scenes: None,
-        threads: 2,
-        overwrite: false,
-        retry_failed: false,
-        cache: DiskCache::new(root().join("target/test-cache")),
-    };
+    let options = RunOptions::new(out, 2, DiskCache::new(root().join("target/test-cache")));
     let events = Events::default();
     let outcome = run(&recipe, &options, &events);
     (outcome, events.0.into_inner().expect("events"))

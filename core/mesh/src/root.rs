@@ -32,7 +32,7 @@ impl AssetRoot {
             }
             Err(error) => return Err(Error::io(folder, &error)),
         };
-        if !canonical.is_dir() {
+        if !is_dir(&canonical)? {
             return Err(Error::new("not a folder").in_file(folder).help("`root` names a folder of assets"));
         }
         Ok(Self { shown: folder.to_owned(), canonical })
@@ -115,6 +115,25 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
     fs::File::open(path).map_err(io)?.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(io)?;
     Ok(bytes)
+}
+
+/// Whether there is a file or folder. A device or network that fails is an error, not an absence: the asset would be left
+/// out in silence.
+pub fn exists(path: &Path) -> Result<bool> {
+    metadata(path).map(|metadata| metadata.is_some())
+}
+
+/// Whether there is a folder, with the same care.
+pub fn is_dir(path: &Path) -> Result<bool> {
+    metadata(path).map(|metadata| metadata.is_some_and(|metadata| metadata.is_dir()))
+}
+
+fn metadata(path: &Path) -> Result<Option<fs::Metadata>> {
+    match fs::metadata(path).map_err(|error| Error::io(path, &error)) {
+        Ok(metadata) => Ok(Some(metadata)),
+        Err(error) if error.is_transient() => Err(error),
+        Err(_) => Ok(None),
+    }
 }
 
 fn is_absence(error: &std::io::Error) -> bool {

@@ -1,6 +1,6 @@
 //! Listing of folders, in the same order on every system.
 
-use crate::root::AssetRoot;
+use crate::root::{AssetRoot, is_dir};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
@@ -32,8 +32,8 @@ pub fn list(folder: &Path) -> Result<Listing> {
         if name.starts_with('.') {
             continue;
         }
-        let linked = entry.file_type().is_ok_and(|kind| kind.is_symlink());
-        if fs::metadata(entry.path()).is_ok_and(|metadata| metadata.is_dir()) {
+        let linked = entry.file_type().map_err(io)?.is_symlink();
+        if is_dir(&entry.path())? {
             if linked {
                 listing.linked.push(name.clone());
             }

@@ -14,6 +14,26 @@ impl Digest {
         Hasher::new("bytes").bytes(bytes).finish()
     }
 
+    /// The digest of all that a reader gives, and the number of its bytes. It is the plain BLAKE3 of the content, cut to 32
+    /// letters, as `b3sum` prints it.
+    pub fn of_reader(mut reader: impl std::io::Read) -> std::io::Result<(Self, u64)> {
+        let mut hasher = blake3::Hasher::new();
+        let mut buffer = vec![0; 1 << 16];
+        let mut size = 0;
+        loop {
+            match reader.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(read) => {
+                    hasher.update(&buffer[..read]);
+                    size += read as u64;
+                }
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok((Hasher(hasher).finish(), size))
+    }
+
     /// The first eight bytes as a number: a key for tables in memory.
     pub fn short(&self) -> u64 {
         u64::from_le_bytes(self.0[..8].try_into().expect("a digest has 16 bytes"))
@@ -103,6 +123,16 @@ impl Hasher {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reader_gives_plain_blake3() {
+        // The published digest of no bytes, and of 1024 bytes 0, 1, …, 250, 0, … (test_vectors.json of BLAKE3).
+        let of = |bytes: &[u8]| Digest::of_reader(bytes).expect("readable");
+        assert_eq!(of(&[]).0.to_string(), "af1349b9f5f9a1a6a0404dea36dcc949");
+        let bytes: Vec<u8> = (0..1024_u32).map(|i| (i % 251) as u8).collect();
+        let (digest, size) = of(&bytes);
+        assert_eq!((digest.to_string().as_str(), size), ("42214739f095a406f3fc83deb889744a", 1024));
+    }
 
     #[test]
     fn text_round_trip_and_separation() {

@@ -4,10 +4,14 @@
 //! carry no full stop, so that they can be joined.
 
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Shorthand for results of this crate and of stages.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Number of the system's error for too many links; the same on Linux and as unlikely to mean something else elsewhere.
+const ELOOP: i32 = 40;
 
 /// What failed, where, and what to do about it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,7 +32,7 @@ enum Cause {
     /// Every attempt and every scene would meet it: the run stops.
     Permanent,
     /// The file system failed: the run stops, and the same command may succeed later.
-    Io,
+    Io(ErrorKind),
 }
 
 /// A place inside a file.
@@ -48,12 +52,34 @@ impl Error {
 
     /// A failed operation of the file system.
     pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
-        Self { cause: Cause::Io, ..Self::new(error.to_string().to_lowercase()).in_file(file) }
+        // Rust has no stable kind for it: a cycle of links.
+        let kind = if error.raw_os_error() == Some(ELOOP) { ErrorKind::InvalidInput } else { error.kind() };
+        Self { cause: Cause::Io(kind), ..Self::new(error.to_string().to_lowercase()).in_file(file) }
     }
 
     /// Whether the file system failed, rather than the content: the same work may succeed later.
     pub fn is_io(&self) -> bool {
-        self.cause == Cause::Io
+        matches!(self.cause, Cause::Io(_))
+    }
+
+    /// Whether the file system failed in a way that says nothing about the file: a device, a network, permissions, or
+    /// what the process may open. A name that is not there or cannot be one, and content that ends early, say something.
+    pub fn is_transient(&self) -> bool {
+        use ErrorKind::*;
+        let of_file = |kind| {
+            matches!(
+                kind,
+                NotFound
+                    | NotADirectory
+                    | IsADirectory
+                    | InvalidInput
+                    | InvalidData
+                    | InvalidFilename
+                    | UnexpectedEof
+                    | Unsupported
+            )
+        };
+        matches!(self.cause, Cause::Io(kind) if !of_file(kind))
     }
 
     /// States that every attempt at every scene would meet this error: the run stops at once.
@@ -177,6 +203,21 @@ impl ConfigError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_device_that_fails_says_nothing_about_a_file() {
+        let of = |code: i32| Error::io("a.obj", &std::io::Error::from_raw_os_error(code));
+        // EINTR, EIO, EAGAIN, ENOMEM, EACCES, ENFILE, EMFILE, ENOSPC, ETIMEDOUT, ESTALE.
+        for code in [4, 5, 11, 12, 13, 23, 24, 28, 110, 116] {
+            assert!(of(code).is_transient() && of(code).is_io(), "{code}");
+        }
+        // ENOENT, ENOTDIR, EISDIR, EINVAL, ENAMETOOLONG, ELOOP.
+        for code in [2, 20, 21, 22, 36, 40] {
+            assert!(!of(code).is_transient() && of(code).is_io(), "{code}");
+        }
+        assert!(!Error::new("no faces").is_transient());
+    }
 
     #[test]
     fn reads_from_the_outside_in() {

@@ -5,6 +5,7 @@ pub mod cli;
 pub mod message;
 pub mod plan;
 pub mod pools;
+mod ready;
 pub mod recipe;
 pub mod run;
 pub mod workers;

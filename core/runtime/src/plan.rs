@@ -7,6 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::product::{KeyId, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
@@ -93,6 +94,7 @@ pub struct Candidate {
 }
 
 /// A registered kind with its default options.
+#[derive(Clone)]
 pub struct Implied {
     /// The kind.
     pub entry: Entry,
@@ -101,11 +103,12 @@ pub struct Implied {
 }
 
 /// A producer that runs.
+#[derive(Clone)]
 pub struct PlannedStage {
     /// Its table: `denoise`, `sensor.<id>` or `annotate.<id>`.
     pub stage: String,
     /// What runs.
-    pub producer: Producer,
+    pub producer: Arc<Producer>,
     /// The products that it reads.
     pub reads: Vec<KeyId>,
     /// The products that it must provide.
@@ -124,7 +127,7 @@ pub struct PlanEntry {
 }
 
 /// What a run computes, in order.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Plan {
     /// Products that the renderer makes for every view, under the renderer's own names.
     pub rendered: Vec<KeyId>,
@@ -290,11 +293,51 @@ impl Plan {
     /// Asks the stages whether what they need from outside the program is there.
     pub fn ready(&self) -> Result<(), Error> {
         for stage in &self.per_view {
-            if let Producer::Denoiser(denoiser) = &stage.producer {
+            if let Producer::Denoiser(denoiser) = &*stage.producer {
                 denoiser.ready().map_err(|error| error.context(&stage.stage))?;
             }
         }
         Ok(())
+    }
+
+    /// The part of the plan that computes some products, for a scene that has the others already. Annotators of the dataset
+    /// are in it only `with_records`, with all that they read: what is recorded of a scene is recorded at once.
+    pub fn part<'n>(&self, products: impl IntoIterator<Item = &'n str>, with_records: bool) -> Self {
+        let mut needed: BTreeSet<Name> = BTreeSet::new();
+        let known = |name: &str| self.entries.iter().find(|entry| entry.key.name == *name).map(|entry| entry.key.name);
+        let mut open: Vec<Name> = products.into_iter().filter_map(known).collect();
+        if with_records {
+            open.extend(self.per_dataset.iter().flat_map(|stage| &stage.reads).map(|key| key.name));
+        }
+        while let Some(name) = open.pop() {
+            let Some(entry) = self.entries.iter().find(|entry| entry.key.name == name) else { continue };
+            // What covers the dataset is made from records at its end.
+            if entry.key.scope != Scope::Dataset && needed.insert(name) {
+                let provider = self.stages().find(|stage| stage.stage == entry.provider);
+                open.extend(provider.into_iter().flat_map(|stage| &stage.reads).map(|key| key.name));
+            }
+        }
+        let is_needed = |entry: &&PlanEntry| needed.contains(&entry.key.name);
+        let entries: Vec<PlanEntry> = self.entries.iter().filter(is_needed).cloned().collect();
+        let running = |stages: &[PlannedStage]| -> Vec<PlannedStage> {
+            let runs = |stage: &&PlannedStage| entries.iter().any(|entry| entry.provider == stage.stage);
+            stages.iter().filter(runs).cloned().collect()
+        };
+        let rendered = |key: &&KeyId| {
+            let name = self.replaced.iter().find(|it| it.product == **key).map_or(key.name, |it| it.original.name);
+            needed.contains(&name)
+        };
+        Self {
+            rendered: self.rendered.iter().filter(rendered).copied().collect(),
+            replaced: self.replaced.iter().filter(|it| needed.contains(&it.original.name)).copied().collect(),
+            before_views: running(&self.before_views),
+            per_view: running(&self.per_view),
+            after_views: running(&self.after_views),
+            per_dataset: if with_records { self.per_dataset.clone() } else { Vec::new() },
+            implied: Vec::new(),
+            idle: Vec::new(),
+            entries,
+        }
     }
 
     /// The rendered products by the canvas that they are wanted on, each as a product of the image: the renderer is asked
@@ -573,8 +616,8 @@ impl Resolver {
             let Some(candidate) = self.candidates[index].take() else { continue };
             let note = &self.notes[index];
             let (reads, provides) = (note.reads.clone(), note.provides.clone());
-            let planned =
-                PlannedStage { stage: candidate.stage.clone(), producer: candidate.producer, reads, provides };
+            let producer = Arc::new(candidate.producer);
+            let planned = PlannedStage { stage: candidate.stage.clone(), producer, reads, provides };
             plan.implied.extend(candidate.implied.map(|implied| (candidate.stage, implied)));
             match (note.scope, note.after_views) {
                 (Scope::View, _) => plan.per_view.push(planned),

@@ -6,8 +6,9 @@ use quick_cache::Weighter;
 use quick_cache::sync::Cache;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 use syntable_mesh::mass::estimate_kg;
-use syntable_model::context::{Assets, Log};
+use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
@@ -17,10 +18,17 @@ use syntable_model::stage::AssetSource;
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
 const KEEP_BYTES: u64 = 256 << 20;
 
+/// What a lock and a journal say instead of a digest of an asset that was drawn, could not be used and was passed over.
+pub const BAD: &str = "bad";
+
+/// Pauses before a source that the file system failed is asked again.
+const RETRIES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(150), Duration::from_millis(600)];
+
 /// All pools of a recipe, with what was loaded from them.
 pub struct AssetStore<'a> {
     pools: BTreeMap<&'a str, Pool<'a>>,
-    locked: &'a BTreeMap<String, String>,
+    /// Digests of assets that the dataset or the recipe depends on, or [`BAD`].
+    locked: BTreeMap<String, String>,
     on_bad_asset: OnBadAsset,
     log: &'a dyn Log,
     loaded: Cache<AssetRef, Asset, ByBytes>,
@@ -50,7 +58,7 @@ impl<'a> AssetStore<'a> {
         let mut pools = BTreeMap::new();
         for (id, pool) in &recipe.assets {
             let open = || -> Result<Vec<CatalogEntry>> {
-                let catalog = pool.source.catalog(log)?;
+                let catalog = patiently(log, |log| pool.source.catalog(log))?;
                 let found = catalog.entries.len();
                 let entries = pool.options.select(catalog.entries)?;
                 if entries.is_empty() {
@@ -64,7 +72,7 @@ impl<'a> AssetStore<'a> {
         }
         Ok(Self {
             pools,
-            locked: &recipe.locked,
+            locked: recipe.lock.assets.clone(),
             on_bad_asset: recipe.dataset.on_bad_asset,
             log,
             loaded: Cache::with_weighter(1024, KEEP_BYTES, ByBytes),
@@ -78,8 +86,19 @@ impl<'a> AssetStore<'a> {
         self.pools.iter().map(|(&id, pool)| (id, pool.entries.len()))
     }
 
-    /// An error if an asset must stop the run: it is bad and the recipe says so, or it is not what the recipe was
-    /// resolved with.
+    /// Adds the assets of the scenes that a dataset has: they must be what they were.
+    pub fn expect(mut self, assets: impl IntoIterator<Item = (String, String)>) -> Self {
+        self.locked.extend(assets);
+        self
+    }
+
+    /// Names and categories of the assets of each pool.
+    pub fn catalogs(&self) -> BTreeMap<String, BTreeMap<String, String>> {
+        self.pools.iter().map(|(&id, pool)| (id.to_owned(), pool.catalog())).collect()
+    }
+
+    /// An error if an asset must stop the run: it is bad and the recipe says so, it cannot be read at present, or it is
+    /// not what the recipe was resolved with.
     pub fn refused(&self) -> Result<()> {
         self.refused.lock().clone().map_or(Ok(()), Err)
     }
@@ -102,6 +121,11 @@ impl<'a> AssetStore<'a> {
         }
         self.load(asset).map_err(|error| {
             let error = error.context(format!("asset {asset}"));
+            if error.is_transient() {
+                // That says nothing about the asset: another one in its place would make another dataset.
+                self.refuse(error.clone());
+                return error;
+            }
             self.log.warn(&error);
             self.bad.lock().insert(asset.clone(), error.clone());
             if self.on_bad_asset == OnBadAsset::Fail {
@@ -114,29 +138,45 @@ impl<'a> AssetStore<'a> {
     fn load(&self, asset: &AssetRef) -> Result<Asset> {
         let pool = self.pool(&asset.pool)?;
         let log = Named { asset, log: self.log };
-        let loaded = match (pool.source.load(&asset.name, &log)?, &pool.options.license) {
-            (Asset::Object(object), _) => pool.normalize(Arc::unwrap_or_clone(object))?.into(),
-            (Asset::Material(material), Some(license)) => {
-                Material { license: license.clone(), ..Arc::unwrap_or_clone(material) }.into()
+        let loaded = patiently(&log, |log| pool.load(&asset.name, log));
+        let locked = self.locked.get(&asset.to_string());
+        let (was, is) = match (locked, &loaded) {
+            (None, _) => return loaded,
+            (_, Err(error)) if error.is_transient() => return loaded,
+            (Some(locked), Err(_)) if locked == BAD => return loaded,
+            (Some(locked), Err(error)) => (format!("had digest {locked}"), format!("cannot be used: {error}")),
+            (Some(locked), Ok(asset)) => {
+                let digest = asset.digest().to_string();
+                match locked.as_str() {
+                    locked if locked == digest => return loaded,
+                    BAD => ("could not be used".to_owned(), format!("has digest {digest}")),
+                    locked => (format!("had digest {locked}"), format!("has digest {digest}")),
+                }
             }
-            (Asset::Environment(map), Some(license)) => {
-                let mut map = Arc::unwrap_or_clone(map);
-                map.license.clone_from(license);
-                map.into()
-            }
-            (other, _) => other,
         };
-        let digest = loaded.digest().to_string();
-        if let Some(locked) = self.locked.get(&asset.to_string())
-            && *locked != digest
+        let error = Error::new(format!("asset {asset} has changed: when the dataset was begun it {was}, now it {is}"))
+            .help("restore the asset, or make a new dataset: choose another folder with --out, and take the asset out of [lock.assets] if the recipe has that")
+            .permanent();
+        self.refuse(error.clone());
+        Err(error)
+    }
+}
+
+/// Calls a source again, after a pause, if the file system failed it. Warnings of a call that failed so are dropped.
+fn patiently<T>(log: &dyn Log, call: impl Fn(&dyn Log) -> Result<T>) -> Result<T> {
+    let mut pauses = RETRIES.iter();
+    loop {
+        let said = Collected::default();
+        let result = call(&said);
+        if let Err(error) = &result
+            && error.is_transient()
+            && let Some(&pause) = pauses.next()
         {
-            let error =
-                Error::new(format!("asset {asset} has digest {digest}, but the recipe was resolved with {locked}"))
-                    .help("restore the asset, or take it out of [lock.assets] to accept the new one");
-            self.refuse(error.clone());
-            return Err(error);
+            std::thread::sleep(pause);
+            continue;
         }
-        Ok(loaded)
+        said.warnings().iter().for_each(|warning| log.warn(warning));
+        return result;
     }
 }
 
@@ -174,9 +214,10 @@ impl Assets for RecordingAssets<'_> {
     }
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
-        let loaded = self.store.get(asset)?;
-        self.digests.lock().insert(asset.to_string(), loaded.digest().to_string());
-        Ok(loaded)
+        let loaded = self.store.get(asset);
+        let digest = loaded.as_ref().map_or_else(|_| BAD.to_owned(), |loaded| loaded.digest().to_string());
+        self.digests.lock().insert(asset.to_string(), digest);
+        loaded
     }
 }
 
@@ -202,6 +243,27 @@ fn material_bytes(material: &Material) -> usize {
 }
 
 impl Pool<'_> {
+    /// Loads an entry, and applies the pool's options.
+    fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
+        Ok(match (self.source.load(name, log)?, &self.options.license) {
+            (Asset::Object(object), _) => self.normalize(Arc::unwrap_or_clone(object))?.into(),
+            (Asset::Material(material), Some(license)) => {
+                Material { license: license.clone(), ..Arc::unwrap_or_clone(material) }.into()
+            }
+            (Asset::Environment(map), Some(license)) => {
+                let mut map = Arc::unwrap_or_clone(map);
+                map.license.clone_from(license);
+                map.into()
+            }
+            (other, _) => other,
+        })
+    }
+
+    /// Names and categories of the entries.
+    fn catalog(&self) -> BTreeMap<String, String> {
+        self.entries.iter().map(|entry| (entry.name.clone(), entry.category.clone())).collect()
+    }
+
     /// Applies the pool's scale, center, mass and license to an object as the source read it, and checks its size.
     fn normalize(&self, object: Object) -> Result<Object> {
         let options = self.options;
@@ -342,7 +404,7 @@ mod tests {
             let pools = BTreeMap::from([("p", Pool { source: &Licensed, options: &options, entries: Vec::new() })]);
             let store = AssetStore {
                 pools,
-                locked: &BTreeMap::new(),
+                locked: BTreeMap::new(),
                 on_bad_asset: OnBadAsset::Fail,
                 log: &Collected::default(),
                 loaded: Cache::with_weighter(16, KEEP_BYTES, ByBytes),

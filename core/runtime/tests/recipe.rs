@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::prelude::*;
 use syntable_model::registry::{ConstructError, Entry, Registry, Slot};
 use syntable_runtime::message::{Message, Record};
-use syntable_runtime::recipe::{self, Code, Overrides, Recipe, Report, Source};
+use syntable_runtime::recipe::{self, CatalogLock, Code, Lock, Overrides, Recipe, Report, Source};
 
 const GOOD: &str = r#"
 [dataset]
@@ -181,18 +181,20 @@ kind = "npy"
         assert_eq!(again.resolved, recipe.resolved);
         assert!(recipe.resolved.contains("kind = "), "{}", recipe.resolved);
         let digests = BTreeMap::from([("mm/a b".to_owned(), "0123456789abcdef0123456789abcdef".to_owned())]);
-        let locked = good(&recipe::with_asset_digests(&recipe.resolved, &digests));
-        assert_eq!(locked.locked, digests);
-        assert_eq!(locked.resolved, recipe::with_asset_digests(&recipe.resolved, &digests));
-        assert_eq!(recipe::without_asset_digests(&locked.resolved), recipe.resolved);
+        let catalogs = BTreeMap::from([("mm".to_owned(), CatalogLock { assets: 3, digest: "01".into() })]);
+        let files = BTreeMap::from([("write.first.file".to_owned(), "02".to_owned())]);
+        let lock = Lock { catalogs, files, assets: digests };
+        let locked = good(&recipe::with_lock(&recipe.resolved, &lock));
+        assert_eq!(locked.lock, lock);
+        assert_eq!(locked.resolved, recipe::with_lock(&recipe.resolved, &lock));
+        assert_eq!(recipe::without_lock(&locked.resolved), recipe.resolved);
     }
     let recipe = good(&format!("{lists}{more}"));
     assert!(recipe.lights.is_empty() && recipe.dataset.views_per_scene == 2);
     assert_eq!(recipe.write.iter().map(|(id, _)| id.as_str()).collect::<Vec<_>>(), ["first", "second"]);
-    let here = env!("CARGO_MANIFEST_DIR");
     for line in [
-        &format!("root = \"{here}/meshes\""),
-        &format!("exclude_list = \"{here}/../${{ASSETS}}.txt\""),
+        "root = \"meshes\"",
+        "exclude_list = \"../${ASSETS}.txt\"",
         "split = { part = \"val\", val_fraction = 0.1, test_fraction = 0.0, seed = 0 }",
         "id = \"few\"",
         "syntable-kit = \"1.2.3\"",
@@ -397,17 +399,15 @@ root = "m"
         Ok((_, warnings)) => panic!("{warnings:?}"),
         Err(report) => panic!("{report}"),
     };
-    let at = folder.path().join("child");
-    let at = at.display();
     for line in [
         "seed = 5",
         "views_per_scene = 3",
         "radius_m = { choice = [1.0, 2.0] }",
         "count = 9",
         "clearance_m = 0.5",
-        &format!("root = \"{at}/../base/gso\""),
-        &format!("exclude_list = \"{at}/bad.txt\""),
-        &format!("root = \"{at}/tables\""),
+        "root = \"../base/gso\"",
+        "exclude_list = \"bad.txt\"",
+        "root = \"tables\"",
         "material = { floor = \"more\" }",
         "from = [\"objects\", \"materials\"]",
     ] {

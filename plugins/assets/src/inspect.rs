@@ -26,14 +26,14 @@ syntable_model::register_inspector!(
 
 fn is_bop(path: &Path) -> bool {
     if path.is_dir() {
-        bop_models::is_models(path) || bop_models::is_models(&path.join("models"))
+        [path.to_owned(), path.join("models")].iter().any(|folder| bop_models::is_models(folder).unwrap_or(false))
     } else {
         name_of(path) == INFO
     }
 }
 
 fn is_material(path: &Path) -> bool {
-    !is_bop(path) && mesh_in_folder(path).is_none() && pbr_folder::has_maps(path)
+    !is_bop(path) && mesh_in_folder(path).is_none() && pbr_folder::has_maps(path).unwrap_or(false)
 }
 
 /// The mesh of a folder, relative to it: in the layout of Google Scanned Objects or YCB, or the only mesh file.
@@ -45,7 +45,7 @@ fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
     if folder.join(scanned).exists() {
         return Some(scanned.to_owned());
     }
-    if let Some(mesh) = mesh_in(folder, Reconstruction::default()) {
+    if let Ok(Some(mesh)) = mesh_in(folder, Reconstruction::default()) {
         return Some(mesh);
     }
     if is_bop(folder) {
@@ -83,7 +83,7 @@ fn inspect_bop(path: &Path, log: &dyn Log) -> Result<Inspection> {
             Some(folder) if folder != Path::new("") => folder.to_owned(),
             _ => PathBuf::from("."),
         }
-    } else if bop_models::is_models(path) {
+    } else if bop_models::is_models(path)? {
         path.to_owned()
     } else {
         path.join("models")

@@ -88,6 +88,10 @@ impl Config for Distractors {
 register!(Distractors);
 
 impl Placer for Distractors {
+    fn tabletop(&self) -> TabletopUse {
+        TabletopUse::Needs
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let tabletop = scene.tabletop()?;
         let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());

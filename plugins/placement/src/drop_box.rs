@@ -122,6 +122,10 @@ impl Config for DropBox {
 register!(DropBox);
 
 impl Placer for DropBox {
+    fn tabletop(&self) -> TabletopUse {
+        TabletopUse::Needs
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let tabletop = scene.tabletop()?;
         let count = self.count.draw(&mut context.stream.child("count")) as usize;

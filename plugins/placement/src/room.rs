@@ -84,6 +84,10 @@ impl Config for Room {
 register!(Room);
 
 impl Placer for Room {
+    fn tabletop(&self) -> TabletopUse {
+        TabletopUse::None
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let size = self.size_m.draw(&mut context.stream.child("size"));
         let length = self.length_m.as_ref().map_or(size, |length| length.draw(&mut context.stream.child("length")));

@@ -59,6 +59,10 @@ impl Config for Table {
 register!(Table);
 
 impl Placer for Table {
+    fn tabletop(&self) -> TabletopUse {
+        TabletopUse::Sets
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         if scene.tabletop.is_some() {
             return Err(Error::new("there is a tabletop already").help("keep one [[place]] kind = \"table\""));

@@ -78,8 +78,16 @@ impl Writer for Jsonl {
         }))
     }
 
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(if of.scene.is_none() { vec![self.path(of.id)] } else { Vec::new() })
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        &["file"]
+    }
+
     fn finish(&self, _: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
-        let path = self.file.clone().unwrap_or_else(|| format!("{}.jsonl", finish.id()));
+        let path = self.path(finish.id());
         let of_dataset = json(&self.include, products, Scope::Dataset)?;
         finish.write(&path, |out| {
             let mut write =
@@ -87,6 +95,12 @@ impl Writer for Jsonl {
             json_shard::for_each_line(finish, |_, line| write(&line))?;
             if of_dataset.is_empty() { Ok(()) } else { write(&Json::from(of_dataset)) }
         })
+    }
+}
+
+impl Jsonl {
+    fn path(&self, id: &str) -> String {
+        self.file.clone().unwrap_or_else(|| format!("{id}.jsonl"))
     }
 }
 

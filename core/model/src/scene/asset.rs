@@ -46,6 +46,14 @@ impl fmt::Display for AssetRef {
     }
 }
 
+impl<'de> Deserialize<'de> for AssetRef {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let (pool, name) = text.split_once('/').ok_or_else(|| serde::de::Error::custom("an asset is `pool/name`"))?;
+        Ok(Self { pool: pool.to_owned(), name: name.to_owned() })
+    }
+}
+
 impl Serialize for AssetRef {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)

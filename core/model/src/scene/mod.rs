@@ -11,6 +11,7 @@ mod environment;
 mod light;
 mod material;
 mod mesh;
+mod settled;
 mod texture;
 mod topology;
 
@@ -23,12 +24,13 @@ pub use material::{
     Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,
 };
 pub use mesh::{Mesh, MeshData};
+pub use settled::{Placed, Settled};
 pub use texture::{Encoding, Texture, TextureRef, UvTransform, Wrap};
 pub use topology::{Topology, weld};
 
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Point3, Pose};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A scene's number in its dataset, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
@@ -71,7 +73,7 @@ impl Tabletop {
 }
 
 /// Why a body left the scene.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Removal {
     /// The body's number in spawn order.
     pub spawn: u32,
@@ -82,7 +84,7 @@ pub struct Removal {
 }
 
 /// How a scene came to rest.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SettleReport {
     /// Simulated time, s, of the longest attempt.
     pub simulated_s: f64,
@@ -94,10 +96,10 @@ pub struct SettleReport {
     pub deepest_penetration_m: f64,
     /// Number of respawns of bodies.
     pub respawned: u32,
-    /// Objects that were taken out, in spawn order.
-    pub removed: Vec<Removal>,
     /// Number of distractors that were taken out.
     pub removed_distractors: u32,
+    /// Objects that were taken out, in spawn order.
+    pub removed: Vec<Removal>,
 }
 
 /// A scene under construction.

@@ -23,14 +23,12 @@ pub use asset_source::AssetSource;
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
-pub use placer::Placer;
+pub use placer::{Placer, TabletopUse};
 pub use renderer::{Bodies, RenderRequest, RenderSession, Renderer, Window};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
-pub use writer::{
-    Accepts, Finish, FinishedFiles, Input, Output, RESERVED, SceneWriter, Writer, check_path, shard_path,
-};
+pub use writer::{Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, shard_path};
 
 use crate::product::KeyId;
 
@@ -43,9 +41,10 @@ pub struct DatasetInfo {
     pub seed: u64,
     /// `dataset.scenes`.
     pub scenes: u32,
-    /// `dataset.views_per_scene`.
+    /// `dataset.views_per_scene`; in what belongs to one scene, the number of its views. A dataset that has grown may have
+    /// fewer in its first scenes.
     pub views_per_scene: u32,
-    /// Text of the resolved recipe.
+    /// Text of the resolved recipe, without the digests of its inputs.
     pub recipe: String,
     /// Name and version of the program.
     pub program: String,

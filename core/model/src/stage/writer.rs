@@ -4,12 +4,11 @@ use crate::context::{DatasetContext, SceneContext, ViewContext};
 use crate::error::{ConfigError, Error, Result};
 use crate::names::ProductName;
 use crate::product::{Key, KeyId, Product, Products};
-use crate::scene::SceneId;
-use std::collections::BTreeMap;
+use crate::scene::{SceneId, ViewId};
+use crate::stage::DatasetInfo;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Component, Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
 /// scenes is written in `finish`, from per-scene shards.
@@ -20,10 +19,41 @@ pub trait Writer: Send + Sync {
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>>;
     /// Writes what covers many scenes. Called at the end of every run, with all scenes that are done and the products of
     /// the dataset that it reads; called again, it writes the same files.
+    ///
+    /// It is also tried when the first scene of a run is done, and then writes to a folder that is thrown away: a mistake
+    /// that shows here shows early.
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         let _ = (cx, products, finish);
         Ok(())
     }
+    /// Checks what it needs beside its options, such as files that they name. Called by `check` and before a run.
+    fn ready(&self) -> Result<()> {
+        Ok(())
+    }
+    /// The paths, relative to the dataset, that it will write for a view, for a scene or for the dataset, as far as they
+    /// can be told before a run. `check` refuses those that two scenes, views or writers share.
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let _ = of;
+        Ok(Vec::new())
+    }
+    /// Names of the options that [`finish`](Self::finish) alone reads. They may change in a recipe while its dataset is
+    /// made, because the files of the scenes do not depend on them.
+    fn finish_options(&self) -> &'static [&'static str] {
+        &[]
+    }
+}
+
+/// What a file is of: a view, if there are a scene and a view; a scene, if there is a scene alone; else the dataset.
+#[derive(Debug, Clone, Copy)]
+pub struct FileOf<'a> {
+    /// The dataset.
+    pub dataset: &'a DatasetInfo,
+    /// The writer's id in the recipe.
+    pub id: &'a str,
+    /// The scene.
+    pub scene: Option<SceneId>,
+    /// The view.
+    pub view: Option<ViewId>,
 }
 
 /// A writer at work on one scene.
@@ -115,22 +145,7 @@ impl Output {
     }
 
     fn create_at(&self, path: &str) -> Result<BufWriter<File>> {
-        let full = self.staging.join(path);
-        if let Some(parent) = full.parent() {
-            fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error))?;
-        }
-        match File::create_new(&full) {
-            Ok(file) => Ok(BufWriter::new(file)),
-            Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
-                Err(Error::new(format!("`{path}` is written twice"))
-                    .help(format!(
-                        "two files of a scene have one path; give `write.{}` another id, folder or path",
-                        self.id
-                    ))
-                    .permanent())
-            }
-            Err(error) => Err(Error::io(full, &error)),
-        }
+        create_new(&self.staging, path, &self.id)
     }
 
     /// Writes a whole file at a path relative to the dataset.
@@ -150,27 +165,42 @@ impl Output {
     }
 }
 
+/// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.
+fn create_new(folder: &Path, path: &str, id: &str) -> Result<BufWriter<File>> {
+    let full = folder.join(path);
+    if let Some(parent) = full.parent() {
+        fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error))?;
+    }
+    match File::create_new(&full) {
+        Ok(file) => Ok(BufWriter::new(file)),
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
+            Err(Error::new(format!("`{path}` is written twice"))
+                .help(format!("two files have one path; give `write.{id}` another id, folder or path"))
+                .permanent())
+        }
+        Err(error) => Err(Error::io(full, &error)),
+    }
+}
+
 /// What a writer can see and do at the end of a run.
 #[derive(Debug, Clone)]
 pub struct Finish {
     root: PathBuf,
+    staging: Option<PathBuf>,
     id: String,
     scenes: Vec<SceneId>,
-    written: FinishedFiles,
 }
 
-/// The files that the writers of a run have written at its end, each with the writer's id.
-pub type FinishedFiles = Arc<Mutex<BTreeMap<String, String>>>;
-
 impl Finish {
-    /// The end of a run for the writer `id`: `scenes` are done, ascending.
+    /// The end of a run for the writer `id`: `scenes` are done, ascending. Files are written into the dataset, where they
+    /// replace older ones.
     pub fn new(root: impl Into<PathBuf>, id: impl Into<String>, scenes: Vec<SceneId>) -> Self {
-        Self { root: root.into(), id: id.into(), scenes, written: FinishedFiles::default() }
+        Self { root: root.into(), staging: None, id: id.into(), scenes }
     }
 
-    /// The same beside other writers, none of which may write a file that another has written.
-    pub fn beside(self, written: FinishedFiles) -> Self {
-        Self { written, ..self }
+    /// The same with a staging folder for the files of all writers, in which no path may be written twice.
+    pub fn staged(self, staging: impl Into<PathBuf>) -> Self {
+        Self { staging: Some(staging.into()), ..self }
     }
 
     /// The writer's id in the recipe.
@@ -186,36 +216,34 @@ impl Finish {
     /// Opens the shard that this writer wrote for a scene.
     pub fn shard(&self, scene: SceneId) -> Result<BufReader<File>> {
         let path = self.root.join(shard_path(&self.id, scene));
-        File::open(&path)
-            .map(BufReader::new)
-            .map_err(|error| Error::io(&path, &error).help("the dataset is damaged; run again with --overwrite"))
+        let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
+        File::open(&path).map(BufReader::new).map_err(|error| Error::io(&path, &error).help(help))
     }
 
-    /// Writes a file of the dataset, whole or not at all; an older one is replaced.
+    /// Writes a file of the dataset, whole or not at all.
     pub fn write(&self, path: &str, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-        let full = self.root.join(relative(path)?);
-        let fail = |error: std::io::Error| Error::io(&full, &error);
-        let before =
-            self.written.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned(), self.id.clone());
-        if let Some(other) = before.filter(|other| *other != self.id) {
-            return Err(Error::new(format!("`{path}` is already the file of `write.{other}`"))
-                .help(format!("give one of `write.{other}` and `write.{}` another file name", self.id))
-                .permanent());
-        }
-        if let Some(parent) = full.parent() {
-            fs::create_dir_all(parent).map_err(fail)?;
-        }
-        let mut name = full.file_name().unwrap_or_default().to_owned();
-        name.push(".part");
-        let part = full.with_file_name(name);
-        let mut file = BufWriter::new(File::create(&part).map_err(fail)?);
+        relative(path)?;
+        let (full, mut file) = match &self.staging {
+            Some(staging) => (staging.join(path), create_new(staging, path, &self.id)?),
+            None => {
+                let part = format!("{path}.part");
+                let full = self.root.join(&part);
+                // What an interrupted call has left.
+                let _ = fs::remove_file(&full);
+                (full, create_new(&self.root, &part, &self.id)?)
+            }
+        };
+        let fail = |error: std::io::Error| Error::io(self.root.join(path), &error);
         let filled = fill(&mut file).and_then(|()| {
             file.flush().and_then(|()| file.get_ref().sync_all()).map_err(fail)?;
-            fs::rename(&part, &full).map_err(fail)
+            match &self.staging {
+                Some(_) => Ok(()),
+                None => fs::rename(&full, self.root.join(path)).map_err(fail),
+            }
         });
         if filled.is_err() {
-            // The first error is the one to report; a leftover part is replaced by the next run.
-            let _ = fs::remove_file(&part);
+            // The first error is the one to report.
+            let _ = fs::remove_file(&full);
         }
         filled
     }
@@ -226,8 +254,8 @@ pub fn shard_path(id: &str, scene: SceneId) -> String {
     format!(".syntable/shards/{id}/{:06}.jsonl", scene.0)
 }
 
-/// Names at the top of a dataset, and of a staged scene, that the program keeps for itself.
-pub const RESERVED: [&str; 3] = [".syntable", ".scene.json", "recipe.toml"];
+/// Names at the top of a dataset that the program keeps for itself: its own folder, and the resolved recipe.
+pub const RESERVED: [&str; 2] = [".syntable", "recipe.toml"];
 
 /// Checks an option that names a file or folder of the dataset: a relative path that stays inside it, and is none of the
 /// program's own.
@@ -260,18 +288,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_of_the_dataset_has_one_writer() {
+    fn a_path_is_written_once_at_the_end_of_a_run() {
         let folder = std::env::temp_dir().join(format!("syntable-finish-{}", std::process::id()));
-        let written = FinishedFiles::default();
-        let write = |id: &str| {
-            Finish::new(&folder, id, Vec::new())
-                .beside(written.clone())
-                .write("all.jsonl", |out| out.write_all(id.as_bytes()).map_err(|error| Error::io("all.jsonl", &error)))
+        let write = |id: &str, staged: bool| {
+            let finish = Finish::new(folder.join("data"), id, Vec::new());
+            let finish = if staged { finish.staged(folder.join("staging")) } else { finish };
+            finish.write("a/all.jsonl", |out| out.write_all(id.as_bytes()).map_err(|error| Error::io("a", &error)))
         };
-        write("a").expect("first");
-        let error = write("b").expect_err("second");
-        assert!(error.is_permanent() && error.to_string().contains("already the file of `write.a`"), "{error}");
-        assert_eq!(fs::read_to_string(folder.join("all.jsonl")).expect("written"), "a");
+        write("a", true).expect("first");
+        let error = write("b", true).expect_err("second");
+        assert!(error.is_permanent() && error.to_string().contains("`a/all.jsonl` is written twice"), "{error}");
+        assert_eq!(fs::read_to_string(folder.join("staging/a/all.jsonl")).expect("written"), "a");
+        // Without a staging folder an older file is replaced.
+        write("a", false).and_then(|()| write("b", false)).expect("again");
+        assert_eq!(fs::read_to_string(folder.join("data/a/all.jsonl")).expect("written"), "b");
         fs::remove_dir_all(&folder).expect("removable");
     }
 

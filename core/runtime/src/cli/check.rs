@@ -34,7 +34,7 @@ fn recipe(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(
         }
     }
     let recipe = console.load(registry, args)?;
-    recipe.plan.ready().map_err(Exit::wrong)?;
+    recipe.ready().map_err(Exit::wrong)?;
     let log = Print(console);
     let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
     let mut out =

@@ -3,9 +3,11 @@
 mod check;
 mod doctor;
 mod list;
+mod merge;
 mod new;
 mod run;
 mod verb;
+mod verify;
 
 pub use crate::message::Message;
 pub use list::products;
@@ -40,7 +42,8 @@ Exit codes:
   0  done
   1  stopped, or could not begin; what was done is kept, the same command goes on from there
   2  the recipe, an option or an asset is wrong; nothing was made
-  3  done, but some scenes failed; the journal says why"
+  3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged
+  130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -65,6 +68,16 @@ enum BuiltIn {
   syntable run recipe.toml --out data --set render.samples_per_pixel=16 --seed 3
   syntable run data/recipe.toml --out again            the same dataset once more")]
     Run(run::RunArgs),
+    /// Compare every file of a dataset with its journal: what is missing, damaged, or not the dataset's.
+    #[command(after_help = "Example:
+  syntable verify data                        then: syntable run recipe.toml --out data --repair")]
+    Verify(verify::VerifyArgs),
+    /// Put parts of a dataset that were made elsewhere into one, as if one run had made it.
+    #[command(after_help = "Example:
+  syntable run recipe.toml --out part-0 --scenes 0..100
+  syntable run recipe.toml --out part-1 --scenes 100..200     on another machine
+  syntable merge data part-0 part-1")]
+    Merge(merge::MergeArgs),
     /// Check recipes without running them, or look at one asset.
     #[command(after_help = "Examples:
   syntable check recipe.toml
@@ -230,6 +243,8 @@ impl Console {
     fn verb(&self, verb: BuiltIn, registry: &Registry) -> Result<(), Exit> {
         match verb {
             BuiltIn::Run(args) => run::run(self, registry, &args),
+            BuiltIn::Verify(args) => verify::verify(self, &args),
+            BuiltIn::Merge(args) => merge::merge(self, registry, &args),
             BuiltIn::Check(args) => check::check(self, registry, &args),
             BuiltIn::Plan(args) => run::plan(self, registry, &args),
             BuiltIn::List(args) => list::list(self, registry, &args),
@@ -310,7 +325,7 @@ mod tests {
     #[test]
     fn every_verb_has_a_help_page() {
         let pages = help_pages();
-        for verb in ["run", "check", "plan", "list", "schema", "new", "doctor", "completions"] {
+        for verb in ["run", "verify", "merge", "check", "plan", "list", "schema", "new", "doctor", "completions"] {
             assert!(pages.iter().any(|(name, _)| name == &format!("syntable {verb}")), "{verb}");
         }
     }

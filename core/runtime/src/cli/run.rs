@@ -3,6 +3,7 @@
 use super::{Console, Exit, Message, RecipeArgs};
 use crate::cache::DiskCache;
 use crate::run::progress::count;
+use crate::run::stop::Stop;
 use crate::run::{RunOptions, run as run_recipe};
 use crate::workers;
 use clap::Args;
@@ -30,6 +31,9 @@ pub(super) struct RunArgs {
     /// Try scenes again that failed in an earlier run.
     #[arg(long)]
     retry_failed: bool,
+    /// Compare all files with the journal first, and make scenes again whose files are missing or damaged.
+    #[arg(long, conflicts_with = "overwrite")]
+    repair: bool,
 }
 
 /// Scenes asked for; open ends are closed by the recipe.
@@ -62,17 +66,22 @@ impl Scenes {
 
 pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
     let recipe = console.load(registry, &args.recipe)?;
-    recipe.plan.ready().map_err(Exit::wrong)?;
+    recipe.ready().map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose()?;
+    let stop = on_signals()?;
     let options = RunOptions {
-        out: args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),
         scenes,
-        threads: args.threads.map_or_else(workers::available, usize::from),
         overwrite: args.overwrite,
         retry_failed: args.retry_failed,
-        cache: DiskCache::of_user(),
+        repair: args.repair,
+        stop: stop.clone(),
+        ..RunOptions::new(
+            args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),
+            args.threads.map_or_else(workers::available, usize::from),
+            DiskCache::of_user(),
+        )
     };
-    let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(Exit::stopped)?;
+    let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
     if outcome.failed == 0 {
         return Ok(());
     }
@@ -80,6 +89,20 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         .in_file(options.out.join(".syntable/journal.jsonl"))
         .help("the journal says why; --retry-failed tries them again");
     Err(Exit { code: 3, messages: vec![Message::Error(error)] })
+}
+
+/// Lets signals stop what a verb does.
+pub(super) fn on_signals() -> Result<Stop, Exit> {
+    Stop::on_signals().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))
+}
+
+/// The exit of a verb that ended early: by a signal, by a mistake of the user, or by what the same command may overcome.
+pub(super) fn ended(stop: &Stop, error: Error) -> Exit {
+    match stop.requested() {
+        Some(signal) => Exit { code: 128_u8.saturating_add(signal), ..Exit::stopped(error) },
+        None if error.is_permanent() => Exit::wrong(error),
+        None => Exit::stopped(error),
+    }
 }
 
 pub(super) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(), Exit> {

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use syntable_model::digest::Hasher;
 
 /// Name, seed and size of the dataset.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -76,6 +77,47 @@ pub(crate) struct LockTable {
     pub syntable: String,
     /// Versions of the plugin crates in use, by name.
     pub plugins: BTreeMap<String, String>,
-    /// Digests of the drawn assets, by `pool/name`: an asset with another digest is an error.
+    /// What each pool offers: a pool with other names or categories is an error.
+    pub catalogs: BTreeMap<String, CatalogLock>,
+    /// Digests of files that options name, by the option: a file with another content is an error.
+    pub files: BTreeMap<String, String>,
+    /// Digests of the drawn assets, by `pool/name`, or `bad` for one that could not be used: an asset with another digest
+    /// is an error.
     pub assets: BTreeMap<String, String>,
+}
+
+/// What a pool offers.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CatalogLock {
+    /// Number of assets.
+    pub assets: usize,
+    /// Digest of their names and categories.
+    pub digest: String,
+}
+
+impl CatalogLock {
+    /// The lock of a pool with these names and categories.
+    pub fn of(catalog: &BTreeMap<String, String>) -> Self {
+        let hasher =
+            catalog.iter().fold(Hasher::new("catalog"), |hasher, (name, category)| hasher.text(name).text(category));
+        Self { assets: catalog.len(), digest: hasher.finish().to_string() }
+    }
+}
+
+/// The inputs of a dataset: what may not change while it is made, nor when its resolved recipe runs again.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Lock {
+    /// What each pool offers.
+    pub catalogs: BTreeMap<String, CatalogLock>,
+    /// Digests of files that options of stages name, by the option.
+    pub files: BTreeMap<String, String>,
+    /// Digests of the drawn assets, by `pool/name`.
+    pub assets: BTreeMap<String, String>,
+}
+
+impl From<LockTable> for Lock {
+    fn from(LockTable { catalogs, files, assets, .. }: LockTable) -> Self {
+        Self { catalogs, files, assets }
+    }
 }

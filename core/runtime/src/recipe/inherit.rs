@@ -9,6 +9,7 @@
 //! - `remove = ["write.npy"]` removes inherited values, before the child's own are added;
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
 
+use super::Source;
 use super::code::Code;
 use super::diagnostic::DiagnosticBuilder;
 use super::key_path;
@@ -16,7 +17,7 @@ use super::overrides::Overrides;
 use super::parse;
 use super::source::{SourceFile, Sources, Span};
 use super::suggest::{did_you_mean, listing};
-use super::{Source, variables};
+use super::variables::{self, PathRules};
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
@@ -146,7 +147,8 @@ impl<'a> Reader<'_, 'a> {
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<usize> {
         let overrides = self.overrides;
-        let resolved = variables::resolve(text, span, file, &overrides.current_folder, overrides.variable);
+        let resolved =
+            variables::resolve(text, span, file, &overrides.current_folder, overrides.variable, &PathRules::default());
         let path = resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?.path;
         let identity = identity(&path);
         let known = self.nodes.iter().position(|node| node.identity.as_ref() == Some(&identity));

@@ -2,7 +2,7 @@
 
 use super::check;
 use super::code::Code;
-use super::dataset::{Dataset, DatasetTable, LockTable};
+use super::dataset::{Dataset, DatasetTable, Lock, LockTable};
 use super::diagnostic::{Diagnostic, DiagnosticBuilder, Report, Severity};
 use super::inherit::{self, Damage};
 use super::overrides::Overrides;
@@ -13,10 +13,12 @@ use super::schema::Schemas;
 use super::source::{NOWHERE, Sources, Span};
 use super::stages::{Built, Loader};
 use super::suggest::{did_you_mean, listing};
+use super::variables::{self, PathRules};
 use super::{Recipe, Source};
 use crate::plan::{Implied, Plan};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use syntable_model::registry::{Registry, Slot, Stage};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
@@ -40,6 +42,7 @@ pub(crate) fn load_with(
 ) -> Result<(Recipe, Vec<Diagnostic>), Report> {
     let sources = Sources::default();
     let mut diagnostics = Vec::new();
+    let folder = source.path.as_deref().and_then(Path::parent).map(Path::to_owned);
     let graph = inherit::gather(source, overrides, &sources, &mut diagnostics);
     let incomplete = !diagnostics.is_empty();
     let (mut tree, mut damage) = graph.merge(&mut diagnostics);
@@ -53,7 +56,11 @@ pub(crate) fn load_with(
     unknown_sections(&tree, &mut diagnostics);
     let dataset = dataset(&mut tree, &schemas, renamed, &mut diagnostics);
     let lock = lock_table(&mut tree, &schemas, &mut diagnostics);
-    let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed };
+    let paths = PathRules {
+        home: variables::join(&overrides.current_folder, &folder.as_deref().unwrap_or(Path::new("")).to_string_lossy()),
+        resolved: lock.is_some(),
+    };
+    let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed, paths };
     let mut built = loader.build(&mut tree, &mut diagnostics);
     let plan = plan(registry, &mut built, &mut diagnostics);
     if let Some(lock) = &lock {
@@ -67,7 +74,7 @@ pub(crate) fn load_with(
     }
     let dataset = dataset.map(|(_, table)| DatasetTable { views_per_scene: views, ..table });
     match dataset.and_then(|dataset| assemble(dataset, built, plan?, lock.map(|lock| lock.0).unwrap_or_default())) {
-        Some(recipe) => Ok((recipe, diagnostics)),
+        Some(recipe) => Ok((Recipe { folder, ..recipe }, diagnostics)),
         None => {
             // A part can be missing without an error of its own only if a syntax error lost it.
             let diagnostic = DiagnosticBuilder::error(Code::MissingSection, NOWHERE, "the recipe is not complete");
@@ -262,6 +269,8 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     // A resolved recipe names the stages that run with their defaults, too.
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
+    let files = built.files;
+    let lock = Lock::from(lock);
     for stage in built.stages {
         match stage.stage {
             Some(Stage::Assets(source)) => {
@@ -288,7 +297,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     }
     write.sort_by(|(a, _), (b, _)| a.cmp(b));
     Some(Recipe {
-        resolved: resolved::write(&dataset_options, &stages, &lock.assets),
+        resolved: resolved::write(&dataset_options, &stages, &lock),
         dataset: Dataset {
             name: dataset.name,
             seed: dataset.seed,
@@ -306,7 +315,9 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         render: render?,
         write,
         plan,
-        locked: lock.assets,
+        lock,
+        files,
+        folder: None,
     })
 }
 

@@ -35,13 +35,13 @@ mod suggest;
 mod variables;
 
 pub use code::Code;
-pub use dataset::{Dataset, OnBadAsset};
+pub use dataset::{CatalogLock, Dataset, Lock, OnBadAsset};
 pub use diagnostic::{Diagnostic, Label, Report, Severity};
 pub use lints::lints;
 pub use load::load;
 pub use overrides::Overrides;
 pub use pool::{Center, Mass, Part, Pool, PoolOptions, Scale, Split};
-pub use resolved::{with_asset_digests, without_asset_digests};
+pub use resolved::{lock_of, with_lock, without_lock};
 pub use schema::{schema, schema_text};
 pub use source::SourceFile;
 
@@ -110,6 +110,10 @@ pub struct Recipe {
     /// The whole recipe as TOML: every default filled in, every kind named, nothing inherited, with the versions that
     /// made it. Loading it gives the same text.
     pub resolved: String,
-    /// Required digests of assets, by `pool/name`; empty unless the recipe is a resolved one.
-    pub locked: BTreeMap<String, String>,
+    /// What the inputs must be; empty unless the recipe is a resolved one.
+    pub lock: Lock,
+    /// Files that options of stages name, beside assets and libraries, by the option: their content matters.
+    pub files: Vec<(String, PathBuf)>,
+    /// The folder of the recipe's file, if it has one.
+    pub folder: Option<PathBuf>,
 }

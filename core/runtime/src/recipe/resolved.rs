@@ -1,5 +1,6 @@
 //! The resolved recipe: every default filled in, nothing inherited, and the versions that made it.
 
+use super::dataset::{CatalogLock, Lock, LockTable};
 use std::collections::BTreeMap;
 use syntable_model::registry::{Shape, Slot};
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value};
@@ -15,7 +16,7 @@ pub(crate) struct ResolvedStage {
 }
 
 /// Writes a resolved recipe: slot by slot, keyed stages by id.
-pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], assets: &BTreeMap<String, String>) -> String {
+pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lock) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let mut ordered: Vec<&ResolvedStage> = stages.iter().collect();
     ordered.sort_by_key(|stage| (stage.slot, (stage.slot.shape() == Shape::Keyed).then_some(&stage.id)));
@@ -54,32 +55,33 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], assets: &BT
     lock.insert("syntable", version.into());
     lock.insert("plugins", Item::Table(strings(plugins)));
     document.insert("lock", Item::Table(lock));
-    insert_digests(&mut document, assets);
+    insert_lock(&mut document, inputs);
     let comment = format!(
         "# Resolved by syntable {version}: every default is filled in. Running this file again gives the same dataset.\n\n"
     );
     comment + document.to_string().trim_start()
 }
 
-/// Returns a resolved recipe with the digests of its assets, by `pool/name`. Digests that it already holds are kept,
-/// unless new ones replace them. A text that is no TOML is returned as it is.
-pub fn with_asset_digests(resolved: &str, digests: &BTreeMap<String, String>) -> String {
+/// Returns a resolved recipe with its inputs locked. Assets that it already locks stay, unless their digests are replaced;
+/// catalogs and files are replaced if there are any. A text that is no TOML is returned as it is.
+pub fn with_lock(resolved: &str, lock: &Lock) -> String {
     match resolved.parse::<DocumentMut>() {
         Ok(mut document) => {
-            insert_digests(&mut document, digests);
+            insert_lock(&mut document, lock);
             document.to_string()
         }
         Err(_) => resolved.to_owned(),
     }
 }
 
-/// Returns a resolved recipe without the digests of its assets, which are added when a run ends. A text that is no TOML
-/// is returned as it is.
-pub fn without_asset_digests(resolved: &str) -> String {
+/// Returns a resolved recipe without the lock of its inputs; versions stay. A text that is no TOML is returned as it is.
+pub fn without_lock(resolved: &str) -> String {
     match resolved.parse::<DocumentMut>() {
         Ok(mut document) => {
             if let Some(lock) = document.get_mut("lock").and_then(Item::as_table_mut) {
-                lock.remove("assets");
+                for inputs in ["catalogs", "files", "assets"] {
+                    lock.remove(inputs);
+                }
                 if lock.is_empty() && lock.is_implicit() {
                     document.remove("lock");
                 }
@@ -90,17 +92,45 @@ pub fn without_asset_digests(resolved: &str) -> String {
     }
 }
 
-fn insert_digests(document: &mut DocumentMut, digests: &BTreeMap<String, String>) {
-    if digests.is_empty() {
+/// The inputs that a resolved recipe locks; none if the text is no resolved recipe.
+pub fn lock_of(resolved: &str) -> Lock {
+    let table = toml::from_str::<toml::Table>(resolved).ok();
+    let lock = table.and_then(|mut table| table.remove("lock")?.try_into::<LockTable>().ok());
+    lock.unwrap_or_default().into()
+}
+
+fn insert_lock(document: &mut DocumentMut, new: &Lock) {
+    if *new == Lock::default() {
         return;
     }
     let lock = parent(document, "lock");
-    let old = lock.get("assets").and_then(Item::as_table);
+    let old = lock.remove("assets");
+    if !new.catalogs.is_empty() {
+        let mut catalogs = Table::new();
+        for (pool, CatalogLock { assets, digest }) in &new.catalogs {
+            let mut catalog = InlineTable::new();
+            catalog.insert("assets", (*assets as i64).into());
+            catalog.insert("digest", digest.as_str().into());
+            catalogs.insert(pool, Item::Value(Value::InlineTable(catalog)));
+        }
+        lock.remove("catalogs");
+        lock.insert("catalogs", Item::Table(catalogs));
+    }
+    if !new.catalogs.is_empty() || !new.files.is_empty() {
+        lock.remove("files");
+    }
+    if !new.files.is_empty() {
+        let files = strings(new.files.iter().map(|(option, digest)| (option.as_str(), digest.as_str())));
+        lock.insert("files", Item::Table(files));
+    }
+    let old = old.as_ref().and_then(Item::as_table);
     let mut all: BTreeMap<&str, &str> =
         old.into_iter().flat_map(Table::iter).filter_map(|(asset, digest)| Some((asset, digest.as_str()?))).collect();
-    all.extend(digests.iter().map(|(asset, digest)| (asset.as_str(), digest.as_str())));
-    let all = strings(all);
-    lock.insert("assets", Item::Table(all));
+    all.extend(new.assets.iter().map(|(asset, digest)| (asset.as_str(), digest.as_str())));
+    if !all.is_empty() {
+        // Last, as assets are added while the dataset is made.
+        lock.insert("assets", Item::Table(strings(all)));
+    }
 }
 
 /// The table of a name, created without a header of its own if it is missing.
@@ -183,19 +213,34 @@ mod tests {
     }
 
     #[test]
-    fn digests_are_added_kept_and_removed() {
+    fn inputs_are_locked_kept_and_removed() {
         let map = |pairs: &[(&str, &str)]| -> BTreeMap<String, String> {
             pairs.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect()
         };
+        let assets = |pairs: &[(&str, &str)]| Lock { assets: map(pairs), ..Lock::default() };
         for start in ["[dataset]\n", "[dataset]\n\n[lock]\nsyntable = \"1\"\n\n[lock.plugins]\na = \"2\"\n"] {
-            let one = with_asset_digests(start, &map(&[("p/b", "22")]));
+            let one = with_lock(start, &assets(&[("p/b", "22")]));
             assert_eq!(one, format!("{start}\n[lock.assets]\n\"p/b\" = \"22\"\n"));
-            let two = with_asset_digests(&one, &map(&[("p/a", "11")]));
+            let two = with_lock(&one, &assets(&[("p/a", "11")]));
             assert_eq!(two, format!("{start}\n[lock.assets]\n\"p/a\" = \"11\"\n\"p/b\" = \"22\"\n"));
-            assert_eq!(with_asset_digests(&two, &map(&[])), two);
-            assert_eq!(without_asset_digests(&two), start);
-            assert_eq!(without_asset_digests(start), start);
+            assert_eq!(with_lock(&two, &assets(&[])), two);
+            assert_eq!(without_lock(&two), start);
+            assert_eq!(without_lock(start), start);
+            // Catalogs and files come before the assets, whichever was locked first, and are replaced.
+            let catalog = CatalogLock { assets: 2, digest: "33".into() };
+            let inputs = Lock {
+                catalogs: BTreeMap::from([("p".to_owned(), catalog)]),
+                files: map(&[("write.x.template.file", "44")]),
+                ..Lock::default()
+            };
+            let want = format!(
+                "{start}\n[lock.catalogs]\np = {{ assets = 2, digest = \"33\" }}\n\n[lock.files]\n\"write.x.template.file\" = \"44\"\n\n[lock.assets]\n\"p/b\" = \"22\"\n"
+            );
+            assert_eq!(with_lock(&one, &inputs), want);
+            assert_eq!(with_lock(&with_lock(&with_lock(start, &inputs), &inputs), &assets(&[("p/b", "22")])), want);
+            assert_eq!(without_lock(&want), start);
+            assert_eq!(lock_of(&want), Lock { assets: map(&[("p/b", "22")]), ..inputs });
         }
-        assert_eq!(without_asset_digests("a = ["), "a = [");
+        assert_eq!(without_lock("a = ["), "a = [");
     }
 }

@@ -11,9 +11,10 @@ use super::renamed::RenamedNames;
 use super::schema::{KindSchema, Schemas};
 use super::source::{NOWHERE, Sources, Span};
 use super::suggest::{did_you_mean, listing};
-use super::variables;
+use super::variables::{self, PathRules};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use syntable_model::error::ConfigError;
 use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
 use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
@@ -28,6 +29,7 @@ pub(crate) struct Loader<'l> {
     pub overrides: &'l Overrides<'l>,
     pub sources: &'l Sources,
     pub renamed: &'l RenamedNames<'l>,
+    pub paths: PathRules,
 }
 
 /// A built stage.
@@ -50,6 +52,8 @@ pub(crate) struct Built<'l> {
     pub stages: Vec<BuiltStage<'l>>,
     /// Options of the pools, by id.
     pub pools: BTreeMap<String, PoolOptions>,
+    /// Paths that options of other stages name, by the option.
+    pub files: Vec<(String, PathBuf)>,
 }
 
 /// The table of a stage.
@@ -87,7 +91,7 @@ impl Names {
 impl<'l> Loader<'l> {
     /// Builds all stages of the tree and reports all mistakes.
     pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'l> {
-        let mut built = Built { stages: Vec::new(), pools: BTreeMap::new() };
+        let mut built = Built { stages: Vec::new(), pools: BTreeMap::new(), files: Vec::new() };
         let mut names = Names::default();
         let mut failed = BTreeSet::new();
         for slot in Slot::ALL {
@@ -337,6 +341,11 @@ impl<'l> Loader<'l> {
             names.implied.push((entry.kind, reference));
         }
         for (steps, path) in paths {
+            // The catalog of a pool says what its folders and lists amount to, and a denoiser's library is a program.
+            if !matches!(slot, Slot::Assets | Slot::Denoise) {
+                let table = if slot.shape() == Shape::One { slot.to_string() } else { format!("{slot}.{}", given.id) };
+                built.files.push((format!("{table}.{}", DisplayPath(&steps)), path.path.clone()));
+            }
             if let Some(toml::Value::String(text)) = at_mut(&mut options, &steps)
                 && path.path.to_str() == Some(text.as_str())
             {
@@ -477,7 +486,7 @@ impl<'l> Loader<'l> {
         let file = self.sources.file_of(&reference.span)?;
         diagnostics.extend(variables::odd(&reference.text, &reference.span));
         let (folder, variable) = (&self.overrides.current_folder, self.overrides.variable);
-        let resolved = variables::resolve(&reference.text, &reference.span, file, folder, variable);
+        let resolved = variables::resolve(&reference.text, &reference.span, file, folder, variable, &self.paths);
         let resolved = resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?;
         let value = recipe_at_mut(table, &reference.path)?;
         let Some(text) = resolved.path.to_str() else {

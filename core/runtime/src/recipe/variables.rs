@@ -2,16 +2,27 @@
 
 use super::code::Code;
 use super::diagnostic::DiagnosticBuilder;
+use super::inherit::SET;
 use super::source::{SourceFile, Span};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
-/// A resolved path, and its form for a recipe in another folder.
+/// A resolved path, and its form for the resolved recipe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Resolved {
     /// The path to open.
     pub path: PathBuf,
-    /// The same path with `${NAME}` kept, independent of the recipe's folder.
+    /// The path as it was written, `${NAME}` kept; relative to the recipe's folder if a recipe that it extends names it.
     pub portable: String,
+}
+
+/// Where the recipe is, for paths in the resolved recipe.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PathRules {
+    /// Folder of the recipe, or the current folder.
+    pub home: PathBuf,
+    /// Whether the recipe is a resolved one: it may be in a dataset, far from what it names. Where a relative path leads to
+    /// nothing from its own folder, it counts from the current one.
+    pub resolved: bool,
 }
 
 /// Resolves a path given in `file` at `span`.
@@ -21,6 +32,7 @@ pub(crate) fn resolve(
     file: &SourceFile,
     current_folder: &Path,
     variable: &dyn Fn(&str) -> Option<String>,
+    rules: &PathRules,
 ) -> Result<Resolved, DiagnosticBuilder> {
     let expanded = expand(text, span, variable)?;
     if Path::new(&expanded).is_absolute() {
@@ -30,8 +42,40 @@ pub(crate) fn resolve(
         // A relative path in a variable was set from the current folder.
         return Ok(Resolved { path: join(current_folder, &expanded), portable: text.to_owned() });
     }
-    let portable = join(file.folder(), text).to_string_lossy().into_owned();
-    Ok(Resolved { path: join(file.folder(), &expanded), portable })
+    let path = join(file.folder(), &expanded);
+    let elsewhere = join(current_folder, &expanded);
+    let path = if rules.resolved && !path.exists() && elsewhere.exists() { elsewhere } else { path };
+    let of_recipe = file.folder() == rules.home || file.name() == SET;
+    let portable = match of_recipe {
+        true => text.to_owned(),
+        false => relative(&rules.home, &join(file.folder(), text)).to_string_lossy().into_owned(),
+    };
+    Ok(Resolved { path, portable })
+}
+
+/// A path to `to` from a folder, by their text alone; `to` itself if they have no common root.
+fn relative(from: &Path, to: &Path) -> PathBuf {
+    let (from, to) = (normal(from), normal(to));
+    let common = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+    if common == 0 {
+        return to.iter().collect();
+    }
+    let up = std::iter::repeat_n(Component::ParentDir, from.len() - common);
+    up.chain(to[common..].iter().copied()).collect()
+}
+
+/// The components of a path without `.`, and without `..` where a name stands before it.
+fn normal(path: &Path) -> Vec<Component<'_>> {
+    path.components().fold(Vec::new(), |mut parts, part| {
+        match (part, parts.last()) {
+            (Component::CurDir, _) => {}
+            (Component::ParentDir, Some(Component::Normal(_))) => {
+                parts.pop();
+            }
+            _ => parts.push(part),
+        }
+        parts
+    })
 }
 
 /// Warns about `~` and `$NAME`, which only a shell replaces.
@@ -107,6 +151,11 @@ mod tests {
     use crate::recipe::source::Sources;
 
     fn check(text: &str, expected: Result<(&str, &str), &str>) {
+        check_from("/home/r", text, expected);
+    }
+
+    /// Resolves a path of a recipe in /home/r that is extended by one in `home`.
+    fn check_from(home: &str, text: &str, expected: Result<(&str, &str), &str>) {
         let sources = Sources::default();
         let file = sources.add("r".into(), "/home/r".into(), String::new());
         let variable = |name: &str| match name {
@@ -115,7 +164,8 @@ mod tests {
             "EMPTY" => Some(String::new()),
             _ => None,
         };
-        let got = resolve(text, &(1..1), file, Path::new("/work"), &variable);
+        let rules = PathRules { home: home.into(), resolved: false };
+        let got = resolve(text, &(1..1), file, Path::new("/work"), &variable, &rules);
         match (got, expected) {
             (Ok(got), Ok((path, portable))) => {
                 assert_eq!((got.path.to_str(), got.portable.as_str()), (Some(path), portable), "{text}");
@@ -129,13 +179,34 @@ mod tests {
     fn resolves() {
         check("${ASSETS}/gso", Ok(("/data/gso", "${ASSETS}/gso")));
         check("${LOCAL}/gso", Ok(("/work/../assets/gso", "${LOCAL}/gso")));
-        check("./a/./b.txt", Ok(("/home/r/a/b.txt", "/home/r/a/b.txt")));
-        check("../x_${ASSETS}", Ok(("/home/r/../x_/data", "/home/r/../x_${ASSETS}")));
+        check("./a/./b.txt", Ok(("/home/r/a/b.txt", "./a/./b.txt")));
+        check("../x_${ASSETS}", Ok(("/home/r/../x_/data", "../x_${ASSETS}")));
+        check_from("/home/other", "a/b.txt", Ok(("/home/r/a/b.txt", "../r/a/b.txt")));
+        check_from("/home/r/deep/er", "../a", Ok(("/home/r/../a", "../../../a")));
+        check_from("/home/r/deep", "a", Ok(("/home/r/a", "../a")));
+        check_from("/home", "a", Ok(("/home/r/a", "r/a")));
         check("/abs", Ok(("/abs", "/abs")));
         check("${NOPE}/a", Err("the environment variable `NOPE` is not set"));
         check("${EMPTY}/a", Err("the environment variable `EMPTY` is empty"));
         check("${ASSETS", Err("`${` is not closed in \"${ASSETS\""));
         check("${A B}", Err("`${A B}` is not the name of an environment variable"));
+    }
+
+    #[test]
+    fn a_resolved_recipe_may_be_far_from_what_it_names() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (data, work) = (folder.path().join("data"), folder.path().join("work"));
+        for path in ["data/here", "work/here", "work/there"] {
+            std::fs::create_dir_all(folder.path().join(path)).expect("writable");
+        }
+        let sources = Sources::default();
+        let file = sources.add("recipe.toml".into(), data.clone(), String::new());
+        let path = |text: &str, resolved: bool| {
+            let rules = PathRules { home: data.clone(), resolved };
+            resolve(text, &(1..1), file, &work, &|_| None, &rules).expect("no variable").path
+        };
+        assert_eq!((path("here", true), path("there", true)), (data.join("here"), work.join("there")));
+        assert_eq!((path("there", false), path("nowhere", true)), (data.join("there"), data.join("nowhere")));
     }
 
     #[test]

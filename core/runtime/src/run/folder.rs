@@ -1,19 +1,37 @@
 //! The dataset's folder: what is staged, what is committed, and who may write.
 //!
 //! ```text
-//! <dataset>/recipe.toml                 the resolved recipe; running it again gives the same dataset
-//! <dataset>/.syntable/lock              held while a run works
-//! <dataset>/.syntable/journal.jsonl     one line per scene that is done
-//! <dataset>/.syntable/shards/<writer>/  what `finish` merges, one file per scene
-//! <dataset>/.syntable/staging/3.part/   a scene in the making
-//! <dataset>/.syntable/staging/3.ready/  a scene whose files are being moved into place
+//! <dataset>/recipe.toml                   the resolved recipe with its inputs locked; it gives the same dataset again
+//! <dataset>/.syntable/lock                held while a run works
+//! <dataset>/.syntable/journal.jsonl       one line per scene that is done
+//! <dataset>/.syntable/scenes/000003.json  manifest of a scene: its files with sizes and digests
+//! <dataset>/.syntable/finished.json       manifest of what the end of a run wrote
+//! <dataset>/.syntable/catalogs/<pool>.json names and categories of the assets of a pool
+//! <dataset>/.syntable/settled/000003.toml what settling did, so that the scene is had again without simulating it
+//! <dataset>/.syntable/shards/<writer>/    what `finish` merges, one file per scene
+//! <dataset>/.syntable/staging/3.part/     a scene in the making
+//! <dataset>/.syntable/staging/3.ready/    a scene whose files are being moved into place
+//! <dataset>/.syntable/discard/            what belonged to a dataset that is being deleted
 //! ```
+//!
+//! **Who owns what.** A line of the journal has the digest of the scene's manifest, and the manifest has the digests of
+//! its files: the journal vouches for every byte. A file of the dataset is in exactly one manifest. A scene may replace
+//! files of its own manifest, the end of a run those of `finished.json`; any other file that is there already stays, and
+//! the scene or writer that wants its path is refused. What no manifest lists is not the dataset's and is never touched.
+//!
+//! **When.** A scene is done when its folder is renamed from `part` to `ready`; moving its files and writing its line can be
+//! taken up again. `finished.json` names the digest of the journal that it was written for: a run that was interrupted is
+//! told apart from one that ended.
 
 use super::journal::{Journal, JournalEntry};
-use crate::recipe::without_asset_digests;
+use super::manifest::{Manifest, Stamp, State};
 use parking_lot::Mutex;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::RESERVED;
 
@@ -24,13 +42,44 @@ pub struct Folder {
 }
 
 const MARK: &str = RESERVED[0];
-/// Line of the journal of a staged scene, among files that no writer can write.
-const RECORD: &str = RESERVED[1];
+const RECIPE: &str = RESERVED[1];
+/// What the end of a run reads of the scenes.
+const SHARDS: &str = ".syntable/shards/";
+/// What is known of a staged scene, among files that no writer can write.
+const RECORD: &str = ".syntable/staged.json";
+/// What `--overwrite` takes away, in this order: without a journal there is no dataset.
+const STATE: [&str; 8] = [
+    ".syntable/journal.jsonl",
+    RECIPE,
+    ".syntable/finished.json",
+    ".syntable/scenes",
+    ".syntable/settled",
+    ".syntable/shards",
+    ".syntable/catalogs",
+    ".syntable/staging",
+];
+
+/// A staged scene: its line of the journal, and files of the scene that it no longer has.
+#[derive(Serialize, Deserialize)]
+struct Staged {
+    entry: JournalEntry,
+    stale: Vec<String>,
+}
+
+/// What the end of a run wrote.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub struct Finished {
+    /// Digest of the journal that the files were written for; none if a writer failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub journal: Option<Digest>,
+    /// The files.
+    #[serde(flatten)]
+    pub manifest: Manifest,
+}
 
 impl Folder {
-    /// Opens a folder for the dataset of a resolved recipe: a new or empty one, or one in which a run of the same
-    /// recipe was begun. With `overwrite`, a dataset that is there is deleted first.
-    pub fn open(root: &Path, resolved: &str, overwrite: bool) -> Result<Self> {
+    /// Opens a folder that is new, empty, or holds a dataset. A deletion that was interrupted is finished.
+    pub fn open(root: &Path) -> Result<Self> {
         let fail =
             |error: std::io::Error| Error::io(root, &error).help("choose a folder that can be written with --out");
         fs::create_dir_all(root).map_err(fail)?;
@@ -38,34 +87,17 @@ impl Folder {
         if !empty && !root.join(MARK).is_dir() {
             return Err(Error::new("the folder is not empty and holds no dataset")
                 .in_file(root)
-                .help("choose another folder with --out; nothing was touched"));
+                .help("choose another folder with --out; nothing was touched")
+                .permanent());
         }
         fs::create_dir_all(root.join(MARK)).map_err(fail)?;
         let lock_path = root.join(MARK).join("lock");
         let lock = File::create(&lock_path).map_err(|error| Error::io(&lock_path, &error))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(fs::TryLockError::WouldBlock) => {
-                return Err(Error::new("another run is writing this dataset").in_file(root));
-            }
-            Err(fs::TryLockError::Error(error)) => return Err(Error::io(&lock_path, &error)),
-        }
+        lock_now(&lock, &lock_path, root, File::try_lock)?;
         let folder = Self { root: root.to_owned(), _lock: lock };
-        if overwrite {
-            folder.clear()?;
+        if folder.bin().exists() {
+            folder.empty_bin()?;
         }
-        let recipe = folder.recipe();
-        match fs::read_to_string(&recipe) {
-            Ok(present) if without_asset_digests(&present) == without_asset_digests(resolved) => {}
-            Ok(_) => {
-                return Err(Error::new("the folder holds a dataset of another recipe")
-                    .in_file(root)
-                    .help("choose another folder with --out, or delete the old dataset with --overwrite"));
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => folder.write(&recipe, resolved)?,
-            Err(error) => return Err(Error::io(&recipe, &error)),
-        }
-        folder.recover()?;
         Ok(folder)
     }
 
@@ -74,34 +106,143 @@ impl Folder {
         &self.root
     }
 
-    /// Path of the resolved recipe.
-    pub fn recipe(&self) -> PathBuf {
-        self.root.join(RESERVED[2])
-    }
-
     /// Path of the journal.
     pub fn journal(&self) -> PathBuf {
-        self.root.join(MARK).join("journal.jsonl")
+        journal_path(&self.root)
+    }
+
+    /// Text of the resolved recipe, if there is one.
+    pub fn recipe(&self) -> Result<Option<String>> {
+        let path = self.root.join(RECIPE);
+        match fs::read_to_string(&path) {
+            Ok(text) => Ok(Some(text)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(Error::io(&path, &error)),
+        }
+    }
+
+    /// Writes the resolved recipe.
+    pub fn set_recipe(&self, text: &str) -> Result<()> {
+        if self.recipe()?.as_deref() == Some(text) { Ok(()) } else { self.write(&self.root.join(RECIPE), text) }
+    }
+
+    /// Writes names and categories of the assets of each pool.
+    pub fn set_catalogs(&self, catalogs: &BTreeMap<String, BTreeMap<String, String>>) -> Result<()> {
+        for (pool, catalog) in catalogs {
+            let path = catalog_path(&self.root, pool);
+            create_parent(&path)?;
+            self.write(&path, &serde_json::to_string(catalog).expect("names are plain data"))?;
+        }
+        Ok(())
     }
 
     /// An empty folder to make a scene in.
     pub fn stage(&self, scene: u32) -> Result<PathBuf> {
-        let part = self.staging().join(format!("{scene}.part"));
-        remove(&part)?;
-        fs::create_dir_all(&part).map_err(|error| Error::io(&part, &error))?;
-        Ok(part)
+        self.fresh(&format!("{scene}.part"))
+    }
+
+    /// An empty folder for what the end of a run writes.
+    pub fn stage_finish(&self) -> Result<PathBuf> {
+        self.fresh("finish")
+    }
+
+    /// An empty folder to try the end of a run in.
+    pub fn stage_trial(&self) -> Result<PathBuf> {
+        self.fresh("trial")
+    }
+
+    /// Throws away what the end of a run wrote when it was tried.
+    pub fn drop_trial(&self) -> Result<()> {
+        remove(&self.staging().join("trial"))
+    }
+
+    fn fresh(&self, name: &str) -> Result<PathBuf> {
+        let path = self.staging().join(name);
+        remove(&path)?;
+        fs::create_dir_all(&path).map_err(|error| Error::io(&path, &error))?;
+        Ok(path)
+    }
+
+    /// The manifest of a scene, if it can be read.
+    pub fn manifest(&self, scene: u32) -> Result<Option<Manifest>> {
+        Ok(Manifest::read(&manifest_path(&self.root, scene))?.map(|(manifest, _)| manifest))
+    }
+
+    /// Compares the shards of a scene with its manifest, and that with the journal.
+    pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
+        let damaged = |path: &Path| {
+            Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
+                .in_file(path)
+                .help("run the same command with --repair: it makes the scene again")
+                .permanent()
+        };
+        let path = manifest_path(&self.root, entry.scene);
+        let Some((manifest, _)) = Manifest::read(&path)?.filter(|(_, digest)| entry.manifest() == Some(digest)) else {
+            return Err(damaged(&path));
+        };
+        for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
+            let path = self.root.join(inside);
+            if stamp.check(&path)? != State::Whole {
+                return Err(damaged(&path));
+            }
+        }
+        Ok(())
     }
 
     /// Moves the files of a staged scene into place and writes it down. Interrupted anywhere, the next
-    /// [`open`](Self::open) either finishes the job or finds nothing of the scene.
-    pub fn commit(&self, entry: JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
-        let part = self.staging().join(format!("{}.part", entry.scene));
-        let ready = self.staging().join(format!("{}.ready", entry.scene));
-        self.write(&part.join(RECORD), &serde_json::to_string(&entry).expect("an entry is plain data"))?;
-        sync_tree(&part)?;
+    /// [`recover`](Self::recover) either finishes the job or finds nothing of the scene.
+    ///
+    /// Files that the scene had before are replaced; `kept` stay beside the new ones, all others are deleted. A file that
+    /// is not the scene's is a permanent error. The entry that is returned has the manifest's digest.
+    pub fn commit(&self, mut entry: JournalEntry, kept: Manifest, journal: &Mutex<Journal>) -> Result<JournalEntry> {
+        let scene = entry.scene;
+        let part = self.staging().join(format!("{scene}.part"));
+        let own = self.manifest(scene)?.unwrap_or_default();
+        let mut stale = own.clone();
+        let new = if entry.failed() {
+            self.fresh(&format!("{scene}.part"))?;
+            stale.files.insert(inside_mark(&manifest_path(Path::new(""), scene)), Stamp(0, Digest::of(&[])));
+            Manifest::default()
+        } else {
+            Manifest::of_tree(&part)?
+        };
+        let mut manifest = kept;
+        for (path, stamp) in &new.files {
+            if manifest.files.insert(path.clone(), *stamp).is_some() && !path.starts_with(MARK) {
+                return Err(Error::new(format!("`{path}` is written twice"))
+                    .help("two writers have one path; give one of them another id, folder or path")
+                    .permanent());
+            }
+        }
+        stale.files.retain(|path, _| !manifest.has(path));
+        if let super::journal::SceneOutcome::Made { manifest: digest, .. } = &mut entry.outcome {
+            let path = manifest_path(&part, scene);
+            create_parent(&path)?;
+            let (text, of_text) = manifest.text();
+            self.write(&path, &text)?;
+            *digest = of_text;
+        }
+        let staged = Staged { entry: entry.clone(), stale: stale.files.into_keys().collect() };
+        create_parent(&part.join(RECORD))?;
+        self.write(&part.join(RECORD), &serde_json::to_string(&staged).expect("an entry is plain data"))?;
+        let ready = self.staging().join(format!("{scene}.ready"));
+        let mut journal = journal.lock();
+        let there = |path: &&String| fs::symlink_metadata(self.root.join(path)).is_ok();
+        let of_others = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
+        let clashes: Vec<&str> = of_others.filter(there).map(String::as_str).collect();
+        if !clashes.is_empty() {
+            // The files of a scene whose manifest is lost are its own if no other manifest has them.
+            let present = journal.entries().get(&scene).and_then(JournalEntry::manifest);
+            let lost = present.is_some_and(|digest| own.text().1 != digest);
+            let owners = self.owners(&clashes)?;
+            if let Some(path) = clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
+                return Err(taken(path, owners.get(*path)));
+            }
+        }
         remove(&ready)?;
         fs::rename(&part, &ready).map_err(|error| Error::io(&part, &error))?;
-        self.publish(&ready, entry, &mut journal.lock())
+        self.publish(&ready, staged, &mut journal)?;
+        Ok(entry)
     }
 
     /// Drops a staged scene.
@@ -109,18 +250,74 @@ impl Folder {
         remove(&self.staging().join(format!("{scene}.part")))
     }
 
-    /// Ends a run: nothing is staged any more, and the recipe names the digests of all assets.
-    pub fn finish(&self, resolved: &str) -> Result<()> {
-        remove(&self.staging())?;
-        self.write(&self.recipe(), resolved)
+    /// Whose files these are, for those that a manifest lists.
+    fn owners(&self, paths: &[&str]) -> Result<BTreeMap<String, String>> {
+        let mut owners = BTreeMap::new();
+        let mut add = |manifest: &Manifest, owner: &str| {
+            let listed = paths.iter().filter(|path| manifest.has(path));
+            owners.extend(listed.map(|path| ((*path).to_owned(), owner.to_owned())));
+        };
+        add(&self.finished()?.manifest, "a file that the end of a run writes");
+        let scenes = self.root.join(MARK).join("scenes");
+        for entry in fs::read_dir(&scenes).into_iter().flatten().flatten() {
+            let scene = entry.path().file_stem().and_then(|stem| stem.to_str()?.parse::<u32>().ok());
+            if let Some(scene) = scene
+                && let Some(manifest) = self.manifest(scene)?
+            {
+                add(&manifest, &format!("a file of scene {scene}"));
+            }
+        }
+        Ok(owners)
+    }
+
+    /// What the end of the last run wrote.
+    pub fn finished(&self) -> Result<Finished> {
+        finished(&self.root)
+    }
+
+    /// Moves what the end of a run staged into place. A file that is not of an earlier end is not replaced: the error says
+    /// whose it is. Without `complete`, a writer failed, and the files that it wrote earlier stay.
+    pub fn publish_finish(&self, resolved: &str, journal: &mut Journal, complete: bool) -> Result<()> {
+        let staged = self.staging().join("finish");
+        let old = self.finished()?.manifest;
+        let mut new = Manifest::of_tree(&staged)?;
+        let mut refused = None;
+        for path in new.files.keys().cloned().collect::<Vec<_>>() {
+            if !old.has(&path) && fs::symlink_metadata(self.root.join(&path)).is_ok() {
+                refused.get_or_insert(taken(&path, self.owners(&[&path])?.get(&path)));
+                new.files.remove(&path);
+                remove(&staged.join(&path))?;
+            }
+        }
+        // Both are listed until all are moved, so that an interrupted move leaves no file that is nobody's.
+        let mut both = old.clone();
+        both.files.extend(new.files.clone());
+        self.set_finished(&Finished { journal: None, manifest: both })?;
+        self.set_recipe(resolved)?;
+        journal.rewrite()?;
+        move_tree(&staged, &self.root, None)?;
+        if complete && refused.is_none() {
+            new.files.insert(RECIPE.to_owned(), Stamp::of(&self.root.join(RECIPE))?);
+            for path in old.files.keys().filter(|path| !new.has(path)) {
+                self.remove_file_of_dataset(path)?;
+            }
+            let Stamp(_, digest) = Stamp::of(&self.journal())?;
+            self.set_finished(&Finished { journal: Some(digest), manifest: new })?;
+            remove(&self.staging())?;
+        }
+        refused.map_or(Ok(()), Err)
+    }
+
+    fn set_finished(&self, finished: &Finished) -> Result<()> {
+        self.write(&finished_path(&self.root), &serde_json::to_string(finished).expect("a manifest is plain data"))
     }
 
     /// Finishes the scenes that were being moved into place when a run was killed, and drops half-made ones.
-    fn recover(&self) -> Result<()> {
+    pub fn recover(&self) -> Result<()> {
         let staging = self.staging();
         let entries = match fs::read_dir(&staging) {
             Ok(entries) => entries,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
             Err(error) => return Err(Error::io(&staging, &error)),
         };
         let mut journal = Journal::open(&self.journal())?;
@@ -128,12 +325,75 @@ impl Folder {
             let ready = entry.map_err(|error| Error::io(&staging, &error))?.path();
             if ready.extension().is_some_and(|extension| extension == "ready")
                 && let Ok(text) = fs::read_to_string(ready.join(RECORD))
-                && let Ok(entry) = serde_json::from_str::<JournalEntry>(&text)
+                && let Ok(staged) = serde_json::from_str::<Staged>(&text)
             {
-                self.publish(&ready, entry, &mut journal)?;
+                self.publish(&ready, staged, &mut journal)?;
             }
         }
         remove(&staging)
+    }
+
+    /// Deletes the dataset: its journal first, then all that its manifests list. Returns the files that stay because they
+    /// are not the dataset's.
+    pub fn discard(&self) -> Result<Vec<PathBuf>> {
+        // A scene that is being moved into place is the dataset's, too; a damaged journal says nothing of it.
+        let _ = self.recover();
+        if self.journal().exists() && !self.root.join(MARK).join("scenes").exists() && self.has_lines()? {
+            return Err(Error::new("another version began the dataset, and there is no list of its files")
+                .in_file(&self.root)
+                .help("delete the folder yourself, or choose another one with --out; nothing was touched")
+                .permanent());
+        }
+        let bin = self.bin();
+        fs::create_dir_all(&bin).map_err(|error| Error::io(&bin, &error))?;
+        self.empty_bin()?;
+        let mut left = Vec::new();
+        each_file(&self.root, "", &mut |path| left.push(PathBuf::from(path)))?;
+        Ok(left)
+    }
+
+    fn has_lines(&self) -> Result<bool> {
+        let path = self.journal();
+        let text = fs::read(&path).map_err(|error| Error::io(&path, &error))?;
+        Ok(String::from_utf8_lossy(&text).contains(r#""outcome":"made""#))
+    }
+
+    fn empty_bin(&self) -> Result<()> {
+        let bin = self.bin();
+        for name in STATE {
+            let (from, to) = (self.root.join(name), bin.join(name.rsplit('/').next().unwrap_or(name)));
+            if from.exists() && !to.exists() {
+                fs::rename(&from, &to).map_err(|error| Error::io(&from, &error))?;
+            }
+        }
+        let mut manifests: Vec<PathBuf> = vec![bin.join("finished.json")];
+        let scenes = fs::read_dir(bin.join("scenes")).into_iter().flatten();
+        manifests.extend(scenes.flatten().map(|entry| entry.path()));
+        for path in manifests {
+            let Some((manifest, _)) = Manifest::read(&path)? else { continue };
+            for path in manifest.files.keys() {
+                self.remove_file_of_dataset(path)?;
+            }
+        }
+        remove(&bin)
+    }
+
+    /// Removes a file that a manifest lists, and the folders that are empty then.
+    fn remove_file_of_dataset(&self, path: &str) -> Result<()> {
+        let full = self.root.join(path);
+        remove(&full)?;
+        let mut parent = full.parent();
+        while let Some(folder) = parent.filter(|folder| *folder != self.root) {
+            if fs::remove_dir(folder).is_err() {
+                break;
+            }
+            parent = folder.parent();
+        }
+        Ok(())
+    }
+
+    fn bin(&self) -> PathBuf {
+        self.root.join(MARK).join("discard")
     }
 
     fn staging(&self) -> PathBuf {
@@ -141,38 +401,115 @@ impl Folder {
     }
 
     /// The record is the last to go, so that an interrupted move can be taken up again.
-    fn publish(&self, ready: &Path, entry: JournalEntry, journal: &mut Journal) -> Result<()> {
-        move_tree(ready, &self.root, Some(RECORD))?;
-        if !journal.entries().contains_key(&entry.scene) {
-            journal.append(entry)?;
+    fn publish(&self, ready: &Path, staged: Staged, journal: &mut Journal) -> Result<()> {
+        move_tree(ready, &self.root, Some(&ready.join(RECORD)))?;
+        for path in &staged.stale {
+            self.remove_file_of_dataset(path)?;
+        }
+        if journal.entries().get(&staged.entry.scene) != Some(&staged.entry) {
+            journal.append(staged.entry)?;
         }
         remove(ready)
     }
 
-    fn clear(&self) -> Result<()> {
-        for entry in fs::read_dir(&self.root).map_err(|error| Error::io(&self.root, &error))? {
-            let path = entry.map_err(|error| Error::io(&self.root, &error))?.path();
-            if path.file_name() != Some(MARK.as_ref()) {
-                remove(&path)?;
-            }
-        }
-        let mark = self.root.join(MARK);
-        for entry in fs::read_dir(&mark).map_err(|error| Error::io(&mark, &error))? {
-            let path = entry.map_err(|error| Error::io(&mark, &error))?.path();
-            if path.file_name() != Some("lock".as_ref()) {
-                remove(&path)?;
-            }
-        }
-        Ok(())
-    }
-
     fn write(&self, path: &Path, text: &str) -> Result<()> {
-        let part = path.with_extension("part");
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(".part");
+        let part = path.with_file_name(name);
         let fail = |error: std::io::Error| Error::io(path, &error);
         fs::write(&part, text).map_err(fail)?;
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
+}
+
+/// Says whose file is where another one shall be written.
+fn taken(path: &str, owner: Option<&String>) -> Error {
+    let (owner, help) = match owner {
+        Some(owner) => (format!("is {owner}"), "two files have one path: give the writer another id, folder or path"),
+        None => {
+            ("is there already and does not belong to the dataset".to_owned(), "move it away, or choose another --out")
+        }
+    };
+    Error::new(format!("`{path}` {owner}")).help(help).permanent()
+}
+
+/// Locks a file of a dataset, or says why not.
+pub fn lock_now(
+    lock: &File,
+    path: &Path,
+    root: &Path,
+    try_lock: impl Fn(&File) -> Result<(), fs::TryLockError>,
+) -> Result<()> {
+    match try_lock(lock) {
+        Ok(()) => Ok(()),
+        Err(fs::TryLockError::WouldBlock) => Err(Error::new("another run is writing this dataset").in_file(root)),
+        Err(fs::TryLockError::Error(error)) => {
+            Err(Error::io(path, &error).help("the file system must support locks; choose another folder with --out"))
+        }
+    }
+}
+
+/// Path of the journal of a dataset.
+pub fn journal_path(root: &Path) -> PathBuf {
+    root.join(MARK).join("journal.jsonl")
+}
+
+/// Path of the manifest of a scene.
+pub fn manifest_path(root: &Path, scene: u32) -> PathBuf {
+    root.join(MARK).join("scenes").join(format!("{scene:06}.json"))
+}
+
+/// Path of what settling did to a scene.
+pub fn settled_path(root: &Path, scene: u32) -> PathBuf {
+    root.join(MARK).join("settled").join(format!("{scene:06}.toml"))
+}
+
+/// Path of the names of a pool's assets.
+pub fn catalog_path(root: &Path, pool: &str) -> PathBuf {
+    root.join(MARK).join("catalogs").join(format!("{pool}.json"))
+}
+
+fn finished_path(root: &Path) -> PathBuf {
+    root.join(MARK).join("finished.json")
+}
+
+/// What the end of the last run in a dataset wrote; nothing if the list cannot be read.
+pub fn finished(root: &Path) -> Result<Finished> {
+    let path = finished_path(root);
+    match fs::read(&path) {
+        Ok(bytes) => Ok(serde_json::from_slice(&bytes).unwrap_or_default()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Finished::default()),
+        Err(error) => Err(Error::io(&path, &error)),
+    }
+}
+
+/// Calls `each` with every file below a dataset's folder that is not in the program's own folder, by its relative path.
+pub fn each_file(root: &Path, inside: &str, each: &mut dyn FnMut(&str)) -> Result<()> {
+    let folder = root.join(inside);
+    for entry in fs::read_dir(&folder).map_err(|error| Error::io(&folder, &error))? {
+        let entry = entry.map_err(|error| Error::io(&folder, &error))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
+        if inside == MARK {
+            continue;
+        }
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            each_file(root, &inside, each)?;
+        } else {
+            each(&inside);
+        }
+    }
+    Ok(())
+}
+
+fn inside_mark(path: &Path) -> String {
+    path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/")
+}
+
+/// Creates the folder that a file is in.
+pub fn create_parent(path: &Path) -> Result<()> {
+    path.parent().map_or(Ok(()), |parent| fs::create_dir_all(parent).map_err(|error| Error::io(parent, &error)))
 }
 
 /// Removes a file or folder, if it is there.
@@ -183,34 +520,23 @@ fn remove(path: &Path) -> Result<()> {
         Err(error) => Err(error),
     };
     match removed {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, &error)),
+        Err(error) if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            Err(Error::io(path, &error))
+        }
         _ => Ok(()),
     }
 }
 
 /// Moves the files of a folder to the same places below another, replacing what is there; `keep` stays.
-fn move_tree(from: &Path, to: &Path, keep: Option<&str>) -> Result<()> {
+fn move_tree(from: &Path, to: &Path, keep: Option<&Path>) -> Result<()> {
     fs::create_dir_all(to).map_err(|error| Error::io(to, &error))?;
     for entry in fs::read_dir(from).map_err(|error| Error::io(from, &error))? {
         let entry = entry.map_err(|error| Error::io(from, &error))?;
         let (source, target) = (entry.path(), to.join(entry.file_name()));
         if source.is_dir() {
-            move_tree(&source, &target, None)?;
-        } else if keep.is_none_or(|keep| entry.file_name() != keep) {
+            move_tree(&source, &target, keep)?;
+        } else if keep.is_none_or(|keep| source != keep) {
             fs::rename(&source, &target).map_err(|error| Error::io(&target, &error))?;
-        }
-    }
-    Ok(())
-}
-
-/// Brings the files of a folder to disk.
-fn sync_tree(folder: &Path) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(|error| Error::io(folder, &error))? {
-        let path = entry.map_err(|error| Error::io(folder, &error))?.path();
-        if path.is_dir() {
-            sync_tree(&path)?;
-        } else {
-            File::open(&path).and_then(|file| file.sync_data()).map_err(|error| Error::io(&path, &error))?;
         }
     }
     Ok(())
@@ -225,70 +551,149 @@ mod tests {
     fn foreign_folders_are_left_alone() {
         let folder = tempfile::tempdir().expect("a folder");
         fs::write(folder.path().join("thesis.tex"), "precious").expect("writable");
-        for overwrite in [false, true] {
-            let error = Folder::open(folder.path(), "", overwrite).err().expect("foreign").to_string();
-            assert!(error.contains("nothing was touched"), "{error}");
-        }
+        let error = Folder::open(folder.path()).err().expect("foreign").to_string();
+        assert!(error.contains("nothing was touched"), "{error}");
         assert!(folder.path().join("thesis.tex").exists());
     }
 
     #[test]
-    fn one_run_at_a_time_and_one_recipe_a_folder() {
+    fn one_run_at_a_time() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path().join("data");
-        let open = Folder::open(&root, "a = 1\n", false).expect("new");
-        assert!(Folder::open(&root, "a = 1\n", false).err().expect("locked").to_string().contains("another run"));
+        let open = Folder::open(&root).expect("new");
+        assert!(Folder::open(&root).err().expect("locked").to_string().contains("another run"));
         drop(open);
-        assert!(Folder::open(&root, "a = 2\n", false).err().expect("other").to_string().contains("another recipe"));
-        let open = Folder::open(&root, "a = 1\n", false).expect("the same");
-        open.finish("a = 1\n\n[lock.assets]\n\"p/x\" = \"00\"\n").expect("writable");
-        drop(open);
-        Folder::open(&root, "a = 1\n", false).expect("digests do not count");
-        Folder::open(&root, "a = 2\n", true).expect("overwritten");
+        Folder::open(&root).expect("free again");
     }
 
     fn entry(scene: u32) -> JournalEntry {
-        let outcome = SceneOutcome::Made { views: 1, objects: 1 };
-        JournalEntry { scene, attempt: 0, outcome, errors: Vec::new(), assets: Default::default() }
+        let (writers, manifest) = (vec!["png".to_owned()], String::new());
+        let outcome = SceneOutcome::Made { views: 1, objects: 1, writers, recorded: Vec::new(), manifest };
+        let (notices, errors, assets) = Default::default();
+        JournalEntry { scene, attempt: 0, outcome, notices, errors, assets }
     }
 
-    fn staged(open: &Folder, scene: u32) -> PathBuf {
+    fn staged(open: &Folder, scene: u32, files: &[(&str, &str)]) -> PathBuf {
         let staged = open.stage(scene).expect("staged");
-        fs::create_dir_all(staged.join("rgb")).expect("writable");
-        fs::write(staged.join("rgb/3.png"), "x").expect("writable");
-        fs::write(staged.join("info.txt"), "y").expect("writable");
+        for (path, text) in files {
+            create_parent(&staged.join(path)).expect("writable");
+            fs::write(staged.join(path), text).expect("writable");
+        }
         staged
     }
 
+    fn commit(open: &Folder, scene: u32, files: &[(&str, &str)]) -> Result<JournalEntry> {
+        staged(open, scene, files);
+        let journal = Mutex::new(Journal::open(&open.journal()).expect("there"));
+        open.commit(entry(scene), Manifest::default(), &journal)
+    }
+
+    fn text(open: &Folder, path: &str) -> Option<String> {
+        fs::read_to_string(open.root().join(path)).ok()
+    }
+
     #[test]
-    fn a_scene_appears_whole() {
+    fn a_scene_appears_whole_and_is_listed() {
         let folder = tempfile::tempdir().expect("a folder");
-        let root = folder.path().join("data");
-        let open = Folder::open(&root, "", false).expect("new");
-        staged(&open, 3);
-        assert!(!root.join("rgb").exists());
-        let journal = Mutex::new(Journal::open(&open.journal()).expect("new"));
-        open.commit(entry(3), &journal).expect("committed");
-        assert_eq!(fs::read_to_string(root.join("rgb/3.png")).expect("there"), "x");
-        assert!(!root.join(".syntable/staging/3.ready").exists() && !root.join(RECORD).exists());
-        assert!(Journal::open(&open.journal()).expect("there").entries().contains_key(&3));
+        let open = Folder::open(&folder.path().join("data")).expect("new");
+        staged(&open, 3, &[("rgb/3.png", "x")]);
+        assert!(!open.root().join("rgb").exists());
+        let made = commit(&open, 3, &[("rgb/3.png", "x"), ("info.txt", "why")]).expect("committed");
+        assert_eq!(text(&open, "rgb/3.png").as_deref(), Some("x"));
+        assert!(!open.staging().join("3.ready").exists() && !open.root().join(RECORD).exists());
+        let journal = Journal::open(&open.journal()).expect("there");
+        assert_eq!(journal.entries()[&3], made);
+        let (manifest, digest) =
+            Manifest::read(&manifest_path(open.root(), 3)).expect("readable").expect("there is one");
+        assert_eq!(Some(&*digest), made.manifest());
+        let listed: Vec<(&str, u64)> = manifest.files.iter().map(|(path, stamp)| (&**path, stamp.0)).collect();
+        assert_eq!(listed, [("info.txt", 3), ("rgb/3.png", 1)]);
+    }
+
+    #[test]
+    fn a_file_has_one_owner() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let open = Folder::open(&folder.path().join("data")).expect("new");
+        commit(&open, 3, &[("all.txt", "3")]).expect("committed");
+        let error = commit(&open, 4, &[("all.txt", "4"), ("4.txt", "4")]).expect_err("taken");
+        assert!(error.is_permanent() && error.to_string().contains("`all.txt` is a file of scene 3"), "{error}");
+        assert_eq!((text(&open, "all.txt").as_deref(), text(&open, "4.txt")), (Some("3"), None));
+        fs::write(open.root().join("notes.txt"), "mine").expect("writable");
+        let error = commit(&open, 4, &[("notes.txt", "4")]).expect_err("taken").to_string();
+        assert!(error.contains("does not belong to the dataset"), "{error}");
+        assert_eq!(text(&open, "notes.txt").as_deref(), Some("mine"));
+        // The end of a run may replace what an earlier end wrote, and nothing else.
+        let mut journal = Journal::open(&open.journal()).expect("there");
+        for (name, content, whose) in [
+            ("end.txt", "1", None),
+            ("end.txt", "2", None),
+            ("all.txt", "0", Some("scene 3")),
+            ("other.txt", "1", None),
+        ] {
+            fs::write(open.stage_finish().expect("staged").join(name), content).expect("writable");
+            let done = open.publish_finish("a = 1\n", &mut journal, true);
+            match whose {
+                None => assert_eq!((done, text(&open, name).as_deref()), (Ok(()), Some(content))),
+                Some(whose) => assert!(done.expect_err("taken").to_string().contains(whose)),
+            }
+        }
+        assert_eq!((text(&open, "all.txt").as_deref(), text(&open, "end.txt")), (Some("3"), None));
+        assert_eq!(text(&open, "recipe.toml").as_deref(), Some("a = 1\n"));
+        let error = commit(&open, 5, &[("other.txt", "5")]).expect_err("taken").to_string();
+        assert!(error.contains("the end of a run writes"), "{error}");
+        // A scene replaces its own files, and what it no longer has goes.
+        commit(&open, 3, &[("other/3.txt", "3")]).expect("committed");
+        assert_eq!((text(&open, "all.txt"), text(&open, "other/3.txt").as_deref()), (None, Some("3")));
     }
 
     #[test]
     fn a_move_that_was_interrupted_is_finished() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path().join("data");
-        let open = Folder::open(&root, "", false).expect("new");
-        let ready = staged(&open, 3);
-        fs::write(ready.join(RECORD), serde_json::to_string(&entry(3)).expect("plain")).expect("writable");
+        let open = Folder::open(&root).expect("new");
+        commit(&open, 3, &[("old.txt", "z")]).expect("committed");
+        let ready = staged(&open, 3, &[("rgb/3.png", "x"), ("info.txt", "y")]);
+        let record = Staged { entry: entry(3), stale: vec!["old.txt".into()] };
+        create_parent(&ready.join(RECORD)).expect("writable");
+        fs::write(ready.join(RECORD), serde_json::to_string(&record).expect("plain")).expect("writable");
         // One file was moved, then the program was killed; another scene was half made.
         fs::rename(ready.join("info.txt"), root.join("info.txt")).expect("moved");
         fs::rename(&ready, open.staging().join("3.ready")).expect("moved");
-        staged(&open, 4);
+        staged(&open, 4, &[("rgb/4.png", "x")]);
         drop(open);
-        let open = Folder::open(&root, "", false).expect("again");
+        let open = Folder::open(&root).expect("again");
+        open.recover().expect("recovers");
         assert!(root.join("rgb/3.png").exists() && root.join("info.txt").exists() && !open.staging().exists());
+        assert!(!root.join("old.txt").exists() && !root.join("rgb/4.png").exists());
         let scenes: Vec<u32> = Journal::open(&open.journal()).expect("there").entries().keys().copied().collect();
         assert_eq!(scenes, [3]);
+    }
+
+    #[test]
+    fn a_deletion_takes_the_dataset_and_nothing_else_however_often_it_is_interrupted() {
+        // Interrupted before the n-th of the moves into the bin, and at last not at all.
+        for moves in 0..=STATE.len() {
+            let folder = tempfile::tempdir().expect("a folder");
+            let root = folder.path().join("data");
+            let open = Folder::open(&root).expect("new");
+            commit(&open, 3, &[("rgb/3.png", "x"), ("both/3.txt", "x")]).expect("committed");
+            fs::write(open.stage_finish().expect("staged").join("end.txt"), "1").expect("writable");
+            let mut journal = Journal::open(&open.journal()).expect("there");
+            open.publish_finish("a = 1\n", &mut journal, true).expect("published");
+            fs::write(root.join("both/notes.txt"), "mine").expect("writable");
+            fs::create_dir_all(open.bin()).expect("writable");
+            for name in &STATE[..moves] {
+                let to = open.bin().join(name.rsplit('/').next().expect("a name"));
+                // There is no staging folder any more.
+                let _ = fs::rename(root.join(name), to);
+            }
+            drop(open);
+            // The next run deletes the rest, whether it is told to or not.
+            let open = Folder::open(&root).expect("again");
+            let mut left = Vec::new();
+            each_file(&root, "", &mut |path| left.push(path.to_owned())).expect("readable");
+            assert_eq!(left, ["both/notes.txt"], "after {moves} moves");
+            assert!(Journal::open(&open.journal()).expect("new").entries().is_empty() && !open.bin().exists());
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The journal of a dataset: one line for every scene that is done. Only what is in the journal exists.
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,16 +17,19 @@ pub struct JournalEntry {
     /// What came of the scene.
     #[serde(flatten)]
     pub outcome: SceneOutcome,
+    /// What is odd about the scene.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub notices: BTreeSet<Notice>,
     /// Messages of the attempts that failed, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<String>,
-    /// Digests of all assets in the scene, by `pool/name`.
+    /// Digests of all assets that were drawn for the scene, by `pool/name`; `bad` for one that could not be used.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub assets: BTreeMap<String, String>,
 }
 
 /// What came of a scene that is done.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "outcome", rename_all = "snake_case")]
 pub enum SceneOutcome {
     /// The scene is in the dataset.
@@ -35,9 +38,48 @@ pub enum SceneOutcome {
         views: u32,
         /// Number of objects in the scene after settling.
         objects: u32,
+        /// Ids of the writers that wrote it, sorted.
+        writers: Vec<String>,
+        /// Products that were recorded of it for the annotators of the dataset, sorted.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        recorded: Vec<String>,
+        /// Digest of the list of its files, `.syntable/scenes/<scene>.json`.
+        manifest: String,
     },
     /// All attempts failed; the dataset has no file of the scene.
     Failed,
+}
+
+/// Something odd about a scene, which may be what was meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Notice {
+    /// All images are black.
+    Black,
+    /// No view has a light, and no material emits any.
+    Unlit,
+    /// No object has a visible pixel in any view.
+    Unlabeled,
+}
+
+impl Notice {
+    /// What it says of a scene.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Black => "all images are black",
+            Self::Unlit => "there is no light: no view has a light, and no material emits any",
+            Self::Unlabeled => "no object has a visible pixel in any view",
+        }
+    }
+
+    /// Where to look.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Black => "look at [[lights]], at the exposure in [camera], and at what stands before the camera",
+            Self::Unlit => "add a [[lights]] table",
+            Self::Unlabeled => "look at [views], and at what hides the table",
+        }
+    }
 }
 
 impl JournalEntry {
@@ -53,6 +95,30 @@ impl JournalEntry {
             SceneOutcome::Failed => 0,
         }
     }
+
+    /// Ids of the writers that wrote the scene.
+    pub fn writers(&self) -> &[String] {
+        match &self.outcome {
+            SceneOutcome::Made { writers, .. } => writers,
+            SceneOutcome::Failed => &[],
+        }
+    }
+
+    /// Products that were recorded of the scene.
+    pub fn recorded(&self) -> &[String] {
+        match &self.outcome {
+            SceneOutcome::Made { recorded, .. } => recorded,
+            SceneOutcome::Failed => &[],
+        }
+    }
+
+    /// Digest of the scene's manifest, if it has one.
+    pub fn manifest(&self) -> Option<&str> {
+        match &self.outcome {
+            SceneOutcome::Made { manifest, .. } => Some(manifest),
+            SceneOutcome::Failed => None,
+        }
+    }
 }
 
 /// The journal file, appended to while a run works.
@@ -66,27 +132,17 @@ impl Journal {
     /// Opens a journal, or starts one. A last line that was cut short counts as not written.
     pub fn open(path: &Path) -> Result<Self> {
         let fail = |error: std::io::Error| Error::io(path, &error);
-        let text = match fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(fail(error)),
-        };
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        let mut entries = BTreeMap::new();
-        for (number, line) in text[..whole].lines().enumerate() {
-            let entry: JournalEntry = serde_json::from_str(line).map_err(|error| {
-                Error::new(format!("not a journal line: {error}"))
-                    .in_file(path)
-                    .at_line(number + 1)
-                    .help("the dataset is damaged, or another version began it; start it anew with --overwrite")
-            })?;
-            entries.insert(entry.scene, entry);
-        }
+        let (entries, whole, length) = read(path)?;
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
-        if whole < text.len() {
+        if whole < length {
             file.set_len(whole as u64).map_err(fail)?;
         }
         Ok(Self { path: path.to_owned(), file, entries })
+    }
+
+    /// Reads the lines of a journal, and changes nothing.
+    pub fn entries_of(path: &Path) -> Result<BTreeMap<u32, JournalEntry>> {
+        read(path).map(|(entries, _, _)| entries)
     }
 
     /// The scenes that are done, ascending.
@@ -131,18 +187,43 @@ impl Journal {
     }
 }
 
+/// The entries of a journal, the length of its whole lines, and its length.
+fn read(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, usize, usize)> {
+    let text = match fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+        Err(error) => return Err(Error::io(path, &error)),
+    };
+    let whole = text.rfind('\n').map_or(0, |end| end + 1);
+    let mut entries = BTreeMap::new();
+    for (number, line) in text[..whole].lines().enumerate() {
+        let entry: JournalEntry = serde_json::from_str(line).map_err(|error| {
+            Error::new(format!("not a journal line: {error}"))
+                .in_file(path)
+                .at_line(number + 1)
+                .help("the dataset is damaged, or another version began it; choose another folder with --out, or delete it")
+                .permanent()
+        })?;
+        entries.insert(entry.scene, entry);
+    }
+    Ok((entries, whole, text.len()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn entry(scene: u32) -> JournalEntry {
-        let outcome = SceneOutcome::Made { views: 2, objects: 3 };
-        JournalEntry { scene, attempt: 0, outcome, errors: Vec::new(), assets: BTreeMap::new() }
+        let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
+        let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
+        let (notices, errors, assets) = (BTreeSet::new(), Vec::new(), BTreeMap::new());
+        JournalEntry { scene, attempt: 0, outcome, notices, errors, assets }
     }
 
     #[test]
     fn a_line_states_the_outcome() {
-        let made = r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3}"#;
+        let made =
+            r#"{"scene":4,"attempt":0,"outcome":"made","views":2,"objects":3,"writers":["png"],"manifest":"00"}"#;
         let failed = r#"{"scene":5,"attempt":2,"outcome":"failed","errors":["a","b","c"]}"#;
         let errors = ["a", "b", "c"].map(str::to_owned).to_vec();
         let failure = JournalEntry { attempt: 2, outcome: SceneOutcome::Failed, errors, ..entry(5) };
@@ -189,10 +270,12 @@ mod tests {
     fn damage_is_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("journal.jsonl");
-        // The second line is one of the first edition, which had no outcome.
-        for (line, lacks) in
-            [(r#"{"scene":0}"#, "attempt"), (r#"{"scene":0,"attempt":0,"views":2,"objects":3}"#, "outcome")]
-        {
+        // The others are lines of former editions, which had no outcome, and no list of files.
+        for (line, lacks) in [
+            (r#"{"scene":0}"#, "attempt"),
+            (r#"{"scene":0,"attempt":0,"views":2,"objects":3}"#, "outcome"),
+            (r#"{"scene":0,"attempt":0,"outcome":"made","views":2,"objects":3}"#, "writers"),
+        ] {
             fs::write(&path, format!("{line}\n")).expect("writable");
             let error = Journal::open(&path).err().expect("damaged").to_string();
             let want = format!("journal.jsonl:1: not a journal line: missing field `{lacks}`");

@@ -3,40 +3,58 @@
 //!
 //! An image is a pure function of recipe, seed, scene and view: streams are named after stage, scene, attempt and
 //! view, results do not depend on threads or order, and a scene's files appear together with its journal line.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`folder`], [`journal`], `manifest` | the data model of a dataset on disk |
+//! | `change`, `inputs` | whether a run goes on with a dataset, lets it grow, or must not touch it |
+//! | `scene`, `sessions`, `queue`, `records`, `settled` | making scenes |
+//! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
 
+mod change;
 pub mod folder;
+mod inputs;
 pub mod journal;
+mod manifest;
+mod merge;
 pub(crate) mod panics;
 pub mod progress;
 mod queue;
 mod records;
 mod scene;
+mod seen;
 mod sessions;
+mod settled;
+pub mod stop;
+mod verify;
+
+pub use merge::merge;
+pub use verify::{Verified, verify};
 
 use crate::cache::DiskCache;
 use crate::plan::Producer;
 use crate::pools::AssetStore;
-use crate::recipe::{Recipe, with_asset_digests, without_asset_digests};
+use crate::recipe::{Lock, Recipe, lock_of, with_lock, without_lock};
 use crate::workers::Pool;
 use folder::Folder;
-use journal::{Journal, JournalEntry};
+use journal::{Journal, JournalEntry, Notice};
 use parking_lot::Mutex;
-use progress::{Event, Reporter, Warnings};
+use progress::{Event, Guarded, Reporter, Warnings, count};
 use queue::Queue;
 use records::Records;
-use scene::{lend, names};
+use scene::{Task, Work, lend, names};
 use sessions::{Sessions, scenes_in_flight};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use std::path::PathBuf;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
-use syntable_model::context::DatasetContext;
+use stop::Stop;
+use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
-use syntable_model::stage::{DatasetInfo, Finish, FinishedFiles};
+use syntable_model::stage::{DatasetInfo, Finish};
 
 /// How to run a recipe.
 pub struct RunOptions {
@@ -50,8 +68,20 @@ pub struct RunOptions {
     pub overwrite: bool,
     /// Try scenes again that failed in an earlier run.
     pub retry_failed: bool,
+    /// Compare all files with the journal first, and make the scenes again whose files are missing or damaged.
+    pub repair: bool,
     /// Results kept between runs.
     pub cache: DiskCache,
+    /// Asks the run to end early.
+    pub stop: Stop,
+}
+
+impl RunOptions {
+    /// All scenes into a folder, with as many threads.
+    pub fn new(out: impl Into<PathBuf>, threads: usize, cache: DiskCache) -> Self {
+        let (out, stop) = (out.into(), Stop::default());
+        Self { out, scenes: None, threads, overwrite: false, retry_failed: false, repair: false, cache, stop }
+    }
 }
 
 /// What a run did.
@@ -68,41 +98,206 @@ pub struct Outcome {
 /// Runs a recipe. An error means that the run stopped early; what was done stays, and the same call goes on from there.
 pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let start = Instant::now();
-    recipe.plan.ready()?;
+    recipe.ready()?;
+    let reporter = &Guarded(reporter);
     let log = Warnings(reporter);
     // Nothing is deleted for a run whose assets cannot be found.
-    let assets = options.overwrite.then(|| AssetStore::open(recipe, &log)).transpose()?;
-    let folder = Folder::open(&options.out, &recipe.resolved, options.overwrite)?;
+    let mut assets = options.overwrite.then(|| AssetStore::open(recipe, &log)).transpose()?;
+    let folder = Folder::open(&options.out)?;
+    if options.overwrite {
+        tell_foreign(reporter, &folder.discard()?);
+    } else {
+        folder.recover()?;
+    }
     let mut journal = Journal::open(&folder.journal())?;
+    let pool = Pool::new(options.threads)?;
+    let mut resolved = adopt(&folder, recipe, &journal, reporter)?;
     if options.retry_failed {
         journal.forget_failed()?;
     }
+    let damaged = if options.repair { repairs(&folder, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
-    let todo: Vec<u32> = wanted.clone().filter(|scene| !journal.entries().contains_key(scene)).collect();
+    let todo = Todo::of(recipe, &journal, wanted.clone(), damaged);
     reporter.event(&Event::Started {
         out: options.out.display().to_string(),
         scenes: wanted.len() as u32,
         views_per_scene: recipe.dataset.views_per_scene,
-        resumed: wanted.len() as u32 - todo.len() as u32,
+        resumed: wanted.filter(|scene| !todo.scenes.contains_key(scene)).count() as u32,
         threads: options.threads,
     });
-    let before: u32 = journal.entries().values().map(JournalEntry::views).sum();
+    let images = |journal: &Journal| -> u32 { journal.entries().values().map(JournalEntry::views).sum() };
+    let images_before = images(&journal);
     let journal = Mutex::new(journal);
-    let pool = Pool::new(options.threads)?;
-    if !todo.is_empty() {
-        let assets = assets.map_or_else(|| AssetStore::open(recipe, &log), Ok)?;
-        make_scenes(recipe, options, reporter, &assets, &pool, (&folder, &journal), &todo)?;
+    if !todo.scenes.is_empty() {
+        let store = assets.take().map_or_else(|| AssetStore::open(recipe, &log), Ok)?;
+        resolved = lock_pools(&folder, recipe, &store, &resolved, journal.lock().entries())?;
+        let drawn =
+            journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
+        make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo)?;
     }
-    let outcome = finish(recipe, reporter, &pool, &folder, journal.into_inner())?;
+    let outcome = finish(recipe, &log, &pool, &folder, journal.into_inner(), &resolved)?;
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),
         scenes: outcome.scenes,
         failed: outcome.failed,
         images: outcome.images,
-        made: outcome.images - before,
+        made: outcome.images.saturating_sub(images_before),
         seconds: start.elapsed().as_secs_f64(),
     });
     Ok(outcome)
+}
+
+fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
+    if let Some(first) = left.first() {
+        let files = count(left.len() as u32, "file");
+        let message =
+            format!("{files} in the folder, such as {}, stay: no manifest of the dataset lists them", first.display());
+        reporter.event(&Event::Note { message });
+    }
+}
+
+/// Compares the recipe of the folder with that of the run, and the files that options name. Returns the recipe with the
+/// inputs that are locked so far.
+fn adopt(folder: &Folder, recipe: &Recipe, journal: &Journal, reporter: &dyn Reporter) -> Result<String> {
+    let now = Lock { files: inputs::files(recipe)?, ..Lock::default() };
+    inputs::unchanged(&Lock { files: recipe.lock.files.clone(), ..Lock::default() }, &now, &BTreeMap::new(), None)?;
+    let Some(before) = folder.recipe()? else {
+        if !journal.entries().is_empty() {
+            return Err(Error::new("the dataset has lost its recipe.toml")
+                .in_file(folder.root())
+                .help("bring it back, or choose another folder with --out")
+                .permanent());
+        }
+        let resolved = with_lock(&recipe.resolved, &now);
+        folder.set_recipe(&resolved)?;
+        return Ok(resolved);
+    };
+    let growth = change::growth(folder.root(), &before, recipe)?;
+    let mut then = lock_of(&before);
+    then.files.retain(|option, _| !change::only_finish(recipe, option));
+    inputs::unchanged(&Lock { files: then.files.clone(), ..Lock::default() }, &now, &BTreeMap::new(), None)?;
+    if !growth.is_none() {
+        reporter.event(&Event::Note { message: growth.text() });
+    }
+    // What a resolved recipe locks stays locked.
+    let resolved = with_lock(&recipe.resolved, &Lock { files: now.files, ..then });
+    folder.set_recipe(&resolved)?;
+    Ok(resolved)
+}
+
+/// Compares the pools with those of the dataset and those that the recipe was resolved with, and locks them.
+fn lock_pools(
+    folder: &Folder,
+    recipe: &Recipe,
+    store: &AssetStore,
+    resolved: &str,
+    entries: &BTreeMap<u32, JournalEntry>,
+) -> Result<String> {
+    let names = store.catalogs();
+    let now = Lock { catalogs: inputs::catalogs(&names), ..lock_of(resolved) };
+    inputs::unchanged(&recipe.lock, &now, &names, recipe.folder.as_deref())?;
+    if !entries.is_empty() {
+        inputs::unchanged(&lock_of(resolved), &now, &names, Some(folder.root()))?;
+    }
+    let resolved = with_lock(resolved, &now);
+    folder.set_catalogs(&names)?;
+    folder.set_recipe(&resolved)?;
+    Ok(resolved)
+}
+
+/// Scenes whose files are missing or damaged.
+fn repairs(folder: &Folder, workers: &dyn Workers, reporter: &dyn Reporter) -> Result<BTreeSet<u32>> {
+    let found = verify::compare(folder.root(), workers)?;
+    let wrong = found.missing.len() + found.damaged.len();
+    let message = match wrong {
+        0 => format!("{} compared, all as they were written", count(found.files as u32, "file")),
+        _ => format!(
+            "{} missing, {} damaged; made again: {}",
+            count(found.missing.len() as u32, "file"),
+            found.damaged.len(),
+            match found.bad_scenes.len() {
+                0 => "what the end of a run writes".to_owned(),
+                scenes => count(scenes as u32, "scene"),
+            }
+        ),
+    };
+    reporter.event(&Event::Note { message });
+    Ok(found.bad_scenes)
+}
+
+/// What there is to do for each scene.
+struct Todo {
+    scenes: BTreeMap<u32, Job>,
+}
+
+/// What there is to do for a scene.
+struct Job {
+    /// Its line of the journal, if it is in the dataset.
+    present: Option<JournalEntry>,
+    /// What it lacks.
+    lacks: Lacks,
+}
+
+impl Todo {
+    fn of(recipe: &Recipe, journal: &Journal, wanted: Range<u32>, damaged: BTreeSet<u32>) -> Self {
+        let recorded = records::names(&recipe.plan);
+        let job = |scene: u32| {
+            let Some(entry) = journal.entries().get(&scene) else { return Some(Job { present: None, lacks: None }) };
+            let present = Some(entry.clone());
+            if damaged.contains(&scene) {
+                return Some(Job { present, lacks: None });
+            }
+            let has = |id: &String| entry.writers().contains(id);
+            let lacks: Vec<String> = recipe.write.iter().map(|(id, _)| id).filter(|id| !has(id)).cloned().collect();
+            let records = entry.recorded() != recorded;
+            let done = entry.failed() || (lacks.is_empty() && !records);
+            (!done).then_some(Job { present, lacks: Some((lacks, records)) })
+        };
+        Self { scenes: wanted.chain(damaged.iter().copied()).filter_map(|scene| Some((scene, job(scene)?))).collect() }
+    }
+}
+
+/// What a scene lacks: ids of writers, and whether its products must be recorded anew; none if it is made as a whole.
+type Lacks = Option<(Vec<String>, bool)>;
+
+/// What is made of scenes: the whole, or what some lack; once for all scenes that are alike.
+struct Works<'a> {
+    recipe: &'a Recipe,
+    works: BTreeMap<(u32, Lacks), Work<'a>>,
+}
+
+impl<'a> Works<'a> {
+    fn new(recipe: &'a Recipe, todo: &Todo) -> Self {
+        let mut all = Self { recipe, works: BTreeMap::new() };
+        for job in todo.scenes.values() {
+            for lacks in [None, job.lacks.clone()] {
+                let views = all.views(job);
+                all.works.entry((views, lacks.clone())).or_insert_with(|| work(recipe, views, lacks.as_ref()));
+            }
+        }
+        all
+    }
+
+    /// A scene keeps its number of views when the dataset grows.
+    fn views(&self, job: &Job) -> u32 {
+        job.present.as_ref().map_or(self.recipe.dataset.views_per_scene, JournalEntry::views)
+    }
+
+    fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
+        let of = |lacks: &Lacks| &self.works[&(self.views(job), lacks.clone())];
+        let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
+        Task { scene, whole: of(&None), extend }
+    }
+}
+
+fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
+    let dataset = DatasetInfo { views_per_scene: views, ..dataset_info(recipe) };
+    let Some((lacks, records)) = lacks else {
+        return Work { dataset, plan: recipe.plan.clone(), writers: recipe.write.iter().collect() };
+    };
+    let writers: Vec<_> = recipe.write.iter().filter(|(id, _)| lacks.contains(id)).collect();
+    let reads: Vec<String> = writers.iter().flat_map(|(_, writer)| names(&writer.reads())).collect();
+    Work { dataset, plan: recipe.plan.part(reads.iter().map(String::as_str), *records), writers }
 }
 
 fn make_scenes(
@@ -112,18 +307,19 @@ fn make_scenes(
     assets: &AssetStore,
     pool: &Pool,
     (folder, journal): (&Folder, &Mutex<Journal>),
-    todo: &[u32],
+    todo: &Todo,
 ) -> Result<()> {
-    let dataset = dataset_info(recipe);
     let log = Warnings(reporter);
-    let in_flight = scenes_in_flight(recipe, options.threads, todo.len());
+    let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
+    let works = Works::new(recipe, todo);
+    let tasks: Vec<Task> = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
     let sessions = Sessions::open(&*recipe.render, in_flight)?;
-    let next = AtomicUsize::new(0);
-    let stop = AtomicBool::new(false);
+    let (next, made) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
     let failure: Mutex<Option<Error>> = Mutex::new(None);
+    let odd = Mutex::new(BTreeSet::new());
     let maker = scene::SceneMaker {
         recipe,
-        dataset: &dataset,
         assets,
         cache: &options.cache,
         workers: pool,
@@ -131,87 +327,164 @@ fn make_scenes(
         reporter,
         folder,
         sessions: &sessions,
+        stop: &options.stop,
+    };
+    let one = |task: &Task, made: scene::Made| -> Result<()> {
+        let entry = folder.commit(made.entry, made.kept, journal)?;
+        tell_of_scene(todo, &entry, &odd, &log);
+        // A mistake that shows at the end of a run shows after its first scene.
+        if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
+            let trial = folder.stage_trial()?;
+            let ended = end(recipe, &log, pool, folder, &[entry], &trial)?;
+            folder.drop_trial()?;
+            ended.into_iter().try_for_each(|(id, ended)| {
+                ended.map_err(|error| {
+                    let help = "nothing is lost: mend it, then run the same command";
+                    let error = if error.help_text().is_some() { error } else { error.help(help) };
+                    error
+                        .context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
+                        .permanent()
+                })
+            })?;
+        }
+        Ok(())
     };
     panics::quiet(|| {
         std::thread::scope(|threads| {
             let queue = Queue::start(threads, options.threads);
             for _ in 0..in_flight {
                 let queue = queue.clone();
-                let (maker, next, stop, failure) = (&maker, &next, &stop, &failure);
+                let (maker, tasks, next, made, stop, failure, one) =
+                    (&maker, &tasks, &next, &made, &stop, &failure, &one);
                 threads.spawn(move || {
-                    while !stop.load(Ordering::Relaxed) {
-                        let Some(&scene) = todo.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                        let made = maker.make(SceneId(scene), &queue);
-                        if let Err(error) = made.and_then(|entry| commit(folder, journal, entry)) {
-                            stop.store(true, Ordering::Relaxed);
-                            let error = stopping(error).context(format!("scene {scene}"));
-                            failure.lock().get_or_insert(error);
+                    while !stop.load(Ordering::Relaxed) && maker.stop.requested().is_none() {
+                        let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
+                        match maker.make(task, &queue).and_then(|made| one(task, made)) {
+                            Ok(()) => drop(made.fetch_add(1, Ordering::Relaxed)),
+                            Err(error) => {
+                                stop.store(true, Ordering::Relaxed);
+                                let error = stopping(error).context(format!("scene {}", task.scene));
+                                failure.lock().get_or_insert(error);
+                            }
                         }
                     }
                 });
             }
         });
     });
+    if let Some(signal) = options.stop.requested() {
+        let (made, all) = (made.into_inner(), tasks.len());
+        return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))
+            .help("the same command goes on from there"));
+    }
     failure.into_inner().map_or(Ok(()), Err)
+}
+
+/// Tells what is odd about a scene, once of each sort, and whether a scene that was made again is what it was.
+fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &Mutex<BTreeSet<Notice>>, log: &dyn Log) {
+    for &notice in &entry.notices {
+        if odd.lock().insert(notice) {
+            log.warn(&Error::new(notice.text()).help(notice.help()).context(format!("scene {}", entry.scene)));
+        }
+    }
+    let job = &todo.scenes[&entry.scene];
+    if let Some(present) = job.present.as_ref().filter(|_| job.lacks.is_none())
+        && present.manifest() != entry.manifest()
+    {
+        log.warn(
+            &Error::new("it was made again, and is not what it was")
+                .help("the program, the machine or an option without reproducible images differs from then")
+                .context(format!("scene {}", entry.scene)),
+        );
+    }
 }
 
 /// An error that ends the run. One of the file system can be mended from outside.
 fn stopping(error: Error) -> Error {
     if error.is_io() {
-        error.help("the dataset so far is whole: make room or mend the folder, then run the same command")
+        error.help("the dataset so far is whole: make room, or mend the disk or folder, then run the same command")
     } else {
         error
-    }
-}
-
-/// A failed scene leaves a line in the journal and no file.
-fn commit(folder: &Folder, journal: &Mutex<Journal>, entry: JournalEntry) -> Result<()> {
-    if entry.failed() {
-        folder.abandon(entry.scene)?;
-        journal.lock().append(entry)
-    } else {
-        folder.commit(entry, journal)
     }
 }
 
 /// Annotates the dataset and lets every writer finish; the first error is reported when all had their turn.
 fn finish(
     recipe: &Recipe,
-    reporter: &dyn Reporter,
-    pool: &Pool,
+    log: &dyn Log,
+    workers: &dyn Workers,
     folder: &Folder,
     mut journal: Journal,
+    resolved: &str,
 ) -> Result<Outcome> {
-    let (dataset, log) = (dataset_info(recipe), Warnings(reporter));
-    let cx = DatasetContext::new(&dataset, pool, &log);
-    let done: Vec<SceneId> =
-        journal.entries().values().filter(|entry| !entry.failed()).map(|entry| SceneId(entry.scene)).collect();
-    let products = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &done))?;
-    let mut finished = Ok(());
-    let written = FinishedFiles::default();
-    for (id, writer) in &recipe.write {
-        let stage = format!("write.{id}");
-        let finish = Finish::new(folder.root(), id, done.clone()).beside(Arc::clone(&written));
-        let read = products.only(&names(&writer.reads()));
-        finished = finished.and(panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish))));
+    let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
+    let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
+    check_shards(folder, workers, &made)?;
+    let staged = folder.stage_finish()?;
+    let ended = end(recipe, log, workers, folder, &made, &staged)?;
+    let failure = ended.into_iter().find_map(|(_, ended)| ended.err());
+    let assets = entries.iter().flat_map(|entry| entry.assets.clone()).collect();
+    let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
+    let published = folder.publish_finish(&resolved, &mut journal, failure.is_none());
+    failure.map_or(published, Err)?;
+    for notice in [Notice::Black, Notice::Unlit, Notice::Unlabeled] {
+        let odd = made.iter().filter(|entry| entry.notices.contains(&notice)).count();
+        if odd > 0 {
+            let of = format!("{odd} of {}", count(made.len() as u32, "scene"));
+            log.warn(&Error::new(notice.text()).help(notice.help()).context(of));
+        }
     }
-    finished?;
-    let assets: BTreeMap<String, String> = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
-    folder.finish(&with_asset_digests(&recipe.resolved, &assets))?;
-    journal.rewrite()?;
-    let entries = journal.entries().values();
     Ok(Outcome {
-        scenes: done.len() as u32,
-        failed: entries.clone().filter(|entry| entry.failed()).count() as u32,
-        images: entries.map(JournalEntry::views).sum(),
+        scenes: made.len() as u32,
+        failed: (entries.len() - made.len()) as u32,
+        images: entries.iter().map(JournalEntry::views).sum(),
     })
+}
+
+/// Compares what the end of a run reads of the scenes with what was written: lines that are gone would be missed by nobody.
+fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -> Result<()> {
+    let failure = Mutex::new(None);
+    workers.run(made.len(), &|index| {
+        if let Err(error) = folder.check_shards(&made[index]) {
+            failure.lock().get_or_insert(error);
+        }
+    });
+    failure.into_inner().map_or(Ok(()), Err)
+}
+
+/// Annotates the dataset of some scenes and lets every writer finish into a staging folder. Returns how each ended.
+fn end(
+    recipe: &Recipe,
+    log: &dyn Log,
+    workers: &dyn Workers,
+    folder: &Folder,
+    made: &[JournalEntry],
+    staged: &Path,
+) -> Result<Vec<(String, Result<()>)>> {
+    let dataset = dataset_info(recipe);
+    let cx = DatasetContext::new(&dataset, workers, log);
+    let recorded = records::names(&recipe.plan);
+    let scenes = |has: &dyn Fn(&JournalEntry) -> bool| -> Vec<SceneId> {
+        made.iter().filter(|entry| has(entry)).map(|entry| SceneId(entry.scene)).collect()
+    };
+    let of_dataset = scenes(&|entry| entry.recorded() == recorded);
+    let products = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset))?;
+    let one = |(id, writer): &(String, Box<dyn syntable_model::stage::Writer>)| {
+        let stage = format!("write.{id}");
+        let done = scenes(&|entry| entry.writers().contains(id));
+        let finish = Finish::new(folder.root(), id, done).staged(staged);
+        let read = products.only(&names(&writer.reads()));
+        let ended = panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish)));
+        (id.clone(), ended)
+    };
+    Ok(recipe.write.iter().map(one).collect())
 }
 
 /// Runs the annotators of the dataset on the records of the scenes that are done.
 fn annotate_dataset(recipe: &Recipe, cx: &DatasetContext, folder: &Folder, done: &[SceneId]) -> Result<Products> {
     let mut products = Products::new();
     for stage in &recipe.plan.per_dataset {
-        let Producer::Dataset(annotator) = &stage.producer else { unreachable!("the plan sorts producers by scope") };
+        let Producer::Dataset(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
         let mut scenes = done.iter().map(|&scene| Records::read(folder.root(), scene));
         let made = lend(stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent))?;
         products.extend(made)?;
@@ -219,13 +492,14 @@ fn annotate_dataset(recipe: &Recipe, cx: &DatasetContext, folder: &Folder, done:
     Ok(products)
 }
 
-fn dataset_info(recipe: &Recipe) -> DatasetInfo {
+/// What stages may know of the dataset of a recipe.
+pub(crate) fn dataset_info(recipe: &Recipe) -> DatasetInfo {
     DatasetInfo {
         name: recipe.dataset.name.clone(),
         seed: recipe.dataset.seed,
         scenes: recipe.dataset.scenes,
         views_per_scene: recipe.dataset.views_per_scene,
-        recipe: without_asset_digests(&recipe.resolved),
+        recipe: without_lock(&recipe.resolved),
         program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
     }
 }

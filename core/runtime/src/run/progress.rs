@@ -55,6 +55,11 @@ pub enum Event {
     },
     /// A diagnostic of a recipe, an error or a warning.
     Message(Record),
+    /// Something to know that is no warning: a dataset grows, or was compared with its journal.
+    Note {
+        /// What.
+        message: String,
+    },
     /// The run ends.
     Finished {
         /// Where the dataset is.
@@ -79,6 +84,17 @@ pub trait Reporter: Send + Sync {
     /// Shows text that is formatted for people.
     fn text(&self, text: &str) {
         let _ = text;
+    }
+}
+
+/// A reporter that cannot fail what it reports on: where showing an event panics, the event is lost.
+pub struct Guarded<'a>(pub &'a dyn Reporter);
+impl Reporter for Guarded<'_> {
+    fn event(&self, event: &Event) {
+        let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.0.event(event)));
+    }
+    fn text(&self, text: &str) {
+        let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.0.text(text)));
     }
 }
 
@@ -241,11 +257,12 @@ impl Reporter for Human {
             }
             Event::Attempt { scene, attempt, error, last } => {
                 // The images of an attempt that fails are not in the dataset.
-                state.images -= state.unfinished.remove(scene).unwrap_or(0);
+                state.images = state.images.saturating_sub(state.unfinished.remove(scene).unwrap_or(0));
                 let then = if *last { "given up" } else { "trying again" };
                 self.say(&format!("warning: scene {scene}, attempt {attempt}: {error}; {then}"));
             }
             Event::Message(record) => self.say(&record.line()),
+            Event::Note { message } => self.say(&format!("note: {message}")),
             Event::Finished { out, scenes, failed, images, made, seconds } => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();

@@ -40,12 +40,20 @@ impl Records {
     /// Reads the record of a scene.
     pub fn read(root: &Path, scene: SceneId) -> Result<RecordedScene> {
         let path = root.join(syntable_model::stage::shard_path("@records", scene));
-        let help = "the dataset is damaged; run again with --overwrite";
+        let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
         let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, &error).help(help))?;
         let Self { scene: scene_values, views: view_values } =
             serde_json::from_str(&text).map_err(|error| Error::new(error.to_string()).in_file(&path).help(help))?;
         Ok(RecordedScene { scene, scene_values, view_values })
     }
+}
+
+/// Names of the products that a plan records of a scene, sorted.
+pub fn names(plan: &Plan) -> Vec<String> {
+    let keys = plan.recorded(Scope::Scene).into_iter().chain(plan.recorded(Scope::View));
+    let mut names: Vec<String> = keys.map(|key| key.name.to_string()).collect();
+    names.sort_unstable();
+    names
 }
 
 fn values(keys: &[KeyId], products: &Products) -> Result<Values> {

@@ -5,32 +5,35 @@
 //! attempt is that of its first failing view, so nothing depends on the scheduling.
 
 use super::folder::Folder;
-use super::journal::{JournalEntry, SceneOutcome};
+use super::journal::{JournalEntry, Notice, SceneOutcome};
+use super::manifest::Manifest;
 use super::panics::caught;
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
-use super::records::Records;
+use super::records::{self, Records};
+use super::seen::Seen;
 use super::sessions::Sessions;
+use super::settled;
+use super::stop::{self, Stop};
 use crate::plan::{Plan, PlannedStage, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::recipe::Recipe;
 use parking_lot::{Condvar, Mutex};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Name, Products, RenderParameters, Scope};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Camera, Optics, Scene, SceneBuilder, SceneId, View, ViewId};
+use syntable_model::scene::{Camera, Optics, Placed, Scene, SceneBuilder, SceneId, Settled, View, ViewId};
 use syntable_model::stage::{
-    DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts, Window,
+    DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts, Window, Writer,
 };
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
     pub recipe: &'a Recipe,
-    pub dataset: &'a DatasetInfo,
     pub assets: &'a AssetStore<'a>,
     pub cache: &'a dyn Cache,
     pub workers: &'a dyn Workers,
@@ -38,49 +41,139 @@ pub struct SceneMaker<'a> {
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
     pub sessions: &'a Sessions<'a>,
+    pub stop: &'a Stop,
+}
+
+/// What is made of a scene.
+pub struct Work<'a> {
+    /// The dataset, with the number of views of the scene.
+    pub dataset: DatasetInfo,
+    /// What is computed.
+    pub plan: Plan,
+    /// Who writes.
+    pub writers: Vec<&'a (String, Box<dyn Writer>)>,
+}
+
+/// A scene to make.
+pub struct Task<'a> {
+    /// The scene.
+    pub scene: u32,
+    /// What is made of a new scene, or of one that is made again.
+    pub whole: &'a Work<'a>,
+    /// The scene as it is in the dataset, if it only gets what it lacks, and what that is.
+    pub extend: Option<(&'a JournalEntry, &'a Work<'a>)>,
+}
+
+/// A scene that is made: its line of the journal, and the files of before that it keeps.
+pub struct Made {
+    pub entry: JournalEntry,
+    pub kept: Manifest,
 }
 
 impl<'a> SceneMaker<'a> {
-    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. Returns the line of the journal;
-    /// an error stops the run.
-    pub fn make<'env>(&'env self, scene: SceneId, queue: &Queue<'env>) -> Result<JournalEntry> {
-        let mut errors = Vec::new();
-        for number in 0..self.recipe.dataset.max_attempts {
-            let staged = self.folder.stage(scene.0)?;
-            let attempt = Attempt { maker: self, scene, number, assets: RecordingAssets::new(self.assets) };
-            let error = match attempt.run(&staged, queue) {
-                Ok(outcome) => {
-                    let assets = attempt.assets.into_digests();
-                    return Ok(JournalEntry { scene: scene.0, attempt: number, outcome, errors, assets });
-                }
-                Err(error) => error,
-            };
-            // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
-            self.assets.refused()?;
-            if error.is_permanent() || error.is_io() {
-                return Err(error);
+    /// Makes a scene in its staging folder, with as many attempts as the recipe allows. An error stops the run.
+    ///
+    /// A scene that only gets what it lacks is had from its stored outcome of settling. If what is new fails, the attempt
+    /// would have failed with it from the start: the scene is made again, by the attempts that follow.
+    pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Made> {
+        let (mut errors, mut first) = (Vec::new(), 0);
+        if let Some((present, work)) = task.extend {
+            first = present.attempt;
+            errors.clone_from(&present.errors);
+            if let Some((outcome, assets)) = self.attempt(task.scene, first, work, true, queue, &mut errors)? {
+                return Ok(Made {
+                    entry: extended(present, outcome, assets, task.whole),
+                    kept: self.folder.manifest(task.scene)?.unwrap_or_default(),
+                });
             }
-            let last = number + 1 == self.recipe.dataset.max_attempts;
-            self.reporter.event(&Event::Attempt { scene: scene.0, attempt: number, error: error.to_string(), last });
-            errors.push(error.to_string());
+            first += 1;
+        }
+        let kept = Manifest::default();
+        for number in first..self.recipe.dataset.max_attempts {
+            if let Some((Attempted { views, objects, notices }, assets)) =
+                self.attempt(task.scene, number, task.whole, false, queue, &mut errors)?
+            {
+                let outcome = outcome(views, objects, task.whole);
+                let entry = JournalEntry { scene: task.scene, attempt: number, outcome, notices, errors, assets };
+                return Ok(Made { entry, kept });
+            }
         }
         let attempt = self.recipe.dataset.max_attempts.saturating_sub(1);
-        let outcome = SceneOutcome::Failed;
-        Ok(JournalEntry { scene: scene.0, attempt, outcome, errors, assets: BTreeMap::new() })
+        let (outcome, notices, assets) = (SceneOutcome::Failed, BTreeSet::new(), BTreeMap::new());
+        Ok(Made { entry: JournalEntry { scene: task.scene, attempt, outcome, notices, errors, assets }, kept })
     }
 
-    fn plan(&self) -> &'a Plan {
-        &self.recipe.plan
+    /// One attempt: what it gave with the digests of the assets that it drew, or nothing if others may do better.
+    fn attempt<'env>(
+        &'env self,
+        scene: u32,
+        number: u32,
+        work: &'env Work<'env>,
+        stored: bool,
+        queue: &Queue<'env>,
+        errors: &mut Vec<String>,
+    ) -> Result<Option<(Attempted, BTreeMap<String, String>)>> {
+        self.running()?;
+        let staged = self.folder.stage(scene)?;
+        let assets = RecordingAssets::new(self.assets);
+        let attempt = Attempt { maker: self, work, scene: SceneId(scene), number, assets };
+        let error = match attempt.run(&staged, stored, queue) {
+            Ok(made) => return Ok(Some((made, attempt.assets.into_digests()))),
+            Err(error) => error,
+        };
+        self.running()?;
+        // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
+        self.assets.refused()?;
+        if error.is_permanent() || error.is_io() {
+            return Err(error);
+        }
+        let last = number + 1 == self.recipe.dataset.max_attempts;
+        self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
+        errors.push(error.to_string());
+        Ok(None)
     }
 
-    fn scene_context<'s>(&'s self, scene: &'s Scene) -> SceneContext<'s> {
-        DatasetContext::new(self.dataset, self.workers, self.log).scene(scene)
+    /// An error once the run shall end.
+    fn running(&self) -> Result<()> {
+        self.stop.requested().map_or(Ok(()), |signal| Err(Error::new(format!("stopped by {}", stop::name_of(signal)))))
     }
+
+    fn scene_context<'s>(&'s self, work: &'s Work, scene: &'s Scene) -> SceneContext<'s> {
+        DatasetContext::new(&work.dataset, self.workers, self.log).scene(scene)
+    }
+}
+
+/// The outcome of a scene that was made; the manifest is listed when it is committed.
+fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
+    let writers = work.writers.iter().map(|(id, _)| id.clone()).collect();
+    SceneOutcome::Made { views, objects, writers, recorded: records::names(&work.plan), manifest: String::new() }
+}
+
+/// The line of a scene that got what it lacked: that of a scene that had it from the start.
+fn extended(
+    present: &JournalEntry,
+    Attempted { views, objects, notices }: Attempted,
+    assets: BTreeMap<String, String>,
+    whole: &Work,
+) -> JournalEntry {
+    let mut entry = present.clone();
+    entry.outcome = outcome(views, objects, whole);
+    entry.notices.extend(notices);
+    entry.assets.extend(assets);
+    entry
+}
+
+/// What an attempt gave.
+struct Attempted {
+    views: u32,
+    objects: u32,
+    notices: BTreeSet<Notice>,
 }
 
 /// One attempt at a scene, with random numbers of its own.
 struct Attempt<'m, 'a> {
     maker: &'m SceneMaker<'a>,
+    work: &'m Work<'a>,
     scene: SceneId,
     number: u32,
     assets: RecordingAssets<'a>,
@@ -89,7 +182,7 @@ struct Attempt<'m, 'a> {
 impl<'m> Attempt<'m, '_> {
     /// The random numbers of a stage. They are those of the dataset's name and seed, so that splits are independent.
     fn stream(&self, stage: &str) -> Stream {
-        let DatasetInfo { seed, name, .. } = self.maker.dataset;
+        let DatasetInfo { seed, name, .. } = &self.work.dataset;
         Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
     }
 
@@ -100,6 +193,7 @@ impl<'m> Attempt<'m, '_> {
 
     /// Runs a stage that is lent random numbers and assets.
     fn sample<T>(&self, stage: &str, stream: Stream, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
+        self.maker.running()?;
         let SceneMaker { cache, workers, log, .. } = *self.maker;
         let context = Context { stream, assets: &self.assets, cache, workers, log };
         let result = caught(stage, || work(&context));
@@ -108,20 +202,20 @@ impl<'m> Attempt<'m, '_> {
         result
     }
 
-    fn run(&self, staged: &Path, queue: &Queue<'m>) -> Result<SceneOutcome> {
-        let maker = self.maker;
-        let scene = Arc::new(self.scene()?);
-        let cx = maker.scene_context(&scene);
+    fn run(&self, staged: &Path, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
+        let (maker, work) = (self.maker, self.work);
+        let scene = Arc::new(self.scene(staged, stored)?);
+        let cx = maker.scene_context(work, &scene);
         let mut products = Products::new();
-        for stage in &maker.plan().before_views {
+        for stage in &work.plan.before_views {
             run_in_scene(stage, &cx, &[], &mut products)?;
         }
-        let views: Vec<Arc<View>> = (0..maker.dataset.views_per_scene)
+        let views: Vec<Arc<View>> = (0..work.dataset.views_per_scene)
             .map(|number| self.view(&scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
-        let writers = Writers::start(maker.recipe, &cx, staged)?;
+        let writers = Writers::start(work, &cx, staged)?;
         let views = self.render(&scene, &views, writers, &products, queue)?;
-        for stage in &maker.plan().after_views {
+        for stage in &work.plan.after_views {
             let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
             let lent: Vec<ViewProducts> = views
                 .views
@@ -131,22 +225,31 @@ impl<'m> Attempt<'m, '_> {
             run_in_scene(stage, &cx, &lent, &mut products)?;
         }
         views.writers.close(&cx, &products)?;
-        caught("records", || {
-            views.records.write(maker.plan(), &products, &Output::new(staged, "@records", self.scene))
-        })?;
+        caught("records", || views.records.write(&work.plan, &products, &Output::new(staged, "@records", self.scene)))?;
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
-        Ok(SceneOutcome::Made { views: maker.dataset.views_per_scene, objects })
+        Ok(Attempted { views: work.dataset.views_per_scene, objects, notices: views.seen.notices(&scene) })
     }
 
-    /// Places the bodies and lets them come to rest.
-    fn scene(&self) -> Result<Scene> {
+    /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
+    fn scene(&self, staged: &Path, stored: bool) -> Result<Scene> {
         let recipe = self.maker.recipe;
         let mut builder = SceneBuilder::default();
         for (id, placer) in &recipe.place {
             self.compose(&format!("place.{id}"), |context| placer.place(&mut builder, context))?;
         }
-        let report = self.compose("settle", |context| recipe.settle.settle(&mut builder, context))?;
+        let again = if stored { settled::read(self.maker.folder.root(), self.scene) } else { None };
+        let report = match again.map(|settled| settled.apply(&mut builder)) {
+            Some(Ok(report)) => report,
+            _ => {
+                let placed = Placed::of(&builder);
+                let report = self.compose("settle", |context| recipe.settle.settle(&mut builder, context))?;
+                if let Some(settled) = Settled::between(&placed, &builder, &report) {
+                    settled::write(staged, self.scene, &settled)?;
+                }
+                report
+            }
+        };
         builder.freeze(self.scene, self.number, report)
     }
 
@@ -181,21 +284,36 @@ impl<'m> Attempt<'m, '_> {
         queue: &Queue<'m>,
     ) -> Result<Views<'m>> {
         let line = Arc::new(Line::new(writers));
-        let rendered = self.maker.sessions.with(|session| {
-            caught("render", || session.load(scene, self.maker.workers))?;
-            for view in views {
-                if line.has_failed() {
-                    break;
+        let work = self.work;
+        let follow = |view: &Arc<View>, products: Products| {
+            let sensing: BTreeMap<String, Stream> = self.sensing(view.id);
+            let (maker, scene, view, line) = (self.maker, Arc::clone(scene), Arc::clone(view), Arc::clone(&line));
+            line.clone().announce();
+            queue.add(move || line.follow((maker, work), &scene, view, products, &sensing));
+        };
+        let next = || if line.has_failed() { Ok(false) } else { self.maker.running().map(|()| true) };
+        let rendered = if work.plan.rendered.is_empty() {
+            // Nothing of it needs an image: neither does it need a session.
+            views.iter().try_for_each(|view| {
+                if next()? {
+                    follow(view, of_scene.clone());
                 }
-                let mut products = of_scene.clone();
-                self.render_view(session, view, &mut products)?;
-                let sensing: BTreeMap<String, Stream> = self.sensing(view.id);
-                let (maker, scene, view, line) = (self.maker, Arc::clone(scene), Arc::clone(view), Arc::clone(&line));
-                line.clone().announce();
-                queue.add(move || line.follow(maker, &scene, view, products, &sensing));
-            }
-            Ok(())
-        });
+                Ok(())
+            })
+        } else {
+            self.maker.sessions.with(|session| {
+                caught("render", || session.load(scene, self.maker.workers))?;
+                for view in views {
+                    if !next()? {
+                        break;
+                    }
+                    let mut products = of_scene.clone();
+                    self.render_view(session, view, &mut products)?;
+                    follow(view, products);
+                }
+                Ok(())
+            })
+        };
         // The first failing view speaks for the attempt; the renderer's own error is of a later one.
         let views = line.join()?;
         rendered.map(|()| views)
@@ -203,12 +321,12 @@ impl<'m> Attempt<'m, '_> {
 
     /// The random numbers of the sensors that run.
     fn sensing(&self, view: ViewId) -> BTreeMap<String, Stream> {
-        let sensors = self.maker.plan().per_view.iter().filter(|it| matches!(it.producer, Producer::Sensor(_)));
+        let sensors = self.work.plan.per_view.iter().filter(|it| matches!(*it.producer, Producer::Sensor(_)));
         sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
     }
 
     fn render_view(&self, session: &mut dyn RenderSession, view: &View, products: &mut Products) -> Result<()> {
-        let plan = self.maker.plan();
+        let plan = &self.work.plan;
         let mut rendered = Products::new();
         for (canvas, wants) in plan.by_canvas() {
             let stream = self.stream("render").at(u64::from(view.id.0));
@@ -248,13 +366,14 @@ struct LineState<'m> {
 struct Views<'m> {
     writers: Writers<'m>,
     records: Records,
+    seen: Seen,
     /// What the annotators after the views read.
     views: Vec<ViewProducts>,
 }
 
 impl<'m> Line<'m> {
     fn new(writers: Writers<'m>) -> Self {
-        let views = Views { writers, records: Records::default(), views: Vec::new() };
+        let views = Views { writers, ..Views::default() };
         Self { state: Mutex::new(LineState { announced: 0, next: 0, failure: None, views }), moved: Condvar::new() }
     }
 
@@ -269,14 +388,15 @@ impl<'m> Line<'m> {
     /// Denoises, senses and annotates a view, waits until it is its turn, and writes it.
     fn follow(
         &self,
-        maker: &SceneMaker,
+        (maker, work): (&SceneMaker, &Work),
         scene: &Scene,
         view: Arc<View>,
         mut products: Products,
         sensing: &BTreeMap<String, Stream>,
     ) {
-        let cx = maker.scene_context(scene).view(&view);
-        let made = if self.has_failed() { Ok(()) } else { annotate(maker.plan(), &cx, sensing, &mut products) };
+        let cx = maker.scene_context(work, scene).view(&view);
+        let plan = &work.plan;
+        let made = if self.has_failed() { Ok(()) } else { annotate(plan, &cx, sensing, &mut products) };
         let mut state = self.state.lock();
         while state.next != view.id.0 {
             self.moved.wait(&mut state);
@@ -284,11 +404,12 @@ impl<'m> Line<'m> {
         if state.failure.is_none() {
             let written = made.and_then(|()| {
                 state.views.writers.view(&cx, &products)?;
-                caught("records", || state.views.records.view(maker.plan(), &products))
+                caught("records", || state.views.records.view(plan, &products))
             });
             match written {
                 Ok(()) => {
-                    state.views.keep(maker.plan(), &view, &products);
+                    state.views.seen.look(&view, &products);
+                    state.views.keep(plan, &view, &products);
                     maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
                 }
                 Err(error) => state.failure = Some(error),
@@ -313,7 +434,7 @@ impl<'m> Line<'m> {
 
 impl Default for Views<'_> {
     fn default() -> Self {
-        Self { writers: Writers(Vec::new()), records: Records::default(), views: Vec::new() }
+        Self { writers: Writers(Vec::new()), records: Records::default(), seen: Seen::default(), views: Vec::new() }
     }
 }
 
@@ -337,13 +458,13 @@ struct Writing<'m> {
 }
 
 impl<'m> Writers<'m> {
-    fn start(recipe: &'m Recipe, cx: &SceneContext, staged: &Path) -> Result<Self> {
-        let start = |(id, writer): &'m (String, Box<dyn syntable_model::stage::Writer>)| {
+    fn start(work: &'m Work, cx: &SceneContext, staged: &Path) -> Result<Self> {
+        let start = |&(id, writer): &&'m (String, Box<dyn Writer>)| {
             let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene.id));
             let scene_writer = caught(&stage, || writer.scene(cx, output))?;
             Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer })
         };
-        recipe.write.iter().map(start).collect::<Result<_>>().map(Self)
+        work.writers.iter().map(start).collect::<Result<_>>().map(Self)
     }
 
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
@@ -367,7 +488,7 @@ pub fn names(inputs: &[Input]) -> Vec<String> {
 /// Runs all producers of a view.
 fn annotate(plan: &Plan, cx: &ViewContext, sensing: &BTreeMap<String, Stream>, products: &mut Products) -> Result<()> {
     for stage in &plan.per_view {
-        let made = lend(stage, products, |lent| match &stage.producer {
+        let made = lend(stage, products, |lent| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
             Producer::View(annotator) => annotator.annotate(cx, lent),
@@ -385,7 +506,7 @@ fn run_in_scene(
     views: &[ViewProducts],
     products: &mut Products,
 ) -> Result<()> {
-    let Producer::Scene(annotator) = &stage.producer else { unreachable!("the plan sorts producers by scope") };
+    let Producer::Scene(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
     let made = lend(stage, products, |lent| annotator.annotate(cx, views, lent))?;
     products.extend(made)
 }

@@ -15,7 +15,7 @@ use syntable_model::stage::{
 };
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::recipe::{self, Overrides, Source};
-use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions};
 use syntable_testing::scenes;
 
@@ -60,16 +60,17 @@ macro_rules! kind {
 }
 
 kind!(/** Places two boxes on a table. */ Boxes, Placer, "boxes", sleep_ms: u32);
-kind!(/** Leaves everything where it is. */ Still, Settler, "rapier");
+kind!(/** Lifts everything by a third of a millimeter. */ Lift, Settler, "rapier", tally: usize);
 kind!(/** A small camera. */ Small, CameraModel, "pinhole");
 kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell");
 kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
-    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool);
+    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, stumbles: bool);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
 kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer");
-kind!(/** Writes products as JSON. */ Lines, Writer, "lines", include: Vec<ProductName>);
+kind!(/** Writes products as JSON. */ Lines, Writer, "lines",
+    include: Vec<ProductName>, end: String, breaks_at: usize, one_path: bool, said_path: String);
 
 impl Placer for Boxes {
     fn place(&self, scene: &mut SceneBuilder, _: &Context) -> Result<()> {
@@ -81,8 +82,14 @@ impl Placer for Boxes {
     }
 }
 
-impl Settler for Still {
-    fn settle(&self, _: &mut SceneBuilder, _: &Context) -> Result<SettleReport> {
+impl Settler for Lift {
+    fn settle(&self, scene: &mut SceneBuilder, _: &Context) -> Result<SettleReport> {
+        SETTLED[self.tally].fetch_add(1, Ordering::SeqCst);
+        let bodies: Vec<_> = scene.bodies().map(|(handle, body)| (handle, body.world_from_body)).collect();
+        for (handle, mut pose) in bodies {
+            pose.translation.vector.z += 0.001 / 3.0;
+            scene.set_pose(handle, pose);
+        }
         Ok(SettleReport::default())
     }
 }
@@ -108,12 +115,19 @@ impl ViewSampler for Fixed {
 }
 
 /// Views rendered, by the option `tally`: tests run at the same time.
-static RENDERED: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
+static RENDERED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
+/// Scenes settled, likewise.
+static SETTLED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
+const TALLIES: usize = 16;
 
 pub struct Counters;
 impl Counters {
     pub fn rendered(tally: usize) -> u32 {
         RENDERED[tally].load(Ordering::SeqCst)
+    }
+    /// Scenes settled and views rendered.
+    pub fn both(tally: usize) -> [u32; 2] {
+        [&SETTLED, &RENDERED].map(|counts| counts[tally].load(Ordering::SeqCst))
     }
 }
 
@@ -180,6 +194,9 @@ impl Annotator for Thinker {
         if self.silent {
             return Ok(());
         }
+        if self.stumbles && cx.scene.attempt == 0 && cx.scene.id.0 % 2 == 1 {
+            return Err(Error::new("stumbled"));
+        }
         products.put(THOUGHT, Value::Int(i64::from(100 * cx.scene.id.0 + cx.view.id.0)))
     }
 }
@@ -223,25 +240,48 @@ impl Writer for Lines {
     fn reads(&self) -> Vec<Input> {
         Input::included(&self.include, Accepts::Any)
     }
-    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(LinesScene(output)))
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        output.write_shard(format!("{} {}\n", cx.scene.id.0, heights(cx.scene)).as_bytes())?;
+        Ok(Box::new(LinesScene(output, self.one_path)))
+    }
+    fn paths(&self, _: &FileOf) -> Result<Vec<String>> {
+        Ok(Some(self.said_path.clone()).filter(|path| !path.is_empty()).into_iter().collect())
+    }
+    fn finish_options(&self) -> &'static [&'static str] {
+        &["end", "breaks_at"]
     }
     fn finish(&self, _: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
+        if self.breaks_at > 0 && finish.scenes().len() >= self.breaks_at {
+            return Err(Error::new("too many scenes for me"));
+        }
         let text = text(products, |_| true);
-        finish.write(&format!("{}/dataset.json", finish.id()), |file| {
+        let name = if self.end.is_empty() { "dataset.json" } else { &self.end };
+        finish.write(&format!("{}/{name}", finish.id()), |file| {
+            for &scene in finish.scenes() {
+                std::io::copy(&mut finish.shard(scene)?, file).map_err(|error| Error::new(error.to_string()))?;
+            }
             file.write_all(text.as_bytes()).map_err(|error| Error::new(error.to_string()))
         })
     }
 }
 
-struct LinesScene(Output);
+/// The heights of the bodies, bit by bit.
+fn heights(scene: &Scene) -> String {
+    let heights = scene.bodies().iter().map(|body| body.world_from_body.translation.vector.z.to_bits().to_string());
+    heights.collect::<Vec<_>>().join(",")
+}
+
+struct LinesScene(Output, bool);
 impl SceneWriter for LinesScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let name = format!("{}/{:06}_{:04}.json", self.0.id(), cx.scene.id.0, cx.view.id.0);
         self.0.write(&name, text(products, |_| true).as_bytes())
     }
     fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
-        let name = format!("{}/{:06}.json", self.0.id(), cx.scene.id.0);
+        let name = match self.1 {
+            true => "all/scenes.json".to_owned(),
+            false => format!("{}/{:06}.json", self.0.id(), cx.scene.id.0),
+        };
         self.0.write(&name, text(products, |_| true).as_bytes())
     }
 }
@@ -256,11 +296,11 @@ fn text(products: &Products, keep: impl Fn(&KeyId) -> bool) -> String {
     serde_json::to_string(&values).expect("plain data")
 }
 
-fn registry() -> Registry {
+pub fn registry() -> Registry {
     macro_rules! entries {
         ($($name:ident),*) => { [$(Entry::of::<$name>("kit", "0.0.0")),*] };
     }
-    let entries = entries![Boxes, Still, Small, Fixed, Sleeper, Doubler, Thinker, Tracker, Summer, Lines];
+    let entries = entries![Boxes, Lift, Small, Fixed, Sleeper, Doubler, Thinker, Tracker, Summer, Lines];
     Registry::new(entries).expect("no clash")
 }
 
@@ -271,10 +311,35 @@ pub fn run(recipe: &str, out: &Path, threads: usize) -> Result<Outcome> {
 
 /// Runs some scenes of a recipe.
 pub fn run_scenes(recipe: &str, out: &Path, threads: usize, scenes: Option<Range<u32>>) -> Result<Outcome> {
+    run_with(recipe, RunOptions { scenes, ..options(out, threads) }, &Quiet)
+}
+
+/// Options of a run.
+pub fn options(out: &Path, threads: usize) -> RunOptions {
+    RunOptions::new(out, threads, DiskCache::new(out.join("../cache")))
+}
+
+/// Runs a recipe with options.
+pub fn run_with(recipe: &str, options: RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let source = Source::embedded("test.toml", recipe);
     let (recipe, _) = recipe::load(&registry(), source, &Overrides::of_process(Vec::new()))
         .unwrap_or_else(|report| panic!("{report}"));
-    let cache = DiskCache::new(out.join("../cache"));
-    let options = RunOptions { out: out.to_owned(), scenes, threads, overwrite: false, retry_failed: false, cache };
-    syntable_runtime::run::run(&recipe, &options, &Quiet)
+    syntable_runtime::run::run(&recipe, &options, reporter)
+}
+
+/// Counts events, and does something at one of them.
+pub struct AtEvent<'a> {
+    pub number: u32,
+    pub act: &'a (dyn Fn() + Sync),
+    pub seen: AtomicU32,
+}
+
+impl Reporter for AtEvent<'_> {
+    fn event(&self, event: &Event) {
+        if matches!(event, Event::Image { .. } | Event::Scene { .. } | Event::Started { .. })
+            && self.seen.fetch_add(1, Ordering::SeqCst) == self.number
+        {
+            (self.act)();
+        }
+    }
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntable_mesh::format::Unit;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::{AssetRoot, exists, is_dir, read_file};
 use syntable_mesh::scan::{list, name_of};
 use syntable_mesh::{Model, ObjectInfo};
 use syntable_model::geometry::{Aabb, Point3};
@@ -106,26 +106,31 @@ impl BopModels {
     fn datasets(&self, root: &AssetRoot) -> Result<BTreeMap<String, PathBuf>> {
         let folder = root.folder();
         let canonical = folder.canonicalize().map_err(|error| Error::io(folder, &error))?;
-        if is_models(folder) {
+        if is_models(folder)? {
             let above = canonical.parent().map(name_of).filter(|_| name_of(&canonical) == self.models_folder);
             return Ok([(above.unwrap_or_else(|| name_of(&canonical)), PathBuf::new())].into());
         }
         let models = Path::new(&self.models_folder);
-        if is_models(&folder.join(models)) {
+        if is_models(&folder.join(models))? {
             return Ok([(name_of(&canonical), models.to_owned())].into());
         }
-        let datasets = list(folder)?.folders.into_iter().map(|name| {
+        let mut datasets = BTreeMap::new();
+        for name in list(folder)?.folders {
             let path = Path::new(&name).join(models);
-            (name, path)
-        });
-        Ok(datasets.filter(|(_, path)| is_models(&folder.join(path))).collect())
+            if is_models(&folder.join(&path))? {
+                datasets.insert(name, path);
+            }
+        }
+        Ok(datasets)
     }
 }
 
 /// Whether a folder holds BOP models.
-pub(crate) fn is_models(folder: &Path) -> bool {
-    folder.join(INFO).exists()
-        || list(folder).is_ok_and(|listing| listing.files.iter().any(|name| model_id(name).is_some()))
+pub(crate) fn is_models(folder: &Path) -> Result<bool> {
+    if exists(&folder.join(INFO))? {
+        return Ok(true);
+    }
+    Ok(is_dir(folder)? && list(folder)?.files.iter().any(|name| model_id(name).is_some()))
 }
 
 /// The unit of a PLY file that states none: the millimeter for a file named as in BOP, or for one that would be larger
@@ -186,7 +191,7 @@ fn sizes(bounds: &Aabb) -> String {
 /// Boxes of all models by number, meters, from `models_info.json`; none if there is no such file.
 pub(crate) fn read_info(folder: &Path) -> Result<Option<BTreeMap<u64, Aabb>>> {
     let path = folder.join(INFO);
-    if !path.exists() { Ok(None) } else { parse_info(&path).map(Some) }
+    if exists(&path)? { parse_info(&path).map(Some) } else { Ok(None) }
 }
 
 /// Reads a file like `models_info.json`.

@@ -48,16 +48,18 @@ impl FileIndex {
 /// The catalog of a root with one folder per object: those that hold a mesh, with a category by path and name.
 pub fn catalog_of_folders(
     root: &AssetPath,
-    has_mesh: impl Fn(&Path) -> bool,
-    category: impl Fn(&Path, &str) -> String,
+    has_mesh: impl Fn(&Path) -> Result<bool>,
+    category: impl Fn(&Path, &str) -> Result<String>,
     looked_for: &str,
 ) -> Result<Catalog> {
     let root = AssetRoot::open(root.path())?;
-    let folders = list(root.folder())?.folders.into_iter().map(|name| (root.folder().join(&name), name));
-    let entries: Vec<CatalogEntry> = folders
-        .filter(|(folder, _)| has_mesh(folder))
-        .map(|(folder, name)| CatalogEntry { category: category(&folder, &name), name })
-        .collect();
+    let mut entries = Vec::new();
+    for name in list(root.folder())?.folders {
+        let folder = root.folder().join(&name);
+        if has_mesh(&folder)? {
+            entries.push(CatalogEntry { category: category(&folder, &name)?, name });
+        }
+    }
     if entries.is_empty() { Err(nothing_found(&root, looked_for)) } else { Ok(Catalog { entries }) }
 }
 

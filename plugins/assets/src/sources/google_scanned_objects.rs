@@ -4,7 +4,7 @@ use super::folder::catalog_of_folders;
 use crate::formats::obj;
 use std::path::Path;
 use syntable_mesh::ObjectInfo;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::{AssetRoot, exists, read_file};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 
@@ -41,7 +41,7 @@ impl AssetSource for GoogleScannedObjects {
     }
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
-        let has_mesh = |folder: &Path| folder.join(MESH).exists();
+        let has_mesh = |folder: &Path| exists(&folder.join(MESH));
         catalog_of_folders(&self.root, has_mesh, |folder, _| category(folder), "`<name>/meshes/model.obj`")
     }
 
@@ -49,22 +49,27 @@ impl AssetSource for GoogleScannedObjects {
         let folder = AssetRoot::open(self.root.path())?.locate(Path::new(name))?;
         let root = AssetRoot::open(&folder)?;
         let model = obj::read(&root, Path::new(MESH), log)?;
-        let info = ObjectInfo { name: name.to_owned(), category: category(&folder), license: LICENSE.to_owned() };
+        let info = ObjectInfo { name: name.to_owned(), category: category(&folder)?, license: LICENSE.to_owned() };
         model.into_object(info, &folder.join(MESH), log).map(|(object, _)| Asset::from(object))
     }
 }
 
 /// The first category of `metadata.pbtxt`: the text after `first:` within `categories`.
-fn category(folder: &Path) -> String {
+fn category(folder: &Path) -> Result<String> {
     let path = folder.join("metadata.pbtxt");
-    let known = path.is_file().then(|| read_file(&path).ok()).flatten().and_then(|bytes| {
-        let text = String::from_utf8_lossy(&bytes);
+    let bytes = match read_file(&path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.is_transient() => return Err(error),
+        Err(_) => return Ok(CATEGORY.to_owned()),
+    };
+    let text = String::from_utf8_lossy(&bytes);
+    let known = || {
         let (_, categories) = text.split_once("categories")?;
         let (_, first) = categories.split_once("first:")?;
         let name = first.split('"').nth(1)?.trim();
         (!name.is_empty()).then(|| name.to_owned())
-    });
-    known.unwrap_or_else(|| CATEGORY.to_owned())
+    };
+    Ok(known().unwrap_or_else(|| CATEGORY.to_owned()))
 }
 
 syntable_model::register!(GoogleScannedObjects);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::format::ImageFormats;
 use syntable_mesh::image::Image;
-use syntable_mesh::root::AssetRoot;
+use syntable_mesh::root::{AssetRoot, is_dir};
 use syntable_mesh::scan::{list, root_name};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
@@ -51,10 +51,14 @@ impl AssetSource for PbrFolder {
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
-        let mut names: Vec<String> =
-            list(root.folder())?.folders.into_iter().filter(|name| has_maps(&root.folder().join(name))).collect();
+        let mut names = Vec::new();
+        for name in list(root.folder())?.folders {
+            if has_maps(&root.folder().join(&name))? {
+                names.push(name);
+            }
+        }
         // The root may be a single material.
-        if names.is_empty() && has_maps(root.folder()) {
+        if names.is_empty() && has_maps(root.folder())? {
             names.push(root_name(root.folder()));
         }
         if names.is_empty() {
@@ -144,7 +148,7 @@ pub(crate) fn maps(folder: &Path) -> Result<BTreeMap<Map, Vec<PathBuf>>> {
     let extensions = ImageFormats::linked()?.texture_extensions();
     let mut maps: BTreeMap<Map, Vec<PathBuf>> = BTreeMap::new();
     for inside in ["", "textures"] {
-        if !folder.join(inside).is_dir() {
+        if !is_dir(&folder.join(inside))? {
             continue;
         }
         for file in list(&folder.join(inside))?.files {
@@ -160,8 +164,8 @@ pub(crate) fn maps(folder: &Path) -> Result<BTreeMap<Map, Vec<PathBuf>>> {
 }
 
 /// Whether a folder holds maps of a material.
-pub(crate) fn has_maps(folder: &Path) -> bool {
-    folder.is_dir() && maps(folder).is_ok_and(|maps| !maps.is_empty())
+pub(crate) fn has_maps(folder: &Path) -> Result<bool> {
+    Ok(is_dir(folder)? && !maps(folder)?.is_empty())
 }
 
 /// Reads the material of a folder.

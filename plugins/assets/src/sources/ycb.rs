@@ -4,7 +4,7 @@ use super::folder::catalog_of_folders;
 use crate::formats::obj;
 use std::path::{Path, PathBuf};
 use syntable_mesh::ObjectInfo;
-use syntable_mesh::root::AssetRoot;
+use syntable_mesh::root::{AssetRoot, exists};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
 
@@ -73,13 +73,13 @@ impl AssetSource for Ycb {
 
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let wanted = format!("`<name>/{}/textured.obj`", self.reconstruction.folder());
-        let has_mesh = |folder: &Path| mesh_in(folder, self.reconstruction).is_some();
-        catalog_of_folders(&self.root, has_mesh, |_, name| category(name), &wanted)
+        let has_mesh = |folder: &Path| mesh_in(folder, self.reconstruction).map(|mesh| mesh.is_some());
+        catalog_of_folders(&self.root, has_mesh, |_, name| Ok(category(name)), &wanted)
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let folder = AssetRoot::open(self.root.path())?.locate(Path::new(name))?;
-        let mesh = mesh_in(&folder, self.reconstruction).ok_or_else(|| {
+        let mesh = mesh_in(&folder, self.reconstruction)?.ok_or_else(|| {
             Error::new(format!("no mesh of the reconstruction {:?}", self.reconstruction)).in_file(&folder)
         })?;
         let model = obj::read(&AssetRoot::open(&folder)?, &mesh, log)?;
@@ -89,9 +89,14 @@ impl AssetSource for Ycb {
 }
 
 /// The mesh of an object's folder, relative to it.
-pub(crate) fn mesh_in(folder: &Path, reconstruction: Reconstruction) -> Option<PathBuf> {
+pub(crate) fn mesh_in(folder: &Path, reconstruction: Reconstruction) -> Result<Option<PathBuf>> {
     let own = Path::new(reconstruction.folder()).join("textured.obj");
-    [own, "textured.obj".into(), "textured_simple.obj".into()].into_iter().find(|mesh| folder.join(mesh).exists())
+    for mesh in [own, "textured.obj".into(), "textured_simple.obj".into()] {
+        if exists(&folder.join(&mesh))? {
+            return Ok(Some(mesh));
+        }
+    }
+    Ok(None)
 }
 
 /// `003_cracker_box` is a `cracker_box`, `065-a_cups` are `cups`.

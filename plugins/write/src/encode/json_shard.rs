@@ -22,7 +22,7 @@ pub fn for_each_line(finish: &Finish, mut each: impl FnMut(SceneId, &str) -> Res
         let damaged = |what: &str| {
             Error::new(format!("the shard of scene {} {what}", scene.0))
                 .context(format!("write.{}", finish.id()))
-                .help("the dataset is damaged; run again with --overwrite")
+                .help("the dataset is damaged; `syntable run --repair` makes the scene again")
         };
         let mut line = String::new();
         loop {

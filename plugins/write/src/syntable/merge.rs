@@ -66,7 +66,7 @@ fn lines(finish: &Finish, mut each: impl FnMut(Line) -> Result<()>) -> Result<()
     json_shard::for_each_line(finish, |scene, line| {
         let line = Line::parse(line).ok_or_else(|| {
             Error::new(format!("the shard of scene {} has a line that is not a record", scene.0))
-                .help("the dataset is damaged, or of another version; run again with --overwrite")
+                .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
         })?;
         each(line)
     })

@@ -17,6 +17,9 @@ use syntable_model::product::standard::{
     OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 
+/// Path of the copy of the resolved recipe.
+const RECIPE: &str = "parameters/recipe.toml";
+
 /// Writes the dataset layout that the readers of SynTable and UOAIS-Net expect.
 ///
 /// # What it does
@@ -135,9 +138,24 @@ impl Writer for SynTable {
         Ok(Box::new(SynTableScene { config: self.clone(), output, lines: Vec::new() }))
     }
 
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(match (of.scene, of.view) {
+            (Some(scene), Some(view)) => {
+                let paths = [rgb_path, depth_path, occlusion_order_path].map(|path| path(scene.0, view.0));
+                paths.iter().map(|path| self.path(path)).collect()
+            }
+            (None, None) => vec![self.path(&self.annotation_file), self.path(RECIPE)],
+            _ => Vec::new(),
+        })
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        &["annotation_file", "skip_empty_images"]
+    }
+
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         merge::annotations(self, cx.dataset, finish)?;
-        let path = self.path("parameters/recipe.toml");
+        let path = self.path(RECIPE);
         finish.write(&path, |out| out.write_all(cx.dataset.recipe.as_bytes()).map_err(|error| Error::io(&path, &error)))
     }
 }

@@ -136,7 +136,9 @@ impl Templates {
             let (name, text) = match &self.config.template {
                 TemplateSource::Text(text) => ("`template`".to_owned(), text.clone()),
                 TemplateSource::File(TemplateFile { file }) => {
-                    let text = std::fs::read_to_string(file.path()).map_err(|error| Error::io(file.path(), &error))?;
+                    let text = std::fs::read_to_string(file.path()).map_err(|error| {
+                        Error::io(file.path(), &error).help("`template.file` counts from the recipe's folder")
+                    })?;
                     (file.path().display().to_string(), text)
                 }
             };
@@ -147,7 +149,7 @@ impl Templates {
 
     /// Renders path and text.
     fn render(&self, context: &Json) -> Result<(String, String)> {
-        let path = self.path.render(context).map_err(|fault| fault.into_error("`path`"))?;
+        let path = self.path(context)?;
         let name = match &self.config.template {
             TemplateSource::Text(_) => "`template`".to_owned(),
             TemplateSource::File(TemplateFile { file }) => file.path().display().to_string(),
@@ -155,7 +157,15 @@ impl Templates {
         let text = self.body()?.render(context).map_err(|fault| {
             fault.into_error(&name).help("products that a template uses must be listed in `include`")
         })?;
-        Ok((path.trim().to_owned(), text))
+        Ok((path, text))
+    }
+
+    /// Renders the path.
+    fn path(&self, context: &Json) -> Result<String> {
+        let path = self.path.render(context).map_err(|fault| {
+            fault.into_error("`path`").help("a path can use scene.id, view.id, dataset, writer, and included products")
+        })?;
+        Ok(path.trim().to_owned())
     }
 
     /// The fields that every context has.
@@ -186,6 +196,35 @@ impl Writer for TemplateWriter {
         Ok(Box::new(TemplateScene { templates: self.0.clone(), output, context, scene, views: Vec::new() }))
     }
 
+    fn ready(&self) -> Result<()> {
+        self.0.body().map(drop)
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let config = &self.0.config;
+        let covers = match (of.scene, of.view) {
+            (Some(_), Some(_)) => FilePer::View,
+            (Some(_), None) => FilePer::Scene,
+            _ => FilePer::Dataset,
+        };
+        // What a path makes of products is not known before the run.
+        let text = config.path.as_deref().unwrap_or_default();
+        if covers != config.per || config.include.iter().any(|name| text.contains(name.as_str())) {
+            return Ok(Vec::new());
+        }
+        let mut context = self.0.context(of.dataset, of.id);
+        context.extend(of.scene.map(|scene| ("scene".to_owned(), json!({ "id": scene.0 }))));
+        context.extend(of.view.map(|view| ("view".to_owned(), json!({ "id": view.0 }))));
+        Ok(vec![self.0.path(&context.into())?])
+    }
+
+    fn finish_options(&self) -> &'static [&'static str] {
+        match self.0.config.per {
+            FilePer::Dataset => &["path", "template"],
+            FilePer::View | FilePer::Scene => &[],
+        }
+    }
+
     fn finish(&self, cx: &DatasetContext, products: &Products, finish: &Finish) -> Result<()> {
         if self.0.config.per != FilePer::Dataset {
             return Ok(());
@@ -199,7 +238,7 @@ impl Writer for TemplateWriter {
             }
             let read = serde_json::from_str(line).map_err(|error| {
                 Error::new(format!("the shard of scene {} is not JSON: {error}", scene.0))
-                    .help("the dataset is damaged; run again with --overwrite")
+                    .help("the dataset is damaged; `syntable run --repair` makes the scene again")
             });
             scenes.push(read?);
             Ok(())

@@ -1,0 +1,89 @@
+//! What settling did to a scene, so that the scene can be had again without simulating it.
+
+use super::{BodyHandle, SceneBuilder, SettleReport};
+use crate::error::{Error, Result};
+use crate::geometry::{Pose, UnitQuaternion};
+use nalgebra::{Quaternion, Translation3};
+use serde::{Deserialize, Serialize};
+
+/// The bodies of a scene as the placers left them.
+#[derive(Debug)]
+pub struct Placed(Vec<Option<Pose>>);
+
+impl Placed {
+    /// Looks at a scene before it settles.
+    pub fn of(scene: &SceneBuilder) -> Self {
+        Self(scene.bodies.iter().map(|body| body.as_ref().map(|body| body.world_from_body)).collect())
+    }
+}
+
+/// The whole effect of a settler: which bodies moved where, which left, and its report.
+///
+/// Numbers are kept to the last bit by formats that do so for `f64`, such as TOML.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settled {
+    /// Number of bodies that were placed, with those that placers took out again.
+    placed: usize,
+    /// Bodies that were removed, by their number in the order in which they were added.
+    removed: Vec<usize>,
+    /// Bodies that moved, by the same numbers.
+    moved: Vec<usize>,
+    /// The poses of those that moved, `world_from_body`: translation x, y, z in meters, rotation i, j, k, w.
+    poses: Vec<[f64; 7]>,
+    report: SettleReport,
+}
+
+impl Settled {
+    /// Compares a scene with what it was before it settled. None if bodies were added, which cannot be done again.
+    pub fn between(before: &Placed, after: &SceneBuilder, report: &SettleReport) -> Option<Self> {
+        if before.0.len() != after.bodies.len() {
+            return None;
+        }
+        let mut settled =
+            Self { placed: before.0.len(), removed: vec![], moved: vec![], poses: vec![], report: report.clone() };
+        for (number, (before, after)) in before.0.iter().zip(&after.bodies).enumerate() {
+            match (before, after) {
+                (None, None) => {}
+                (None, Some(_)) => return None,
+                (Some(_), None) => settled.removed.push(number),
+                (Some(before), Some(after)) => {
+                    let (before, after) = (numbers(before), numbers(&after.world_from_body));
+                    if before.map(f64::to_bits) != after.map(f64::to_bits) {
+                        settled.moved.push(number);
+                        settled.poses.push(after);
+                    }
+                }
+            }
+        }
+        Some(settled)
+    }
+
+    /// Does the same to a scene that was placed again, and returns the report of then. The error says that it is another
+    /// scene.
+    pub fn apply(&self, scene: &mut SceneBuilder) -> Result<SettleReport> {
+        let there = |number: &usize| scene.bodies.get(*number).is_some_and(Option::is_some);
+        if scene.bodies.len() != self.placed
+            || self.moved.len() != self.poses.len()
+            || !self.moved.iter().chain(&self.removed).all(there)
+        {
+            return Err(Error::new("the settled poses are those of another scene").permanent());
+        }
+        for (&number, pose) in self.moved.iter().zip(&self.poses) {
+            scene.set_pose(BodyHandle(number), pose_of(pose));
+        }
+        for &number in &self.removed {
+            scene.remove(BodyHandle(number));
+        }
+        Ok(self.report.clone())
+    }
+}
+
+fn numbers(pose: &Pose) -> [f64; 7] {
+    let (t, r) = (&pose.translation.vector, &pose.rotation.coords);
+    [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
+}
+
+/// The rotation is not normalized again: that would change its last bits.
+fn pose_of(&[x, y, z, i, j, k, w]: &[f64; 7]) -> Pose {
+    Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)))
+}

@@ -1,0 +1,254 @@
+//! What differs between the recipe that a dataset was begun with and the recipe of a run: growth, or another dataset.
+
+use crate::plan::Plan;
+use crate::recipe::{Recipe, without_lock};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+use syntable_model::registry::{Shape, Slot};
+
+/// Number of differing keys that an error lists.
+const SHOWN: usize = 12;
+
+/// How a dataset grows.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Growth {
+    /// Number of scenes before and now.
+    pub scenes: Option<[u32; 2]>,
+    /// Number of views of new scenes, before and now.
+    pub views: Option<[u32; 2]>,
+    /// Ids of writers that were added.
+    pub writers: Vec<String>,
+    /// Options that only the end of a run reads, and that changed.
+    pub finish: Vec<String>,
+}
+
+/// A key that differs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// Path of the key.
+    pub key: String,
+    /// Values before and now; none where the key is missing.
+    pub values: [Option<String>; 2],
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.values {
+            [Some(before), Some(now)] => write!(f, "{}: {before} -> {now}", self.key),
+            [Some(before), None] => write!(f, "{}: {before} -> nothing", self.key),
+            [None, now] => write!(f, "{}: nothing -> {}", self.key, now.as_deref().unwrap_or("nothing")),
+        }
+    }
+}
+
+/// The keys in which two resolved recipes differ, locks of inputs aside.
+pub fn differences(before: &str, now: &str) -> Vec<Difference> {
+    let (mut before, mut now) = (keys_of(before), keys_of(now));
+    let tables =
+        [&before, &now].map(|keys| keys.keys().filter_map(|key| keyed_table(key)).map(str::to_owned).collect());
+    let [had, has]: [BTreeSet<String>; 2] = tables;
+    // A table that only one of them has is one difference.
+    for (keys, table) in had.difference(&has).map(|it| (0, it)).chain(has.difference(&had).map(|it| (1, it))) {
+        let keys = if keys == 0 { &mut before } else { &mut now };
+        let kind = keys.get(&format!("{table}.kind")).cloned().unwrap_or_default();
+        keys.retain(|key, _| keyed_table(key) != Some(table));
+        keys.insert(table.clone(), format!("kind {kind}"));
+    }
+    let keys: BTreeSet<&String> = before.keys().chain(now.keys()).collect();
+    let values = |key: &String| [before.get(key).cloned(), now.get(key).cloned()];
+    let differing = keys.into_iter().filter(|key| before.get(*key) != now.get(*key));
+    differing.map(|key| Difference { key: key.clone(), values: values(key) }).collect()
+}
+
+fn keys_of(text: &str) -> BTreeMap<String, String> {
+    fn walk(path: &str, value: &toml::Value, keys: &mut BTreeMap<String, String>) {
+        match value {
+            toml::Value::Table(table) if !table.is_empty() => {
+                for (key, value) in table {
+                    let dot = if path.is_empty() { "" } else { "." };
+                    walk(&format!("{path}{dot}{key}"), value, keys);
+                }
+            }
+            toml::Value::Array(items) if items.iter().any(toml::Value::is_table) => {
+                for (index, value) in items.iter().enumerate() {
+                    walk(&format!("{path}[{index}]"), value, keys);
+                }
+            }
+            value => {
+                keys.insert(path.to_owned(), value.to_string());
+            }
+        }
+    }
+    let mut keys = BTreeMap::new();
+    let table = toml::from_str::<toml::Table>(&without_lock(text)).unwrap_or_default();
+    walk("", &toml::Value::Table(table), &mut keys);
+    keys
+}
+
+/// Lists differences on lines of their own.
+pub fn listing(differences: &[Difference]) -> String {
+    let mut lines: Vec<String> = differences.iter().take(SHOWN).map(|it| format!("\n  {it}")).collect();
+    if differences.len() > SHOWN {
+        lines.push(format!("\n  and {} more", differences.len() - SHOWN));
+    }
+    lines.concat()
+}
+
+/// Compares the recipe of a dataset with that of a run. An error says why the run cannot go on with the dataset.
+pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
+    let differences = differences(before, &recipe.resolved);
+    let mut growth = Growth::default();
+    let mut others = Vec::new();
+    let mut added = BTreeSet::new();
+    let had: BTreeSet<String> = keys_of(before).keys().filter_map(|key| table_of(key)).map(str::to_owned).collect();
+    for difference in differences {
+        let Difference { key, values } = &difference;
+        let numbers = || -> Option<[u32; 2]> {
+            let [before, now] = values;
+            Some([before.as_ref()?.parse().ok()?, now.as_ref()?.parse().ok()?])
+        };
+        match key.as_str() {
+            "dataset.scenes" if numbers().is_some() => growth.scenes = numbers(),
+            "dataset.views_per_scene" if numbers().is_some() => growth.views = numbers(),
+            key if key.starts_with("lock.plugins.") && values[0].is_none() => {}
+            key => match table_of(key) {
+                Some(table) if !had.contains(table) => {
+                    if let Some(id) = table.strip_prefix("write.") {
+                        growth.writers.push(id.to_owned());
+                    }
+                    added.insert(table.to_owned());
+                }
+                Some(_) if only_finish(recipe, key) => growth.finish.push(key.to_owned()),
+                _ => others.push(difference.clone()),
+            },
+        }
+    }
+    growth.writers.dedup();
+    let fewer = |what: &str, [before, now]: [u32; 2], help: &str| {
+        let message = format!("the dataset was begun with {before} {what}, and the recipe has {now} now");
+        Err(Error::new(message).in_file(root).help(help).permanent())
+    };
+    if !others.is_empty() {
+        return Err(Error::new(format!("the folder holds a dataset of another recipe:{}\n ", listing(&others)))
+            .in_file(root)
+            .help("choose another folder with --out, or delete the old dataset with --overwrite")
+            .permanent());
+    }
+    if let Some(numbers @ [before, now]) = growth.scenes
+        && now < before
+    {
+        return fewer("scenes", numbers, "a dataset can grow; to make a part of its scenes, use --scenes");
+    }
+    if let Some(numbers @ [before, now]) = growth.views
+        && now < before
+    {
+        let help = "new scenes can have more views, not fewer; make another dataset with --out";
+        return fewer("views per scene", numbers, help);
+    }
+    undisturbed(root, recipe, &growth.writers, &added)?;
+    Ok(growth)
+}
+
+/// The table of a stage that has an id, such as `write.png`.
+fn keyed_table(key: &str) -> Option<&str> {
+    let mut dots = key.match_indices('.').map(|(at, _)| at);
+    let slot = &key[..dots.next()?];
+    let end = dots.next().unwrap_or(key.len());
+    let keyed = Slot::ALL.into_iter().any(|known| known.name() == slot && known.shape() == Shape::Keyed);
+    keyed.then(|| &key[..end])
+}
+
+/// The same for stages that make or write products.
+fn table_of(key: &str) -> Option<&str> {
+    keyed_table(key).filter(|table| !table.starts_with(Slot::Assets.name()))
+}
+
+/// Whether a key is an option of a writer that the end of a run alone reads.
+pub fn only_finish(recipe: &Recipe, key: &str) -> bool {
+    let Some((table, id)) = table_of(key).and_then(|table| Some((table, table.strip_prefix("write.")?))) else {
+        return false;
+    };
+    let Some((_, writer)) = recipe.write.iter().find(|(other, _)| other == id) else { return false };
+    let option = key[table.len()..].trim_start_matches('.').split(['.', '[']).next().unwrap_or_default();
+    writer.finish_options().contains(&option)
+}
+
+/// The files that are there were written without the stages that were added: none of these may take part in them.
+fn undisturbed(root: &Path, recipe: &Recipe, new: &[String], added: &BTreeSet<String>) -> Result<()> {
+    for (id, writer) in recipe.write.iter().filter(|(id, _)| !new.contains(id)) {
+        let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
+        let Plan { entries, .. } = recipe.plan.part(reads.iter().map(String::as_str), false);
+        if let Some(stage) = entries.iter().map(|entry| &entry.provider).find(|provider| added.contains(*provider)) {
+            return Err(Error::new(format!("[{stage}] was added and changes what `write.{id}` has written already"))
+                .in_file(root)
+                .help("choose another folder with --out, or delete the old dataset with --overwrite")
+                .permanent());
+        }
+    }
+    Ok(())
+}
+
+impl Growth {
+    /// Whether the recipe is the same.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What grows, in words.
+    pub fn text(&self) -> String {
+        let mut parts = Vec::new();
+        if let Some([before, now]) = self.scenes {
+            parts.push(format!("from {before} to {now} scenes"));
+        }
+        if let Some([before, now]) = self.views {
+            parts.push(format!("from {before} to {now} views of new scenes"));
+        }
+        if !self.writers.is_empty() {
+            let names: Vec<String> = self.writers.iter().map(|id| format!("`write.{id}`")).collect();
+            parts.push(format!("by the files of {}, for scenes that are done, too", names.join(" and ")));
+        }
+        let mut sentences = Vec::new();
+        if !parts.is_empty() {
+            sentences.push(format!("the dataset grows {}", parts.join("; ")));
+        }
+        if !self.finish.is_empty() {
+            sentences.push(format!("its end is written anew, with another {}", self.finish.join(", ")));
+        }
+        sentences.join("; ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differing_keys_are_listed_without_locked_inputs() {
+        let before = "[dataset]\nscenes = 2\n[views]\nradius = 0.8\n[[place]]\nid = \"t\"\ncount = 3\n\
+                      [lock]\nsyntable = \"1\"\n[lock.assets]\n\"a/b\" = \"1\"\n";
+        let now = "[dataset]\nscenes = 2\n[views]\nradius = 1.0\n[[place]]\nid = \"t\"\ncount = 3\nmore = [1, 2]\n\
+                   [lock]\nsyntable = \"1\"\n[lock.assets]\n\"a/b\" = \"2\"\n";
+        let found = differences(before, now);
+        assert_eq!(listing(&found), "\n  place[0].more: nothing -> [1, 2]\n  views.radius: 0.8 -> 1.0");
+        assert_eq!(listing(&differences(now, before)[..1]), "\n  place[0].more: [1, 2] -> nothing");
+        assert!(differences(before, before).is_empty());
+        let more = format!("{before}[write.png]\nkind = \"png\"\ninclude = [\"rgb\"]\n");
+        assert_eq!(listing(&differences(before, &more)), "\n  write.png: nothing -> kind \"png\"");
+    }
+
+    #[test]
+    fn tables_of_keys() {
+        for (key, table) in [
+            ("write.png.include", Some("write.png")),
+            ("annotate.masks.policy.frame", Some("annotate.masks")),
+            ("sensor.rgb", Some("sensor.rgb")),
+            ("views.radius", None),
+            ("assets.mugs.root", None),
+            ("dataset.scenes", None),
+            ("write", None),
+        ] {
+            assert_eq!(table_of(key), table, "{key}");
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The inputs of a dataset, compared with what they were: pools, and files that options name.
+
+use super::folder::catalog_path;
+use super::manifest::Stamp;
+use crate::recipe::{CatalogLock, Lock, Recipe};
+use std::collections::BTreeMap;
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+
+/// Number of names that an error lists of each sort.
+const SHOWN: usize = 8;
+
+type Names = BTreeMap<String, String>;
+
+/// Digests of the files that options of a recipe name, by the option. Folders have none.
+pub fn files(recipe: &Recipe) -> Result<BTreeMap<String, String>> {
+    let files = recipe.files.iter().filter(|(_, path)| !path.is_dir());
+    files
+        .map(|(option, path)| {
+            let Stamp(_, digest) = Stamp::of(path).map_err(|error| error.context(option))?;
+            Ok((option.clone(), digest.to_string()))
+        })
+        .collect()
+}
+
+/// What pools offer.
+pub fn catalogs(names: &BTreeMap<String, Names>) -> BTreeMap<String, CatalogLock> {
+    names.iter().map(|(pool, names)| (pool.clone(), CatalogLock::of(names))).collect()
+}
+
+/// Refuses inputs that are not those of a lock, with what was added, removed or changed. `home` is the folder of the
+/// dataset whose lock it is, where the names of its pools' assets may be; `catalogs` are the names now.
+pub fn unchanged(then: &Lock, now: &Lock, catalogs: &BTreeMap<String, Names>, home: Option<&Path>) -> Result<()> {
+    let refuse = |message: String| {
+        Err(Error::new(message)
+            .help("scenes would differ from those of then: restore it, or make a new dataset with --out, from a recipe without that entry of [lock]")
+            .permanent())
+    };
+    for (pool, was) in &then.catalogs {
+        let Some(is) = now.catalogs.get(pool).filter(|is| *is != was) else { continue };
+        let what = match home.and_then(|home| names(home, pool, was)) {
+            Some(before) => changes(&before, &catalogs[pool]),
+            None => format!("{} assets then, {} now, or other names or categories", was.assets, is.assets),
+        };
+        return refuse(format!("the pool `assets.{pool}` is not what it was when the dataset was begun: {what}"));
+    }
+    for (option, was) in &then.files {
+        if now.files.get(option).is_some_and(|is| is != was) {
+            return refuse(format!("the file of `{option}` is not what it was when the dataset was begun"));
+        }
+    }
+    Ok(())
+}
+
+/// The names that a dataset stores of a pool, if they are those of the lock.
+fn names(home: &Path, pool: &str, lock: &CatalogLock) -> Option<Names> {
+    let text = std::fs::read_to_string(catalog_path(home, pool)).ok()?;
+    let names: Names = serde_json::from_str(&text).ok()?;
+    (CatalogLock::of(&names) == *lock).then_some(names)
+}
+
+fn changes(before: &Names, now: &Names) -> String {
+    let list = |what: &str, names: Vec<&str>| {
+        let more = if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
+        let shown: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
+        (!names.is_empty()).then(|| format!("{what} {}{more}", shown.join(", ")))
+    };
+    let added = now.keys().filter(|name| !before.contains_key(*name)).map(String::as_str).collect();
+    let removed = before.keys().filter(|name| !now.contains_key(*name)).map(String::as_str).collect();
+    let moved = now.iter().filter(|(name, category)| before.get(*name).is_some_and(|before| before != *category));
+    let moved = moved.map(|(name, _)| name.as_str()).collect();
+    let parts = [list("added", added), list("removed", removed), list("of another category", moved)];
+    parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_differs_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let names = |pairs: &[(&str, &str)]| -> Names {
+            pairs.iter().map(|(name, category)| ((*name).to_owned(), (*category).to_owned())).collect()
+        };
+        let (before, now) =
+            (names(&[("a", "x"), ("b", "x"), ("c", "x")]), names(&[("b", "y"), ("c", "x"), ("d", "x")]));
+        let lock = |names: &Names, file: &str| Lock {
+            catalogs: BTreeMap::from([("p".to_owned(), CatalogLock::of(names))]),
+            files: BTreeMap::from([("write.t.template.file".to_owned(), file.to_owned())]),
+            ..Lock::default()
+        };
+        let compare = |then: &Lock, home: Option<&Path>| {
+            unchanged(then, &lock(&now, "1"), &BTreeMap::from([("p".to_owned(), now.clone())]), home)
+        };
+        compare(&lock(&now, "1"), None).expect("the same");
+        compare(&Lock::default(), None).expect("nothing is locked");
+        let error = compare(&lock(&now, "2"), None).expect_err("another file").to_string();
+        assert!(error.contains("`write.t.template.file`"), "{error}");
+        let error = compare(&lock(&before, "1"), Some(folder.path())).expect_err("other names").to_string();
+        assert!(error.contains("`assets.p`") && error.contains("3 assets then, 3 now"), "{error}");
+        let path = catalog_path(folder.path(), "p");
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        std::fs::write(&path, serde_json::to_string(&before).expect("plain data")).expect("writable");
+        let error = compare(&lock(&before, "1"), Some(folder.path())).expect_err("other names").to_string();
+        assert!(error.contains("added `d`; removed `a`; of another category `b`"), "{error}");
+    }
+}

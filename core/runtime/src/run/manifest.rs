@@ -1,0 +1,111 @@
+//! Lists of files with their sizes and digests.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{BufReader, ErrorKind};
+use std::path::Path;
+use syntable_model::digest::Digest;
+use syntable_model::error::{Error, Result};
+
+/// Files by their path, relative to the dataset, with `/` between folders.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Size and digest of each file.
+    pub files: BTreeMap<String, Stamp>,
+}
+
+/// Size of a file in bytes, and the digest of its content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stamp(pub u64, pub Digest);
+
+/// The state of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// As it was written.
+    Whole,
+    /// Not there.
+    Missing,
+    /// Of another size or content.
+    Damaged,
+}
+
+impl Stamp {
+    /// Reads a file.
+    pub fn of(path: &Path) -> Result<Self> {
+        let read = File::open(path).and_then(Digest::of_reader);
+        read.map(|(digest, size)| Self(size, digest)).map_err(|error| Error::io(path, &error))
+    }
+
+    /// Compares a file with its stamp; the content only if the size is right.
+    pub fn check(&self, path: &Path) -> Result<State> {
+        match fs::metadata(path) {
+            Ok(metadata) if metadata.is_file() && metadata.len() == self.0 => {
+                Ok(if Self::of(path)? == *self { State::Whole } else { State::Damaged })
+            }
+            Ok(_) => Ok(State::Damaged),
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(State::Missing),
+            Err(error) => Err(Error::io(path, &error)),
+        }
+    }
+}
+
+impl Manifest {
+    /// Lists the files of a folder, and brings them to disk.
+    pub fn of_tree(root: &Path) -> Result<Self> {
+        let mut manifest = Self::default();
+        manifest.add_tree(root, "")?;
+        Ok(manifest)
+    }
+
+    fn add_tree(&mut self, folder: &Path, inside: &str) -> Result<()> {
+        for entry in fs::read_dir(folder).map_err(|error| Error::io(folder, &error))? {
+            let entry = entry.map_err(|error| Error::io(folder, &error))?;
+            let path = entry.path();
+            let name = entry.file_name().into_string().map_err(|name| {
+                Error::new(format!("the file name {} is not UTF-8", name.display())).in_file(folder).permanent()
+            })?;
+            let inside = if inside.is_empty() { name } else { format!("{inside}/{name}") };
+            if path.is_dir() {
+                self.add_tree(&path, &inside)?;
+            } else {
+                let fail = |error: std::io::Error| Error::io(&path, &error);
+                let file = File::open(&path).map_err(fail)?;
+                let (digest, size) = Digest::of_reader(&file).map_err(fail)?;
+                file.sync_data().map_err(fail)?;
+                self.files.insert(inside, Stamp(size, digest));
+            }
+        }
+        Ok(())
+    }
+
+    /// The text of the manifest, and its digest.
+    pub fn text(&self) -> (String, String) {
+        let text = serde_json::to_string(self).expect("a manifest is plain data");
+        let (digest, _) = Digest::of_reader(text.as_bytes()).expect("memory can be read");
+        (text, digest.to_string())
+    }
+
+    /// Reads a manifest, with its digest; none if there is no such file, or if its text is none of a manifest.
+    pub fn read(path: &Path) -> Result<Option<(Self, String)>> {
+        let file = match File::open(path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Error::io(path, &error)),
+        };
+        let text = std::io::read_to_string(BufReader::new(file));
+        let text = match text {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::InvalidData => return Ok(None),
+            Err(error) => return Err(Error::io(path, &error)),
+        };
+        let manifest: Option<Self> = serde_json::from_str(&text).ok();
+        let (digest, _) = Digest::of_reader(text.as_bytes()).expect("memory can be read");
+        Ok(manifest.map(|manifest| (manifest, digest.to_string())))
+    }
+
+    /// Whether it lists a file.
+    pub fn has(&self, path: &str) -> bool {
+        self.files.contains_key(path)
+    }
+}

@@ -1,0 +1,217 @@
+//! One dataset of parts that were made elsewhere, from one recipe.
+
+use super::folder::{Folder, journal_path, manifest_path};
+use super::journal::{Journal, JournalEntry};
+use super::manifest::{Manifest, State};
+use super::progress::{Event, Guarded, Reporter, Warnings, count};
+use super::stop::{self, Stop};
+use super::{Outcome, change, finish};
+use crate::recipe::{self, Overrides, Recipe, Source, lock_of, without_lock};
+use crate::workers::Pool;
+use parking_lot::Mutex;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use syntable_model::error::{Error, Result};
+use syntable_model::registry::Registry;
+use syntable_model::stage::RESERVED;
+
+/// A part, open.
+struct Part {
+    folder: Folder,
+    entries: BTreeMap<u32, JournalEntry>,
+    recipe: String,
+}
+
+/// Puts the scenes of several parts into a dataset: new, or begun by an earlier call. The result is that of one run, byte
+/// for byte. Parts are not changed; their files are linked where the file system can, else copied. An error leaves what was
+/// done, and the same call goes on from there.
+pub fn merge(
+    registry: &Registry,
+    out: &Path,
+    parts: &[PathBuf],
+    threads: usize,
+    stop: &Stop,
+    reporter: &dyn Reporter,
+) -> Result<Outcome> {
+    let start = Instant::now();
+    let reporter = &Guarded(reporter);
+    let parts: Vec<Part> = parts.iter().map(|part| open(part)).collect::<Result<_>>()?;
+    let Some(first) = parts.first() else {
+        return Err(Error::new("there is no part to merge").permanent());
+    };
+    for part in &parts[1..] {
+        same_recipe(first, part)?;
+    }
+    let folder = Folder::open(out)?;
+    folder.recover()?;
+    let journal = Journal::open(&folder.journal())?;
+    let begun = Part { entries: journal.entries().clone(), recipe: folder.recipe()?.unwrap_or_default(), folder };
+    if begun.recipe.is_empty() {
+        begun.folder.set_recipe(&first.recipe)?;
+    } else {
+        same_recipe(&begun, first)?;
+    }
+    let chosen = choose(&begun, &parts)?;
+    let recipe = load(registry, &first.recipe)?;
+    reporter.event(&Event::Started {
+        out: out.display().to_string(),
+        scenes: chosen.len() as u32,
+        views_per_scene: recipe.dataset.views_per_scene,
+        resumed: begun.entries.len() as u32,
+        threads,
+    });
+    let journal = Mutex::new(journal);
+    for (done, (entry, part)) in chosen.iter().enumerate() {
+        if let Some(signal) = stop.requested() {
+            let message = format!(
+                "stopped by {}: {done} of {} are merged",
+                stop::name_of(signal),
+                count(chosen.len() as u32, "scene")
+            );
+            return Err(Error::new(message).help("the same command goes on from there"));
+        }
+        adopt(&begun.folder, &part.folder, entry, &journal)
+            .map_err(|error| error.context(format!("scene {}", entry.scene)))?;
+    }
+    catalogs(&begun.folder, &first.folder)?;
+    let log = Warnings(reporter);
+    let outcome = finish(&recipe, &log, &Pool::new(threads)?, &begun.folder, journal.into_inner(), &first.recipe)?;
+    let before: u32 = begun.entries.values().map(JournalEntry::views).sum();
+    reporter.event(&Event::Finished {
+        out: out.display().to_string(),
+        scenes: outcome.scenes,
+        failed: outcome.failed,
+        images: outcome.images,
+        made: outcome.images.saturating_sub(before),
+        seconds: start.elapsed().as_secs_f64(),
+    });
+    Ok(outcome)
+}
+
+fn open(path: &Path) -> Result<Part> {
+    let missing =
+        || Error::new("there is no dataset").in_file(path).help("name the folder that a run wrote").permanent();
+    if !path.join(RESERVED[0]).is_dir() {
+        return Err(missing());
+    }
+    let folder = Folder::open(path)?;
+    folder.recover()?;
+    let entries = Journal::entries_of(&journal_path(path))?;
+    let recipe = folder.recipe()?.ok_or_else(missing)?;
+    Ok(Part { folder, entries, recipe })
+}
+
+/// Refuses parts of different recipes or of different inputs.
+fn same_recipe(one: &Part, other: &Part) -> Result<()> {
+    let folders = || format!("{} and {}", one.folder.root().display(), other.folder.root().display());
+    let refuse = |message: String| {
+        Err(Error::new(message).help("make all parts with one recipe and the same assets").permanent())
+    };
+    let differences = change::differences(&one.recipe, &other.recipe);
+    if !differences.is_empty() {
+        return refuse(format!("{} are of different recipes:{}\n ", folders(), change::listing(&differences)));
+    }
+    let (locks, mut what) = ([lock_of(&one.recipe), lock_of(&other.recipe)], Vec::new());
+    what.extend(differing(&locks[0].catalogs, &locks[1].catalogs).into_iter().map(|pool| format!("the pool `{pool}`")));
+    what.extend(
+        differing(&locks[0].files, &locks[1].files).into_iter().map(|option| format!("the file of `{option}`")),
+    );
+    what.extend(differing(&locks[0].assets, &locks[1].assets).into_iter().map(|asset| format!("the asset {asset}")));
+    let [assets, others] = [one, other].map(|part| {
+        let drawn = part.entries.values().flat_map(|entry| entry.assets.clone());
+        drawn.collect::<BTreeMap<String, String>>()
+    });
+    what.extend(differing(&assets, &others).into_iter().map(|asset| format!("the asset {asset}")));
+    match what.first() {
+        Some(first) => refuse(format!("{first} was not the same when {} were made", folders())),
+        None => Ok(()),
+    }
+}
+
+/// Keys that both have, with different values.
+fn differing<T: PartialEq>(one: &BTreeMap<String, T>, other: &BTreeMap<String, T>) -> Vec<String> {
+    one.iter()
+        .filter(|(key, value)| other.get(*key).is_some_and(|other| other != *value))
+        .map(|(key, _)| key.clone())
+        .collect()
+}
+
+/// The scenes that are not merged yet, each with a part that has it. A scene in several parts must be the same in all.
+fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntry, &'p Part)>> {
+    let mut chosen: BTreeMap<u32, (&JournalEntry, &Part)> =
+        begun.entries.iter().map(|(&scene, entry)| (scene, (entry, begun))).collect();
+    for part in parts {
+        for (&scene, entry) in &part.entries {
+            match chosen.get(&scene) {
+                Some((other, whose)) if *other != entry => {
+                    let (one, two) = (whose.folder.root().display(), part.folder.root().display());
+                    return Err(Error::new(format!("scene {scene} is not the same in {one} and in {two}"))
+                        .help(
+                            "one of them is damaged, or was made by another program; `syntable verify` compares files",
+                        )
+                        .permanent());
+                }
+                Some(_) => {}
+                None => drop(chosen.insert(scene, (entry, part))),
+            }
+        }
+    }
+    Ok(chosen.into_values().filter(|(_, part)| !std::ptr::eq(*part, begun)).collect())
+}
+
+/// Puts a scene of a part into the dataset.
+fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
+    let damaged = |path: &Path| {
+        Error::new("the part is damaged here")
+            .in_file(path)
+            .help("`syntable run --repair` with the part's recipe and folder makes the scene again")
+            .permanent()
+    };
+    let staged = folder.stage(entry.scene)?;
+    if let Some(digest) = entry.manifest() {
+        let path = manifest_path(part.root(), entry.scene);
+        let Some((manifest, found)) = Manifest::read(&path)? else { return Err(damaged(&path)) };
+        if found != digest {
+            return Err(damaged(&path));
+        }
+        for (inside, stamp) in &manifest.files {
+            let (from, to) = (part.root().join(inside), staged.join(inside));
+            if stamp.check(&from)? != State::Whole {
+                return Err(damaged(&from));
+            }
+            super::folder::create_parent(&to)?;
+            if fs::hard_link(&from, &to).is_err() {
+                fs::copy(&from, &to).map_err(|error| Error::io(&to, &error))?;
+            }
+        }
+    }
+    let merged = folder.commit(entry.clone(), Manifest::default(), journal)?;
+    if merged == *entry { Ok(()) } else { Err(damaged(part.root())) }
+}
+
+fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
+    let pools = lock_of(&part.recipe()?.unwrap_or_default()).catalogs.into_keys();
+    let read = |pool: String| {
+        let text = fs::read_to_string(super::folder::catalog_path(part.root(), &pool)).ok()?;
+        Some((pool, serde_json::from_str(&text).ok()?))
+    };
+    folder.set_catalogs(&pools.filter_map(read).collect())
+}
+
+/// The recipe of the parts. Its assets are not needed, and neither is what the environment says of them.
+fn load(registry: &Registry, text: &str) -> Result<Recipe> {
+    let named =
+        |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty()).or_else(|| Some(name.to_owned()));
+    let overrides = Overrides { variable: &named, ..Overrides::of_process(Vec::new()) };
+    let source = Source::embedded(RESERVED[1], without_lock(text));
+    let (recipe, _) = recipe::load(registry, source, &overrides)
+        .map_err(|report| Error::new(format!("the recipe of the parts cannot be read:\n{report}")).permanent())?;
+    let differences = change::differences(text, &recipe.resolved);
+    if !differences.is_empty() {
+        let message = format!("the parts were made by another program:{}\n ", change::listing(&differences));
+        return Err(Error::new(message).help("merge them with the program that made them").permanent());
+    }
+    Ok(Recipe { resolved: text.to_owned(), ..recipe })
+}

@@ -1,0 +1,73 @@
+//! What settling did to a scene, stored with the dataset. TOML keeps every bit of a number.
+
+use super::folder::{create_parent, settled_path};
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+use syntable_model::scene::{SceneId, Settled};
+
+/// Writes what settling did to a staged scene.
+pub fn write(staged: &Path, scene: SceneId, settled: &Settled) -> Result<()> {
+    let path = settled_path(staged, scene.0);
+    create_parent(&path)?;
+    let text = toml::to_string(settled).expect("poses and numbers are plain data");
+    std::fs::write(&path, text).map_err(|error| Error::io(&path, &error))
+}
+
+/// What settling did to a scene of a dataset; none if that is not stored, or not readable.
+pub fn read(root: &Path, scene: SceneId) -> Option<Settled> {
+    let text = std::fs::read_to_string(settled_path(root, scene.0)).ok()?;
+    toml::from_str(&text).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::geometry::{Pose, UnitQuaternion, Vector3};
+    use syntable_model::random::Stream;
+    use syntable_model::scene::{AssetRef, Placed, Removal, Role, SceneBuilder, SettleReport};
+    use syntable_testing::scenes::{body, box_mesh, object, table};
+
+    #[test]
+    fn a_scene_is_had_again_to_the_last_bit() {
+        let place = || {
+            let mut scene = table();
+            for k in 0..40 {
+                let cube = object("cube", box_mesh([0.1; 3]), [0.5; 3]);
+                scene.add(body(cube, [0.1 * f64::from(k), 0.0, 0.05], Role::Object));
+            }
+            scene
+        };
+        let bits = |scene: &SceneBuilder| -> Vec<(u32, Vec<u64>)> {
+            let numbers = |pose: &Pose| pose.to_homogeneous().iter().map(|x| x.to_bits()).collect();
+            scene.bodies().map(|(_, body)| (body.spawn, numbers(&body.world_from_body))).collect()
+        };
+        let mut stream = Stream::root(7);
+        let mut uniform = || stream.uniform(-1.0, 1.0);
+        let mut scene = place();
+        let placed = Placed::of(&scene);
+        let handles: Vec<_> = scene.bodies().map(|(handle, _)| handle).collect();
+        for (k, &handle) in handles.iter().enumerate().skip(1) {
+            match k % 4 {
+                0 => drop(scene.remove(handle)),
+                1 => {}
+                _ => {
+                    let turn = UnitQuaternion::new(Vector3::new(uniform(), uniform(), uniform()) * 3.0);
+                    let shift = Vector3::new(uniform(), -0.0, uniform() * 1e-12);
+                    scene.set_pose(handle, Pose::from_parts(shift.into(), turn));
+                }
+            }
+        }
+        let asset = AssetRef { pool: "p".into(), name: "a/b".into() };
+        let removed = vec![Removal { spawn: 3, asset, reason: "fell \"off\"".into() }];
+        let report = SettleReport { simulated_s: 0.1 + 0.2, residual_speed_m_s: 1e-300, removed, ..Default::default() };
+        let settled = Settled::between(&placed, &scene, &report).expect("nothing was added");
+        let folder = tempfile::tempdir().expect("a folder");
+        write(folder.path(), SceneId(3), &settled).expect("writable");
+        let read = read(folder.path(), SceneId(3)).expect("readable");
+        let mut again = place();
+        assert_eq!(read.apply(&mut again).expect("the same scene"), report);
+        assert_eq!(bits(&again), bits(&scene));
+        let mut other = table();
+        assert!(read.apply(&mut other).is_err(), "another scene");
+    }
+}

@@ -1,0 +1,190 @@
+//! Datasets that grow: more scenes, more views, more writers. In the end they are what one run would have made.
+
+use crate::kit::{Counters, registry, run, run_scenes};
+use std::path::Path;
+use syntable_testing::folder::files;
+
+fn recipe(scenes: u32, views: u32, tally: usize, rest: &str) -> String {
+    format!(
+        "[dataset]\nscenes = {scenes}\nviews_per_scene = {views}\nname = \"growing\"\n\
+         [[place]]\nkind = \"boxes\"\n[settle]\nkind = \"rapier\"\ntally = {tally}\n\
+         [render]\nkind = \"sleeper\"\ntally = {tally}\n{rest}"
+    )
+}
+
+const LIGHT: &str = "[write.lines]\ninclude = [\"light\"]\n";
+const THOUGHT: &str = "[write.more]\nkind = \"lines\"\ninclude = [\"thought\", \"track\", \"total\"]\n";
+
+/// Two folders hold the same files, byte for byte.
+pub fn assert_same(left: &Path, right: &Path) {
+    let (a, b) = (files(left), files(right));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, bytes) in &a {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        assert!(*bytes == b[name], "{name}:\n{}\n{}", text(bytes), text(&b[name]));
+    }
+}
+
+#[test]
+fn more_scenes_give_what_one_run_gives() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (grown, whole) = (folder.path().join("grown"), folder.path().join("whole"));
+    let rest = format!("{LIGHT}{THOUGHT}");
+    run(&recipe(2, 2, 5, &rest), &grown, 2).expect("begun");
+    assert_eq!(Counters::both(5), [2, 4]);
+    run(&recipe(5, 2, 5, &rest), &grown, 2).expect("grown");
+    assert_eq!(Counters::both(5), [5, 10], "what was there was not made again");
+    run(&recipe(5, 2, 5, &rest), &whole, 2).expect("whole");
+    assert_same(&grown, &whole);
+}
+
+#[test]
+fn new_scenes_may_have_more_views() {
+    let folder = tempfile::tempdir().expect("a folder");
+    run(&recipe(2, 2, 0, LIGHT), folder.path(), 1).expect("begun");
+    run(&recipe(3, 4, 0, LIGHT), folder.path(), 1).expect("grown");
+    // A writer that comes later writes the views that each scene has.
+    let outcome = run(&recipe(3, 4, 0, &format!("{LIGHT}{THOUGHT}")), folder.path(), 1).expect("grown");
+    assert_eq!((outcome.scenes, outcome.images), (3, 8));
+    let files = files(folder.path());
+    for id in ["lines", "more"] {
+        let views = |scene: u32| files.keys().filter(|name| name.starts_with(&format!("{id}/{scene:06}_"))).count();
+        assert_eq!([0, 1, 2].map(views), [2, 2, 4], "{id}");
+    }
+}
+
+#[test]
+fn a_writer_that_comes_later_costs_only_what_it_needs() {
+    let (light, thought) = (LIGHT.to_owned(), THOUGHT.to_owned());
+    let both = format!("{LIGHT}{THOUGHT}");
+    // Labels are made without simulating or rendering; light is rendered, and nothing is simulated.
+    for (tally, first, cost) in [(6, &light, [3, 6]), (7, &thought, [3, 6])] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (grown, whole) = (folder.path().join("grown"), folder.path().join("whole"));
+        run(&recipe(3, 2, tally, first), &grown, 2).expect("begun");
+        let begun = Counters::both(tally);
+        assert_eq!(begun, if first == &light { [3, 6] } else { [3, 0] });
+        // A part of the scenes first, as if the run had been stopped.
+        run_scenes(&recipe(3, 2, tally, &both), &grown, 1, Some(1..2)).expect("grows");
+        run(&recipe(3, 2, tally, &both), &grown, 2).expect("grown");
+        assert_eq!(Counters::both(tally), cost);
+        run(&recipe(3, 2, 0, &both).replace("tally = 0", &format!("tally = {tally}")), &whole, 1).expect("whole");
+        assert_same(&grown, &whole);
+    }
+}
+
+#[test]
+fn a_scene_that_fails_by_what_comes_later_is_made_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (grown, whole) = (folder.path().join("grown"), folder.path().join("whole"));
+    let both = format!("{LIGHT}{THOUGHT}[annotate.thinker]\nstumbles = true\n");
+    run(&recipe(4, 2, 8, LIGHT), &grown, 1).expect("begun");
+    run(&recipe(4, 2, 8, &both), &grown, 1).expect("grown");
+    // Scenes 1 and 3 failed with the annotator, and settled again for their second attempt.
+    assert_eq!(Counters::both(8)[0], 4 + 2);
+    run(&recipe(4, 2, 8, &both), &whole, 2).expect("whole");
+    assert_same(&grown, &whole);
+    let never = both.replace("stumbles", "panics");
+    let (grown, whole) = (folder.path().join("grown2"), folder.path().join("whole2"));
+    run(&recipe(2, 1, 8, LIGHT), &grown, 1).expect("begun");
+    let outcome = run(&recipe(2, 1, 8, &never), &grown, 1).expect("grown");
+    assert_eq!((outcome.scenes, outcome.failed), (0, 2));
+    run(&recipe(2, 1, 8, &never), &whole, 1).expect("whole");
+    // What an attempt panicked at is the same, so the journals are, too.
+    assert_same(&grown, &whole);
+}
+
+#[test]
+fn what_the_end_of_a_run_reads_may_change() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (changed, whole) = (folder.path().join("changed"), folder.path().join("whole"));
+    run(&recipe(3, 1, 9, LIGHT), &changed, 1).expect("begun");
+    let other = format!("{LIGHT}end = \"other.json\"\n");
+    run(&recipe(3, 1, 9, &other), &changed, 1).expect("ends anew");
+    assert_eq!(Counters::both(9), [3, 3]);
+    run(&recipe(3, 1, 9, &other), &whole, 1).expect("whole");
+    assert_same(&changed, &whole);
+    assert!(!changed.join("lines/dataset.json").exists() && changed.join("lines/other.json").exists());
+}
+
+#[test]
+fn a_mistake_at_the_end_shows_after_the_first_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (mended, whole) = (folder.path().join("mended"), folder.path().join("whole"));
+    let error =
+        run(&recipe(50, 1, 10, &format!("{LIGHT}breaks_at = 1\n")), &mended, 1).expect_err("breaks").to_string();
+    assert!(
+        error.contains("write.lines") && error.contains("too many scenes") && error.contains("nothing is lost"),
+        "{error}"
+    );
+    assert!(Counters::both(10)[0] <= 2, "{:?}", Counters::both(10));
+    let few = recipe(50, 1, 10, LIGHT).replace("scenes = 50", "scenes = 51");
+    run_scenes(&few, &mended, 1, Some(0..3)).expect("mended, and it may grow, too");
+    run_scenes(&few, &whole, 1, Some(0..3)).expect("whole");
+    assert_same(&mended, &whole);
+}
+
+#[test]
+fn every_writer_ends_though_another_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rest = format!("{LIGHT}breaks_at = 2\n{THOUGHT}");
+    let error = run(&recipe(3, 1, 0, &rest), folder.path(), 1).expect_err("breaks").to_string();
+    assert!(error.contains("too many scenes"), "{error}");
+    assert!(folder.path().join("more/dataset.json").exists() && !folder.path().join("lines/dataset.json").exists());
+    let found = syntable_runtime::run::verify(folder.path(), 1).expect("a dataset");
+    assert!(found.unfinished && !found.whole() && found.missing.is_empty() && found.damaged.is_empty(), "{found:?}");
+    assert!(found.foreign.is_empty(), "{found:?}");
+    run(&recipe(3, 1, 0, &rest.replace("breaks_at = 2", "breaks_at = 9")), folder.path(), 1).expect("mended");
+    assert!(syntable_runtime::run::verify(folder.path(), 1).expect("a dataset").whole());
+}
+
+#[test]
+fn another_dataset_is_refused_key_by_key() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let both = format!("{LIGHT}{THOUGHT}");
+    run(&recipe(3, 2, 0, &both), folder.path(), 1).expect("begun");
+    let before = files(folder.path());
+    for (other, says) in [
+        (recipe(2, 2, 0, &both), vec!["begun with 3 scenes", "has 2 now", "--scenes"]),
+        (recipe(3, 1, 0, &both), vec!["begun with 2 views per scene", "has 1 now"]),
+        (recipe(3, 2, 0, LIGHT), vec!["another recipe", "write.more: kind \"lines\" -> nothing", "--out"]),
+        (recipe(3, 2, 0, &both.replace("\"track\", ", "")), vec!["write.more.include: [", "] -> ["]),
+        (recipe(3, 2, 1, &both), vec!["render.tally: 0 -> 1", "settle.tally: 0 -> 1"]),
+        (recipe(3, 2, 0, &format!("{both}[sensor.doubler]\n")), vec!["[sensor.doubler]", "write.lines"]),
+        (
+            recipe(3, 2, 0, &both).replace("growing", "other"),
+            vec!["dataset.name: \"growing\" -> \"other\"", "another recipe"],
+        ),
+    ] {
+        let error = run(&other, folder.path(), 1).expect_err("another dataset");
+        let text = error.to_string();
+        assert!(error.is_permanent() && says.iter().all(|word| text.contains(word)), "{says:?}: {text}");
+        assert!(files(folder.path()) == before, "{says:?}: something was touched");
+    }
+    assert!(registry().entries().len() > 5);
+}
+
+#[test]
+fn a_path_of_two_scenes_is_refused() {
+    // Where `check` can know it, before anything is made.
+    let folder = tempfile::tempdir().expect("a folder");
+    for (path, says) in [
+        ("labels.txt", "one path, `labels.txt`"),
+        ("/labels.txt", "not a path inside the dataset"),
+        (".syntable/lock", "keeps for itself"),
+        ("recipe.toml", "keeps for itself"),
+        ("a/../../b", "not a path inside the dataset"),
+    ] {
+        let error = run(&recipe(2, 1, 0, &format!("{LIGHT}said_path = \"{path}\"\n")), folder.path(), 1);
+        let error = error.expect_err("refused").to_string();
+        assert!(error.contains("write.lines") && error.contains(says), "{path}: {error}");
+        assert!(files(folder.path()).is_empty());
+    }
+    // Else when a second scene is there, and the first, whichever that is, keeps its file.
+    let error = run(&recipe(9, 1, 11, &format!("{LIGHT}one_path = true\n")), folder.path(), 1).expect_err("refused");
+    assert!(error.is_permanent(), "{error}");
+    assert!(error.to_string().contains("`all/scenes.json` is a file of scene"), "{error}");
+    assert!(Counters::both(11)[0] <= 4 && folder.path().join("all/scenes.json").exists());
+    let views = files(folder.path()).keys().filter(|name| name.starts_with("lines/")).count();
+    assert_eq!(views, 1, "the second scene left nothing");
+}

@@ -1,0 +1,259 @@
+//! Datasets that are stopped, damaged, repaired, merged and deleted: in the end they are what one run makes.
+
+use crate::growth::assert_same;
+use crate::kit::{AtEvent, Counters, options, registry, run, run_scenes, run_with};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicU32;
+use syntable_model::error::Result;
+use syntable_runtime::run::progress::{Event, Quiet, Reporter};
+use syntable_runtime::run::stop::Stop;
+use syntable_runtime::run::{Outcome, RunOptions, merge, verify};
+use syntable_testing::folder::files;
+
+const RECIPE: &str = "[dataset]\nscenes = 4\nviews_per_scene = 2\nname = \"whole\"\n\
+    [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n\
+    [write.lines]\ninclude = [\"light\"]\n\
+    [write.more]\nkind = \"lines\"\ninclude = [\"thought\", \"track\", \"total\"]\n";
+
+/// Names of all files that a manifest must have, in the dataset of a run.
+fn listed(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = files(folder);
+    let own = [".syntable/lock", ".syntable/journal.jsonl", ".syntable/finished.json"];
+    all.retain(|name, _| !own.contains(&name.as_str()) && !name.starts_with(".syntable/catalogs/"));
+    all
+}
+
+#[test]
+fn every_file_is_compared_and_repaired() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    let small = RECIPE.replace("scenes = 4", "scenes = 2").replace("views_per_scene = 2", "views_per_scene = 1");
+    run(&small, &whole, 2).expect("whole");
+    run(&small, &data, 2).expect("whole");
+    let all = listed(&data);
+    assert_eq!(verify(&data, 2).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
+    assert!(all.keys().any(|name| name.contains("shards")) && all.keys().any(|name| name.contains("settled")));
+    for (index, (name, bytes)) in all.iter().enumerate() {
+        let path = data.join(name);
+        let missing = index % 3 == 0;
+        match index % 3 {
+            0 => fs::remove_file(&path).expect("removable"),
+            1 => fs::write(&path, &bytes[1..]).expect("writable"),
+            _ => {
+                // Of the same size, with one bit changed.
+                let mut changed = bytes.clone();
+                *changed.last_mut().expect("not empty") ^= 4;
+                fs::write(&path, changed).expect("writable");
+            }
+        }
+        let found = verify(&data, 1).expect("a dataset");
+        let (named, other) = if missing { (&found.missing, &found.damaged) } else { (&found.damaged, &found.missing) };
+        assert!(*named == std::slice::from_ref(name) && other.is_empty() && !found.whole(), "{name}: {found:?}");
+        if name == "recipe.toml" {
+            // Without it nobody knows what the scenes are of.
+            run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("no recipe");
+            fs::write(&path, bytes).expect("writable");
+            continue;
+        }
+        run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
+        assert_same(&whole, &data);
+    }
+    // A file that is not the dataset's is named and stays.
+    fs::write(data.join("notes.txt"), "mine").expect("writable");
+    let found = verify(&data, 1).expect("a dataset");
+    assert!(found.whole() && found.foreign == ["notes.txt"], "{found:?}");
+    run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("nothing to repair");
+    assert!(data.join("notes.txt").exists());
+}
+
+#[test]
+fn lines_that_are_gone_are_missed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    run(RECIPE, &whole, 2).expect("whole");
+    run_scenes(RECIPE, &data, 1, Some(0..3)).expect("a part");
+    fs::write(data.join(".syntable/shards/lines/000001.jsonl"), "").expect("writable");
+    let error = run(RECIPE, &data, 1).expect_err("the end would lose lines").to_string();
+    assert!(error.contains("shards/lines/000001.jsonl") && error.contains("--repair"), "{error}");
+    run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn only_damaged_scenes_are_made_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = RECIPE
+        .replace("\"sleeper\"", "\"sleeper\"\ntally = 12")
+        .replace("[render]", "[settle]\nkind = \"rapier\"\ntally = 12\n[render]");
+    run(&recipe, folder.path(), 1).expect("whole");
+    fs::remove_file(folder.path().join("lines/000002_0001.json")).expect("there");
+    let before = Counters::both(12);
+    run_with(&recipe, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet).expect("repaired");
+    let after = Counters::both(12);
+    assert_eq!([after[0] - before[0], after[1] - before[1]], [1, 2]);
+    assert!(verify(folder.path(), 1).expect("a dataset").whole());
+}
+
+/// Stops a call at its first event, at its second, and so on, until it comes to its end. Returns how often it stopped.
+fn stopped_anywhere(call: &dyn Fn(&Stop, &dyn Reporter) -> Result<Outcome>, check: &dyn Fn()) -> u32 {
+    for number in 0.. {
+        let stop = Stop::default();
+        let reporter = AtEvent { number, act: &|| stop.request(2), seen: AtomicU32::new(0) };
+        match call(&stop, &reporter) {
+            Ok(_) => return number,
+            Err(error) => {
+                let error = error.to_string();
+                assert!(error.contains("stopped by SIGINT") && error.contains("the same command goes on"), "{error}");
+                check();
+            }
+        }
+    }
+    unreachable!("a call ends")
+}
+
+#[test]
+fn a_run_that_is_stopped_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = folder.path().join("whole");
+    run(RECIPE, &whole, 2).expect("whole");
+    for threads in [1, 3] {
+        let data = folder.path().join(threads.to_string());
+        let call = |stop: &Stop, reporter: &dyn Reporter| {
+            run_with(RECIPE, RunOptions { stop: stop.clone(), ..options(&data, threads) }, reporter)
+        };
+        let check = || {
+            let found = verify(&data, 1).expect("a dataset");
+            assert!(found.missing.is_empty() && found.damaged.is_empty() && found.unfinished, "{found:?}");
+        };
+        assert!(stopped_anywhere(&call, &check) > 2);
+        assert_same(&whole, &data);
+    }
+}
+
+#[test]
+fn a_reporter_fails_no_scene() {
+    struct Broken;
+    impl Reporter for Broken {
+        fn event(&self, _: &Event) {
+            panic!("nobody reads this");
+        }
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    run(RECIPE, &whole, 2).expect("whole");
+    run_with(RECIPE, options(&data, 2), &Broken).expect("nothing of the dataset failed");
+    assert_same(&whole, &data);
+}
+
+/// Parts with the scenes 0 and 1, 1 and 2, and 3.
+fn parts(folder: &Path, recipe: &str) -> Vec<PathBuf> {
+    let part = |(number, scenes): (usize, std::ops::Range<u32>)| {
+        let path = folder.join(format!("part-{number}"));
+        run_scenes(recipe, &path, 1, Some(scenes)).expect("a part");
+        path
+    };
+    [0..2, 1..3, 3..4].into_iter().enumerate().map(part).collect()
+}
+
+#[test]
+fn parts_are_merged_into_what_one_run_makes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, merged) = (folder.path().join("whole"), folder.path().join("merged"));
+    run(RECIPE, &whole, 2).expect("whole");
+    let parts = parts(folder.path(), RECIPE);
+    let before: Vec<_> = parts.iter().map(|part| files(part)).collect();
+    let call = |stop: &Stop, reporter: &dyn Reporter| merge(&registry(), &merged, &parts, 2, stop, reporter);
+    assert!(stopped_anywhere(&call, &|| drop(verify(&merged, 1))) >= 1);
+    assert_same(&whole, &merged);
+    assert!(verify(&merged, 1).expect("a dataset").whole());
+    // Once more changes nothing, and one part alone is a part.
+    merge(&registry(), &merged, &parts[..1], 1, &Stop::default(), &Quiet).expect("merged already");
+    assert_same(&whole, &merged);
+    let one = folder.path().join("one");
+    merge(&registry(), &one, &parts[..1], 1, &Stop::default(), &Quiet).expect("one part");
+    assert_same(&parts[0], &one);
+    // A run goes on with it, and the parts are as they were.
+    merge(&registry(), &one, &parts[2..], 1, &Stop::default(), &Quiet).expect("another part");
+    run(RECIPE, &one, 1).expect("goes on");
+    assert_same(&whole, &one);
+    for (part, before) in parts.iter().zip(before) {
+        assert!(files(part) == before, "{} was changed", part.display());
+    }
+}
+
+#[test]
+fn parts_that_do_not_belong_together_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ours = parts(folder.path(), RECIPE);
+    let merge = |parts: &[&PathBuf]| {
+        let parts: Vec<PathBuf> = parts.iter().map(|&part| part.clone()).collect();
+        let out = folder.path().join("merged");
+        let error = merge(&registry(), &out, &parts, 1, &Stop::default(), &Quiet).expect_err("refused").to_string();
+        assert!(!out.join("lines/dataset.json").exists(), "{error}");
+        error
+    };
+    let other = folder.path().join("other");
+    run_scenes(&RECIPE.replace("whole", "other"), &other, 1, Some(1..2)).expect("another recipe");
+    let error = merge(&[&ours[0], &other]);
+    assert!(error.contains("different recipes") && error.contains("dataset.name: \"whole\" -> \"other\""), "{error}");
+    let nothing = folder.path().join("nothing");
+    assert!(merge(&[&ours[0], &nothing]).contains("there is no dataset"));
+    // The same scene with another byte, and a journal that says so.
+    let journal = ours[1].join(".syntable/journal.jsonl");
+    let text = fs::read_to_string(&journal).expect("there");
+    fs::write(&journal, text.replacen("\"objects\":1", "\"objects\":2", 1)).expect("writable");
+    assert!(merge(&[&ours[0], &ours[1]]).contains("scene 1 is not the same"));
+    fs::write(&journal, text).expect("writable");
+    let file = ours[1].join("lines/000002_0000.json");
+    let bytes = fs::read(&file).expect("there");
+    fs::write(&file, "{}").expect("writable");
+    let error = merge(&[&ours[0], &ours[1]]);
+    assert!(error.contains("lines/000002_0000.json") && error.contains("damaged"), "{error}");
+    fs::write(&file, bytes).expect("writable");
+    // The scenes that were merged before stay, and the same call goes on.
+    let (out, whole) = (folder.path().join("merged"), folder.path().join("whole"));
+    syntable_runtime::run::merge(&registry(), &out, &ours, 1, &Stop::default(), &Quiet).expect("mended");
+    run(RECIPE, &whole, 1).expect("whole");
+    assert_same(&whole, &out);
+}
+
+#[test]
+fn overwriting_takes_what_is_the_datasets() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    let other = RECIPE.replace("name = \"whole\"", "name = \"other\"").replace("write.more", "write.less");
+    run(&other, &data, 2).expect("another dataset");
+    fs::write(data.join("lines/notes.txt"), "mine").expect("writable");
+    // Refused without the flag, and by a recipe that cannot run.
+    run(RECIPE, &data, 1).expect_err("another recipe");
+    let broken = RECIPE.replace("[write.lines]", "[write.lines]\nsaid_path = \"x\"");
+    let before = files(&data);
+    run_with(&broken, RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet).expect_err("cannot run");
+    assert!(files(&data) == before, "something was deleted");
+    struct Notes(std::sync::Mutex<Vec<String>>);
+    impl Reporter for Notes {
+        fn event(&self, event: &Event) {
+            if let Event::Note { message } = event {
+                self.0.lock().expect("notes").push(message.clone());
+            }
+        }
+    }
+    let notes = Notes(Default::default());
+    run_with(RECIPE, RunOptions { overwrite: true, ..options(&data, 2) }, &notes).expect("anew");
+    let notes = notes.0.into_inner().expect("notes");
+    assert!(notes.iter().any(|note| note.contains("1 file in the folder, such as lines/notes.txt, stay")), "{notes:?}");
+    fs::remove_file(data.join("lines/notes.txt")).expect("still there");
+    run(RECIPE, &whole, 2).expect("whole");
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn a_dataset_without_its_recipe_is_nobodys() {
+    let folder = tempfile::tempdir().expect("a folder");
+    run(RECIPE, folder.path(), 1).expect("whole");
+    fs::remove_file(folder.path().join("recipe.toml")).expect("there");
+    let error = run(&RECIPE.replace("whole", "other"), folder.path(), 1).expect_err("no recipe").to_string();
+    assert!(error.contains("lost its recipe.toml"), "{error}");
+}

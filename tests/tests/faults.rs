@@ -1,0 +1,410 @@
+//! Disks, networks, terminals and users that fail a run: in the end the dataset is that of an undisturbed run.
+#![cfg(unix)]
+
+mod support;
+use std::fs;
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use support::{assert_same, fails, ok, skip, small_run, syntable, text};
+use syntable_testing::folder::files;
+
+/// A recipe beside a folder of scanned objects, both in a folder of their own.
+fn scanned(folder: &Path) -> PathBuf {
+    copy(&support::root().join("tests/fixtures/assets/gso"), &folder.join("gso"));
+    copy(&support::root().join("tests/fixtures/assets/materials"), &folder.join("materials"));
+    let recipe = fs::read_to_string(support::root().join("recipes/quickstart.toml")).expect("there");
+    let recipe = recipe
+        .replace("kind = \"household\"", "kind = \"google_scanned_objects\"\nroot = \"gso\"")
+        .replace("kind = \"procedural_materials\"", "kind = \"pbr_folder\"\nroot = \"materials\"");
+    let path = folder.join("recipe.toml");
+    fs::write(&path, recipe).expect("writable");
+    path
+}
+
+fn copy(from: &Path, to: &Path) {
+    for (name, bytes) in files(from) {
+        let path = to.join(name);
+        fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        fs::write(path, bytes).expect("writable");
+    }
+}
+
+fn run(recipe: &Path, out: &Path, more: &[&str]) -> Command {
+    let mut command = syntable();
+    command.arg("run").arg(recipe).arg("--out").arg(out).args(support::SMALL).args(more);
+    command
+}
+
+/// The library that lets calls fail; none where there is no C compiler.
+fn shim(folder: &Path) -> Option<PathBuf> {
+    let library = folder.join("shim.so");
+    let source = support::root().join("tests/fixtures/faults/shim.c");
+    let built =
+        Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).arg(&library).arg(source).arg("-ldl").output();
+    match built {
+        Ok(output) if output.status.success() => Some(library),
+        Ok(output) => panic!("{}", text(&output)),
+        Err(_) => {
+            skip("cc");
+            None
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_asset_that_cannot_be_read_for_a_while_changes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let home = folder.path().canonicalize().expect("there");
+    let Some(library) = shim(&home) else { return };
+    let recipe = scanned(&home);
+    let whole = home.join("whole");
+    let log = home.join("calls");
+    let faulty = |out: &Path, at: u64, count: u64, errno: i32| {
+        let mut command = run(&recipe, out, &["--threads", "1"]);
+        command.env("LD_PRELOAD", &library).env("FAULT_BELOW", home.join("gso")).env("FAULT_LOG", &log);
+        command.env("FAULT_AT", at.to_string()).env("FAULT_COUNT", count.to_string());
+        command.env("FAULT_ERRNO", errno.to_string());
+        command
+    };
+    ok(&mut faulty(&whole, 0, 0, 0));
+    let calls: u64 = fs::read_to_string(&log).expect("written").trim().parse().expect("a number");
+    assert!(calls > 20, "{calls} calls");
+    // EIO, EMFILE, ENFILE, ESTALE, ETIMEDOUT, ENOMEM, EACCES, EAGAIN.
+    let errors = [5, 24, 23, 116, 110, 12, 13, 11];
+    let (tries, mut stopped) = (10, 0);
+    for number in 0..tries {
+        let (at, errno) = (1 + number * (calls - 1) / (tries - 1), errors[number as usize % errors.len()]);
+        let data = home.join(format!("data-{number}"));
+        if number % 2 == 0 {
+            // Once: it is tried again.
+            ok(&mut faulty(&data, at, 1, errno));
+        } else {
+            // From there on: the run stops, and the same command goes on when the disk is back.
+            let error = fails(&mut faulty(&data, at, 1_000_000, errno), 1);
+            assert!(error.contains("gso"), "call {at}, error {errno}: {error}");
+            assert!(!error.contains("trying again"), "a scene was made with other assets: {error}");
+            stopped += 1;
+            ok(&mut run(&recipe, &data, &[]));
+        }
+        assert_same(&whole, &data);
+        fs::remove_dir_all(&data).expect("removable");
+    }
+    assert_eq!(stopped, tries / 2);
+}
+
+#[test]
+fn a_log_that_cannot_be_written_changes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = folder.path().join("whole");
+    // Warnings, failing attempts and progress: an asset that is bad, and scenes that fail at first.
+    let recipe = scanned(folder.path());
+    fs::write(folder.path().join("gso/Room_Essentials_Mug_White_Yellow/meshes/model.obj"), "f 1 2 3\n")
+        .expect("writable");
+    ok(&mut run(&recipe, &whole, &[]));
+    let full = || fs::OpenOptions::new().write(true).open("/dev/full").expect("there");
+    for format in ["human", "json"] {
+        for way in ["full", "closed", "would block"] {
+            let data = folder.path().join(format!("{format} {way}"));
+            let mut command = run(&recipe, &data, &["--log-format", format]);
+            // Nobody reads the other end, which is kept open.
+            let mut other_end = None;
+            match way {
+                "full" => drop(command.stderr(full()).stdout(full())),
+                "closed" => {
+                    let arguments: Vec<_> = command.get_args().map(ToOwned::to_owned).collect();
+                    let mut shell = Command::new("sh");
+                    shell.args(["-c", "exec \"$0\" \"$@\" >&- 2>&-"]).arg(command.get_program()).args(arguments);
+                    shell.current_dir(support::root()).env("SYNTABLE_CACHE", support::root().join("target/test-cache"));
+                    command = shell;
+                }
+                _ => {
+                    let (mut ours, theirs) = UnixStream::pair().expect("sockets");
+                    for end in [&ours, &theirs] {
+                        end.set_nonblocking(true).expect("non-blocking");
+                    }
+                    let mut fill = theirs.try_clone().expect("a copy");
+                    while std::io::Write::write(&mut fill, &[0; 4096]).is_ok() {}
+                    let _ = &mut ours;
+                    other_end = Some(ours);
+                    let theirs: OwnedFd = theirs.into();
+                    command.stdout(Stdio::from(theirs.try_clone().expect("a copy"))).stderr(Stdio::from(theirs));
+                }
+            }
+            let status = command.status().expect("starts");
+            assert!(status.success(), "{format}, {way}: {status}");
+            assert_same(&whole, &data);
+            drop(other_end);
+        }
+    }
+}
+
+#[test]
+fn assets_that_change_are_refused_by_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = scanned(folder.path());
+    let list = folder.path().join("names.txt");
+    fs::write(&list, "Room_Essentials_Mug_White_Yellow\nRoom_Essentials_Salad_Plate_Turquoise\n").expect("writable");
+    let sets = ["--set", "assets.objects.include_list=\"names.txt\"", "--set", "dataset.scenes=3"];
+    // `--set` counts from the current folder.
+    let run = |out: &Path, more: &[&str]| {
+        let mut command = run(&recipe, out, &sets);
+        command.args(more).current_dir(folder.path());
+        command
+    };
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    ok(&mut run(&whole, &[]));
+    ok(&mut run(&data, &["--scenes", "0..2"]));
+    let half = files(&data);
+    let gso = folder.path().join("gso");
+    let mesh = gso.join("Room_Essentials_Mug_White_Yellow/meshes/model.obj");
+    let texture = gso.join("Room_Essentials_Salad_Plate_Turquoise/materials/textures/texture.png");
+    let change = |path: &Path, bytes: Option<&[u8]>, says: &[&str], resolved_says: &[&str]| {
+        let before = fs::read(path).ok();
+        match bytes {
+            Some(bytes) => {
+                fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+                fs::write(path, bytes).expect("writable");
+            }
+            None => fs::remove_file(path).expect("removable"),
+        }
+        let error = fails(&mut run(&data, &[]), 2);
+        assert!(says.iter().all(|word| error.contains(word)), "{says:?}: {error}");
+        // Neither does the recipe of the whole dataset give it again.
+        let again = folder.path().join("again");
+        let resolved = whole.join("recipe.toml");
+        let error = fails(syntable().arg("run").arg(&resolved).arg("--out").arg(&again).current_dir(folder.path()), 2);
+        assert!(resolved_says.iter().all(|word| error.contains(word)), "{resolved_says:?}: {error}");
+        fs::remove_dir_all(again).expect("removable");
+        match before {
+            Some(before) => fs::write(path, before).expect("writable"),
+            None => fs::remove_file(path).expect("removable"),
+        }
+        let changed = files(&data);
+        let scenes = |name: &str| !name.contains("/lock");
+        assert!(
+            half.iter().filter(|(name, _)| scenes(name)).all(|(name, bytes)| changed.get(name) == Some(bytes)),
+            "{says:?}"
+        );
+    };
+    let mut text = fs::read_to_string(&mesh).expect("there");
+    text.push_str("v 0.01 0.02 0.03\n");
+    let shifted = text.replacen("v 0.", "v 0.0", 1).replacen("v -0.", "v -0.0", 1);
+    change(&mesh, Some(shifted.as_bytes()), &["objects/Room_Essentials_Mug", "has changed"], &["has changed"]);
+    change(&mesh, Some(b"f 1 2 3\n"), &["objects/Room_Essentials_Mug", "cannot be used"], &["cannot be used"]);
+    let pixels = fs::read(gso.join("Room_Essentials_Mug_White_Yellow/materials/textures/texture.png")).expect("there");
+    change(&texture, Some(&pixels), &["objects/Room_Essentials_Salad_Plate", "has changed"], &["has changed"]);
+    let names = "Room_Essentials_Mug_White_Yellow\nNescafe_Momento_Mocha_Specialty_Coffee_Mix_8_ct\n";
+    let added = ["assets.objects", "added `Nescafe_Momento", "removed `Room_Essentials_Salad_Plate"];
+    change(&list, Some(names.as_bytes()), &added, &added);
+    let new = folder.path().join("materials/Zebra01/Zebra01_Color.png");
+    change(&new, Some(&pixels), &["assets.materials", "added `Zebra01`"], &["assets.materials", "added `Zebra01`"]);
+    // All is as it was, and the run goes on.
+    ok(&mut run(&data, &[]));
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn a_half_made_dataset_can_be_moved_and_names_no_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    fs::create_dir(&one).expect("writable");
+    let whole = folder.path().join("whole");
+    let recipe = scanned(&one);
+    ok(&mut run(&recipe, &whole, &[]));
+    ok(&mut run(&recipe, &one.join("data"), &["--scenes", "0..1"]));
+    fs::rename(&one, &two).expect("moved");
+    ok(&mut run(&two.join("recipe.toml"), &two.join("data"), &[]));
+    assert_same(&whole, &two.join("data"));
+    for (name, bytes) in files(&whole) {
+        let place = folder.path().to_string_lossy().into_owned();
+        assert!(!String::from_utf8_lossy(&bytes).contains(&place), "{name} names {place}");
+    }
+    // The resolved recipe finds the assets from the folder that the recipe was in.
+    let again = folder.path().join("again");
+    ok(syntable().arg("run").arg(whole.join("recipe.toml")).arg("--out").arg(&again).current_dir(&two));
+    assert_same(&whole, &again);
+}
+
+#[test]
+fn signals_stop_a_run_that_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = folder.path().join("whole");
+    let more = ["--set", "dataset.scenes=14"];
+    ok(&mut small_run(&whole, &more));
+    let data = folder.path().join("data");
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let mut command = small_run(&data, &more);
+        let run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("starts");
+        let lines = || fs::read_to_string(data.join(".syntable/journal.jsonl")).unwrap_or_default().lines().count();
+        let (start, before) = (Instant::now(), lines());
+        while lines() < before + 2 && start.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        ok(Command::new("kill").args(["-s", signal, &run.id().to_string()]));
+        let output = run.wait_with_output().expect("ends");
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(&format!("stopped by SIG{signal}")) && said.contains("same command goes on"), "{said}");
+    }
+    ok(&mut small_run(&data, &more));
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn a_second_signal_ends_a_run_at_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // A view that would take minutes.
+    let more = ["--set", "render.samples_per_pixel=1000000", "--set", "camera.resolution=[640, 480]"];
+    let mut command = small_run(&folder.path().join("data"), &more);
+    let mut run = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+    std::thread::sleep(Duration::from_secs(3));
+    let kill = || ok(Command::new("kill").args(["-s", "INT", &run.id().to_string()]));
+    kill();
+    std::thread::sleep(Duration::from_millis(300));
+    kill();
+    let start = Instant::now();
+    let status = run.wait().expect("ends");
+    assert_eq!(status.code(), Some(130));
+    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+}
+
+/// Runs a command again and again, killed ever later, until it comes to its end. Returns how often it was killed.
+fn killed_anywhere(command: &dyn Fn() -> Command, after_kill: &dyn Fn()) -> u32 {
+    for kills in 0_u32.. {
+        let mut run = command().stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("starts");
+        let patience = Duration::from_millis(u64::from(kills.pow(3)) / 4 + 2);
+        let start = Instant::now();
+        while start.elapsed() < patience {
+            if let Some(status) = run.try_wait().expect("waits") {
+                assert!(status.success(), "{status}");
+                return kills;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        run.kill().expect("killable");
+        run.wait().expect("waits");
+        after_kill();
+    }
+    unreachable!("a command ends")
+}
+
+#[test]
+fn kills_while_overwriting_leave_no_half_of_the_old_dataset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    ok(&mut small_run(&whole, &[]));
+    ok(&mut small_run(&data, &["--seed", "3", "--set", "dataset.scenes=4"]));
+    let turn = std::cell::Cell::new(0_u32);
+    let command = || {
+        // Every other call is told nothing of overwriting. It may find the old dataset, whole, and is refused, or go on.
+        turn.set(turn.get() + 1);
+        small_run(&data, &["--overwrite"])
+    };
+    let after_kill = || {
+        if turn.get().is_multiple_of(3) {
+            let output = small_run(&data, &["--scenes", "0..1"]).output().expect("starts");
+            let said = text(&output);
+            match output.status.code() {
+                Some(0) => {}
+                Some(2) => {
+                    assert!(said.contains("another recipe"), "{said}");
+                    let found = ok(syntable().arg("verify").arg(&data));
+                    assert!(found.contains("4 scenes"), "{found}");
+                }
+                code => panic!("{code:?}: {said}"),
+            }
+        }
+    };
+    assert!(killed_anywhere(&command, &after_kill) > 2);
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn kills_while_merging_and_repairing_change_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = folder.path().join("whole");
+    let scenes = ["--set", "dataset.scenes=6", "--set", "write.npy.include=[\"depth\", \"normal\"]"];
+    ok(&mut small_run(&whole, &scenes));
+    let parts: Vec<PathBuf> = ["0..2", "2..3", "3..6"]
+        .into_iter()
+        .map(|range| {
+            let part = folder.path().join(range);
+            ok(small_run(&part, &scenes).args(["--scenes", range]));
+            part
+        })
+        .collect();
+    let merged = folder.path().join("merged");
+    let command = || {
+        let mut command = syntable();
+        command.arg("merge").arg(&merged).args(&parts);
+        command
+    };
+    assert!(killed_anywhere(&command, &|| ()) > 1);
+    assert_same(&whole, &merged);
+    for (number, (name, _)) in files(&merged).into_iter().filter(|(name, _)| name.starts_with("npy/")).enumerate() {
+        if number % 5 == 0 {
+            fs::remove_file(merged.join(name)).expect("there");
+        }
+    }
+    let error = fails(syntable().arg("verify").arg(&merged), 3);
+    assert!(error.contains("--repair"), "{error}");
+    let command = || small_run(&merged, &[&scenes[..], &["--repair"]].concat());
+    assert!(killed_anywhere(&command, &|| ()) > 2);
+    assert_same(&whole, &merged);
+}
+
+#[test]
+fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let said = text(&small_run(folder.path(), &["--set", "lights=[]"]).output().expect("starts"));
+    for word in
+        ["scene 0: all images are black", "2 of 2 scenes: all images are black", "there is no light", "[[lights]]"]
+    {
+        assert!(said.contains(word), "{word} is not in\n{said}");
+    }
+    assert!(!said.contains("scene 1: all images"), "{said}");
+    let lit = text(&small_run(&folder.path().join("lit"), &[]).output().expect("starts"));
+    assert!(!lit.contains("black") && !lit.contains("no light"), "{lit}");
+}
+
+#[test]
+fn mistakes_of_steps_files_and_paths_are_found_by_check() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let broken = folder.path().join("broken.tera");
+    fs::write(&broken, "one\n{% if %}\n").expect("writable");
+    let broken = format!("write.t={{ kind = \"template\", template = {{ file = \"{}\" }} }}", broken.display());
+    let path = "write.t={ kind = \"template\", template = \"x\", path = ";
+    for (set, says) in [
+        ("remove=[\"place.table\"]", vec!["needs a tabletop", "[[place]] kind = \"table\""]),
+        ("write.t={ kind = \"template\", template = { file = \"no/such.tera\" } }", vec!["write.t", "no/such.tera"]),
+        (&broken, vec!["write.t", "broken.tera:2"]),
+        (&format!("{path}\"labels.txt\" }}"), vec!["write.t", "one path, `labels.txt`", "{{ scene.id | pad"]),
+        (&format!("{path}\"a/{{{{ scene.id }}}}.txt\" }}"), vec!["write.t", "view 0 of scene 0 and view 1 of scene 0"]),
+        (&format!("{path}\"a/{{{{ view.id }}}}.txt\", per = \"scene\" }}"), vec!["write.t", "view.id"]),
+        (&format!("{path}\"/tmp/x\", per = \"dataset\" }}"), vec!["write.t", "`/tmp/x` is not a path inside"]),
+        (&format!("{path}\"recipe.toml\", per = \"dataset\" }}"), vec!["write.t", "keeps for itself"]),
+        (&format!("{path}\"annotation_final.json\", per = \"dataset\" }}"), vec!["`write.syntable` and `write.t`"]),
+        (
+            &format!("{path}\"data/mono/rgb/{{{{ scene.id }}}}_{{{{ view.id }}}}.png\" }}"),
+            vec!["`write.syntable` and `write.t`"],
+        ),
+    ] {
+        let mut command = syntable();
+        command.args(["check", "recipes/quickstart.toml"]);
+        if let Some(what) = set.strip_prefix("remove=") {
+            let recipe = folder.path().join("recipe.toml");
+            let base = support::root().join("recipes/quickstart.toml");
+            fs::write(&recipe, format!("extends = \"{}\"\nremove = {what}\n", base.display())).expect("writable");
+            command = syntable();
+            command.arg("check").arg(recipe);
+        } else {
+            command.args(["--set", set]);
+        }
+        let error = fails(&mut command, 2);
+        assert!(says.iter().all(|word| error.contains(word)), "{set}: {says:?}: {error}");
+    }
+}

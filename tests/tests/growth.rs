@@ -1,0 +1,84 @@
+//! Datasets of the stock program that grow by a writer: each writer writes what it would have written from the start.
+
+mod support;
+use support::{assert_same, fails, ok, small_run, syntable, text};
+use syntable_testing::folder::files;
+
+/// Every writer that ships, with products that need light and products that need none.
+const WRITERS: [(&str, &[&str]); 9] = [
+    ("contact_sheet", &["write.contact_sheet={}"]),
+    ("exr", &["write.exr.include=[\"radiance\", \"normal\"]"]),
+    ("gltf", &["write.gltf.per=\"view\""]),
+    ("jsonl", &["write.jsonl.include=[\"camera\", \"settle_report\", \"lights\", \"occlusion_rate\"]"]),
+    ("npy", &["write.npy.include=[\"depth\", \"albedo\"]"]),
+    ("png", &["write.png.include=[\"amodal_mask\", \"instance\", \"rgb\"]"]),
+    ("syntable", &["write.syntable.debug_masks=true"]),
+    (
+        "per_scene",
+        &[
+            "write.per_scene={ kind = \"template\", per = \"scene\", include = [\"visible_box\"], template = \"{{ scene.id }} {{ views | json_encode() }}\" }",
+        ],
+    ),
+    (
+        "per_dataset",
+        &[
+            "write.per_dataset={ kind = \"template\", per = \"dataset\", include = [\"amodal_box\"], template = \"{{ scenes | json_encode() }}\" }",
+        ],
+    ),
+];
+
+/// A recipe of the quickstart's scenes with no writer but one of labels.
+fn base(folder: &std::path::Path) -> std::path::PathBuf {
+    let recipe = std::fs::read_to_string(support::root().join("recipes/quickstart.toml")).expect("there");
+    let (head, _) = recipe.split_once("[write.syntable]").expect("the writers come last");
+    let path = folder.join("base.toml");
+    std::fs::write(&path, format!("{head}[write.first]\nkind = \"jsonl\"\ninclude = [\"object_info\"]\n"))
+        .expect("writable");
+    path
+}
+
+fn run(recipe: &std::path::Path, out: &std::path::Path, sets: &[&str]) -> std::process::Command {
+    let mut command = syntable();
+    command.arg("run").arg(recipe).arg("--out").arg(out).args(support::SMALL).args(["--set", "dataset.scenes=2"]);
+    for set in sets {
+        command.args(["--set", set]);
+    }
+    command
+}
+
+#[test]
+fn every_writer_that_comes_later_writes_what_it_would_have_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = base(folder.path());
+    let grown = folder.path().join("grown");
+    ok(&mut run(&recipe, &grown, &[]));
+    let mut sets: Vec<&str> = Vec::new();
+    for (id, options) in WRITERS {
+        sets.extend(options);
+        let said = text(&run(&recipe, &grown, &sets).output().expect("starts"));
+        assert!(said.contains(&format!("the dataset grows by the files of `write.{id}`")), "{said}");
+    }
+    let whole = folder.path().join("whole");
+    ok(&mut run(&recipe, &whole, &sets));
+    assert_same(&whole, &grown);
+    let names: Vec<String> = files(&grown).into_keys().collect();
+    for part in
+        ["contact_sheet/", "exr/radiance/", "gltf/", "npy/albedo/", "png/rgb/", "data/mono/rgb/", "per_dataset.txt"]
+    {
+        assert!(names.iter().any(|name| name.starts_with(part)), "{part}");
+    }
+    assert!(ok(syntable().arg("verify").arg(&grown)).contains("0 missing, 0 damaged, 0 foreign"));
+}
+
+#[test]
+fn what_a_run_reports_of_growth_and_of_another_recipe() {
+    let folder = tempfile::tempdir().expect("a folder");
+    ok(&mut small_run(folder.path(), &[]));
+    let said =
+        text(&small_run(folder.path(), &["--set", "dataset.scenes=3", "--views", "3"]).output().expect("starts"));
+    for word in ["from 2 to 3 scenes", "from 2 to 3 views of new scenes", "3 scenes, 7 images"] {
+        assert!(said.contains(word), "{word} is not in\n{said}");
+    }
+    let error = fails(&mut small_run(folder.path(), &["--set", "dataset.scenes=3", "--seed", "8"]), 2);
+    assert!(error.contains("dataset.seed: 7 -> 8") && error.contains("another recipe"), "{error}");
+}
