@@ -360,7 +360,7 @@ fn kills_while_merging_and_repairing_change_nothing() {
 #[test]
 fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
     let folder = tempfile::tempdir().expect("a folder");
-    let said = text(&small_run(folder.path(), &["--set", "lights=[]"]).output().expect("starts"));
+    let said = text(&small_run(folder.path(), &["--set", "lights=[]", "--threads", "1"]).output().expect("starts"));
     for word in
         ["scene 0: all images are black", "2 of 2 scenes: all images are black", "there is no light", "[[lights]]"]
     {
