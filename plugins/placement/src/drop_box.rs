@@ -28,6 +28,7 @@ pub struct DropBox {
     from: Vec<ObjectPool>,
     /// Number of objects, drawn per scene; 1 to 10000, or from 0 with `annotated = false`.
     #[serde(default = "one_to_forty")]
+    #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
     /// Whether the same asset can occur more than once in a scene.
     #[serde(default = "yes")]
@@ -96,6 +97,9 @@ fn tries() -> u32 {
     100
 }
 
+/// Limits of `count`; with `annotated`, there is at least one object.
+const COUNT: [i64; 2] = [0, 10_000];
+
 impl Config for DropBox {
     type Stage = dyn Placer;
     const KIND: &'static str = "drop_box";
@@ -103,7 +107,7 @@ impl Config for DropBox {
         "from = [\"objects\"]\ncount = { integers = [1, 40] }\nrotation = \"uniform_euler\"\nwidth_factor = 0.6";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
-        self.count.within("count", i64::from(self.annotated), 10_000)?;
+        self.count.within("count", i64::from(self.annotated), COUNT[1])?;
         self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
         Ok(Box::new(self))
     }

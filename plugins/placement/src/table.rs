@@ -1,6 +1,6 @@
 //! The table that objects are dropped on.
 
-use crate::material::{always, any_angle_deg, check_scale, draw_material, real_size};
+use crate::material::{TEXTURE_SCALE, always, any_angle_deg, check_scale, draw_material, real_size};
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{BodyDraft, Mesh, Motion, Role, Tabletop};
@@ -29,6 +29,7 @@ pub struct Table {
     texture_rotation_deg: Dist,
     /// Scale of the drawn material's textures relative to their real size, 0.001 to 1000.
     #[serde(default = "real_size")]
+    #[schemars(extend("minimum" = TEXTURE_SCALE[0], "maximum" = TEXTURE_SCALE[1]))]
     texture_scale: Dist,
     /// Rotation of the table about the world z axis, degrees.
     #[serde(default = "no_rotation")]
