@@ -77,6 +77,7 @@ pub mod context;
 pub mod digest;
 pub mod dist;
 pub mod error;
+pub mod files;
 pub mod geometry;
 pub mod inspect;
 pub mod names;

@@ -9,52 +9,57 @@ use syntable_model::digest::Digest;
 /// A folder of cached results. Deleting it costs time, never correctness.
 #[derive(Debug, Clone)]
 pub struct DiskCache {
-    root: PathBuf,
+    /// The folder; nothing is kept without one.
+    root: Option<PathBuf>,
 }
 
 impl DiskCache {
     /// A cache in a folder, which is made when it is first needed.
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into() }
+        Self { root: Some(root.into()) }
     }
 
-    /// The user's cache: `$SYNTABLE_CACHE`, else `$XDG_CACHE_HOME/syntable`, else `~/.cache/syntable`, else the
-    /// system's folder for temporary files.
+    /// The user's cache: `$SYNTABLE_CACHE`, else `$XDG_CACHE_HOME/syntable`, else `~/.cache/syntable`. Without any of the
+    /// variables nothing is kept: a folder for temporary files is open to others.
     pub fn of_user() -> Self {
         let var = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-        Self::new(
-            var("SYNTABLE_CACHE")
-                .or_else(|| Some(var("XDG_CACHE_HOME")?.join("syntable")))
-                .or_else(|| Some(var("HOME")?.join(".cache/syntable")))
-                .unwrap_or_else(|| std::env::temp_dir().join("syntable-cache")),
-        )
+        let root = var("SYNTABLE_CACHE")
+            .or_else(|| Some(var("XDG_CACHE_HOME")?.join("syntable")))
+            .or_else(|| Some(var("HOME")?.join(".cache/syntable")));
+        Self { root }
     }
 
     /// Where it is.
-    pub fn root(&self) -> &Path {
-        &self.root
+    pub fn root(&self) -> Option<&Path> {
+        self.root.as_deref()
     }
 
-    fn path(&self, purpose: &str, key: Digest) -> PathBuf {
-        self.root.join(purpose).join(key.to_string())
+    fn path(&self, purpose: &str, key: Digest) -> Option<PathBuf> {
+        Some(self.root.as_ref()?.join(purpose).join(key.to_string()))
     }
 }
 
-/// Entries carry their own digest, so that a damaged file reads as absent.
+/// What stands before the bytes of an entry: a digest of them and of what they were asked for.
+fn seal(purpose: &str, key: Digest, bytes: &[u8]) -> String {
+    let whole = [purpose.as_bytes(), b"\n", key.to_string().as_bytes(), b"\n", bytes].concat();
+    Digest::of(&whole).to_string()
+}
+
+/// A file that is damaged, or that is another entry under this entry's name, reads as absent.
 impl Cache for DiskCache {
     fn get(&self, purpose: &str, key: Digest) -> Option<Vec<u8>> {
-        let mut bytes = fs::read(self.path(purpose, key)).ok()?;
+        let mut bytes = fs::read(self.path(purpose, key)?).ok()?;
         let payload = bytes.split_off(bytes.len().min(32));
-        (bytes == Digest::of(&payload).to_string().as_bytes()).then_some(payload)
+        (bytes == seal(purpose, key, &payload).as_bytes()).then_some(payload)
     }
 
     fn put(&self, purpose: &str, key: Digest, bytes: &[u8]) {
-        let path = self.path(purpose, key);
+        let Some(path) = self.path(purpose, key) else { return };
         let part = path.with_extension(format!("{}-{:?}.part", std::process::id(), std::thread::current().id()));
         let written = || -> std::io::Result<()> {
-            fs::create_dir_all(self.root.join(purpose))?;
+            fs::create_dir_all(path.parent().unwrap_or(&path))?;
             let mut file = fs::File::create(&part)?;
-            file.write_all(Digest::of(bytes).to_string().as_bytes())?;
+            file.write_all(seal(purpose, key, bytes).as_bytes())?;
             file.write_all(bytes)?;
             file.flush()?;
             fs::rename(&part, &path)
@@ -71,6 +76,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn without_a_folder_nothing_is_kept() {
+        let cache = DiskCache { root: None };
+        cache.put("hulls", Digest::of(b"key"), b"some bytes");
+        assert_eq!(cache.get("hulls", Digest::of(b"key")), None);
+    }
+
+    #[test]
     fn keeps_what_it_was_given_and_forgets_what_is_damaged() {
         let folder = tempfile::tempdir().expect("a folder");
         let cache = DiskCache::new(folder.path());
@@ -78,7 +90,10 @@ mod tests {
         assert_eq!(cache.get("hulls", key), None);
         cache.put("hulls", key, b"some bytes");
         assert_eq!(cache.get("hulls", key).as_deref(), Some(&b"some bytes"[..]));
-        let path = cache.path("hulls", key);
+        let path = cache.path("hulls", key).expect("a folder");
+        // Another entry's file, whole in itself.
+        fs::copy(&path, cache.path("hulls", Digest::of(b"other")).expect("a folder")).expect("copied");
+        assert_eq!(cache.get("hulls", Digest::of(b"other")), None);
         let mut bytes = fs::read(&path).expect("written");
         bytes.truncate(bytes.len() - 1);
         fs::write(&path, bytes).expect("writable");

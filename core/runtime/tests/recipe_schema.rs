@@ -76,7 +76,7 @@ fn check(entry: &Entry, body: &Table, schema: &Validator, expected: bool) {
 fn schema_and_program_accept_and_refuse_the_same() {
     let registry = registry();
     let json = recipe::schema(&registry);
-    let schema = compile(&json);
+    let schema = compile(&recipe::editor_schema(&registry));
     let (mut refused, mut limits) = (0, 0);
     for entry in registry.entries() {
         let example: Table = toml::from_str(entry.example).expect("valid");
@@ -113,7 +113,7 @@ fn schema_and_program_accept_and_refuse_the_same() {
 /// Both accept a recipe that leaves out what it inherits, and refuse it when it inherits nothing.
 #[test]
 fn what_is_required_may_be_inherited() {
-    let schema = compile(&recipe::schema(&registry()));
+    let schema = compile(&recipe::editor_schema(&registry()));
     let folder = tempfile::tempdir().expect("a temporary folder");
     fs::write(folder.path().join("base.toml"), BASE).expect("written");
     let child = "remove = \"assets.materials\"\n[dataset]\nseed = 1\n[write.first]\nkind = \"png\"\ndepth = \"sixteen\"\n[write.png]\ninclude = [\"depth\"]\n[set]\n\"place.around.material\" = { floor = \"wood\" }\n[assets.wood]\nkind = \"pbr_folder\"\nroot = \"a\"\n";
@@ -131,7 +131,7 @@ fn what_is_required_may_be_inherited() {
 
 #[test]
 fn a_table_whose_id_is_a_kind_is_of_that_kind() {
-    let schema = compile(&recipe::schema(&registry()));
+    let schema = compile(&recipe::editor_schema(&registry()));
     for (table, expected) in [
         ("[write.npy]", true),
         ("[write.npy]\nkind = \"npy\"", true),
@@ -155,7 +155,11 @@ fn the_schema_is_stable_and_draft_07() {
     assert_eq!(schema["$schema"], "http://json-schema.org/draft-07/schema#");
     assert!(!text.contains("$defs") && !text.contains("\"null\"") && !text.contains("prefixItems"));
     for slot in Slot::ALL {
-        assert!(schema["properties"][slot.name()]["description"].is_string(), "{slot}");
+        let section = &schema["properties"][slot.name()];
+        let section = section["$ref"]
+            .as_str()
+            .map_or(section, |target| schema.pointer(target.trim_start_matches('#')).expect("a definition"));
+        assert!(section["description"].is_string(), "{slot}");
     }
     assert_eq!(schema["definitions"]["place.room"]["description"], "A room around the table.");
     assert!(schema["definitions"]["assets.mesh_folder"]["properties"]["scale"].is_object());

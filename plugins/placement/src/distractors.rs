@@ -30,6 +30,7 @@ pub struct Distractors {
     from: Vec<ObjectPool>,
     /// Number of distractors, drawn per scene; 0 to 10000.
     #[serde(default = "a_few")]
+    #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
     /// Minimum and maximum horizontal distance between a distractor's bounding box and the tabletop, meters.
     #[serde(default = "around")]
@@ -68,13 +69,16 @@ fn tries() -> u32 {
     100
 }
 
+/// Limits of `count`.
+const COUNT: [i64; 2] = [0, 10_000];
+
 impl Config for Distractors {
     type Stage = dyn Placer;
     const KIND: &'static str = "distractors";
     const EXAMPLE: &'static str = "from = [\"objects\"]\ncount = { integers = [2, 10] }\ndistance_m = [0.1, 1.5]";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
-        self.count.within("count", 0, 10_000)?;
+        self.count.within("count", COUNT[0], COUNT[1])?;
         for (key, [low, high]) in [("distance_m", self.distance_m), ("size_m", self.size_m)] {
             if low > high {
                 let message = format!("`{key} = [{low}, {high}]` is empty; write the smaller bound first");

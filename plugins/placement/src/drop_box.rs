@@ -28,6 +28,7 @@ pub struct DropBox {
     from: Vec<ObjectPool>,
     /// Number of objects, drawn per scene; 1 to 10000, or from 0 with `annotated = false`.
     #[serde(default = "one_to_forty")]
+    #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
     count: IntDist,
     /// Whether the same asset can occur more than once in a scene.
     #[serde(default = "yes")]
@@ -66,11 +67,19 @@ pub struct DropBox {
     fixed: bool,
     /// Coulomb friction coefficient of each object, 0 to 10. If left out, it is that of the asset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = FRICTION[0], "maximum" = FRICTION[1]))]
     friction: Option<Dist>,
     /// Coefficient of restitution of each object, 0 to 1. If left out, it is that of `[settle]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = RESTITUTION[0], "maximum" = RESTITUTION[1]))]
     restitution: Option<Dist>,
 }
+
+/// Limits of `friction`.
+const FRICTION: [f64; 2] = [0.0, 10.0];
+
+/// Limits of `restitution`.
+const RESTITUTION: [f64; 2] = [0.0, 1.0];
 
 /// Distribution of initial rotations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -105,6 +114,9 @@ fn tries() -> u32 {
     100
 }
 
+/// Limits of `count`; with `annotated`, there is at least one object.
+const COUNT: [i64; 2] = [0, 10_000];
+
 impl Config for DropBox {
     type Stage = dyn Placer;
     const KIND: &'static str = "drop_box";
@@ -112,10 +124,12 @@ impl Config for DropBox {
         "from = [\"objects\"]\ncount = { integers = [1, 40] }\nrotation = \"uniform_euler\"\nwidth_factor = 0.6";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
-        self.count.within("count", i64::from(self.annotated), 10_000)?;
+        self.count.within("count", i64::from(self.annotated), COUNT[1])?;
         self.material.as_ref().map_or(Ok(()), MaterialReplacement::check)?;
-        self.friction.as_ref().map_or(Ok(()), |friction| friction.within("friction", 0.0, 10.0))?;
-        self.restitution.as_ref().map_or(Ok(()), |restitution| restitution.within("restitution", 0.0, 1.0))?;
+        self.friction.as_ref().map_or(Ok(()), |friction| friction.within("friction", FRICTION[0], FRICTION[1]))?;
+        self.restitution
+            .as_ref()
+            .map_or(Ok(()), |restitution| restitution.within("restitution", RESTITUTION[0], RESTITUTION[1]))?;
         Ok(Box::new(self))
     }
 }

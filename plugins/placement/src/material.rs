@@ -7,8 +7,8 @@ use syntable_model::context::Assets;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Material, MaterialOverride, TextureMapping};
 
-/// Maximum factor, up or down, from a texture's real size.
-const MAX_SCALE: f64 = 1000.0;
+/// Limits of the scale of textures relative to their real size.
+pub const TEXTURE_SCALE: [f64; 2] = [1e-3, 1e3];
 
 /// Draws a material from a pool and its texture mapping: box projection in meters with random rotation, scale and offset.
 pub fn draw_material(
@@ -43,6 +43,7 @@ pub struct MaterialReplacement {
     probability: f64,
     /// Scale of the textures relative to their real size, 0.001 to 1000.
     #[serde(default = "real_size")]
+    #[schemars(extend("minimum" = TEXTURE_SCALE[0], "maximum" = TEXTURE_SCALE[1]))]
     texture_scale: Dist,
     /// Rotation of the textures on the object, degrees.
     #[serde(default = "any_angle_deg")]
@@ -64,9 +65,9 @@ impl MaterialReplacement {
     }
 }
 
-/// Refuses texture scales outside 0.001 to 1000: a distribution's range cannot be limited by the schema.
+/// Refuses texture scales outside their limits.
 pub fn check_scale(key: &str, scale: &Dist) -> Result<(), ConfigError> {
-    scale.within(key, 1.0 / MAX_SCALE, MAX_SCALE)
+    scale.within(key, TEXTURE_SCALE[0], TEXTURE_SCALE[1])
 }
 
 /// The default of probabilities.

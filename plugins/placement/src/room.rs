@@ -1,6 +1,6 @@
 //! The room: floor, four walls and a ceiling.
 
-use crate::material::{any_angle_deg, check_scale, draw_material, real_size};
+use crate::material::{TEXTURE_SCALE, any_angle_deg, check_scale, draw_material, real_size};
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
@@ -19,11 +19,14 @@ const THICKNESS_M: f64 = 0.1;
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
     /// Inner size of the floor along world x, and along y if `length_m` is not set, meters; 1 to 1000.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     size_m: Dist,
     /// Inner size of the floor along world y, meters; 1 to 1000. The floor is square without it.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     length_m: Option<Dist>,
     /// Inner height, meters; 1 to 1000.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
     height_m: Dist,
     /// Material pools of the surfaces.
     material: RoomMaterials,
@@ -34,6 +37,7 @@ pub struct Room {
     /// Rotation of the textures, degrees, drawn per surface.
     texture_rotation_deg: Dist,
     /// Scale of the textures relative to their real size, 0.001 to 1000, drawn per surface.
+    #[schemars(extend("minimum" = TEXTURE_SCALE[0], "maximum" = TEXTURE_SCALE[1]))]
     texture_scale: Dist,
 }
 
@@ -67,6 +71,9 @@ impl Default for Room {
     }
 }
 
+/// Limits of the inner sizes, meters.
+const SIZE_M: [f64; 2] = [1.0, 1000.0];
+
 impl Config for Room {
     type Stage = dyn Placer;
     const KIND: &'static str = "room";
@@ -74,9 +81,9 @@ impl Config for Room {
         material = { floor = \"materials\", walls = \"materials\", ceiling = \"materials\" }";
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
-        self.size_m.within("size_m", 1.0, 1000.0)?;
-        self.length_m.as_ref().map_or(Ok(()), |length| length.within("length_m", 1.0, 1000.0))?;
-        self.height_m.within("height_m", 1.0, 1000.0)?;
+        self.size_m.within("size_m", SIZE_M[0], SIZE_M[1])?;
+        self.length_m.as_ref().map_or(Ok(()), |length| length.within("length_m", SIZE_M[0], SIZE_M[1]))?;
+        self.height_m.within("height_m", SIZE_M[0], SIZE_M[1])?;
         check_scale("texture_scale", &self.texture_scale)?;
         Ok(Box::new(self))
     }

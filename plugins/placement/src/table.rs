@@ -1,6 +1,6 @@
 //! The table that objects are dropped on.
 
-use crate::material::{always, any_angle_deg, check_scale, draw_material, real_size};
+use crate::material::{TEXTURE_SCALE, always, any_angle_deg, check_scale, draw_material, real_size};
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
@@ -31,6 +31,7 @@ pub struct Table {
     texture_rotation_deg: Dist,
     /// Scale of the drawn material's textures relative to their real size, 0.001 to 1000.
     #[serde(default = "real_size")]
+    #[schemars(extend("minimum" = TEXTURE_SCALE[0], "maximum" = TEXTURE_SCALE[1]))]
     texture_scale: Dist,
     /// Rotation of the table about the world z axis, degrees.
     #[serde(default = "no_rotation")]
@@ -38,8 +39,12 @@ pub struct Table {
     /// Longer side of the tabletop, meters; 0.05 to 10. The table is scaled to it, in all directions alike. Tables keep
     /// their own size without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = LONGER_SIDE_M[0], "maximum" = LONGER_SIDE_M[1]))]
     longer_side_m: Option<Dist>,
 }
+
+/// Limits of `longer_side_m`, meters.
+const LONGER_SIDE_M: [f64; 2] = [0.05, 10.0];
 
 fn no_rotation() -> Dist {
     Dist::Constant(0.0)
@@ -52,7 +57,9 @@ impl Config for Table {
 
     fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
         check_scale("texture_scale", &self.texture_scale)?;
-        self.longer_side_m.as_ref().map_or(Ok(()), |side| side.within("longer_side_m", 0.05, 10.0))?;
+        self.longer_side_m
+            .as_ref()
+            .map_or(Ok(()), |side| side.within("longer_side_m", LONGER_SIDE_M[0], LONGER_SIDE_M[1]))?;
         Ok(Box::new(self))
     }
 }

@@ -13,6 +13,7 @@ pub struct Tower {
     from: Vec<ObjectPool>,
     /// Number of objects; 1 to 20.
     #[serde(default = "three")]
+    #[schemars(extend("minimum" = 1, "maximum" = 20))]
     count: IntDist,
 }
 

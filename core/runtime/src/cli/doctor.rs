@@ -24,8 +24,14 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     let probe = Digest::of(b"doctor");
     cache.put("doctor", probe, b"ok");
     let works = cache.get("doctor", probe).is_some();
-    let advice = if works { "" } else { " (cannot be written: set SYNTABLE_CACHE to a folder that can)" };
-    line("cache", format!("{}{advice}", cache.root().display()));
+    line(
+        "cache",
+        match cache.root() {
+            Some(root) if works => root.display().to_string(),
+            Some(root) => format!("{} (cannot be written: set SYNTABLE_CACHE to a folder that can)", root.display()),
+            None => "none (HOME is not set: set SYNTABLE_CACHE to a folder)".to_owned(),
+        },
+    );
     let kinds: Vec<String> =
         Slot::ALL.into_iter().map(|slot| format!("{slot} {}", registry.of_slot(slot).count())).collect();
     line("kinds", kinds.join(", "));

@@ -248,10 +248,7 @@ impl Console {
             BuiltIn::Check(args) => check::check(self, registry, &args),
             BuiltIn::Plan(args) => run::plan(self, registry, &args),
             BuiltIn::List(args) => list::list(self, registry, &args),
-            BuiltIn::Schema => {
-                let schema = recipe::schema(registry);
-                self.print(&format!("{}\n", serde_json::to_string_pretty(&schema).expect("a schema is plain data")))
-            }
+            BuiltIn::Schema => self.print(&recipe::schema_text(registry)),
             BuiltIn::New(args) => new::new(self, &args),
             BuiltIn::Doctor => doctor::doctor(self, registry),
             BuiltIn::Completions { shell } => {

@@ -5,7 +5,7 @@
 use super::schema::Schemas;
 use serde_json::Value as Json;
 use syntable_model::options::{DisplayPath, Outcome, plain_members};
-use syntable_model::registry::{Entry, Registry, Shape, Slot};
+use syntable_model::registry::{ConstructError, Entry, Registry, Shape, Slot};
 
 /// Words that name a quantity, and the suffixes of its unit.
 const QUANTITIES: [(&[&str], &[&str]); 9] = [
@@ -74,6 +74,12 @@ fn of_entry(entry: &Entry, schemas: &Schemas) -> Vec<String> {
             fault(format!("`{name}` is a key of the recipe itself; call the option otherwise"));
         }
         walk.option(name, name, option, false);
+        if is_distribution(resolve(option, schemas))
+            && option.get("maximum").is_none()
+            && let Some(message) = refuses_large(entry, name)
+        {
+            fault(format!("option `{name}` has limits that its schema does not state: {message}"));
+        }
     }
     walk.faults.into_iter().for_each(&mut fault);
     example(entry, &kind.options, schemas, &mut fault);
@@ -86,6 +92,16 @@ fn of_entry(entry: &Entry, schemas: &Schemas) -> Vec<String> {
         }
     }
     faults
+}
+
+/// Why a kind refuses a distribution that is always very large, if it does so for the option's sake.
+fn refuses_large(entry: &Entry, option: &str) -> Option<String> {
+    let mut table: toml::Table = toml::from_str(entry.example).ok()?;
+    table.insert(option.to_owned(), i64::MAX.into());
+    match entry.construct_str(&table.to_string()) {
+        Err(ConstructError::Invalid(invalid)) if invalid.key == option => Some(invalid.message),
+        _ => None,
+    }
 }
 
 /// Checks that the example builds, that it survives writing and reading, and that no path has a default.

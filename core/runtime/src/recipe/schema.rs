@@ -1,18 +1,24 @@
 //! The JSON Schema of recipes, from the registry.
 //!
-//! Draft-07, in the shape that editors' TOML servers are precise with: a stage table is an open object with an enum on
-//! `kind` and one `if`/`then` a kind, and the definition of each kind is closed and knows `kind` itself. In keyed slots
-//! every kind is also a property name, so that typing `[write.` completes.
+//! Draft-07. The definition of each kind is closed and knows `kind` itself. A stage table, the definition named after its
+//! slot, says so twice: `anyOf` lists the kinds, from which editors complete and hover, and a chain of `if`/`then`/`else`
+//! on `kind` judges, so that a mistake is told of the kind that was meant. In keyed slots every kind is also a property
+//! name, so that typing `[write.` completes.
 //!
 //! A recipe that extends another one may leave out what it inherits. So what is required is apart, under an `if` on
-//! `extends`, and the definitions of kinds require nothing at their top level. Schemas that only add a demand say
-//! `additionalProperties: true`, or strict editors would take them for closed.
+//! `extends`, and the definitions of kinds require nothing at their top level; a table without `kind` may have the
+//! options of all kinds of its slot. Schemas that only add a demand say `additionalProperties: true`, or strict editors
+//! would take them for closed.
+//!
+//! [`editor_schema`](super::editor_schema) brings this schema into the form that editors read.
 
 use super::dataset::{DatasetTable, LockTable};
 use super::pool::PoolOptions;
 use schemars::JsonSchema;
 use serde_json::{Map, Value as Json, json};
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::options::{SchemaBuilder, Validator, unsupported};
+use syntable_model::product::first_sentence;
 use syntable_model::registry::{Entry, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 
@@ -132,11 +138,14 @@ pub fn schema(registry: &Registry) -> Json {
         let Some(kind) = schemas.kind(entry.slot, entry.kind) else { continue };
         definitions.insert(definition_name(entry), definition(entry, &kind.options));
     }
+    for slot in Slot::ALL {
+        definitions.insert(slot.name().into(), stage_schema(registry, &schemas, slot));
+    }
     let mut properties = Map::new();
     properties
         .insert("dataset".into(), without_required(described(&schemas.dataset, "Name, seed and size of the dataset.")));
     for slot in Slot::ALL {
-        properties.insert(slot.name().into(), slot_schema(registry, slot));
+        properties.insert(slot.name().into(), section_schema(registry, slot));
     }
     let paths = |description: &str| {
         json!({
@@ -174,11 +183,6 @@ pub fn schema(registry: &Registry) -> Json {
     })
 }
 
-/// The schema as it is committed and printed: indented, ending in a newline.
-pub fn schema_text(registry: &Registry) -> String {
-    format!("{:#}\n", schema(registry))
-}
-
 fn definition_name(entry: &Entry) -> String {
     format!("{}.{}", entry.slot, entry.kind)
 }
@@ -202,8 +206,9 @@ fn without_required(mut schema: Json) -> Json {
 fn definition(entry: &Entry, options: &Json) -> Json {
     let mut definition = without_required(options.clone());
     let mut properties = Map::new();
-    properties
-        .insert("kind".into(), json!({ "description": "The kind of stage.", "type": "string", "const": entry.kind }));
+    let meaning = first_sentence(options["description"].as_str().unwrap_or_default());
+    let meaning = format!("`{}`: {meaning}.", entry.kind);
+    properties.insert("kind".into(), json!({ "description": meaning, "type": "string", "const": entry.kind }));
     if entry.slot.shape() == Shape::List {
         properties.insert("id".into(), id_schema());
     }
@@ -228,44 +233,104 @@ fn id_schema() -> Json {
     })
 }
 
-fn slot_schema(registry: &Registry, slot: Slot) -> Json {
+/// A reference to the definition of a kind.
+fn kind_reference(entry: &Entry) -> Json {
+    json!({ "$ref": format!("#/definitions/{}", definition_name(entry)) })
+}
+
+/// A table of any kind of a slot.
+fn stage_schema(registry: &Registry, schemas: &Schemas, slot: Slot) -> Json {
     let kinds: Vec<&str> = registry.of_slot(slot).map(|entry| entry.kind).collect();
-    let branches: Vec<Json> = registry
-        .of_slot(slot)
-        .map(|entry| {
-            json!({
-                "if": { "properties": { "kind": { "const": entry.kind } }, "required": ["kind"] },
-                "then": { "$ref": format!("#/definitions/{}", definition_name(entry)) }
-            })
-        })
-        .collect();
+    let mut any_of: Vec<Json> = registry.of_slot(slot).map(kind_reference).collect();
+    any_of.push(open(json!({})));
+    let word = json!({ "description": "The kind of stage.", "type": "string", "enum": kinds });
+    let unknown = json!({
+        "if": open(json!({ "required": ["kind"] })),
+        "then": open(json!({ "properties": { "kind": word } })),
+        "else": inherited(registry, schemas, slot)
+    });
+    let mut stage = json!({ "description": slot.doc(), "anyOf": any_of });
+    let judge = by_kind(registry.of_slot(slot).map(|entry| (entry.kind, kind_reference(entry))).collect(), unknown);
+    if let (Some(stage), Json::Object(open)) = (stage.as_object_mut(), open(judge)) {
+        stage.extend(open);
+    }
+    stage
+}
+
+/// A demand on a table of which it says nothing else.
+fn open(mut demand: Json) -> Json {
+    if let Some(object) = demand.as_object_mut() {
+        object.insert("type".into(), "object".into());
+        object.insert("additionalProperties".into(), true.into());
+    }
+    demand
+}
+
+/// Chooses a schema by `kind`: a chain of `if`, `then` and `else` that ends in `otherwise`.
+fn by_kind(branches: Vec<(&str, Json)>, otherwise: Json) -> Json {
+    branches.into_iter().rev().fold(otherwise, |rest, (kind, then)| {
+        let of_kind = json!({ "properties": { "kind": { "const": kind } }, "required": ["kind"] });
+        json!({ "if": open(of_kind), "then": then, "else": open(rest) })
+    })
+}
+
+/// A table that inherits its kind: it may have the options of all kinds of its slot.
+fn inherited(registry: &Registry, schemas: &Schemas, slot: Slot) -> Json {
+    let mut forms: BTreeMap<&str, Vec<(&Json, Json)>> = BTreeMap::new();
+    for entry in registry.of_slot(slot) {
+        let options = schemas.kind(slot, entry.kind).and_then(|kind| kind.options["properties"].as_object());
+        for (name, option) in options.into_iter().flatten() {
+            let known = forms.entry(name).or_default();
+            if !known.iter().any(|(other, _)| *other == option) {
+                let target = format!("#/definitions/{}/properties/{name}", definition_name(entry));
+                known.push((option, json!({ "$ref": target })));
+            }
+        }
+    }
     let mut properties = Map::new();
-    properties.insert("kind".into(), json!({ "description": "The kind of stage.", "type": "string", "enum": kinds }));
     if slot.shape() == Shape::List {
         properties.insert("id".into(), id_schema());
     }
-    let mut stage = json!({
-        "description": slot.doc(), "type": "object", "properties": properties, "additionalProperties": true
-    });
-    if !branches.is_empty() {
-        stage["allOf"] = branches.into();
+    for (name, forms) in forms {
+        let mut forms: Vec<Json> = forms.into_iter().map(|(_, reference)| reference).collect();
+        let option = if forms.len() == 1 { forms.remove(0) } else { json!({ "anyOf": forms }) };
+        properties.insert(name.to_owned(), option);
     }
+    json!({ "type": "object", "properties": properties, "additionalProperties": false })
+}
+
+/// The section of a slot.
+fn section_schema(registry: &Registry, slot: Slot) -> Json {
+    let stage = json!({ "$ref": format!("#/definitions/{slot}") });
     match slot.shape() {
         Shape::One => stage,
         Shape::List => json!({ "description": slot.doc(), "type": "array", "items": stage }),
         Shape::Keyed => {
-            let known: Map<String, Json> = registry
-                .of_slot(slot)
-                .map(|entry| {
-                    (entry.kind.to_owned(), json!({ "$ref": format!("#/definitions/{}", definition_name(entry)) }))
-                })
-                .collect();
+            let known: Map<String, Json> =
+                registry.of_slot(slot).map(|entry| (entry.kind.to_owned(), kind_reference(entry))).collect();
+            let other = other_than(&known.keys().map(String::as_str).collect::<Vec<_>>());
             json!({
                 "description": slot.doc(), "type": "object", "propertyNames": { "pattern": ID_PATTERN },
-                "properties": known, "additionalProperties": stage
+                "properties": known, "patternProperties": { other: stage }
             })
         }
     }
+}
+
+/// A pattern of all texts but some words of letters, digits and `_`. With `additionalProperties` in its place, taplo
+/// would complete the options of every kind in the table of one.
+fn other_than(words: &[&str]) -> String {
+    let prefixes: BTreeSet<&str> = words.iter().flat_map(|word| (0..=word.len()).map(|end| &word[..end])).collect();
+    let mut forms = Vec::new();
+    for prefix in &prefixes {
+        let next: String =
+            prefixes.iter().filter_map(|other| other.strip_prefix(prefix)).filter(|rest| rest.len() == 1).collect();
+        forms.push(if next.is_empty() { format!("{prefix}.") } else { format!("{prefix}[^{next}]") });
+        if !words.contains(prefix) {
+            forms.push(format!("{prefix}$"));
+        }
+    }
+    format!("^(?:{})", forms.join("|"))
 }
 
 /// Requirements of a recipe that extends no other one.
@@ -280,18 +345,15 @@ fn whole(registry: &Registry, schemas: &Schemas) -> Json {
         kind.options.get("required").cloned().filter(|keys| keys.as_array().is_some_and(|keys| !keys.is_empty()))
     };
     for slot in Slot::ALL {
-        let branches: Vec<Json> = registry
+        let demands = registry
             .of_slot(slot)
-            .filter_map(|entry| {
-                Some(json!({
-                    "if": { "properties": { "kind": { "const": entry.kind } }, "required": ["kind"] },
-                    "then": { "required": required(entry)?, "additionalProperties": true }
-                }))
-            })
-            .collect();
-        let mut stage = json!({ "required": ["kind"], "additionalProperties": true });
-        if !branches.is_empty() {
-            stage["allOf"] = branches.into();
+            .filter_map(|entry| Some((entry.kind, open(json!({ "required": required(entry)? })))));
+        let demands: Vec<(&str, Json)> = demands.collect();
+        let mut stage = open(json!({ "required": ["kind"] }));
+        if let (Some(stage), false, Json::Object(chain)) =
+            (stage.as_object_mut(), demands.is_empty(), by_kind(demands, open(json!({}))))
+        {
+            stage.extend(chain);
         }
         let constraint = match slot.shape() {
             Shape::One => stage,

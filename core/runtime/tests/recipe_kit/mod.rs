@@ -103,6 +103,7 @@ pub struct Room {
     /// Materials of the surfaces.
     material: Option<RoomMaterials>,
     /// Rotation of the textures, degrees.
+    #[schemars(extend("minimum" = 0, "maximum" = 360))]
     texture_rotation_deg: Dist,
 }
 
@@ -137,6 +138,7 @@ pub struct DropBox {
     #[schemars(length(min = 1))]
     from: Vec<ObjectPool>,
     /// Number of objects.
+    #[schemars(extend("minimum" = 0, "maximum" = 1000))]
     count: IntDist,
     /// Height of the box above the tabletop, meters.
     #[schemars(range(min = 0, max = 5))]
@@ -280,6 +282,7 @@ impl CameraModel for Pinhole {
 #[serde(deny_unknown_fields, default)]
 pub struct HemisphereShell {
     /// Distance of the camera, meters.
+    #[schemars(extend("minimum" = 0.1, "maximum" = 100))]
     radius_m: Dist,
 }
 impl Default for HemisphereShell {
@@ -332,8 +335,10 @@ views!(HemisphereShell => |_| None, Listed => |listed| Some(listed.eyes_m.len() 
 #[serde(deny_unknown_fields, default)]
 pub struct SphereLights {
     /// Number of lights.
+    #[schemars(extend("minimum" = 0, "maximum" = 100))]
     count: IntDist,
     /// Color temperature, kelvin.
+    #[schemars(extend("minimum" = 1000, "maximum" = 40_000))]
     temperature_k: Dist,
 }
 impl Default for SphereLights {

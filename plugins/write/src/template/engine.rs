@@ -27,7 +27,12 @@ const NAME: &str = "template";
 impl Template {
     /// Parses a template. Nothing is escaped: the text need not be HTML.
     pub fn new(text: &str) -> Result<Self, Fault> {
+        super::guard::check(text)?;
         let mut tera = Tera::default();
+        // The same recipe gives the same files, whoever runs it and wherever.
+        tera.register_function("get_env", |_: &HashMap<String, Json>| {
+            Err(tera::Error::msg("templates do not read the environment: there is no function `get_env`"))
+        });
         tera.autoescape_on(Vec::new());
         tera.register_filter("pad", pad);
         tera.add_raw_template(NAME, text).map_err(|error| Fault::of(&error, text))?;
@@ -121,6 +126,12 @@ mod tests {
         assert_eq!(filter.line, Some(2), "{filter:?}");
         assert!(filter.message.contains("nothing"), "{filter:?}");
         assert!(fault("{{ f | pad }}").message.contains("`pad` takes an integer of at least 0, not 0.5"));
+    }
+
+    #[test]
+    fn templates_do_not_read_the_environment() {
+        let fault = fault("{{ get_env(name=\"PATH\") }}");
+        assert!(fault.message.contains("there is no function `get_env`"), "{fault:?}");
     }
 
     #[test]

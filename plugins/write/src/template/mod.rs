@@ -1,6 +1,7 @@
 //! Any text format, by a template.
 
 mod engine;
+mod guard;
 
 pub use engine::{Fault, Template};
 
@@ -9,6 +10,7 @@ use crate::include;
 use crate::jsonl::encoded;
 use serde_json::{Map, Value as Json, json};
 use std::sync::{Arc, OnceLock};
+use syntable_model::files::read_small;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
@@ -136,9 +138,10 @@ impl Templates {
             let (name, text) = match &self.config.template {
                 TemplateSource::Text(text) => ("`template`".to_owned(), text.clone()),
                 TemplateSource::File(TemplateFile { file }) => {
-                    let text = std::fs::read_to_string(file.path()).map_err(|error| {
-                        Error::io(file.path(), &error).help("`template.file` counts from the recipe's folder")
-                    })?;
+                    let help = "`template.file` counts from the recipe's folder";
+                    let bytes = read_small(file.path()).map_err(|error| Error::io(file.path(), &error).help(help))?;
+                    let text = String::from_utf8(bytes)
+                        .map_err(|_| Error::new("the template is not UTF-8").in_file(file.path()))?;
                     (file.path().display().to_string(), text)
                 }
             };
