@@ -143,9 +143,6 @@ impl Guides {
     /// counts as colored, as for the other guides.
     #[inline(always)]
     pub fn specular(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
-        if self.behind[slot] {
-            return [0.0; 3];
-        }
         std::array::from_fn(|c| {
             let specular =
                 self.direct_specular[slot][c] + (light[c] - self.first[slot][c]) * self.specular_fraction[slot][c];

@@ -36,8 +36,9 @@ const TRANSMISSION_DIMENSION: u32 = 0x2000;
 /// Changes the seed of paths that are traced for guides alone.
 const GUIDES: u64 = 0x5851_f42d_4c95_7f2d;
 
-/// Number of mirrors and thin sheets that denoising guides look through.
-const GUIDE_BOUNCES: u32 = 2;
+/// Number of mirrors and surfaces of glass that denoising guides look through: a tumbler has four in front of what is
+/// behind it, two of them more if that is its own bottom.
+const GUIDE_BOUNCES: u32 = 6;
 
 /// Which estimates of direct light are used; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
