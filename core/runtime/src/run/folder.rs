@@ -38,7 +38,7 @@ use syntable_model::stage::RESERVED;
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {
     root: PathBuf,
-    _lock: File,
+    _lock: Option<File>,
 }
 
 const MARK: &str = RESERVED[0];
@@ -94,9 +94,21 @@ impl Folder {
         let lock_path = root.join(MARK).join("lock");
         let lock = File::create(&lock_path).map_err(|error| Error::io(&lock_path, &error))?;
         lock_now(&lock, &lock_path, root, File::try_lock)?;
-        let folder = Self { root: root.to_owned(), _lock: lock };
+        let folder = Self { root: root.to_owned(), _lock: Some(lock) };
         if folder.bin().exists() {
             folder.empty_bin()?;
+        }
+        Ok(folder)
+    }
+
+    /// Opens a dataset to read it. It may lie where nothing can be written, unless there is something to recover.
+    pub fn read(root: &Path) -> Result<Self> {
+        let folder = Self { root: root.to_owned(), _lock: lock_shared(root)? };
+        if folder.bin().exists() || folder.staging().exists() {
+            drop(folder);
+            let folder = Self::open(root)?;
+            folder.recover()?;
+            return Ok(folder);
         }
         Ok(folder)
     }
@@ -434,8 +446,16 @@ fn taken(path: &str, owner: Option<&String>) -> Error {
     Error::new(format!("`{path}` {owner}")).help(help).permanent()
 }
 
+/// Lets no run write a dataset while the lock is held; others may read it. None if there is no lock.
+pub fn lock_shared(root: &Path) -> Result<Option<File>> {
+    let path = root.join(MARK).join("lock");
+    let Ok(lock) = File::open(&path) else { return Ok(None) };
+    lock_now(&lock, &path, root, File::try_lock_shared)?;
+    Ok(Some(lock))
+}
+
 /// Locks a file of a dataset, or says why not.
-pub fn lock_now(
+fn lock_now(
     lock: &File,
     path: &Path,
     root: &Path,

@@ -335,7 +335,12 @@ fn make_scenes(
         // A mistake that shows at the end of a run shows after its first scene.
         if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
             let trial = folder.stage_trial()?;
-            let ended = end(recipe, &log, pool, folder, &[entry], &trial)?;
+            let ended = match end(recipe, &log, pool, folder, &[entry], &trial) {
+                Ok(ended) => ended,
+                // An annotator of the dataset may need more scenes than one.
+                Err(error) if !error.is_permanent() && !error.is_io() => Vec::new(),
+                Err(error) => return Err(error),
+            };
             folder.drop_trial()?;
             ended.into_iter().try_for_each(|(id, ended)| {
                 ended.map_err(|error| {
@@ -389,6 +394,7 @@ fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &Mutex<BTreeSet<Notice>
     }
     let job = &todo.scenes[&entry.scene];
     if let Some(present) = job.present.as_ref().filter(|_| job.lacks.is_none())
+        && present.writers() == entry.writers()
         && present.manifest() != entry.manifest()
     {
         log.warn(
