@@ -211,6 +211,30 @@ fn assets_that_change_are_refused_by_name() {
 }
 
 #[test]
+fn a_bad_asset_that_was_mended_is_another_asset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = scanned(folder.path());
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    let mesh = folder.path().join("gso/Room_Essentials_Mug_White_Yellow/meshes/model.obj");
+    let good = fs::read(&mesh).expect("there");
+    let bad = "f 1 2 3\n";
+    fs::write(&mesh, bad).expect("writable");
+    // Enough draws that each scene meets it.
+    let scenes = ["--set", "dataset.scenes=3", "--set", "place[2].count=12"];
+    ok(&mut run(&recipe, &whole, &scenes));
+    ok(run(&recipe, &data, &scenes).args(["--scenes", "0..2"]));
+    fs::write(&mesh, good).expect("writable");
+    let error = fails(&mut run(&recipe, &data, &scenes), 2);
+    assert!(
+        error.contains("objects/Room_Essentials_Mug") && error.contains("could not be used, now it has"),
+        "{error}"
+    );
+    fs::write(&mesh, bad).expect("writable");
+    ok(&mut run(&recipe, &data, &scenes));
+    assert_same(&whole, &data);
+}
+
+#[test]
 fn a_half_made_dataset_can_be_moved_and_names_no_place() {
     let folder = tempfile::tempdir().expect("a folder");
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
