@@ -126,8 +126,8 @@ impl Folder {
     /// Text of the resolved recipe, if there is one.
     pub fn recipe(&self) -> Result<Option<String>> {
         let path = self.root.join(RECIPE);
-        match fs::read_to_string(&path) {
-            Ok(text) => Ok(Some(text)),
+        match fs::read(&path) {
+            Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(Error::io(&path, &error)),
         }
@@ -136,6 +136,17 @@ impl Folder {
     /// Writes the resolved recipe.
     pub fn set_recipe(&self, text: &str) -> Result<()> {
         if self.recipe()?.as_deref() == Some(text) { Ok(()) } else { self.write(&self.root.join(RECIPE), text) }
+    }
+
+    /// Writes the resolved recipe again if it is missing or damaged, and `text` is what it was when the last run ended.
+    /// Returns whether it did.
+    pub fn restore_recipe(&self, text: &str) -> Result<bool> {
+        let path = self.root.join(RECIPE);
+        let Some(stamp) = self.finished()?.manifest.files.get(RECIPE).copied() else { return Ok(false) };
+        if stamp != Stamp::of_text(text) || stamp.check(&path)? == State::Whole {
+            return Ok(false);
+        }
+        self.write(&path, text).map(|()| true)
     }
 
     /// Writes names and categories of the assets of each pool.
