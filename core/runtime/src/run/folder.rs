@@ -38,7 +38,7 @@ use syntable_model::stage::RESERVED;
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {
     root: PathBuf,
-    _lock: File,
+    _lock: Option<File>,
 }
 
 const MARK: &str = RESERVED[0];
@@ -94,9 +94,21 @@ impl Folder {
         let lock_path = root.join(MARK).join("lock");
         let lock = File::create(&lock_path).map_err(|error| Error::io(&lock_path, &error))?;
         lock_now(&lock, &lock_path, root, File::try_lock)?;
-        let folder = Self { root: root.to_owned(), _lock: lock };
+        let folder = Self { root: root.to_owned(), _lock: Some(lock) };
         if folder.bin().exists() {
             folder.empty_bin()?;
+        }
+        Ok(folder)
+    }
+
+    /// Opens a dataset to read it. It may lie where nothing can be written, unless there is something to recover.
+    pub fn read(root: &Path) -> Result<Self> {
+        let folder = Self { root: root.to_owned(), _lock: lock_shared(root)? };
+        if folder.bin().exists() || folder.staging().exists() {
+            drop(folder);
+            let folder = Self::open(root)?;
+            folder.recover()?;
+            return Ok(folder);
         }
         Ok(folder)
     }
@@ -114,8 +126,8 @@ impl Folder {
     /// Text of the resolved recipe, if there is one.
     pub fn recipe(&self) -> Result<Option<String>> {
         let path = self.root.join(RECIPE);
-        match fs::read_to_string(&path) {
-            Ok(text) => Ok(Some(text)),
+        match fs::read(&path) {
+            Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(Error::io(&path, &error)),
         }
@@ -124,6 +136,17 @@ impl Folder {
     /// Writes the resolved recipe.
     pub fn set_recipe(&self, text: &str) -> Result<()> {
         if self.recipe()?.as_deref() == Some(text) { Ok(()) } else { self.write(&self.root.join(RECIPE), text) }
+    }
+
+    /// Writes the resolved recipe again if it is missing or damaged, and `text` is what it was when the last run ended.
+    /// Returns whether it did.
+    pub fn restore_recipe(&self, text: &str) -> Result<bool> {
+        let path = self.root.join(RECIPE);
+        let Some(stamp) = self.finished()?.manifest.files.get(RECIPE).copied() else { return Ok(false) };
+        if stamp != Stamp::of_text(text) || stamp.check(&path)? == State::Whole {
+            return Ok(false);
+        }
+        self.write(&path, text).map(|()| true)
     }
 
     /// Writes names and categories of the assets of each pool.
@@ -434,8 +457,16 @@ fn taken(path: &str, owner: Option<&String>) -> Error {
     Error::new(format!("`{path}` {owner}")).help(help).permanent()
 }
 
+/// Lets no run write a dataset while the lock is held; others may read it. None if there is no lock.
+pub fn lock_shared(root: &Path) -> Result<Option<File>> {
+    let path = root.join(MARK).join("lock");
+    let Ok(lock) = File::open(&path) else { return Ok(None) };
+    lock_now(&lock, &path, root, File::try_lock_shared)?;
+    Ok(Some(lock))
+}
+
 /// Locks a file of a dataset, or says why not.
-pub fn lock_now(
+fn lock_now(
     lock: &File,
     path: &Path,
     root: &Path,

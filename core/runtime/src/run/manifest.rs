@@ -37,6 +37,12 @@ impl Stamp {
         read.map(|(digest, size)| Self(size, digest)).map_err(|error| Error::io(path, &error))
     }
 
+    /// The stamp of a file with this text.
+    pub fn of_text(text: &str) -> Self {
+        let (digest, size) = Digest::of_reader(text.as_bytes()).expect("memory can be read");
+        Self(size, digest)
+    }
+
     /// Compares a file with its stamp; the content only if the size is right.
     pub fn check(&self, path: &Path) -> Result<State> {
         match fs::metadata(path) {
@@ -82,7 +88,7 @@ impl Manifest {
     /// The text of the manifest, and its digest.
     pub fn text(&self) -> (String, String) {
         let text = serde_json::to_string(self).expect("a manifest is plain data");
-        let (digest, _) = Digest::of_reader(text.as_bytes()).expect("memory can be read");
+        let Stamp(_, digest) = Stamp::of_text(&text);
         (text, digest.to_string())
     }
 
@@ -100,7 +106,7 @@ impl Manifest {
             Err(error) => return Err(Error::io(path, &error)),
         };
         let manifest: Option<Self> = serde_json::from_str(&text).ok();
-        let (digest, _) = Digest::of_reader(text.as_bytes()).expect("memory can be read");
+        let Stamp(_, digest) = Stamp::of_text(&text);
         Ok(manifest.map(|manifest| (manifest, digest.to_string())))
     }
 

@@ -57,7 +57,7 @@ pub fn merge(
     let recipe = load(registry, &first.recipe)?;
     reporter.event(&Event::Started {
         out: out.display().to_string(),
-        scenes: chosen.len() as u32,
+        scenes: (begun.entries.len() + chosen.len()) as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: begun.entries.len() as u32,
         threads,
@@ -96,8 +96,7 @@ fn open(path: &Path) -> Result<Part> {
     if !path.join(RESERVED[0]).is_dir() {
         return Err(missing());
     }
-    let folder = Folder::open(path)?;
-    folder.recover()?;
+    let folder = Folder::read(path)?;
     let entries = Journal::entries_of(&journal_path(path))?;
     let recipe = folder.recipe()?.ok_or_else(missing)?;
     Ok(Part { folder, entries, recipe })

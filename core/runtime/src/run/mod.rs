@@ -111,6 +111,9 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     }
     let mut journal = Journal::open(&folder.journal())?;
     let pool = Pool::new(options.threads)?;
+    if options.repair && restore_recipe(&folder, recipe, &journal, &log)? {
+        reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
+    }
     let mut resolved = adopt(&folder, recipe, &journal, reporter)?;
     if options.retry_failed {
         journal.forget_failed()?;
@@ -156,6 +159,14 @@ fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
     }
 }
 
+/// Writes the recipe of the folder again if it is lost, and this is certainly the one.
+fn restore_recipe(folder: &Folder, recipe: &Recipe, journal: &Journal, log: &dyn Log) -> Result<bool> {
+    let names = AssetStore::open(recipe, log)?.catalogs();
+    let assets = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
+    let lock = Lock { catalogs: inputs::catalogs(&names), files: inputs::files(recipe)?, assets };
+    folder.restore_recipe(&with_lock(&recipe.resolved, &lock))
+}
+
 /// Compares the recipe of the folder with that of the run, and the files that options name. Returns the recipe with the
 /// inputs that are locked so far.
 fn adopt(folder: &Folder, recipe: &Recipe, journal: &Journal, reporter: &dyn Reporter) -> Result<String> {
@@ -165,7 +176,7 @@ fn adopt(folder: &Folder, recipe: &Recipe, journal: &Journal, reporter: &dyn Rep
         if !journal.entries().is_empty() {
             return Err(Error::new("the dataset has lost its recipe.toml")
                 .in_file(folder.root())
-                .help("bring it back, or choose another folder with --out")
+                .help("bring it back, or run with its recipe and --repair")
                 .permanent());
         }
         let resolved = with_lock(&recipe.resolved, &now);
@@ -335,7 +346,12 @@ fn make_scenes(
         // A mistake that shows at the end of a run shows after its first scene.
         if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
             let trial = folder.stage_trial()?;
-            let ended = end(recipe, &log, pool, folder, &[entry], &trial)?;
+            let ended = match end(recipe, &log, pool, folder, &[entry], &trial) {
+                Ok(ended) => ended,
+                // An annotator of the dataset may need more scenes than one.
+                Err(error) if !error.is_permanent() && !error.is_io() => Vec::new(),
+                Err(error) => return Err(error),
+            };
             folder.drop_trial()?;
             ended.into_iter().try_for_each(|(id, ended)| {
                 ended.map_err(|error| {
@@ -389,6 +405,7 @@ fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &Mutex<BTreeSet<Notice>
     }
     let job = &todo.scenes[&entry.scene];
     if let Some(present) = job.present.as_ref().filter(|_| job.lacks.is_none())
+        && present.writers() == entry.writers()
         && present.manifest() != entry.manifest()
     {
         log.warn(

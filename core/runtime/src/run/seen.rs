@@ -11,24 +11,24 @@ use syntable_model::scene::{Body, Material, Scene, View};
 pub struct Seen {
     /// Whether an image was made, and whether any pixel of one is not black.
     image: bool,
-    light: bool,
+    bright: bool,
     /// Whether masks were made, and whether any has a pixel.
     masks: bool,
     label: bool,
     /// Whether a view has a light.
-    lamp: bool,
+    lights: bool,
 }
 
 impl Seen {
     /// Looks at a view.
     pub fn look(&mut self, view: &View, products: &Products) {
-        self.lamp |= !view.lights.is_empty();
+        self.lights |= !view.lights.is_empty();
         if let Ok(image) = products.get(RGB) {
             self.image = true;
-            self.light = self.light || image.data().iter().any(|pixel| *pixel != [0; 3]);
+            self.bright = self.bright || image.data().iter().any(|pixel| *pixel != [0; 3]);
         } else if let Ok(image) = products.get(RADIANCE) {
             self.image = true;
-            self.light = self.light || image.data().iter().any(|pixel| *pixel != [0.0; 3]);
+            self.bright = self.bright || image.data().iter().any(|pixel| *pixel != [0.0; 3]);
         }
         if let Ok(masks) = products.get(VISIBLE_MASK) {
             self.masks = true;
@@ -38,9 +38,9 @@ impl Seen {
 
     /// What is odd.
     pub fn notices(&self, scene: &Scene) -> BTreeSet<Notice> {
-        let unlit = self.image && !self.lamp && !scene.bodies().iter().any(emits);
+        let unlit = self.image && !self.lights && !scene.bodies().iter().any(emits);
         let all = [
-            (self.image && !self.light, Notice::Black),
+            (self.image && !self.bright, Notice::Black),
             (unlit, Notice::Unlit),
             (self.masks && !self.label, Notice::Unlabeled),
         ];
@@ -49,9 +49,9 @@ impl Seen {
 }
 
 fn emits(body: &Body) -> bool {
-    let glows = |material: &Material| material.emission.factor.iter().any(|&x| x > 0.0);
+    let emissive = |material: &Material| material.emission.factor.iter().any(|&x| x > 0.0);
     match &body.material_override {
-        Some(other) => glows(&other.material),
-        None => body.object.materials.iter().any(|material| glows(material)),
+        Some(other) => emissive(&other.material),
+        None => body.object.materials.iter().any(|material| emissive(material)),
     }
 }

@@ -1,12 +1,11 @@
 //! Compares a dataset with its journal: what is missing, what is damaged, what is not the dataset's.
 
-use super::folder::{each_file, finished, journal_path, lock_now, manifest_path};
+use super::folder::{each_file, finished, journal_path, lock_shared, manifest_path};
 use super::journal::Journal;
 use super::manifest::{Manifest, Stamp, State};
 use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeSet, HashSet};
-use std::fs::File;
 use std::path::Path;
 use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
@@ -47,11 +46,7 @@ pub fn verify(root: &Path, threads: usize) -> Result<Verified> {
             .help("name the folder that a run wrote")
             .permanent());
     }
-    let lock_path = root.join(RESERVED[0]).join("lock");
-    let lock = File::open(&lock_path).ok();
-    if let Some(lock) = &lock {
-        lock_now(lock, &lock_path, root, File::try_lock_shared)?;
-    }
+    let _lock = lock_shared(root)?;
     compare(root, &Pool::new(threads)?)
 }
 

@@ -52,10 +52,10 @@ fn every_file_is_compared_and_repaired() {
         let (named, other) = if missing { (&found.missing, &found.damaged) } else { (&found.damaged, &found.missing) };
         assert!(*named == std::slice::from_ref(name) && other.is_empty() && !found.whole(), "{name}: {found:?}");
         if name == "recipe.toml" {
-            // Without it nobody knows what the scenes are of.
-            run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("no recipe");
-            fs::write(&path, bytes).expect("writable");
-            continue;
+            // Another recipe is not taken for it.
+            let other = small.replace("name = \"whole\"", "name = \"other\"");
+            run_with(&other, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("another recipe");
+            run(&small, &data, 1).expect_err("not asked to repair");
         }
         run_with(&small, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
         assert_same(&whole, &data);
@@ -256,4 +256,11 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     fs::remove_file(folder.path().join("recipe.toml")).expect("there");
     let error = run(&RECIPE.replace("whole", "other"), folder.path(), 1).expect_err("no recipe").to_string();
     assert!(error.contains("lost its recipe.toml"), "{error}");
+    for damaged in [&b"[dataset\n"[..], &[0xff, 0xfe]] {
+        fs::write(folder.path().join("recipe.toml"), damaged).expect("writable");
+        let error = run(RECIPE, folder.path(), 1).expect_err("damaged").to_string();
+        assert!(error.contains("recipe.toml is damaged") && error.contains("--repair"), "{error}");
+    }
+    run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet).expect("written again");
+    assert!(verify(folder.path(), 1).expect("a dataset").whole());
 }
