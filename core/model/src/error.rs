@@ -29,6 +29,8 @@ enum Cause {
     Permanent,
     /// The file system failed: the run stops, and the same command may succeed later.
     Io,
+    /// The command or the recipe is at fault: the run stops, and the same command fails again.
+    Request,
 }
 
 /// A place inside a file.
@@ -66,7 +68,18 @@ impl Error {
 
     /// Whether every attempt at every scene would meet this error.
     pub fn is_permanent(&self) -> bool {
-        self.cause == Cause::Permanent
+        matches!(self.cause, Cause::Permanent | Cause::Request)
+    }
+
+    /// States that the command or the recipe is at fault, and not the work or the machine.
+    pub fn of_request(mut self) -> Self {
+        self.cause = Cause::Request;
+        self
+    }
+
+    /// Whether the command or the recipe is at fault.
+    pub fn is_of_request(&self) -> bool {
+        self.cause == Cause::Request
     }
 
     /// Names the file, unless a deeper layer has named one.

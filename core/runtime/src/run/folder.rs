@@ -31,14 +31,19 @@ impl Folder {
     /// Opens a folder for the dataset of a resolved recipe: a new or empty one, or one in which a run of the same
     /// recipe was begun. With `overwrite`, a dataset that is there is deleted first.
     pub fn open(root: &Path, resolved: &str, overwrite: bool) -> Result<Self> {
-        let fail =
-            |error: std::io::Error| Error::io(root, &error).help("choose a folder that can be written with --out");
+        let fail = |error: std::io::Error| {
+            use std::io::ErrorKind::{QuotaExceeded, StorageFull};
+            let full = matches!(error.kind(), StorageFull | QuotaExceeded);
+            let failed = Error::io(root, &error).help("choose a folder that can be written with --out");
+            if full { failed } else { failed.of_request() }
+        };
         fs::create_dir_all(root).map_err(fail)?;
         let empty = fs::read_dir(root).map_err(fail)?.next().is_none();
         if !empty && !root.join(MARK).is_dir() {
             return Err(Error::new("the folder is not empty and holds no dataset")
                 .in_file(root)
-                .help("choose another folder with --out; nothing was touched"));
+                .help("choose another folder with --out; nothing was touched")
+                .of_request());
         }
         fs::create_dir_all(root.join(MARK)).map_err(fail)?;
         let lock_path = root.join(MARK).join("lock");
@@ -48,7 +53,11 @@ impl Folder {
             Err(fs::TryLockError::WouldBlock) => {
                 return Err(Error::new("another run is writing this dataset").in_file(root));
             }
-            Err(fs::TryLockError::Error(error)) => return Err(Error::io(&lock_path, &error)),
+            Err(fs::TryLockError::Error(error)) => {
+                return Err(Error::io(&lock_path, &error)
+                    .help("the file system must lock files: choose a folder on another one with --out")
+                    .of_request());
+            }
         }
         let folder = Self { root: root.to_owned(), _lock: lock };
         if overwrite {
@@ -60,7 +69,8 @@ impl Folder {
             Ok(_) => {
                 return Err(Error::new("the folder holds a dataset of another recipe")
                     .in_file(root)
-                    .help("choose another folder with --out, or delete the old dataset with --overwrite"));
+                    .help("choose another folder with --out, or delete the old dataset with --overwrite")
+                    .of_request());
             }
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => folder.write(&recipe, resolved)?,
             Err(error) => return Err(Error::io(&recipe, &error)),
