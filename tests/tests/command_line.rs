@@ -27,6 +27,15 @@ fn plan_tells_what_is_computed_for_whom() {
     for word in ["radiance", "annotate.masks", "write.syntable", "4 images", "16 paths"] {
         assert!(plan.contains(word), "{word} is not in\n{plan}");
     }
+    // 100 views of 1024 × 1024 pixels: 4 bytes of depth, 3 of color.
+    let sized = [
+        "write={ npy = { include = ['depth'] }, png = { include = ['rgb'] } }",
+        "camera.resolution=[1024, 1024]",
+        "dataset.scenes=100",
+        "dataset.views_per_scene=1",
+    ];
+    let plan = ok(syntable().arg("plan").args(sized.iter().flat_map(|set| ["--set", set])));
+    assert!(plan.contains("at most 7.0 MiB per view, 700.0 MiB in all"), "{plan}");
     let error = fails(syntable().args(["plan", "recipes/quickstart.toml", "--set", "write.npy.include=[\"dept\"]"]), 2);
     assert!(error.contains("dept") && error.contains("did you mean `depth`"), "{error}");
 }

@@ -125,13 +125,15 @@ fn disk(recipe: &Recipe, images: u64) -> String {
             }
         })
         .sum();
-    let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
+        mebibytes if mebibytes < 1024.0 => format!("{mebibytes:.1} MiB"),
+        mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),
+    };
     format!(
-        "disk: images take at most {:.1} MiB per view, {:.1} GiB in all, and less where files are \
-         compressed; masks and records, which follow the number of objects, come on top\ntime: unknown before a scene is \
-         made: run one (--scenes 0) and multiply\n",
-        mebibytes(bytes),
-        mebibytes(bytes * images) / 1024.0
+        "disk: images take at most {} per view, {} in all, and less where files are compressed; masks and records, which follow \
+         the number of objects, come on top\ntime: unknown before a scene is made: run one (--scenes 0) and multiply\n",
+        size(bytes),
+        size(bytes * images)
     )
 }
 
