@@ -27,6 +27,15 @@ fn plan_tells_what_is_computed_for_whom() {
     for word in ["radiance", "annotate.masks", "write.syntable", "4 images", "16 paths"] {
         assert!(plan.contains(word), "{word} is not in\n{plan}");
     }
+    // 100 views of 1024 × 1024 pixels: 4 bytes of depth, 3 of color.
+    let sized = [
+        "write={ npy = { include = ['depth'] }, png = { include = ['rgb'] } }",
+        "camera.resolution=[1024, 1024]",
+        "dataset.scenes=100",
+        "dataset.views_per_scene=1",
+    ];
+    let plan = ok(syntable().arg("plan").args(sized.iter().flat_map(|set| ["--set", set])));
+    assert!(plan.contains("at most 7.0 MiB per view, 700.0 MiB in all"), "{plan}");
     let error = fails(syntable().args(["plan", "recipes/quickstart.toml", "--set", "write.npy.include=[\"dept\"]"]), 2);
     assert!(error.contains("dept") && error.contains("did you mean `depth`"), "{error}");
 }
@@ -118,6 +127,192 @@ fn doctor_and_completions_and_new_recipe() {
     assert!(fails(syntable().args(["new", "recipe"]).arg(&file), 2).contains("exists already"));
     assert!(fails(syntable().args(["new", "plugin", "My-Plugin"]), 2).contains("not snake_case"));
     assert!(fails(syntable().args(["new", "plugin", "fn"]), 2).contains("a word of Rust"));
+}
+
+#[test]
+fn list_shows_the_options_of_a_kind() {
+    let page = ok(syntable().args(["list", "drop_box"]));
+    for words in
+        ["place.drop_box", "integer or distribution, 0 to 10000", "{ integers = [1, 40] }", "material.from", "required"]
+    {
+        assert!(page.contains(words), "{words} is not in\n{page}");
+    }
+    assert!(ok(syntable().args(["list", "lights.sun"])).contains("illuminance_lx"));
+    assert!(fails(syntable().args(["list", "drop_bix"]), 2).contains("did you mean drop_box"));
+    // Every kind has its page, with all of its options.
+    let registry = Registry::linked().expect("no clash");
+    let schema = recipe::schema(&registry);
+    for entry in registry.entries() {
+        let name = format!("{}.{}", entry.slot, entry.kind);
+        let options = recipe::options_of(&registry, entry);
+        for option in schema["definitions"][&name]["properties"].as_object().expect("options").keys() {
+            let known = option == "kind" || option == "id" || options.iter().any(|known| known.path == *option);
+            assert!(known, "{name} does not show {option}");
+        }
+        assert!(
+            options.iter().all(|option| !option.meaning.is_empty() || option.path.contains('.')),
+            "{name}: {options:?}"
+        );
+    }
+}
+
+#[test]
+fn recipes_of_the_program_run_and_are_extended_by_name() {
+    let listed = ok(syntable().args(["list", "recipes"]));
+    assert!(listed.contains("builtin:quickstart") && listed.contains("builtin:syntable-sim/train"), "{listed}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut elsewhere = syntable();
+    // The same as the file in the checkout, from any folder.
+    let by_name = ok(elsewhere.args(["plan", "builtin:window-room"]).current_dir(folder.path()));
+    assert_eq!(by_name, ok(syntable().args(["plan", "recipes/window-room.toml"])));
+    // One that extends a file beside it.
+    ok(syntable().args(["plan", "builtin:syntable-sim/val"]).env("ASSETS", "/assets").current_dir(folder.path()));
+    let file = folder.path().join("my.toml");
+    std::fs::write(&file, "extends = \"builtin:quickstart\"\n[dataset]\nscenes = 7\n").expect("writable");
+    assert!(ok(syntable().arg("plan").arg(&file)).contains("7 scenes"));
+    std::fs::write(&file, "extends = \"builtin:quikstart\"\n").expect("writable");
+    let error = fails(syntable().arg("check").arg(&file), 2);
+    assert!(error.contains("did you mean `builtin:quickstart`") && error.contains("`open-sky`"), "{error}");
+    // What is missing without the base is no mistake of its own.
+    assert!(error.contains("error: 1 error"), "{error}");
+    assert!(fails(syntable().args(["plan", "quickstart"]), 2).contains("builtin:quickstart"));
+}
+
+#[test]
+fn a_new_recipe_brings_the_schema_of_the_program() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let schema = ok(syntable().arg("schema"));
+    for (name, more) in [("whole.toml", &[][..]), ("short.toml", &["--extends", "builtin:window-room"])] {
+        let file = folder.path().join(name);
+        ok(syntable().args(["new", "recipe"]).arg(&file).args(more));
+        ok(syntable().arg("check").arg(&file));
+        let text = std::fs::read_to_string(&file).expect("written");
+        assert_eq!(text.lines().next(), Some("#:schema ./recipe.schema.json"));
+        assert_eq!(std::fs::read_to_string(folder.path().join("recipe.schema.json")).expect("written"), schema);
+    }
+    // A schema of something else stays.
+    std::fs::write(folder.path().join("recipe.schema.json"), "{}").expect("writable");
+    let error = fails(syntable().args(["new", "recipe"]).arg(folder.path().join("third.toml")), 2);
+    assert!(error.contains("it is another schema"), "{error}");
+    for name in ["camera", "rgb", "self", "core", "serde"] {
+        let error = fails(syntable().args(["new", "plugin", name, "--path"]).arg(folder.path().join(name)), 2);
+        assert!(error.contains("choose another name") && !folder.path().join(name).exists(), "{name}: {error}");
+    }
+}
+
+#[test]
+fn mistakes_of_the_request_give_exit_code_2() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").expect("writable");
+    fails(syntable().args(["run", "--out"]).arg(file.join("below")), 2);
+    std::fs::create_dir(&out).expect("writable");
+    std::fs::write(out.join("notes.txt"), "").expect("writable");
+    assert!(fails(syntable().args(["run", "--out"]).arg(&out), 2).contains("holds no dataset"));
+    let missing = ["run", "builtin:real-objects", "--out"];
+    let error = fails(syntable().args(missing).arg(folder.path().join("new")).env("ASSETS", folder.path()), 2);
+    for pool in ["assets.bop", "assets.gso", "assets.materials", "assets.tables", "assets.ycb"] {
+        assert!(error.contains(pool), "{pool} is not in\n{error}");
+    }
+    for name in ["../evil", "a/b", "..", "a\\\\b"] {
+        let error = fails(syntable().args(["check", "--set", &format!("dataset.name=\"{name}\"")]), 2);
+        assert!(error.contains("`name` cannot be"), "{name}: {error}");
+    }
+}
+
+#[test]
+fn check_tells_every_missing_folder_beside_other_mistakes() {
+    let mut check = syntable();
+    check.args(["check", "builtin:real-objects", "--set", "render.samples_per_pixel=0"]).env("ASSETS", "/nowhere");
+    let error = fails(&mut check, 2);
+    for words in ["/nowhere/bop", "/nowhere/gso", "/nowhere/ycb", "cannot be 0", "error: 6 errors"] {
+        assert!(error.contains(words), "{words} is not in\n{error}");
+    }
+    // Every value that a stage refuses.
+    let refused = ["size_m = { uniform = [0.1, 5] }", "height_m = { uniform = [0.1, 5] }"].join(", ");
+    let error = fails(syntable().args(["check", "--set", &format!("place[0]={{ kind = 'room', {refused} }}")]), 2);
+    assert!(error.contains("`size_m` can become 0.1") && error.contains("`height_m` can become 0.1"), "{error}");
+}
+
+#[test]
+fn an_inherited_pool_may_go_unused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("my.toml");
+    let redirected = "extends = \"builtin:quickstart\"\n[assets.mine]\nkind = \"household\"\nfamilies = [\"mug\"]\n\
+                      [set]\n\"place.objects.from\" = [\"mine\"]\n";
+    std::fs::write(&file, redirected).expect("writable");
+    let said = syntable().arg("check").arg(&file).output().expect("starts");
+    assert!(said.status.success() && said.stderr.is_empty(), "{}", support::text(&said));
+    std::fs::write(&file, format!("{redirected}[assets.idle]\nkind = \"household\"\n")).expect("writable");
+    let said = syntable().arg("check").arg(&file).output().expect("starts");
+    assert!(support::text(&said).contains("no stage draws from the pool `idle`"), "{}", support::text(&said));
+}
+
+#[test]
+fn overrides_remove_and_say_what_they_cannot() {
+    let plan = ok(syntable().args(["plan", "--set", "remove=[\"write.contact_sheet\"]"]));
+    assert!(plan.contains("write.syntable") && !plan.contains("write.contact_sheet"), "{plan}");
+    assert!(
+        fails(syntable().args(["plan", "--set", "remove=\"write.nothing\""]), 2)
+            .contains("there is no `write.nothing`")
+    );
+    for set in ["extends=\"other.toml\"", "set.render=1"] {
+        assert!(
+            fails(syntable().args(["plan", "--set", set]), 2).contains("cannot be set from the command line"),
+            "{set}"
+        );
+    }
+}
+
+#[test]
+fn a_library_beside_the_recipe_needs_consent() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, out) = (folder.path().join("my.toml"), folder.path().join("out"));
+    let text = "extends = \"builtin:quickstart\"\n[denoise]\nkind = \"oidn\"\nlibrary = \"lib.so\"\n";
+    std::fs::write(&file, text).expect("writable");
+    // No library at all: whoever loads it fails, and `check` does not.
+    std::fs::write(folder.path().join("lib.so"), "no library").expect("writable");
+    ok(syntable().arg("check").arg(&file));
+    let run = |more: &[&str]| fails(syntable().arg("run").arg(&file).arg("--out").arg(&out).args(more), 2);
+    assert!(run(&[]).contains("--allow-libraries"));
+    let loaded = run(&["--allow-libraries"]);
+    assert!(!loaded.contains("--allow-libraries") && loaded.contains("lib.so"), "{loaded}");
+    let typed = run(&["--set", &format!("denoise.library={:?}", folder.path().join("lib.so"))]);
+    assert_eq!(typed, loaded);
+}
+
+#[test]
+fn a_diamond_of_recipes_is_merged_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |level: usize, side: &str| folder.path().join(format!("{level}{side}.toml"));
+    for side in ["a", "b"] {
+        std::fs::write(path(0, side), "extends = \"builtin:quickstart\"\n").expect("writable");
+    }
+    for level in 1..=25 {
+        for side in ["a", "b"] {
+            let text = format!("extends = [\"{0}a.toml\", \"{0}b.toml\"]\n", level - 1);
+            std::fs::write(path(level, side), text).expect("writable");
+        }
+    }
+    let start = std::time::Instant::now();
+    ok(syntable().arg("plan").arg(path(25, "a")));
+    assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_and_pipes_are_no_recipes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let pipe = folder.path().join("pipe.toml");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo is there").success());
+    assert!(fails(syntable().arg("check").arg(&pipe), 2).contains("not a regular file"));
+    assert!(fails(syntable().args(["check", "/dev/zero"]), 2).contains("not a regular file"));
+    let file = folder.path().join("my.toml");
+    std::fs::write(&file, "extends = \"pipe.toml\"\n").expect("writable");
+    assert!(fails(syntable().arg("check").arg(&file), 2).contains("not a regular file"));
+    let list = format!("assets.objects.include_list={pipe:?}");
+    assert!(fails(syntable().args(["check", "--set", &list]), 2).contains("not a regular file"));
 }
 
 #[test]

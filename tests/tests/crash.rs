@@ -49,7 +49,7 @@ fn a_folder_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("file");
     std::fs::write(&file, "not a folder").expect("writable");
-    let error = fails(&mut small_run(&file.join("data"), &[]), 1);
+    let error = fails(&mut small_run(&file.join("data"), &[]), 2);
     assert!(error.contains("file/data") && error.contains("--out"), "{error}");
 }
 

@@ -651,6 +651,7 @@ fn fixture(name: &str) -> Option<String> {
 /// What the program says about a recipe `my.toml`: codes, and the text.
 fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
     let overrides = Overrides {
+        exists: &|_| true,
         set: Vec::new(),
         variable: &|name| (name == "HOME").then(|| "/home/me".to_owned()),
         read: &|path: &Path| fs::read_to_string(root().join(path)),

@@ -92,6 +92,15 @@ fn a_crate_from_outside_adds_products_formats_and_verbs() {
     assert!(table.starts_with("view,instance,pixels\n0,"), "{table}");
     assert!(table.lines().skip(1).all(|line| line.split(',').all(|number| number.parse::<u32>().is_ok())), "{table}");
 
+    // A second provider of a product changes nothing in recipes that do not mention it.
+    let provider = |more: &[&str]| {
+        let plan = ok(&mut cargo_run(folder.path(), &[&["plan", "builtin:quickstart"], more].concat()));
+        let line = plan.lines().find(|line| line.starts_with("visible_box ")).expect("planned");
+        line.split_whitespace().nth(1).expect("a provider").to_owned()
+    };
+    assert_eq!(provider(&[]), "annotate.boxes");
+    assert_eq!(provider(&["--set", "annotate.rival_boxes={}"]), "annotate.rival_boxes");
+
     // The mesh format serves `check --asset` too, and the verb is in the help.
     let asset = ok(&mut cargo_run(folder.path(), &["check", "--asset", "shapes/wedge.off"]));
     assert!(asset.contains("OFF") && asset.contains('8'), "{asset}");
@@ -122,7 +131,20 @@ fn a_new_plugin_builds_and_runs_as_it_is() {
     let crate_folder = folder.path().join("visible_area");
     let said = ok(syntable().args(["new", "plugin", "visible_area", "--path"]).arg(&crate_folder));
     assert!(said.contains("cargo run --release"), "{said}");
+    let manifest = std::fs::read_to_string(crate_folder.join("Cargo.toml")).expect("written");
+    assert!(manifest.contains("path = \"../") && !manifest.contains("path = \"/"), "{manifest}");
+    assert!(crate_folder.join("Cargo.lock").is_file());
     let lines = check(&crate_folder, "visible_area");
+    // Its own tests pass, and a recipe that it starts knows its kind.
+    let mut tests = cargo_run(&crate_folder, &[]);
+    let environment: Vec<_> =
+        tests.get_envs().filter_map(|(key, value)| Some((key.to_owned(), value?.to_owned()))).collect();
+    tests = Command::new(env!("CARGO"));
+    tests.args(["test", "--release", "--quiet", "--offline"]).current_dir(&crate_folder).envs(environment);
+    ok(&mut tests);
+    ok(&mut cargo_run(&crate_folder, &["new", "recipe", "fresh/mine.toml"]));
+    let schema = std::fs::read_to_string(crate_folder.join("fresh/recipe.schema.json")).expect("written");
+    assert!(schema.contains("\"visible_area\""));
     assert!(lines.lines().count() == 2 && lines.contains("\"visible_area\""), "{lines}");
     // The recipe of the book's page on plugins, over the quickstart recipe.
     let page = std::fs::read_to_string(root().join("book/src/plugins.md")).expect("the page");

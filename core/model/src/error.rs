@@ -95,6 +95,12 @@ impl Error {
         self.cause == Cause::Permanent
     }
 
+    /// States that the command is at fault, whatever said so: the same command fails again.
+    pub fn of_request(mut self) -> Self {
+        self.cause = Cause::Permanent;
+        self
+    }
+
     /// Names the file, unless a deeper layer has named one.
     pub fn in_file(mut self, file: impl AsRef<Path>) -> Self {
         self.file.get_or_insert_with(|| file.as_ref().to_owned());

@@ -88,15 +88,10 @@ pub fn is_bare(key: &str) -> bool {
     !key.is_empty() && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }
 
-/// Lists names in backticks; `…` replaces all after the sixteenth.
+/// Lists names in backticks.
 pub fn listing<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    const MOST: usize = 16;
     let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
-    if names.is_empty() {
-        return "none".to_owned();
-    }
-    let shown = names[..names.len().min(MOST)].join(", ");
-    if names.len() > MOST { format!("{shown}, …") } else { shown }
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 /// Type of a TOML value.

@@ -290,7 +290,17 @@ impl Plan {
         self.before_views.iter().chain(&self.per_view).chain(&self.after_views).chain(&self.per_dataset)
     }
 
-    /// Asks the stages whether what they need from outside the program is there.
+    /// Asks the stages whether the files that they need are there, without running any of them.
+    pub fn found(&self) -> Result<(), Error> {
+        for stage in &self.per_view {
+            if let Producer::Denoiser(denoiser) = &*stage.producer {
+                denoiser.found().map_err(|error| error.context(&stage.stage))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Asks the stages whether what they need from outside the program is there. Loads native libraries.
     pub fn ready(&self) -> Result<(), Error> {
         for stage in &self.per_view {
             if let Producer::Denoiser(denoiser) = &*stage.producer {
@@ -363,12 +373,55 @@ impl Plan {
 
 /// Columns aligned by their widest cell.
 pub fn table<const N: usize>(rows: &[[String; N]]) -> String {
-    let widths: [usize; N] = std::array::from_fn(|i| rows.iter().map(|row| row[i].chars().count()).max().unwrap_or(0));
-    rows.iter().fold(String::new(), |mut out, row| {
-        let line: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}")).collect();
-        let _ = writeln!(out, "{}", line.join("  ").trim_end());
-        out
-    })
+    table_within(rows, None)
+}
+
+/// The same in lines of at most `width` characters, as far as words allow: wide columns go on below.
+pub fn table_within<const N: usize>(rows: &[[String; N]], width: Option<usize>) -> String {
+    const GAP: usize = 2;
+    let longest = |i: usize, split: fn(&str) -> Vec<&str>| {
+        let parts = rows.iter().flat_map(|row| split(&row[i]));
+        parts.map(|part| part.chars().count()).max().unwrap_or(0)
+    };
+    let mut widths: [usize; N] = std::array::from_fn(|i| longest(i, |cell| vec![cell]));
+    let words: [usize; N] = std::array::from_fn(|i| longest(i, |cell| cell.split(' ').collect()));
+    let room = width.unwrap_or(usize::MAX).saturating_sub(GAP * (N - 1));
+    while widths.iter().sum::<usize>() > room {
+        let widest = (0..N).filter(|&i| widths[i] > words[i]).max_by_key(|&i| widths[i]);
+        match widest {
+            Some(i) => widths[i] -= 1,
+            None => break,
+        }
+    }
+    let mut out = String::new();
+    for row in rows {
+        let cells: [Vec<String>; N] = std::array::from_fn(|i| wrapped(&row[i], widths[i]));
+        for line in 0..cells.iter().map(Vec::len).max().unwrap_or(0) {
+            let parts: Vec<String> = (cells.iter().zip(widths))
+                .map(|(cell, width)| format!("{:width$}", cell.get(line).map_or("", String::as_str)))
+                .collect();
+            let _ = writeln!(out, "{}", parts.join("  ").trim_end());
+        }
+    }
+    out
+}
+
+/// Lines of at most `width` characters, or of one longer word.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let used = lines.last().map_or(0, |line| line.chars().count());
+        if used > 0 && used + 1 + word.chars().count() > width {
+            lines.push(String::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+    }
+    lines
 }
 
 /// Who wants a product.
@@ -397,6 +450,8 @@ struct Note {
     scope: Scope,
     after_views: bool,
     explicit: bool,
+    /// Whether a crate of this workspace registers it.
+    stock: bool,
 }
 
 impl Resolver {
@@ -411,6 +466,10 @@ impl Resolver {
                 scope: candidate.producer.scope(),
                 after_views: false,
                 explicit: candidate.implied.is_none(),
+                stock: candidate
+                    .implied
+                    .as_ref()
+                    .is_some_and(|implied| implied.entry.crate_name.starts_with("syntable-")),
             })
             .collect();
         let active = candidates.iter().enumerate().filter(|(_, candidate)| candidate.implied.is_none());
@@ -459,7 +518,19 @@ impl Resolver {
     fn sources(&self, name: &str) -> Vec<usize> {
         let replaces = |i: usize| self.notes[i].replaces.iter().any(|it| it.product.name == name);
         let provides = |i: usize| self.notes[i].provides.iter().any(|key| key.name == name);
-        (0..self.notes.len()).filter(|&i| provides(i) && !replaces(i)).collect()
+        let all: Vec<usize> = (0..self.notes.len()).filter(|&i| provides(i) && !replaces(i)).collect();
+        if all.iter().any(|&i| self.notes[i].explicit) {
+            return all;
+        }
+        // A plugin that is linked changes nothing in recipes that do not mention it: what the renderer offers and what
+        // the stock plugins provide stays as it was.
+        if self.offered(name).is_some() {
+            return Vec::new();
+        }
+        match all.iter().copied().filter(|&i| self.notes[i].stock).collect::<Vec<_>>() {
+            stock if stock.len() == 1 => stock,
+            _ => all,
+        }
     }
 
     /// Plans the original of a replaced product, which is kept under another key.

@@ -54,8 +54,10 @@ impl Weighter<AssetRef, Asset> for ByBytes {
 
 impl<'a> AssetStore<'a> {
     /// Opens all pools: finds and selects their entries, and loads nothing yet.
+    /// The error names all pools that cannot be opened.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let mut pools = BTreeMap::new();
+        let mut errors = Vec::new();
         for (id, pool) in &recipe.assets {
             let open = || -> Result<Vec<CatalogEntry>> {
                 let catalog = patiently(log, |log| pool.source.catalog(log))?;
@@ -67,8 +69,25 @@ impl<'a> AssetStore<'a> {
                 }
                 Ok(entries)
             };
-            let entries = open().map_err(|error| error.context(format!("assets.{id}")))?;
-            pools.insert(id.as_str(), Pool { source: &*pool.source, options: &pool.options, entries });
+            match open() {
+                Ok(entries) => {
+                    pools.insert(id.as_str(), Pool { source: &*pool.source, options: &pool.options, entries });
+                }
+                Err(error) => errors.push(error.context(format!("assets.{id}"))),
+            }
+        }
+        if let Some(failed) = errors.iter().position(Error::is_transient) {
+            return Err(errors.remove(failed));
+        }
+        match errors.len() {
+            0 => {}
+            1 => return Err(errors.remove(0).of_request()),
+            count => {
+                let all: Vec<String> = errors.iter().map(Error::without_help).collect();
+                let error = Error::new(format!("{count} pools cannot be opened: {}", all.join("; ")));
+                let help = errors.iter().find_map(Error::help_text).unwrap_or("check their folders").to_owned();
+                return Err(error.help(help).of_request());
+            }
         }
         Ok(Self {
             pools,

@@ -19,9 +19,19 @@ const SAMPLES: [(Option<u32>, Option<u32>); 7] = [
 ];
 
 impl Recipe {
-    /// Finds mistakes that would end a run: all of them are permanent.
+    /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded.
     pub fn ready(&self) -> Result<()> {
         self.plan.ready()?;
+        self.checked()
+    }
+
+    /// The same without loading any library that the recipe names.
+    pub fn found(&self) -> Result<()> {
+        self.plan.found()?;
+        self.checked()
+    }
+
+    fn checked(&self) -> Result<()> {
         self.tabletop().map_err(Error::permanent)?;
         for (id, writer) in &self.write {
             writer.ready().map_err(|error| error.context(format!("write.{id}")).permanent())?;

@@ -17,6 +17,7 @@ fuzz_target!(|text: &str| {
         set: Vec::new(),
         variable: &|_| Some("value".to_owned()),
         read: &|_| Err(std::io::ErrorKind::NotFound.into()),
+        exists: &|_| true,
         current_folder: "/".into(),
     };
     let _ = recipe::load(&registry, recipe::Source::embedded("fuzz", text), &overrides);

@@ -8,5 +8,6 @@ mod headlight;
 mod headroom;
 mod kinds;
 mod off;
+mod rival_boxes;
 mod seen_in;
 mod tower;

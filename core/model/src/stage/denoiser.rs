@@ -18,6 +18,10 @@ pub trait Denoiser: Send + Sync {
     fn replaces(&self) -> Vec<Replacement> {
         vec![Replacement { product: RADIANCE.id(), original: RADIANCE_NOISY.id() }]
     }
+    /// Whether the files that it needs are there. Runs none of them: `check` asks, for any recipe.
+    fn found(&self) -> Result<()> {
+        Ok(())
+    }
     /// Whether it can run here: an error if something that it needs from outside the program is missing. Asked before
     /// the first scene.
     fn ready(&self) -> Result<()> {

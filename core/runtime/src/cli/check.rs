@@ -2,6 +2,7 @@
 
 use super::{Console, Exit, Message, RecipeArgs};
 use crate::pools::AssetStore;
+use crate::recipe::Overrides;
 use clap::Args;
 use std::path::PathBuf;
 use syntable_model::context::{Collected, Log};
@@ -33,8 +34,8 @@ fn recipe(console: &Console, registry: &Registry, args: &RecipeArgs) -> Result<(
             self.0.say(&Message::Warning(warning.clone()));
         }
     }
-    let recipe = console.load(registry, args)?;
-    recipe.ready().map_err(Exit::wrong)?;
+    let recipe = console.load_with(registry, args, Overrides::with_existing_paths)?;
+    recipe.found().map_err(Exit::wrong)?;
     let log = Print(console);
     let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
     let mut out =

@@ -1,7 +1,8 @@
 //! `syntable list`.
 
 use super::{Console, Exit};
-use crate::plan::{available, table};
+use crate::plan::{available, table_within};
+use crate::recipe::{BUILTINS, description_of, nearest, options_of};
 use clap::Args;
 use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
@@ -10,23 +11,34 @@ use syntable_model::registry::{Entry, Registry, Slot};
 
 #[derive(Args)]
 pub(super) struct ListArgs {
-    /// A slot such as `place` or `write`, `products` or `formats`; everything if left out.
+    /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes` or `formats`;
+    /// everything if left out.
     what: Option<String>,
 }
 
 pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> std::result::Result<(), Exit> {
     let what = args.what.as_deref();
-    if what == Some("products") {
-        return console.print(&products_table(registry));
+    let width = console.width();
+    match what {
+        Some("products") => return console.print(&products_table(registry, width)),
+        Some("formats") => return console.print(&formats_table(width).map_err(Exit::wrong)?),
+        Some("recipes") => return console.print(&recipes_table(width)),
+        _ => {}
     }
-    if what == Some("formats") {
-        return console.print(&formats_table().map_err(Exit::wrong)?);
+    let kinds: Vec<&Entry> =
+        registry.entries().iter().filter(|entry| what.is_some_and(|what| is_named(entry, what))).collect();
+    if !kinds.is_empty() {
+        let pages: Vec<String> = kinds.into_iter().map(|entry| kind_page(registry, entry, width)).collect();
+        return console.print(&pages.join("\n"));
     }
     let slots: Vec<Slot> = Slot::ALL.into_iter().filter(|slot| what.is_none_or(|what| what == slot.name())).collect();
     if slots.is_empty() {
+        let what = what.unwrap_or_default();
         let names = Slot::ALL.map(Slot::name).join(", ");
-        let error = Error::new(format!("there is nothing to list under `{}`", what.unwrap_or_default()));
-        return Err(Exit::wrong(error.help(format!("write products, formats, {names}"))));
+        let error = Error::new(format!("there is nothing to list under `{what}`"));
+        let near = nearest(what, registry.entries().iter().map(|entry| entry.kind));
+        let near = near.map_or_else(String::new, |near| format!("did you mean {near}? "));
+        return Err(Exit::wrong(error.help(format!("{near}write a kind, products, recipes, formats, {names}"))));
     }
     let mut rows = vec![["slot", "kind", "crate", "version", "what it does"].map(str::to_owned)];
     for entry in slots.into_iter().flat_map(|slot| registry.of_slot(slot)) {
@@ -34,12 +46,14 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
             [entry.slot.name(), entry.kind, entry.crate_name, entry.crate_version, &summary(entry)].map(str::to_owned),
         );
     }
-    let mut out = table(&rows);
+    let mut out = table_within(&rows, width);
     if what.is_none() {
         out.push('\n');
-        out += &products_table(registry);
+        out += &products_table(registry, width);
         out.push('\n');
-        out += &formats_table().map_err(Exit::wrong)?;
+        out += &recipes_table(width);
+        out.push('\n');
+        out += &formats_table(width).map_err(Exit::wrong)?;
     }
     console.print(&out)
 }
@@ -55,16 +69,49 @@ pub fn products(registry: &Registry) -> Vec<(KeyId, String)> {
     available(registry).into_iter().map(|(key, providers)| (key, providers.join(", "))).collect()
 }
 
-fn products_table(registry: &Registry) -> String {
+/// Whether a word names a kind: `drop_box`, or with its slot `place.drop_box`.
+fn is_named(entry: &Entry, what: &str) -> bool {
+    let is_slot = Slot::ALL.iter().any(|slot| slot.name() == what);
+    (what == entry.kind && !is_slot) || what.split_once('.') == Some((entry.slot.name(), entry.kind))
+}
+
+/// What a kind does, and its options.
+fn kind_page(registry: &Registry, entry: &Entry, width: Option<usize>) -> String {
+    let mut out = format!("{}.{} ({} {})\n\n", entry.slot, entry.kind, entry.crate_name, entry.crate_version);
+    out += &description_of(registry, entry);
+    let mut rows = vec![["option", "value", "default", "meaning"].map(str::to_owned)];
+    rows.extend(options_of(registry, entry).into_iter().map(|option| {
+        let default =
+            if option.required { "required".to_owned() } else { option.default.unwrap_or_else(|| "none".into()) };
+        [option.path, option.value, default, option.meaning]
+    }));
+    match rows.len() {
+        1 => out += "\n\nIt has no options.\n",
+        _ => out += &format!("\n\n{}", table_within(&rows, width)),
+    }
+    if !entry.example.is_empty() {
+        out += &format!("\nExample:\n{}\n", entry.example);
+    }
+    out
+}
+
+/// The recipes in the program.
+fn recipes_table(width: Option<usize>) -> String {
+    let mut rows = vec![["recipe", "what it makes"].map(str::to_owned)];
+    rows.extend(BUILTINS.iter().map(|builtin| [format!("builtin:{}", builtin.name), builtin.summary()]));
+    table_within(&rows, width)
+}
+
+fn products_table(registry: &Registry, width: Option<usize>) -> String {
     let mut rows = vec![["product", "kind of value", "per", "provider", "meaning"].map(str::to_owned)];
     for (key, provider) in products(registry) {
         rows.push([key.name.to_string(), key.kind_of_value(), key.scope.to_string(), provider, key.summary()]);
     }
-    table(&rows)
+    table_within(&rows, width)
 }
 
 /// The file formats that the linked plugins read.
-fn formats_table() -> Result<String> {
+fn formats_table(width: Option<usize>) -> Result<String> {
     let mut rows = vec![["format", "what it holds", "file endings", "crate"].map(str::to_owned)];
     let mut row = |name: &str, holds: &str, extensions: &[&str], crate_name: &str| {
         rows.push([name.to_owned(), holds.to_owned(), extensions.join(", "), crate_name.to_owned()]);
@@ -75,5 +122,5 @@ fn formats_table() -> Result<String> {
     for format in ImageFormats::linked()?.iter() {
         row(format.name, "image", format.extensions, format.crate_name);
     }
-    Ok(table(&rows))
+    Ok(table_within(&rows, width))
 }

@@ -23,9 +23,6 @@ use std::process::ExitCode;
 use syntable_model::error::Error;
 use syntable_model::registry::Registry;
 
-/// The recipe that runs when none is named.
-pub const QUICKSTART: &str = include_str!("../../../../recipes/quickstart.toml");
-
 /// Makes synthetic datasets for unseen-object amodal instance segmentation.
 #[derive(Parser)]
 #[command(
@@ -40,8 +37,8 @@ pub const QUICKSTART: &str = include_str!("../../../../recipes/quickstart.toml")
 
 Exit codes:
   0  done
-  1  stopped, or could not begin; what was done is kept, the same command goes on from there
-  2  the recipe, an option or an asset is wrong; nothing was made
+  1  stopped; what was done is kept, the same command goes on from there
+  2  the recipe, an option, the folder or an asset is not what it must be; the same command fails again
   3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged
   130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there"
 )]
@@ -63,7 +60,8 @@ enum LogFormat {
 enum BuiltIn {
     /// Make the dataset of a recipe, or resume it.
     #[command(after_help = "Examples:
-  syntable run --out data                              the embedded quickstart recipe
+  syntable run --out data                              builtin:quickstart
+  syntable run builtin:window-room --out data          another recipe of the program
   syntable run recipe.toml --out data --scenes 0..10   its first ten scenes
   syntable run recipe.toml --out data --set render.samples_per_pixel=16 --seed 3
   syntable run data/recipe.toml --out again            the same dataset once more")]
@@ -87,16 +85,19 @@ enum BuiltIn {
     #[command(after_help = "Example:
   syntable plan recipe.toml --set write.png.include='[\"rgb\", \"depth\"]'")]
     Plan(RecipeArgs),
-    /// Show every kind of stage, every product, or every file format of this binary.
+    /// Show the kinds of stages, the options of a kind, the products, recipes and file formats of this binary.
     #[command(after_help = "Examples:
   syntable list              all kinds
   syntable list lights       the kinds of one slot
   syntable list products     all products
+  syntable list drop_box     the options of a kind: types, limits, defaults
+  syntable list lights.sun   the same, where several slots have a kind of the name
+  syntable list recipes      the recipes in the program
   syntable list formats      all mesh and image formats that can be read")]
     List(list::ListArgs),
     /// Print the JSON Schema of recipes, with the kinds of all plugins of this binary.
     #[command(after_help = "Example:
-  syntable schema > recipe.schema.json     then start a recipe with: #:schema recipe.schema.json")]
+  syntable schema > recipe.schema.json     then start a recipe with: #:schema ./recipe.schema.json")]
     Schema,
     /// Start a recipe or a plugin.
     New(new::NewArgs),
@@ -114,7 +115,8 @@ enum BuiltIn {
 /// A recipe and changes to it.
 #[derive(Args)]
 struct RecipeArgs {
-    /// Recipe file; the embedded quickstart recipe if left out.
+    /// Recipe file, or `builtin:NAME` for a recipe of the program (see `syntable list recipes`); `builtin:quickstart` if
+    /// left out.
     recipe: Option<PathBuf>,
     /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
     #[arg(long, value_name = "KEY=VALUE")]
@@ -141,9 +143,11 @@ impl Exit {
         Self { code: 2, messages: vec![Message::Error(error)] }
     }
 
-    /// Work stopped early; what was done is kept.
+    /// Work stopped early; what was done is kept. An error that the request itself is at fault for is
+    /// [`wrong`](Self::wrong).
     pub fn stopped(error: Error) -> Self {
-        Self { code: 1, messages: vec![Message::Error(error)] }
+        let code = if error.is_permanent() { 2 } else { 1 };
+        Self { code, messages: vec![Message::Error(error)] }
     }
 }
 
@@ -249,7 +253,7 @@ impl Console {
             BuiltIn::Plan(args) => run::plan(self, registry, &args),
             BuiltIn::List(args) => list::list(self, registry, &args),
             BuiltIn::Schema => self.print(&recipe::schema_text(registry)),
-            BuiltIn::New(args) => new::new(self, &args),
+            BuiltIn::New(args) => new::new(self, registry, &args),
             BuiltIn::Doctor => doctor::doctor(self, registry),
             BuiltIn::Completions { shell } => {
                 let mut script = Vec::new();
@@ -257,6 +261,11 @@ impl Console {
                 self.print(&String::from_utf8_lossy(&script))
             }
         }
+    }
+
+    /// Columns of the terminal that results are printed to; none if they go elsewhere.
+    pub fn width(&self) -> Option<usize> {
+        terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| usize::from(width.0).max(40))
     }
 
     /// Prints a result. A reader that has gone away is no error.
@@ -279,9 +288,19 @@ impl Console {
 
     /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
     fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        self.load_with(registry, args, |overrides| overrides)
+    }
+
+    /// As [`load`](Self::load), with other inputs.
+    fn load_with(
+        &self,
+        registry: &Registry,
+        args: &RecipeArgs,
+        change: impl FnOnce(Overrides<'static>) -> Overrides<'static>,
+    ) -> Result<Recipe, Exit> {
         let source = match &args.recipe {
             Some(path) => Source::read(path).map_err(Exit::wrong)?,
-            None => Source::embedded("quickstart.toml", QUICKSTART),
+            None => recipe::Builtin::find("quickstart").map_err(Exit::wrong)?.source(),
         };
         let mut set = Vec::new();
         for text in &args.set {
@@ -293,7 +312,7 @@ impl Console {
         }
         set.extend(args.seed.map(|seed| ("dataset.seed".to_owned(), seed.to_string())));
         set.extend(args.views.map(|views| ("dataset.views_per_scene".to_owned(), views.to_string())));
-        match recipe::load(registry, source, &Overrides::of_process(set)) {
+        match recipe::load(registry, source, &change(Overrides::of_process(set))) {
             Ok((recipe, warnings)) => {
                 warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
                 Ok(recipe)

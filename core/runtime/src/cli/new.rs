@@ -1,10 +1,13 @@
 //! `syntable new`: recipes and plugins to start from.
 
+use super::list::products;
 use super::{Console, Exit};
+use crate::recipe::{Builtin, schema_text};
 use clap::{Args, Subcommand};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use syntable_model::error::Error;
+use syntable_model::registry::{Registry, Slot};
 
 #[derive(Args)]
 pub(super) struct NewArgs {
@@ -14,13 +17,17 @@ pub(super) struct NewArgs {
 
 #[derive(Subcommand)]
 enum What {
-    /// Write a commented recipe to start from.
-    #[command(after_help = "Example:
-  syntable new recipe my.toml && syntable run my.toml --out data")]
+    /// Write a recipe to start from, and beside it the schema of this program, with which editors complete and check it.
+    #[command(after_help = "Examples:
+  syntable new recipe my.toml && syntable run my.toml --out data       a whole recipe, with comments
+  syntable new recipe my.toml --extends builtin:window-room            a few changes to a recipe of the program")]
     Recipe {
         /// The file to write; it must not exist yet.
         #[arg(default_value = "recipe.toml")]
         file: PathBuf,
+        /// Extend a recipe of the program instead: `builtin:NAME` (see `syntable list recipes`).
+        #[arg(long, value_name = "RECIPE")]
+        extends: Option<String>,
     },
     /// Write a plugin crate with an annotator, and a binary that links it with all stock plugins.
     #[command(after_help = "Example:
@@ -98,22 +105,35 @@ const KEYWORDS: [&str; 57] = [
     "yield",
 ];
 
+/// The schema that recipes in a folder share.
+const SCHEMA: &str = "recipe.schema.json";
+
+const EXTENDING: &str = include_str!("scaffold/extending.toml");
+const TEST: &str = include_str!("scaffold/test.rs.txt");
 const RECIPE: &str = include_str!("scaffold/recipe.toml");
 const MANIFEST: &str = include_str!("scaffold/Cargo.toml.txt");
 const LIBRARY: &str = include_str!("scaffold/lib.rs.txt");
 const MAIN: &str = include_str!("scaffold/main.rs.txt");
 const PLUGIN_RECIPE: &str = include_str!("scaffold/plugin_recipe.toml");
 
-pub(super) fn new(console: &Console, args: &NewArgs) -> Result<(), Exit> {
+pub(super) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Result<(), Exit> {
     match &args.what {
-        What::Recipe { file } => {
-            write(file, RECIPE)?;
-            let file = file.display();
-            console.print(&format!("wrote {file}\nnext: syntable run {file} --out data\n"))
+        What::Recipe { file, extends } => {
+            let text = match extends {
+                Some(name) => {
+                    Builtin::find(name.strip_prefix("builtin:").unwrap_or(name)).map_err(Exit::wrong)?;
+                    EXTENDING.replace("@BASE@", &format!("builtin:{}", name.trim_start_matches("builtin:")))
+                }
+                None => RECIPE.to_owned(),
+            };
+            write(file, &text)?;
+            let schema = write_schema(registry, file.parent().unwrap_or(Path::new("")))?;
+            let (file, schema) = (file.display(), schema.display());
+            console.print(&format!("wrote {file}\nwrote {schema}\nnext: syntable run {file} --out data\n"))
         }
         What::Plugin { name, path, syntable } => {
             let folder = path.clone().unwrap_or_else(|| PathBuf::from(name));
-            plugin(name, &folder, syntable.as_deref())?;
+            plugin(registry, name, &folder, syntable.as_deref())?;
             let folder = folder.display();
             console.print(&format!(
                 "wrote {folder}\nnext: cd {folder} && cargo run --release -- run recipe.toml --out data\n"
@@ -122,7 +142,7 @@ pub(super) fn new(console: &Console, args: &NewArgs) -> Result<(), Exit> {
     }
 }
 
-fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit> {
+fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit> {
     let sound = name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     if !sound {
@@ -136,16 +156,22 @@ fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit
             Error::new(format!("`{name}` is a word of Rust or one of its crates")).help("choose another name"),
         ));
     }
+    if let Some(taken) = taken(registry, name) {
+        return Err(Exit::wrong(Error::new(format!("`{name}` is {taken} already")).help("choose another name")));
+    }
     if folder.exists() {
         return Err(Exit::wrong(Error::new("it exists already").in_file(folder).help("choose another --path")));
     }
     // A binary built from a checkout knows where that is; otherwise the published crates of this version serve.
     let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let sources = syntable.map(Path::to_owned).or_else(|| built_from.join("core/model").is_dir().then_some(built_from));
+    fs::create_dir_all(folder).map_err(|error| Exit::wrong(Error::io(folder, &error)))?;
+    let whole = |path: &Path| path.canonicalize().map_err(|error| Exit::wrong(Error::io(path, &error)));
+    let own = whole(folder)?;
     let dependency = |crate_folder: &str| match &sources {
+        // A relative path, so that the two folders can move together.
         Some(root) => {
-            let path = root.join(crate_folder);
-            let path = path.canonicalize().map_err(|error| Exit::wrong(Error::io(&path, &error)))?;
+            let path = relative(&own, &whole(&root.join(crate_folder))?);
             Ok(format!("{{ path = {:?} }}", path.display().to_string()))
         }
         None => Ok(format!("{:?}", env!("CARGO_PKG_VERSION"))),
@@ -168,7 +194,48 @@ fn plugin(name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit
     write(&folder.join("Cargo.toml"), &fill(MANIFEST))?;
     write(&folder.join("src/lib.rs"), &fill(LIBRARY))?;
     write(&folder.join("src/main.rs"), &fill(MAIN))?;
-    write(&folder.join("recipe.toml"), &fill(PLUGIN_RECIPE))
+    write(&folder.join("tests/plugin.rs"), &fill(TEST))?;
+    write(&folder.join("recipe.toml"), &fill(PLUGIN_RECIPE))?;
+    // The versions that the program was tested with. Cargo takes out what the crate does not need.
+    if let Some(lock) = sources.map(|root| root.join("Cargo.lock")).filter(|lock| lock.is_file()) {
+        fs::copy(&lock, folder.join("Cargo.lock")).map_err(|error| Exit::wrong(Error::io(&lock, &error)))?;
+    }
+    write_schema(registry, folder).map(drop)
+}
+
+/// What already has a name that a plugin would give its crate, its annotator and its product.
+fn taken(registry: &Registry, name: &str) -> Option<String> {
+    let entry = registry.entries().iter().find(|entry| entry.kind == name);
+    let crates = ["serde", "schemars", "syntable_model", "syntable_runtime", "syntable_standard"];
+    match entry {
+        Some(entry) => Some(format!("a kind of `{}`", entry.slot)),
+        None if products(registry).iter().any(|(key, _)| key.name.base == name) => Some("a product".to_owned()),
+        None if Slot::ALL.iter().any(|slot| slot.name() == name) => Some("a section of recipes".to_owned()),
+        None if crates.contains(&name) => Some("a crate that the plugin needs".to_owned()),
+        None => None,
+    }
+}
+
+/// The way from one absolute folder to another.
+fn relative(from: &Path, to: &Path) -> PathBuf {
+    let shared = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
+    let up = from.components().skip(shared).map(|_| Component::ParentDir);
+    up.chain(to.components().skip(shared)).collect()
+}
+
+/// Writes the schema of this program, over that of an earlier one.
+fn write_schema(registry: &Registry, folder: &Path) -> Result<PathBuf, Exit> {
+    let path = folder.join(SCHEMA);
+    let ours = |text: &str| text.contains("\"title\": \"SynTable recipe\"");
+    match fs::read_to_string(&path) {
+        Ok(text) if !ours(&text) => {
+            Err(Exit::wrong(Error::new("it is another schema").in_file(&path).help("choose another folder")))
+        }
+        _ => {
+            fs::write(&path, schema_text(registry)).map_err(|error| Exit::wrong(Error::io(&path, &error)))?;
+            Ok(path)
+        }
+    }
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Exit> {

@@ -2,6 +2,7 @@
 
 use super::{Console, Exit, Message, RecipeArgs};
 use crate::cache::DiskCache;
+use crate::recipe::Recipe;
 use crate::run::progress::count;
 use crate::run::stop::Stop;
 use crate::run::{RunOptions, run as run_recipe};
@@ -10,6 +11,7 @@ use clap::Args;
 use std::ops::Range;
 use std::path::PathBuf;
 use syntable_model::error::Error;
+use syntable_model::product::{Form, Scope};
 use syntable_model::registry::Registry;
 
 #[derive(Args)]
@@ -28,6 +30,9 @@ pub(super) struct RunArgs {
     /// Delete the dataset that is in the folder, and start anew.
     #[arg(long)]
     overwrite: bool,
+    /// Load native libraries that the recipe names by a path beside itself.
+    #[arg(long)]
+    allow_libraries: bool,
     /// Try scenes again that failed in an earlier run.
     #[arg(long)]
     retry_failed: bool,
@@ -66,6 +71,12 @@ impl Scenes {
 
 pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
     let recipe = console.load(registry, &args.recipe)?;
+    if let Some(library) = recipe.libraries.first().filter(|_| !args.allow_libraries) {
+        let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
+        return Err(Exit::wrong(error.help(
+            "it runs with all your rights: if you trust it, add --allow-libraries; else name yours by ${NAME} or --set",
+        )));
+    }
     recipe.ready().map_err(Exit::wrong)?;
     let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose()?;
     let stop = on_signals()?;
@@ -100,7 +111,6 @@ pub(super) fn on_signals() -> Result<Stop, Exit> {
 pub(super) fn ended(stop: &Stop, error: Error) -> Exit {
     match stop.requested() {
         Some(signal) => Exit { code: 128_u8.saturating_add(signal), ..Exit::stopped(error) },
-        None if error.is_permanent() => Exit::wrong(error),
         None => Exit::stopped(error),
     }
 }
@@ -110,12 +120,43 @@ pub(super) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) ->
     let dataset = &recipe.dataset;
     let images = u64::from(dataset.scenes) * u64::from(dataset.views_per_scene);
     console.print(&format!(
-        "{}: {} × {} = {images} images\n\n{}",
+        "{}: {} × {} = {images} images\n\n{}{}",
         dataset.name,
         count(dataset.scenes, "scene"),
         count(dataset.views_per_scene, "view"),
-        recipe.plan.table(&*recipe.render)
+        recipe.plan.table(&*recipe.render),
+        disk(&recipe, images)
     ))
+}
+
+/// The largest size of the images that are written, which is known before anything is rendered: that of their numbers.
+fn disk(recipe: &Recipe, images: u64) -> String {
+    let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
+    let size = |axis: usize| resolved.get("camera")?.get("resolution")?.get(axis)?.as_integer();
+    let (Some(width), Some(height)) = (size(0), size(1)) else { return String::new() };
+    let pixels = (width * height).unsigned_abs();
+    let bytes: u64 = (recipe.plan.entries.iter())
+        .map(|entry| {
+            let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
+            match entry.key.form() {
+                Form::Image { dtype, channels } if entry.key.scope == Scope::View => {
+                    let canvas = u64::from(entry.key.name.parameters.canvas);
+                    writers * pixels * canvas * canvas * channels.unwrap_or(1) as u64 * dtype.size() as u64
+                }
+                _ => 0,
+            }
+        })
+        .sum();
+    let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
+        mebibytes if mebibytes < 1024.0 => format!("{mebibytes:.1} MiB"),
+        mebibytes => format!("{:.1} GiB", mebibytes / 1024.0),
+    };
+    format!(
+        "disk: images take at most {} per view, {} in all, and less where files are compressed; masks and records, which follow \
+         the number of objects, come on top\ntime: unknown before a scene is made: run one (--scenes 0) and multiply\n",
+        size(bytes),
+        size(bytes * images)
+    )
 }
 
 #[cfg(test)]

@@ -213,3 +213,16 @@ fn a_writer_refuses_what_it_cannot_store() {
         assert_eq!(errors[0].option.as_deref(), Some("include[0]"));
     }
 }
+
+#[test]
+fn tables_keep_to_a_width_and_cut_nothing() {
+    let text = "what the option means, said in more words than fit into a line of the terminal";
+    let rows = [["name", "meaning"].map(str::to_owned), ["a_long_name_of_an_option".to_owned(), text.to_owned()]];
+    let narrow = super::table_within(&rows, Some(60));
+    assert!(narrow.lines().count() > 2 && narrow.lines().all(|line| line.chars().count() <= 60), "{narrow}");
+    let words = |table: &str| table.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(words(&narrow), words(&super::table(&rows)));
+    assert_eq!(super::table_within(&rows, Some(200)), super::table(&rows));
+    // A word is never broken.
+    assert!(super::table_within(&rows, Some(8)).contains("a_long_name_of_an_option"));
+}

@@ -64,7 +64,7 @@ codes! {
     UnknownKey = "D0003", "no option has this name",
         "The section, or the kind of stage that the table chooses, has no option of this name. Unknown keys are errors, \
          because a misspelled option would otherwise be ignored silently and the dataset would be made with the default.",
-        "Use the suggested name, or look up the options with `syntable list <kind>` or in the reference. If the option \
+        "Use the suggested name, or see the options with `syntable list <kind>` or in the reference. If the option \
          belongs to another kind, check the table's `kind`.";
     /// No linked plugin provides this product.
     UnknownProduct = "D0004", "no linked plugin provides this product",
@@ -124,8 +124,9 @@ codes! {
         "Give the table another id.";
     /// A recipe that is extended cannot be used.
     Extends = "D0014", "the extended recipe cannot be used",
-        "`extends` names another recipe file, relative to the file that says so. The file cannot be read, is not UTF-8, or \
-         extends itself through others.",
+        "`extends` names another recipe file, relative to the file that says so, or a recipe of the program, such as \
+         `builtin:quickstart`. The file cannot be read, is not UTF-8, or extends itself through others, or the program \
+         has no recipe of the name.",
         "Check the path, which is relative to the folder of the recipe that names it. Break a circle by moving what the \
          recipes share into a file of its own.";
     /// An environment variable is not set.

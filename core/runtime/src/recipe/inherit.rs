@@ -10,6 +10,7 @@
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
 
 use super::Source;
+use super::builtin::{self, Builtin};
 use super::code::Code;
 use super::diagnostic::DiagnosticBuilder;
 use super::key_path;
@@ -79,7 +80,10 @@ pub(crate) fn gather<'a>(
     let name = source.path.as_ref().map_or_else(|| source.name.clone(), |path| path.display().to_string());
     let folder = source.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let file = sources.add(name, variables::join(&overrides.current_folder, &folder.to_string_lossy()), source.text);
-    let identity = source.path.map(|path| identity(&overrides.current_folder.join(path)));
+    let identity = match source.path {
+        Some(path) => Some(identity(&overrides.current_folder.join(path))),
+        None => source.name.starts_with(builtin::PREFIX).then(|| PathBuf::from(&source.name)),
+    };
     let mut reader = Reader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
     let root = reader.visit(file, identity, &mut Vec::new(), diagnostics);
     let Reader { nodes, syntax, damage, .. } = reader;
@@ -147,9 +151,15 @@ impl<'a> Reader<'_, 'a> {
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<usize> {
         let overrides = self.overrides;
-        let resolved =
-            variables::resolve(text, span, file, &overrides.current_folder, overrides.variable, &PathRules::default());
-        let path = resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?.path;
+        let embedded = builtin::name_of(text, file.name());
+        let path = match &embedded {
+            Some(name) => PathBuf::from(format!("{}{name}", builtin::PREFIX)),
+            None => {
+                let (folder, rules) = (&overrides.current_folder, &PathRules::default());
+                let resolved = variables::resolve(text, span, file, folder, overrides.variable, rules);
+                resolved.map_err(|diagnostic| diagnostics.push(diagnostic)).ok()?.path
+            }
+        };
         let identity = identity(&path);
         let known = self.nodes.iter().position(|node| node.identity.as_ref() == Some(&identity));
         if let Some(circle) = known.and_then(|known| parents.iter().position(|&node| node == known)) {
@@ -169,6 +179,23 @@ impl<'a> Reader<'_, 'a> {
         if parents.len() >= MAX_DEPTH {
             diagnostics.push(refuse(format!("more than {MAX_DEPTH} recipes extend one another")));
             return None;
+        }
+        if let Some(name) = embedded {
+            return match Builtin::find(&name) {
+                Ok(builtin) => {
+                    let source = builtin.source();
+                    let base = self.sources.add(source.name, overrides.current_folder.clone(), source.text);
+                    self.visit(base, Some(identity), parents, diagnostics)
+                }
+                Err(error) => {
+                    let refused = refuse(error.message().to_owned());
+                    diagnostics.push(match error.help_text() {
+                        Some(help) => refused.help(help),
+                        None => refused,
+                    });
+                    None
+                }
+            };
         }
         match (overrides.read)(&path) {
             Ok(content) => {
@@ -191,21 +218,57 @@ impl<'a> Reader<'_, 'a> {
 impl<'a> Graph<'a> {
     /// Merges all tables into one, and reports the extent of the damage by syntax errors.
     pub fn merge(self, diagnostics: &mut Vec<DiagnosticBuilder>) -> (DeTable<'a>, Damage) {
-        let mut tree = self.root.map_or_else(DeTable::new, |root| self.node(root, diagnostics));
+        let mut merged = vec![None; self.nodes.len()];
+        let mut tree = self.root.map_or_else(DeTable::new, |root| self.node(root, &mut merged, diagnostics));
         for line in &self.overrides {
-            let result = parse::parse_value(line.value, line.value_at)
-                .and_then(|value| set(&mut tree, &read_path(line.path, line.path_at)?, value));
+            let value = match parse::parse_value(line.value, line.value_at) {
+                Ok(value) => value,
+                Err(diagnostic) => {
+                    diagnostics.push(diagnostic);
+                    continue;
+                }
+            };
+            if line.path == "remove" {
+                for (path, span) in strings(&value, "remove", diagnostics) {
+                    diagnostics.extend(remove(&mut tree, &path, &span).err());
+                }
+                continue;
+            }
+            let help = match line.path.split(['.', '[']).next() {
+                Some("extends") => Some("write a recipe with `extends`, a list of both, and run that"),
+                Some("set") => Some("leave `set.` out: --set takes the paths of [set]"),
+                _ => None,
+            };
+            let path_span = line.path_at..line.path_at + line.path.len();
+            let result = match help {
+                Some(help) => Err(DiagnosticBuilder::error(
+                    Code::BadOverride,
+                    path_span,
+                    format!("`{}` cannot be set from the command line", line.path),
+                )
+                .help(help)),
+                None => read_path(line.path, line.path_at).and_then(|steps| set(&mut tree, &steps, value)),
+            };
             diagnostics.extend(result.err());
         }
         diagnostics.extend(self.syntax);
         (tree, self.damage)
     }
 
-    fn node(&self, index: usize, diagnostics: &mut Vec<DiagnosticBuilder>) -> DeTable<'a> {
+    /// The table of a node with all that it extends. `merged` keeps it: several recipes can extend one.
+    fn node(
+        &self,
+        index: usize,
+        merged: &mut [Option<DeTable<'a>>],
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> DeTable<'a> {
+        if let Some(tree) = &merged[index] {
+            return tree.clone();
+        }
         let mut own = self.nodes[index].table.clone();
         let (removals, sets) = (own.remove("remove"), own.remove("set"));
         let bases = &self.nodes[index].bases;
-        let mut tree = bases.iter().map(|&base| self.node(base, diagnostics)).reduce(merge).unwrap_or_default();
+        let mut tree = bases.iter().map(|&base| self.node(base, merged, diagnostics)).reduce(merge).unwrap_or_default();
         let removals = removals.map_or_else(Vec::new, |value| strings(&value, "remove", diagnostics));
         for (path, span) in removals {
             diagnostics.extend(remove(&mut tree, &path, &span).err());
@@ -216,6 +279,7 @@ impl<'a> Graph<'a> {
             Some((span, _)) => diagnostics.push(wrong_type(span, "set", "a table of paths and values")),
             None => {}
         }
+        merged[index] = Some(tree.clone());
         tree
     }
 

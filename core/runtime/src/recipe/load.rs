@@ -12,14 +12,14 @@ use super::resolved::{self, ResolvedStage};
 use super::schema::Schemas;
 use super::source::{NOWHERE, Sources, Span};
 use super::stages::{Built, Loader};
-use super::suggest::{did_you_mean, listing};
+use super::suggest::{did_you_mean, listing, synonym};
 use super::variables::{self, PathRules};
 use super::{Recipe, Source};
 use crate::plan::{Implied, Plan};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::registry::{Registry, Shape, Slot, Stage};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
@@ -53,7 +53,7 @@ pub(crate) fn load_with(
         DiagnosticBuilder::error(Code::Plugin, NOWHERE, fault.as_str())
             .help("ask the plugin's authors to mend it, or leave the plugin out of your binary")
     }));
-    unknown_sections(&tree, &mut diagnostics);
+    unknown_sections(&tree, &schemas, &mut diagnostics);
     let dataset = dataset(&mut tree, &schemas, renamed, &mut diagnostics);
     let lock = lock_table(&mut tree, &schemas, &mut diagnostics);
     let paths = PathRules {
@@ -83,18 +83,34 @@ pub(crate) fn load_with(
     }
 }
 
-fn unknown_sections(tree: &DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) {
+fn unknown_sections(tree: &DeTable, schemas: &Schemas, diagnostics: &mut Vec<DiagnosticBuilder>) {
     let known = || Slot::ALL.into_iter().map(Slot::name).chain(OTHERS);
     for key in tree.keys() {
         let name = key.get_ref().as_ref();
         if !known().any(|known| known == name) {
             diagnostics.push(
                 DiagnosticBuilder::error(Code::UnknownKey, key.span(), format!("a recipe has no section `{name}`"))
-                    .label(did_you_mean(name, known()))
+                    .label(section_of(name, schemas).unwrap_or_else(|| did_you_mean(name, known())))
                     .help(format!("its sections are {}", listing(known()))),
             );
         }
     }
+}
+
+/// Where an option belongs that stands outside of all sections, if one section has it or means it.
+fn section_of(name: &str, schemas: &Schemas) -> Option<String> {
+    let dataset = ("dataset", &schemas.dataset);
+    let kinds = schemas.kinds.iter().filter(|kind| kind.slot.shape() == Shape::One);
+    let sections = std::iter::once(dataset).chain(kinds.map(|kind| (kind.slot.name(), &kind.options)));
+    let found = sections.filter_map(|(section, options)| {
+        let options =
+            || options["properties"].as_object().into_iter().flat_map(serde_json::Map::keys).map(String::as_str);
+        let option = options().find(|option| *option == name).or_else(|| synonym(name, options()))?;
+        Some((section, option.to_owned()))
+    });
+    let found: BTreeSet<(&str, String)> = found.collect();
+    let (section, option) = found.first().filter(|_| found.len() == 1)?;
+    Some(format!("write `{option}` under [{section}]"))
 }
 
 /// Takes `[dataset]` out of the tree, with its bytes.
@@ -113,7 +129,17 @@ fn dataset(
     };
     let span = value.span();
     let views = value.get_ref().as_table().and_then(|table| table.get("views_per_scene")).map(Spanned::span);
+    let name = value.get_ref().as_table().and_then(|table| table.get("name")).map(Spanned::span);
     let table = plain::<DatasetTable>("dataset", value, &schemas.dataset, schemas, renamed.dataset, diagnostics)?;
+    if matches!(table.name.as_str(), "." | "..") || table.name.contains(['/', '\\', '\0']) {
+        let message = format!("`name` cannot be {:?}", table.name);
+        diagnostics.push(
+            DiagnosticBuilder::error(Code::InvalidValue, name.unwrap_or(span), message)
+                .label("the dataset's folder has this name, unless --out names another")
+                .help("leave out slashes, and choose the folder with --out"),
+        );
+        return None;
+    }
     Some((DatasetSpans { header: span, views }, table))
 }
 
@@ -269,7 +295,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     // A resolved recipe names the stages that run with their defaults, too.
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
-    let files = built.files;
+    let (files, libraries) = (built.files, built.libraries);
     let lock = Lock::from(lock);
     for stage in built.stages {
         match stage.stage {
@@ -318,6 +344,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         lock,
         files,
         folder: None,
+        libraries,
     })
 }
 

@@ -14,9 +14,11 @@
 //! each table validated once. A value keeps its file and bytes however recipes are merged. One bad table never hides the
 //! mistakes of another. Loading the text in [`Recipe::resolved`] gives the same text.
 
+mod builtin;
 mod check;
 mod code;
 mod dataset;
+mod describe;
 mod diagnostic;
 mod editor;
 mod inherit;
@@ -35,8 +37,10 @@ mod stages;
 mod suggest;
 mod variables;
 
+pub use builtin::{BUILTINS, Builtin};
 pub use code::Code;
 pub use dataset::{CatalogLock, Dataset, Lock, OnBadAsset};
+pub use describe::{OptionInfo, description_of, options_of};
 pub use diagnostic::{Diagnostic, Label, Report, Severity};
 pub use editor::{editor_schema, schema_text};
 pub use lints::lints;
@@ -46,11 +50,13 @@ pub use pool::{Center, Mass, Part, Pool, PoolOptions, Scale, Split};
 pub use resolved::{lock_of, with_lock, without_lock};
 pub use schema::schema;
 pub use source::SourceFile;
+pub(crate) use suggest::nearest;
 
 use crate::plan::Plan;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use syntable_model::error::{Error, Result};
+use syntable_model::files::read_small;
 use syntable_model::stage::{CameraModel, LightSampler, Placer, Renderer, Settler, ViewSampler, Writer};
 
 /// The text of a recipe and its origin.
@@ -65,10 +71,26 @@ pub struct Source {
 }
 
 impl Source {
-    /// Reads a file.
+    /// Reads a file, or takes the embedded recipe that `builtin:NAME` means.
     pub fn read(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
-        let bytes = std::fs::read(&path).map_err(|error| Error::io(&path, &error))?;
+        if let Some(name) = path.to_str().and_then(|path| path.strip_prefix(builtin::PREFIX)) {
+            return Builtin::find(name).map(Builtin::source);
+        }
+        let bytes = read_small(&path).map_err(|error| {
+            let failed = Error::io(&path, &error);
+            match path
+                .to_str()
+                .filter(|name| BUILTINS.iter().any(|builtin| builtin.name == name.trim_end_matches(".toml")))
+            {
+                Some(name) => failed.help(format!(
+                    "write {}{} for the recipe in the program",
+                    builtin::PREFIX,
+                    name.trim_end_matches(".toml")
+                )),
+                None => failed,
+            }
+        })?;
         let text = String::from_utf8(bytes).map_err(|error| {
             Error::new("the recipe is not UTF-8").in_file(&path).at_byte(error.utf8_error().valid_up_to() as u64)
         })?;
@@ -118,4 +140,6 @@ pub struct Recipe {
     pub files: Vec<(String, PathBuf)>,
     /// The folder of the recipe's file, if it has one.
     pub folder: Option<PathBuf>,
+    /// Native libraries that the recipe names by a path beside itself: code of whoever wrote the recipe.
+    pub libraries: Vec<String>,
 }

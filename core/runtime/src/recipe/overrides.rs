@@ -11,6 +11,8 @@ pub struct Overrides<'a> {
     pub variable: &'a dyn Fn(&str) -> Option<String>,
     /// Reads a recipe that another one extends.
     pub read: &'a dyn Fn(&Path) -> io::Result<String>,
+    /// Whether there is anything at a path that the recipe names; always true if that does not matter yet.
+    pub exists: &'a dyn Fn(&Path) -> bool,
     /// Base of relative paths in overrides and embedded recipes.
     pub current_folder: PathBuf,
 }
@@ -21,8 +23,17 @@ impl Overrides<'static> {
         Self {
             set,
             variable: &|name| std::env::var(name).ok(),
-            read: &|path| std::fs::read_to_string(path),
+            read: &|path| {
+                let text = syntable_model::files::read_small(path)?;
+                String::from_utf8(text).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
+            },
+            exists: &|_| true,
             current_folder: std::env::current_dir().unwrap_or_default(),
         }
+    }
+
+    /// The same, with a mistake for every path at which there is nothing.
+    pub fn with_existing_paths(self) -> Self {
+        Self { exists: &|path| path.exists(), ..self }
     }
 }

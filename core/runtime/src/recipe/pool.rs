@@ -5,9 +5,9 @@ use glob::Pattern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::fs;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{ConfigError, Error, Result};
+use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
 use syntable_model::scene::{AssetClass, CatalogEntry};
 use syntable_model::stage::AssetSource;
@@ -221,7 +221,7 @@ impl PoolOptions {
 }
 
 fn names_of_list(list: &AssetPath) -> Result<BTreeSet<String>> {
-    let bytes = fs::read(list.path()).map_err(|error| Error::io(list.path(), &error))?;
+    let bytes = read_small(list.path()).map_err(|error| Error::io(list.path(), &error))?;
     let text = String::from_utf8(bytes).map_err(|error| {
         Error::new("the list of names is not UTF-8 text")
             .in_file(list.path())
@@ -321,7 +321,7 @@ mod tests {
     fn lists_and_patterns_select() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let list = folder.path().join("names.txt");
-        fs::write(&list, "\u{feff}# bad ones\nmug_1 # two handles\n\n  can_2\r\n").expect("written");
+        std::fs::write(&list, "\u{feff}# bad ones\nmug_1 # two handles\n\n  can_2\r\n").expect("written");
         let options = PoolOptions {
             include: vec!["mug_*".into(), "can_?".into()],
             exclude: vec!["*_3".into()],

@@ -154,7 +154,10 @@ pub fn schema(registry: &Registry) -> Json {
     };
     properties.insert(
         "extends".into(),
-        paths("Recipe, or recipes, that this one adds to and overrides; relative paths start from this file's folder."),
+        paths(
+            "Recipe, or recipes, that this one adds to and overrides: relative paths start from this file's folder, and \
+             `builtin:quickstart` is a recipe of the program.",
+        ),
     );
     properties
         .insert("remove".into(), paths("Inherited values to remove, such as \"write.npy\" or \"place.objects\"."));

@@ -15,6 +15,9 @@ pub(crate) type Span = Range<usize>;
 /// The span of values that no file holds.
 pub(crate) const NOWHERE: Span = 0..0;
 
+/// Offset of the recipe itself, the first text.
+const FIRST: usize = 1;
+
 /// A text with a name.
 #[derive(Debug, PartialEq, Eq)]
 pub struct SourceFile {
@@ -45,6 +48,11 @@ impl SourceFile {
         self.start
     }
 
+    /// Whether it is the recipe itself, rather than one that it extends, or an override.
+    pub(crate) fn is_root(&self) -> bool {
+        self.start == FIRST
+    }
+
     /// Its bytes in the shared space.
     pub(crate) fn span(&self) -> Span {
         self.start..self.start + self.text.len()
@@ -71,7 +79,7 @@ pub(crate) struct Sources {
 impl Sources {
     /// Adds a text.
     pub fn add(&self, name: String, folder: PathBuf, text: String) -> &SourceFile {
-        let start = self.files.last().map_or(1, |last| last.span().end + 1);
+        let start = self.files.last().map_or(FIRST, |last| last.span().end + 1);
         self.files.push_get(Box::new(Arc::new(SourceFile { name, folder, text, start })))
     }
 

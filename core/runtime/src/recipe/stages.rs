@@ -14,7 +14,7 @@ use super::suggest::{did_you_mean, listing};
 use super::variables::{self, PathRules};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use syntable_model::error::ConfigError;
 use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
 use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
@@ -54,6 +54,8 @@ pub(crate) struct Built<'l> {
     pub pools: BTreeMap<String, PoolOptions>,
     /// Paths that options of other stages name, by the option.
     pub files: Vec<(String, PathBuf)>,
+    /// Native libraries that the recipe names by a path beside itself, such as `denoise: library = "oidn.so"`.
+    pub libraries: Vec<String>,
 }
 
 /// The table of a stage.
@@ -91,7 +93,7 @@ impl Names {
 impl<'l> Loader<'l> {
     /// Builds all stages of the tree and reports all mistakes.
     pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'l> {
-        let mut built = Built { stages: Vec::new(), pools: BTreeMap::new(), files: Vec::new() };
+        let mut built = Built { stages: Vec::new(), pools: BTreeMap::new(), files: Vec::new(), libraries: Vec::new() };
         let mut names = Names::default();
         let mut failed = BTreeSet::new();
         for slot in Slot::ALL {
@@ -298,12 +300,29 @@ impl<'l> Loader<'l> {
         let header_span = given.header.clone();
         let mut paths = Vec::new();
         let mut products = Vec::new();
+        let libraries: Vec<Vec<Step>> = (checked.references.iter())
+            .filter(|reference| reference.what == "library")
+            .map(|reference| reference.path.clone())
+            .collect();
         for reference in checked.references {
             match reference.what.as_str() {
                 "path" => match self.path(&reference, &mut given.table, diagnostics) {
-                    Some(path) => paths.push((reference.path, path)),
+                    Some(path) => {
+                        // Whether a library is there is for the stage to say, which knows where to get it.
+                        if !libraries.contains(&reference.path) && !(self.overrides.exists)(&path.path) {
+                            diagnostics.push(absent(&reference, &path.path));
+                        }
+                        paths.push((reference.path, path));
+                    }
                     None => ok = false,
                 },
+                "library" => {
+                    let typed = self.sources.file_of(&reference.span).is_none_or(|file| file.name() == SET);
+                    if !typed && !reference.text.starts_with("${") && Path::new(&reference.text).is_relative() {
+                        let option = DisplayPath(&reference.path);
+                        built.libraries.push(format!("{slot}: {option} = {:?}", reference.text));
+                    }
+                }
                 what => {
                     if what == "product"
                         && let Some(diagnostic) = self.renamed.product(&reference.text, &reference.span)
@@ -530,6 +549,7 @@ impl<'l> Loader<'l> {
                 }
             }
         }
+        let mut rest = own.clone();
         match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(own))) {
             Ok(constructed) => Some(constructed).filter(|_| ok),
             Err(ConstructError::Form(error)) => {
@@ -537,7 +557,22 @@ impl<'l> Loader<'l> {
                 None
             }
             Err(ConstructError::Invalid(invalid)) => {
+                let mut key = invalid.key.clone();
                 diagnostics.push(refused(invalid, given));
+                // Without the option that was refused, the stage may refuse another one.
+                while let Some(Step::Key(option)) = key_path::steps(&key).into_iter().next()
+                    && rest.remove(option.as_str()).is_some()
+                {
+                    match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(rest.clone()))) {
+                        Err(ConstructError::Invalid(invalid))
+                            if place(&rest, &key_path::steps(&invalid.key)).is_some() =>
+                        {
+                            key = invalid.key.clone();
+                            diagnostics.push(refused(invalid, given));
+                        }
+                        _ => break,
+                    }
+                }
                 None
             }
         }
@@ -580,7 +615,9 @@ impl<'l> Loader<'l> {
             }
         }
         for (id, (_, span)) in &names.pools {
-            if !names.used.contains(id) && !names.unread {
+            // A recipe that extends another one need not draw from all of its pools.
+            let own = self.sources.file_of(span).is_some_and(|file| file.is_root());
+            if own && !names.used.contains(id) && !names.unread {
                 diagnostics.push(
                     DiagnosticBuilder::warning(
                         Code::UnusedPool,
@@ -601,6 +638,19 @@ fn default_of(kind: &str, reference: &Reference) -> String {
 /// The diagnostic for a table that passes the schema but cannot be read.
 fn malformed(error: &toml::de::Error, header: &Span) -> DiagnosticBuilder {
     DiagnosticBuilder::error(Code::InvalidValue, error.span().unwrap_or(header.clone()), error.message().trim_end())
+}
+
+/// The diagnostic for a path at which there is nothing.
+fn absent(reference: &Reference, path: &Path) -> DiagnosticBuilder {
+    let message = format!("there is no file or folder {}", path.display());
+    let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message);
+    match reference.text.strip_prefix("${").and_then(|rest| rest.split_once('}')) {
+        Some((name, _)) => diagnostic.label(format!("`{name}` is an environment variable")),
+        None if Path::new(&reference.text).is_relative() => {
+            diagnostic.label("relative paths start from the folder of the recipe that names them")
+        }
+        None => diagnostic,
+    }
 }
 
 /// The diagnostic for a value that a stage refuses.

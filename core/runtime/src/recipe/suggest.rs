@@ -2,8 +2,94 @@
 
 pub(crate) use syntable_model::options::listing;
 
+/// What people write who know another tool or another dataset, and what they may mean, the likeliest first.
+const SYNONYMS: &[(&str, &[&str])] = &[
+    // Of the dataset.
+    ("num_scenes", &["scenes"]),
+    ("n_scenes", &["scenes"]),
+    ("num_views", &["views_per_scene"]),
+    ("views", &["views_per_scene"]),
+    ("cameras", &["views_per_scene"]),
+    ("images", &["views_per_scene"]),
+    ("random_seed", &["seed"]),
+    ("retries", &["max_attempts"]),
+    // Of pools.
+    ("path", &["root", "library", "file"]),
+    ("dir", &["root", "folder"]),
+    ("directory", &["root", "folder"]),
+    ("folder", &["root"]),
+    ("pool", &["from"]),
+    ("assets", &["from"]),
+    ("objects", &["from"]),
+    ("materials", &["material", "from"]),
+    // Of quantities.
+    ("num_objects", &["count"]),
+    ("number", &["count"]),
+    ("num", &["count"]),
+    ("n", &["count"]),
+    ("width", &["resolution", "size_m", "width_m", "width_px"]),
+    ("height", &["resolution", "height_m", "height_px"]),
+    ("image_size", &["resolution"]),
+    ("size", &["resolution", "size_m"]),
+    ("radius_m", &["radius", "distance_m", "distance"]),
+    ("distance", &["radius", "distance_m"]),
+    ("distance_m", &["radius"]),
+    ("fov", &["intrinsics"]),
+    ("fov_deg", &["intrinsics"]),
+    ("focal_length", &["intrinsics"]),
+    ("spp", &["samples_per_pixel"]),
+    ("bounces", &["max_bounces"]),
+    ("depth_scale", &["depth_scale_mm"]),
+    ("intensity", &["brightness"]),
+    ("power", &["brightness"]),
+    ("lux", &["brightness"]),
+    ("color_temperature", &["temperature_k"]),
+    ("products", &["include"]),
+    ("outputs", &["include"]),
+    // Products.
+    ("bbox", &["visible_box", "amodal_box"]),
+    ("bounding_box", &["visible_box", "amodal_box"]),
+    ("box", &["visible_box", "amodal_box"]),
+    ("mask", &["visible_mask", "amodal_mask"]),
+    ("masks", &["visible_mask", "amodal_mask"]),
+    ("modal_mask", &["visible_mask"]),
+    ("segmentation", &["instance", "visible_mask"]),
+    ("instances", &["instance"]),
+    ("instance_mask", &["instance", "visible_mask"]),
+    ("image", &["rgb"]),
+    ("color", &["rgb"]),
+    ("normals", &["normal"]),
+    ("pose", &["object_info"]),
+    ("poses", &["object_info"]),
+    ("intrinsics", &["camera"]),
+    ("occlusion", &["occlusion_rate", "occlusion_order"]),
+    // Kinds.
+    ("coco", &["syntable"]),
+    ("json", &["jsonl", "syntable"]),
+    ("bop", &["bop_models"]),
+    ("gso", &["google_scanned_objects"]),
+    ("glb_folder", &["mesh_folder"]),
+    ("obj_folder", &["mesh_folder"]),
+    ("hdri", &["environment"]),
+    ("hdri_folder", &["environment_folder"]),
+    ("bullet", &["rapier"]),
+    ("path_tracer", &["cpu_path"]),
+];
+
+/// The candidate that a word of another tool means.
+pub(crate) fn synonym<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let plain = simplify(name);
+    let (_, meant) = SYNONYMS.iter().find(|(word, _)| *word == plain)?;
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    meant.iter().find_map(|meant| candidates.iter().find(|candidate| *candidate == meant).copied())
+}
+
 /// Returns the candidate nearest to `name`, if one is near.
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let candidates: Vec<&str> = candidates.into_iter().collect();
+    if let Some(meant) = synonym(name, candidates.iter().copied()) {
+        return Some(meant);
+    }
     let plain = simplify(name);
     let words = sorted_words(&plain);
     // Ties in edit distance go to the longer common prefix.
@@ -66,5 +152,8 @@ mod tests {
         check("x", &["y"], None);
         check("sceen", &["seed", "scenes"], Some("scenes"));
         check("same", &["same"], None);
+        check("mask", &["amodal_mask", "visible_mask"], Some("visible_mask"));
+        check("num_scenes", &["seed", "scenes"], Some("scenes"));
+        check("path", &["path_m", "root"], Some("root"));
     }
 }

@@ -80,8 +80,11 @@ pub struct Finished {
 impl Folder {
     /// Opens a folder that is new, empty, or holds a dataset. A deletion that was interrupted is finished.
     pub fn open(root: &Path) -> Result<Self> {
-        let fail =
-            |error: std::io::Error| Error::io(root, &error).help("choose a folder that can be written with --out");
+        let fail = |error: std::io::Error| {
+            let full = matches!(error.kind(), ErrorKind::QuotaExceeded | ErrorKind::StorageFull);
+            let failed = Error::io(root, &error).help("choose a folder that can be written with --out");
+            if full { failed } else { failed.of_request() }
+        };
         fs::create_dir_all(root).map_err(fail)?;
         let empty = fs::read_dir(root).map_err(fail)?.next().is_none();
         if !empty && !root.join(MARK).is_dir() {
@@ -475,9 +478,9 @@ fn lock_now(
     match try_lock(lock) {
         Ok(()) => Ok(()),
         Err(fs::TryLockError::WouldBlock) => Err(Error::new("another run is writing this dataset").in_file(root)),
-        Err(fs::TryLockError::Error(error)) => {
-            Err(Error::io(path, &error).help("the file system must support locks; choose another folder with --out"))
-        }
+        Err(fs::TryLockError::Error(error)) => Err(Error::io(path, &error)
+            .help("the file system must lock files: choose a folder on another one with --out")
+            .of_request()),
     }
 }
 

@@ -552,6 +552,7 @@ pub fn load(source: Source, set: &[(&str, &str)]) -> Result<(Recipe, Vec<Diagnos
         &registry(),
         source,
         &Overrides {
+            exists: &|_| true,
             set,
             variable: &|name| (name == "ASSETS").then(|| "/data/assets".to_owned()),
             read: &|path| std::fs::read_to_string(path),

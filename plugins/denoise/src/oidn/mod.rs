@@ -47,6 +47,7 @@ impl Quality {
 #[serde(deny_unknown_fields)]
 pub struct Oidn {
     /// The library: `libOpenImageDenoise.so.2`, `OpenImageDenoise.dll` or `libOpenImageDenoise.dylib`, with its path.
+    #[schemars(extend("x-syntable-ref" = "library"))]
     library: AssetPath,
     /// Time against quality. Versions before 2.0 have `high` only.
     #[serde(default)]
@@ -79,6 +80,15 @@ struct OidnDenoiser {
 impl Denoiser for OidnDenoiser {
     fn reads(&self) -> Vec<KeyId> {
         keys![RADIANCE_NOISY, DENOISE_ALBEDO, DENOISE_NORMAL]
+    }
+
+    fn found(&self) -> Result<()> {
+        let library = self.options.library.path();
+        match std::fs::metadata(library) {
+            Ok(found) if found.is_file() => Ok(()),
+            Ok(_) => Err(Error::new("it is not a file").in_file(library).help(ADVICE)),
+            Err(error) => Err(Error::io(library, &error).help(ADVICE)),
+        }
     }
 
     fn ready(&self) -> Result<()> {
@@ -127,15 +137,14 @@ impl OidnDenoiser {
     /// Opens a device of so many threads.
     fn open(&self, threads: usize) -> Result<Device> {
         let library = self.options.library.path();
-        Device::open(library, threads).map_err(|error| {
-            error.in_file(library).help(
-                "`library` must name Open Image Denoise for this system: `pip install pyoidn` puts one into \
-                 site-packages/pyoidn/oidn/lib, and the archives of its releases have one in lib; or denoise with \
-                 `kind = \"guided\"`",
-            )
-        })
+        Device::open(library, threads).map_err(|error| error.in_file(library).help(ADVICE))
     }
 }
+
+/// Where a library is to be had.
+const ADVICE: &str = "`library` must name Open Image Denoise for this system: `pip install pyoidn` puts one into \
+                      site-packages/pyoidn/oidn/lib, and the archives of its releases have one in lib; or denoise with \
+                      `kind = \"guided\"`";
 
 /// A sound amount of light: what is not is none.
 fn finite(x: f32) -> f32 {

@@ -1,0 +1,37 @@
+//! Annotator `rival_boxes`: provides products that a stock plugin provides, too. Only recipes with an
+//! `[annotate.rival_boxes]` table get them from here.
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_BOX, AMODAL_MASK, VISIBLE_BOX, VISIBLE_MASK};
+
+/// Bounding boxes of the masks.
+#[derive(Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RivalBoxes {}
+
+impl Config for RivalBoxes {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "rival_boxes";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for RivalBoxes {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![VISIBLE_BOX, AMODAL_BOX]
+    }
+
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        let visible = products.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
+        products.put(VISIBLE_BOX, visible)?;
+        let amodal = products.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());
+        products.put(AMODAL_BOX, amodal)
+    }
+}
+register!(RivalBoxes);
