@@ -12,7 +12,9 @@ fn two_hundred_scenes_take_the_memory_of_one_hundred() {
     let set = [
         "dataset.scenes=200",
         "assets.objects.variants_per_family=1",
-        "assets.materials.variants_per_family=1",
+        "assets.floors.variants_per_family=1",
+        "assets.walls.variants_per_family=1",
+        "assets.tabletops.variants_per_family=1",
         "assets.tables.variants_per_design=1",
         "settle.duration_s=0.3",
         "settle.on_violation=keep",
