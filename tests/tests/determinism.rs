@@ -61,7 +61,7 @@ fn lights_of_a_scene_stay_while_the_camera_moves() {
     let lights = |per: &str| {
         let out = folder.path().join(per);
         let drawn = format!("lights[1].per=\"{per}\"");
-        let sets = ["lights[0].count=0", "write.jsonl.include=[\"lights\"]", &drawn];
+        let sets = ["lights[0].count=0", "lights[2].walls=0", "write.jsonl.include=[\"lights\"]", &drawn];
         let sets: Vec<&str> = sets.into_iter().flat_map(|set| ["--set", set]).collect();
         ok(small_run(&out, &["--views", "3"]).args(&sets));
         let files = files(&out);

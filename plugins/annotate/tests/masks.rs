@@ -101,8 +101,12 @@ fn check(rays: &Rays, options: &str, truth: &Truth) {
 fn check_all_policies(rays: &Rays) {
     for (extend, frame) in [(false, "clip"), (true, "extend")] {
         for (clip, support) in [(false, "occlude"), (true, "clip")] {
-            let options = format!("image_frame = \"{frame}\"\ntable_and_room = \"{support}\"");
-            check(rays, &options, &truth(rays, extend, clip, 0, 1.0));
+            for min_visible in [0, 1] {
+                let options = format!(
+                    "image_frame = \"{frame}\"\ntable_and_room = \"{support}\"\nmin_visible_px = {min_visible}"
+                );
+                check(rays, &options, &truth(rays, extend, clip, min_visible, 1.0));
+            }
         }
     }
 }

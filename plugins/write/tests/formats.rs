@@ -152,7 +152,9 @@ fn syntable_writes_one_record_per_image() {
         let id = InstanceId(annotation["instance_id"].as_u64().expect("an id") as u16);
         let rate = *products.get(OCCLUSION_RATE).expect("made").get(id).expect("annotated");
         assert_eq!(annotation["occluded_rate"], json!(rate));
-        assert_eq!(annotation["bbox"], annotation["visible_bbox"]);
+        // A fully hidden object has no other box than the amodal one.
+        let visible = products.get(VISIBLE_MASK).expect("made").get(id).is_some_and(|mask| !mask.is_empty());
+        assert_eq!(annotation["bbox"], annotation[if visible { "visible_bbox" } else { "amodal_bbox" }]);
         assert_eq!(annotation["area"], json!(products.get(AMODAL_MASK).expect("made").get(id).expect("there").area()));
         assert_eq!(annotation["object_name"], json!(format!("tetra_{}", id.0 + 1)));
         assert_eq!(annotation["object"]["name"], annotation["object_name"]);

@@ -29,6 +29,7 @@ macro_rules! builtins {
 
 builtins![
     "ceiling-room",
+    "clutter",
     "open-sky",
     "quickstart",
     "real-objects",

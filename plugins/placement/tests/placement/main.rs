@@ -418,9 +418,9 @@ fn options_are_checked() {
         ("drop_box", "from = [\"small\"]\nrotation = \"uniform\"", "uniform_so3"),
         ("drop_box", "from = [\"small\"]\nclearance_m = -1", "`clearance_m` cannot be -1"),
         ("room", "size_m = { uniform = [0, 4] }", "can become 0"),
-        ("room", "texture_scale = 0", "can become 0"),
+        ("room", "texture_scale = 0", "`texture_scale` cannot be 0"),
         ("table", "from = [\"tables\"]\nlonger_side_m = { uniform = [0, 2] }", "can become 0"),
-        ("drop_box", "from = [\"small\"]\nfriction = -1", "can become -1"),
+        ("drop_box", "from = [\"small\"]\nfriction = -1", "`friction` cannot be -1"),
         ("drop_box", "from = [\"small\"]\nrestitution = { uniform = [0, 2] }", "can become 2"),
         (
             "drop_box",
