@@ -99,8 +99,6 @@ pub(crate) struct Guides {
     /// Color of the mirrors so far.
     tint: [Vec3; BATCH],
     pending: [bool; BATCH],
-    /// Whether the first surface is a mirror or glass.
-    behind: [bool; BATCH],
     /// Light from lights that the first surface mirrors without coloring it.
     pub direct_specular: [[f32; 3]; BATCH],
     /// Fraction of the light from elsewhere that is such.
@@ -117,7 +115,6 @@ impl Guides {
         self.normal[slot] = [0.0; 3];
         self.tint[slot] = Vec3::ONE;
         self.pending[slot] = true;
-        self.behind[slot] = false;
         self.direct_specular[slot] = [0.0; 3];
         self.specular_fraction[slot] = [0.0; 3];
         self.first[slot] = [0.0; 3];
@@ -139,8 +136,8 @@ impl Guides {
         }
     }
 
-    /// What of a path's light the first surface mirrored without coloring it. What is seen in a mirror or through glass
-    /// counts as colored, as for the other guides.
+    /// What of a path's light the first surface mirrored without coloring it. What is seen in a metal or through glass
+    /// counts as colored, as for the other guides; what glass reflects does not.
     #[inline(always)]
     pub fn specular(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|c| {
@@ -159,7 +156,6 @@ impl Guides {
         let albedo = surface.albedo * self.tint[slot];
         if surface.is_mirror() && !last {
             self.tint[slot] = albedo;
-            self.behind[slot] = true;
         } else {
             self.pending[slot] = false;
             self.normal[slot] = surface.normal.array();
@@ -238,7 +234,6 @@ impl Batch {
                 normal: [[0.0; 3]; BATCH],
                 tint: [Vec3::ZERO; BATCH],
                 pending: [false; BATCH],
-                behind: [false; BATCH],
                 direct_specular: [[0.0; 3]; BATCH],
                 specular_fraction: [[0.0; 3]; BATCH],
                 first: [[0.0; 3]; BATCH],

@@ -25,7 +25,7 @@ const DIFFERENT: f32 = 0.1;
 const FIREFLY: f64 = 3.0;
 
 /// The standard error of a firefly is at least this fraction of its luminance: one or two samples made it. What is bright
-/// by itself, such as a highlight or a lamp, has a smaller one.
+/// by itself, such as a highlight or a light, has a smaller one.
 const FIREFLY_ERROR: f64 = 0.5;
 
 /// Limits on samples and time.
@@ -260,7 +260,7 @@ mod tests {
         };
         assert_eq!(at(&[(0, 0), (4, 3)], 0.9), 2);
         assert_eq!(at(&[(4, 3), (5, 3)], 0.9), 2, "side by side");
-        assert_eq!(at(&[(4, 3), (5, 3)], 0.1), 0, "a lamp of two pixels is none");
+        assert_eq!(at(&[(4, 3), (5, 3)], 0.1), 0, "a light of two pixels is none");
         assert_eq!(at(&[(4, 3)], f64::NAN), 0, "one sample");
         assert_eq!(at(&[], 0.9), 0);
     }

@@ -50,8 +50,8 @@ products! {
     /// sample.
     pub const RADIANCE_VARIANCE: Key<Plane<f32>> = view("radiance_variance").unit("nit²");
 
-    /// Part of [`RADIANCE`] that the first surface reflects without coloring it, as clearcoats and dielectrics do. What a
-    /// mirror or a glass shows is not in it.
+    /// Part of [`RADIANCE`] that the first surface reflects without coloring it, as clearcoats, dielectrics and
+    /// glass do. What a metal mirrors or is seen through glass is not in it.
     pub const RADIANCE_SPECULAR: Key<Plane<[f32; 3]>> =
         view("radiance_specular").semantic(Semantic::Color).unit("nit");
 

@@ -88,7 +88,7 @@ const STROKES: [&str; 26] = [
     "fbdhlnj",
     "ac bn",
     "ajnlc",
-    "anc",
+    "anc", // typos: ignore
     "amkoc",
     "ao cm",
     "ahc hn",
