@@ -1,6 +1,7 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
 use crate::recipe::{Center, Mass, OnBadAsset, PoolOptions, Recipe};
+use crate::run::panics::unwound;
 use parking_lot::Mutex;
 use quick_cache::Weighter;
 use quick_cache::sync::Cache;
@@ -157,7 +158,8 @@ impl<'a> AssetStore<'a> {
     fn load(&self, asset: &AssetRef) -> Result<Asset> {
         let pool = self.pool(&asset.pool)?;
         let log = Named { asset, log: self.log };
-        let loaded = patiently(&log, |log| pool.load(&asset.name, log));
+        // An asset that a reader panics on is a bad one: it is named, and left out from then on.
+        let loaded = patiently(&log, |log| unwound(|| pool.load(&asset.name, log)));
         let locked = self.locked.get(&asset.to_string());
         let (was, is) = match (locked, &loaded) {
             (None, _) => return loaded,
@@ -414,6 +416,46 @@ mod tests {
                 _ => Material::plain("oak", [0.5; 3], 0.5).with_digest().into(),
             })
         }
+    }
+
+    /// A source whose reader panics, and counts how often it was asked.
+    #[derive(Default)]
+    struct Panicking(std::sync::atomic::AtomicUsize);
+
+    impl AssetSource for Panicking {
+        fn class(&self) -> AssetClass {
+            AssetClass::Object
+        }
+
+        fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+            Ok(Catalog { entries: Vec::new() })
+        }
+
+        fn load(&self, _: &str, _: &dyn Log) -> Result<Asset> {
+            self.0.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+            panic!("chunk size must not be zero")
+        }
+    }
+
+    #[test]
+    fn an_asset_that_a_reader_panics_on_is_bad() {
+        let (source, options, log) = (Panicking::default(), PoolOptions::default(), Collected::default());
+        let store = AssetStore {
+            pools: BTreeMap::from([("p", Pool { source: &source, options: &options, entries: Vec::new() })]),
+            locked: BTreeMap::new(),
+            on_bad_asset: OnBadAsset::Skip,
+            log: &log,
+            loaded: Cache::with_weighter(16, KEEP_BYTES, ByBytes),
+            bad: Mutex::default(),
+            refused: Mutex::default(),
+        };
+        for _ in 0..3 {
+            let error = store.get(&AssetRef { pool: "p".into(), name: "x".into() }).expect_err("bad").to_string();
+            assert!(error.contains("asset p/x") && error.contains("chunk size must not be zero"), "{error}");
+        }
+        assert_eq!(source.0.load(std::sync::atomic::Ordering::SeqCst), 1, "it is not drawn again");
+        assert_eq!(log.warnings().len(), 1);
+        assert!(store.refused().is_ok());
     }
 
     #[test]

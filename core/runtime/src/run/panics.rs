@@ -38,13 +38,17 @@ pub fn carried(job: impl FnOnce()) {
 
 /// Runs a stage. Its errors and panics name it.
 pub fn caught<T>(stage: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
-    let result = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+    unwound(work).map_err(|error| error.context(stage))
+}
+
+/// Runs something that may panic; a panic becomes an error.
+pub fn unwound<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let Located { message, location } = located(payload);
         let place = location.map_or(String::new(), |location| format!(" at {location}"));
         Err(Error::new(format!("panicked{place}: {message}"))
-            .help("this is a bug of the stage; please report it with the recipe"))
-    });
-    result.map_err(|error| error.context(stage))
+            .help("this is a bug of the program or of a plugin; please report it with the recipe and the file"))
+    })
 }
 
 /// Number of runs of this process that report panics themselves.
