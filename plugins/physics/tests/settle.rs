@@ -58,22 +58,28 @@ fn bodies_rest_on_a_round_table_and_not_beside_it() {
     assert!((heights(&scene)[0] - 0.03).abs() < 0.001);
 }
 
+/// Distance, meters, that a cube of some friction moves in some time on a slope of friction 0.5.
+fn slid(angle_deg: f64, time_s: f64, friction: f64) -> f64 {
+    let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
+    let on_slope = |along: f64, up: f64| {
+        let offset = Vector3::new(0.0, 0.0, 1.5) + tilt * Vector3::new(along, 0.0, up);
+        Pose::from_parts(Translation3::from(offset), tilt)
+    };
+    let slope = object("slope", cuboid([0.0; 3], [2.0, 1.0, 0.1]), 1.0);
+    let mut scene = SceneBuilder::default();
+    scene.add(draft(&slope, on_slope(0.0, 0.0), Role::Support, Motion::Fixed));
+    let start = on_slope(-0.5, 0.05 + f64::from(CUBE) / 2.0);
+    scene.add(BodyDraft { friction, ..dynamic(&cube(), start) });
+    settle(&format!("remove = \"keep\"\non_violation = \"keep\"\nduration_s = {time_s}"), &mut scene);
+    let body = objects(&scene).next().expect("a cube");
+    (body.world_from_body.translation.vector - start.translation.vector).norm()
+}
+
 #[test]
 fn friction_decides_whether_a_cube_slides() {
     // tan 26.57° = 0.5. Above it the distance is ½ g (sin θ − μ cos θ) t².
     let check = |angle_deg: f64, time_s: f64, expected_m: f64| {
-        let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
-        let on_slope = |along: f64, up: f64| {
-            let offset = Vector3::new(0.0, 0.0, 1.5) + tilt * Vector3::new(along, 0.0, up);
-            Pose::from_parts(Translation3::from(offset), tilt)
-        };
-        let slope = object("slope", cuboid([0.0; 3], [2.0, 1.0, 0.1]), 1.0);
-        let mut scene = SceneBuilder::default();
-        scene.add(draft(&slope, on_slope(0.0, 0.0), Role::Support, Motion::Fixed));
-        scene.add(dynamic(&cube(), on_slope(-0.5, 0.05 + f64::from(CUBE) / 2.0)));
-        settle(&format!("remove = \"keep\"\non_violation = \"keep\"\nduration_s = {time_s}"), &mut scene);
-        let body = objects(&scene).next().expect("a cube");
-        let moved = (body.world_from_body.translation.vector - on_slope(-0.5, 0.08).translation.vector).norm();
+        let moved = slid(angle_deg, time_s, 0.5);
         assert!((moved - expected_m).abs() < 0.003 + 0.1 * expected_m, "{angle_deg}°: {moved} m, not {expected_m}");
     };
     let slide = |angle: f64| 0.5 * 9.81 * (angle.to_radians().sin() - 0.5 * angle.to_radians().cos());
@@ -284,21 +290,7 @@ fn nothing_rests_on_the_ceiling() {
 #[test]
 fn a_placer_can_set_friction_and_restitution() {
     // The coefficients of two bodies are averaged. tan 40° = 0.84 is below (0.5 + 2) / 2 and above (0.5 + 0.5) / 2.
-    let moved = |friction: f64| {
-        let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 40_f64.to_radians());
-        let on_slope = |along: f64, up: f64| {
-            let offset = Vector3::new(0.0, 0.0, 1.5) + tilt * Vector3::new(along, 0.0, up);
-            Pose::from_parts(Translation3::from(offset), tilt)
-        };
-        let slope = object("slope", cuboid([0.0; 3], [2.0, 1.0, 0.1]), 1.0);
-        let mut scene = SceneBuilder::default();
-        scene.add(draft(&slope, on_slope(0.0, 0.0), Role::Support, Motion::Fixed));
-        let start = on_slope(-0.5, 0.05 + f64::from(CUBE) / 2.0);
-        scene.add(BodyDraft { friction, ..dynamic(&cube(), start) });
-        settle("remove = \"keep\"\non_violation = \"keep\"\nduration_s = 0.5", &mut scene);
-        let body = objects(&scene).next().expect("a cube");
-        (body.world_from_body.translation.vector - start.translation.vector).norm()
-    };
+    let moved = |friction: f64| slid(40.0, 0.5, friction);
     assert!(moved(2.0) < 0.01 && moved(0.5) > 0.2, "{} {}", moved(2.0), moved(0.5));
 
     // 0.2 m take 0.2 s. At e = (0 + 1) / 2 the ball comes back at half the speed: a quarter of the height, 0.1 s later.
