@@ -16,6 +16,9 @@ pub const NO_TEXTURE: u32 = u32::MAX;
 /// Number of layers that are none.
 pub const NO_LAYERS: u32 = u32::MAX;
 
+/// Maximum perceptual roughness of a pane: what blurs light by less than a third of a degree passes it straight.
+pub const PANE_ROUGHNESS: f32 = 0.05;
+
 /// A texture and its placement in the coordinates of the material's mapping.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
@@ -249,6 +252,12 @@ impl Material {
 }
 
 impl MaterialLayers {
+    /// Fraction of the light that enters the surface and is transmitted; metals transmit none.
+    #[inline(always)]
+    pub fn transmitted_fraction(&self, textures: &[Arc<MipTexture>], at: TextureCoordinates, metallic: f32) -> f32 {
+        self.transmission.at(textures, at) * (1.0 - metallic)
+    }
+
     /// Fraction of the light that is left after a distance in the medium, meters.
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
@@ -261,6 +270,22 @@ impl MaterialTable {
     #[inline(always)]
     pub fn layers(&self, material: &Material) -> Option<&MaterialLayers> {
         self.layers.get(material.layers as usize)
+    }
+
+    /// Layers of a material that has panes somewhere: thin and smooth, so that they transmit light straight.
+    #[inline(always)]
+    pub fn pane(&self, material: &Material) -> Option<&MaterialLayers> {
+        let smooth = material.roughness.texture.is_some() || material.roughness.factor <= PANE_ROUGHNESS;
+        let thin = |layers: &&MaterialLayers| layers.transmission.factor > 0.0 && layers.has_volume == 0;
+        // Reflectance at a pane is that of its shading normal, which a map would make depend on the footprint.
+        self.layers(material).filter(thin).filter(|_| smooth && !material.normal.texture.is_some())
+    }
+
+    /// Whether a point of a material with panes is one, by its finest texels.
+    #[inline]
+    pub fn is_pane(&self, material: &Material, at: TextureCoordinates) -> bool {
+        let at = TextureCoordinates { log2_width: -100.0, ..at };
+        material.roughness.at(&self.textures, at) <= PANE_ROUGHNESS
     }
 
     /// Emitted radiance at texture coordinates of the mapping, nits.
@@ -283,6 +308,11 @@ impl<'a> TableBuilder<'a> {
     /// Number of materials so far.
     pub fn len(&self) -> usize {
         self.table.materials.len()
+    }
+
+    /// Whether the last material has panes.
+    pub fn has_panes(&self) -> bool {
+        self.table.materials.last().is_some_and(|material| self.table.pane(material).is_some())
     }
 
     /// Adds a material; returns it.

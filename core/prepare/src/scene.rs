@@ -31,6 +31,8 @@ pub struct PreparedScene {
     pub has_cutouts: bool,
     /// Whether any material has layers.
     pub is_layered: bool,
+    /// Whether any body has panes.
+    pub has_panes: bool,
 }
 
 /// A body as shading sees it.
@@ -43,8 +45,8 @@ pub struct PreparedBody {
     pub first_material: u32,
     /// Last slot; higher slots of a mesh count as this.
     pub last_slot: u32,
-    /// 1 if any of its materials has cut-outs, so that hits must be tested; else 0.
-    pub cutouts: u32,
+    /// Sum of [`Self::CUTOUTS`] and [`Self::PANES`], if any of its materials has them.
+    pub flags: u32,
     /// Columns of the rotation, world from body.
     pub rotation: [Vec3; 3],
     /// Position of the body frame, world, meters.
@@ -95,6 +97,7 @@ impl PreparedScene {
             foreground: scene.foreground().len(),
             has_cutouts: false,
             is_layered: false,
+            has_panes: false,
         };
         let textures =
             loaded.iter().filter_map(|loaded| loaded.get()).flat_map(|(_, textures)| textures.iter().cloned());
@@ -105,17 +108,20 @@ impl PreparedScene {
                 prepared.meshes.len() as u32 - 1
             });
             let first_material = table.len() as u32;
-            let mut cutouts = false;
+            let mut flags = 0;
             for (material, mapping) in materials(body) {
                 let material = table.push(&material, mapping);
-                cutouts |= material.alpha != AlphaMode::Opaque;
-                prepared.is_layered |= material.is_layered();
+                let (cutouts, layered) = (material.alpha != AlphaMode::Opaque, material.is_layered());
+                let panes = table.has_panes();
+                flags |= if cutouts { PreparedBody::CUTOUTS } else { 0 };
+                flags |= if panes { PreparedBody::PANES } else { 0 };
+                prepared.is_layered |= layered;
             }
-            prepared.has_cutouts |= cutouts;
+            prepared.has_cutouts |= flags & PreparedBody::CUTOUTS != 0;
+            prepared.has_panes |= flags & PreparedBody::PANES != 0;
             let last_slot = table.len() as u32 - first_material - 1;
             let (rotation, translation) = placement(&body.world_from_body);
-            let cutouts = u32::from(cutouts);
-            prepared.bodies.push(PreparedBody { mesh, first_material, last_slot, cutouts, rotation, translation });
+            prepared.bodies.push(PreparedBody { mesh, first_material, last_slot, flags, rotation, translation });
         }
         prepared.materials = table.finish();
         prepared.emitters =
@@ -245,10 +251,21 @@ impl PreparedScene {
 }
 
 impl PreparedBody {
+    /// Some of its materials have cut-outs: hits must be tested.
+    pub const CUTOUTS: u32 = 1;
+    /// Some of its materials are panes, which do not end shadow rays.
+    pub const PANES: u32 = 2;
+
     /// Whether hits must be tested for cut-outs.
     #[inline(always)]
     pub fn has_cutouts(&self) -> bool {
-        self.cutouts != 0
+        self.flags & Self::CUTOUTS != 0
+    }
+
+    /// Whether some of its surfaces transmit light straight.
+    #[inline(always)]
+    pub fn has_panes(&self) -> bool {
+        self.flags & Self::PANES != 0
     }
 
     /// Rotates a direction from the body frame to the world.

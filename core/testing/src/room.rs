@@ -9,7 +9,7 @@ use syntable_model::prelude::*;
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, Material, MaterialOverride, Mesh,
     MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport, SphereLight, Tabletop,
-    Texture, TextureMapping, ViewId, Wrap,
+    Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
 /// The table from above one corner, 600 px of focal length: the center of a 640 × 480 image, or all of it.
@@ -32,8 +32,26 @@ pub fn view(width: u32, height: u32) -> View {
     }
 }
 
+/// What the objects are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// Matte, textured, glossy and metallic ones.
+    Mixed,
+    /// Tumblers, bodies and thin shells of clear and tinted glass.
+    Glass,
+    /// Smooth plastic in bright colors.
+    Plastic,
+    /// Polished and brushed metal.
+    Metal,
+}
+
 /// The room and what is in it.
 pub fn scene() -> Arc<Scene> {
+    scene_of(Look::Mixed)
+}
+
+/// The room with objects of one look, in the same places.
+pub fn scene_of(look: Look) -> Arc<Scene> {
     let mut random = Stream::root(3);
     let mut builder = SceneBuilder::default();
     builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.2, 0.8] });
@@ -44,12 +62,36 @@ pub fn scene() -> Arc<Scene> {
     for number in 0..20 {
         let (base, mix) = (random.uniform(0.1, 0.8), [0, 1, 2].map(|_| random.uniform(0.3, 1.0)));
         let mut material = Material::plain("object", mix.map(|m| (base * m) as f32), random.uniform(0.15, 0.8) as f32);
-        match number % 4 {
-            0 => material.metallic = Scalar::constant(1.0),
-            1 | 2 => material.base_color = Color::texture(stripes(1024, number)),
-            _ => {}
+        let mut mesh = blob(&mut random, number % 2 == 0);
+        match (look, number % 4) {
+            (Look::Mixed, 0) => material.metallic = Scalar::constant(1.0),
+            (Look::Mixed, 1 | 2) => material.base_color = Color::texture(stripes(1024, number)),
+            (Look::Mixed, _) => {}
+            (Look::Glass, kind) => {
+                let tint = if kind == 2 { mix.map(|m| m as f32) } else { [1.0; 3] };
+                let volume = Volume { attenuation_color: [0.95; 3], attenuation_distance_m: 0.05 };
+                material = Material {
+                    transmission: Some(Transmission {
+                        fraction: Scalar::constant(1.0),
+                        volume: (kind != 3).then_some(volume),
+                    }),
+                    ..Material::plain("glass", tint, 0.0)
+                };
+                if kind < 2 {
+                    mesh = tumbler();
+                }
+            }
+            (Look::Plastic, kind) => {
+                material.roughness = Scalar::constant([0.05, 0.12, 0.2, 0.3][kind as usize]);
+                material.base_color = Color::constant(mix.map(|m| m as f32));
+            }
+            (Look::Metal, kind) => {
+                material.roughness = Scalar::constant([0.0, 0.1, 0.2, 0.35][kind as usize]);
+                material.base_color = Color::constant(mix.map(|m| (0.6 + 0.4 * m) as f32));
+                material.metallic = Scalar::constant(1.0);
+            }
         }
-        let object = object(&format!("object {number}"), blob(&mut random, number % 2 == 0), material);
+        let object = object(&format!("object {number}"), mesh, material);
         let place = Translation3::new(
             (number % 5) as f64 * 0.18 - 0.36,
             (number / 5) as f64 * 0.17 - 0.255,
@@ -159,6 +201,39 @@ fn blob(random: &mut Stream, ring: bool) -> MeshData {
         [a, b, c].into_iter().for_each(|i| normals[i as usize] += normal);
     }
     data.normals = normals.iter().map(|n| n.try_normalize(0.0).unwrap_or(Vector3::z()).into()).collect();
+    data
+}
+
+/// A tumbler of 14 cm with walls of 3 mm, around the origin; closed, smooth around its axis, with sharp rims.
+fn tumbler() -> MeshData {
+    const COLUMNS: u32 = 96;
+    // Radius and height, m: out from the bottom's center, up, over the rim and down inside.
+    const PROFILE: [(f32, f32); 6] =
+        [(0.0, -0.07), (0.032, -0.07), (0.04, 0.07), (0.037, 0.07), (0.029, -0.06), (0.0, -0.06)];
+    let mut data = MeshData::default();
+    for ends in PROFILE.windows(2) {
+        let (dr, dz) = (ends[1].0 - ends[0].0, ends[1].1 - ends[0].1);
+        let length = dr.hypot(dz);
+        let first = data.positions.len() as u32;
+        for column in 0..=COLUMNS {
+            let (sin, cos) = (TAU * column as f32 / COLUMNS as f32).sin_cos();
+            for (r, z) in [ends[0], ends[1]] {
+                data.positions.push([r * cos, r * sin, z]);
+                data.normals.push([dz / length * cos, dz / length * sin, -dr / length]);
+                data.uvs.push([column as f32 / COLUMNS as f32, 0.5 + z]);
+            }
+        }
+        for column in 0..COLUMNS {
+            let a = first + 2 * column;
+            // At the axis one of the two has no area.
+            if ends[0].0 > 0.0 {
+                data.triangles.push([a, a + 2, a + 1]);
+            }
+            if ends[1].0 > 0.0 {
+                data.triangles.push([a + 2, a + 3, a + 1]);
+            }
+        }
+    }
     data
 }
 

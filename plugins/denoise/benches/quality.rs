@@ -1,12 +1,12 @@
 //! Errors of images before and after denoising, against a reference of many samples.
 //!
-//! `cargo bench -p syntable-denoise --bench quality [-- REFERENCE [REGULARIZE [FOLDER]]]` renders the center of the room of the
-//! renderer's bench with 1 to 64 samples per pixel and with `REFERENCE` (512), all with the option
-//! `regularize = REGULARIZE` (0.3, as recipes have it), and writes the images to `FOLDER`. The
-//! reference has noise too: 512 samples are good for errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise,
-//! if it is to be compared.
+//! `cargo bench -p syntable-denoise --bench quality [-- LOOK [REFERENCE [REGULARIZE [FOLDER]]]]` renders the center of the
+//! room of the renderer's bench with 1 to 64 samples per pixel and with `REFERENCE` (512), all with the option
+//! `regularize = REGULARIZE` (0.3, as recipes have it), and writes the images to `FOLDER`. `LOOK` is what the objects are
+//! made of: `mixed`, `glass`, `plastic`, `metal`, or `all` in turn. The reference has noise too: 512 samples are good for
+//! errors down to some 45 dB. `SYNTABLE_OIDN` names Open Image Denoise, if it is to be compared.
 //!
-//! PSNR is of the sRGB-encoded image, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
+//! The first columns are of the whole image, those behind the bar of the objects alone. PSNR is of the sRGB-encoded image, white at 5.56 times the log-average luminance. relMSE is the mean over pixels and
 //! channels of (x − r)² / (r² + 0.01 m²), r the reference and m its mean luminance.
 
 #[path = "../tests/common/mod.rs"]
@@ -18,10 +18,10 @@ use std::sync::Arc;
 use std::time::Instant;
 use syntable_denoise as _;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{RADIANCE, RADIANCE_NOISY};
+use syntable_model::product::standard::{INSTANCE, RADIANCE, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot};
 use syntable_render_cpu::{CpuPath, CpuPathRenderer};
-use syntable_testing::room;
+use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Threads;
 
 const WIDTH: u32 = 320;
@@ -29,46 +29,73 @@ const HEIGHT: u32 = 240;
 
 type Image = [[f32; 3]];
 
+const LOOKS: [(&str, Look); 4] =
+    [("mixed", Look::Mixed), ("glass", Look::Glass), ("plastic", Look::Plastic), ("metal", Look::Metal)];
+
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
-    let many = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(512);
-    let regularize = arguments.get(1).and_then(|a| a.parse().ok()).unwrap_or(0.3);
-    let folder = arguments.get(2);
+    let chosen = arguments.first().map_or("mixed", String::as_str);
+    let many = arguments.get(1).and_then(|a| a.parse().ok()).unwrap_or(512);
+    let regularize = arguments.get(2).and_then(|a| a.parse().ok()).unwrap_or(0.3);
+    let folder = arguments.get(3);
     let mut denoisers = vec![("guided", denoiser("guided", ""))];
     match std::env::var("SYNTABLE_OIDN") {
         Ok(library) => denoisers.push(("oidn", denoiser("oidn", &format!("library = {library:?}")))),
         Err(_) => println!("SYNTABLE_OIDN is not set: no comparison with Open Image Denoise"),
     }
-    let (scene, view) = (room::scene(), room::view(WIDTH, HEIGHT));
+    for (name, look) in LOOKS.into_iter().filter(|(name, _)| ["all", name].contains(&chosen)) {
+        println!("{name}");
+        compare(look, &denoisers, (many, regularize), folder.map(|folder| Path::new(folder).join(name)).as_deref());
+    }
+}
+
+/// Prints the errors of one look, and writes its images to the folder.
+fn compare(look: Look, denoisers: &[(&str, Box<dyn Denoiser>)], (many, regularize): (u32, f64), folder: Option<&Path>) {
+    let (scene, view) = (room::scene_of(look), room::view(WIDTH, HEIGHT));
     let wants: Vec<KeyId> = denoisers.iter().flat_map(|(_, denoiser)| denoiser.reads()).collect();
-    let reference = render(&scene, &view, (many, regularize), 100, &[RADIANCE_NOISY.id()]);
-    let reference = reference.get(RADIANCE_NOISY).expect("made").data();
+    let rendered = render(&scene, &view, (many, regularize), 100, &[RADIANCE_NOISY.id(), INSTANCE.id()]);
+    let objects = scene.objects().len();
+    let is_object: Vec<bool> = rendered
+        .get(INSTANCE)
+        .expect("made")
+        .data()
+        .iter()
+        .map(|id| (1..=objects).contains(&usize::from(id.0)))
+        .collect();
+    let of_objects = |image: &Image| -> Vec<[f32; 3]> {
+        image.iter().zip(&is_object).filter(|(_, is)| **is).map(|(pixel, _)| *pixel).collect()
+    };
+    let reference = rendered.get(RADIANCE_NOISY).expect("made").data();
     let white = white(reference);
     let keep = |name: &str, image: &Image| {
         if let Some(folder) = folder {
-            write(&Path::new(folder).join(name), image, white);
+            std::fs::create_dir_all(folder).expect("the folder can be made");
+            write(&folder.join(name), image, white);
         }
     };
     keep("reference.png", reference);
-    println!("samples  image       PSNR    relMSE  light     time");
+    println!("samples  image       PSNR    relMSE  light  |     PSNR    relMSE  light     time");
     for samples in [1, 2, 4, 8, 16, 32, 64] {
         let products = render(&scene, &view, (samples, regularize), 1, &wants);
         let noisy = products.get(RADIANCE_NOISY).expect("made").data();
         let report = |name: &str, image: &Image, seconds: f64| {
-            println!(
-                "{samples:7}  {name:8} {:6.2} dB  {:8.5}  {:.4}  {:4.0} ms",
-                psnr(image, reference, white),
-                relative_error(image, reference),
-                sum(image) / sum(reference),
-                1e3 * seconds,
-            );
+            let errors = |image: &Image, reference: &Image| {
+                let light = sum(image) / sum(reference);
+                format!(
+                    "{:6.2} dB  {:8.5}  {light:.4}",
+                    psnr(image, reference, white),
+                    relative_error(image, reference)
+                )
+            };
+            let [whole, part] = [errors(image, reference), errors(&of_objects(image), &of_objects(reference))];
+            println!("{samples:7}  {name:8} {whole} | {part}  {:4.0} ms", 1e3 * seconds);
             keep(&format!("{name}-{samples}.png"), image);
         };
         report("noisy", noisy, 0.0);
-        for (name, denoiser) in &denoisers {
+        for (name, denoiser) in denoisers {
             let run = || {
                 let started = Instant::now();
-                (denoise(&**denoiser, &products, &Threads(2)).expect("denoises"), started.elapsed().as_secs_f64())
+                (denoise(&**denoiser, &products, &threads()).expect("denoises"), started.elapsed().as_secs_f64())
             };
             let (first, second) = (run(), run());
             report(name, first.0.get(RADIANCE).expect("provided").data(), first.1.min(second.1));
@@ -88,17 +115,23 @@ fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
 fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), seed: u64, wants: &[KeyId]) -> Products {
     let options = CpuPath { samples_per_pixel: samples, regularize, ..CpuPath::default() };
     let mut session = CpuPathRenderer::new(options).session();
-    session.load(scene, &Threads(2)).expect("loads");
+    session.load(scene, &threads()).expect("loads");
     let mut products = Products::new();
     // The renderer knows the noisy image as the image.
     let mut wants: Vec<KeyId> =
         wants.iter().map(|&key| if key == RADIANCE_NOISY.id() { RADIANCE.id() } else { key }).collect();
     wants.sort_by_key(|key| key.name);
     wants.dedup();
-    let request = RenderRequest::new(view, &wants, Stream::root(seed), &Threads(2));
+    let threads = threads();
+    let request = RenderRequest::new(view, &wants, Stream::root(seed), &threads);
     session.render(&request, &mut products).expect("renders");
     products.rename(RADIANCE.id(), RADIANCE_NOISY.id()).expect("not there yet");
     products
+}
+
+/// All cores.
+fn threads() -> Threads {
+    Threads(std::thread::available_parallelism().map_or(1, usize::from))
 }
 
 fn sum(image: &Image) -> f64 {

@@ -27,8 +27,10 @@ pub(crate) struct Paths {
     pub throughput: Rows,
     /// Shading normal of the last scattering.
     pub normal: Rows,
-    /// Density of the last scattered direction, per steradian.
+    /// Density of the last scattered direction, per steradian; infinite for camera rays.
     pub pdf: Row,
+    /// Distance from the origin from which on the next surface counts: beyond the last pane, which does not bend the path.
+    pub near: Row,
     /// Width of what the path sees, meters, and how fast it grows, meters per meter.
     pub width: Row,
     pub spread: Row,
@@ -76,6 +78,8 @@ pub(crate) struct LayerRows {
     pub sheen_roughness: Row,
     /// Index of refraction beyond over that on this side.
     pub eta: Row,
+    /// Above zero at panes.
+    pub pane: Row,
 }
 
 /// Shadow rays, and what they bring if nothing is in the way.
@@ -84,6 +88,8 @@ pub(crate) struct Shadows {
     pub direction: Rows,
     pub distance: Row,
     pub contribution: Rows,
+    /// Weight of emitter sampling in it.
+    pub weight: Row,
     /// What of the contribution the first surface mirrors without coloring it; written at the first bounce, for guides.
     pub specular: Rows,
     pub slot: IntRow,
@@ -99,6 +105,10 @@ pub(crate) struct Guides {
     /// Color of the mirrors so far.
     tint: [Vec3; BATCH],
     pending: [bool; BATCH],
+    /// Bounce of the last surface that counts.
+    bounce: [u32; BATCH],
+    /// Whether glass on the way reflected the path, which it could have transmitted.
+    reflected: [bool; BATCH],
     /// Light from lights that the first surface mirrors without coloring it.
     pub direct_specular: [[f32; 3]; BATCH],
     /// Fraction of the light from elsewhere that is such.
@@ -115,6 +125,8 @@ impl Guides {
         self.normal[slot] = [0.0; 3];
         self.tint[slot] = Vec3::ONE;
         self.pending[slot] = true;
+        self.bounce[slot] = 0;
+        self.reflected[slot] = false;
         self.direct_specular[slot] = [0.0; 3];
         self.specular_fraction[slot] = [0.0; 3];
         self.first[slot] = [0.0; 3];
@@ -136,10 +148,32 @@ impl Guides {
         }
     }
 
-    /// What of a path's light the first surface mirrored without coloring it. What is seen in a metal or through glass
-    /// counts as colored, as for the other guides; what glass reflects does not.
+    /// Keeps that glass reflected the paths of the lanes whose bits are set, at surfaces that count.
+    #[inline(always)]
+    pub fn reflect<I: Int>(&mut self, slots: I, mut lanes: u32, bounce: u32) {
+        let mut slot = [0; 8];
+        slots.store(&mut slot);
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize & 7;
+            lanes &= lanes - 1;
+            let slot = slot[lane] as usize % BATCH;
+            self.reflected[slot] |= self.bounce[slot] == bounce;
+        }
+    }
+
+    /// Whether the path has guides to tell: what glass reflects is another image than what is behind it, and has none.
+    #[inline(always)]
+    pub fn count(&self, slot: usize) -> bool {
+        !self.reflected[slot]
+    }
+
+    /// What of a path's light was mirrored without being colored: by the first surface, or by glass on the way. What is seen
+    /// in a metal or through glass counts as colored, as for the other guides.
     #[inline(always)]
     pub fn specular(&self, slot: usize, light: [f32; 3]) -> [f32; 3] {
+        if self.reflected[slot] {
+            return light;
+        }
         std::array::from_fn(|c| {
             let specular =
                 self.direct_specular[slot][c] + (light[c] - self.first[slot][c]) * self.specular_fraction[slot][c];
@@ -149,11 +183,14 @@ impl Guides {
 
     /// Adds a surface on the path; `last` if none after it counts.
     #[inline(always)]
-    pub fn add_surface(&mut self, slot: usize, surface: &Surface, last: bool) {
+    pub fn add_surface(&mut self, slot: usize, surface: &Surface, bounce: u32, last: bool) {
         if !self.pending[slot] {
             return;
         }
-        let albedo = surface.albedo * self.tint[slot];
+        self.bounce[slot] = bounce;
+        // Light that crosses a body is colored at both of its surfaces.
+        let color = if surface.layer.lobe == Lobe::Refraction { surface.albedo.map(f32::sqrt) } else { surface.albedo };
+        let albedo = color * surface.transmittance * self.tint[slot];
         if surface.is_mirror() && !last {
             self.tint[slot] = albedo;
         } else {
@@ -194,6 +231,7 @@ impl Batch {
                 throughput: ROWS,
                 normal: ROWS,
                 pdf: ROW,
+                near: ROW,
                 width: ROW,
                 spread: ROW,
                 regularize: ROW,
@@ -218,6 +256,7 @@ impl Batch {
                     sheen: ROW,
                     sheen_roughness: ROW,
                     eta: ROW,
+                    pane: ROW,
                 },
             },
             shadows: Shadows {
@@ -225,6 +264,7 @@ impl Batch {
                 direction: ROWS,
                 distance: ROW,
                 contribution: ROWS,
+                weight: ROW,
                 specular: ROWS,
                 slot: INTS,
                 alpha_seed: INTS,
@@ -234,6 +274,8 @@ impl Batch {
                 normal: [[0.0; 3]; BATCH],
                 tint: [Vec3::ZERO; BATCH],
                 pending: [false; BATCH],
+                bounce: [0; BATCH],
+                reflected: [false; BATCH],
                 direct_specular: [[0.0; 3]; BATCH],
                 specular_fraction: [[0.0; 3]; BATCH],
                 first: [[0.0; 3]; BATCH],
@@ -299,7 +341,7 @@ impl Paths {
         for rows in [&mut self.origin, &mut self.direction, &mut self.throughput, &mut self.normal] {
             compress(load::<T>(rows, from), mask, rows, to);
         }
-        for row in [&mut self.pdf, &mut self.width, &mut self.spread, &mut self.regularize] {
+        for row in [&mut self.pdf, &mut self.near, &mut self.width, &mut self.spread, &mut self.regularize] {
             T::load(&row[from..]).compress(mask, &mut row[to..]);
         }
         for row in [&mut self.seed, &mut self.index, &mut self.slot] {
@@ -375,6 +417,7 @@ impl Surfaces {
         let LayerSample { lobe, coating, ior, .. } = &surface.layer;
         let rows = &mut self.layers;
         rows.lobe[i] = *lobe as u32 as f32;
+        rows.pane[i] = if surface.is_pane { 1.0 } else { 0.0 };
         rows.clearcoat[i] = coating.clearcoat;
         rows.clearcoat_roughness[i] = coating.clearcoat_roughness;
         rows.sheen[i] = coating.sheen;

@@ -51,6 +51,8 @@ pub struct CpuPath {
     /// sees directly or in mirrors is unchanged. 0 disables it.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub regularize: f64,
+    /// Reconstruction filter: how much the light counts that falls around the center of a pixel.
+    pub pixel_filter: PixelFilter,
     /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such as
     /// 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get as many.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -63,6 +65,18 @@ pub struct CpuPath {
     pub time_s: Option<f64>,
 }
 
+/// Reconstruction filter of pixels. Every pixel draws the positions of its own paths from it, so that the noise of
+/// neighbors is independent, as denoisers need it (Shirley, 1991).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PixelFilter {
+    /// Mean over the area of the pixel, as an ideal sensor sees it. Slanted edges have steps.
+    Box,
+    /// Weight that falls linearly to 0 one pixel from the center: edges are smooth, textures a little softer.
+    #[default]
+    Tent,
+}
+
 impl Default for CpuPath {
     fn default() -> Self {
         Self {
@@ -71,6 +85,7 @@ impl Default for CpuPath {
             russian_roulette_from: 3,
             max_indirect_luminance_nits: None,
             regularize: 0.0,
+            pixel_filter: PixelFilter::default(),
             noise: None,
             time_s: None,
         }
@@ -116,6 +131,7 @@ impl CpuPathRenderer {
             roulette_from: options.russian_roulette_from.max(1),
             max_indirect_luminance_nits,
             regularize: options.regularize as f32,
+            filter: options.pixel_filter,
             strategy: Strategy::Combined,
             processor: Processor::detect(),
         };

@@ -131,8 +131,11 @@ impl Film {
             let differs = |pixel: &u16| {
                 let (x, y) = place(tile.area, *pixel);
                 let (x, y) = ((x - self.window.x) as usize, (y - self.window.y) as usize);
-                tile.sums[usize::from(*pixel)].samples < GUIDE_SAMPLES
-                    && [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y))
+                let sums = &tile.sums[usize::from(*pixel)];
+                // Paths that glass reflected tell nothing.
+                let reflected = sums.guide_samples < sums.samples;
+                sums.guide_samples < GUIDE_SAMPLES
+                    && (reflected || [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y)))
             };
             let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(differs).collect();
             let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };

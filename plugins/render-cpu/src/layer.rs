@@ -103,7 +103,7 @@ fn sample_layers(
     }
     if layers.transmission.factor > 0.0 {
         // Light is transmitted instead of being scattered below the surface, which metals do not do.
-        let probability = layers.transmission.at(textures, at) * (1.0 - sample.parameters.metallic);
+        let probability = layers.transmitted_fraction(textures, at, sample.parameters.metallic);
         if u < probability {
             sample.lobe = if layers.has_volume != 0 { Lobe::Refraction } else { Lobe::ThinWalled };
         } else {

@@ -1,8 +1,9 @@
 //! A scene ready to be traced: the prepared scene with its trees, and the surface at a hit.
 
-use crate::bsdf::Lobe;
+use crate::bsdf::{Lobe, pane_transmittance};
 use crate::bvh::{Hit, Instance, MeshBvh, Ray, SceneBvh};
 use crate::layer::{LayerSample, base_parameters, mapped_normal, normal_map, sample_layer};
+use std::cell::Cell;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
@@ -46,6 +47,14 @@ struct Seen {
     bodies: Vec<bool>,
 }
 
+/// What light passes on a straight way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Passed {
+    /// Transmittance of all panes.
+    pub transmittance: Rgb,
+    pub panes: u32,
+}
+
 /// The surface at a hit.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
@@ -61,12 +70,28 @@ pub(crate) struct Surface {
     pub layer: LayerSample,
     /// Whether the ray came through the body's interior medium.
     pub inside: bool,
+    /// Whether it is a pane: light that it transmits goes straight on.
+    pub is_pane: bool,
     /// Transmittance of the interior medium along the ray.
     pub transmittance: Rgb,
     /// Color of the base.
     pub albedo: Rgb,
     /// Emitted radiance towards the ray, nits.
     pub emission: Rgb,
+}
+
+/// The normals at a hit.
+struct Frame {
+    /// Unit normal of the triangle, out of the body.
+    outward: Vec3,
+    /// 1 if the ray comes from there, else −1.
+    side: f32,
+    /// As [`Surface::face`].
+    face: Vec3,
+    /// Interpolated normal, on the same side.
+    normal: Vec3,
+    /// Whether `normal` is that of a smooth mesh.
+    is_smooth: bool,
 }
 
 impl Surface {
@@ -135,14 +160,17 @@ impl World {
         self.seen.as_ref().is_none_or(|seen| seen.bodies[instance])
     }
 
-    /// The first surface of a ray, from the camera or later; `seed` decides where surfaces cover in part.
+    /// The first surface of a ray beyond the distance `from`, from the camera or later; `seed` decides where surfaces cover
+    /// in part.
     #[inline]
-    pub fn closest(&self, ray: &Ray, to: f32, seed: u32, from_camera: bool) -> Option<Hit> {
+    pub fn closest(&self, ray: &Ray, from: f32, seed: u32, from_camera: bool) -> Option<Hit> {
         let bvh = if from_camera { self.seen() } else { &self.bvh };
         if self.scene.has_cutouts {
-            bvh.closest_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit)))
+            bvh.closest_where(ray, from, f32::INFINITY, |hit| {
+                self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit))
+            })
         } else {
-            bvh.closest(ray, 0.0, to)
+            bvh.closest(ray, from, f32::INFINITY)
         }
     }
 
@@ -153,14 +181,71 @@ impl World {
         syntable_simd::prefetch(triangle);
     }
 
-    /// Whether a surface occludes the ray; `seed` as for [`Self::closest`].
+    /// The panes on the way of a shadow ray; nothing if another surface occludes it. `seed` is as for [`Self::closest`].
     #[inline]
-    pub fn occluded(&self, ray: &Ray, to: f32, seed: u32) -> bool {
-        if self.scene.has_cutouts {
+    pub fn visibility(&self, ray: &Ray, to: f32, seed: u32) -> Option<Passed> {
+        let occluded = if self.scene.has_panes {
+            return self.visibility_through_panes(ray, to, seed);
+        } else if self.scene.has_cutouts {
             self.bvh.any_where(ray, 0.0, to, |hit| self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit)))
         } else {
             self.bvh.any(ray, 0.0, to)
+        };
+        (!occluded).then_some(Passed { transmittance: Rgb::ONE, panes: 0 })
+    }
+
+    #[inline(never)]
+    fn visibility_through_panes(&self, ray: &Ray, to: f32, seed: u32) -> Option<Passed> {
+        let passed = Cell::new(Passed { transmittance: Rgb::ONE, panes: 0 });
+        let occluded = self.bvh.any_where(ray, 0.0, to, |hit| {
+            if !self.is_solid(hit, ray, hit.instance, alpha_random(seed, hit)) {
+                return false;
+            }
+            let transmittance = match self.scene.bodies[hit.instance as usize].has_panes() {
+                true => self.pane_transmittance(hit, ray),
+                false => Rgb::ZERO,
+            };
+            let before = passed.get();
+            passed.set(Passed { transmittance: before.transmittance * transmittance, panes: before.panes + 1 });
+            transmittance.is_black()
+        });
+        (!occluded).then(|| passed.get())
+    }
+
+    /// Fraction of the light that a pane transmits along a ray: the mean of what its layers do to paths. Black for other
+    /// surfaces.
+    fn pane_transmittance(&self, hit: &Hit, ray: &Ray) -> Rgb {
+        let (scene, point, along) = (&self.scene, hit.point(), Vec3::from(ray.direction));
+        let (body, triangle) = scene.at(&point);
+        let material = scene.material(body, triangle);
+        let Some(layers) = scene.materials.pane(material) else { return Rgb::ZERO };
+        let frame = self.frame(&point, along);
+        let at = scene.texture_coordinates(material, &point, Vec3::from(ray.origin) + along * hit.t, 0.0);
+        if !scene.materials.is_pane(material, at) {
+            return Rgb::ZERO;
         }
+        let textures = &scene.materials.textures[..];
+        let base = base_parameters(textures, material, at, scene.vertex_color(&point));
+        let normal = if frame.is_smooth { above_horizon(frame.normal, frame.face, -along) } else { frame.normal };
+        let fraction = layers.transmitted_fraction(textures, at, base.metallic);
+        base.base_color * (fraction * pane_transmittance(normal.dot(along).abs(), layers.ior))
+    }
+
+    /// The normals of a point, towards the origin of a ray along `along`.
+    #[inline(always)]
+    fn frame(&self, point: &SurfacePoint, along: Vec3) -> Frame {
+        let (body, triangle) = self.scene.at(point);
+        let outward = body.direction_to_world(triangle.normal);
+        let side = if outward.dot(along) > 0.0 { -1.0 } else { 1.0 };
+        let face = outward * side;
+        let mut normal = face;
+        if triangle.smooth {
+            let [a, b, c] = triangle.normals.map(unpack_unit);
+            let [wa, wb, wc] = point.weights();
+            let smooth = a * wa + b * wb + c * wc;
+            normal = body.direction_to_world(smooth * side).normalized_or(face);
+        }
+        Frame { outward, side, face, normal, is_smooth: triangle.smooth }
     }
 
     /// Whether there is a surface at a hit on a body, or a hole; where it covers in part, `u` in [0, 1) decides.
@@ -183,21 +268,10 @@ impl World {
         let material = scene.material(body, triangle);
         let textures = &scene.materials.textures[..];
 
-        let outward = body.direction_to_world(triangle.normal);
+        let Frame { outward, side, face, mut normal, is_smooth: mut is_perturbed } = self.frame(&point, along);
         let mut position = origin + along * t;
         // Back onto the plane of the triangle, so that the error left does not grow with the distance.
         position = position + outward * (triangle.plane + outward.dot(body.translation) - outward.dot(position));
-        let side = if outward.dot(along) > 0.0 { -1.0 } else { 1.0 };
-        let face = outward * side;
-
-        let mut is_perturbed = triangle.smooth;
-        let mut normal = face;
-        if triangle.smooth {
-            let [a, b, c] = triangle.normals.map(unpack_unit);
-            let [wa, wb, wc] = point.weights();
-            let smooth = a * wa + b * wb + c * wc;
-            normal = body.direction_to_world(smooth * side).normalized_or(face);
-        }
         let at = if material.is_untextured() {
             TextureCoordinates { uv: [0.0; 2], log2_width: 0.0 }
         } else {
@@ -221,6 +295,12 @@ impl World {
             normal = above_horizon(normal, face, -along);
         }
         let medium = scene.materials.layers(material).filter(|_| side < 0.0);
+        let is_pane = layer.lobe == Lobe::ThinWalled
+            && scene.materials.pane(material).is_some()
+            && scene.materials.is_pane(material, at);
+        if is_pane {
+            layer.parameters.roughness = 0.0;
+        }
         Surface {
             position,
             face,
@@ -228,6 +308,7 @@ impl World {
             is_perturbed,
             layer,
             inside: side < 0.0,
+            is_pane,
             transmittance: medium.map_or(Rgb::ONE, |layers| layers.transmittance(t)),
             albedo: base.base_color,
             emission: scene.materials.emission(material, at),

@@ -82,8 +82,9 @@ impl<T: Real> Layered<T> {
         ([glossy, matte].map(|lobe| Vec3::select(self.is_transmission, black, lobe)), pdf)
     }
 
+    /// Samples a direction; `random` and `least` are as for [`Transmission::sample`].
     #[inline(always)]
-    pub fn sample(&self, bsdf: &Bsdf<T>, uv: [T; 2], random: T) -> BsdfSample<T> {
+    pub fn sample(&self, bsdf: &Bsdf<T>, uv: [T; 2], random: T, least: T) -> BsdfSample<T> {
         let (mut wi, mut specular) = bsdf.direction(uv);
         if self.is_sheen.any() {
             wi = Vec3::select(self.is_sheen, Sheen::sample(uv), wi);
@@ -97,9 +98,10 @@ impl<T: Real> Layered<T> {
             pdf,
             specular,
             transmitted: T::Mask::splat(false),
+            reflected: T::Mask::splat(false),
         };
         if self.is_transmission.any() {
-            let transmitted = self.transmission.sample(uv, random);
+            let transmitted = self.transmission.sample(uv, random, least);
             let mine = self.is_transmission;
             scattered = BsdfSample {
                 valid: mine & transmitted.valid | !mine & scattered.valid,
@@ -109,6 +111,7 @@ impl<T: Real> Layered<T> {
                 pdf: T::select(mine, T::splat(f32::INFINITY), pdf),
                 specular: specular | mine,
                 transmitted: mine & transmitted.wi.z.lt(T::splat(0.0)),
+                reflected: mine & transmitted.reflected,
             };
         }
         scattered

@@ -27,6 +27,7 @@ mod transmission;
 pub(crate) use albedo::{Table, table};
 pub(crate) use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
 pub(crate) use layered::{LayerInputs, Layered, Lobe};
+pub(crate) use transmission::pane_transmittance;
 
 use coating::CoatingAttenuation;
 use sheen::Sheen;
@@ -88,6 +89,8 @@ pub(crate) struct BsdfSample<T: Real> {
     pub specular: T::Mask,
     /// Whether it continues on the other side of the surface.
     pub transmitted: T::Mask,
+    /// Whether glass reflected what it might have transmitted.
+    pub reflected: T::Mask,
 }
 
 /// Reflection at a dielectric's surface: at normal incidence, at grazing incidence, after more than one bounce.
@@ -202,6 +205,7 @@ impl<T: Real> Bsdf<T> {
         let (wi, specular) = self.direction(uv);
         let (value, pdf) = self.evaluate(wi);
         let valid = wi.z.gt(T::splat(1e-6)) & pdf.gt(T::splat(0.0)) & pdf.lt(T::splat(f32::INFINITY));
-        BsdfSample { valid, wi, weight: value * inverse(pdf), pdf, specular, transmitted: T::Mask::splat(false) }
+        let no = T::Mask::splat(false);
+        BsdfSample { valid, wi, weight: value * inverse(pdf), pdf, specular, transmitted: no, reflected: no }
     }
 }

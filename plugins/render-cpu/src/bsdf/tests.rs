@@ -235,18 +235,26 @@ fn glass_reflects_and_bends_as_snell_and_fresnel_say() {
         let eta = f64::from(eta);
         let want =
             ((eta * ci - ct) / (eta * ci + ct)).powi(2) / 2.0 + ((ci - eta * ct) / (ci + eta * ct)).powi(2) / 2.0;
-        let mut reflected = 0;
-        for i in 0..1000 {
-            let random = (i as f32 + 0.5) / 1000.0;
-            let passed = transmission.sample([0.37, (i as f32 * 0.618).fract()], random);
-            assert!(passed.valid && (passed.weight.x - 1.0).abs() < 1e-6);
-            if passed.wi.z > 0.0 {
-                reflected += 1;
-                assert!((passed.wi - vec3(-wo.x, -wo.y, wo.z)).length() < 0.05, "{passed:?}");
-            } else {
-                assert!((passed.wi.x + sin_t).abs() < 0.05 && passed.wi.y.abs() < 0.05, "{passed:?}");
+        for least in [0.0, 0.3] {
+            let (mut reflected, mut passed, mut count) = (0.0, 0.0, 0);
+            for i in 0..1000 {
+                let random = (i as f32 + 0.5) / 1000.0;
+                let sample = transmission.sample([0.37, (i as f32 * 0.618).fract()], random, least);
+                assert!(sample.valid && (least > 0.0 || (sample.weight.x - 1.0).abs() < 1e-5));
+                if sample.wi.z > 0.0 {
+                    reflected += f64::from(sample.weight.x) / 1000.0;
+                    count += 1;
+                    assert!((sample.wi - vec3(-wo.x, -wo.y, wo.z)).length() < 0.05, "{sample:?}");
+                } else {
+                    passed += f64::from(sample.weight.x) / 1000.0;
+                    assert!((sample.wi.x + sin_t).abs() < 0.05 && sample.wi.y.abs() < 0.05, "{sample:?}");
+                }
             }
+            assert!((reflected - want).abs() < 0.01, "cos {mu}: {reflected}, not {want}");
+            assert!((reflected + passed - 1.0).abs() < 0.01, "cos {mu}: {reflected} and {passed}");
+            let total = want > 0.999;
+            assert!(total || f64::from(least) - 0.002 < f64::from(count) / 1000.0, "cos {mu}: {count} reflections");
+            assert!(total || f64::from(count) / 1000.0 < 1.002 - f64::from(least), "cos {mu}: {count} reflections");
         }
-        assert!((f64::from(reflected) / 1000.0 - want).abs() < 0.01, "cos {mu}: {reflected}, not {want}");
     }
 }

@@ -1,4 +1,4 @@
-//! Light that transmitted a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin thin_walled.
+//! Light that transmitted a surface: a rough dielectric interface (Walter et al., EGSR 2007) or a thin sheet.
 //!
 //! What is carried along a path is radiance over the squared index of its medium, which refraction leaves unchanged, so
 //! that no factor appears at interfaces.
@@ -33,6 +33,8 @@ pub(crate) struct TransmissionSample<T: Real> {
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,
+    /// Whether it is a reflection that might have been a passage: not a total one.
+    pub reflected: T::Mask,
 }
 
 impl<T: Real> Transmission<T> {
@@ -42,9 +44,10 @@ impl<T: Real> Transmission<T> {
         Self { wo, alpha: at_least(roughness * roughness, ggx::MIN_ALPHA), eta, thin_walled, tint }
     }
 
-    /// Samples a microfacet from the visible normals, then reflection or passage by the Fresnel reflectance; `random` decides.
+    /// Samples a microfacet from the visible normals, then reflection or passage by the Fresnel reflectance; `random`
+    /// decides. Where both are possible, each has at least the probability `least`, up to one half.
     #[inline(always)]
-    pub fn sample(&self, [u, v]: [T; 2], random: T) -> TransmissionSample<T> {
+    pub fn sample(&self, [u, v]: [T; 2], random: T, least: T) -> TransmissionSample<T> {
         let one = T::splat(1.0);
         let wo = self.wo;
         let standard = vec3(wo.x * self.alpha, wo.y * self.alpha, wo.z).normalized();
@@ -58,9 +61,11 @@ impl<T: Real> Transmission<T> {
 
         let cos_o = at_least(wo.dot(h), 1e-6);
         let (fresnel, cos_t) = dielectric(cos_o, self.eta);
-        // A thin_walled reflects between its two faces for ever: F + (1 - F)² F / (1 - F²) = 2F / (1 + F).
-        let fresnel = T::select(self.thin_walled, fresnel * 2.0_f32 / (fresnel + 1.0_f32), fresnel);
-        let reflects = random.lt(fresnel);
+        let fresnel = T::select(self.thin_walled, of_two_faces(fresnel), fresnel);
+        let total = fresnel.ge(one);
+        let probability = fresnel.larger(least).smaller(complement(least));
+        let probability = T::select(total, one, probability);
+        let reflects = random.lt(probability);
         let mirrored = h * (cos_o * 2.0_f32) - wo;
         let per_eta = inverse(self.eta);
         let refracted = h * (cos_o * per_eta - cos_t) - wo * per_eta;
@@ -70,9 +75,23 @@ impl<T: Real> Transmission<T> {
 
         let up = wi.z.abs();
         let wi = vec3(wi.x, wi.y, T::select(reflects, up, -up));
-        let weight = Vec3::select(reflects, Rgb::all(one), self.tint);
-        TransmissionSample { valid: up.gt(T::splat(1e-6)), wi, weight }
+        let passage = complement(fresnel) * inverse(at_least(complement(probability), 1e-6));
+        let weight = Vec3::select(reflects, Rgb::all(fresnel * inverse(probability)), self.tint * passage);
+        let reflected = reflects & !total;
+        TransmissionSample { valid: up.gt(T::splat(1e-6)), wi, weight, reflected }
     }
+}
+
+/// Reflectance of a thin sheet, whose two faces reflect light between them for ever: F + (1 − F)² F / (1 − F²).
+#[inline(always)]
+fn of_two_faces<T: Real>(fresnel: T) -> T {
+    fresnel * 2.0_f32 / (fresnel + 1.0_f32)
+}
+
+/// Fraction of the light that enters a pane and leaves it on the other side, from the cosine of its direction.
+#[inline(always)]
+pub(crate) fn pane_transmittance(cosine: f32, ior: f32) -> f32 {
+    1.0 - of_two_faces(dielectric(cosine, ior).0)
 }
 
 /// Fresnel's reflectance of unpolarized light at a dielectric, and the cosine beyond; 1 and 0 for total reflection.

@@ -68,6 +68,7 @@ impl PathTracer<'_> {
     #[inline(always)]
     fn bsdf_sampled_weight<T: Real>(&self, bsdf: T, emitter: T, bounce: u32) -> T {
         match self.settings.strategy {
+            // Light that a camera ray meets is found in no other way; so is what it meets behind panes.
             _ if bounce == 0 => T::splat(1.0),
             Strategy::Combined => power_heuristic(bsdf, emitter),
             #[cfg(test)]
@@ -113,10 +114,12 @@ impl PathTracer<'_> {
             let (origin, direction) = (get(&paths.origin, i), get(&paths.direction, i));
             let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, u);
             if self.has_guides() && bounce <= GUIDE_BOUNCES {
-                batch.guides.add_surface(paths.slot[i] as usize, &surface, bounce == GUIDE_BOUNCES);
+                batch.guides.add_surface(paths.slot[i] as usize, &surface, bounce, bounce == GUIDE_BOUNCES);
             }
             let roughness = &mut surface.layer.parameters.roughness;
-            *roughness = max(*roughness, paths.regularize[i]);
+            if !surface.is_pane {
+                *roughness = max(*roughness, paths.regularize[i]);
+            }
             batch.surfaces.set(i, &surface);
             let mut throughput = get(&paths.throughput, i);
             if self.world.scene.is_layered {

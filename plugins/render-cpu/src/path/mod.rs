@@ -17,11 +17,13 @@ mod sums;
 pub(crate) use start::{Task, place};
 pub(crate) use sums::PixelSums;
 
+use crate::cpu_path::PixelFilter;
+
 use crate::batch::{BATCH, Batch, get};
 use crate::bvh::Ray;
 use crate::camera::RayCamera;
 use crate::light::Lights;
-use crate::world::World;
+use crate::world::{Passed, World};
 use syntable_prepare::SampleOrder;
 use syntable_simd::{Int, Processor, Real, Simd, at_least, at_most, inverse};
 use syntable_simd::{Rgb, Vec3};
@@ -29,16 +31,17 @@ use syntable_simd::{Rgb, Vec3};
 /// A light is visible if nothing is closer by more than this fraction of its distance: lights may be flat on a ceiling.
 const TOUCHING: f32 = 1e-4;
 
-/// Sampler dimensions for layer selection and for reflection or transmission; those below 0x1000 are Russian roulette's.
+/// Sampler dimension for layer selection; those below are Russian roulette's.
 const LAYER_DIMENSION: u32 = 0x1000;
-const TRANSMISSION_DIMENSION: u32 = 0x2000;
+
+/// Changes the seed of the sampler for reflection or passage.
+const PASSAGE: u32 = 0x2c1b_3c6d;
 
 /// Changes the seed of paths that are traced for guides alone.
 const GUIDES: u64 = 0x5851_f42d_4c95_7f2d;
 
-/// Number of mirrors and surfaces of glass that denoising guides look through: a tumbler has four in front of what is
-/// behind it, two of them more if that is its own bottom.
-const GUIDE_BOUNCES: u32 = 6;
+/// Number of mirrors and surfaces of glass that denoising guides look through: two tumblers have eight.
+const GUIDE_BOUNCES: u32 = 8;
 
 /// Which estimates of direct light are used; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +68,7 @@ pub(crate) struct Settings {
     pub max_indirect_luminance_nits: f32,
     /// Minimum perceptual roughness after the first rough bounce.
     pub regularize: f32,
+    pub filter: PixelFilter,
     pub strategy: Strategy,
     /// Instruction set; tests compare them.
     pub processor: Processor,
@@ -165,7 +169,7 @@ impl<'a> PathTracer<'a> {
                     let (radiance, guides) = (batch.radiance[slot], &batch.guides);
                     sums.add_parts(radiance, guides.specular(slot, radiance), guides.albedo[slot]);
                 }
-                if self.has_guides() {
+                if self.has_guides() && batch.guides.count(slot) {
                     sums.add_guides(batch.guides.albedo[slot], batch.guides.normal[slot]);
                 }
                 cursor = task.after(cursor);
@@ -193,11 +197,19 @@ impl<'a> PathTracer<'a> {
             for i in 0..shadows {
                 let shadow = &batch.shadows;
                 let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
-                if !self.world.occluded(&ray, shadow.distance[i] * (1.0 - TOUCHING), shadow.alpha_seed[i]) {
-                    add_radiance(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i));
-                    if split && bounce == 0 {
-                        add_radiance(&mut batch.guides.direct_specular, shadow.slot[i], get(&shadow.specular, i));
-                    }
+                let to = shadow.distance[i] * (1.0 - TOUCHING);
+                let Some(Passed { mut transmittance, panes }) = self.world.visibility(&ray, to, shadow.alpha_seed[i])
+                else {
+                    continue;
+                };
+                // A path counts panes as bounces, and may end among them: then no other estimate finds the light.
+                if panes > 0 && bounce + 1 + panes > self.settings.max_bounces {
+                    transmittance = transmittance * (1.0 / shadow.weight[i]);
+                }
+                add_radiance(&mut batch.radiance, shadow.slot[i], get(&shadow.contribution, i) * transmittance);
+                if split && bounce == 0 {
+                    let specular = get(&shadow.specular, i) * transmittance;
+                    add_radiance(&mut batch.guides.direct_specular, shadow.slot[i], specular);
                 }
             }
             if split && bounce == 0 {
@@ -231,7 +243,7 @@ impl<'a> PathTracer<'a> {
                 true => alpha_seed(batch.paths.seed[i], batch.paths.index[i], bounce),
                 false => 0,
             };
-            let hit = self.world.closest(&ray, f32::INFINITY, seed, bounce == 0);
+            let hit = self.world.closest(&ray, batch.paths.near[i], seed, bounce == 0);
             if let Some(hit) = &hit {
                 self.world.prefetch(hit);
             }

@@ -1,6 +1,6 @@
 //! Continuing paths: emitter sampling, BSDF sampling, compaction.
 
-use super::{Gather, PathTracer, Strategy, TRANSMISSION_DIMENSION, alpha_seed, is_light, power_heuristic};
+use super::{GUIDE_BOUNCES, Gather, PASSAGE, PathTracer, Strategy, alpha_seed, is_light, power_heuristic};
 use crate::batch::{Batch, Guides, Paths, Shadows, compress, load};
 use crate::bsdf::{Bsdf, BsdfParameters, BsdfSample, Layered, table};
 use syntable_prepare::Sampler;
@@ -9,6 +9,13 @@ use syntable_simd::{Basis, Int, Mask, Real, Rgb, Vec3, at_least, at_most, comple
 /// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
 /// which keeps their mean and removes their noise.
 const DIFFUSE_SPREAD: f32 = 0.25;
+
+/// Distance behind a pane from which on the next surface counts, meters, and per meter to the pane.
+const PAST: f32 = 1e-5;
+
+/// Least probability of reflection and of passage at the first surfaces of glass that a camera sees: their highlights are
+/// as bright as they are improbable, and both images are to have samples.
+const SPLIT: [f32; 2] = [0.25, 0.15];
 
 /// A bounce counts as rough from this α on.
 const ROUGH: f32 = 0.1;
@@ -33,6 +40,13 @@ struct Shading<T: Real> {
     bsdf: Bsdf<T>,
     /// Of layered scenes.
     layered: Option<Layered<T>>,
+    /// Lanes whose surface is a pane.
+    pane: T::Mask,
+    /// Direction of the ray, and its distance to the surface.
+    direction: Vec3<T>,
+    distance: T,
+    /// Density of that direction; infinite as long as the path has met nothing but glass.
+    pdf: T,
 }
 
 /// Continuation of some paths.
@@ -43,6 +57,8 @@ struct Continuation<T: Real> {
     direction: Vec3<T>,
     throughput: Rgb<T>,
     sample: BsdfSample<T>,
+    /// Lanes that pass a pane straight: only their throughput changes, and where they look for surfaces.
+    straight: T::Mask,
 }
 
 impl PathTracer<'_> {
@@ -61,8 +77,10 @@ impl PathTracer<'_> {
             if !self.lights.is_empty() {
                 cast = self.sample_emitters(&shading, &mut batch.shadows, cast, bounce, split);
             }
-            let guides = split.then_some(&mut batch.guides);
-            let continuation = self.sample_bsdf::<T, LAYERED>(&shading, guides, bounce);
+            let continuation = self.sample_bsdf::<T, LAYERED>(&shading, bounce);
+            if self.has_guides() && bounce <= GUIDE_BOUNCES {
+                self.keep_guides::<T, LAYERED>(&shading, &continuation.sample, &mut batch.guides, bounce);
+            }
             next = self.compact(&shading, &continuation, &mut batch.paths, at, next);
         }
         (next, cast)
@@ -76,7 +94,8 @@ impl PathTracer<'_> {
         let active = active & T::load(&hits.t[at..]).lt(T::splat(f32::INFINITY));
         let (face, normal) = (load(&surfaces.face, at), load(&surfaces.normal, at));
         let basis = Basis::around(normal);
-        let mut wo = basis.to_local(-load::<T>(&paths.direction, at));
+        let direction = load::<T>(&paths.direction, at);
+        let mut wo = basis.to_local(-direction);
         let active = active & wo.z.gt(T::splat(1e-5));
         wo.z = at_least(wo.z, 1e-5);
         let parameters = BsdfParameters {
@@ -100,6 +119,13 @@ impl PathTracer<'_> {
             parameters,
             bsdf: Bsdf::new(&parameters, wo, table()),
             layered: if LAYERED { Some(surfaces.layered(at, &parameters, wo)) } else { None },
+            pane: match LAYERED {
+                true => T::load(&surfaces.layers.pane[at..]).gt(T::splat(0.0)),
+                false => T::Mask::splat(false),
+            },
+            direction,
+            distance: T::load(&hits.t[at..]),
+            pdf: T::load(&paths.pdf[at..]),
         }
     }
 
@@ -137,6 +163,9 @@ impl PathTracer<'_> {
         compress(*origin, chosen, &mut shadows.origin, cast);
         compress(light.direction, chosen, &mut shadows.direction, cast);
         compress(contribution, chosen, &mut shadows.contribution, cast);
+        if self.world.scene.has_panes {
+            weight.compress(chosen, &mut shadows.weight[cast..]);
+        }
         if split {
             let fraction = specular_fraction(bsdf, layered.as_ref(), shading.parameters.metallic, wi);
             compress(contribution * fraction, chosen, &mut shadows.specular, cast);
@@ -150,28 +179,52 @@ impl PathTracer<'_> {
         cast + chosen.to_bits().count_ones() as usize
     }
 
-    /// BSDF sampling: the next direction of every path, and Russian roulette. `guides` get the specular fraction.
+    /// Keeps what guides need of a scattering: the specular fraction at the first surface, and what glass reflects.
     #[inline(always)]
-    fn sample_bsdf<T: Real, const LAYERED: bool>(
+    fn keep_guides<T: Real, const LAYERED: bool>(
         &self,
         shading: &Shading<T>,
-        guides: Option<&mut Guides>,
+        sample: &BsdfSample<T>,
+        guides: &mut Guides,
         bounce: u32,
-    ) -> Continuation<T> {
+    ) {
+        let active = shading.active.to_bits();
+        if bounce == 0 && self.gather == Gather::LightAndGuides {
+            let metallic = shading.parameters.metallic;
+            let fraction = specular_fraction(&shading.bsdf, shading.layered.as_ref(), metallic, sample.wi);
+            let fraction = Vec3::select(sample.transmitted, Vec3::all(T::splat(0.0)), fraction);
+            guides.scatter(fraction, shading.slot, active);
+        }
+        if LAYERED {
+            guides.reflect(shading.slot, active & sample.reflected.to_bits(), bounce);
+        }
+    }
+
+    /// BSDF sampling: the next direction of every path, and Russian roulette.
+    #[inline(always)]
+    fn sample_bsdf<T: Real, const LAYERED: bool>(&self, shading: &Shading<T>, bounce: u32) -> Continuation<T> {
         let Shading { active, sampler, face, bsdf, layered, .. } = shading;
         let zero = T::splat(0.0);
         let uv = sampler.pair(3 + 2 * bounce);
         let sample = match layered {
-            Some(layered) => layered.sample(bsdf, uv, sampler.random(TRANSMISSION_DIMENSION + bounce)),
+            Some(layered) => {
+                // Guides are of what is behind glass, not of what it reflects.
+                if self.gather == Gather::Guides {
+                    layered.sample(bsdf, uv, T::splat(1.0 - f32::EPSILON), zero)
+                } else {
+                    let least = SPLIT.get(bounce as usize).copied().unwrap_or(0.0);
+                    let least = T::select(shading.pdf.lt(T::splat(f32::INFINITY)), zero, T::splat(least));
+                    layered.sample(bsdf, uv, passage(sampler, bounce), least)
+                }
+            }
             None => bsdf.sample(uv),
         };
         let transmitted = sample.transmitted;
-        if let Some(guides) = guides {
-            let fraction = specular_fraction(bsdf, layered.as_ref(), shading.parameters.metallic, sample.wi);
-            let fraction = Vec3::select(transmitted, Vec3::all(zero), fraction);
-            guides.scatter(fraction, shading.slot, active.to_bits());
-        }
-        let direction = shading.basis.to_world(sample.wi);
+        let straight = match LAYERED {
+            true => transmitted & shading.pane,
+            false => T::Mask::splat(false),
+        };
+        let direction = Vec3::select(straight, shading.direction, shading.basis.to_world(sample.wi));
         let shadow_terminator = shadow_terminator(*face, shading.normal, shading.perturbed & !transmitted, direction);
         let mut throughput = shading.throughput * sample.weight * shadow_terminator;
         let ahead = T::select(transmitted, -direction.dot(*face), direction.dot(*face));
@@ -182,10 +235,13 @@ impl PathTracer<'_> {
         };
         if bounce + 1 >= self.settings.roulette_from {
             let survival = at_most(throughput.max_component(), 0.95);
+            // What a camera sees through glass has samples like anything else, and guides.
+            let through_glass = shading.pdf.ge(T::splat(f32::INFINITY)) & sample.pdf.ge(T::splat(f32::INFINITY));
+            let survival = T::select(through_glass, T::splat(1.0), survival);
             going = going & sampler.random(bounce).lt(survival);
             throughput = throughput * inverse(survival);
         }
-        Continuation { going, origin, direction, throughput, sample }
+        Continuation { going, origin, direction, throughput, sample, straight }
     }
 
     /// Compaction: stores the paths that go on, from `next` on; returns their number so far.
@@ -198,19 +254,31 @@ impl PathTracer<'_> {
         at: usize,
         next: usize,
     ) -> usize {
-        let Continuation { going, origin, direction, throughput, sample } = continuation;
+        let Continuation { going, origin, direction, throughput, sample, straight } = continuation;
         let (going, roughness) = (*going, shading.parameters.roughness);
         let alpha = T::select(sample.specular, roughness * roughness, T::splat(1.0));
-        let spread = T::load(&paths.spread[at..]) + alpha * DIFFUSE_SPREAD;
+        let old_spread = T::load(&paths.spread[at..]);
+        let spread = old_spread + alpha * DIFFUSE_SPREAD;
         // From a rough bounce on, nothing is smoother than the option says.
         let regularize = T::load(&paths.regularize[at..]);
         let regularize = T::select(alpha.gt(T::splat(ROUGH)), T::splat(self.settings.regularize), regularize);
-        let width = T::load(&paths.width[at..]);
-        compress(*origin, going, &mut paths.origin, next);
+        let mut width = T::load(&paths.width[at..]);
+        let (mut origin, mut normal, mut pdf, mut near) = (*origin, shading.normal, sample.pdf, T::splat(0.0));
+        if straight.any() {
+            // The ray stays what it was, and so do the densities of lights that it may hit.
+            let straight = *straight;
+            origin = Vec3::select(straight, load(&paths.origin, at), origin);
+            normal = Vec3::select(straight, load(&paths.normal, at), normal);
+            pdf = T::select(straight, T::load(&paths.pdf[at..]), pdf);
+            width = T::select(straight, width - old_spread * shading.distance, width);
+            near = T::select(straight, shading.distance * (1.0_f32 + PAST) + PAST, near);
+        }
+        compress(origin, going, &mut paths.origin, next);
         compress(*direction, going, &mut paths.direction, next);
         compress(*throughput, going, &mut paths.throughput, next);
-        compress(shading.normal, going, &mut paths.normal, next);
-        sample.pdf.compress(going, &mut paths.pdf[next..]);
+        compress(normal, going, &mut paths.normal, next);
+        pdf.compress(going, &mut paths.pdf[next..]);
+        near.compress(going, &mut paths.near[next..]);
         width.compress(going, &mut paths.width[next..]);
         spread.compress(going, &mut paths.spread[next..]);
         regularize.compress(going, &mut paths.regularize[next..]);
@@ -231,6 +299,13 @@ fn specular_fraction<T: Real>(bsdf: &Bsdf<T>, layered: Option<&Layered<T>>, meta
     let fraction =
         |specular: T, diffuse: T| specular * complement(metallic) * inverse(at_least(specular + diffuse, 1e-20));
     vec3(fraction(specular.x, diffuse.x), fraction(specular.y, diffuse.y), fraction(specular.z, diffuse.z))
+}
+
+/// Random number that decides between reflection and passage, spread evenly over the samples.
+#[inline(always)]
+fn passage<I: Int>(sampler: &Sampler<I>, bounce: u32) -> I::Real {
+    let seed = sampler.seed ^ I::splat(PASSAGE);
+    Sampler { seed, ..*sampler }.pair(bounce)[0]
 }
 
 /// As [`alpha_seed`], for a shadow ray.

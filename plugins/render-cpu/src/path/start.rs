@@ -2,11 +2,12 @@
 
 use super::PathTracer;
 use crate::batch::{BATCH, Batch, load, set, store};
+use crate::cpu_path::PixelFilter;
 use std::ops::Range;
 use syntable_prepare::Sampler;
 use syntable_simd::Vec3;
 use syntable_simd::functions::sin_cos_turns;
-use syntable_simd::{Int, Real};
+use syntable_simd::{Int, Real, complement};
 
 /// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
 /// lights and directions by turns.
@@ -61,6 +62,16 @@ pub(crate) fn place([left, top, right, _]: [i32; 4], pixel: u16) -> (i32, i32) {
     (left + pixel % (right - left), top + pixel / (right - left))
 }
 
+/// Position along an axis of the pixel, which is [0, 1], by a density that falls linearly to 0 one pixel from its center;
+/// from a uniform number.
+#[inline(always)]
+fn tent<T: Real>(u: T) -> T {
+    let half = T::splat(0.5);
+    let left = u.lt(half);
+    let edge = (T::select(left, u, complement(u)) * 2.0_f32).sqrt();
+    T::select(left, edge - half, T::splat(1.5) - edge)
+}
+
 impl PathTracer<'_> {
     /// Fills a batch with camera rays; returns their number.
     #[inline(always)]
@@ -94,7 +105,11 @@ impl PathTracer<'_> {
         let [along_u, along_v] = self.camera.slopes().map(Vec3::<T>::broadcast);
         for at in (0..count).step_by(T::WIDTH) {
             let sampler = Sampler { seed: T::Int::load(&paths.seed[at..]), index: T::Int::load(&paths.index[at..]) };
-            let [u, v] = sampler.pair(0);
+            let mut position = sampler.pair(0);
+            if self.settings.filter == PixelFilter::Tent {
+                position = position.map(tent);
+            }
+            let [u, v] = position;
             let mut direction = load::<T>(&paths.direction, at) + along_u * u + along_v * v;
             if self.camera.is_warped() {
                 store(direction, &mut paths.direction, at);
@@ -120,6 +135,9 @@ impl PathTracer<'_> {
             }
             store(direction.normalized(), &mut paths.direction, at);
             store(Vec3::all(T::splat(1.0)), &mut paths.throughput, at);
+            store(Vec3::all(T::splat(0.0)), &mut paths.normal, at);
+            T::splat(f32::INFINITY).store(&mut paths.pdf[at..]);
+            T::splat(0.0).store(&mut paths.near[at..]);
             T::splat(0.0).store(&mut paths.width[at..]);
             T::splat(self.spread).store(&mut paths.spread[at..]);
             T::splat(0.0).store(&mut paths.regularize[at..]);

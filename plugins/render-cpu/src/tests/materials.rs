@@ -12,14 +12,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{RADIANCE, RADIANCE_SPECULAR};
 use syntable_model::scene::{
     Alpha, Clearcoat, Color, DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, Material, RectLight,
-    Role, Scalar, Sheen, SphereLight, Transmission, Volume,
+    Role, Scalar, Sheen, SphereLight, Volume,
 };
-
-/// Light of one nit from everywhere.
-fn furnace() -> Light {
-    let map = Arc::new(EnvironmentMap::constant([1.0; 3]));
-    Light::Environment(EnvironmentLight { map, scale: [1.0; 3], rotation: 0.0 })
-}
 
 fn mean(frame: &Products) -> f64 {
     let data = frame.get(RADIANCE).expect("made").data();
@@ -35,15 +29,6 @@ fn fibrous(base: Material, color: f32, roughness: f32) -> Material {
     let sheen = Sheen { color: Color::constant([color; 3]), roughness: Scalar::constant(roughness) };
     Material { sheen: Some(sheen), ..base }
 }
-
-fn clear(roughness: f32, volume: Option<Volume>) -> Material {
-    Material {
-        transmission: Some(Transmission { fraction: Scalar::constant(1.0), volume }),
-        ..Material::plain("clear", [1.0; 3], roughness)
-    }
-}
-
-const AIRY: Volume = Volume { attenuation_color: [1.0; 3], attenuation_distance_m: f32::INFINITY };
 
 /// Mean over an image of a ball that fills it, in the furnace, from straight on to grazing.
 fn in_furnace(material: Material) -> f64 {
@@ -97,14 +82,6 @@ fn through_slab(material: Material, degrees: f64, faces: usize) -> f64 {
     let view = view(2, 2, 2000.0, [c, s, 0.0], [0.0; 3], vec![Light::Rect(wall)]);
     let options = CpuPath { russian_roulette_from: 257, ..options(4096, 64) };
     mean(&render(options, &scene, &view, &[RADIANCE.id()]))
-}
-
-/// Fresnel's reflectance at an index, unpolarized.
-fn fresnel(degrees: f64, index: f64) -> f64 {
-    let ci = degrees.to_radians().cos();
-    let ct = (1.0 - (1.0 - ci * ci) / (index * index)).sqrt();
-    let (rp, rs) = ((index * ci - ct) / (index * ci + ct), (ci - index * ct) / (ci + index * ct));
-    (rp * rp + rs * rs) / 2.0
 }
 
 #[test]
@@ -288,7 +265,7 @@ fn gloss_is_what_is_mirrored_without_color() {
         assert!((of_red / of_black - 1.0).abs() < 0.03 && of_red < 0.6 * all, "{of_red} of {all}, black {of_black}");
     }
     let metal = Material { metallic: Scalar::constant(1.0), ..plain(0.7, 0.3) };
-    for (name, material) in [("matte", matte(0.7)), ("metal", metal), ("glass", clear(0.05, Some(AIRY)))] {
+    for (name, material) in [("matte", matte(0.7)), ("metal", metal)] {
         assert_eq!(parts(material).1, 0.0, "{name}");
     }
 }

@@ -1,6 +1,7 @@
 //! Whole images against what can be worked out on paper or by brute force.
 
 mod estimators;
+mod glass;
 mod guides;
 mod images;
 mod label_scenes;

@@ -1,5 +1,6 @@
 //! Small scenes, workers and images for tests.
 
+use crate::cpu_path::PixelFilter;
 use crate::cpu_path::{CpuPath, CpuPathRenderer};
 use crate::path::Strategy;
 use std::path::PathBuf;
@@ -9,8 +10,9 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, MaterialOverride, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, Material,
+    MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport, Tabletop, Transmission,
+    ViewId, Volume,
 };
 
 use syntable_model::stage::{Bodies, Window};
@@ -109,6 +111,31 @@ pub fn matte(albedo: f32) -> Material {
     Material { ior: 1.0, ..Material::plain("matte", [albedo; 3], 1.0) }
 }
 
+/// Light of one nit from everywhere.
+pub fn furnace() -> Light {
+    let map = Arc::new(EnvironmentMap::constant([1.0; 3]));
+    Light::Environment(EnvironmentLight { map, scale: [1.0; 3], rotation: 0.0 })
+}
+
+/// Clear glass of index 1.5: a thin sheet, or filled with a medium.
+pub fn clear(roughness: f32, volume: Option<Volume>) -> Material {
+    Material {
+        transmission: Some(Transmission { fraction: Scalar::constant(1.0), volume }),
+        ..Material::plain("clear", [1.0; 3], roughness)
+    }
+}
+
+/// A medium without color.
+pub const AIRY: Volume = Volume { attenuation_color: [1.0; 3], attenuation_distance_m: f32::INFINITY };
+
+/// Fresnel's reflectance at an index, unpolarized.
+pub fn fresnel(degrees: f64, index: f64) -> f64 {
+    let ci = degrees.to_radians().cos();
+    let ct = (1.0 - (1.0 - ci * ci) / (index * index)).sqrt();
+    let (rp, rs) = ((index * ci - ct) / (index * ci + ct), (ci - index * ct) / (ci + index * ct));
+    (rp * rp + rs * rs) / 2.0
+}
+
 /// At a place, not rotated.
 pub fn at(x: f64, y: f64, z: f64) -> Pose {
     Pose::from_parts(Translation3::new(x, y, z), UnitQuaternion::identity())
@@ -147,9 +174,9 @@ pub fn view(width: u32, height: u32, focal: f64, eye: [f64; 3], target: [f64; 3]
 /// What most tests render.
 pub const LIGHT: [KeyId; 1] = [syntable_model::product::standard::RADIANCE.id()];
 
-/// Options for tests: few bounces are no wish of theirs.
+/// Options for tests: few bounces are no wish of theirs. Pixels are means over their areas, which closed forms are of.
 pub fn options(samples_per_pixel: u32, max_bounces: u32) -> CpuPath {
-    CpuPath { samples_per_pixel, max_bounces, ..CpuPath::default() }
+    CpuPath { samples_per_pixel, max_bounces, pixel_filter: PixelFilter::Box, ..CpuPath::default() }
 }
 
 /// Renders products of a view.
