@@ -50,7 +50,9 @@ fn needs_oidn(recipe: &Path) -> bool {
 fn command(verb: &str, recipe: &Path) -> Command {
     let mut command = syntable();
     command.arg(verb).arg(recipe);
-    command.env("OIDN_LIBRARY", std::env::var_os("SYNTABLE_OIDN").unwrap_or_else(|| "/libOpenImageDenoise.so".into()));
+    // `auto` is to look the same wherever its image is rendered.
+    let library = std::env::var_os("SYNTABLE_OIDN").filter(|_| needs_oidn(recipe));
+    command.env("OIDN_LIBRARY", library.unwrap_or_else(|| "/libOpenImageDenoise.so".into()));
     command
 }
 

@@ -51,6 +51,8 @@ pub struct CpuPath {
     /// sees directly or in mirrors is unchanged. 0 disables it.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub regularize: f64,
+    /// How dielectrics divide light between gloss and color.
+    pub dielectrics: Dielectrics,
     /// Reconstruction filter: how much the light counts that falls around the center of a pixel.
     pub pixel_filter: PixelFilter,
     /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such as
@@ -63,6 +65,19 @@ pub struct CpuPath {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
+}
+
+/// Model of a dielectric's two lobes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Dielectrics {
+    /// Light crosses the surface on its way in and out, and what microfacets reflect more than once is kept: white
+    /// reflects all light (Kulla and Conty, 2017).
+    #[default]
+    EnergyConserving,
+    /// The plain mix of glTF 2.0, appendix B.2: the Fresnel term of the half vector, once, and no multiple scattering. As
+    /// viewers of glTF show it: light 10° above a smooth surface gives a half more.
+    Gltf,
 }
 
 /// Reconstruction filter of pixels. Every pixel draws the positions of its own paths from it, so that the noise of
@@ -85,6 +100,7 @@ impl Default for CpuPath {
             russian_roulette_from: 3,
             max_indirect_luminance_nits: None,
             regularize: 0.0,
+            dielectrics: Dielectrics::default(),
             pixel_filter: PixelFilter::default(),
             noise: None,
             time_s: None,
@@ -132,6 +148,7 @@ impl CpuPathRenderer {
             max_indirect_luminance_nits,
             regularize: options.regularize as f32,
             filter: options.pixel_filter,
+            dielectrics: options.dielectrics,
             strategy: Strategy::Combined,
             processor: Processor::detect(),
         };

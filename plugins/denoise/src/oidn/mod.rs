@@ -4,6 +4,7 @@ mod library;
 
 use library::{Device, Job};
 use parking_lot::Mutex;
+use std::path::PathBuf;
 use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, DENOISER, RADIANCE, RADIANCE_NOISY};
@@ -67,12 +68,12 @@ impl Config for Oidn {
     const KIND: &'static str = "oidn";
     const EXAMPLE: &'static str = "library = \"${OIDN_LIBRARY}\"\nquality = \"high\"";
     fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
-        Ok(Box::new(OidnDenoiser { options: self, device: Mutex::new(None) }))
+        Ok(Box::new(OidnDenoiser::new(self)))
     }
 }
 
 /// The denoiser of [`Oidn`]: one device, opened when the first image comes.
-struct OidnDenoiser {
+pub(crate) struct OidnDenoiser {
     options: Oidn,
     device: Mutex<Option<Device>>,
 }
@@ -131,8 +132,19 @@ impl Denoiser for OidnDenoiser {
     }
 }
 
+impl Oidn {
+    /// With defaults for the rest.
+    pub(crate) fn with_library(library: PathBuf) -> Self {
+        Self { library: AssetPath(library), quality: Quality::default(), clean_guides: yes() }
+    }
+}
+
 impl OidnDenoiser {
     const NAME: &'static str = Oidn::KIND;
+
+    pub(crate) fn new(options: Oidn) -> Self {
+        Self { options, device: Mutex::new(None) }
+    }
 
     /// Opens a device of so many threads.
     fn open(&self, threads: usize) -> Result<Device> {

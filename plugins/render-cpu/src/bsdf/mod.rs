@@ -24,6 +24,7 @@ mod sheen;
 mod tests;
 mod transmission;
 
+use crate::cpu_path::Dielectrics;
 pub(crate) use albedo::{Table, table};
 pub(crate) use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
 pub(crate) use layered::{LayerInputs, Layered, Lobe};
@@ -71,6 +72,8 @@ pub(crate) struct Bsdf<T: Real = f32> {
     /// Factor of the diffuse lobe, (1 − Eₛ(μₒ)) included.
     diffuse: Rgb<T>,
     dielectric: Interface<T>,
+    /// Whether the lobes are mixed as glTF mixes them.
+    plain: bool,
     /// Probability of sampling the specular lobe.
     specular_probability: T,
 }
@@ -119,7 +122,7 @@ fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
 impl<T: Real> Bsdf<T> {
     /// `wo` is unit length with z > 0.
     #[inline(always)]
-    pub fn new(parameters: &BsdfParameters<T>, wo: Vec3<T>, table: &'static Table) -> Self {
+    pub fn new(parameters: &BsdfParameters<T>, wo: Vec3<T>, table: &'static Table, dielectrics: Dielectrics) -> Self {
         let BsdfParameters { base_color, roughness, metallic, dielectric_f0 } = *parameters;
         let row = Row::new(roughness);
         let (own, mean) = (row.at(table, wo.z), row.mean(table));
@@ -147,15 +150,23 @@ impl<T: Real> Bsdf<T> {
         let rest = body.luminance() + multiple.luminance() * lost;
         let probability = min(at_least(specular / at_least(specular + rest, 1e-6), 0.05), T::splat(0.95));
         let probability = T::select(specular.le(T::splat(0.0)), T::splat(0.0), probability);
+        let plain = dielectrics == Dielectrics::Gltf;
+        let (multiple, diffuse) = match plain {
+            true => (Rgb::all(T::splat(0.0)), base_color * (complement(metallic) * FRAC_1_PI)),
+            false => {
+                (multiple * (lost * (T::splat(FRAC_1_PI) / lost_mean)), body * (T::splat(FRAC_1_PI) / through_mean))
+            }
+        };
         Self {
             table,
             wo,
+            plain,
             ggx: Ggx::new(at_least(roughness * roughness, ggx::MIN_ALPHA), wo),
             row,
             f0,
             f90,
-            multiple: multiple * (lost * (T::splat(FRAC_1_PI) / lost_mean)),
-            diffuse: body * (T::splat(FRAC_1_PI) / through_mean),
+            multiple,
+            diffuse,
             dielectric,
             specular_probability: T::select(rest.le(T::splat(1e-4)), one, probability),
         }
@@ -173,7 +184,11 @@ impl<T: Real> Bsdf<T> {
         let specular = fresnel * (density * self.ggx.visibility(wi.z));
         let albedo = self.row.at(self.table, wi.z);
         let multiple = self.multiple * at_least(complement(albedo.white()), 0.0);
-        let diffuse = self.diffuse * at_least(complement(self.dielectric.albedo(albedo)), 0.0);
+        let reflected = match self.plain {
+            true => self.dielectric.f0 + (self.dielectric.f90 - self.dielectric.f0) * rise,
+            false => self.dielectric.albedo(albedo),
+        };
+        let diffuse = self.diffuse * at_least(complement(reflected), 0.0);
         let pdf = self.specular_probability * self.ggx.pdf(density)
             + complement(self.specular_probability) * wi.z * FRAC_1_PI;
         ([(specular + multiple) * wi.z, diffuse * wi.z], pdf)

@@ -8,7 +8,7 @@ fn parameters(base: f32, roughness: f32, metallic: f32) -> BsdfParameters {
 }
 
 fn bsdf(parameters: &BsdfParameters, wo: Vec3) -> Bsdf {
-    Bsdf::new(parameters, wo, table())
+    Bsdf::new(parameters, wo, table(), Dielectrics::EnergyConserving)
 }
 
 fn towards(mu: f32, turn: f32) -> Vec3 {
@@ -256,5 +256,60 @@ fn glass_reflects_and_bends_as_snell_and_fresnel_say() {
             assert!(total || f64::from(least) - 0.002 < f64::from(count) / 1000.0, "cos {mu}: {count} reflections");
             assert!(total || f64::from(count) / 1000.0 < 1.002 - f64::from(least), "cos {mu}: {count} reflections");
         }
+    }
+}
+
+/// BRDF times cosine by the equations of glTF 2.0, appendix B.2 and B.3, in a channel of base color `base`.
+fn gltf(base: f64, roughness: f64, metallic: f64, wo: Vec3, wi: Vec3) -> f64 {
+    let [v, l] = [wo, wi].map(|w| [w.x, w.y, w.z].map(f64::from));
+    let sum: [f64; 3] = std::array::from_fn(|c| v[c] + l[c]);
+    let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let h = sum.map(|x| x / length);
+    let (nv, nl, nh, vh) = (v[2], l[2], h[2], (0..3).map(|c| v[c] * h[c]).sum::<f64>());
+    let a2 = roughness.powi(4);
+    let d = a2 / (std::f64::consts::PI * (nh * nh * (a2 - 1.0) + 1.0).powi(2));
+    let smith = |own: f64, other: f64| own * (other * other * (1.0 - a2) + a2).sqrt();
+    let specular = d * 0.5 / (smith(nl, nv) + smith(nv, nl));
+    let rise = (1.0 - vh).powi(5);
+    let fresnel = 0.04 + 0.96 * rise;
+    let dielectric = base / std::f64::consts::PI * (1.0 - fresnel) + specular * fresnel;
+    let metal = specular * (base + (1.0 - base) * rise);
+    (dielectric + (metal - dielectric) * metallic) * nl
+}
+
+#[test]
+fn the_plain_mix_is_that_of_gltf() {
+    let mut stream = Stream::root(12);
+    for _ in 0..2000 {
+        let mut direction = || towards(stream.uniform(0.05, 1.0) as f32, stream.uniform(0.0, 1.0) as f32);
+        let (wo, wi) = (direction(), direction());
+        let [base, metallic] = [0, 1].map(|_| stream.uniform(0.0, 1.0) as f32);
+        let roughness = stream.uniform(0.15, 1.0) as f32;
+        let bsdf = Bsdf::new(&parameters(base, roughness, metallic), wo, table(), Dielectrics::Gltf);
+        let (got, want) =
+            (f64::from(bsdf.evaluate(wi).0.x), gltf(base.into(), roughness.into(), metallic.into(), wo, wi));
+        assert!(
+            (got - want).abs() < 1e-3 * want + 1e-6,
+            "{base} {roughness} {metallic} {wo:?} {wi:?}: {got}, not {want}"
+        );
+    }
+}
+
+/// What the book says of the two models: brightness of a gray of 0.5 from straight above, over that of glTF's formula, by
+/// roughness and elevation of the light, degrees.
+#[test]
+fn at_grazing_light_the_models_differ() {
+    let ratio = |roughness: f32, degrees: f32| {
+        let (wo, wi) = (towards(1.0, 0.0), towards(degrees.to_radians().sin(), 0.25));
+        let parameters = parameters(0.5, roughness, 0.0);
+        let [own, plain] = [Dielectrics::EnergyConserving, Dielectrics::Gltf]
+            .map(|model| Bsdf::new(&parameters, wo, table(), model).evaluate(wi).0.x);
+        f64::from(own / plain)
+    };
+    for roughness in [0.1, 0.3, 0.6, 1.0] {
+        let row = [5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 90.0].map(|degrees| (100.0 * ratio(roughness, degrees)).round());
+        println!("roughness {roughness}: {row:?}");
+        assert!(row[2..].iter().all(|percent| (85.0..=107.0).contains(percent)), "{row:?}");
+        assert!(row[0] < row[1] && row[1] < row[2], "{row:?}");
     }
 }

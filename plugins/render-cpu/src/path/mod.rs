@@ -17,7 +17,7 @@ mod sums;
 pub(crate) use start::{Task, place};
 pub(crate) use sums::PixelSums;
 
-use crate::cpu_path::PixelFilter;
+use crate::cpu_path::{Dielectrics, PixelFilter};
 
 use crate::batch::{BATCH, Batch, get};
 use crate::bvh::Ray;
@@ -69,6 +69,7 @@ pub(crate) struct Settings {
     /// Minimum perceptual roughness after the first rough bounce.
     pub regularize: f32,
     pub filter: PixelFilter,
+    pub dielectrics: Dielectrics,
     pub strategy: Strategy,
     /// Instruction set; tests compare them.
     pub processor: Processor,

@@ -117,7 +117,7 @@ impl PathTracer<'_> {
             basis,
             perturbed: T::load(&surfaces.perturbed[at..]).gt(T::splat(0.0)),
             parameters,
-            bsdf: Bsdf::new(&parameters, wo, table()),
+            bsdf: Bsdf::new(&parameters, wo, table(), self.settings.dielectrics),
             layered: if LAYERED { Some(surfaces.layered(at, &parameters, wo)) } else { None },
             pane: match LAYERED {
                 true => T::load(&surfaces.layers.pane[at..]).gt(T::splat(0.0)),
