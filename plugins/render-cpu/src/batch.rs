@@ -5,11 +5,14 @@ use crate::bvh::Hit;
 use crate::layer::LayerSample;
 use crate::world::Surface;
 use syntable_simd::Vec3;
-use syntable_simd::{Int, Real};
+use syntable_simd::{Int, Real, max};
 
 /// Paths in a batch; a multiple of every number of lanes. Many, so that few lanes are idle when most paths have ended;
 /// few, so that the rows stay in the nearest caches.
 pub(crate) const BATCH: usize = 256;
+
+/// Least albedo of what guides see in mirrors or through glass: reflectance of a dielectric at normal incidence.
+const GLOSS: f32 = 0.04;
 
 /// One number of every path.
 pub(crate) type Row = [f32; BATCH];
@@ -190,6 +193,8 @@ impl Guides {
         self.bounce[slot] = bounce;
         // Light that crosses a body is colored at both of its surfaces.
         let color = if surface.layer.lobe == Lobe::Refraction { surface.albedo.map(f32::sqrt) } else { surface.albedo };
+        // Gloss is taken apart at the first surface only: beyond, what is black without it is not.
+        let color = if bounce > 0 { color.map(|c| max(c, GLOSS)) } else { color };
         let albedo = color * surface.transmittance * self.tint[slot];
         if surface.is_mirror() && !last {
             self.tint[slot] = albedo;
