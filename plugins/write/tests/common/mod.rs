@@ -64,6 +64,7 @@ pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
         views_per_scene: views,
         recipe: "[dataset]\nname = \"test\"\n".into(),
         program: "syntable 0.1.0".into(),
+        classes: Vec::new(),
     }
 }
 
