@@ -395,10 +395,8 @@ fn archives_hold_the_arrays_of_a_view() {
     assert_eq!(names.len(), 9);
     assert_eq!((names[0], names[8]), ("000000_0000.npz", "000002_0002.npz"));
     let open = |name: &str| zip::ZipArchive::new(std::io::Cursor::new(files[name].clone())).expect("a ZIP file");
-    let entries = |name: &str| {
-        let names = open(name).file_names().map(|name| name.expect("UTF-8").into_owned()).collect::<Vec<_>>();
-        names
-    };
+    let entries =
+        |name: &str| open(name).file_names().map(|name| name.expect("UTF-8").into_owned()).collect::<Vec<_>>();
     let all = [
         "rgb",
         "depth",
