@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Checks a dataset in SynTable's layout as a stranger would: with pycocotools, NumPy and Pillow, from its files alone.
 
-    python3 tests/check_dataset.py DATASET [--compat coco|syntable_1] [--annotations FILE]
+    python3 tests/check_dataset.py DATASET [--compat coco|syntable_1] [--annotations FILE] [--npz FOLDER]
 
 Checked: files and their types; ids; every mask decodes, encodes back to the same bytes, and visible masks are disjoint;
 occlusion = amodal - visible; areas, boxes and rates are those of the masks; the label policy is kept; the occlusion
-order equals the paper's Algorithm 1; cameras and poses are rigid and agree; every image has its companions.
+order equals the paper's Algorithm 1; the archives of the writer npz in FOLDER hold the same labels; cameras and poses are rigid and agree; every image has its companions.
 
 Exit code 0 and a summary if all is well; 1 and the problems if not; 2 if there is nothing to check.
 """
@@ -38,8 +38,9 @@ COCO_IMAGE_KEYS = {"scene_id", "view_id", "instance_ids", "camera", "label_polic
 class Checker:
     """Collects what is wrong with a dataset."""
 
-    def __init__(self, root, compat, annotations):
+    def __init__(self, root, compat, annotations, npz):
         self.root, self.compat, self.file = root, compat, root / annotations
+        self.npz = npz and root / npz
         self.problems = []
         self.occluded = self.occluded_px = self.amodal_px = self.edges = 0
         self.bbox_kinds = {"visible", "amodal"}
@@ -52,12 +53,19 @@ class Checker:
     def run(self):
         data = json.loads(self.file.read_text())
         self.expect(
-            list(data) == ["info", "licenses", "categories", "images", "annotations"], f"top-level keys {list(data)}")
-        self.expect([c["id"] for c in data["categories"]] == [1] and data["categories"][0]["name"] == "object",
+            list(data) == ["info", "licenses", "categories", "images", "annotations"]
+            + ["scenes"] * (self.compat == "coco"), f"top-level keys {list(data)}")
+        self.categories = {category["id"]: category["name"] for category in data["categories"]}
+        names = [category["name"] for category in data["categories"]]
+        self.expect(names == ["object"] + sorted(set(names) - {"object"}) and (self.compat == "coco" or len(names) == 1)
+                    and [c["id"] for c in data["categories"]] == list(range(1, len(names) + 1)),
                     f"categories {data['categories']}")
         with contextlib.redirect_stdout(sys.stderr):
             coco = COCO(str(self.file))
         images, annotations = data["images"], data["annotations"]
+        self.bodies = {scene["id"]: {body["id"]: body for body in scene["bodies"]} for scene in data.get("scenes", [])}
+        for bodies in self.bodies.values():
+            self.expect(list(bodies) == list(range(1, len(bodies) + 1)), "ids of bodies are not 1, 2, 3 ...")
         self.ids(images, annotations)
         self.stems(images)
         unique = list({image["id"]: image for image in images}.values())
@@ -125,6 +133,26 @@ class Checker:
         self.order(image, visible, occluded)
         if self.compat == "coco":
             self.coco_image(image, annotations, stem)
+            if self.npz:
+                self.archive(image, annotations, visible, amodal)
+
+    def archive(self, image, annotations, visible, amodal):
+        with np.load(self.npz / f"{image['scene_id']:06}_{image['view_id']:04}.npz", allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        ids = np.array([annotation["instance_id"] for annotation in annotations], dtype=int)
+        shown = np.zeros((image["height"], image["width"]), dtype=int)
+        for i, mask in zip(ids, visible):
+            shown[mask] = i
+        bits = np.unpackbits(arrays["amodal_bits"], axis=2, count=image["width"])
+        with Image.open(self.root / image["file_name"]) as rgb:
+            self.expect(np.array_equal(arrays["rgb"], np.asarray(rgb)), "npz: rgb")
+        for name, got, want in (
+                ("ids", arrays["ids"], ids), ("visible_ids", arrays["visible_ids"], shown),
+                ("amodal_bits", bits, np.array(amodal).reshape((len(ids),) + shown.shape)),
+                ("amodal_box", arrays["amodal_box"], [a["amodal_bbox"] for a in annotations]),
+                ("category_id", arrays["category_id"], [a["category_id"] for a in annotations]),
+                ("occlusion_order", arrays["occlusion_order"], np.load(self.root / image["occlusion_order_file_name"]))):
+            self.expect(np.array_equal(got, np.reshape(want, got.shape)), f"npz: {name}")
 
     def order(self, image, visible, occluded):
         path = self.root / image["occlusion_order_file_name"]
@@ -150,7 +178,8 @@ class Checker:
         wanted = ANNOTATION_KEYS | (COCO_ANNOTATION_KEYS if self.compat == "coco" else set())
         self.expect(not wanted - annotation.keys(), f"{name}: keys missing: {sorted(wanted - annotation.keys())}")
         self.expect((annotation["width"], annotation["height"]) == (image["width"], image["height"]), f"{name}: size")
-        self.expect(annotation["category_id"] == 1 and annotation["iscrowd"] == 0, f"{name}: category or iscrowd")
+        self.expect(annotation["category_id"] in self.categories and annotation["iscrowd"] == 0,
+                    f"{name}: category or iscrowd")
         amodal, visible, occluded = (
             self.decode(annotation[key], image, f"{name}, {key}") for key in ("segmentation", "visible_mask", "occluded_mask"))
         self.expect(amodal.any(), f"{name}: the amodal mask is empty")
@@ -166,7 +195,8 @@ class Checker:
         self.expect(isinstance(rate, (int, float)) and 0 <= rate <= 1, f"{name}: rate {rate}")
         if self.compat == "syntable_1":
             self.expect(annotation["area"] == 0, f"{name}: area {annotation['area']}, the released program writes 0")
-            self.expect("area" in annotation["segmentation"], f"{name}: no area inside the segmentation")
+            self.expect(annotation["segmentation"]["area"] == 10 * a, f"{name}: the release writes ten times the area")
+            self.expect("/" not in annotation["object_name"], f"{name}: a slash in the name")
             self.expect(annotation["visible_mask"]["area"] == v, f"{name}: area inside visible_mask, not {v}")
             self.expect(annotation["occluded_mask"]["area"] == o, f"{name}: area inside occluded_mask, not {o}")
             self.expect(rate == round(o / a, 2), f"{name}: rate {rate}, not {round(o / a, 2)}")
@@ -225,6 +255,12 @@ class Checker:
             self.expect(np.allclose(camera_from_world @ world, seen, atol=1e-9),
                         f"annotation {annotation['id']}: poses disagree")
             self.expect(info["name"] == annotation["object_name"], f"annotation {annotation['id']}: names disagree")
+            category = self.categories.get(annotation["category_id"])
+            self.expect(category == (info["category"] if info["category"] in self.categories.values() else "object"),
+                        f"annotation {annotation['id']}: category {category} of {info['category']}")
+            body = self.bodies.get(image["scene_id"], {}).get(annotation["instance_id"], {})
+            self.expect(body.get("role") == "object" and body.get("name") == info["name"],
+                        f"annotation {annotation['id']}: not in the list of bodies")
 
     def rigid(self, rows, name):
         pose = np.array(rows, dtype=float)
@@ -248,11 +284,12 @@ def main():
     parser.add_argument("dataset", type=pathlib.Path)
     parser.add_argument("--compat", choices=["coco", "syntable_1"], default="coco", help="form of the annotation file")
     parser.add_argument("--annotations", default="annotation_final.json", help="name of the annotation file")
+    parser.add_argument("--npz", help="folder of archives of the writer npz, with its default products")
     options = parser.parse_args()
     if not (options.dataset / options.annotations).is_file():
         print(f"{options.dataset / options.annotations} is not there", file=sys.stderr)
         return 2
-    checker = Checker(options.dataset, options.compat, options.annotations)
+    checker = Checker(options.dataset, options.compat, options.annotations, options.npz)
     images, annotations = checker.run()
     if checker.problems:
         for problem in checker.problems[:40]:

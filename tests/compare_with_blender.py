@@ -1,6 +1,7 @@
 """Renders an exported scene with Blender's Cycles and compares it, body by body, with the program's own radiance.
 
-Not part of CI: it needs `pip install bpy==5.0.1` (Python 3.11). A dataset to compare with:
+Not part of CI: it needs `pip install bpy==5.0.1` (Python 3.11). Imports with the script that the gltf writer ships. A
+dataset to compare with:
 
     [write.gltf]
     [write.npy]
@@ -12,29 +13,22 @@ Prints the mean luminance of every body that covers at least 60 pixels of the fi
 """
 
 import argparse
-import json
 import pathlib
-import struct
+import sys
 import tempfile
 
 import bpy
 import numpy as np
 
-
-def document(path):
-    """The JSON of a binary glTF file."""
-    data = path.read_bytes()
-    (size,) = struct.unpack("<I", data[12:16])
-    return json.loads(data[20 : 20 + size])
+sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "plugins/write/src/gltf"))
+import import_in_blender
 
 
 def render(path, width, height, samples):
     """Radiance of the first view by Cycles: path tracing without clamping or denoising, box filter."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.import_scene.gltf(filepath=str(path))
+    import_in_blender.load(path)
     scene = bpy.context.scene
-    scene.camera = bpy.data.objects["view 0"]
-    scene.render.engine = "CYCLES"
     cycles = scene.cycles
     cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = samples, False, False
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
@@ -63,7 +57,7 @@ def main():
     height, width = instance.shape
     theirs = render(glb, width, height, options.samples)
     weights = np.array([0.2126, 0.7152, 0.0722])
-    names = {node["extras"]["instance_id"]: node["name"] for node in document(glb)["nodes"]
+    names = {node["extras"]["instance_id"]: node["name"] for node in import_in_blender.document(glb)["nodes"]
              if "instance_id" in node.get("extras", {})}
     for body in np.unique(instance):
         mask = instance == body

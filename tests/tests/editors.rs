@@ -118,7 +118,7 @@ fn every_kind_completes_and_hovers() {
                 table.add(&format!("{place} completes"), server, &offered.join(" "));
 
                 let body = usual(entry, options);
-                let of_list = |name: &str| options[name]["type"] == "array" && SHOWS_ELEMENTS.contains(&server.name);
+                let of_list = |name: &str| body[name].is_array() && SHOWS_ELEMENTS.contains(&server.name);
                 let Some(option) = body.keys().find(|name| !of_list(name)) else { continue };
                 let meaning = options[option]["description"].as_str().expect("described");
                 let meaning = meaning.lines().next().unwrap_or_default();

@@ -145,6 +145,12 @@ impl<'s> Reference<'s> {
         if let Some(word) = target.get("const") {
             return format!("`{}`", toml_like(word));
         }
+        if let Some([one, _, weights]) = target["anyOf"].as_array().map(Vec::as_slice)
+            && weights["x-syntable-key-ref"].is_string()
+        {
+            let pool = self.value(one).replacen("pool", "[pools](../scenes.md#pools-and-weights)", 1);
+            return format!("{pool}: one, a list or weights");
+        }
         if let Some(branches) = target["oneOf"].as_array().or(target["anyOf"].as_array()) {
             let mut forms: Vec<String> = branches.iter().map(|branch| self.form(branch)).collect();
             forms.dedup();

@@ -5,12 +5,13 @@ use support::{assert_same, fails, ok, small_run, syntable, text};
 use syntable_testing::folder::files;
 
 /// Every writer that ships, with products that need light and products that need none.
-const WRITERS: [(&str, &[&str]); 9] = [
+const WRITERS: [(&str, &[&str]); 10] = [
     ("contact_sheet", &["write.contact_sheet={}"]),
     ("exr", &["write.exr.include=[\"radiance\", \"normal\"]"]),
     ("gltf", &["write.gltf.per=\"view\""]),
     ("jsonl", &["write.jsonl.include=[\"camera\", \"settle_report\", \"lights\", \"occlusion_rate\"]"]),
     ("npy", &["write.npy.include=[\"depth\", \"albedo\"]"]),
+    ("npz", &["write.npz={}"]),
     ("png", &["write.png.include=[\"amodal_mask\", \"instance\", \"rgb\"]"]),
     ("syntable", &["write.syntable.debug_masks=true"]),
     (
@@ -62,9 +63,16 @@ fn every_writer_that_comes_later_writes_what_it_would_have_written() {
     ok(&mut run(&recipe, &whole, &sets));
     assert_same(&whole, &grown);
     let names: Vec<String> = files(&grown).into_keys().collect();
-    for part in
-        ["contact_sheet/", "exr/radiance/", "gltf/", "npy/albedo/", "png/rgb/", "data/mono/rgb/", "per_dataset.txt"]
-    {
+    for part in [
+        "contact_sheet/",
+        "exr/radiance/",
+        "gltf/",
+        "npy/albedo/",
+        "npz/",
+        "png/rgb/",
+        "data/mono/rgb/",
+        "per_dataset.txt",
+    ] {
         assert!(names.iter().any(|name| name.starts_with(part)), "{part}");
     }
     assert!(ok(syntable().arg("verify").arg(&grown)).contains("0 missing, 0 damaged, 0 foreign"));

@@ -58,7 +58,12 @@ impl<I: Serialize, A: Serialize> Dataset<I, A> {
         file.images(|images| self.images.iter().try_for_each(|image| images.record(image)))?;
         file.annotations(|annotations| self.annotations.iter().try_for_each(|record| annotations.record(record)))?;
         for (name, section) in &self.extra {
-            file.section(name, section)?;
+            match section {
+                Json::Array(records) if records.iter().all(Json::is_object) => {
+                    file.list(name, |list| records.iter().try_for_each(|record| list.record(record)))?;
+                }
+                section => file.section(name, section)?,
+            }
         }
         file.finish()
     }
@@ -128,7 +133,8 @@ impl<'a> DatasetWriter<'a> {
         self.put("\n}\n")
     }
 
-    fn list(&mut self, name: &str, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
+    /// Writes a section of records that `fill` adds.
+    pub fn list(&mut self, name: &str, fill: impl FnOnce(&mut Records) -> Result<()>) -> Result<()> {
         self.begin(name)?;
         self.put("[")?;
         let mut records = Records { file: self, empty: true };

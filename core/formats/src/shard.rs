@@ -2,7 +2,7 @@
 //!
 //! A run writes the images and annotations of each scene to a shard of its own, and merges all shards at the end.
 //! A shard has a line `["image", annotations, record]` for every view, followed by that many lines
-//! `["annotation", record]`, whose ids are 0 until the merge counts them. Merging copies the records as text: memory is
+//! `["annotation", record]`, whose ids are 0 until the merge counts them, and at the end a line `["scene", record]`. Merging copies the records as text: memory is
 //! bounded by one line.
 
 use serde::Serialize;
@@ -19,6 +19,11 @@ pub fn push_image(shard: &mut Vec<u8>, annotations: usize, image: &impl Serializ
 /// Appends the line of an annotation. Its `id` must be the first field, and 0.
 pub fn push_annotation(shard: &mut Vec<u8>, annotation: &impl Serialize) -> Result<()> {
     push(shard, &("annotation", annotation))
+}
+
+/// Appends the line of the scene itself.
+pub fn push_scene(shard: &mut Vec<u8>, scene: &impl Serialize) -> Result<()> {
+    push(shard, &("scene", scene))
 }
 
 fn push(shard: &mut Vec<u8>, line: &impl Serialize) -> Result<()> {
@@ -40,6 +45,8 @@ pub enum Line<'a> {
     },
     /// An annotation.
     Annotation(Unnumbered<'a>),
+    /// The record of the scene.
+    Scene(&'a str),
 }
 
 /// The record of an annotation without its id.
@@ -55,6 +62,8 @@ impl<'a> Line<'a> {
         if let Some(rest) = body.strip_prefix("\"image\",") {
             let (annotations, record) = rest.split_once(',')?;
             Some(Self::Image { annotations: annotations.parse().ok()?, record })
+        } else if let Some(record) = body.strip_prefix("\"scene\",") {
+            Some(Self::Scene(record))
         } else {
             let record = body.strip_prefix("\"annotation\",")?;
             Some(Self::Annotation(Unnumbered { rest: record.strip_prefix(UNNUMBERED)? }))

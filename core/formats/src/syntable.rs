@@ -12,12 +12,16 @@ use crate::segmentation::Rle;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::DatasetInfo;
 
 /// A SynTable annotation file.
 pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
 
-/// Id of the category `object`, to which every annotated object belongs.
-pub const OBJECT_CATEGORY: u64 = 1;
+/// Id of the category `object`: that of objects of no class, and of all objects in the syntable_1 form.
+pub const OBJECT_CATEGORY: u64 = DatasetInfo::OBJECT.0 as u64;
+
+/// Name of the section of scenes.
+pub const SCENES: &str = "scenes";
 
 /// Path of a view's 8-bit RGB image, relative to the dataset.
 pub fn rgb_path(scene: u32, view: u32) -> String {
@@ -109,7 +113,7 @@ pub struct Annotation {
     pub id: u64,
     /// The image's id.
     pub image_id: u64,
-    /// [`OBJECT_CATEGORY`]; 0 marks the background in SynTable's own files.
+    /// The object's class, or [`OBJECT_CATEGORY`]; 0 marks the background in SynTable's own files.
     pub category_id: u64,
     /// Id of the object in its scene, the same in all views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -174,10 +178,14 @@ impl Annotation {
 pub mod syntable_1 {
     use super::{Deserialize, Extra, Rle, Serialize};
 
+    /// Id of the one object that the release's renderer sees when it renders an amodal mask, in all its published
+    /// annotations.
+    pub const RENDERER_ID: u64 = 10;
+
     /// An object in an image, with the fields of SynTable's release in its order.
     ///
     /// Two values are not what their names say, and programs that read the release must not trust them: `area` is 0,
-    /// and `segmentation.area` is the sum of instance ids over the mask.
+    /// and `segmentation.area` is the sum of the renderer's ids over the mask, [`RENDERER_ID`] times its area.
     #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
     pub struct Annotation {
         /// From 1, unique in the file. 0 in a scene's shard, before the file is merged.
@@ -188,8 +196,6 @@ pub mod syntable_1 {
         pub category_id: u64,
         /// Box of the visible mask, px.
         pub bbox: [i32; 4],
-        /// Box of the visible mask, px.
-        pub visible_bbox: [i32; 4],
         /// Width of the image, px.
         pub width: u32,
         /// Height of the image, px.
@@ -204,6 +210,8 @@ pub mod syntable_1 {
         pub area: u64,
         /// The visible mask.
         pub visible_mask: Rle,
+        /// Box of the visible mask, px.
+        pub visible_bbox: [i32; 4],
         /// The occluded mask; empty if the object is not occluded.
         pub occluded_mask: Rle,
         /// Occluded pixels over amodal pixels, in [0, 1], with two decimals.
@@ -232,6 +240,47 @@ pub struct Camera {
     /// Other fields, such as lens distortion.
     #[serde(flatten)]
     pub extra: Extra,
+}
+
+/// A scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scene {
+    /// Number of the scene, from 0; `scene_id` of its images.
+    pub id: u32,
+    /// What is in the scene, in the order of the ids.
+    pub bodies: Vec<Body>,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+/// A body of a scene: an object, a distractor, the table or a part of the room.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Body {
+    /// Its id in the product `instance`; of objects, `instance_id` of their annotations.
+    pub id: u16,
+    /// `object`, `distractor`, `support` or `room`.
+    pub role: String,
+    /// Id of the pool of its asset.
+    pub pool: String,
+    /// Name of the asset in its pool.
+    pub name: String,
+    /// Category of the asset.
+    pub category: String,
+    /// Names of its materials.
+    pub materials: Vec<String>,
+    /// Maps points of the body to the world (right-handed, z up).
+    pub world_from_body: Pose,
+    /// Fields that this type does not know.
+    #[serde(flatten)]
+    pub extra: Extra,
+}
+
+impl Dataset {
+    /// The scenes of the file; none in the syntable_1 form.
+    pub fn scenes(&self) -> Result<Vec<Scene>> {
+        self.extra.get(SCENES).map_or(Ok(Vec::new()), |scenes| typed(scenes, format!("`{SCENES}`")))
+    }
 }
 
 /// What an annotated object is, and where.

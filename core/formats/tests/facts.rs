@@ -21,7 +21,7 @@ const RELEASED: &str = r#"{
         {
             "id": 1,
             "name": "Attribution-NonCommercial-ShareAlike License",
-            "url": "nil"
+            "url": "http://creativecommons.org/licenses/by-nc-sa/2.0/"
         }
     ],
     "categories": [
@@ -56,12 +56,6 @@ const RELEASED: &str = r#"{
                 2,
                 2
             ],
-            "visible_bbox": [
-                1,
-                1,
-                2,
-                2
-            ],
             "width": 4,
             "height": 3,
             "object_name": "tless_obj_000025",
@@ -83,6 +77,12 @@ const RELEASED: &str = r#"{
                 "counts": "42102",
                 "area": 4
             },
+            "visible_bbox": [
+                1,
+                1,
+                2,
+                2
+            ],
             "occluded_mask": {
                 "size": [
                     3,
@@ -261,7 +261,7 @@ fn errors_name_file_line_and_field() {
         (
             "\"counts\": \"42102\",\n                \"area\": 4\n",
             "\"area\": 4\n",
-            "a.json:74: `annotations[0].visible_mask`: missing field `counts`",
+            "a.json:68: `annotations[0].visible_mask`: missing field `counts`",
         ),
         ("\"width\": 4", "\"width\": -4", "a.json:30: `images[0].width`: invalid value: integer `-4`"),
         ("\"file_name\": \"data", "\"file\": \"data", "a.json:36: `images[0]`: missing field `file_name`"),

@@ -5,7 +5,8 @@
 
 use crate::digest::Digest;
 use crate::error::{Error, Result};
-use crate::names::{EnvironmentPool, MaterialPool, ObjectPool};
+use crate::names::PoolName;
+use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
 use crate::random::Stream;
 use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, View};
 use crate::stage::DatasetInfo;
@@ -102,37 +103,45 @@ pub trait Assets: Send + Sync {
 }
 
 impl dyn Assets + '_ {
-    /// Draws an object, uniformly over the entries of some pools taken together. A bad asset is passed over.
-    pub fn draw_object(&self, pools: &[ObjectPool], stream: &mut Stream) -> Result<(AssetRef, Arc<Object>)> {
-        let pools: Vec<&str> = pools.iter().map(ObjectPool::as_str).collect();
-        self.draw(&pools, stream, Asset::into_object)
+    /// Draws an object. A bad asset is passed over.
+    pub fn draw_object(&self, pools: &ObjectPools, stream: &mut Stream) -> Result<(AssetRef, Arc<Object>)> {
+        self.draw(pools, stream, Asset::into_object)
     }
 
-    /// Draws a material, uniformly over the entries of a pool. A bad asset is passed over.
-    pub fn draw_material(&self, pool: &MaterialPool, stream: &mut Stream) -> Result<(AssetRef, Arc<Material>)> {
-        self.draw(&[pool.as_str()], stream, Asset::into_material)
+    /// Draws a material. A bad asset is passed over.
+    pub fn draw_material(&self, pools: &MaterialPools, stream: &mut Stream) -> Result<(AssetRef, Arc<Material>)> {
+        self.draw(pools, stream, Asset::into_material)
     }
 
-    /// Draws an environment map, uniformly over the entries of some pools taken together. A bad one is passed over.
+    /// Draws an environment map. A bad one is passed over.
     pub fn draw_environment(
         &self,
-        pools: &[EnvironmentPool],
+        pools: &EnvironmentPools,
         stream: &mut Stream,
     ) -> Result<(AssetRef, Arc<EnvironmentMap>)> {
-        let pools: Vec<&str> = pools.iter().map(EnvironmentPool::as_str).collect();
-        self.draw(&pools, stream, Asset::into_environment)
+        self.draw(pools, stream, Asset::into_environment)
     }
 
-    fn draw<T>(&self, pools: &[&str], stream: &mut Stream, take: fn(Asset) -> Result<T>) -> Result<(AssetRef, T)> {
-        let mut left: Vec<(&str, &CatalogEntry)> = Vec::new();
-        for &pool in pools {
-            left.extend(self.entries(pool)?.iter().map(|entry| (pool, entry)));
+    /// All assets of some pools in the order in which they are drawn without replacement, good or bad.
+    pub fn drawn_order<P: PoolName>(&self, pools: &Pools<P>, stream: &mut Stream) -> Result<Vec<AssetRef>> {
+        let mut left = Undrawn::of(self, pools)?;
+        if let [(_, only)] = left.groups.as_mut_slice() {
+            stream.shuffle(only);
+            return Ok(only.iter().map(|(pool, entry)| asset_ref(pool, entry)).collect());
         }
+        Ok(std::iter::from_fn(|| left.draw(stream)).collect())
+    }
+
+    fn draw<P: PoolName, T>(
+        &self,
+        pools: &Pools<P>,
+        stream: &mut Stream,
+        take: fn(Asset) -> Result<T>,
+    ) -> Result<(AssetRef, T)> {
         // Every bad asset is struck from this draw's list, so that the draw ends and depends on the stream alone.
+        let mut left = Undrawn::of(self, pools)?;
         let mut last = None;
-        while !left.is_empty() {
-            let (pool, entry) = left.swap_remove(stream.below(left.len() as u64) as usize);
-            let asset = AssetRef { pool: pool.to_owned(), name: entry.name.clone() };
+        while let Some(asset) = left.draw(stream) {
             match self.get(&asset) {
                 Ok(loaded) => {
                     let loaded = take(loaded).map_err(|error| error.context(format!("asset {asset}")))?;
@@ -141,12 +150,56 @@ impl dyn Assets + '_ {
                 Err(error) => last = Some(error),
             }
         }
-        let names = pools.join("`, `");
+        let names: Vec<&str> = pools.groups().into_iter().flat_map(|(_, names)| names).collect();
+        let names = names.join("`, `");
         Err(match last {
             Some(error) => error.context(format!("no asset of `{names}` can be used; the last one")),
             None => Error::new(format!("no asset in `{names}`")).help("check its root folder and its selection"),
         })
     }
+}
+
+/// Entries of pools that are not drawn yet, in groups with weights.
+struct Undrawn<'a> {
+    groups: Vec<(f64, Vec<(&'a str, &'a CatalogEntry)>)>,
+}
+
+impl<'a> Undrawn<'a> {
+    fn of<P: PoolName>(assets: &'a (dyn Assets + '_), pools: &'a Pools<P>) -> Result<Self> {
+        let group = |(weight, pools): (f64, Vec<&'a str>)| {
+            let mut group = Vec::new();
+            for pool in pools {
+                group.extend(assets.entries(pool)?.iter().map(|entry| (pool, entry)));
+            }
+            Ok((weight, group))
+        };
+        Ok(Self { groups: pools.groups().into_iter().map(group).collect::<Result<_>>()? })
+    }
+
+    /// Draws a group in proportion to its weight, then an entry uniformly within it. A single group takes no random number
+    /// of its own.
+    fn draw(&mut self, stream: &mut Stream) -> Option<AssetRef> {
+        self.groups.retain(|(_, group)| !group.is_empty());
+        let last = self.groups.len().checked_sub(1)?;
+        let mut chosen = last;
+        if last > 0 {
+            let total: f64 = self.groups.iter().map(|(weight, _)| weight).sum();
+            let mut at = stream.uniform(0.0, total);
+            let below = |(weight, _): &(f64, _)| {
+                at -= weight;
+                at < 0.0
+            };
+            // Rounding can leave nothing below the total.
+            chosen = self.groups.iter().position(below).unwrap_or(last);
+        }
+        let group = &mut self.groups[chosen].1;
+        let (pool, entry) = group.swap_remove(stream.below(group.len() as u64) as usize);
+        Some(asset_ref(pool, entry))
+    }
+}
+
+fn asset_ref(pool: &str, entry: &CatalogEntry) -> AssetRef {
+    AssetRef { pool: pool.to_owned(), name: entry.name.clone() }
 }
 
 /// Bytes kept between runs, by purpose and digest. A cache may forget; it never changes what it was given.
@@ -205,5 +258,107 @@ impl Collected {
 impl Log for Collected {
     fn warn(&self, warning: &Error) {
         self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push(warning.clone());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::names::MaterialPool;
+    use std::collections::BTreeMap;
+
+    /// Pools of materials named by number; those that are no number are bad.
+    struct Numbers(BTreeMap<&'static str, Vec<CatalogEntry>>);
+
+    impl Numbers {
+        fn new(pools: &[(&'static str, std::ops::Range<u32>)]) -> Self {
+            let entry = |name: String| CatalogEntry { name, category: String::new() };
+            let pool = |range: &std::ops::Range<u32>| range.clone().map(|i| entry(format!("{i:03}"))).collect();
+            let mut all: BTreeMap<_, Vec<CatalogEntry>> =
+                pools.iter().map(|(name, range)| (*name, pool(range))).collect();
+            all.insert("broken", vec![entry("x".into()), entry("y".into())]);
+            all.insert("empty", Vec::new());
+            Self(all)
+        }
+
+        fn draw(&self, pools: &MaterialPools, stream: &mut Stream) -> Result<AssetRef> {
+            let assets: &dyn Assets = self;
+            assets.draw_material(pools, stream).map(|(asset, _)| asset)
+        }
+    }
+
+    impl Assets for Numbers {
+        fn entries(&self, pool: &str) -> Result<&[CatalogEntry]> {
+            self.0.get(pool).map(Vec::as_slice).ok_or_else(|| Error::new(format!("there is no pool `{pool}`")))
+        }
+        fn get(&self, asset: &AssetRef) -> Result<Asset> {
+            match asset.name.parse::<u32>() {
+                Ok(_) => Ok(Material::plain(&asset.name, [0.5; 3], 0.5).into()),
+                Err(_) => Err(Error::new("bad")),
+            }
+        }
+    }
+
+    fn weights(weights: &[(&str, f64)]) -> MaterialPools {
+        Pools::weighted(weights.iter().map(|(pool, weight)| (MaterialPool::from(*pool), *weight))).expect("weights")
+    }
+
+    #[test]
+    fn a_pool_is_drawn_by_weight_and_an_asset_uniformly_within_it() {
+        let assets = Numbers::new(&[("few", 0..3), ("many", 100..140), ("never", 0..9)]);
+        let pools = weights(&[("many", 1.0), ("few", 3.0), ("never", 0.0), ("broken", 0.5)]);
+        let (mut stream, mut counts) = (Stream::root(8), BTreeMap::<String, u32>::new());
+        let draws = 40_000;
+        for _ in 0..draws {
+            *counts.entry(assets.draw(&pools, &mut stream).expect("drawn").to_string()).or_default() += 1;
+        }
+        assert_eq!(counts.len(), 43, "all of both pools, nothing of the one without weight");
+        // A bad asset is drawn again, so the pools keep their ratio of 3 to 1. χ² with 42 degrees of freedom: 88 is the
+        // 5e-5 tail.
+        let expected = |name: &str| f64::from(draws) * if name.starts_with("few") { 0.75 / 3.0 } else { 0.25 / 40.0 };
+        let chi2: f64 = counts.iter().map(|(name, &n)| (f64::from(n) - expected(name)).powi(2) / expected(name)).sum();
+        assert!(chi2 < 88.0, "{chi2}");
+    }
+
+    #[test]
+    fn a_list_is_uniform_over_all_entries_and_keeps_its_random_numbers() {
+        let assets = Numbers::new(&[("a", 0..4), ("b", 10..17)]);
+        let all: Vec<String> =
+            (0..4).map(|i| format!("a/{i:03}")).chain((10..17).map(|i| format!("b/{i:03}"))).collect();
+        let list = MaterialPools::from(vec![MaterialPool::from("a"), "b".into()]);
+        for seed in 0..40 {
+            let mut stream = Stream::root(seed);
+            let mut same = stream.clone();
+            let drawn = assets.draw(&list, &mut stream).expect("drawn").to_string();
+            assert_eq!(drawn, all[same.below(11) as usize]);
+            assert_eq!(stream, same, "one number per draw");
+            let single = assets.draw(&"b".into(), &mut Stream::root(seed)).expect("drawn");
+            assert_eq!(single, assets.draw(&weights(&[("b", 0.2)]), &mut Stream::root(seed)).expect("drawn"));
+
+            let order = |pools: &MaterialPools| -> Vec<String> {
+                let assets: &dyn Assets = &assets;
+                let order = assets.drawn_order(pools, &mut Stream::root(seed)).expect("there");
+                order.iter().map(AssetRef::to_string).collect()
+            };
+            let mut shuffled = all.clone();
+            Stream::root(seed).shuffle(&mut shuffled);
+            assert_eq!(order(&list), shuffled);
+            let mut weighted = order(&weights(&[("a", 1e-6), ("b", 1.0)]));
+            assert!(weighted[..7].iter().all(|name| name.starts_with('b')), "{weighted:?}");
+            weighted.sort();
+            assert_eq!(weighted, all, "each once");
+        }
+    }
+
+    #[test]
+    fn pools_that_give_nothing_are_named() {
+        let assets = Numbers::new(&[("a", 0..4)]);
+        let error = |pools: &MaterialPools| assets.draw(pools, &mut Stream::root(1)).expect_err("nothing").to_string();
+        assert_eq!(
+            error(&weights(&[("broken", 1.0), ("empty", 2.0)])),
+            "no asset of `broken`, `empty` can be used; the last one: bad"
+        );
+        assert!(error(&"empty".into()).starts_with("no asset in `empty`"));
+        assert!(error(&weights(&[("gone", 1.0), ("a", 1.0)])).starts_with("there is no pool `gone`"));
     }
 }

@@ -83,6 +83,7 @@ pub mod inspect;
 pub mod names;
 pub mod options;
 pub mod photometry;
+pub mod pools;
 pub mod product;
 pub mod random;
 pub mod registry;
@@ -104,7 +105,8 @@ pub mod prelude {
     pub use crate::dist::{Dist, IntDist};
     pub use crate::error::{ConfigError, Error, Result};
     pub use crate::geometry::Pose;
-    pub use crate::names::{AssetPath, MaterialPool, ObjectPool, ProductName};
+    pub use crate::names::{AssetPath, EnvironmentPool, MaterialPool, ObjectPool, ProductName};
+    pub use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
     pub use crate::product::{Key, KeyId, Mask, PerInstance, Plane, Products, Semantic, Value};
     pub use crate::random::Stream;
     pub use crate::registry::Config;

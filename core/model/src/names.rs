@@ -9,6 +9,18 @@ use std::path::{Path, PathBuf};
 /// Schema keyword that marks what a text refers to.
 pub const REFERENCE: &str = "x-syntable-ref";
 
+/// Schema keyword that marks what the keys of a table refer to.
+pub const KEY_REFERENCE: &str = "x-syntable-key-ref";
+
+/// A type of names of pools.
+pub trait PoolName: From<String> + JsonSchema {
+    /// What the name refers to, such as `pool:object`.
+    const REFERENCE: &'static str;
+
+    /// The name.
+    fn as_str(&self) -> &str;
+}
+
 macro_rules! name {
     ($(#[$doc:meta])* $name:ident, $reference:literal, $description:literal) => {
         $(#[$doc])*
@@ -40,31 +52,50 @@ macro_rules! name {
     };
 }
 
-name!(
-    /// Id of an `[assets.<id>]` table that gives objects.
-    ObjectPool,
-    "pool:object",
-    "Id of an [assets.<id>] table that gives objects."
-);
-name!(
-    /// Id of an `[assets.<id>]` table that gives materials.
-    MaterialPool,
-    "pool:material",
-    "Id of an [assets.<id>] table that gives materials."
-);
-name!(
-    /// Id of an `[assets.<id>]` table that gives environment maps.
-    EnvironmentPool,
-    "pool:environment",
-    "Id of an [assets.<id>] table that gives environment maps."
-);
+macro_rules! pool {
+    ($(#[$doc:meta])* $name:ident, $reference:literal, $description:literal) => {
+        name!($(#[$doc])* $name, $reference, $description);
+
+        impl From<String> for $name {
+            fn from(name: String) -> Self {
+                Self(name)
+            }
+        }
+
+        impl PoolName for $name {
+            const REFERENCE: &'static str = $reference;
+
+            fn as_str(&self) -> &str {
+                &self.0
+            }
+        }
+    };
+}
+
 name!(
     /// Name of a product that a writer wants.
     ProductName,
     "product",
     "Name of a product; `syntable list products` shows them."
 );
-
+pool!(
+    /// Id of an `[assets.<id>]` table that gives objects.
+    ObjectPool,
+    "pool:object",
+    "Id of an [assets.<id>] table that gives objects."
+);
+pool!(
+    /// Id of an `[assets.<id>]` table that gives materials.
+    MaterialPool,
+    "pool:material",
+    "Id of an [assets.<id>] table that gives materials."
+);
+pool!(
+    /// Id of an `[assets.<id>]` table that gives environment maps.
+    EnvironmentPool,
+    "pool:environment",
+    "Id of an [assets.<id>] table that gives environment maps."
+);
 /// A file or folder named in a recipe. `${NAME}` is replaced by the environment variable; a relative path counts from
 /// the recipe file that names it. By the time a stage sees it, it is a path that can be opened.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -8,7 +8,7 @@
 //! nobody checks is a mistake of the plugin.
 
 use crate::error::ConfigError;
-use crate::names::REFERENCE;
+use crate::names::{KEY_REFERENCE, REFERENCE};
 use crate::product::first_sentence;
 use crate::registry::RecipeValue;
 use schemars::generate::SchemaSettings;
@@ -249,14 +249,14 @@ pub fn plain_members(table: &toml::Table) -> Vec<Member<'_, toml::Value>> {
     table.iter().map(|(key, value)| Member { key, key_span: 0..0, value }).collect()
 }
 
-/// A string that names something, as its schema says.
+/// A string or a key that names something, as its schema says.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reference {
     /// What it names: `path`, `product`, `pool:object`, `pool:material`, `pool:environment`.
     pub what: String,
-    /// The string.
+    /// The string or the key.
     pub text: String,
-    /// Bytes of the value.
+    /// Bytes of the value or of the key.
     pub span: Range<usize>,
     /// Path from the stage's table.
     pub path: Vec<Step>,
@@ -765,8 +765,15 @@ impl<'s> Validator<'s> {
         let properties = schema.get("properties").and_then(Json::as_object);
         let open = schema.get("additionalProperties");
         let known = || properties.into_iter().flat_map(|properties| properties.keys().map(String::as_str));
+        let keys = schema.get(KEY_REFERENCE).and_then(Json::as_str);
         for member in members {
             let path = at.key(member.key);
+            outcome.references.extend(keys.map(|what| Reference {
+                what: what.to_owned(),
+                text: member.key.to_owned(),
+                span: member.key_span.clone(),
+                path: path.clone(),
+            }));
             let inner = At { owner: at.owner, path: &path };
             if let Some(schema) = properties.and_then(|properties| properties.get(member.key)) {
                 self.value(member.value, schema, inner, outcome);
@@ -982,6 +989,7 @@ impl<'s> Validator<'s> {
                         .collect();
                     let one = schema.get("maxProperties").and_then(Json::as_u64) == Some(1) || keys.len() == 1;
                     match keys.is_empty() {
+                        true if schema.get(KEY_REFERENCE).is_some() => "a table of weights".to_owned(),
                         true => "a table".to_owned(),
                         false if one => format!("a table with one of {}", listing(keys)),
                         false => format!("a table of {}", listing(keys)),

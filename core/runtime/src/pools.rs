@@ -68,6 +68,13 @@ impl<'a> AssetStore<'a> {
                     let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
                     return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
                 }
+                let classes = &pool.options.classes;
+                if !classes.is_empty() && !entries.iter().any(|entry| classes.contains_key(&entry.category)) {
+                    let message = format!("assets.{id}: no asset is of one of the classes");
+                    log.warn(
+                        &Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"),
+                    );
+                }
                 Ok(entries)
             };
             match open() {
@@ -267,7 +274,10 @@ impl Pool<'_> {
     /// Loads an entry, and applies the pool's options.
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         Ok(match (self.source.load(name, log)?, &self.options.license) {
-            (Asset::Object(object), _) => self.normalize(Arc::unwrap_or_clone(object))?.into(),
+            (Asset::Object(object), _) => {
+                let category = self.entry(name).map_or_else(|| object.category.clone(), |entry| entry.category.clone());
+                self.normalize(Object { category, ..Arc::unwrap_or_clone(object) })?.into()
+            }
             (Asset::Material(material), Some(license)) => {
                 Material { license: license.clone(), ..Arc::unwrap_or_clone(material) }.into()
             }
@@ -278,6 +288,12 @@ impl Pool<'_> {
             }
             (other, _) => other,
         })
+    }
+
+    /// The entry of a name. Entries are sorted.
+    fn entry(&self, name: &str) -> Option<&CatalogEntry> {
+        let found = self.entries.binary_search_by(|entry| entry.name.as_str().cmp(name));
+        found.ok().map(|index| &self.entries[index])
     }
 
     /// Names and categories of the entries.
@@ -434,6 +450,36 @@ mod tests {
         fn load(&self, _: &str, _: &dyn Log) -> Result<Asset> {
             self.0.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
             panic!("chunk size must not be zero")
+        }
+    }
+
+    /// A source of one block.
+    struct Block;
+
+    impl AssetSource for Block {
+        fn class(&self) -> AssetClass {
+            AssetClass::Object
+        }
+
+        fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+            Ok(Catalog { entries: Vec::new() })
+        }
+
+        fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
+            Ok(Asset::Object(object(name, box_mesh([0.1; 3]), [1.0; 3])))
+        }
+    }
+
+    #[test]
+    fn an_object_has_the_category_of_its_entry() {
+        let classes = BTreeMap::from([("mug".to_owned(), vec!["b*".to_owned()])]);
+        let options = PoolOptions { classes, ..PoolOptions::default() };
+        let entry = |name: &str| CatalogEntry { name: name.into(), category: "thing".into() };
+        let entries = options.select(["a", "block", "c"].map(entry).to_vec()).expect("sound");
+        let pool = Pool { source: &Block, options: &options, entries };
+        for (name, category) in [("a", "thing"), ("block", "mug"), ("c", "thing")] {
+            let asset = pool.load(name, &Collected::default()).and_then(Asset::into_object).expect("loads");
+            assert_eq!(asset.category, category, "{name}");
         }
     }
 

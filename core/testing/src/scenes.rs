@@ -106,6 +106,7 @@ pub fn dataset() -> DatasetInfo {
         views_per_scene: 1,
         recipe: String::new(),
         program: "test".to_owned(),
+        classes: Vec::new(),
     }
 }
 

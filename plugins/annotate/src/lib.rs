@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`masks`] | visible, amodal and occlusion masks, occlusion rate, occlusion order, label policy |
 //! | [`boxes`] | visible and amodal boxes |
+//! | [`label_arrays`] | visible ids, amodal bits and categories, for training loops |
 //! | [`object_info`] | asset, category, mass and poses of every object |
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
@@ -16,6 +17,7 @@
 pub mod bodies;
 pub mod boxes;
 pub mod camera;
+pub mod label_arrays;
 pub mod lights;
 pub mod masks;
 mod matrix;

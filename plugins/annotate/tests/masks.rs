@@ -255,6 +255,47 @@ fn planes_that_disagree_are_refused() {
     assert_eq!(wrong, "the coverage plane has 3 objects, the scene 2");
 }
 
+/// The planes for training loops, pixel by pixel from the rays.
+#[test]
+fn label_arrays_are_those_of_the_rays() {
+    let mut counts = Vec::new();
+    for (objects, min_visible, classes) in
+        [(1, 9999, vec![]), (8, 2, vec!["a", "solid"]), (9, 2, vec!["solid"]), (70, 1, vec!["b"])]
+    {
+        let rays = Rays::random([19, 14], objects, objects as u64);
+        let mut products = annotate(&rays, &format!("min_visible_px = {min_visible}")).expect("labels");
+        let mut world = World::new(objects);
+        (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = (19, 14);
+        world.dataset.classes = classes.iter().map(|&class| class.to_owned()).collect();
+        annotator("label_arrays", "").annotate(&world.of_view(), &mut products).expect("arrays");
+        let truth = truth(&rays, false, false, min_visible, 1.0);
+        let annotated: Vec<u16> = truth.amodal.keys().copied().collect();
+        assert_eq!(objects > 1, !annotated.is_empty());
+        counts.push(annotated.len());
+        let ids = products.get(VISIBLE_IDS).expect("made");
+        let Value::Tensor(bits) = products.value("amodal_bits").expect("made") else { panic!("an array") };
+        assert_eq!(bits.shape, [annotated.len(), 14, 3]);
+        for (x, y) in (0..14).flat_map(|y| (0..24).map(move |x| (x, y))) {
+            let cover = if x < 19 { rays.cover(x, y, false) } else { vec![] };
+            for (k, id) in annotated.iter().enumerate() {
+                let byte = bits.bytes[(k * 14 + y as usize) * 3 + x as usize / 8];
+                assert_eq!(byte >> (7 - x % 8) & 1 == 1, cover.contains(id), "bit {k} of ({x}, {y})");
+            }
+            if x < 19 {
+                let first = rays.at(x, y).first().copied().filter(|id| annotated.contains(id)).unwrap_or(0);
+                assert_eq!(ids.at(x as u32, y as u32).0, first, "({x}, {y})");
+            }
+        }
+        let id = classes.iter().position(|&class| class == "solid").map_or(1, |at| at as u32 + 2);
+        let categories = products.get(CATEGORY_ID).expect("made");
+        assert_eq!(
+            categories.iter().map(|(of, id)| (of.0, *id)).collect::<Vec<_>>(),
+            annotated.iter().map(|&of| (of, id)).collect::<Vec<_>>()
+        );
+    }
+    assert!(counts.iter().sum::<usize>() > 9, "{counts:?}");
+}
+
 #[test]
 fn only_what_is_needed_is_read() {
     let reads =

@@ -29,7 +29,7 @@ fn every_kind_conforms() {
     use syntable_testing::conformance;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
-    assert_eq!(kinds, ["bodies", "boxes", "camera", "lights", "masks", "object_info", "settle_report"]);
+    assert_eq!(kinds, ["bodies", "boxes", "camera", "label_arrays", "lights", "masks", "object_info", "settle_report"]);
     let world = World::new(2);
     let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
     let mut rendered = Products::new();

@@ -25,9 +25,8 @@ const MAX_DRAWS: u32 = 32;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Distractors {
-    /// Object pools to draw from, uniformly over all their entries.
-    #[schemars(length(min = 1))]
-    from: Vec<ObjectPool>,
+    /// Object pools to draw from.
+    from: ObjectPools,
     /// Number of distractors, drawn per scene; 0 to 10000.
     #[serde(default = "a_few")]
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]

@@ -23,9 +23,8 @@ const MAX_GROWTHS: u32 = 16;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropBox {
-    /// Object pools to draw from, uniformly over all their entries.
-    #[schemars(length(min = 1))]
-    from: Vec<ObjectPool>,
+    /// Object pools to draw from.
+    from: ObjectPools,
     /// Number of objects, drawn per scene; 1 to 10000, or from 0 with `annotated = false`.
     #[serde(default = "one_to_forty")]
     #[schemars(extend("minimum" = COUNT[0], "maximum" = COUNT[1]))]
@@ -189,18 +188,12 @@ impl Placer for DropBox {
 impl DropBox {
     /// Draws distinct objects. Assets that cannot be loaded are skipped.
     fn distinct(&self, count: usize, context: &Context) -> Result<Vec<(AssetRef, Arc<Object>)>> {
-        let mut all = Vec::new();
-        for pool in &self.from {
-            for entry in context.assets.entries(pool.as_str())? {
-                all.push(AssetRef { pool: pool.as_str().to_owned(), name: entry.name.clone() });
-            }
-        }
+        let all = context.assets.drawn_order(&self.from, &mut context.stream.child("order"))?;
         let max_count = self.count.range().1;
         if max_count > all.len() as i64 {
             let message = format!("`count` can become {max_count}, but there are {} assets to draw from", all.len());
             return Err(Error::new(message).help("set with_replacement = true, or a smaller count").permanent());
         }
-        context.stream.child("order").shuffle(&mut all);
         let mut drawn = Vec::new();
         let mut last = None;
         for asset in all {

@@ -10,15 +10,15 @@ use syntable_model::scene::{Material, MaterialOverride, TextureMapping};
 /// Limits of the scale of textures relative to their real size.
 pub const TEXTURE_SCALE: [f64; 2] = [1e-3, 1e3];
 
-/// Draws a material from a pool and its texture mapping: box projection in meters with random rotation, scale and offset.
+/// Draws a material from pools and its texture mapping: box projection in meters with random rotation, scale and offset.
 pub fn draw_material(
-    pool: &MaterialPool,
+    pools: &MaterialPools,
     rotation_deg: &Dist,
     scale: &Dist,
     assets: &dyn Assets,
     stream: &Stream,
 ) -> Result<MaterialOverride> {
-    let (_, material) = assets.draw_material(pool, &mut stream.child("material"))?;
+    let (_, material) = assets.draw_material(pools, &mut stream.child("material"))?;
     let mut texture = stream.child("texture");
     let rotation = rotation_deg.draw(&mut texture).to_radians() as f32;
     let offset = [texture.unit() as f32, texture.unit() as f32];
@@ -35,8 +35,8 @@ pub fn draw_material(
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialReplacement {
-    /// Pool of materials. Each object draws its own.
-    from: MaterialPool,
+    /// Pools of materials. Each object draws its own.
+    from: MaterialPools,
     /// Probability that an object gets a drawn material instead of its own.
     #[serde(default = "always")]
     #[schemars(range(min = 0.0, max = 1.0))]

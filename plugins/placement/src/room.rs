@@ -45,15 +45,15 @@ pub struct Room {
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RoomMaterials {
-    /// Pool for the floor.
+    /// Pools for the floor.
     #[serde(skip_serializing_if = "Option::is_none")]
-    floor: Option<MaterialPool>,
-    /// Pool for the walls. Each wall draws its own material unless `walls_alike` is set.
+    floor: Option<MaterialPools>,
+    /// Pools for the walls. Each wall draws its own material unless `walls_alike` is set.
     #[serde(skip_serializing_if = "Option::is_none")]
-    walls: Option<MaterialPool>,
-    /// Pool for the ceiling.
+    walls: Option<MaterialPools>,
+    /// Pools for the ceiling.
     #[serde(skip_serializing_if = "Option::is_none")]
-    ceiling: Option<MaterialPool>,
+    ceiling: Option<MaterialPools>,
 }
 
 impl Default for Room {
@@ -101,15 +101,15 @@ impl Placer for Room {
         let half = [size / 2.0, length / 2.0];
         let height = self.height_m.draw(&mut context.stream.child("height"));
         for part in parts(half, height).into_iter().take(if self.floor_only { 1 } else { 6 }) {
-            let (pool, gray, stream) = match part.name {
+            let (pools, gray, stream) = match part.name {
                 "floor" => (&self.material.floor, 0.45, part.name),
                 "ceiling" => (&self.material.ceiling, 0.8, part.name),
                 _ => (&self.material.walls, 0.7, if self.walls_alike { "walls" } else { part.name }),
             };
             let (rotation, scale) = (&self.texture_rotation_deg, &self.texture_scale);
-            let surface = pool
+            let surface = pools
                 .as_ref()
-                .map(|pool| draw_material(pool, rotation, scale, context.assets, &context.stream.child(stream)))
+                .map(|pools| draw_material(pools, rotation, scale, context.assets, &context.stream.child(stream)))
                 .transpose()?;
             let center = part.bounds.center().coords;
             let asset = AssetRef { pool: "room".into(), name: part.name.into() };

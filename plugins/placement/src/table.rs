@@ -16,12 +16,11 @@ use syntable_model::scene::{BodyDraft, Mesh, Motion, Object, Role, Tabletop};
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// Object pools to draw the table from, uniformly over all their entries.
-    #[schemars(length(min = 1))]
-    from: Vec<ObjectPool>,
-    /// Material pool. One drawn material replaces all materials of the table; without a pool it keeps its own.
+    /// Object pools to draw the table from.
+    from: ObjectPools,
+    /// Material pools. One drawn material replaces all materials of the table; without a pool it keeps its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    material: Option<MaterialPool>,
+    material: Option<MaterialPools>,
     /// Probability that the table gets a drawn material, if `material` is set.
     #[serde(default = "always")]
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -84,10 +83,10 @@ impl Placer for Table {
             return Err(Error::new(format!("the table {asset} is flat: its box is {size:?} m")));
         }
         let material = match &self.material {
-            Some(pool) if context.stream.child("keep").chance(self.material_probability) => {
+            Some(pools) if context.stream.child("keep").chance(self.material_probability) => {
                 let (rotation, scale, stream) =
                     (&self.texture_rotation_deg, &self.texture_scale, context.stream.child("surface"));
-                Some(draw_material(pool, rotation, scale, context.assets, &stream)?)
+                Some(draw_material(pools, rotation, scale, context.assets, &stream)?)
             }
             _ => None,
         };

@@ -6,6 +6,7 @@
 //! | [`png`] | integer images, masks, depth |
 //! | [`exr`] | float images |
 //! | [`npy`] | numeric arrays |
+//! | [`npz`] | numeric arrays, one file per view |
 //! | [`jsonl`] | any product, one line per view or scene |
 //! | [`template`] | any text, from a Tera template |
 //! | [`gltf`] | the scene with materials, cameras and lights, for Blender and others |
@@ -25,6 +26,7 @@ pub mod gltf;
 mod include;
 pub mod jsonl;
 pub mod npy;
+pub mod npz;
 pub mod png;
 pub mod syntable;
 pub mod template;

@@ -1,7 +1,7 @@
 //! NumPy files of numeric arrays.
 
-use crate::encode::kind::{Kind, accepts};
-use crate::encode::npy::{self, Array};
+use crate::encode::kind::accepts;
+use crate::encode::npy::{self, Array, Arrays};
 use crate::encode::{scene_name, view_name};
 use crate::include;
 use syntable_model::prelude::*;
@@ -77,22 +77,12 @@ impl NpyScene {
         for (product, key) in include::of_scope(&self.include, products, scope) {
             let stem = format!("{}/{product}/{name}", self.output.id());
             let save = |array: Array, end: &str| self.output.write(&format!("{stem}{end}.npy"), &array.encode());
-            let array = |value: &Value| {
-                npy::check(&Kind::of(&key, value)).map_err(Error::new)?;
-                Array::of(value)
-            };
-            let explain = |error: Error| error.context(format!("product `{product}`")).permanent();
-            match products.value(product)? {
-                Value::PerInstance(values) => {
-                    let array = if values.is_empty() {
-                        Array::stack_of_none(key.form().of_one(), size)
-                    } else {
-                        Array::stack(values.values().map(array)).map_err(explain)?
-                    };
-                    save(array, "")?;
-                    save(Array::ids(values.into_keys()), "_ids")?;
+            match npy::arrays(product, &key, &products.value(product)?, size)? {
+                Arrays::One(array) => save(array, "")?,
+                Arrays::PerInstance { values, ids } => {
+                    save(values, "")?;
+                    save(ids, "_ids")?;
                 }
-                value => save(array(&value).map_err(explain)?, "")?,
             }
         }
         Ok(())

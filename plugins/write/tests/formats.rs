@@ -30,7 +30,7 @@ fn every_kind_conforms() {
     use syntable_write as _;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
-    assert_eq!(kinds, ["contact_sheet", "exr", "gltf", "jsonl", "npy", "png", "syntable", "template"]);
+    assert_eq!(kinds, ["contact_sheet", "exr", "gltf", "jsonl", "npy", "npz", "png", "syntable", "template"]);
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
     let (view, products) = &take.views[0];
     let log = Collected::default();
@@ -47,6 +47,7 @@ fn wrong_options_are_refused() {
     for (kind, options, want) in [
         ("png", "include = [\"rgb\", \"rgb\"]", "include[1]: `rgb` is included twice"),
         ("exr", "include = [\"depth\", \"depth\"]", "include[1]: `depth` is included twice"),
+        ("npz", "include = [\"ids\"]", "include[0]: a product named `ids` has the name of a field of this writer"),
         ("jsonl", "include = [\"view\"]", "include[0]: a product named `view` has the name of a field of this writer"),
         ("syntable", "annotation_file = \"a/b.json\"", "annotation_file: `a/b.json` is not a file name"),
         ("syntable", "folder = \"../up\"", "folder: `../up` is not a path inside the dataset"),
@@ -86,6 +87,7 @@ fn limits_are_in_the_schema() {
         ("png", "/properties/depth_scale_mm/minimum", json!(0.001)),
         ("exr", "/properties/include/minItems", json!(1)),
         ("npy", "/properties/include/minItems", json!(1)),
+        ("npz", "/properties/include/minItems", json!(1)),
         ("jsonl", "/properties/include/minItems", json!(1)),
         ("contact_sheet", "/properties/panels/minItems", json!(1)),
         ("contact_sheet", "/properties/panel_width_px/minimum", json!(16)),
@@ -104,6 +106,7 @@ fn the_order_of_scenes_and_a_second_finish_change_nothing() {
         ("jsonl", ""),
         ("jsonl", "per = \"scene\""),
         ("npy", "include = [\"amodal_mask\", \"instance\"]"),
+        ("npz", ""),
         ("template", "per = \"dataset\"\ninclude = [\"visible_box\"]\ntemplate = \"{{ scenes | json_encode() }}\""),
     ] {
         let (one, other) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
@@ -126,7 +129,7 @@ fn syntable_writes_one_record_per_image() {
     let folder = tempfile::tempdir().expect("a folder");
     let takes = write_all(folder.path(), "syntable", "syntable", "");
     let json = read_json(&folder.path().join("annotation_final.json"));
-    assert_eq!(keys(&json), ["info", "licenses", "categories", "images", "annotations"]);
+    assert_eq!(keys(&json), ["info", "licenses", "categories", "images", "annotations", "scenes"]);
     assert_eq!(json["info"]["description"], json!("a \"test\""));
     // Nine views; ids follow from scene and view; the two without objects are listed.
     let images = json["images"].as_array().expect("a list");
@@ -156,7 +159,7 @@ fn syntable_writes_one_record_per_image() {
         let visible = products.get(VISIBLE_MASK).expect("made").get(id).is_some_and(|mask| !mask.is_empty());
         assert_eq!(annotation["bbox"], annotation[if visible { "visible_bbox" } else { "amodal_bbox" }]);
         assert_eq!(annotation["area"], json!(products.get(AMODAL_MASK).expect("made").get(id).expect("there").area()));
-        assert_eq!(annotation["object_name"], json!(format!("tetra_{}", id.0 + 1)));
+        assert_eq!(annotation["object_name"], json!(format!("lm/tetra_{}", id.0 + 1)));
         assert_eq!(annotation["object"]["name"], annotation["object_name"]);
     }
     assert_eq!(
@@ -213,6 +216,88 @@ fn syntable_can_leave_empty_images_out() {
     assert!(folder.path().join("a/b/parameters/recipe.toml").is_file());
 }
 
+/// The annotation file says what the ids of table and room stand for, and which class an object is of.
+#[test]
+fn scenes_and_classes_are_in_the_annotation_file() {
+    use syntable_formats::syntable;
+    let folder = tempfile::tempdir().expect("a folder");
+    let dataset = DatasetInfo { classes: vec!["bowl".into(), "solid".into()], ..dataset(3, 3) };
+    for (compat, categories) in
+        [("coco", vec![(1, "object"), (2, "bowl"), (3, "solid")]), ("syntable_1", vec![(1, "object")])]
+    {
+        let (root, takes) = (folder.path().join(compat), takes());
+        let writer = writer("syntable", &format!("compat = \"{compat}\"")).expect("good options");
+        write_scenes(&root, "w", &*writer, &dataset, &takes).expect("written");
+        finish(&root, "w", &*writer, &dataset, &[0, 1, 2]).expect("finished");
+        let file = root.join("annotation_final.json");
+        let file = syntable::Dataset::read(&file).expect("reads");
+        let named: Vec<(u64, &str)> = file.categories.iter().map(|it| (it.id, it.name.as_str())).collect();
+        assert_eq!(named, categories);
+        let solid = categories.last().expect("one").0;
+        assert!(file.annotations.iter().all(|annotation| annotation.category_id == solid));
+        let scenes = file.scenes().expect("sound");
+        if compat == "syntable_1" {
+            assert!(scenes.is_empty() && file.extra.is_empty());
+            continue;
+        }
+        assert_eq!(scenes.iter().map(|scene| scene.id).collect::<Vec<_>>(), [0, 1, 2]);
+        for (scene, take) in scenes.iter().zip(&takes) {
+            let ids: Vec<u16> = scene.bodies.iter().map(|body| body.id).collect();
+            assert_eq!(ids, take.scene.bodies().iter().map(|body| body.id.0).collect::<Vec<_>>());
+            let table = scene.bodies.last().expect("a table");
+            assert_eq!(
+                (table.role.as_str(), table.name.as_str(), &table.materials[..]),
+                ("support", "lm/tetra_0", &["gray".to_owned()][..])
+            );
+            assert_eq!(table.world_from_body[2][3], 0.7);
+            assert!(scene.bodies.iter().all(|body| body.extra.is_empty()));
+        }
+    }
+}
+
+/// Depth and names beside those of the release.
+#[test]
+fn the_syntable_1_form_truncates_in_single_precision_and_has_no_slash_in_names() {
+    let mut take = take(0, 1, &[Crowd::Random]);
+    let (view, products) = take.views.remove(0);
+    // float32(0.7) is 0.699999988, and 1000 times that is 700 in float32, 699.999988 in float64. The others are the same
+    // in both: 2.0015, 1.2340001 and a depth that there is none of.
+    let depths = [0.7_f32, 2.0015, 1.234_000_1, f32::INFINITY];
+    let mut other = Products::new();
+    other.put(DEPTH, Plane::from_fn(64, 48, |x, _| depths[x as usize % 4])).expect("first");
+    other.put(RGB, products.get(RGB).expect("made").clone()).expect("first");
+    macro_rules! copy {
+        ($($key:expr),*) => {$( other.put($key, products.get($key).expect("made").clone()).expect("first"); )*};
+    }
+    copy!(VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, VISIBLE_BOX, AMODAL_BOX);
+    copy!(OBJECT_INFO, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, BODIES);
+    take.views.push((view, other));
+    let dataset = dataset(1, 1);
+    for (compat, want) in [("coco", [699, 2001, 1234, 0]), ("syntable_1", [700, 2001, 1234, 0])] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let writer = writer("syntable", &format!("compat = \"{compat}\"")).expect("good options");
+        write_scenes(folder.path(), "w", &*writer, &dataset, [&take]).expect("written");
+        finish(folder.path(), "w", &*writer, &dataset, &[0]).expect("finished");
+        let file = std::fs::read(folder.path().join("data/mono/depth/0_0.png")).expect("there");
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG file");
+        let mut bytes = vec![0; reader.output_buffer_size().expect("small")];
+        reader.next_frame(&mut bytes).expect("decodes");
+        let millimeters = [0, 1, 2, 3].map(|x| u16::from_be_bytes([bytes[2 * x], bytes[2 * x + 1]]));
+        assert_eq!(millimeters, want, "{compat}");
+        let json = read_json(&folder.path().join("annotation_final.json"));
+        for annotation in json["annotations"].as_array().expect("a list") {
+            let name = if compat == "coco" { "lm/tetra_2" } else { "lm_tetra_2" };
+            assert_eq!(annotation["object_name"], json!(name));
+            if compat == "syntable_1" {
+                // As in the published sample, where all instances have ten times their area.
+                let amodal = products.get(AMODAL_MASK).expect("made").get(InstanceId(1)).expect("annotated");
+                assert_eq!(annotation["segmentation"]["area"], json!(10 * amodal.area()));
+            }
+        }
+        assert!(len(&json["annotations"]) == 1);
+    }
+}
+
 #[test]
 fn the_syntable_1_form_has_its_quirks() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -227,7 +312,6 @@ fn the_syntable_1_form_has_its_quirks() {
             "image_id",
             "category_id",
             "bbox",
-            "visible_bbox",
             "width",
             "height",
             "object_name",
@@ -235,6 +319,7 @@ fn the_syntable_1_form_has_its_quirks() {
             "segmentation",
             "area",
             "visible_mask",
+            "visible_bbox",
             "occluded_mask",
             "occluded_rate"
         ]
@@ -298,6 +383,52 @@ fn debug_masks_are_named_by_spawn_number() {
     assert_eq!(pixels("data/mono/depth/visuals/0_0.png").iter().max(), Some(&255));
 }
 
+/// One file per view, without pickles; the same bytes again; products of other instances are refused.
+#[test]
+fn archives_hold_the_arrays_of_a_view() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), "train", "npz", "");
+    write_all(folder.path(), "plain", "npz", "compress = false");
+    write_all(folder.path(), "one", "npz", "include = [\"visible_ids\"]");
+    let files = files(folder.path());
+    let names: Vec<&str> = files.keys().filter_map(|name| name.strip_prefix("train/")).collect();
+    assert_eq!(names.len(), 9);
+    assert_eq!((names[0], names[8]), ("000000_0000.npz", "000002_0002.npz"));
+    let open = |name: &str| zip::ZipArchive::new(std::io::Cursor::new(files[name].clone())).expect("a ZIP file");
+    let entries =
+        |name: &str| open(name).file_names().map(|name| name.expect("UTF-8").into_owned()).collect::<Vec<_>>();
+    let all = [
+        "rgb",
+        "depth",
+        "visible_ids",
+        "amodal_bits",
+        "visible_box",
+        "amodal_box",
+        "category_id",
+        "occlusion_order",
+        "ids",
+    ];
+    assert_eq!(entries("train/000000_0000.npz"), all.map(|name| format!("{name}.npy")));
+    assert_eq!(entries("one/000000_0000.npz"), ["visible_ids.npy"]);
+    let mut archive = open("plain/000000_0000.npz");
+    for i in 0..archive.len() {
+        let entry = archive.by_index(i).expect("an entry");
+        assert_eq!(entry.compression(), zip::CompressionMethod::Stored);
+        assert_eq!(entry.last_modified(), Some(zip::DateTime::default()), "no clock");
+    }
+    assert!(files["train/000000_0000.npz"].len() < files["plain/000000_0000.npz"].len() / 2);
+
+    let (writer, dataset) = (writer("npz", "include = [\"visible_box\", \"other\"]").expect("good"), dataset(1, 1));
+    let mut take = take(0, 3, &[Crowd::Random]);
+    products! {
+        /// Not of the same instances.
+        pub const OTHER: Key<PerInstance<u32>> = view("other");
+    }
+    take.views[0].1.put(OTHER, PerInstance::from_iter([(InstanceId(77), 1)])).expect("first");
+    let error = write_scenes(folder.path(), "w", &*writer, &dataset, [&take]).expect_err("refused").to_string();
+    assert!(error.starts_with("`visible_box` and `other` are of different instances"), "{error}");
+}
+
 #[test]
 fn labels_that_disagree_are_an_error() {
     let (writer, dataset) = (writer("syntable", "").expect("good options"), dataset(1, 1));
@@ -315,7 +446,7 @@ fn labels_that_disagree_are_an_error() {
             ($($key:expr),*) => {$( products.put($key, source.get($key).expect("made").clone()).expect("first"); )*};
         }
         copy!(RGB, DEPTH, VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, VISIBLE_BOX, AMODAL_BOX);
-        copy!(OBJECT_INFO, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY);
+        copy!(OBJECT_INFO, BODIES, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY);
         products.put(AMODAL_MASK, PerInstance::default()).expect("first");
     }
 }

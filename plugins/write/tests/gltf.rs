@@ -451,6 +451,47 @@ fn point_lights_have_candela() {
     assert!(dark.get("extensions").is_none());
 }
 
+/// The script beside the files says what Blender's importer cannot know: units, the size of the sun, the sky.
+#[test]
+fn the_script_for_blender_has_the_numbers_of_the_lights() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, bytes) in write("") {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("writable");
+        std::fs::write(path, bytes).expect("writable");
+    }
+    common::finish(folder.path(), "gltf", &*writer("gltf", "").expect("good options"), &dataset(4, 2), &[3])
+        .expect("done");
+    let script = folder.path().join("gltf/import_in_blender.py");
+    let mut python = std::process::Command::new("python3");
+    let Ok(output) = python.arg(&script).arg("--show").arg(folder.path().join("gltf/000003.glb")).output() else {
+        assert!(std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none(), "python3 must be here");
+        return eprintln!("skipped: no python3");
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: Json = serde_json::from_slice(&output.stdout).expect("JSON");
+    // In this mode the importer takes lux and candela as they are, instead of dividing them by 683 lm/W.
+    assert_eq!(json["lighting_mode"], json!("COMPAT"));
+    let sun = &json["suns"]["light 3 (sun)"];
+    let number = |value: &Json| value.as_f64().expect("a number");
+    for (i, irradiance) in [9e4, 8e4, 7e4].into_iter().enumerate() {
+        let got = number(&sun["strength"]) * number(&sun["color"][i]);
+        assert!((got / irradiance - 1.0).abs() < 1e-6, "{got} lx, not {irradiance}");
+    }
+    assert!((number(&sun["angle"]) - 0.0093).abs() < 1e-12, "the angular diameter is twice 0.00465");
+    assert_eq!(json["suns"].as_object().map(|suns| suns.len()), Some(1));
+    let sky = &json["skies"][0];
+    assert_eq!(
+        sky["file"].as_str().map(std::path::Path::new),
+        Some(&*folder.path().join("gltf/000003_environment.hdr"))
+    );
+    assert!(folder.path().join("gltf/000003_environment.hdr").is_file());
+    // The map is turned by +1 rad, and is in nits already.
+    assert_eq!((number(&sky["lookup_rotation_z"]), number(&sky["strength"])), (-1.0, 1.0));
+    let size = [view(0).camera.intrinsics.width, view(0).camera.intrinsics.height];
+    assert_eq!(json["cameras"]["view 1"], json!({ "view": 1, "size": size }));
+}
+
 #[test]
 fn files_per_scene_or_view_and_the_same_twice() {
     for (options, names) in

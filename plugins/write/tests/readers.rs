@@ -82,6 +82,18 @@ fn images_and_arrays_hold_the_values() {
 }
 
 #[test]
+fn archives_equal_the_run_lengths() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let labels =
+        "\"visible_mask\", \"amodal_mask\", \"visible_box\", \"amodal_box\", \"category_id\", \"occlusion_order\"";
+    write_all(folder.path(), "all", "jsonl", &format!("include = [{labels}, \"rgb\", \"depth\"]"));
+    for (id, options) in [("npz", ""), ("plain", "compress = false")] {
+        write_all(folder.path(), id, "npz", options);
+        python(&own_script("check_npz.py"), &[folder.path().to_str().expect("UTF-8"), id]);
+    }
+}
+
+#[test]
 fn run_lengths_equal_those_of_pycocotools() {
     let mut stream = Stream::root(3);
     let mut lines = String::new();

@@ -8,9 +8,8 @@ use syntable_model::scene::{BodyDraft, Motion, Role};
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tower {
-    /// Object pools to draw from, uniformly over all their entries.
-    #[schemars(length(min = 1))]
-    from: Vec<ObjectPool>,
+    /// Object pools to draw from.
+    from: ObjectPools,
     /// Number of objects; 1 to 20.
     #[serde(default = "three")]
     #[schemars(extend("minimum" = 1, "maximum" = 20))]

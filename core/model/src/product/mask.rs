@@ -174,13 +174,15 @@ impl Mask {
     /// The mask as an image.
     pub fn to_plane(&self) -> Plane<bool> {
         let mut plane = Plane::from_vec(self.width, self.height, vec![false; (self.width * self.height) as usize]);
-        let (width, height) = (self.width as usize, self.height as usize);
-        for run in self.runs() {
-            for position in run.start as usize..run.end as usize {
-                plane.data_mut()[position % height * width + position / height] = true;
-            }
-        }
+        self.pixels().for_each(|pixel| plane.data_mut()[pixel] = true);
         plane
+    }
+
+    /// Indices of the mask's pixels in a [`Plane`], down the columns.
+    pub fn pixels(&self) -> impl Iterator<Item = usize> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let positions = self.runs().flat_map(|run| run.start as usize..run.end as usize);
+        positions.map(move |position| position % height * width + position / height)
     }
 
     /// COCO's compressed `counts`: differences to the run before last, five bits a letter, low bits first.

@@ -2,7 +2,7 @@
 //!
 //! Camera frame: x right, y down, z forward. Images have row 0 at the top; pixel centers are at half-integers.
 
-use super::{BBox, BitPlane, Form, Mask, OcclusionOrder, PerInstance, Plane, Semantic, Value};
+use super::{BBox, BitPlane, DType, Form, Mask, OcclusionOrder, PerInstance, Plane, Semantic, Value};
 use crate::products;
 use crate::scene::InstanceId;
 
@@ -119,6 +119,17 @@ products! {
 
     /// Bounding box of the amodal mask: x, y, width, height.
     pub const AMODAL_BOX: Key<PerInstance<BBox>> = view("amodal_box").unit("px");
+
+    /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
+    pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
+
+    /// Amodal masks as bits, `[N, height, ⌈width/8⌉]` for the N annotated objects in id order: eight pixels of a row per byte,
+    /// the leftmost in the highest bit. NumPy's `unpackbits(bits, axis=2, count=width)` gives `[N, height, width]`.
+    pub const AMODAL_BITS: Key<Value> = view("amodal_bits").form(|| Form::Tensor(DType::U8));
+
+    /// Id of the category of each annotated object in annotation files: 1 is `object`, the classes of pools follow in the
+    /// order of their names.
+    pub const CATEGORY_ID: Key<PerInstance<u32>> = view("category_id");
 
     /// Asset, pool, category, role, spawn number, poses in world and camera, and mass of each annotated object.
     pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info").form(|| Form::PerInstance(Box::new(Form::Record)));

@@ -48,6 +48,24 @@ pub struct DatasetInfo {
     pub recipe: String,
     /// Name and version of the program.
     pub program: String,
+    /// Names of the classes of the recipe's pools, sorted, without `object`.
+    pub classes: Vec<String>,
+}
+
+impl DatasetInfo {
+    /// Category of the objects of no class, which every dataset has: its id and its name.
+    pub const OBJECT: (u32, &'static str) = (1, "object");
+
+    /// Ids and names of the categories of annotation files: [`OBJECT`](Self::OBJECT), then the classes, in the order of
+    /// their names, from 2. They depend on the recipe alone, and not on the assets that are drawn.
+    pub fn categories(&self) -> impl Iterator<Item = (u32, &str)> {
+        std::iter::once(Self::OBJECT).chain((Self::OBJECT.0 + 1..).zip(self.classes.iter().map(String::as_str)))
+    }
+
+    /// Id of the category of an object in annotation files: that of its class, else that of `object`.
+    pub fn category_id(&self, category: &str) -> u32 {
+        self.categories().find(|(_, name)| *name == category).unwrap_or(Self::OBJECT).0
+    }
 }
 
 /// A product that a stage replaces: readers of `product` get the new one, and the stage itself reads the original under
@@ -58,4 +76,18 @@ pub struct Replacement {
     pub product: KeyId,
     /// Key of the same type under which the original is kept.
     pub original: KeyId,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn classes_count_from_two_by_name() {
+        let classes = vec!["bowl".to_owned(), "mug".to_owned()];
+        let (name, recipe, program) = (String::new(), String::new(), String::new());
+        let dataset = DatasetInfo { name, seed: 0, scenes: 1, views_per_scene: 1, recipe, program, classes };
+        assert_eq!(dataset.categories().collect::<Vec<_>>(), [(1, "object"), (2, "bowl"), (3, "mug")]);
+        assert_eq!(["mug", "bowl", "object", "shoe", ""].map(|name| dataset.category_id(name)), [3, 2, 1, 1, 1]);
+    }
 }

@@ -14,8 +14,7 @@ pub(super) struct VerifyArgs {
 }
 
 pub(super) fn verify(console: &Console, args: &VerifyArgs) -> Result<(), Exit> {
-    let found = run::verify(&args.dataset, workers::available())
-        .map_err(|error| if error.is_permanent() { Exit::wrong(error) } else { Exit::stopped(error) })?;
+    let found = run::verify(&args.dataset, workers::available()).map_err(Exit::stopped)?;
     let mut out = String::new();
     for (what, paths) in [("missing", &found.missing), ("damaged", &found.damaged), ("foreign", &found.foreign)] {
         paths.iter().for_each(|path| out += &format!("{what}  {path}\n"));

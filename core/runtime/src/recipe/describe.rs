@@ -2,7 +2,7 @@
 
 use super::schema::Schemas;
 use serde_json::Value as Json;
-use syntable_model::names::REFERENCE;
+use syntable_model::names::{KEY_REFERENCE, REFERENCE};
 use syntable_model::registry::{Entry, Registry};
 
 /// An option of a kind.
@@ -116,7 +116,13 @@ impl<'s> Describer<'s> {
                 "object" => {
                     let keys: Vec<&str> =
                         schema["properties"].as_object().into_iter().flatten().map(|(key, _)| key.as_str()).collect();
-                    if keys.is_empty() { "table".to_owned() } else { format!("{{ {} }}", keys.join(", ")) }
+                    if schema[KEY_REFERENCE].is_string() {
+                        "{ pool = weight, … }".to_owned()
+                    } else if keys.is_empty() {
+                        "table".to_owned()
+                    } else {
+                        format!("{{ {} }}", keys.join(", "))
+                    }
                 }
                 "string" => "text".to_owned(),
                 "boolean" => "true | false".to_owned(),

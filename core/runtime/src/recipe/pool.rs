@@ -4,11 +4,12 @@
 use glob::Pattern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::digest::Hasher;
 use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
+use syntable_model::options::{DisplayPath, Step};
 use syntable_model::scene::{AssetClass, CatalogEntry};
 use syntable_model::stage::AssetSource;
 
@@ -39,6 +40,11 @@ pub struct PoolOptions {
     /// Keeps one part of a random split into training, validation and test assets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub split: Option<Split>,
+    /// Classes of the objects: patterns of names by class, such as `{ mug = ["*mug*", "*cup*"], bowl = ["*bowl*"] }`. A
+    /// class becomes the category of its objects, with an id of its own in annotation files. An object of no class keeps
+    /// the category that its source gives, and is an `object` there; an object of two classes is an error.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub classes: BTreeMap<String, Vec<String>>,
     /// License of the assets, as an SPDX expression or name. It replaces the license that the source reads from its files.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
@@ -63,6 +69,7 @@ impl Default for PoolOptions {
             include_list: None,
             exclude_list: None,
             split: None,
+            classes: BTreeMap::new(),
             license: None,
             scale: Scale::Factor(1.0),
             center: Center::Bounds,
@@ -177,7 +184,7 @@ impl Split {
 
 impl PoolOptions {
     /// Options that apply to objects alone, not to materials or environment maps.
-    pub const FOR_OBJECTS: [&'static str; 4] = ["scale", "center", "mass", "single_part_only"];
+    pub const FOR_OBJECTS: [&'static str; 5] = ["classes", "scale", "center", "mass", "single_part_only"];
 
     /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {
@@ -188,6 +195,7 @@ impl PoolOptions {
     pub(crate) fn validate(&self) -> std::result::Result<(), ConfigError> {
         patterns("include", &self.include)?;
         patterns("exclude", &self.exclude)?;
+        self.class_patterns()?;
         if let Some(split) = &self.split
             && split.val_fraction + split.test_fraction > 1.0
         {
@@ -204,10 +212,10 @@ impl PoolOptions {
     pub fn select(&self, entries: Vec<CatalogEntry>) -> Result<Vec<CatalogEntry>> {
         let read = |list: &Option<AssetPath>| list.as_ref().map(names_of_list).transpose();
         let (wanted, unwanted) = (read(&self.include_list)?, read(&self.exclude_list)?);
-        let compile = |option: &str, list: &[String]| {
-            patterns(option, list).map_err(|invalid| Error::new(format!("{}: {}", invalid.key, invalid.message)))
-        };
-        let (include, exclude) = (compile("include", &self.include)?, compile("exclude", &self.exclude)?);
+        let compiled =
+            || Ok((patterns("include", &self.include)?, patterns("exclude", &self.exclude)?, self.class_patterns()?));
+        let (include, exclude, classes) =
+            compiled().map_err(|invalid: ConfigError| Error::new(format!("{}: {}", invalid.key, invalid.message)))?;
         let keep = |name: &str| {
             let any = |patterns: &[Pattern]| patterns.iter().any(|pattern| pattern.matches(name));
             (include.is_empty() || any(&include))
@@ -216,7 +224,39 @@ impl PoolOptions {
                 && !unwanted.as_ref().is_some_and(|list| list.contains(name))
                 && self.split.as_ref().is_none_or(|split| split.part_of(name) == split.part)
         };
-        Ok(entries.into_iter().filter(|entry| keep(&entry.name)).collect())
+        let kept = entries.into_iter().filter(|entry| keep(&entry.name));
+        kept.map(|entry| {
+            let class = class_of(&classes, &entry.name)?.map(str::to_owned);
+            Ok(CatalogEntry { category: class.unwrap_or(entry.category), name: entry.name })
+        })
+        .collect()
+    }
+
+    /// The patterns of each class.
+    fn class_patterns(&self) -> std::result::Result<Vec<(&str, Vec<Pattern>)>, ConfigError> {
+        let mut classes = Vec::new();
+        for (class, list) in &self.classes {
+            let key = format!("classes.{}", DisplayPath(&[Step::Key(class.clone())]));
+            if class.trim().is_empty() {
+                return Err(ConfigError::new(key, "a class needs a name"));
+            }
+            classes.push((class.as_str(), patterns(&key, list)?));
+        }
+        Ok(classes)
+    }
+}
+
+/// The class whose patterns match a name.
+fn class_of<'c>(classes: &[(&'c str, Vec<Pattern>)], name: &str) -> Result<Option<&'c str>> {
+    let mut of = classes.iter().flat_map(|(class, patterns)| patterns.iter().map(move |pattern| (*class, pattern)));
+    let mut of = of.by_ref().filter(|(_, pattern)| pattern.matches(name));
+    let Some((class, pattern)) = of.next() else { return Ok(None) };
+    match of.find(|(other, _)| *other != class) {
+        None => Ok(Some(class)),
+        Some((other, other_pattern)) => Err(Error::new(format!(
+            "`{name}` is of two classes: `{pattern}` of `{class}` and `{other_pattern}` of `{other}` match it"
+        ))
+        .help("narrow one of the patterns under `classes`")),
     }
 }
 
@@ -331,6 +371,33 @@ mod tests {
         let names = ["mug_1", "mug_2", "mug_3", "can_1", "can_2", "can_10", "box_1"].map(str::to_owned);
         let kept: Vec<String> = options.select(entries(names)).expect("readable").into_iter().map(|e| e.name).collect();
         assert_eq!(kept, ["mug_2", "can_1"]);
+    }
+
+    #[test]
+    fn classes_are_the_categories_of_what_their_patterns_match() {
+        let classes = |list: &[(&str, &[&str])]| {
+            let classes =
+                list.iter().map(|(class, of)| ((*class).to_owned(), of.iter().map(|&p| p.to_owned()).collect()));
+            PoolOptions { classes: classes.collect(), ..Default::default() }
+        };
+        let given = || {
+            let entry = |name: &str| CatalogEntry { name: name.into(), category: "source".into() };
+            ["blue_mug", "cup", "soup_bowl", "spoon"].map(entry).to_vec()
+        };
+        let options = classes(&[("mug", &["*mug*", "cup"]), ("bowl", &["*bowl"]), ("unseen", &["zebra"])]);
+        let categories: Vec<String> =
+            options.select(given()).expect("sound").into_iter().map(|entry| entry.category).collect();
+        assert_eq!(categories, ["mug", "mug", "bowl", "source"]);
+        let twice =
+            classes(&[("dish", &["*"]), ("mug", &["*mug*"])]).select(given()).expect_err("ambiguous").to_string();
+        let want = "`blue_mug` is of two classes: `*` of `dish` and `*mug*` of `mug` match it";
+        assert!(twice.starts_with(want), "{twice}");
+        // Two patterns of one class are no conflict.
+        assert!(classes(&[("mug", &["*mug*", "blue*"])]).select(given()).is_ok());
+        let invalid = classes(&[("a b", &["ok", "[1"])]).validate().expect_err("the bracket is not closed");
+        assert_eq!(invalid.key, "classes.\"a b\"[1]");
+        let invalid = classes(&[(" ", &["ok"])]).validate().expect_err("no name");
+        assert!(invalid.message.contains("needs a name"), "{}", invalid.message);
     }
 
     #[test]

@@ -511,6 +511,7 @@ fn annotate_dataset(recipe: &Recipe, cx: &DatasetContext, folder: &Folder, done:
 
 /// What stages may know of the dataset of a recipe.
 pub(crate) fn dataset_info(recipe: &Recipe) -> DatasetInfo {
+    let classes: BTreeSet<&String> = recipe.assets.values().flat_map(|pool| pool.options.classes.keys()).collect();
     DatasetInfo {
         name: recipe.dataset.name.clone(),
         seed: recipe.dataset.seed,
@@ -518,5 +519,6 @@ pub(crate) fn dataset_info(recipe: &Recipe) -> DatasetInfo {
         views_per_scene: recipe.dataset.views_per_scene,
         recipe: without_lock(&recipe.resolved),
         program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
+        classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).cloned().collect(),
     }
 }

@@ -112,10 +112,10 @@ pub struct Room {
 #[serde(deny_unknown_fields)]
 pub struct RoomMaterials {
     /// Of the floor.
-    floor: MaterialPool,
+    floor: MaterialPools,
     /// Of the walls; as the floor by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    walls: Option<MaterialPool>,
+    walls: Option<MaterialPools>,
 }
 
 impl Default for Room {
@@ -135,8 +135,7 @@ config!(Room => Placer, "room", "size_m = 12.0\ntexture_rotation_deg = { uniform
 #[serde(deny_unknown_fields, default)]
 pub struct DropBox {
     /// Pools to draw from.
-    #[schemars(length(min = 1))]
-    from: Vec<ObjectPool>,
+    from: ObjectPools,
     /// Number of objects.
     #[schemars(extend("minimum" = 0, "maximum" = 1000))]
     count: IntDist,
@@ -179,7 +178,7 @@ pub enum Area {
 impl Default for DropBox {
     fn default() -> Self {
         Self {
-            from: vec!["objects".into()],
+            from: vec!["objects".into()].into(),
             count: IntDist::Integers(1, 40),
             clearance_m: 0.2,
             rotation: Rotation::default(),

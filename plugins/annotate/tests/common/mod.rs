@@ -87,6 +87,7 @@ impl World {
             views_per_scene: 5,
             recipe: String::new(),
             program: "test".into(),
+            classes: Vec::new(),
         };
         Self { dataset, scene, view, log: Collected::default() }
     }

@@ -6,7 +6,6 @@ use crate::lights::per::Per;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use syntable_model::geometry::{Rotation3, Vector3};
-use syntable_model::names::EnvironmentPool;
 use syntable_model::photometry::{blackbody, level_irradiance, luminance};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Camera, DirectionalLight, EnvironmentLight, EnvironmentMap, Light};
@@ -45,9 +44,8 @@ impl Default for Source {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct MapSource {
-    /// Pools of environment maps; a map is drawn uniformly over all their entries.
-    #[schemars(length(min = 1))]
-    from: Vec<EnvironmentPool>,
+    /// Pools of environment maps.
+    from: EnvironmentPools,
     /// Rotation of the map about the vertical, degrees, counterclockwise seen from above, from -3600 to 3600. Uniform
     /// over the full circle by default.
     #[serde(default = "full_circle")]

@@ -7,6 +7,7 @@ pub mod exr;
 pub mod json_shard;
 pub mod kind;
 pub mod npy;
+pub mod npz;
 pub mod pfm;
 pub mod png;
 

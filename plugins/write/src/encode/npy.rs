@@ -2,7 +2,7 @@
 
 use super::kind::{Form, Kind, with_article};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{DType, Mask, Tensor, Value};
+use syntable_model::product::{DType, KeyId, Mask, Tensor, Value};
 use syntable_model::scene::InstanceId;
 
 /// Refuses a kind of value that is not an array of numbers. A refusal is a reason and a remedy.
@@ -13,6 +13,39 @@ pub fn check(kind: &Kind) -> Result<(), String> {
             with_article(&kind.form)
         )),
         _ => Ok(()),
+    }
+}
+
+/// The arrays of a product.
+pub enum Arrays {
+    /// The array of a value.
+    One(Array),
+    /// A value per instance: the values of all instances along the first axis, and the ids of the instances.
+    PerInstance {
+        /// The values, in id order.
+        values: Array,
+        /// The ids.
+        ids: Array,
+    },
+}
+
+/// The arrays of a product; `size` is the height and width of an image without instances. An error names the product.
+pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Result<Arrays> {
+    let array = |value: &Value| {
+        check(&Kind::of(key, value)).map_err(Error::new)?;
+        Array::of(value)
+    };
+    let explain = |error: Error| error.context(format!("product `{product}`")).permanent();
+    match value {
+        Value::PerInstance(each) => {
+            let values = if each.is_empty() {
+                Array::stack_of_none(key.form().of_one(), size)
+            } else {
+                Array::stack(each.values().map(array)).map_err(explain)?
+            };
+            Ok(Arrays::PerInstance { values, ids: Array::ids(each.keys().copied()) })
+        }
+        value => array(value).map(Arrays::One).map_err(explain),
     }
 }
 

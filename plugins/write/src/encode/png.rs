@@ -186,6 +186,8 @@ impl Image {
 pub enum Rounding {
     /// Toward zero, as SynTable does.
     Truncate,
+    /// Toward zero, after a product in single precision, which may round up to the next unit: as SynTable's release.
+    TruncateSingle,
     /// To the nearest, as BOP does.
     Nearest,
 }
@@ -199,6 +201,7 @@ pub fn depth_units(depth_m: f32, unit_mm: f64, rounding: Rounding) -> u16 {
     // The cast clamps to 16 bits.
     match rounding {
         Rounding::Truncate => units as u16,
+        Rounding::TruncateSingle => (depth_m * (1000.0 / unit_mm) as f32) as u16,
         Rounding::Nearest => units.round() as u16,
     }
 }

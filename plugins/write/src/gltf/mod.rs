@@ -47,7 +47,8 @@ use syntable_model::scene::Body;
 /// # Output
 ///
 /// `{id}/{scene:06}.glb`, or `{id}/{scene:06}_{view:04}.glb` per view. An environment map is a Radiance HDR file beside
-/// it, in nits, whose name ends in `_environment.hdr` instead of `.glb`.
+/// it, in nits, whose name ends in `_environment.hdr` instead of `.glb`. `{id}/import_in_blender.py` imports a file into
+/// Blender with the right units of light, the sky and the size of the sun.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gltf {
@@ -73,6 +74,13 @@ impl Default for Gltf {
     }
 }
 
+/// Script that imports a file into Blender with the light units, the sky and the suns of the dataset.
+const IMPORT_IN_BLENDER: &[u8] = include_bytes!("import_in_blender.py");
+
+fn script_path(id: &str) -> String {
+    format!("{id}/import_in_blender.py")
+}
+
 impl Config for Gltf {
     type Stage = dyn Writer;
     const KIND: &'static str = "gltf";
@@ -89,6 +97,16 @@ impl Writer for Gltf {
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(GltfScene { config: self.clone(), output, export: Export::new(cx)?, id: cx.scene.id, views: 0 }))
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let whole = of.scene.is_none() && of.view.is_none();
+        Ok(if whole { vec![script_path(of.id)] } else { Vec::new() })
+    }
+
+    fn finish(&self, _: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        let path = script_path(finish.id());
+        finish.write(&path, |out| out.write_all(IMPORT_IN_BLENDER).map_err(|error| Error::io(&path, &error)))
     }
 }
 

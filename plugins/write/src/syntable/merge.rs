@@ -6,7 +6,7 @@ use crate::encode::json_shard;
 use syntable_formats::coco::{Category, Info, License};
 use syntable_formats::dataset::{DatasetWriter, Layout};
 use syntable_formats::shard::Line;
-use syntable_formats::syntable::OBJECT_CATEGORY;
+use syntable_formats::syntable::SCENES;
 use syntable_model::prelude::*;
 
 /// Writes the annotation file.
@@ -17,26 +17,38 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
     finish.write(&path, |out| {
         let layout = if syntable_1 { Layout::Indented } else { Layout::Lines };
         let mut file = DatasetWriter::new(out, &path, layout)?;
-        file.header(&info(dataset, syntable_1), &[license()], &[category()])?;
+        let categories: Vec<Category> = match config.compat {
+            Compat::Coco => dataset.categories().map(category).collect(),
+            Compat::Syntable1 => vec![category(DatasetInfo::OBJECT)],
+        };
+        file.header(&info(dataset, syntable_1), &[license()], &categories)?;
         file.images(|images| {
             lines(finish, |line| match line {
                 Line::Image { annotations, record } => {
                     let copies = if syntable_1 { annotations } else { usize::from(annotations > 0 || !skip_empty) };
                     (0..copies).try_for_each(|_| images.raw(record))
                 }
-                Line::Annotation(_) => Ok(()),
+                Line::Annotation(_) | Line::Scene(_) => Ok(()),
             })
         })?;
         let mut id = 0;
         file.annotations(|annotations| {
             lines(finish, |line| match line {
-                Line::Image { .. } => Ok(()),
+                Line::Image { .. } | Line::Scene(_) => Ok(()),
                 Line::Annotation(record) => {
                     id += 1;
                     annotations.raw(&record.numbered(id))
                 }
             })
         })?;
+        if !syntable_1 {
+            file.list(SCENES, |scenes| {
+                lines(finish, |line| match line {
+                    Line::Scene(record) => scenes.raw(record),
+                    Line::Image { .. } | Line::Annotation(_) => Ok(()),
+                })
+            })?;
+        }
         file.finish()
     })
 }
@@ -57,8 +69,8 @@ fn license() -> License {
     License { id: 1, name: "licenses of the assets".into(), ..License::default() }
 }
 
-fn category() -> Category {
-    Category { id: OBJECT_CATEGORY, name: "object".into(), supercategory: "shape".into(), ..Category::default() }
+fn category((id, name): (u32, &str)) -> Category {
+    Category { id: id.into(), name: name.into(), supercategory: "shape".into(), ..Category::default() }
 }
 
 /// Calls `each` with every line of the shards.

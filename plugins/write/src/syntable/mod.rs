@@ -13,8 +13,8 @@ use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CAMERA, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK,
-    OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO,
+    OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 
 /// Path of the copy of the resolved recipe.
@@ -26,7 +26,9 @@ const RECIPE: &str = "parameters/recipe.toml";
 ///
 /// The annotation file has COCO's structure. `segmentation` is the amodal mask of an object; `visible_mask`,
 /// `occluded_mask`, `occluded_rate` and boxes are fields beside it. Image ids are
-/// `scene · views_per_scene + view + 1`. Row and column n of the occlusion order belong to the n-th annotation of the
+/// `scene · views_per_scene + view + 1`. Categories are `object` (id 1) and, from 2, the classes of the recipe's pools in
+/// the order of their names. `scenes` has a record per scene, whose `bodies` say what each id in the product `instance`
+/// stands for: role, asset, category, materials and pose of objects, distractors, table and room. Row and column n of the occlusion order belong to the n-th annotation of the
 /// image, which is `instance_ids[n]` of the image's record. Dates are constant.
 ///
 /// # Output
@@ -64,8 +66,9 @@ pub struct SynTable {
 pub enum Compat {
     /// One record per image, true areas, rates in full precision; camera, object poses and label policy.
     Coco,
-    /// The image's record repeated for every annotation, area 0, sums of instance ids as areas of the amodal masks, rates
-    /// of two decimals. Objects without a visible pixel or with a rate that rounds to 1.00 are left out, and so are
+    /// The image's record repeated for every annotation, area 0, ten times the area of the amodal masks in
+    /// `segmentation`, rates of two decimals, one category, depth that is truncated in single precision, `_` for `/` in
+    /// names of objects. Objects without a visible pixel or with a rate that rounds to 1.00 are left out, and so are
     /// images without annotations.
     #[serde(rename = "syntable_1")]
     Syntable1,
@@ -126,7 +129,7 @@ impl Writer for SynTable {
         ];
         if self.compat == Compat::Coco {
             inputs.extend([Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)]);
-            inputs.extend([Input::of(DENOISER), Input::of(LABEL_POLICY)]);
+            inputs.extend([Input::of(DENOISER), Input::of(LABEL_POLICY), Input::of(BODIES)]);
         }
         if self.debug_masks {
             inputs.push(Input::of(INSTANCE));
@@ -178,7 +181,11 @@ impl SceneWriter for SynTableScene {
         let Self { config, output, lines } = self;
         let (scene, view) = (cx.scene.id.0, cx.view.id.0);
         Image::rgb(products.get(RGB)?).write(output, &config.path(&rgb_path(scene, view)))?;
-        let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, 1.0, Rounding::Truncate));
+        let rounding = match config.compat {
+            Compat::Coco => Rounding::Truncate,
+            Compat::Syntable1 => Rounding::TruncateSingle,
+        };
+        let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, 1.0, rounding));
         Image::gray16(&depth).write(output, &config.path(&depth_path(scene, view)))?;
         let labels = Labels::of(products)?.annotated_by(config.compat);
         output.write(&config.path(&occlusion_order_path(scene, view)), &order_matrix(&labels).encode())?;
@@ -197,8 +204,12 @@ impl SceneWriter for SynTableScene {
         })
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
-        self.output.write_shard(&self.lines)
+    fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
+        let Self { config, output, mut lines } = *self;
+        if config.compat == Compat::Coco {
+            shard::push_scene(&mut lines, &record::scene(cx, products)?)?;
+        }
+        output.write_shard(&lines)
     }
 }
 

@@ -5,12 +5,12 @@ use crate::jsonl::encoded;
 use serde_json::Value as Json;
 use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{
-    Annotation, Image, OBJECT_CATEGORY, depth_path, occlusion_order_path, rgb_path, syntable_1,
+    Annotation, Image, OBJECT_CATEGORY, Scene, depth_path, occlusion_order_path, rgb_path, syntable_1,
 };
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER,
-    OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK,
+    OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
 
@@ -136,6 +136,13 @@ pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
     })
 }
 
+/// What the ids of a scene stand for: the product `bodies`.
+pub fn scene(cx: &SceneContext, products: &Products) -> Result<Scene> {
+    let bodies = serde_json::from_value(encoded(products, BODIES.name())?);
+    let bodies = bodies.map_err(|error| Error::new(format!("product `{}`: {error}", BODIES.name())).permanent())?;
+    Ok(Scene { id: cx.scene.id.0, bodies, extra: Default::default() })
+}
+
 /// The record of an annotation in the coco form, without its id.
 pub fn annotation(
     cx: &ViewContext,
@@ -149,7 +156,10 @@ pub fn annotation(
     Ok(Annotation {
         id: 0,
         image_id: image_id(cx)?,
-        category_id: OBJECT_CATEGORY,
+        category_id: cx
+            .scene
+            .body(id)
+            .map_or(OBJECT_CATEGORY, |body| cx.dataset.category_id(&body.object.category).into()),
         instance_id: Some(id.0),
         object_name: Some(object_name(cx, id)),
         bbox: object.bbox(bbox),
@@ -179,21 +189,21 @@ pub fn annotation_1(
     bbox: BoxSource,
 ) -> Result<syntable_1::Annotation> {
     let object = labels.object(id)?;
-    let with_area = |mask: &Mask, area: u64| Rle { area: Some(area), ..Rle::encode(mask) };
+    let with_area = |mask: &Mask, factor: u64| Rle { area: Some(factor * u64::from(mask.area())), ..Rle::encode(mask) };
     Ok(syntable_1::Annotation {
         id: 0,
         image_id: image_id(cx)?,
         category_id: OBJECT_CATEGORY,
         bbox: object.bbox(bbox),
-        visible_bbox: object.visible_box.into(),
         width: object.amodal.width(),
         height: object.amodal.height(),
-        object_name: object_name(cx, id),
+        object_name: object_name(cx, id).replace('/', "_"),
         iscrowd: 0,
-        segmentation: with_area(object.amodal, u64::from(object.amodal.area()) * u64::from(id.0)),
+        segmentation: with_area(object.amodal, syntable_1::RENDERER_ID),
         area: 0,
-        visible_mask: with_area(object.visible, object.visible.area().into()),
-        occluded_mask: with_area(object.occlusion, object.occlusion.area().into()),
+        visible_mask: with_area(object.visible, 1),
+        visible_bbox: object.visible_box.into(),
+        occluded_mask: with_area(object.occlusion, 1),
         occluded_rate: two_decimals(object.rate),
         extra: Default::default(),
     })

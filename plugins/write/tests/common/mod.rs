@@ -64,6 +64,7 @@ pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
         views_per_scene: views,
         recipe: "[dataset]\nname = \"test\"\n".into(),
         program: "syntable 0.1.0".into(),
+        classes: Vec::new(),
     }
 }
 
@@ -72,6 +73,18 @@ pub fn take(id: u32, objects: usize, crowds: &[Crowd]) -> Take {
     let mut known = Products::new();
     let report = Value::record([("objects", (objects as i64).into()), ("simulated_s", 5.0.into())]);
     known.put(SETTLE_REPORT, report).expect("first");
+    let bodies = scene.bodies().iter().map(|body| {
+        Value::record([
+            ("id", u32::from(body.id.0).into()),
+            ("role", if body.role == Role::Object { "object" } else { "support" }.into()),
+            ("pool", body.asset.pool.as_str().into()),
+            ("name", body.asset.name.as_str().into()),
+            ("category", body.object.category.as_str().into()),
+            ("materials", vec!["gray"].into()),
+            ("world_from_body", pose(&body.world_from_body)),
+        ])
+    });
+    known.put(BODIES, Value::List(bodies.collect())).expect("first");
     let views = (0..).zip(crowds).map(|(number, &crowd)| {
         let view = view(number);
         let stream = Stream::root(9).at(id.into()).at(number.into());
@@ -103,7 +116,7 @@ fn scene(id: u32, objects: usize) -> Scene {
     builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
     let mut handles = Vec::new();
     for (i, role) in [Role::Support].into_iter().chain(vec![Role::Object; objects + 1]).enumerate() {
-        let asset = AssetRef { pool: "pool".into(), name: format!("tetra_{i}") };
+        let asset = AssetRef { pool: "pool".into(), name: format!("lm/tetra_{i}") };
         let pose = Pose::translation(0.01 * i as f64, 0.0, 0.7);
         handles.push(builder.add(BodyDraft::new(asset, object.clone(), pose, role, Motion::Dynamic)));
     }
@@ -194,6 +207,7 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
         let body = scene.body(*id).expect("an object");
         let info = Value::record([
             ("name", body.asset.name.as_str().into()),
+            ("category", body.object.category.as_str().into()),
             ("world_from_object", pose(&body.world_from_body)),
             ("camera_from_object", pose(&(camera_from_world * body.world_from_body))),
         ]);
@@ -222,6 +236,22 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
         products.put(OCCLUSION_MASK, PerInstance(occlusion.clone()))?;
         products.put(VISIBLE_MASK, PerInstance(visible.clone()))?;
         products.put(AMODAL_MASK, PerInstance(amodal.clone()))?;
+        let shown = |hits: &Vec<InstanceId>| hits.first().filter(|id| **id != table).copied().unwrap_or_default();
+        products.put(VISIBLE_IDS, rays.map(shown))?;
+        // The width is a multiple of eight.
+        let bytes = ids.iter().flat_map(|id| {
+            let bits = rays
+                .data()
+                .chunks(8)
+                .map(|hits| hits.iter().fold(0_u8, |bits, hits| bits << 1 | u8::from(hits.contains(id))));
+            bits.collect::<Vec<u8>>()
+        });
+        let shape = vec![ids.len(), HEIGHT as usize, WIDTH as usize / 8];
+        products.put(
+            AMODAL_BITS,
+            Value::Tensor(Tensor::new(DType::U8, &["instance", "y", "byte"], shape, bytes.collect())),
+        )?;
+        products.put(CATEGORY_ID, ids.iter().map(|id| (*id, u32::from(id.0 % 3) + 1)).collect())?;
         products.put(OBJECT_INFO, info.clone())?;
         products.put(CAMERA, camera.clone())?;
         products.put(LABEL_POLICY, policy.clone())?;

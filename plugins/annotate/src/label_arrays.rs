@@ -1,0 +1,59 @@
+//! Labels as arrays that a training loop reads without decoding.
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_BITS, AMODAL_MASK, CATEGORY_ID, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::{DType, Tensor};
+
+/// Visible masks as one plane of ids, amodal masks as bits, and the category of every object: what a training loop reads
+/// with the `npz` writer.
+///
+/// `visible_ids` is `[height, width]`, the id of the annotated object that a pixel shows, else 0. `amodal_bits` is
+/// `[N, height, ⌈width/8⌉]` for N annotated objects in id order, eight pixels of a row per byte, the leftmost in the
+/// highest bit.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LabelArrays {}
+
+impl Config for LabelArrays {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "label_arrays";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for LabelArrays {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![VISIBLE_IDS, AMODAL_BITS, CATEGORY_ID]
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let k = &cx.view.camera.intrinsics;
+        let mut ids = Plane::from_fn(k.width, k.height, |_, _| InstanceId::default());
+        for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
+            mask.pixels().for_each(|pixel| ids.data_mut()[pixel] = id);
+        }
+        let amodal = products.get(AMODAL_MASK)?;
+        let (width, height, bytes) = (k.width as usize, k.height as usize, (k.width as usize).div_ceil(8));
+        let mut bits = vec![0_u8; amodal.0.len() * height * bytes];
+        for (plane, (_, mask)) in bits.chunks_exact_mut(height * bytes).zip(amodal.iter()) {
+            mask.pixels()
+                .for_each(|pixel| plane[pixel / width * bytes + pixel % width / 8] |= 0x80 >> (pixel % width % 8));
+        }
+        let bits = Tensor::new(DType::U8, &["instance", "y", "byte"], vec![amodal.0.len(), height, bytes], bits);
+        let category = |id: InstanceId| {
+            cx.scene.body(id).map_or(DatasetInfo::OBJECT.0, |body| cx.dataset.category_id(&body.object.category))
+        };
+        let categories = amodal.map(|id, _| category(id));
+        products.put(VISIBLE_IDS, ids)?;
+        products.put(AMODAL_BITS, Value::Tensor(bits))?;
+        products.put(CATEGORY_ID, categories)
+    }
+}
+
+register!(LabelArrays);
