@@ -8,7 +8,9 @@ use gltf::json::{self, Index, Root};
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_mesh::image::Image;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::limits::Budget;
+use syntable_mesh::root::AssetRoot;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 
 /// Data outside the JSON, loaded on demand.
@@ -17,13 +19,27 @@ pub struct Buffers<'a> {
     binary: Option<&'a [u8]>,
     root: &'a AssetRoot,
     folder: &'a Path,
+    file: &'a Path,
+    log: &'a dyn Log,
     loaded: BTreeMap<usize, Vec<u8>>,
 }
 
 impl<'a> Buffers<'a> {
-    /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB.
-    pub fn new(document: &'a Root, binary: Option<&'a [u8]>, root: &'a AssetRoot, folder: &'a Path) -> Self {
-        Self { document, binary, root, folder, loaded: BTreeMap::new() }
+    /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB, `file` for messages.
+    pub fn new(
+        document: &'a Root,
+        binary: Option<&'a [u8]>,
+        root: &'a AssetRoot,
+        folder: &'a Path,
+        file: &'a Path,
+        log: &'a dyn Log,
+    ) -> Self {
+        Self { document, binary, root, folder, file, log, loaded: BTreeMap::new() }
+    }
+
+    /// What the asset may still take.
+    pub fn budget(&self) -> &'a Budget {
+        self.root.budget()
     }
 
     /// Bytes of a view and their stride, if stated. Checked against the buffer, and the buffer against its file.
@@ -78,11 +94,12 @@ impl<'a> Buffers<'a> {
                 let named = |error: Error| {
                     if uri.starts_with("data:") { within(error, &what) } else { error.in_file(self.folder_of(uri)) }
                 };
-                Image::decode(&bytes).map(Some).map_err(named)
+                Image::decode(&bytes, self.budget()).map(Some).map_err(named)
             }
             (None, Some(view)) => {
+                let budget = self.budget();
                 let (bytes, _) = self.view(view).map_err(|error| within(error, &what))?;
-                Image::decode(bytes).map(Some).map_err(|error| within(error, &what))
+                Image::decode(bytes, budget).map(Some).map_err(|error| within(error, &what))
             }
             (None, None) => Err(Error::new(format!("{what} has neither a file nor a buffer view"))),
         }
@@ -100,10 +117,14 @@ impl<'a> Buffers<'a> {
             if !head.ends_with(";base64") {
                 return Err(named(Error::new("a data URI that is not base64")));
             }
+            self.budget().bytes(body.len() as u64).map_err(named)?;
             return decode_base64(body).map(Some).map_err(named);
         }
         match self.root.find(self.folder, &percent_decode(uri)).map_err(named)? {
-            Some(path) => read_file(&path).map(Some).map_err(named),
+            Some(found) => {
+                let path = found.noted(|note| self.log.warn(&named(note).in_file(self.file)));
+                self.root.read(&path).map(Some).map_err(named)
+            }
             None => Ok(None),
         }
     }
