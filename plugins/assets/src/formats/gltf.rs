@@ -28,12 +28,13 @@ mod buffers;
 mod container;
 mod layers;
 mod materials;
+mod meshopt;
 mod nodes;
 mod primitive;
 mod uses;
 
 /// Extensions that are read, or that change nothing here.
-const READ: [&str; 19] = [
+const READ: [&str; 20] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
     "KHR_materials_emissive_strength",
@@ -46,6 +47,7 @@ const READ: [&str; 19] = [
     "KHR_materials_anisotropy",
     "KHR_materials_unlit",
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     // A version of an image in another format; a PNG or JPEG is preferred, a texture in KTX2 alone is refused.
     "KHR_texture_basisu",
     "EXT_texture_webp",
@@ -59,10 +61,9 @@ const READ: [&str; 19] = [
 
 /// Extensions that encode meshes, and what converts a file that has nothing else. A file that does not require one has its
 /// meshes in plain form, too.
-const ENCODED: [(&str, &str); 3] = [
-    ("KHR_draco_mesh_compression", "convert it: `gltf-transform cp in.glb out.glb` unpacks Draco"),
-    ("EXT_meshopt_compression", "convert it: `gltf-transform cp in.glb out.glb` unpacks meshopt"),
-    ("KHR_meshopt_compression", "convert it: `gltf-transform cp in.glb out.glb` unpacks meshopt"),
+const ENCODED: [(&str, &str); 2] = [
+    ("KHR_draco_mesh_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks Draco"),
+    ("KHR_meshopt_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks meshopt"),
 ];
 
 /// Reads a file of `root`, named relative to it: meters, z up.

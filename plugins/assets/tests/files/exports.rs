@@ -24,7 +24,7 @@ fn texture_width(object: &Object) -> Option<u32> {
 }
 
 #[test]
-fn names_of_other_machines_find_the_picture_beside_the_model() {
+fn names_of_other_machines_find_the_image_beside_the_model() {
     for (name, found) in [
         (r"C:\Users\me\project\texture.png", true),
         (r"tex\texture.png", true),
@@ -37,7 +37,7 @@ fn names_of_other_machines_find_the_picture_beside_the_model() {
         write(folder.path(), "it/model.obj", obj(1.0));
         write(folder.path(), "it/model.mtl", format!("newmtl skin\nKd 1 1 1\nmap_Kd {name}\n"));
         write(folder.path(), "it/texture.png", png());
-        // A picture of the same name outside of the asset's folder is never read.
+        // A image of the same name outside of the asset's folder is never read.
         write(folder.path(), "other.png", png());
         let (object, warnings) = load_with_warnings("google_scanned_objects", folder.path(), "it");
         assert_eq!(texture_width(&object), found.then_some(8), "{name}");
@@ -288,7 +288,7 @@ fn extensions_of_materials_are_read_as_far_as_they_can_be_shown() {
 #[test]
 fn encodings_that_are_not_read_name_the_command_that_converts() {
     for (extension, says) in [
-        ("KHR_draco_mesh_compression", "gltf-transform cp in.glb out.glb"),
+        ("KHR_draco_mesh_compression", "gltf-transform copy in.glb out.glb"),
         ("EXT_something", "export it without that extension"),
     ] {
         let mut document: Value = serde_json::from_str(&embedded()).expect("sound");
@@ -311,6 +311,36 @@ fn encodings_that_are_not_read_name_the_command_that_converts() {
         "KTX2",
         Reject("gltf-transform ktxdecompress in.glb out.glb"),
     );
+}
+
+/// A sphere of 5 cm radius around (0.1, 0.2, 0.3), y up, with 24 x 12 quads, packed by `gltf-transform meshopt`: quantized
+/// positions, octahedral normals, and triangles.
+#[test]
+fn packed_meshes_are_unpacked() {
+    let folder = TempDir::new().expect("temp folder");
+    let packed: &[u8] = include_bytes!("packed_sphere.glb");
+    assert!(packed.windows(23).any(|word| word == b"EXT_meshopt_compression"), "it is packed");
+    write(folder.path(), "x.glb", packed);
+    let object = load(folder.path(), "x");
+    let data = object.mesh.data();
+    // Two rows of triangles at the poles.
+    assert_eq!(data.triangles.len(), 2 * 24 * 11);
+    for (p, n) in data.positions.iter().zip(&data.normals) {
+        let out: Vec<f32> = p.iter().zip([0.1, -0.3, 0.2]).map(|(p, center)| (p - center) / 0.05).collect();
+        let radius = out.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let cosine: f32 = out.iter().zip(n).map(|(a, b)| a * b).sum();
+        assert!((radius - 1.0).abs() < 1e-3 && cosine > 0.999, "{p:?} {n:?}: {radius} {cosine}");
+    }
+    let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.05_f64.powi(3);
+    let volume = object.mesh.signed_volume();
+    assert!((0.95..1.0).contains(&(volume / ball)), "{}", volume / ball);
+    // Cut short, it is refused.
+    let at = packed.windows(4).position(|word| word == b"BIN\0").expect("a chunk") + 4;
+    let mut damaged = packed.to_vec();
+    damaged[at] ^= 0x40;
+    write(folder.path(), "x.glb", damaged);
+    let error = source_of("mesh_folder", folder.path(), "").load("x", &Collected::default()).expect_err("another kind");
+    assert!(error.to_string().contains("EXT_meshopt_compression"), "{error}");
 }
 
 #[test]

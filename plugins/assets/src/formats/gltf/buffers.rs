@@ -1,10 +1,12 @@
 //! Buffers, views into them, and images: what a document names, resolved and checked.
 
 use super::get;
+use super::meshopt::Packed;
 use crate::formats::within;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
 use gltf::json::{self, Index, Root};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_mesh::image::Image;
@@ -12,6 +14,9 @@ use syntable_mesh::limits::Budget;
 use syntable_mesh::root::AssetRoot;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+
+/// The extension that packs buffer views.
+const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Data outside the JSON, loaded on demand.
 pub struct Buffers<'a> {
@@ -22,6 +27,8 @@ pub struct Buffers<'a> {
     file: &'a Path,
     log: &'a dyn Log,
     loaded: BTreeMap<usize, Vec<u8>>,
+    /// Views that were packed.
+    unpacked: BTreeMap<usize, Vec<u8>>,
 }
 
 impl<'a> Buffers<'a> {
@@ -34,7 +41,7 @@ impl<'a> Buffers<'a> {
         file: &'a Path,
         log: &'a dyn Log,
     ) -> Self {
-        Self { document, binary, root, folder, file, log, loaded: BTreeMap::new() }
+        Self { document, binary, root, folder, file, log, loaded: BTreeMap::new(), unpacked: BTreeMap::new() }
     }
 
     /// What the asset may still take.
@@ -45,6 +52,17 @@ impl<'a> Buffers<'a> {
     /// Bytes of a view and their stride, if stated. Checked against the buffer, and the buffer against its file.
     pub fn view(&mut self, index: Index<json::buffer::View>) -> Result<(&[u8], Option<usize>)> {
         let view = get(&self.document.buffer_views, index, "buffer view")?;
+        let packed = view.extensions.as_ref().and_then(|extensions| extensions.others.get(MESHOPT));
+        if let Some(packed) = packed {
+            let within = |error| within(error, format!("buffer view {} ({MESHOPT})", index.value()));
+            let packed = Packed::deserialize(packed).map_err(|error| within(Error::new(error.to_string())))?;
+            if !self.unpacked.contains_key(&index.value()) {
+                let bytes = self.unpack(&packed).map_err(within)?;
+                self.unpacked.insert(index.value(), bytes);
+            }
+            let bytes = self.unpacked.get(&index.value()).map(Vec::as_slice).unwrap_or_default();
+            return Ok((bytes, Some(packed.byte_stride)));
+        }
         let (offset, length) = (view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0);
         let stride = view.byte_stride.map(|stride| stride.0);
         let (buffer, bytes) = (view.buffer.value(), self.buffer(view.buffer)?);
@@ -54,6 +72,22 @@ impl<'a> Buffers<'a> {
             None => Err(Error::new(format!(
                 "buffer view {} reaches from byte {offset} over {length} bytes, but buffer {buffer} has {}",
                 index.value(),
+                bytes.len()
+            ))),
+        }
+    }
+
+    fn unpack(&mut self, packed: &Packed) -> Result<Vec<u8>> {
+        self.budget().bytes(packed.unpacked_bytes()?)?;
+        let bytes = self.buffer(Index::new(packed.buffer))?;
+        let end = packed.byte_offset.checked_add(packed.byte_length).filter(|&end| end <= bytes.len() as u64);
+        match end {
+            Some(end) => packed.unpack(&bytes[packed.byte_offset as usize..end as usize]),
+            None => Err(Error::new(format!(
+                "it reaches from byte {} over {} bytes, but buffer {} has {}",
+                packed.byte_offset,
+                packed.byte_length,
+                packed.buffer,
                 bytes.len()
             ))),
         }
