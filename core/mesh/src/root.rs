@@ -282,7 +282,7 @@ mod tests {
         check("a/b", "../b/in.png", Ok(Some(("a/b/in.png", false))));
         check("a", "b\\in.png", Ok(Some(("a/b/in.png", false))));
         check("a/b", "..\\b\\in.png", Ok(Some(("a/b/in.png", false))));
-        // The picture lies elsewhere than the name says.
+        // The image lies elsewhere than the name says.
         for name in [
             "C:\\Users\\me\\in.png",
             "c:in.png",

@@ -348,9 +348,10 @@ impl Pool<'_> {
         self.entries.iter().map(|entry| (entry.name.clone(), entry.category.clone())).collect()
     }
 
-    /// Warns of an object of a size that is unlikely, where neither the source nor the pool states the unit.
+    /// Warns of an object of a size that is unlikely, where neither the source nor the pool states the unit or the size.
     fn doubt_size(&self, asset: &Asset, log: &dyn Log) {
-        if let (Asset::Object(object), None, false) = (asset, self.options.units, self.source.states_units())
+        let stated = self.source.states_units() || self.options.units.is_some() || self.options.scale.is_size();
+        if let (Asset::Object(object), false) = (asset, stated)
             && let Some(doubt) = doubt(object.mesh.bounds().size().max())
         {
             log.warn(&doubt);

@@ -4,12 +4,13 @@ use super::{Console, Exit, Message, RecipeArgs};
 use crate::pools::AssetStore;
 use crate::recipe::Overrides;
 use clap::Args;
+use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::path::PathBuf;
 use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::error::Error;
 use syntable_model::inspect::inspect;
 use syntable_model::registry::Registry;
-use syntable_model::scene::AssetRef;
+use syntable_model::scene::{AssetRef, CatalogEntry};
 
 #[derive(Args)]
 pub(super) struct CheckArgs {
@@ -61,16 +62,18 @@ fn all_assets(console: &Console, assets: &AssetStore<'_>, wanted: Option<&str>) 
     }
     let (mut all, mut bad) = (0, 0);
     for (pool, size) in assets.sizes().filter(|(pool, _)| wanted.is_none_or(|wanted| wanted == *pool)) {
-        let mut names = Vec::new();
-        for entry in assets.entries(pool).map_err(Exit::wrong)? {
+        let entries = assets.entries(pool).map_err(Exit::wrong)?;
+        // The name of each bad asset, in order; an error of the file system says nothing about the asset.
+        let bad_name = |entry: &CatalogEntry| {
             let asset = AssetRef { pool: pool.to_owned(), name: entry.name.clone() };
             match assets.get(&asset) {
-                Ok(_) => {}
-                // It says nothing about the asset.
-                Err(error) if error.is_transient() => return Err(Exit::wrong(error)),
-                Err(_) => names.push(entry.name.clone()),
+                Ok(_) => Ok(None),
+                Err(error) if error.is_transient() => Err(error),
+                Err(_) => Ok(Some(entry.name.clone())),
             }
-        }
+        };
+        let found: Result<Vec<Option<String>>, Error> = entries.par_iter().map(bad_name).collect();
+        let names: Vec<String> = found.map_err(Exit::wrong)?.into_iter().flatten().collect();
         let mut out = format!("assets.{pool}: {} of {size} assets are good\n", size - names.len());
         names.iter().for_each(|name| out += &format!("  bad: {name}\n"));
         console.print(&out)?;

@@ -43,8 +43,8 @@ pub struct PoolOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     pub license: Option<String>,
-    /// Unit of lengths in the files. If it is left out they count as meters, and a folder of meshes warns of objects that are
-    /// longer than 2 m or shorter than 5 mm.
+    /// Unit of what the source takes for meters. If it is left out, a folder of meshes warns of objects that are longer than
+    /// 2 m or shorter than 5 mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub units: Option<Units>,
     /// Scale of the objects: a factor, or `{ longest_side_m = 0.2 }`.
@@ -131,6 +131,11 @@ pub enum Scale {
 }
 
 impl Scale {
+    /// Whether it states the size, whatever the file says.
+    pub fn is_size(self) -> bool {
+        matches!(self, Self::Size { .. })
+    }
+
     /// The factor for an object whose bounding box has a longest side of that length, meters.
     pub fn factor(self, longest_m: f64) -> f64 {
         match self {
