@@ -35,6 +35,40 @@ fn broken_inputs_behave_as_their_names_say() {
 }
 
 #[test]
+fn whole_pools_are_checked() {
+    let folder = tempfile::tempdir().expect("temp folder");
+    let fixtures = assets()[0].join("broken");
+    for (from, to) in [
+        ("accept_box.glb", "good/box.glb"),
+        ("accept_big_endian.ply", "good/box.ply"),
+        ("accept_box.glb", "mixed/box.glb"),
+        ("reject_garbage.glb", "mixed/garbage.glb"),
+        ("reject_truncated.glb", "mixed/truncated.glb"),
+    ] {
+        let to = folder.path().join(to);
+        std::fs::create_dir_all(to.parent().expect("a folder")).expect("writable");
+        std::fs::copy(fixtures.join(from), to).expect("copied");
+    }
+    let recipe = folder.path().join("my.toml");
+    let text_of = "extends = \"builtin:quickstart\"\n[assets.good]\nkind = \"mesh_folder\"\nroot = \"good\"\n\
+        [assets.mixed]\nkind = \"mesh_folder\"\nroot = \"mixed\"\n";
+    std::fs::write(&recipe, text_of).expect("writable");
+    let check = |more: &str| {
+        let output = syntable().arg("check").arg(more).arg(&recipe).output().expect("starts");
+        (output.status.code(), text(&output))
+    };
+    let (code, said) = check("--assets=good");
+    assert!(code == Some(0) && said.contains("assets.good: 1 of 1 assets are good"), "{said}");
+    assert!(!said.contains("assets.mixed:"), "{said}");
+    let (code, said) = check("--assets=mixed");
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("assets.mixed: 1 of 3 assets are good\n  bad: garbage\n  bad: truncated\n"), "{said}");
+    assert!(said.contains("2 of 3 assets are bad") && said.contains("not a valid GLB"), "{said}");
+    let (code, said) = check("--assets=none");
+    assert!(code == Some(2) && said.contains("there is no pool `none`"), "{said}");
+}
+
+#[test]
 fn an_asset_is_described_and_a_missing_one_named() {
     let output = syntable().args(["check", "--asset", "no/such/model.obj"]).output().expect("starts");
     assert_eq!(output.status.code(), Some(2));

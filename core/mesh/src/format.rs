@@ -6,6 +6,7 @@
 
 use crate::Model;
 use crate::image::Image;
+use crate::limits::Budget;
 use crate::root::AssetRoot;
 use crate::scan::extension;
 use std::path::Path;
@@ -151,9 +152,9 @@ impl MeshFormats {
 #[derive(Debug, Clone, Copy)]
 pub enum ImageDecoder {
     /// 8 bits per channel, for textures.
-    Texture(fn(&[u8]) -> Result<Image>),
+    Texture(fn(&[u8], &Budget) -> Result<Image>),
     /// Linear radiance, for environment maps. The map needs no name.
-    Radiance(fn(&[u8]) -> Result<EnvironmentMap>),
+    Radiance(fn(&[u8], &Budget) -> Result<EnvironmentMap>),
 }
 
 /// A format of images.
@@ -165,7 +166,7 @@ pub struct ImageFormat {
     pub extensions: &'static [&'static str],
     /// Whether bytes are an image of this format, judged by the first of them.
     pub matches: fn(&[u8]) -> bool,
-    /// Decodes a file in memory; it checks the size before it allocates.
+    /// Decodes a file in memory. It takes the image from the budget ([`Budget::image`]) before it allocates.
     pub decode: ImageDecoder,
     /// Of one image in several formats the one of highest preference is read; ties go by name.
     pub preference: u32,
@@ -242,13 +243,13 @@ impl ImageFormats {
     }
 
     /// Decodes an image for a texture.
-    pub fn decode_texture(&self, bytes: &[u8]) -> Result<Image> {
+    pub fn decode_texture(&self, bytes: &[u8], budget: &Budget) -> Result<Image> {
         let known = || {
             let names = self.0.iter().filter(|format| format.is_texture()).map(|format| format.name);
             format!("texture formats are {}", enumerate(names, "and"))
         };
         match self.0.iter().find(|format| (format.matches)(bytes)) {
-            Some(ImageFormat { decode: ImageDecoder::Texture(decode), .. }) => decode(bytes),
+            Some(ImageFormat { decode: ImageDecoder::Texture(decode), .. }) => decode(bytes, budget),
             Some(format) => {
                 Err(Error::new(format!("{} is a format of environment maps, not of textures", format.name))
                     .help(known()))
@@ -258,13 +259,13 @@ impl ImageFormats {
     }
 
     /// Decodes an environment map.
-    pub fn decode_radiance(&self, bytes: &[u8]) -> Result<EnvironmentMap> {
+    pub fn decode_radiance(&self, bytes: &[u8], budget: &Budget) -> Result<EnvironmentMap> {
         let known = || {
             let names = self.0.iter().filter(|format| !format.is_texture()).map(|format| format.name);
             format!("environment map formats are {}", enumerate(names, "and"))
         };
         match self.0.iter().find(|format| (format.matches)(bytes)) {
-            Some(ImageFormat { decode: ImageDecoder::Radiance(decode), .. }) => decode(bytes),
+            Some(ImageFormat { decode: ImageDecoder::Radiance(decode), .. }) => decode(bytes, budget),
             Some(format) => {
                 Err(Error::new(format!("not an environment map: {} has no radiance", format.name)).help(known()))
             }
@@ -416,20 +417,25 @@ mod tests {
 
     #[test]
     fn images_are_known_by_their_content() {
-        let texture = |_: &[u8]| Ok(Image { width: 1, height: 1, texels: vec![1, 2, 3, 4], kind: "T".into() });
-        let radiance = |_: &[u8]| EnvironmentMap::new("", 1, 1, vec![[1.0; 3]]);
+        let texture =
+            |_: &[u8], _: &Budget| Ok(Image { width: 1, height: 1, texels: vec![1, 2, 3, 4], kind: "T".into() });
+        let radiance = |_: &[u8], _: &Budget| EnvironmentMap::new("", 1, 1, vec![[1.0; 3]]);
         let formats = ImageFormats::new([
             ImageFormat::new("T", &["t"], |b| b.starts_with(b"T"), ImageDecoder::Texture(texture)),
             ImageFormat::new("R", &["r"], |b| b.starts_with(b"R"), ImageDecoder::Radiance(radiance)),
         ])
         .expect("no clash");
-        assert_eq!(formats.decode_texture(b"T!").expect("a texture").texels, [1, 2, 3, 4]);
-        assert_eq!(formats.decode_radiance(b"R!").expect("a map").width(), 1);
+        let budget = &Budget::default();
+        assert_eq!(formats.decode_texture(b"T!", budget).expect("a texture").texels, [1, 2, 3, 4]);
+        assert_eq!(formats.decode_radiance(b"R!", budget).expect("a map").width(), 1);
         for (error, want) in [
-            (formats.decode_texture(b"R").map(|_| ()), "R is a format of environment maps, not of textures"),
-            (formats.decode_texture(b"x").map(|_| ()), "not an image of a known format (texture formats are T)"),
-            (formats.decode_radiance(b"T").map(|_| ()), "not an environment map: T has no radiance"),
-            (formats.decode_radiance(b"").map(|_| ()), "not an environment map of a known format"),
+            (formats.decode_texture(b"R", budget).map(|_| ()), "R is a format of environment maps, not of textures"),
+            (
+                formats.decode_texture(b"x", budget).map(|_| ()),
+                "not an image of a known format (texture formats are T)",
+            ),
+            (formats.decode_radiance(b"T", budget).map(|_| ()), "not an environment map: T has no radiance"),
+            (formats.decode_radiance(b"", budget).map(|_| ()), "not an environment map of a known format"),
         ] {
             let error = error.expect_err(want).to_string();
             assert!(error.contains(want), "{error} lacks {want}");

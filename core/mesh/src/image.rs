@@ -1,17 +1,15 @@
 //! Images for textures: 8 bits per channel, recognized by their content and never by their name.
 
 use crate::format::ImageFormats;
-use crate::limits::check_pixels;
-use crate::root::read_file;
+use crate::limits::Budget;
+use crate::root::AssetRoot;
 use std::path::Path;
 use syntable_model::digest::Hasher;
 use syntable_model::error::Result;
 use syntable_model::scene::{Encoding, Texture, Wrap};
 
 /// Maximum width and height, pixels.
-pub const MAX_SIDE: u32 = 16_384;
-/// Maximum number of pixels.
-pub const MAX_PIXELS: u64 = 128 << 20;
+pub const MAX_SIDE: u64 = 16_384;
 
 /// An 8-bit RGBA image, row 0 at the top.
 #[derive(Debug, Clone)]
@@ -26,20 +24,15 @@ pub struct Image {
     pub kind: String,
 }
 
-/// Refuses an empty or too large image. Decoders call it before they allocate.
-pub fn check_size(width: u64, height: u64) -> Result<()> {
-    check_pixels(width, height, MAX_SIDE.into(), MAX_PIXELS)
-}
-
 impl Image {
     /// Reads a file of any registered format. Errors name it.
-    pub fn read(path: &Path) -> Result<Self> {
-        Self::decode(&read_file(path)?).map_err(|error| error.in_file(path))
+    pub fn read(root: &AssetRoot, path: &Path) -> Result<Self> {
+        Self::decode(&root.read(path)?, root.budget()).map_err(|error| error.in_file(path))
     }
 
     /// Decodes an image of any registered format.
-    pub fn decode(bytes: &[u8]) -> Result<Self> {
-        ImageFormats::linked()?.decode_texture(bytes)
+    pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Self> {
+        ImageFormats::linked()?.decode_texture(bytes, budget)
     }
 
     /// Inverts the green channel: converts normal maps between the DirectX and the OpenGL convention.

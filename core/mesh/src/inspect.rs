@@ -6,7 +6,7 @@ use crate::format::{ImageFormats, MeshFormats, Unit};
 use crate::image::Image;
 use crate::root::AssetRoot;
 use crate::scan::{extension, name_of};
-use crate::{ObjectInfo, environment};
+use crate::{ObjectInfo, environment, size};
 use std::path::{Path, PathBuf};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -19,10 +19,7 @@ const MAX_PARTS: usize = 2;
 /// Inspects a mesh file by its path alone. It may name files of its own folder; in the layout of Google Scanned
 /// Objects, `<name>/meshes/model.obj` beside `<name>/materials`, of the object's folder.
 pub fn mesh_file(path: &Path, log: &dyn Log) -> Result<Inspection> {
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     let above = folder.parent().filter(|above| *above != Path::new(""));
     match above {
         Some(above) if name_of(folder) == "meshes" && above.join("materials").is_dir() => {
@@ -30,6 +27,13 @@ pub fn mesh_file(path: &Path, log: &dyn Log) -> Result<Inspection> {
         }
         _ if folder.is_dir() => mesh(&AssetRoot::open(folder)?, &PathBuf::from(name_of(path)), log),
         _ => Err(Error::new("no such file").in_file(path)),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
     }
 }
 
@@ -43,6 +47,9 @@ pub fn mesh(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Inspection> 
     let info = ObjectInfo { name: name_of(file), ..ObjectInfo::default() };
     let (object, topology) = model.into_object(info, &shown, log)?;
     object.check_extent().map_err(|error| error.in_file(&shown))?;
+    if let Some(doubt) = size::doubt(object.mesh.bounds().size().max()) {
+        log.warn(&doubt.in_file(&shown));
+    }
     let parts = topology.significant_parts();
     if parts > MAX_PARTS {
         log.warn(
@@ -87,10 +94,15 @@ fn yes_no(yes: bool) -> &'static str {
 
 /// Inspects an image file: a texture or an environment map, as its extension says.
 pub fn image_file(path: &Path, _: &dyn Log) -> Result<Inspection> {
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return Err(Error::new("no such file").in_file(path));
+    }
+    let root = AssetRoot::open(folder)?;
     if ImageFormats::linked()?.radiance_extensions().contains(&extension(path).as_str()) {
-        environment::read(path).map(|map| describe_environment(&map))
+        environment::read(&root, path).map(|map| describe_environment(&map))
     } else {
-        Image::read(path).map(|image| describe_image(&image))
+        Image::read(&root, path).map(|image| describe_image(&image))
     }
 }
 

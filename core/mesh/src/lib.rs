@@ -12,7 +12,7 @@
 //! use std::path::Path;
 //! use syntable_mesh::format::MeshFormat;
 //! use syntable_mesh::material::default_material;
-//! use syntable_mesh::root::{AssetRoot, read_file};
+//! use syntable_mesh::root::AssetRoot;
 //! use syntable_mesh::{Model, register_mesh_format};
 //! use syntable_model::context::Log;
 //! use syntable_model::error::{Error, Result};
@@ -21,7 +21,7 @@
 //! /// Object File Format (OFF) with triangles.
 //! fn read(root: &AssetRoot, file: &Path, _log: &dyn Log) -> Result<Model> {
 //!     let path = root.locate(file)?;
-//!     let text = String::from_utf8_lossy(&read_file(&path)?).into_owned();
+//!     let text = String::from_utf8_lossy(&root.read(&path)?).into_owned();
 //!     let mut numbers = text.split_ascii_whitespace().skip(1).map_while(|word| word.parse::<f32>().ok());
 //!     let mut next = || numbers.next().ok_or_else(|| Error::new("the file ends early").in_file(&path));
 //!     let [vertices, faces, _edges] = [next()?, next()?, next()?];
@@ -54,6 +54,7 @@ pub mod polygon;
 pub mod repair;
 pub mod root;
 pub mod scan;
+pub mod size;
 pub mod text;
 
 pub use digest::mesh_digest;

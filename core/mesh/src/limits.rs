@@ -1,31 +1,110 @@
-//! Limits that readers check before they allocate.
+//! What one asset may take, counted while it is read.
+//!
+//! Readers ask the [`Budget`] of their [`AssetRoot`](crate::root::AssetRoot) before they allocate; a small file that
+//! unfolds to much is refused then, with the limit and the option that changes it.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::AssetLimits;
 
-/// Maximum size of a file that is read, bytes.
-pub const MAX_FILE_BYTES: u64 = 4 << 30;
-/// Maximum number of triangles, and of vertices, of a model, with instances expanded.
-pub const MAX_TRIANGLES: usize = 16_000_000;
+/// Maximum size of a file that belongs to no asset, such as a list, bytes.
+pub const MAX_FILE_BYTES: u64 = 1 << 30;
 
-/// Refuses a model with more than [`MAX_TRIANGLES`].
-pub fn check_triangles(count: usize) -> Result<()> {
-    if count > MAX_TRIANGLES {
-        return Err(Error::new(format!("the model has more than {MAX_TRIANGLES} triangles"))
-            .help("simplify the mesh before use"));
-    }
-    Ok(())
+/// Counts what one asset takes against its limits.
+#[derive(Debug, Default)]
+pub struct Budget {
+    limits: AssetLimits,
+    bytes: AtomicU64,
+    pixels: AtomicU64,
 }
 
-/// Refuses an image with no pixels, more than `max_side` pixels along a side or more than `max_pixels` in total.
-pub(crate) fn check_pixels(width: u64, height: u64, max_side: u64, max_pixels: u64) -> Result<()> {
-    if width == 0 || height == 0 {
-        return Err(Error::new(format!("an image of {width} x {height} pixels is empty")));
+impl Budget {
+    /// Nothing taken yet.
+    pub fn new(limits: AssetLimits) -> Self {
+        Self { limits, ..Self::default() }
     }
-    if width > max_side || height > max_side || width * height > max_pixels {
-        return Err(Error::new(format!(
-            "{width} x {height} pixels are more than the limit of {max_side} per side and {max_pixels} in total"
-        ))
-        .help("downscale the image"));
+
+    /// Takes bytes of a file, or of what is decoded from it.
+    pub fn bytes(&self, count: u64) -> Result<()> {
+        let limit = self.limits.megabytes;
+        match take(&self.bytes, count, limit.saturating_mul(1_000_000)) {
+            Some(()) => Ok(()),
+            None => Err(over("its files and what they hold", "megabytes", limit, "make the files smaller")),
+        }
     }
-    Ok(())
+
+    /// Takes an image. Refuses one without pixels, or of more than `max_side` pixels along a side.
+    pub fn image(&self, width: u64, height: u64, max_side: u64) -> Result<()> {
+        if width == 0 || height == 0 {
+            return Err(Error::new(format!("an image of {width} x {height} pixels is empty")));
+        }
+        if width > max_side || height > max_side {
+            let message = format!("{width} x {height} pixels are more than the limit of {max_side} per side");
+            return Err(Error::new(message).help("downscale the image"));
+        }
+        let limit = self.limits.megapixels;
+        match take(&self.pixels, width * height, limit.saturating_mul(1_000_000)) {
+            Some(()) => Ok(()),
+            None => Err(over(
+                &format!("with {width} x {height} pixels, its images"),
+                "megapixels",
+                limit,
+                "downscale the images",
+            )),
+        }
+    }
+
+    /// Refuses a mesh of more triangles in total. Nothing is counted.
+    pub fn triangles(&self, total: usize) -> Result<()> {
+        match total as u64 <= self.limits.triangles {
+            true => Ok(()),
+            false => Err(over("its mesh", "triangles", self.limits.triangles, "simplify the mesh")),
+        }
+    }
+
+    /// Number of triangles that a mesh may have besides those that it has.
+    pub fn triangles_left(&self, total: usize) -> usize {
+        usize::try_from(self.limits.triangles).unwrap_or(usize::MAX).saturating_sub(total)
+    }
+
+    /// Refuses a mesh of more vertices in total than its triangles can use. Nothing is counted.
+    pub fn vertices(&self, total: usize) -> Result<()> {
+        self.triangles(total.div_ceil(3))
+    }
+
+    /// Maximum number of bytes that an image of this asset takes in a decoder.
+    pub fn image_bytes(&self) -> u64 {
+        self.limits.megapixels.saturating_mul(8_000_000)
+    }
+}
+
+/// Adds to what is taken, unless that is over the limit.
+fn take(taken: &AtomicU64, count: u64, limit: u64) -> Option<()> {
+    let add = |taken: u64| taken.checked_add(count).filter(|&sum| sum <= limit);
+    taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add).ok().map(|_| ())
+}
+
+fn over(what: &str, unit: &str, limit: u64, or: &str) -> Error {
+    Error::new(format!("the asset is too large: {what} would take more than the limit of {limit} {unit}"))
+        .help(format!("raise the pool's `limits = {{ {unit} = {limit} }}`, or {or}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_taken_adds_up_to_the_limit() {
+        let budget = Budget::new(AssetLimits { triangles: 10, megapixels: 1, megabytes: 2 });
+        assert!(budget.bytes(1_500_000).is_ok() && budget.bytes(500_000).is_ok());
+        let error = budget.bytes(1).expect_err("one too many").to_string();
+        assert!(error.contains("limit of 2 megabytes (raise the pool's `limits = { megabytes = 2 }`"), "{error}");
+        assert!(budget.bytes(u64::MAX).is_err() && budget.bytes(0).is_ok());
+        assert!(budget.image(1000, 999, 1000).is_ok() && budget.image(10, 100, 1000).is_ok());
+        assert!(budget.image(1, 1, 1000).expect_err("full").to_string().contains("1 megapixels"));
+        assert!(budget.image(1001, 1, 1000).expect_err("wide").to_string().contains("per side"));
+        assert!(budget.image(0, 1, 1000).is_err());
+        assert!(budget.triangles(10).is_ok() && budget.triangles(11).is_err());
+        assert!(budget.vertices(30).is_ok() && budget.vertices(31).is_err());
+    }
 }

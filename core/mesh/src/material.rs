@@ -1,5 +1,7 @@
 //! Materials that readers fall back to.
 
+use crate::image::Image;
+use std::sync::Arc;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::scene::{Alpha, Color, Encoding, Material, Scalar, Texture};
 
@@ -38,6 +40,33 @@ pub fn untextured(material: &Material) -> Option<Material> {
     Some(flat.with_digest())
 }
 
+/// The texture of a blended material with its alpha scaled up to one, and the largest alpha that it had. A texture that is
+/// nowhere half opaque says how transparent the material is, and no shape: its alpha belongs into the factor. None if
+/// some texel is half opaque, or all are clear.
+pub fn full_alpha(texture: &Texture) -> Option<(Texture, f32)> {
+    let largest = texture.texels.chunks_exact(4).map(|texel| texel[3]).max().filter(|&largest| largest > 0)?;
+    if largest >= 128 {
+        return None;
+    }
+    let mut texels = texture.texels.clone();
+    for texel in texels.chunks_exact_mut(4) {
+        texel[3] = ((u32::from(texel[3]) * 255 + u32::from(largest) / 2) / u32::from(largest)) as u8;
+    }
+    let image = Image { width: texture.width, height: texture.height, texels, kind: String::new() };
+    Some((image.into_texture(texture.encoding, texture.wrap), f32::from(largest) / 255.0))
+}
+
+/// Blends a material by a factor times the alpha of its texture.
+pub fn blend(material: &mut Material, factor: f32) {
+    material.alpha = Alpha::Blend { factor };
+    if let Some(used) = &mut material.base_color.texture
+        && let Some((full, largest)) = full_alpha(&used.texture)
+    {
+        used.texture = Arc::new(full);
+        material.alpha = Alpha::Blend { factor: factor * largest };
+    }
+}
+
 fn flatten_color(color: &mut Color) {
     if let Some(texture) = color.texture.take() {
         let mean = mean(&texture.texture);
@@ -71,8 +100,6 @@ fn mean_of(texture: &Texture, channel: u8) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Image;
-    use std::sync::Arc;
     use syntable_model::scene::{Clearcoat, NormalMap, Sheen, Transmission, Wrap};
 
     #[test]
@@ -85,6 +112,29 @@ mod tests {
         material.base_color.texture = Color::texture(Arc::new(texture)).texture;
         let [r, g, b] = untextured(&material).expect("had a texture").base_color.factor;
         assert!((r - 0.25).abs() < 1e-6 && g == 0.0 && (b - 0.503).abs() < 1e-3, "{r} {g} {b}");
+    }
+
+    #[test]
+    fn alpha_that_is_nowhere_half_belongs_into_the_factor() {
+        let with = |alphas: [u8; 2]| {
+            let texels = alphas.map(|alpha| [200, 100, 50, alpha]).concat();
+            let image = Image { width: 2, height: 1, texels, kind: String::new() };
+            let mut material = Material::plain("glass", [1.0; 3], 0.5);
+            material.base_color = Color::texture(Arc::new(image.into_texture(Encoding::Srgb, [Wrap::Repeat; 2])));
+            blend(&mut material, 0.5);
+            let Alpha::Blend { factor } = material.alpha else { panic!("{:?}", material.alpha) };
+            let texels = material.base_color.texture.expect("kept").texture.texels.clone();
+            assert_eq!(texels[..3], [200, 100, 50]);
+            ([texels[3], texels[7]], factor)
+        };
+        assert_eq!(with([10, 200]), ([10, 200], 0.5));
+        let (texels, factor) = with([51, 102]);
+        assert_eq!(texels, [128, 255]);
+        // The product is what it was.
+        for (texel, was) in texels.into_iter().zip([51.0, 102.0]) {
+            assert!((f64::from(texel) / 255.0 * f64::from(factor) - was / 255.0 * 0.5).abs() < 1e-3);
+        }
+        assert_eq!(with([0, 0]), ([0, 0], 0.5));
     }
 
     #[test]

@@ -1,15 +1,41 @@
 //! Files inside an asset's folder, and nothing outside it.
 //!
 //! Assets name other files: an OBJ its material library, a material its images, a glTF its buffers. Such names are
-//! untrusted. Every name is resolved here: absolute paths, network addresses, backslashes and names that leave
-//! the folder by `..` are refused by their text alone; links are followed by the file system and refused if they lead
-//! out. A refused file is never opened.
+//! untrusted, and often those of the machine that wrote them. Every name is resolved here: of absolute paths and of
+//! names that leave the folder by `..` only the last parts count, inside the folder; network addresses are refused;
+//! links are followed by the file system and refused if they lead out. A refused file is never opened.
 
-use crate::limits::MAX_FILE_BYTES;
+use crate::limits::{Budget, MAX_FILE_BYTES};
+use crate::scan::list;
+use crate::text::shorten;
 use std::fs;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::AssetLimits;
+
+/// Maximum number of parts of a path that are looked for inside the root.
+const MAX_PARTS: usize = 16;
+
+/// What a name in a file means.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Found {
+    /// An existing file or folder of the root.
+    pub path: PathBuf,
+    /// A warning where it has another name than was written; without file and line.
+    pub note: Option<Error>,
+}
+
+impl Found {
+    /// The path, after a warning if it has another name than was written.
+    pub fn noted(self, warn: impl FnOnce(Error)) -> PathBuf {
+        if let Some(note) = self.note {
+            warn(note);
+        }
+        self.path
+    }
+}
 
 /// A folder that an asset may read from.
 #[derive(Debug, Clone)]
@@ -18,6 +44,8 @@ pub struct AssetRoot {
     shown: PathBuf,
     /// With links resolved.
     canonical: PathBuf,
+    /// What was read so far, by all copies of this root.
+    budget: Arc<Budget>,
 }
 
 impl AssetRoot {
@@ -35,7 +63,22 @@ impl AssetRoot {
         if !is_dir(&canonical)? {
             return Err(Error::new("not a folder").in_file(folder).help("`root` names a folder of assets"));
         }
-        Ok(Self { shown: folder.to_owned(), canonical })
+        Ok(Self { shown: folder.to_owned(), canonical, budget: Arc::default() })
+    }
+
+    /// The same folder for one asset that may take that much. Without it the limits are the default ones.
+    pub fn within(self, limits: AssetLimits) -> Self {
+        Self { budget: Arc::new(Budget::new(limits)), ..self }
+    }
+
+    /// What the asset may still take. Readers ask it before they allocate.
+    pub fn budget(&self) -> &Budget {
+        &self.budget
+    }
+
+    /// Reads a whole file of the asset: regular, not empty, within its limits. The error names it.
+    pub fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        read(path, &|bytes| self.budget.bytes(bytes))
     }
 
     /// The folder, as the user wrote it.
@@ -45,22 +88,72 @@ impl AssetRoot {
 
     /// Resolves a name that was found in a file of folder `from`, a path relative to this root.
     ///
-    /// Returns the path of an existing file or folder, or none if there is nothing of that name. An error refuses the
-    /// name.
-    pub fn find(&self, from: &Path, name: &str) -> Result<Option<PathBuf>> {
-        let refuse = |why: &str| {
-            Err(Error::new(format!("`{name}` {why}")).help("an asset may name files of its own folder only"))
-        };
+    /// Returns an existing file or folder, or none if there is nothing of that name. An error refuses the name. Names are
+    /// often those of another machine, so that after the name as it is written these are tried, with a note: backslashes as
+    /// separators, the last parts of an absolute path or of one that leaves the root, the base name alone, and letters in
+    /// another case. Whatever is found lies below the root.
+    pub fn find(&self, from: &Path, name: &str) -> Result<Option<Found>> {
+        let shown = shorten(name);
+        let refusal =
+            |why: &str| Error::new(format!("`{shown}` {why}")).help("an asset may name files of its own folder only");
+        let refuse = |why: &str| Err(refusal(why));
         if name.is_empty() || name.contains('\0') {
-            return refuse("is not a file name");
-        }
-        if name.contains('\\') {
-            return refuse("has backslashes, which are not followed; write `/` between folders");
+            return Err(refusal("is not a file name"));
         }
         if has_scheme(name) {
-            return refuse("is an address, which is never opened");
+            return Err(refusal("is an address, which is never opened"));
         }
-        self.resolve(&from.join(name), &refuse)
+        let portable = name.replace('\\', "/");
+        let absolute = portable.starts_with('/') || has_drive(&portable);
+        let mut refused = None;
+        if !absolute {
+            // A backslash may also be a letter of a name, as where a program of Unix unpacked an archive of Windows.
+            let written = [Some(name), Some(portable.as_str()).filter(|portable| *portable != name)];
+            for spelling in written.into_iter().flatten() {
+                match self.resolve(&from.join(spelling), &refuse) {
+                    Ok(Some(path)) => return Ok(Some(Found { path, note: None })),
+                    Ok(None) => {}
+                    Err(error) => refused = Some(error),
+                }
+            }
+        }
+        let path = if has_drive(&portable) { &portable[2..] } else { &portable };
+        let parts: Vec<&str> = path.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();
+        for first in parts.len().saturating_sub(MAX_PARTS)..parts.len() {
+            // The name as it is written was tried; here its letters may differ in case.
+            if let Some(path) = self.in_any_case(from, &parts[first..])? {
+                let instead = path.strip_prefix(&self.shown).unwrap_or(&path).display();
+                let note = Error::new(format!("there is no `{shown}`; `{instead}` is read"))
+                    .help("correct the name in the file, as other programs may not find it");
+                return Ok(Some(Found { path, note: Some(note) }));
+            }
+        }
+        refused.map_or(Ok(None), Err)
+    }
+
+    /// An existing path of folder `from` with these parts, in whatever case; of several the first in order.
+    fn in_any_case(&self, from: &Path, parts: &[&str]) -> Result<Option<PathBuf>> {
+        let refuse = |_: &str| Ok(None);
+        let mut inside = from.to_owned();
+        for part in parts {
+            let exact = inside.join(part);
+            if self.resolve(&exact, &refuse)?.is_some() {
+                inside = exact;
+                continue;
+            }
+            let Some(folder) = self.resolve(&inside, &refuse)? else { return Ok(None) };
+            if !is_dir(&folder)? {
+                return Ok(None);
+            }
+            let listing = list(&folder)?;
+            let wanted = part.to_lowercase();
+            let mut names = listing.files.iter().chain(&listing.folders);
+            match names.find(|name| name.to_lowercase() == wanted) {
+                Some(name) => inside.push(name),
+                None => return Ok(None),
+            }
+        }
+        self.resolve(&inside, &refuse)
     }
 
     /// The path of a file or folder of this root that the program itself found, relative to it. Names are taken as they
@@ -91,8 +184,15 @@ impl AssetRoot {
     }
 }
 
-/// Reads a whole file: regular, not empty, not too large. The error names it.
+/// Reads a whole file that belongs to no asset: regular, not empty, at most [`MAX_FILE_BYTES`]. The error names it.
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
+    read(path, &|bytes| match bytes > MAX_FILE_BYTES {
+        true => Err(Error::new(format!("{bytes} bytes are more than the {MAX_FILE_BYTES} that are allowed"))),
+        false => Ok(()),
+    })
+}
+
+fn read(path: &Path, allow: &dyn Fn(u64) -> Result<()>) -> Result<Vec<u8>> {
     let wrong = |message: String| Err(Error::new(message).in_file(path));
     let io = |error: std::io::Error| {
         if is_absence(&error) { Error::new("no such file").in_file(path) } else { Error::io(path, &error) }
@@ -105,15 +205,12 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>> {
     if !metadata.is_file() {
         return wrong("is not a regular file".into());
     }
-    match metadata.len() {
-        0 => return wrong("the file is empty".into()),
-        bytes if bytes > MAX_FILE_BYTES => {
-            return wrong(format!("{bytes} bytes are more than the {MAX_FILE_BYTES} that are allowed"));
-        }
-        _ => {}
+    if metadata.len() == 0 {
+        return wrong("the file is empty".into());
     }
+    allow(metadata.len()).map_err(|error| error.in_file(path))?;
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    fs::File::open(path).map_err(io)?.take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    fs::File::open(path).map_err(io)?.take(metadata.len()).read_to_end(&mut bytes).map_err(io)?;
     Ok(bytes)
 }
 
@@ -140,10 +237,16 @@ fn is_absence(error: &std::io::Error) -> bool {
     matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory)
 }
 
-/// Whether a name begins like `http:` or `C:`.
+/// Whether a name begins with the drive of another system, like `C:`.
+fn has_drive(name: &str) -> bool {
+    matches!(name.as_bytes(), [letter, b':', ..] if letter.is_ascii_alphabetic())
+}
+
+/// Whether a name begins like `http:`; one letter is a drive.
 fn has_scheme(name: &str) -> bool {
     name.split_once(':').is_some_and(|(scheme, _)| {
-        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+        scheme.len() > 1
+            && scheme.starts_with(|c: char| c.is_ascii_alphabetic())
             && scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
     })
 }
@@ -160,26 +263,53 @@ mod tests {
         fs::write(root_folder.join("a/b/in.png"), "x").expect("file");
         fs::write(folder.path().join("out.png"), "x").expect("file");
         let root = AssetRoot::open(&root_folder).expect("opens");
-        let check =
-            |from: &str, name: &str, want: Result<Option<&str>, &str>| match (root.find(Path::new(from), name), want) {
-                (Ok(got), Ok(want)) => assert_eq!(got, want.map(|path| root_folder.join(path)), "{name}"),
-                (Err(got), Err(want)) => assert!(got.to_string().contains(want), "{name}: {got}"),
-                (got, want) => panic!("{name}: got {got:?}, want {want:?}"),
-            };
-        check("a/b", "in.png", Ok(Some("a/b/in.png")));
-        check("a", "./b/../b/in.png", Ok(Some("a/b/in.png")));
-        check("a/b", "../b/in.png", Ok(Some("a/b/in.png")));
+        fs::create_dir_all(root_folder.join("a/Maps")).expect("folder");
+        fs::write(root_folder.join("a/Maps/Red.PNG"), "x").expect("file");
+        // What is found, and whether a note says that it has another name.
+        let check = |from: &str, name: &str, want: Result<Option<(&str, bool)>, &str>| match (
+            root.find(Path::new(from), name),
+            want,
+        ) {
+            (Ok(got), Ok(want)) => {
+                let got = got.map(|found| (found.path, found.note.is_some()));
+                assert_eq!(got, want.map(|(path, noted)| (root_folder.join(path), noted)), "{name}");
+            }
+            (Err(got), Err(want)) => assert!(got.to_string().contains(want), "{name}: {got}"),
+            (got, want) => panic!("{name}: got {got:?}, want {want:?}"),
+        };
+        check("a/b", "in.png", Ok(Some(("a/b/in.png", false))));
+        check("a", "./b/../b/in.png", Ok(Some(("a/b/in.png", false))));
+        check("a/b", "../b/in.png", Ok(Some(("a/b/in.png", false))));
+        check("a", "b\\in.png", Ok(Some(("a/b/in.png", false))));
+        check("a/b", "..\\b\\in.png", Ok(Some(("a/b/in.png", false))));
+        // The image lies elsewhere than the name says.
+        for name in [
+            "C:\\Users\\me\\in.png",
+            "c:in.png",
+            "/home/me/in.png",
+            "\\\\server\\share\\in.png",
+            "tex\\in.png",
+            "tex/in.png",
+            "../../../../in.png",
+            "IN.png",
+        ] {
+            check("a/b", name, Ok(Some(("a/b/in.png", true))));
+        }
+        check("a", "D:\\x\\b\\in.png", Ok(Some(("a/b/in.png", true))));
+        check("a", "maps\\RED.png", Ok(Some(("a/Maps/Red.PNG", true))));
+        check("a", "/old/MAPS/red.png", Ok(Some(("a/Maps/Red.PNG", true))));
         check("a/b", "none.png", Ok(None));
         check("a/b", "in.png/deeper", Ok(None));
+        check("", "C:\\out.png", Ok(None));
+        check("", "/etc/passwd", Ok(None));
         check("a/b", "../../../out.png", Err("leaves the asset's folder"));
         check("", "../out.png", Err("leaves the asset's folder"));
-        check("", "/etc/passwd", Err("is an absolute path"));
-        check("", "..\\out.png", Err("backslashes"));
-        check("", "C:\\out.png", Err("backslashes"));
-        check("", "c:out.png", Err("address"));
+        check("", "..\\out.png", Err("leaves the asset's folder"));
         check("", "https://example.invalid/x.png", Err("address"));
         check("", "file:///etc/passwd", Err("address"));
         check("", "", Err("not a file name"));
+        let long = format!("https://{}", "x".repeat(1 << 20));
+        assert!(root.find(Path::new(""), &long).expect_err("an address").to_string().len() < 300);
     }
 
     #[cfg(unix)]

@@ -9,6 +9,8 @@ pub struct Line<'a> {
     pub number: usize,
     /// Its text without the line end.
     pub text: Cow<'a, str>,
+    /// Whether the file ends with it, without a line end.
+    pub last: bool,
 }
 
 /// Splits bytes into lines. Line ends are LF or CRLF, a byte-order mark is skipped, and a backslash at the end of
@@ -26,6 +28,7 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
         loop {
             let end = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
             let line = rest[..end].strip_suffix(b"\r").unwrap_or(&rest[..end]);
+            let last = end == rest.len();
             rest = rest.get(end + 1..).unwrap_or(&[]);
             number += 1;
             match line.strip_suffix(b"\\") {
@@ -35,12 +38,12 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
                     joined.push(' ');
                 }
                 _ => {
-                    let last = String::from_utf8_lossy(line);
+                    let end = String::from_utf8_lossy(line);
                     let text = match joined {
-                        Some(joined) => Cow::Owned(joined + &last),
-                        None => last,
+                        Some(joined) => Cow::Owned(joined + &end),
+                        None => end,
                     };
-                    return Some(Line { number: first, text });
+                    return Some(Line { number: first, text, last });
                 }
             }
         }
@@ -51,7 +54,7 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
 pub fn finite(token: &str, what: &str) -> Result<f32> {
     match token.parse::<f32>() {
         Ok(number) if number.is_finite() => Ok(number),
-        Ok(_) => Err(Error::new(format!("non-finite {what}: `{token}`"))),
+        Ok(_) => Err(Error::new(format!("non-finite {what}: `{}`", shorten(token)))),
         Err(_) => Err(Error::new(format!("`{}` is not a number", shorten(token)))),
     }
 }
@@ -85,5 +88,7 @@ mod tests {
             let error = finite(token, "vertex").expect_err(token).to_string();
             assert!(error.contains(want) && error.contains(token), "{error}");
         }
+        let long = format!("1e{}", "9".repeat(1 << 20));
+        assert!(finite(&long, "vertex").expect_err("infinite").to_string().len() < 100);
     }
 }

@@ -10,6 +10,9 @@ use crate::pools::{EnvironmentPools, MaterialPools, ObjectPools, Pools};
 use crate::random::Stream;
 use crate::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Scene, View};
 use crate::stage::DatasetInfo;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What is lent to a stage that runs once per dataset.
@@ -246,6 +249,9 @@ impl Workers for Serial {
     }
 }
 
+/// Maximum number of different warnings of one piece of work that are told; of more the number is.
+const MAX_WARNINGS: usize = 16;
+
 /// A log that collects its warnings.
 #[derive(Debug, Default)]
 pub struct Collected(std::sync::Mutex<Vec<Error>>);
@@ -253,6 +259,31 @@ impl Collected {
     /// The warnings so far.
     pub fn warnings(&self) -> Vec<Error> {
         self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
+    }
+
+    /// The warnings so far, each message of a file once, with how often it came, at its first place; after sixteen the
+    /// number of the others.
+    pub fn merged(&self) -> Vec<Error> {
+        let all = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut known: BTreeMap<(Option<&Path>, &str), usize> = BTreeMap::new();
+        let mut merged: Vec<(&Error, usize)> = Vec::new();
+        let mut others = 0;
+        for warning in all.iter() {
+            match known.entry((warning.file(), warning.message())) {
+                Entry::Occupied(at) => merged[*at.get()].1 += 1,
+                Entry::Vacant(entry) if merged.len() < MAX_WARNINGS => {
+                    entry.insert(merged.len());
+                    merged.push((warning, 1));
+                }
+                Entry::Vacant(_) => others += 1,
+            }
+        }
+        let told = |(warning, count): (&Error, usize)| match count {
+            1 => warning.clone(),
+            count => warning.clone().said(count),
+        };
+        let more = (others > 0).then(|| Error::new(format!("{others} more warnings")));
+        merged.into_iter().map(told).chain(more).collect()
     }
 }
 impl Log for Collected {
@@ -360,5 +391,22 @@ mod tests {
         );
         assert!(error(&"empty".into()).starts_with("no asset in `empty`"));
         assert!(error(&weights(&[("gone", 1.0), ("a", 1.0)])).starts_with("there is no pool `gone`"));
+    }
+
+    #[test]
+    fn repeated_warnings_are_counted() {
+        let log = Collected::default();
+        for line in 1..=1000 {
+            log.warn(&Error::new("no such material").in_file("a.obj").at_line(line));
+            log.warn(&Error::new(format!("no texture {}", line % 40)).in_file("a.obj"));
+        }
+        log.warn(&Error::new("no such material").in_file("b.obj"));
+        let merged: Vec<String> = log.merged().iter().map(ToString::to_string).collect();
+        assert_eq!(merged.len(), MAX_WARNINGS + 1, "{merged:?}");
+        assert_eq!(merged[0], "a.obj:1: no such material (1000 times)");
+        assert_eq!(merged[1], "a.obj: no texture 1 (25 times)");
+        // Of 40 textures, 15 are told; the other 25 came 25 times each, and the other file's warning once.
+        assert_eq!(merged[MAX_WARNINGS], "626 more warnings");
+        assert!(Collected::default().merged().is_empty());
     }
 }

@@ -10,6 +10,9 @@ use std::path::{Path, PathBuf};
 /// Shorthand for results of this crate and of stages.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// Maximum length of a message, and of each help and context, characters. What is longer holds a part of a file.
+const MAX_MESSAGE: usize = 4000;
+
 /// Number of the system's error for too many links; the same on Linux and as unlikely to mean something else elsewhere.
 const ELOOP: i32 = 40;
 
@@ -47,7 +50,14 @@ pub enum Place {
 impl Error {
     /// An error with a message: lower case, no full stop, naming the value that is wrong.
     pub fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into(), file: None, place: None, help: None, context: Vec::new(), cause: Cause::Chance }
+        Self {
+            message: cut(message.into()),
+            file: None,
+            place: None,
+            help: None,
+            context: Vec::new(),
+            cause: Cause::Chance,
+        }
     }
 
     /// A failed operation of the file system.
@@ -121,13 +131,19 @@ impl Error {
 
     /// Attaches a help message.
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
+        self.help = Some(cut(help.into()));
         self
     }
 
     /// Says what was being done, outermost last: `object \`mug\``, `scene 3`.
     pub fn context(mut self, doing: impl Into<String>) -> Self {
-        self.context.push(doing.into());
+        self.context.push(cut(doing.into()));
+        self
+    }
+
+    /// Says in the message how often it came.
+    pub(crate) fn said(mut self, times: usize) -> Self {
+        self.message = format!("{} ({times} times)", self.message);
         self
     }
 
@@ -150,6 +166,16 @@ impl Error {
     pub fn help_text(&self) -> Option<&str> {
         self.help.as_deref()
     }
+}
+
+/// Cuts a text at [`MAX_MESSAGE`], so that an error can be printed whatever a file holds.
+fn cut(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(MAX_MESSAGE) {
+        text.truncate(end);
+        text.push('…');
+        text.shrink_to_fit();
+    }
+    text
 }
 
 impl Error {
@@ -223,6 +249,15 @@ mod tests {
             assert!(!of(code).is_transient() && of(code).is_io(), "{code}");
         }
         assert!(!Error::new("no faces").is_transient());
+    }
+
+    #[test]
+    fn no_error_prints_a_whole_file() {
+        let token = "ä".repeat(1 << 20);
+        let error = Error::new(format!("`{token}` is no number")).help(token.clone()).context(token);
+        assert!(error.to_string().chars().count() < 3 * MAX_MESSAGE + 20);
+        assert!(error.message().starts_with("`ää") && error.message().ends_with('…'));
+        assert_eq!(Error::new("short").message(), "short");
     }
 
     #[test]

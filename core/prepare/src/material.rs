@@ -1,6 +1,7 @@
 //! Materials flattened into tables: factors, numbered textures, and how textures are placed on the body.
 
 use crate::cache::SceneCache;
+use crate::labels::BlendedLabels;
 use crate::mapping::{Mapping, TextureCoordinates, UvAffine};
 use crate::texture::MipTexture;
 use std::collections::BTreeMap;
@@ -239,14 +240,28 @@ impl Material {
     /// below the coverage.
     #[inline]
     pub fn is_solid(&self, textures: &[Arc<MipTexture>], uv: [f32; 2], u: f32) -> bool {
-        let alpha = || match self.base_color.texture.is_some() {
-            true => self.base_color.texture.channel(textures, TextureCoordinates { uv, log2_width: -100.0 }, 3),
-            false => 1.0,
-        };
         match self.alpha {
             AlphaMode::Opaque => true,
-            AlphaMode::Mask(cutoff) => alpha() >= cutoff,
-            AlphaMode::Blend(factor) => alpha() * factor > u,
+            AlphaMode::Mask(cutoff) => self.alpha_of_texel(textures, uv) >= cutoff,
+            AlphaMode::Blend(factor) => self.alpha_of_texel(textures, uv) * factor > u,
+        }
+    }
+
+    /// Whether there is a surface at a point for labels.
+    pub fn is_labeled(&self, textures: &[Arc<MipTexture>], uv: [f32; 2], blended: BlendedLabels) -> bool {
+        match (self.alpha, blended) {
+            (AlphaMode::Opaque, _) => true,
+            (AlphaMode::Mask(cutoff), _) => self.alpha_of_texel(textures, uv) >= cutoff,
+            (AlphaMode::Blend(_), BlendedLabels::Shape) => self.alpha_of_texel(textures, uv) >= 0.5,
+            (AlphaMode::Blend(factor), BlendedLabels::Coverage) => self.alpha_of_texel(textures, uv) * factor >= 0.5,
+        }
+    }
+
+    #[inline]
+    fn alpha_of_texel(&self, textures: &[Arc<MipTexture>], uv: [f32; 2]) -> f32 {
+        match self.base_color.texture.is_some() {
+            true => self.base_color.texture.channel(textures, TextureCoordinates { uv, log2_width: -100.0 }, 3),
+            false => 1.0,
         }
     }
 }
@@ -479,9 +494,21 @@ mod tests {
         let blend = with(Alpha::Blend { factor: 0.5 }, half());
         assert!(solid(&blend, 0.25) && !solid(&blend, 0.26));
         assert_eq!(with(Alpha::Blend { factor: 1.0 }, None).0.alpha, AlphaMode::Opaque);
-        // One half is a surface for labels, less is none.
-        assert!(solid(&with(Alpha::Blend { factor: 0.5 }, None), crate::labels::LABEL_ALPHA));
-        assert!(!solid(&with(Alpha::Blend { factor: 0.499 }, None), crate::labels::LABEL_ALPHA));
+        // For labels by coverage one half is a surface, less is none; by shape only the texels count.
+        let quarter = || Some(texture("quarter", [255, 255, 255, 64]));
+        for (alpha, texture, by_shape, by_coverage) in [
+            (Alpha::Blend { factor: 0.5 }, None, true, true),
+            (Alpha::Blend { factor: 0.499 }, None, true, false),
+            (Alpha::Blend { factor: 0.01 }, half(), true, false),
+            (Alpha::Blend { factor: 1.0 }, quarter(), false, false),
+            (Alpha::Mask { cutoff: 0.2 }, quarter(), true, true),
+            (Alpha::Mask { cutoff: 0.3 }, quarter(), false, false),
+        ] {
+            let (material, table) = with(alpha, texture);
+            let labeled = |blended| material.is_labeled(&table.textures, AT.uv, blended);
+            let got = [BlendedLabels::Shape, BlendedLabels::Coverage].map(labeled);
+            assert_eq!(got, [by_shape, by_coverage], "{alpha:?}");
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::cache::SceneCache;
 use crate::emitter::{EmissiveBody, EmissiveTriangle};
+use crate::labels::BlendedLabels;
 use crate::mapping::{BoxSide, Mapping, TextureCoordinates};
 use crate::material::{AlphaMode, Material, MaterialTable, TableBuilder};
 use crate::mesh::{ShadingMesh, ShadingTriangle, unpack_unit};
@@ -197,6 +198,14 @@ impl PreparedScene {
         }
         let at = texture_coordinates(material, triangle, point, body.point_to_body(position), 0.0);
         material.is_solid(&self.materials.textures, at.uv, u)
+    }
+
+    /// Whether there is a surface at a point for labels. `position` is the point in the world.
+    pub fn is_labeled(&self, point: &SurfacePoint, position: Vec3, blended: BlendedLabels) -> bool {
+        let (body, triangle) = self.at(point);
+        let material = self.material(body, triangle);
+        let at = texture_coordinates(material, triangle, point, body.point_to_body(position), 0.0);
+        material.is_labeled(&self.materials.textures, at.uv, blended)
     }
 
     /// Vertex color at a point; white if the mesh has none.

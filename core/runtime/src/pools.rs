@@ -3,17 +3,18 @@
 use crate::recipe::{Center, Mass, OnBadAsset, PoolOptions, Recipe};
 use crate::run::panics::unwound;
 use parking_lot::Mutex;
-use quick_cache::Weighter;
-use quick_cache::sync::Cache;
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use quick_cache::sync::{Cache, DefaultLifecycle};
+use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 use syntable_mesh::mass::estimate_kg;
+use syntable_mesh::size::doubt;
 use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::scene::{Asset, AssetRef, CatalogEntry, Material, Object, Topology};
+use syntable_model::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Topology};
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
@@ -33,6 +34,10 @@ pub struct AssetStore<'a> {
     on_bad_asset: OnBadAsset,
     log: &'a dyn Log,
     loaded: Cache<AssetRef, Asset, ByBytes>,
+    /// What was loaded, for as long as a scene has it.
+    in_use: Mutex<BTreeMap<AssetRef, InUse>>,
+    /// Assets whose warnings were told.
+    told: Mutex<BTreeSet<AssetRef>>,
     bad: Mutex<BTreeMap<AssetRef, Error>>,
     refused: Mutex<Option<Error>>,
 }
@@ -50,6 +55,45 @@ struct ByBytes;
 impl Weighter<AssetRef, Asset> for ByBytes {
     fn weight(&self, _: &AssetRef, asset: &Asset) -> u64 {
         bytes(asset) as u64
+    }
+}
+
+/// A cache in one piece: of several, each would keep small assets only, and fewer the more processors there are.
+fn cache(bytes: u64) -> Cache<AssetRef, Asset, ByBytes> {
+    let options = OptionsBuilder::new().estimated_items_capacity(1024).weight_capacity(bytes).shards(1).build();
+    match options {
+        Ok(options) => {
+            Cache::with_options(options, ByBytes, DefaultHashBuilder::default(), DefaultLifecycle::default())
+        }
+        Err(_) => Cache::with_weighter(1024, bytes, ByBytes),
+    }
+}
+
+/// An asset that others may still hold.
+enum InUse {
+    Object(Weak<Object>),
+    Material(Weak<Material>),
+    Environment(Weak<EnvironmentMap>),
+    Gone,
+}
+
+impl InUse {
+    fn of(asset: &Asset) -> Self {
+        match asset {
+            Asset::Object(object) => Self::Object(Arc::downgrade(object)),
+            Asset::Material(material) => Self::Material(Arc::downgrade(material)),
+            Asset::Environment(map) => Self::Environment(Arc::downgrade(map)),
+            _ => Self::Gone,
+        }
+    }
+
+    fn get(&self) -> Option<Asset> {
+        match self {
+            Self::Object(object) => object.upgrade().map(Asset::Object),
+            Self::Material(material) => material.upgrade().map(Asset::Material),
+            Self::Environment(map) => map.upgrade().map(Asset::Environment),
+            Self::Gone => None,
+        }
     }
 }
 
@@ -102,7 +146,9 @@ impl<'a> AssetStore<'a> {
             locked: recipe.lock.assets.clone(),
             on_bad_asset: recipe.dataset.on_bad_asset,
             log,
-            loaded: Cache::with_weighter(1024, KEEP_BYTES, ByBytes),
+            loaded: cache(KEEP_BYTES),
+            in_use: Mutex::default(),
+            told: Mutex::default(),
             bad: Mutex::default(),
             refused: Mutex::default(),
         })
@@ -166,7 +212,16 @@ impl<'a> AssetStore<'a> {
         let pool = self.pool(&asset.pool)?;
         let log = Named { asset, log: self.log };
         // An asset that a reader panics on is a bad one: it is named, and left out from then on.
-        let loaded = patiently(&log, |log| unwound(|| pool.load(&asset.name, log)));
+        // What its warnings say of an asset that was let go they said before.
+        let first = !self.told.lock().contains(asset);
+        let quiet = Collected::default();
+        let log: &dyn Log = if first { &log } else { &quiet };
+        let loaded = patiently(log, |log| {
+            unwound(|| pool.load(&asset.name, log)).inspect(|loaded| pool.doubt_size(loaded, log))
+        });
+        if !loaded.as_ref().is_err_and(Error::is_transient) {
+            self.told.lock().insert(asset.clone());
+        }
         let locked = self.locked.get(&asset.to_string());
         let (was, is) = match (locked, &loaded) {
             (None, _) => return loaded,
@@ -203,7 +258,7 @@ fn patiently<T>(log: &dyn Log, call: impl Fn(&dyn Log) -> Result<T>) -> Result<T
             std::thread::sleep(pause);
             continue;
         }
-        said.warnings().iter().for_each(|warning| log.warn(warning));
+        said.merged().iter().for_each(|warning| log.warn(warning));
         return result;
     }
 }
@@ -214,7 +269,15 @@ impl Assets for AssetStore<'_> {
     }
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
-        self.loaded.get_or_insert_with(asset, || self.load_or_refuse(asset))
+        self.loaded.get_or_insert_with(asset, || {
+            // One that is too large to keep may still be in use.
+            if let Some(asset) = self.in_use.lock().get(asset).and_then(InUse::get) {
+                return Ok(asset);
+            }
+            let loaded = self.load_or_refuse(asset)?;
+            self.in_use.lock().insert(asset.clone(), InUse::of(&loaded));
+            Ok(loaded)
+        })
     }
 }
 
@@ -301,6 +364,16 @@ impl Pool<'_> {
         self.entries.iter().map(|entry| (entry.name.clone(), entry.category.clone())).collect()
     }
 
+    /// Warns of an object of a size that is unlikely, where neither the source nor the pool states the unit or the size.
+    fn doubt_size(&self, asset: &Asset, log: &dyn Log) {
+        let stated = self.source.states_units() || self.options.units.is_some() || self.options.scale.is_size();
+        if let (Asset::Object(object), false) = (asset, stated)
+            && let Some(doubt) = doubt(object.mesh.bounds().size().max())
+        {
+            log.warn(&doubt);
+        }
+    }
+
     /// Applies the pool's scale, center, mass and license to an object as the source read it, and checks its size.
     fn normalize(&self, object: Object) -> Result<Object> {
         let options = self.options;
@@ -313,7 +386,7 @@ impl Pool<'_> {
         }
         let bounds = object.mesh.bounds();
         let longest = bounds.size().max();
-        let scale = options.scale.factor(longest);
+        let scale = options.factor(longest);
         let center = bounds.center();
         let offset = match options.center {
             Center::Bounds => -center.coords,
@@ -360,7 +433,7 @@ mod tests {
     use super::*;
     use crate::recipe::Scale;
     use syntable_model::context::Collected;
-    use syntable_model::scene::{AssetClass, Catalog, EnvironmentMap, Scalar, Transmission, Volume};
+    use syntable_model::scene::{AssetClass, Catalog, Scalar, Transmission, Volume};
     use syntable_testing::scenes::{box_mesh, object};
 
     struct Nothing;
@@ -491,7 +564,9 @@ mod tests {
             locked: BTreeMap::new(),
             on_bad_asset: OnBadAsset::Skip,
             log: &log,
-            loaded: Cache::with_weighter(16, KEEP_BYTES, ByBytes),
+            loaded: cache(KEEP_BYTES),
+            in_use: Mutex::default(),
+            told: Mutex::default(),
             bad: Mutex::default(),
             refused: Mutex::default(),
         };
@@ -504,6 +579,71 @@ mod tests {
         assert!(store.refused().is_ok());
     }
 
+    /// A source of long objects in an unknown unit, slow to load, that counts and warns.
+    #[derive(Default)]
+    struct Long(std::sync::atomic::AtomicUsize);
+
+    impl AssetSource for Long {
+        fn class(&self) -> AssetClass {
+            AssetClass::Object
+        }
+
+        fn states_units(&self) -> bool {
+            false
+        }
+
+        fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+            Ok(Catalog { entries: Vec::new() })
+        }
+
+        fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
+            self.0.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+            std::thread::sleep(Duration::from_millis(50));
+            log.warn(&Error::new("open"));
+            Ok(Asset::Object(object(name, box_mesh([0.1, 0.2, 8.4]), [1.0; 3])))
+        }
+    }
+
+    #[test]
+    fn an_asset_is_loaded_once_while_it_is_in_use_and_warns_once() {
+        let (source, options, log) = (Long::default(), PoolOptions::default(), Collected::default());
+        // Nothing is kept: the cache is too small for anything.
+        let store = AssetStore {
+            pools: BTreeMap::from([("p", Pool { source: &source, options: &options, entries: Vec::new() })]),
+            locked: BTreeMap::new(),
+            on_bad_asset: OnBadAsset::Skip,
+            log: &log,
+            loaded: cache(1),
+            in_use: Mutex::default(),
+            told: Mutex::default(),
+            bad: Mutex::default(),
+            refused: Mutex::default(),
+        };
+        let asset = AssetRef { pool: "p".into(), name: "tin".into() };
+        let loads = || source.0.load(std::sync::atomic::Ordering::SeqCst);
+        let held: Vec<Asset> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..4).map(|_| scope.spawn(|| store.get(&asset).expect("loads"))).collect();
+            threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
+        });
+        store.get(&asset).expect("loads");
+        assert_eq!(loads(), 1);
+        drop(held);
+        store.get(&asset).expect("loads");
+        assert_eq!(loads(), 2, "nobody had it any more");
+        let told: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
+        assert_eq!(told.len(), 2, "{told:?}");
+        assert!(told[1].contains("asset p/tin: the object is 8.40 m long (`units = \"cm\"`"), "{told:?}");
+    }
+
+    #[test]
+    fn the_cache_keeps_an_asset_of_a_large_part_of_it() {
+        let map = EnvironmentMap::new("", 64, 64, vec![[1.0; 3]; 64 * 64]).expect("sound");
+        let asset = AssetRef { pool: "p".into(), name: "sky".into() };
+        let cache = cache(2 * 64 * 64 * 12);
+        cache.insert(asset.clone(), Asset::from(map));
+        assert!(cache.get(&asset).is_some());
+    }
+
     #[test]
     fn a_pool_gives_its_license_to_materials_and_maps_and_no_digest_changes() {
         let load = |name: &str, license: Option<&str>| {
@@ -514,7 +654,9 @@ mod tests {
                 locked: BTreeMap::new(),
                 on_bad_asset: OnBadAsset::Fail,
                 log: &Collected::default(),
-                loaded: Cache::with_weighter(16, KEEP_BYTES, ByBytes),
+                loaded: cache(KEEP_BYTES),
+                in_use: Mutex::default(),
+                told: Mutex::default(),
                 bad: Mutex::default(),
                 refused: Mutex::default(),
             };

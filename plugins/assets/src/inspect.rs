@@ -2,6 +2,7 @@
 //! their formats.
 
 use crate::sources::bop_models::{self, INFO};
+use crate::sources::folder::is_collision_part;
 use crate::sources::ycb::{Reconstruction, mesh_in};
 use crate::sources::{google_scanned_objects, pbr_folder};
 use std::path::{Path, PathBuf};
@@ -41,8 +42,7 @@ fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
     if !folder.is_dir() {
         return None;
     }
-    let scanned = Path::new(google_scanned_objects::MESH);
-    if folder.join(scanned).exists() {
+    if let Ok(Some(scanned)) = google_scanned_objects::mesh_in(folder) {
         return Some(scanned.to_owned());
     }
     if let Ok(Some(mesh)) = mesh_in(folder, Reconstruction::default()) {
@@ -53,7 +53,10 @@ fn mesh_in_folder(folder: &Path) -> Option<PathBuf> {
     }
     let extensions = MeshFormats::linked().ok()?.extensions();
     let listing = list(folder).ok()?;
-    let is_mesh = |name: &&String| extensions.contains(&extension(Path::new(name)).as_str());
+    let is_mesh = |name: &&String| {
+        let path = Path::new(name.as_str());
+        extensions.contains(&extension(path).as_str()) && !is_collision_part(&path.with_extension(""))
+    };
     let meshes: Vec<&String> = listing.files.iter().filter(is_mesh).collect();
     if let [only] = meshes[..] { Some(PathBuf::from(only)) } else { None }
 }
@@ -98,10 +101,11 @@ fn inspect_bop(path: &Path, log: &dyn Log) -> Result<Inspection> {
     if info.is_none() {
         log.warn(&Error::new(format!("no {INFO}; sizes cannot be checked")).in_file(&folder));
     }
-    let root = AssetRoot::open(&folder)?;
     let mut found = Inspection::default().fact("models", models.len());
     for model in models.values() {
         let info = ObjectInfo { name: model.clone(), ..ObjectInfo::default() };
+        // Each model is an asset with limits of its own.
+        let root = AssetRoot::open(&folder)?;
         let object = bop_models::load(&root, Path::new(""), model, info, log)?;
         object.check_extent().map_err(|error| error.in_file(folder.join(format!("{model}.ply"))))?;
         let [x, y, z]: [f64; 3] = object.mesh.bounds().size().into();

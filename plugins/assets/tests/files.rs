@@ -1,5 +1,7 @@
 //! Assets in files: bad and odd input, real collections, and formats against each other.
 
+#[path = "files/bombs.rs"]
+mod bombs;
 #[path = "files/broken.rs"]
 mod broken;
 #[path = "files/collections.rs"]
@@ -10,6 +12,8 @@ mod common;
 mod damage;
 #[path = "files/details.rs"]
 mod details;
+#[path = "files/exports.rs"]
+mod exports;
 #[path = "files/inputs.rs"]
 mod inputs;
 #[path = "files/meshes.rs"]

@@ -6,8 +6,9 @@ use syntable_assets as _;
 use syntable_mesh::Model;
 use syntable_mesh::format::{ImageDecoder, ImageFormat, ImageFormats, MeshFormat, MeshFormats};
 use syntable_mesh::image::Image;
+use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::AssetRoot;
 use syntable_model::context::{Collected, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::inspect::inspect;
@@ -19,7 +20,7 @@ use tempfile::TempDir;
 /// A text of three edge lengths.
 fn read_cuboid(root: &AssetRoot, file: &Path, _: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
-    let text = String::from_utf8_lossy(&read_file(&path)?).into_owned();
+    let text = String::from_utf8_lossy(&root.read(&path)?).into_owned();
     let sizes: Vec<f32> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
     let [x, y, z] = sizes[..] else {
         return Err(Error::new(format!("{} edge lengths instead of 3", sizes.len())).in_file(path));
@@ -35,7 +36,7 @@ fn read_cuboid(root: &AssetRoot, file: &Path, _: &dyn Log) -> Result<Model> {
 }
 
 /// One pixel: `FLAT` and its color.
-fn decode_flat(bytes: &[u8]) -> Result<Image> {
+fn decode_flat(bytes: &[u8], _: &Budget) -> Result<Image> {
     match bytes {
         [b'F', b'L', b'A', b'T', r, g, b] => {
             Ok(Image { width: 1, height: 1, texels: vec![*r, *g, *b, 255], kind: "Flat".into() })

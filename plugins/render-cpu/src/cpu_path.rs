@@ -15,6 +15,7 @@ use syntable_model::product::standard::{
     RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
 use syntable_model::stage::{Bodies, Window};
+use syntable_prepare::labels::BlendedLabels;
 use syntable_simd::Processor;
 
 /// What is gathered on the way for denoisers.
@@ -65,6 +66,10 @@ pub struct CpuPath {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
+    /// How labels treat materials that blend by alpha (glTF `BLEND`, MTL `d`), such as thin glass: `shape` (the default)
+    /// takes the surface as there wherever the alpha of its texture is one half or more, however transparent the material
+    /// is as a whole; `coverage` only where it covers one half or more of what is behind it.
+    pub blended_labels: BlendedLabels,
 }
 
 /// Model of a dielectric's two lobes.
@@ -104,6 +109,7 @@ impl Default for CpuPath {
             pixel_filter: PixelFilter::default(),
             noise: None,
             time_s: None,
+            blended_labels: BlendedLabels::Shape,
         }
     }
 }
@@ -131,6 +137,7 @@ pub struct CpuPathRenderer {
 pub struct CpuPathSession {
     settings: Settings,
     budget: Budget,
+    blended_labels: BlendedLabels,
     caches: Arc<Caches>,
     world: Option<World>,
     statistics: Statistics,
@@ -160,6 +167,7 @@ impl CpuPathRenderer {
         CpuPathSession {
             settings: self.settings,
             budget: self.budget,
+            blended_labels: self.options.blended_labels,
             caches: self.caches.clone(),
             world: None,
             statistics: Statistics::default(),
@@ -233,7 +241,8 @@ impl CpuPathSession {
             coverage_before_support: bits(COVERAGE.before_support()),
         };
         if labels.any() {
-            LabelCaster::new(world, &camera, request.window).cast(&mut labels, request.workers);
+            let caster = LabelCaster::new(world, &camera, request.window, self.blended_labels);
+            caster.cast(&mut labels, request.workers);
         }
         labels.put(frame)?;
         let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];

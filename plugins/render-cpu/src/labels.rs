@@ -12,7 +12,7 @@ use syntable_model::context::Workers;
 use syntable_model::product::{BitPlane, Plane};
 use syntable_model::scene::InstanceId;
 use syntable_model::stage::Window;
-use syntable_prepare::labels::{BASE_LAYER, LABEL_ALPHA, instance_id};
+use syntable_prepare::labels::{BASE_LAYER, BlendedLabels, instance_id};
 use syntable_simd::Vec3;
 
 /// Edge of the squares of pixels that are cast together.
@@ -46,6 +46,7 @@ pub(crate) struct LabelCaster<'a> {
     world: &'a World,
     camera: &'a RayCamera,
     window: Window,
+    blended: BlendedLabels,
     /// Bodies with cut-outs, each in a tree of its own, since hits on them must be tested.
     cutouts: Vec<(u32, SceneBvh)>,
 }
@@ -58,11 +59,11 @@ struct Tile {
 }
 
 impl<'a> LabelCaster<'a> {
-    pub fn new(world: &'a World, camera: &'a RayCamera, window: Window) -> Self {
+    pub fn new(world: &'a World, camera: &'a RayCamera, window: Window, blended: BlendedLabels) -> Self {
         let cutouts =
             (0..world.scene.bodies.len()).filter(|&i| world.is_seen(i) && world.scene.bodies[i].has_cutouts());
         let cutouts = cutouts.map(|i| (i as u32, world.alone(i))).collect();
-        Self { world, camera, window, cutouts }
+        Self { world, camera, window, blended, cutouts }
     }
 
     /// Fills the planes.
@@ -100,7 +101,7 @@ impl<'a> LabelCaster<'a> {
         });
         for (instance, tree) in &self.cutouts {
             for &(number, ref ray) in &seen {
-                let solid = |hit: &Hit| self.world.is_solid(hit, ray, *instance, LABEL_ALPHA);
+                let solid = |hit: &Hit| self.world.is_labeled(hit, ray, *instance, self.blended);
                 if let Some(hit) = tree.closest_where(ray, 0.0, f32::INFINITY, solid) {
                     tile.hits.push((number as u32, Hit { instance: *instance, ..hit }));
                 }

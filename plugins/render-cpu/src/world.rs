@@ -9,7 +9,7 @@ use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::Scene;
 use syntable_model::stage::Bodies;
-use syntable_prepare::labels::instance_id;
+use syntable_prepare::labels::{BlendedLabels, instance_id};
 use syntable_prepare::{AssetCache, PreparedScene, Sampler, SceneCache, SurfacePoint, TextureCoordinates, unpack_unit};
 use syntable_simd::{Rgb, Vec3, max, min};
 
@@ -256,6 +256,12 @@ impl World {
         }
         let position = Vec3::from(ray.origin) + Vec3::from(ray.direction) * hit.t;
         self.scene.is_solid(&SurfacePoint { instance, ..hit.point() }, position, u)
+    }
+
+    /// Whether there is a surface for labels at a hit on a body.
+    pub fn is_labeled(&self, hit: &Hit, ray: &Ray, instance: u32, blended: BlendedLabels) -> bool {
+        let position = Vec3::from(ray.origin) + Vec3::from(ray.direction) * hit.t;
+        self.scene.is_labeled(&SurfacePoint { instance, ..hit.point() }, position, blended)
     }
 
     /// The surface at a hit. `along` is the ray's unit direction, `width` that of its cone at the hit, meters; `u` in [0, 1)

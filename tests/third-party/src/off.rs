@@ -3,7 +3,7 @@
 use std::path::Path;
 use syntable_mesh::format::MeshFormat;
 use syntable_mesh::material::default_material;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::AssetRoot;
 use syntable_mesh::{Model, register_mesh_format};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -11,7 +11,7 @@ use syntable_model::scene::MeshData;
 
 fn read(root: &AssetRoot, file: &Path, _: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
-    let bytes = read_file(&path)?;
+    let bytes = root.read(&path)?;
     let text = String::from_utf8_lossy(&bytes);
     let mut words = text.split_ascii_whitespace();
     if words.next() != Some("OFF") {

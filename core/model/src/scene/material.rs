@@ -68,7 +68,7 @@ pub enum Alpha {
         cutoff: f32,
     },
     /// The surface covers that fraction of what is behind it: light hits it with this probability. Labels need a
-    /// surface that is there or not: for them it is there from one half on.
+    /// surface that is there or not: the renderer's options say whether the texture's alpha or the coverage decides.
     Blend {
         /// Multiplies the texture's alpha.
         factor: f32,

@@ -19,7 +19,7 @@ mod view_sampler;
 mod writer;
 
 pub use annotator::{Annotator, DatasetAnnotator, RecordedScene, SceneAnnotator, ViewProducts};
-pub use asset_source::AssetSource;
+pub use asset_source::{AssetLimits, AssetSource};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;

@@ -299,8 +299,9 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let lock = Lock::from(lock);
     for stage in built.stages {
         match stage.stage {
-            Some(Stage::Assets(source)) => {
+            Some(Stage::Assets(mut source)) => {
                 let options = pools.remove(&stage.id)?;
+                source.limit(options.limits);
                 assets.insert(stage.id.clone(), super::Pool { kind: stage.entry.kind.to_owned(), source, options });
             }
             Some(Stage::Place(placer)) => place.push((stage.id.clone(), placer)),

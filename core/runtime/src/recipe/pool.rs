@@ -11,7 +11,7 @@ use syntable_model::files::read_small;
 use syntable_model::names::AssetPath;
 use syntable_model::options::{DisplayPath, Step};
 use syntable_model::scene::{AssetClass, CatalogEntry};
-use syntable_model::stage::AssetSource;
+use syntable_model::stage::{AssetLimits, AssetSource};
 
 /// A pool of assets: `[assets.<id>]`.
 pub struct Pool {
@@ -49,7 +49,11 @@ pub struct PoolOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     pub license: Option<String>,
-    /// Scale of the objects: a factor, such as 0.001 for files in millimeters, or `{ longest_side_m = 0.2 }`.
+    /// Unit of what the source takes for meters. If it is left out, a folder of meshes warns of objects that are longer than
+    /// 2 m or shorter than 5 mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub units: Option<Units>,
+    /// Scale of the objects: a factor, or `{ longest_side_m = 0.2 }`.
     pub scale: Scale,
     /// Origin of the objects.
     pub center: Center,
@@ -59,6 +63,43 @@ pub struct PoolOptions {
     pub mass: Option<Mass>,
     /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,
+    /// What one asset may take; one that would take more is left out as a bad one.
+    #[serde(skip_serializing_if = "is_default")]
+    pub limits: AssetLimits,
+}
+
+fn is_default(limits: &AssetLimits) -> bool {
+    *limits == AssetLimits::default()
+}
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(rename = "LengthUnit")]
+pub enum Units {
+    /// Meters.
+    M,
+    /// Centimeters.
+    Cm,
+    /// Millimeters.
+    Mm,
+    /// Inches of 2.54 cm.
+    In,
+    /// Feet of 30.48 cm.
+    Ft,
+}
+
+impl Units {
+    /// Meters per unit.
+    pub fn meters(self) -> f64 {
+        match self {
+            Self::M => 1.0,
+            Self::Cm => 0.01,
+            Self::Mm => 0.001,
+            Self::In => 0.0254,
+            Self::Ft => 0.3048,
+        }
+    }
 }
 
 impl Default for PoolOptions {
@@ -71,10 +112,12 @@ impl Default for PoolOptions {
             split: None,
             classes: BTreeMap::new(),
             license: None,
+            units: None,
             scale: Scale::Factor(1.0),
             center: Center::Bounds,
             mass: None,
             single_part_only: false,
+            limits: AssetLimits::default(),
         }
     }
 }
@@ -95,6 +138,11 @@ pub enum Scale {
 }
 
 impl Scale {
+    /// Whether it states the size, whatever the file says.
+    pub fn is_size(self) -> bool {
+        matches!(self, Self::Size { .. })
+    }
+
     /// The factor for an object whose bounding box has a longest side of that length, meters.
     pub fn factor(self, longest_m: f64) -> f64 {
         match self {
@@ -184,11 +232,17 @@ impl Split {
 
 impl PoolOptions {
     /// Options that apply to objects alone, not to materials or environment maps.
-    pub const FOR_OBJECTS: [&'static str; 5] = ["classes", "scale", "center", "mass", "single_part_only"];
+    pub const FOR_OBJECTS: [&'static str; 6] = ["classes", "units", "scale", "center", "mass", "single_part_only"];
 
     /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {
         class == AssetClass::Object || !Self::FOR_OBJECTS.contains(&option)
+    }
+
+    /// The factor for an object whose bounding box has a longest side of that length in the file: unit and scale.
+    pub fn factor(&self, longest: f64) -> f64 {
+        let meters = self.units.map_or(1.0, Units::meters);
+        meters * self.scale.factor(longest * meters)
     }
 
     /// Refuses options that contradict each other.
@@ -196,6 +250,10 @@ impl PoolOptions {
         patterns("include", &self.include)?;
         patterns("exclude", &self.exclude)?;
         self.class_patterns()?;
+        if let (Some(_), Scale::Size { .. }) = (self.units, self.scale) {
+            return Err(ConfigError::new("units", "`longest_side_m` sets the size whatever the unit")
+                .help("remove `units`, or give `scale` as a factor"));
+        }
         if let Some(split) = &self.split
             && split.val_fraction + split.test_fraction > 1.0
         {
@@ -398,6 +456,17 @@ mod tests {
         assert_eq!(invalid.key, "classes.\"a b\"[1]");
         let invalid = classes(&[(" ", &["ok"])]).validate().expect_err("no name");
         assert!(invalid.message.contains("needs a name"), "{}", invalid.message);
+    }
+
+    #[test]
+    fn units_multiply_the_scale() {
+        let options = |units, scale| PoolOptions { units, scale, ..Default::default() };
+        assert_eq!(options(None, Scale::Factor(2.0)).factor(5.0), 2.0);
+        assert_eq!(options(Some(Units::Cm), Scale::Factor(2.0)).factor(5.0), 0.02);
+        assert!((options(Some(Units::Ft), Scale::Factor(1.0)).factor(1.0) - 12.0 * 0.0254).abs() < 1e-12);
+        let size = Scale::Size { longest_side_m: 0.5 };
+        assert_eq!(options(None, size).factor(5.0), 0.1);
+        assert_eq!(options(Some(Units::Mm), size).validate().expect_err("contradict").key, "units");
     }
 
     #[test]

@@ -1,21 +1,24 @@
 //! glTF 2.0, text and binary: all nodes of a scene baked into one mesh.
 //!
-//! Meshes are placed by their nodes' transforms, instances are expanded, y up becomes z up. Skins and animations
-//! stay in their rest pose. An unknown extension that the file requires is an error; others are ignored, with a
+//! Meshes are placed by their nodes' transforms, instances are expanded, y up becomes z up. Skins and morph targets have
+//! the pose that nodes and weights give them; animations are not read. An unknown extension that the file requires is an error; others are ignored, with a
 //! warning where they change the appearance. The buffers and images that a file names are resolved here, not by the
 //! library, so that nothing is read from outside the asset's folder and nothing is allocated unchecked.
 
 use super::within;
 use buffers::Buffers;
+use container::Opened;
 use gltf::json::{Index, Root};
 use materials::Materials;
-use primitive::Primitive;
+use nodes::Instance;
+use primitive::{Primitive, Shape};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
-use syntable_mesh::limits::check_triangles;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::AssetRoot;
+use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::MeshData;
@@ -25,12 +28,13 @@ mod buffers;
 mod container;
 mod layers;
 mod materials;
+mod meshopt;
 mod nodes;
 mod primitive;
 mod uses;
 
 /// Extensions that are read, or that change nothing here.
-const READ: [&str; 14] = [
+const READ: [&str; 20] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
     "KHR_materials_emissive_strength",
@@ -39,35 +43,55 @@ const READ: [&str; 14] = [
     "KHR_materials_sheen",
     "KHR_materials_transmission",
     "KHR_materials_volume",
-    // A second version of an image in another format; the PNG or JPEG is read.
+    "KHR_materials_specular",
+    "KHR_materials_anisotropy",
+    "KHR_materials_unlit",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    // A version of an image in another format; a PNG or JPEG is preferred, a texture in KTX2 alone is refused.
     "KHR_texture_basisu",
     "EXT_texture_webp",
-    // Lights, licenses and alternative materials are not part of an object.
+    // Lights, animations, licenses and alternative materials are not part of an object.
     "KHR_lights_punctual",
+    "KHR_animation_pointer",
     "KHR_materials_variants",
     "KHR_xmp",
     "KHR_xmp_json_ld",
+];
+
+/// Extensions that encode meshes, and what converts a file that has nothing else. A file that does not require one has its
+/// meshes in plain form, too.
+const ENCODED: [(&str, &str); 2] = [
+    ("KHR_draco_mesh_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks Draco"),
+    ("KHR_meshopt_compression", "convert it: `gltf-transform copy in.glb out.glb` unpacks meshopt"),
 ];
 
 /// Reads a file of `root`, named relative to it: meters, z up.
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
-    let bytes = read_file(&path)?;
-    let (document, binary) = container::open(&bytes).map_err(at)?;
+    let bytes = root.read(&path)?;
+    let Opened { document, binary, animated } = container::open(&bytes, root.budget()).map_err(at)?;
     check_extensions(&document, &path, log).map_err(at)?;
+    if animated {
+        log.warn(&at(Error::new("animations are not read; the object has its default pose")));
+    }
     let folder = file.parent().unwrap_or(Path::new(""));
-    let mut buffers = Buffers::new(&document, binary, root, folder);
+    let mut buffers = Buffers::new(&document, binary, root, folder, &path, log);
     bake(&document, &mut buffers, &path, log).map_err(at)
 }
 
 fn check_extensions(document: &Root, path: &Path, log: &dyn Log) -> Result<()> {
     let unknown = |name: &&String| !READ.contains(&name.as_str());
     if let Some(name) = document.extensions_required.iter().find(unknown) {
-        return Err(Error::new(format!("the file requires the extension `{name}`, which is not read"))
-            .help("export it without that extension"));
+        let help = ENCODED.iter().find(|(known, _)| known == name).map(|(_, help)| *help);
+        return Err(Error::new(format!("the file requires the extension `{}`, which is not read", shorten(name)))
+            .help(help.unwrap_or("export it without that extension")));
     }
-    let ignored: Vec<&str> = document.extensions_used.iter().filter(unknown).map(String::as_str).collect();
+    // What is encoded, and not required, is there in another form, too.
+    let ignored = document.extensions_used.iter().filter(unknown);
+    let ignored: Vec<String> =
+        ignored.filter(|name| ENCODED.iter().all(|(known, _)| known != name)).map(|name| shorten(name)).collect();
     if !ignored.is_empty() {
         log.warn(
             &Error::new(format!("extensions {} are ignored; the appearance may differ", ignored.join(", ")))
@@ -84,32 +108,44 @@ fn get<'a, T>(items: &'a [T], index: Index<T>, what: &str) -> Result<&'a T> {
         .ok_or_else(|| Error::new(format!("{what} {} is named, but there are {}", index.value(), items.len())))
 }
 
+/// What shapes a mesh: its index, the bits of its weights, and whether a skin poses it.
+type ShapeKey = (usize, Vec<u32>, bool);
+
+fn key(instance: &Instance) -> ShapeKey {
+    let Shape { weights, skinned } = instance.shape();
+    (instance.mesh.value(), weights.iter().map(|weight| weight.to_bits()).collect(), skinned)
+}
+
 fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) -> Result<Model> {
-    let warn = |message: &str| log.warn(&Error::new(message).in_file(path));
-    let instances = nodes::instances(document)?;
-    if !document.animations.is_empty() || !document.skins.is_empty() {
-        warn("animations and skins are not read; the mesh stays in its rest pose");
-    }
+    let instances = nodes::instances(document, buffers)?;
     let mut materials = Materials::new(document, path, log);
-    // Every primitive is read once, however often it is placed. The sum is checked before anything is placed.
-    let mut primitives: BTreeMap<usize, Vec<Primitive>> = BTreeMap::new();
+    // Every primitive is read once for each shape, however often it is placed. The sum is checked before anything is
+    // placed.
+    let mut primitives: BTreeMap<ShapeKey, Vec<Primitive>> = BTreeMap::new();
     let (mut vertices, mut triangles) = (0, 0);
     for instance in &instances {
         let mesh = get(&document.meshes, instance.mesh, "mesh")?;
         let index = instance.mesh.value();
-        if let std::collections::btree_map::Entry::Vacant(entry) = primitives.entry(index) {
-            let read = |(i, primitive)| {
-                Primitive::read(document, buffers, primitive, &mut materials)
-                    .map_err(|error| within(error, format!("mesh {index}, primitive {i}")))
-            };
-            let found: Result<Vec<_>> = mesh.primitives.iter().enumerate().map(read).collect();
-            entry.insert(found?.into_iter().flatten().collect());
-        }
-        for primitive in &primitives[&index] {
+        let found = match primitives.entry(key(instance)) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
+                let (mut found, mut placed) = (Vec::new(), triangles);
+                for (i, primitive) in mesh.primitives.iter().enumerate() {
+                    let read = Primitive::read(document, buffers, primitive, &mut materials, instance.shape(), placed);
+                    if let Some(read) = read.map_err(|error| within(error, format!("mesh {index}, primitive {i}")))? {
+                        placed += read.triangles.len();
+                        found.push(read);
+                    }
+                }
+                entry.insert(found)
+            }
+        };
+        for primitive in found {
             vertices += primitive.positions.len();
             triangles += primitive.triangles.len();
         }
-        check_triangles(triangles.max(vertices))?;
+        buffers.budget().triangles(triangles)?;
+        buffers.budget().vertices(vertices)?;
     }
     if triangles == 0 {
         return Err(Error::new("no faces").help("is there a scene with a mesh of triangles?"));
@@ -120,20 +156,25 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
         (has(|p| !p.normals.is_empty()), has(|p| !p.uvs.is_empty()), has(|p| !p.colors.is_empty()));
     let mut mesh = MeshData::default();
     for instance in &instances {
-        for primitive in &primitives[&instance.mesh.value()] {
+        for primitive in &primitives[&key(instance)] {
             let base = mesh.positions.len() as u32;
             let count = primitive.positions.len();
-            for &p in &primitive.positions {
-                let p = instance.transform_point(p);
+            let mut orientation = 0.0;
+            for (vertex, &p) in primitive.positions.iter().enumerate() {
+                let placement = instance
+                    .placement(primitive, vertex)
+                    .map_err(|error| within(error, format!("node {}", instance.node)))?;
+                let p = placement.point(p);
                 if !p.iter().all(|x| x.is_finite()) {
                     return Err(Error::new(format!("node {} gives a non-finite vertex: {p:?}", instance.node)));
                 }
                 mesh.positions.push(p);
-            }
-            if normals {
-                // Missing normals are zero; the repair computes them from the faces.
-                mesh.normals.extend(primitive.normals.iter().map(|&n| instance.transform_normal(n)));
-                mesh.normals.resize(mesh.positions.len(), [0.0; 3]);
+                if normals {
+                    // Missing normals are zero; the repair computes them from the faces.
+                    let n = primitive.normals.get(vertex).map_or([0.0; 3], |&n| placement.normal(n));
+                    mesh.normals.push(n);
+                }
+                orientation += placement.determinant().signum();
             }
             if uvs {
                 mesh.uvs.extend(&primitive.uvs);
@@ -144,7 +185,7 @@ fn bake(document: &Root, buffers: &mut Buffers<'_>, path: &Path, log: &dyn Log) 
                 mesh.colors.resize(mesh.positions.len(), [1.0; 3]);
             }
             debug_assert_eq!(mesh.positions.len(), base as usize + count);
-            let mirrored = instance.mirrors();
+            let mirrored = orientation < 0.0;
             mesh.triangles.extend(primitive.triangles.iter().map(|&[a, b, c]| {
                 let [b, c] = if mirrored { [c, b] } else { [b, c] };
                 [base + a, base + b, base + c]

@@ -1,7 +1,8 @@
 //! Radiance HDR (RGBE), after Ward, "Real Pixels", Graphics Gems II: flat, old and new run-length coding.
 
-use syntable_mesh::environment::check_size;
+use syntable_mesh::environment::MAX_SIDE;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
+use syntable_mesh::limits::Budget;
 use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::EnvironmentMap;
@@ -10,9 +11,9 @@ use syntable_model::scene::EnvironmentMap;
 const MAGIC: &[u8] = b"#?";
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8]) -> Result<EnvironmentMap> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<EnvironmentMap> {
     let mut input = Input { bytes, at: 0 };
-    let header = Header::read(&mut input)?;
+    let header = Header::read(&mut input, budget)?;
     let Header { width, height, .. } = header;
     let mut texels: Vec<[f32; 3]> = Vec::new();
     let mut row = Vec::with_capacity(width);
@@ -54,7 +55,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(input: &mut Input<'_>) -> Result<Self> {
+    fn read(input: &mut Input<'_>, budget: &Budget) -> Result<Self> {
         let mut exposure = 1.0_f32;
         for number in 1.. {
             let Some(line) = input.line() else {
@@ -88,9 +89,9 @@ impl Header {
         let [vertical @ ("-Y" | "+Y"), height, horizontal @ ("-X" | "+X"), width] = tokens[..] else {
             return Err(wrong());
         };
-        let height = height.parse().map_err(|_| wrong())?;
-        let width = width.parse().map_err(|_| wrong())?;
-        check_size(width, height)?;
+        let height: usize = height.parse().map_err(|_| wrong())?;
+        let width: usize = width.parse().map_err(|_| wrong())?;
+        budget.image(width as u64, height as u64, MAX_SIDE)?;
         Ok(Self { width, height, bottom_up: vertical == "+Y", right_to_left: horizontal == "-X", exposure })
     }
 }
@@ -192,7 +193,7 @@ mod tests {
     }
 
     fn check(resolution: &str, body: &[u8], want: Result<&[[f32; 3]], &str>) {
-        match (decode(&file(resolution, body)), want) {
+        match (decode(&file(resolution, body), &Budget::default()), want) {
             (Ok(got), Ok(want)) => assert_eq!(got.texels(), want, "{resolution}"),
             (Err(got), Err(want)) => assert!(got.to_string().contains(want), "{resolution}: {got}"),
             (got, want) => panic!("{resolution}: got {got:?}, want {want:?}"),
@@ -231,13 +232,14 @@ mod tests {
     #[test]
     fn headers_that_are_wrong() {
         let check = |text: &[u8], want: &str| {
-            let error = decode(text).expect_err(want).to_string();
+            let error = decode(text, &Budget::default()).expect_err(want).to_string();
             assert!(error.contains(want), "{error}");
         };
         check(b"#?RADIANCE\n", "has no end");
         check(b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n1234", "xyze` is not read");
         check(b"#?RADIANCE\nEXPOSURE=0\n\n-Y 1 +X 1\n1234", "exposure `0`");
-        let bright = decode(b"#?RGBE\nEXPOSURE=2\nEXPOSURE= 2\n\n-Y 1 +X 1\n\x80\x80\x80\x81").expect("sound");
+        let bright = decode(b"#?RGBE\nEXPOSURE=2\nEXPOSURE= 2\n\n-Y 1 +X 1\n\x80\x80\x80\x81", &Budget::default())
+            .expect("sound");
         assert_eq!(bright.texels(), [[0.25; 3]]);
     }
 }

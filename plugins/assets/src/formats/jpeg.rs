@@ -3,15 +3,16 @@
 use super::raster;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
 use syntable_mesh::image::Image;
+use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
 /// First bytes of every JPEG file.
 const MAGIC: &[u8] = &[0xff, 0xd8, 0xff];
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8]) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
     check_end(bytes)?;
-    raster::decode("JPEG", image::ImageFormat::Jpeg, bytes)
+    raster::decode("JPEG", image::ImageFormat::Jpeg, bytes, budget)
 }
 
 /// A JPEG ends with an end-of-image marker after its last scan. The decoder silently fills missing data with gray,

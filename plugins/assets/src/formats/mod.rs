@@ -13,6 +13,7 @@ pub mod ply;
 pub mod png;
 mod raster;
 pub mod stl;
+pub mod webp;
 
 use syntable_model::error::{Error, Place};
 

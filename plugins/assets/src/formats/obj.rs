@@ -2,15 +2,15 @@
 //!
 //! Curves, points, lines, groups and smoothing are ignored. The material library and its textures are searched
 //! beside the file; in the layout of Google Scanned Objects, where `meshes/model.mtl` names images that lie in
-//! `materials/textures/`, there too.
+//! `materials/textures/`, there too. A mesh with texture coordinates and no library takes the image `texture.png` there.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
-use syntable_mesh::limits::check_triangles;
+use syntable_mesh::limits::Budget;
 use syntable_mesh::polygon::triangulate;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::{finite, lines, shorten};
 use syntable_model::color::srgb_to_linear;
 use syntable_model::context::Log;
@@ -22,7 +22,7 @@ mod materials;
 /// Reads a file of `root`, named relative to it. Its own axes are kept: z is taken as up.
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
-    let parsed = parse(&read_file(&path)?).map_err(|error| error.in_file(&path))?;
+    let parsed = parse(&root.read(&path)?, root.budget()).map_err(|error| error.in_file(&path))?;
     if let Some((line, count)) = parsed.missing_normals {
         log.warn(
             &Error::new(format!("{count} corners refer to missing normals; face normals are used"))
@@ -62,10 +62,16 @@ pub struct MaterialUse {
 }
 
 /// Parses text. Errors carry the line.
-pub fn parse(bytes: &[u8]) -> Result<ParsedObj> {
-    let mut parser = Parser { use_line: 1, ..Parser::default() };
+pub fn parse(bytes: &[u8], budget: &Budget) -> Result<ParsedObj> {
+    let mut parser = Parser::new(budget);
     for line in lines(bytes) {
-        parser.statement(&line.text, line.number).map_err(|error| error.at_line(line.number))?;
+        let at = |error: Error| error.at_line(line.number);
+        parser.statement(&line.text, line.number).map_err(at)?;
+        // A slash may end a corner, but a file that ends with one was cut short.
+        if parser.last_face == line.number && line.last && line.text.ends_with('/') {
+            let token = line.text.split_ascii_whitespace().next_back().unwrap_or_default();
+            return Err(at(not_a_corner(token).help("the file is cut short")));
+        }
     }
     parser.finish()
 }
@@ -74,8 +80,10 @@ pub fn parse(bytes: &[u8]) -> Result<ParsedObj> {
 type Corner = [u32; 3];
 const NONE: u32 = u32::MAX;
 
-#[derive(Default)]
-struct Parser {
+struct Parser<'a> {
+    budget: &'a Budget,
+    /// Line of the last face.
+    last_face: usize,
     positions: Vec<[f32; 3]>,
     colors: Vec<[f32; 3]>,
     uvs: Vec<[f32; 2]>,
@@ -86,8 +94,11 @@ struct Parser {
     triangles: Vec<[u32; 3]>,
     slots: Vec<u16>,
     libraries: Vec<(String, usize)>,
+    known_libraries: BTreeSet<String>,
     missing_normals: Option<(usize, usize)>,
     uses: Vec<MaterialUse>,
+    /// Slots by name of material, without and with texture coordinates.
+    known_uses: HashMap<String, [Option<u16>; 2]>,
     use_name: String,
     use_line: usize,
     /// Slots of the current material without and with texture coordinates.
@@ -96,7 +107,32 @@ struct Parser {
     outline: Vec<[f32; 3]>,
 }
 
-impl Parser {
+impl<'a> Parser<'a> {
+    fn new(budget: &'a Budget) -> Self {
+        Self {
+            budget,
+            last_face: 0,
+            positions: Vec::new(),
+            colors: Vec::new(),
+            uvs: Vec::new(),
+            normals: Vec::new(),
+            vertices: HashMap::new(),
+            corners: Vec::new(),
+            triangles: Vec::new(),
+            slots: Vec::new(),
+            libraries: Vec::new(),
+            known_libraries: BTreeSet::new(),
+            missing_normals: None,
+            uses: Vec::new(),
+            known_uses: HashMap::new(),
+            use_name: String::new(),
+            use_line: 1,
+            use_slots: [None; 2],
+            face: Vec::new(),
+            outline: Vec::new(),
+        }
+    }
+
     fn statement(&mut self, text: &str, number: usize) -> Result<()> {
         let text = text.trim_ascii();
         let (key, rest) = text.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((text, ""));
@@ -104,6 +140,7 @@ impl Parser {
             "v" => self.position(rest),
             "vt" => {
                 let numbers = numbers::<2, 3>(rest, "texture coordinate")?;
+                self.budget.vertices(self.uvs.len() + 1)?;
                 self.uvs.push(match numbers {
                     ([u, _, _], 1) => [u, 0.0],
                     ([u, v, _], _) => [u, v],
@@ -117,6 +154,7 @@ impl Parser {
                     let word = words.next().ok_or_else(|| Error::new("a normal with fewer than 3 coordinates"))?;
                     word.parse().map_err(|_| Error::new(format!("`{}` is not a number", shorten(word))))
                 };
+                self.budget.vertices(self.normals.len() + 1)?;
                 self.normals.push([number()?, number()?, number()?]);
                 Ok(())
             }
@@ -124,11 +162,14 @@ impl Parser {
             "usemtl" => {
                 rest.trim_ascii().clone_into(&mut self.use_name);
                 self.use_line = number;
-                self.use_slots = [None; 2];
+                self.use_slots = self.known_uses.get(&self.use_name).copied().unwrap_or_default();
                 Ok(())
             }
             "mtllib" => {
-                self.libraries.push((rest.trim_ascii().to_owned(), number));
+                let name = rest.trim_ascii();
+                if self.known_libraries.insert(name.to_owned()) {
+                    self.libraries.push((name.to_owned(), number));
+                }
                 Ok(())
             }
             _ if key.is_empty() || key.starts_with('#') => Ok(()),
@@ -153,6 +194,7 @@ impl Parser {
             self.colors.resize(self.positions.len(), [1.0; 3]);
             self.colors.push([r, g, b]);
         }
+        self.budget.vertices(self.positions.len() + 1)?;
         self.positions.push([x, y, z]);
         Ok(())
     }
@@ -160,12 +202,18 @@ impl Parser {
     fn face(&mut self, rest: &str, number: usize) -> Result<()> {
         let mut face = std::mem::take(&mut self.face);
         face.clear();
+        self.last_face = number;
+        // A face of n corners has n - 2 triangles.
+        let most = self.budget.triangles_left(self.triangles.len()).saturating_add(2);
         for token in rest.split_ascii_whitespace().take_while(|token| !token.starts_with('#')) {
             let mut corner = self.corner(token)?;
             // Normals only affect shading: a missing one does not invalidate the mesh.
             if corner[2] != NONE && corner[2] as usize >= self.normals.len() {
                 corner[2] = NONE;
                 self.missing_normals.get_or_insert((number, 0)).1 += 1;
+            }
+            if face.len() == most {
+                self.budget.triangles(self.triangles.len() + face.len() - 1)?;
             }
             face.push(corner);
         }
@@ -184,16 +232,16 @@ impl Parser {
         } else {
             self.triangles.extend(triangulate(&outline)?.into_iter().map(|corners| corners.map(|i| indices[i])));
         }
-        check_triangles(self.triangles.len())?;
+        self.budget.triangles(self.triangles.len())?;
         self.uses[usize::from(slot)].triangles += self.triangles.len() - before;
         self.slots.resize(self.triangles.len(), slot);
         (self.face, self.outline) = (face, outline);
         Ok(())
     }
 
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; what is empty is left out, as in `v//` and `v/vt/`.
     fn corner(&self, token: &str) -> Result<Corner> {
-        let wrong = || Error::new(format!("`{}` is not a face corner", shorten(token)));
+        let wrong = || not_a_corner(token);
         let mut parts = token.split('/');
         let mut part = |required: bool| -> Result<Option<i64>> {
             match parts.next() {
@@ -203,8 +251,7 @@ impl Parser {
             }
         };
         let (position, uv, normal) = (part(true)?, part(false)?, part(false)?);
-        // A corner that ends in a slash is truncated.
-        if parts.next().is_some() || token.ends_with('/') {
+        if parts.next().is_some() {
             return Err(wrong());
         }
         let resolve = |index: Option<i64>, count: usize, what: &str| match index {
@@ -233,13 +280,10 @@ impl Parser {
         if let Some(slot) = self.use_slots[usize::from(textured)] {
             return Ok(slot);
         }
-        let known = self.uses.iter().position(|known| known.name == self.use_name && known.textured == textured);
-        let slot = known.unwrap_or(self.uses.len());
-        if known.is_none() {
-            self.uses.push(MaterialUse { name: self.use_name.clone(), line: self.use_line, textured, triangles: 0 });
-        }
-        let slot = u16::try_from(slot).map_err(|_| Error::new("more than 65536 materials"))?;
+        let slot = u16::try_from(self.uses.len()).map_err(|_| Error::new("more than 65536 materials"))?;
+        self.uses.push(MaterialUse { name: self.use_name.clone(), line: self.use_line, textured, triangles: 0 });
         self.use_slots[usize::from(textured)] = Some(slot);
+        self.known_uses.insert(self.use_name.clone(), self.use_slots);
         Ok(slot)
     }
 
@@ -278,6 +322,10 @@ impl Parser {
         }
         Ok(ParsedObj { mesh, libraries: self.libraries, missing_normals: self.missing_normals, uses: self.uses })
     }
+}
+
+fn not_a_corner(token: &str) -> Error {
+    Error::new(format!("`{}` is not a face corner", shorten(token)))
 }
 
 /// Up to `MAX` numbers; fewer than `LEAST` are reported by the caller, more are ignored.

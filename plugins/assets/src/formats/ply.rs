@@ -12,10 +12,11 @@ use std::sync::Arc;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
 use syntable_mesh::image::Image;
-use syntable_mesh::limits::check_triangles;
+use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
 use syntable_mesh::polygon::triangulate;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::AssetRoot;
+use syntable_mesh::text::shorten;
 use syntable_model::color::srgb_to_linear;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -24,34 +25,53 @@ use syntable_model::scene::{Color, Encoding, MeshData, Wrap};
 mod body;
 mod header;
 
+/// Maximum length of a list that means nothing here.
+const LIST_LIMIT: usize = 1 << 20;
+
 /// Reads a file of `root`, named relative to it, in its own unit. Its own axes are kept: z is taken as up.
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
     let at = |error: Error| error.in_file(&path);
-    let (mesh, textures) = parse(&read_file(&path)?).map_err(at)?;
+    let Parsed { mesh, textures, longer_rows } = parse(&root.read(&path)?, root.budget()).map_err(at)?;
+    if let Some((line, count)) = longer_rows {
+        let message = format!("{count} rows have more numbers than the header names; the others are ignored");
+        log.warn(&at(Error::new(message)).at_line(line));
+    }
     let mut material = default_material(!mesh.colors.is_empty());
     if let [name, others @ ..] = &textures[..] {
         let folder = file.parent().unwrap_or(Path::new(""));
         if !others.is_empty() {
             log.warn(&at(Error::new(format!("{} textures are named; the first is used", textures.len()))));
         }
+        let shown = shorten(name);
         match root.find(folder, name).map_err(at)? {
             Some(_) if mesh.uvs.is_empty() => {
-                log.warn(&at(Error::new(format!("no texture coordinates for `{name}`; a constant color is used"))));
+                log.warn(&at(Error::new(format!("no texture coordinates for `{shown}`; a constant color is used"))));
             }
             Some(image) => {
-                let texture = Image::read(&image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
+                let image = image.noted(|note| log.warn(&at(note)));
+                let texture = Image::read(root, &image)?.into_texture(Encoding::Srgb, [Wrap::Repeat; 2]);
                 material.base_color = Color::texture(Arc::new(texture));
                 material = material.with_digest();
             }
-            None => log.warn(&at(Error::new(format!("no texture `{name}`; a constant color is used")))),
+            None => log.warn(&at(Error::new(format!("no texture `{shown}`; a constant color is used")))),
         }
     }
     Ok(Model { mesh, materials: vec![material] })
 }
 
-/// Parses a file in memory: its mesh and the names of its textures.
-pub fn parse(bytes: &[u8]) -> Result<(MeshData, Vec<String>)> {
+/// What a file holds.
+pub struct Parsed {
+    /// The mesh.
+    pub mesh: MeshData,
+    /// Names of textures.
+    pub textures: Vec<String>,
+    /// In text: the first line with more numbers than the header names, and how many such lines there are.
+    pub longer_rows: Option<(usize, usize)>,
+}
+
+/// Parses a file in memory.
+pub fn parse(bytes: &[u8], budget: &Budget) -> Result<Parsed> {
     let header = Header::parse(bytes)?;
     let mut rows = Rows::new(&header, bytes);
     let mut vertices = None;
@@ -59,8 +79,8 @@ pub fn parse(bytes: &[u8]) -> Result<(MeshData, Vec<String>)> {
     for element in &header.elements {
         rows.check_size(element)?;
         match element.name.as_str() {
-            "vertex" if vertices.is_none() => vertices = Some(read_vertices(element, &mut rows)?),
-            "face" if faces.is_none() => faces = Some(read_faces(element, &mut rows, vertices.as_ref())?),
+            "vertex" if vertices.is_none() => vertices = Some(read_vertices(element, &mut rows, budget)?),
+            "face" if faces.is_none() => faces = Some(read_faces(element, &mut rows, vertices.as_ref(), budget)?),
             _ => rows.skip(element)?,
         }
     }
@@ -69,10 +89,11 @@ pub fn parse(bytes: &[u8]) -> Result<(MeshData, Vec<String>)> {
     if faces.triangles.is_empty() {
         return Err(Error::new("no faces"));
     }
-    Ok((faces.onto(mesh), header.textures))
+    Ok(Parsed { mesh: faces.onto(mesh), textures: header.textures, longer_rows: rows.longer() })
 }
 
-fn read_vertices(element: &Element, rows: &mut Rows<'_>) -> Result<MeshData> {
+fn read_vertices(element: &Element, rows: &mut Rows<'_>, budget: &Budget) -> Result<MeshData> {
+    budget.vertices(element.count)?;
     let find = |names: &[&str]| element.properties.iter().position(|p| names.contains(&p.name.as_str()));
     let mut position = [0; 3];
     for (at, name) in position.iter_mut().zip(["x", "y", "z"]) {
@@ -94,7 +115,7 @@ fn read_vertices(element: &Element, rows: &mut Rows<'_>) -> Result<MeshData> {
             *value = match property.list {
                 None => rows.number(property.scalar)?,
                 Some(length) => {
-                    rows.list(length, property.scalar, &mut Vec::new())?;
+                    rows.list(length, property.scalar, &mut Vec::new(), LIST_LIMIT)?;
                     0.0
                 }
             };
@@ -125,7 +146,8 @@ struct Faces {
     corner_uvs: Vec<[[f32; 2]; 3]>,
 }
 
-fn read_faces(element: &Element, rows: &mut Rows<'_>, vertices: Option<&MeshData>) -> Result<Faces> {
+fn read_faces(element: &Element, rows: &mut Rows<'_>, vertices: Option<&MeshData>, budget: &Budget) -> Result<Faces> {
+    budget.triangles(element.count)?;
     let positions = &vertices.ok_or_else(|| Error::new("faces come before the vertices"))?.positions;
     let list =
         |names: &[&str]| element.properties.iter().position(|p| p.list.is_some() && names.contains(&p.name.as_str()));
@@ -148,7 +170,10 @@ fn read_faces(element: &Element, rows: &mut Rows<'_>, vertices: Option<&MeshData
                         _ if Some(at) == uvs_at => &mut uvs,
                         _ => &mut other,
                     };
-                    rows.list(length, property.scalar, into)?;
+                    // A face of n corners has n - 2 triangles, and texture coordinates two numbers for each corner.
+                    let corners = budget.triangles_left(faces.triangles.len()).saturating_add(2);
+                    let most = if at == indices_at { corners } else { corners.saturating_mul(2) };
+                    rows.list(length, property.scalar, into, most)?;
                 }
             }
         }
@@ -163,7 +188,7 @@ fn read_faces(element: &Element, rows: &mut Rows<'_>, vertices: Option<&MeshData
         outline.clear();
         outline.extend(indices.iter().map(|&i| positions[i as usize]));
         let cut = triangulate(&outline).map_err(|error| rows.place(error))?;
-        check_triangles(faces.triangles.len() + cut.len())?;
+        budget.triangles(faces.triangles.len() + cut.len())?;
         faces.triangles.extend(cut.iter().map(|corners| corners.map(|i| indices[i] as u32)));
         if uvs_at.is_some() {
             let uv = |i: usize| [0, 1].map(|k| uvs.get(2 * i + k).copied().unwrap_or_default() as f32);

@@ -3,15 +3,16 @@
 use super::raster;
 use syntable_mesh::format::{ImageDecoder, ImageFormat};
 use syntable_mesh::image::Image;
+use syntable_mesh::limits::Budget;
 use syntable_model::error::{Error, Result};
 
 /// First bytes of every PNG file.
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// Decodes a file in memory.
-pub fn decode(bytes: &[u8]) -> Result<Image> {
+pub fn decode(bytes: &[u8], budget: &Budget) -> Result<Image> {
     check_palette(bytes)?;
-    raster::decode("PNG", image::ImageFormat::Png, bytes)
+    raster::decode("PNG", image::ImageFormat::Png, bytes, budget)
 }
 
 /// Refuses a palette whose length is not a multiple of three (PNG, section 11.2.2): the decoder panics on it.
@@ -52,7 +53,7 @@ mod tests {
     fn a_palette_is_of_whole_colors() {
         let header = chunk(b"IHDR", &[0, 0, 0, 1, 0, 0, 0, 1, 8, 3, 0, 0, 0]);
         let file = |palette: usize| [MAGIC, &header, &chunk(b"PLTE", &vec![7; palette]), &chunk(b"IDAT", &[])].concat();
-        let error = decode(&file(49)).expect_err("refused").to_string();
+        let error = decode(&file(49), &Budget::default()).expect_err("refused").to_string();
         assert!(error.contains("its palette has 49 bytes, not a multiple of three"), "{error}");
         assert!(check_palette(&file(48)).is_ok());
         // What is cut short, or longer than the file, is left to the decoder.

@@ -3,9 +3,9 @@
 use std::path::Path;
 use syntable_mesh::Model;
 use syntable_mesh::format::MeshFormat;
-use syntable_mesh::limits::check_triangles;
+use syntable_mesh::limits::Budget;
 use syntable_mesh::material::default_material;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::root::AssetRoot;
 use syntable_mesh::text::{finite, lines, shorten};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -19,25 +19,25 @@ const TRIANGLE: usize = 50;
 /// Reads a file of `root`, named relative to it. Its own axes are kept: z is taken as up.
 pub fn read(root: &AssetRoot, file: &Path, log: &dyn Log) -> Result<Model> {
     let path = root.locate(file)?;
-    let bytes = read_file(&path)?;
-    let corners = parse(&bytes, log).map_err(|error| error.in_file(&path))?;
+    let bytes = root.read(&path)?;
+    let corners = parse(&bytes, root.budget(), log).map_err(|error| error.in_file(&path))?;
     Ok(Model { mesh: merge(corners), materials: vec![default_material(false)] })
 }
 
 /// All corners in order, three per triangle.
-fn parse(bytes: &[u8], log: &dyn Log) -> Result<Vec<[f32; 3]>> {
+fn parse(bytes: &[u8], budget: &Budget, log: &dyn Log) -> Result<Vec<[f32; 3]>> {
     // Binary files may begin with `solid` too, but have zero bytes: at the latest in their number of triangles.
     let head = &bytes[..bytes.len().min(HEADER + TRIANGLE)];
     let text =
         head.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !head.contains(&0);
     let count = bytes.get(80..HEADER).map(|count| u32::from_le_bytes(count.try_into().unwrap_or_default()) as usize);
     match count {
-        Some(count) if HEADER + TRIANGLE * count == bytes.len() => binary(bytes, count),
-        _ if text => ascii(bytes),
+        Some(count) if HEADER + TRIANGLE * count == bytes.len() => binary(bytes, count, budget),
+        _ if text => ascii(bytes, budget),
         Some(count) if HEADER + TRIANGLE * count < bytes.len() => {
             let more = bytes.len() - HEADER - TRIANGLE * count;
             log.warn(&Error::new(format!("{more} bytes after the {count} triangles were ignored")));
-            binary(bytes, count)
+            binary(bytes, count, budget)
         }
         Some(count) => Err(Error::new(format!(
             "{count} triangles need {} bytes, but the file has {}",
@@ -49,8 +49,8 @@ fn parse(bytes: &[u8], log: &dyn Log) -> Result<Vec<[f32; 3]>> {
     }
 }
 
-fn binary(bytes: &[u8], count: usize) -> Result<Vec<[f32; 3]>> {
-    check_triangles(count)?;
+fn binary(bytes: &[u8], count: usize, budget: &Budget) -> Result<Vec<[f32; 3]>> {
+    budget.triangles(count)?;
     let mut corners = Vec::with_capacity(3 * count);
     for (t, triangle) in bytes[HEADER..].chunks_exact(TRIANGLE).take(count).enumerate() {
         for corner in triangle[12..48].chunks_exact(12) {
@@ -66,7 +66,7 @@ fn binary(bytes: &[u8], count: usize) -> Result<Vec<[f32; 3]>> {
     no_faces(corners)
 }
 
-fn ascii(bytes: &[u8]) -> Result<Vec<[f32; 3]>> {
+fn ascii(bytes: &[u8], budget: &Budget) -> Result<Vec<[f32; 3]>> {
     let mut corners = Vec::new();
     let mut of_loop = 0;
     let mut ended = false;
@@ -78,19 +78,21 @@ fn ascii(bytes: &[u8]) -> Result<Vec<[f32; 3]>> {
         let Some(key) = words.next() else { continue };
         match key.to_ascii_lowercase().as_str() {
             "vertex" => {
-                let numbers = words.map(|word| finite(word, "vertex")).collect::<Result<Vec<_>>>().map_err(at)?;
+                let numbers =
+                    words.take(4).map(|word| finite(word, "vertex")).collect::<Result<Vec<_>>>().map_err(at)?;
                 let [x, y, z] = numbers[..] else {
                     return Err(at(Error::new(format!("a vertex with {} coordinates", numbers.len()))));
                 };
                 corners.push([x, y, z]);
                 of_loop += 1;
+                budget.vertices(corners.len())?;
             }
             "endloop" => {
                 if of_loop != 3 {
                     return Err(at(Error::new(format!("a facet with {of_loop} corners"))));
                 }
                 of_loop = 0;
-                check_triangles(corners.len() / 3)?;
+                budget.triangles(corners.len() / 3)?;
             }
             "endsolid" => ended = true,
             "solid" | "facet" | "outer" | "endfacet" => ended = false,
@@ -146,21 +148,21 @@ mod tests {
     }
 
     fn check(bytes: &[u8], want: &str) {
-        let error = parse(bytes, &Collected::default()).expect_err(want).to_string();
+        let error = parse(bytes, &Budget::default(), &Collected::default()).expect_err(want).to_string();
         assert!(error.contains(want), "{error} lacks {want}");
     }
 
     #[test]
     fn text_and_binary_agree_and_corners_merge() {
         let log = Collected::default();
-        let text = parse(TEXT.as_bytes(), &log).expect("text");
+        let text = parse(TEXT.as_bytes(), &Budget::default(), &log).expect("text");
         let binary = binary_of(&text);
-        assert_eq!(parse(&binary, &log).expect("binary"), text);
+        assert_eq!(parse(&binary, &Budget::default(), &log).expect("binary"), text);
         let mesh = merge(text);
         assert_eq!(mesh.triangles, [[0, 1, 2], [1, 3, 2]]);
         assert_eq!(mesh.positions.len(), 4);
         assert!(log.warnings().is_empty());
-        parse(&[&binary[..], b"xx"].concat(), &log).expect("a tail");
+        parse(&[&binary[..], b"xx"].concat(), &Budget::default(), &log).expect("a tail");
         assert_eq!(log.warnings().len(), 1);
     }
 

@@ -12,6 +12,7 @@ use syntable_mesh::{Model, ObjectInfo};
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, EXTENT_M, Object};
+use syntable_model::stage::AssetLimits;
 
 /// Models of BOP datasets (Hodaň et al.): `<dataset>/models/obj_000001.ply` and so on, in millimeters, with vertex
 /// colors or a texture. `root` holds the datasets, or is one dataset, or is its folder of models. Names are
@@ -27,6 +28,8 @@ pub struct BopModels {
     /// Datasets that are excluded, such as `ycbv` where YCB objects are kept for testing.
     #[serde(default)]
     exclude_datasets: Vec<String>,
+    #[serde(skip)]
+    limits: AssetLimits,
 }
 
 fn models_folder() -> String {
@@ -56,6 +59,10 @@ impl Config for BopModels {
 impl AssetSource for BopModels {
     fn class(&self) -> AssetClass {
         AssetClass::Object
+    }
+
+    fn limit(&mut self, limits: AssetLimits) {
+        self.limits = limits;
     }
 
     fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
@@ -92,7 +99,7 @@ impl AssetSource for BopModels {
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
-        let root = AssetRoot::open(self.root.path())?;
+        let root = AssetRoot::open(self.root.path())?.within(self.limits);
         let unknown = || Error::new(format!("no model `{name}`")).in_file(root.folder());
         let (dataset, model) = name.rsplit_once('/').ok_or_else(unknown)?;
         let folder = self.datasets(&root)?.remove(dataset).ok_or_else(unknown)?;

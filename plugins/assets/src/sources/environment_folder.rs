@@ -6,6 +6,7 @@ use syntable_mesh::format::ImageFormats;
 use syntable_mesh::root::AssetRoot;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
+use syntable_model::stage::AssetLimits;
 
 /// Environment maps anywhere below a folder: equirectangular images of linear radiance with Rec. 709 primaries, in
 /// Radiance HDR (`.hdr`), OpenEXR (`.exr`) or a format that a plugin registers.
@@ -19,6 +20,8 @@ pub struct EnvironmentFolder {
     root: AssetPath,
     #[serde(skip)]
     files: FileIndex,
+    #[serde(skip)]
+    limits: AssetLimits,
 }
 
 impl Config for EnvironmentFolder {
@@ -35,6 +38,10 @@ impl AssetSource for EnvironmentFolder {
         AssetClass::Environment
     }
 
+    fn limit(&mut self, limits: AssetLimits) {
+        self.limits = limits;
+    }
+
     fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
         let files = find(&root, log)?;
@@ -46,10 +53,10 @@ impl AssetSource for EnvironmentFolder {
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
-        let root = AssetRoot::open(self.root.path())?;
+        let root = AssetRoot::open(self.root.path())?.within(self.limits);
         let file = self.files.file(name, || find(&root, log))?;
         let file = file.ok_or_else(|| Error::new(format!("no environment map `{name}`")).in_file(root.folder()))?;
-        let mut map = environment::read(&root.locate(&file)?)?;
+        let mut map = environment::read(&root, &root.locate(&file)?)?;
         name.clone_into(&mut map.name);
         Ok(Asset::from(map))
     }

@@ -78,6 +78,43 @@ pub fn by_stem(root: &AssetRoot, extensions: &[&str]) -> Result<BTreeMap<PathBuf
     Ok(stems)
 }
 
+/// Words of file and folder names that mark geometry for physics. `col` and `collision` may be followed by a number.
+const COLLISION_WORDS: [&str; 6] = ["collision", "collisions", "collider", "col", "vhacd", "coacd"];
+
+/// Whether a path names a part of a model's collision geometry, such as `model_collision_3`, `mug-col2` or
+/// `collision/part`. A name that is nothing but `col` is a name.
+pub fn is_collision_part(stem: &Path) -> bool {
+    let words_of = |name: &str| -> Vec<String> {
+        let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+        words.map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()).to_ascii_lowercase()).collect()
+    };
+    let marked = |word: &String| COLLISION_WORDS.contains(&word.as_str());
+    let mut names = stem.iter().rev().map(|name| words_of(&name.to_string_lossy()));
+    let file = names.next().unwrap_or_default();
+    file.iter().skip(1).any(marked) || names.any(|folder| folder.len() == 1 && folder.iter().any(marked))
+}
+
+/// Takes the collision geometry out of the meshes of a root, with one warning.
+pub fn leave_out_collision_parts(meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>, root: &AssetRoot, log: &dyn Log) {
+    let before = meshes.len();
+    let mut first = None;
+    meshes.retain(|stem, files| {
+        let part = is_collision_part(stem);
+        if part && first.is_none() {
+            first = files.first().cloned();
+        }
+        !part
+    });
+    if let Some(first) = first {
+        let count = before - meshes.len();
+        let message = match count {
+            1 => "the mesh is collision geometry by its name and left out".to_owned(),
+            _ => format!("{count} meshes are collision geometry by their names and left out"),
+        };
+        log.warn(&Error::new(message).in_file(root.folder().join(first)).help("rename it if it is an object"));
+    }
+}
+
 /// Adds an asset whose name is `path`, with the first of its files; warns about the others.
 pub fn add_asset(assets: &mut Files, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
     let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");

@@ -1,4 +1,4 @@
-//! `google_scanned_objects`: folders `<name>/meshes/model.obj`, meters, z up.
+//! `google_scanned_objects`: folders `<name>/meshes/model.obj` or `<name>/model.obj`, meters, z up.
 
 use super::folder::catalog_of_folders;
 use crate::formats::obj;
@@ -7,22 +7,26 @@ use syntable_mesh::ObjectInfo;
 use syntable_mesh::root::{AssetRoot, exists, read_file};
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
+use syntable_model::stage::AssetLimits;
 
 /// Objects of Google Scanned Objects (Downs et al., ICRA 2022), as downloaded: one folder per object with
-/// `meshes/model.obj`, `meshes/model.mtl` and `materials/textures/texture.png`. Meters, z up. The category is the first
-/// one of `metadata.pbtxt`, where that file is.
+/// `meshes/model.obj`, `meshes/model.mtl` and `materials/textures/texture.png`; or as repackaged for simulators, with
+/// `model.obj` and `texture.png` in the object's folder itself. Meters, z up. The category is the first one of
+/// `metadata.pbtxt`, where that file is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoogleScannedObjects {
     /// Folder that holds the objects' folders.
     root: AssetPath,
+    #[serde(skip)]
+    limits: AssetLimits,
 }
 
 /// License of all objects of the collection.
 const LICENSE: &str = "CC-BY-4.0";
 
-/// Path of the mesh inside an object's folder.
-pub(crate) const MESH: &str = "meshes/model.obj";
+/// Paths of the mesh inside an object's folder: as downloaded, and repackaged.
+const MESHES: [&str; 2] = ["meshes/model.obj", "model.obj"];
 /// Category where none is known.
 const CATEGORY: &str = "google_scanned_objects";
 
@@ -40,18 +44,34 @@ impl AssetSource for GoogleScannedObjects {
         AssetClass::Object
     }
 
+    fn limit(&mut self, limits: AssetLimits) {
+        self.limits = limits;
+    }
+
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
-        let has_mesh = |folder: &Path| exists(&folder.join(MESH));
-        catalog_of_folders(&self.root, has_mesh, |folder, _| category(folder), "`<name>/meshes/model.obj`")
+        let has_mesh = |folder: &Path| mesh_in(folder).map(|mesh| mesh.is_some());
+        let wanted = "`<name>/meshes/model.obj` or `<name>/model.obj`";
+        catalog_of_folders(&self.root, has_mesh, |folder, _| category(folder), wanted)
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let folder = AssetRoot::open(self.root.path())?.locate(Path::new(name))?;
-        let root = AssetRoot::open(&folder)?;
-        let model = obj::read(&root, Path::new(MESH), log)?;
+        let root = AssetRoot::open(&folder)?.within(self.limits);
+        let mesh = mesh_in(&folder)?.ok_or_else(|| Error::new("no mesh `model.obj`").in_file(&folder))?;
+        let model = obj::read(&root, mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(&folder)?, license: LICENSE.to_owned() };
-        model.into_object(info, &folder.join(MESH), log).map(|(object, _)| Asset::from(object))
+        model.into_object(info, &folder.join(mesh), log).map(|(object, _)| Asset::from(object))
     }
+}
+
+/// The mesh of an object's folder, relative to it.
+pub(crate) fn mesh_in(folder: &Path) -> Result<Option<&'static Path>> {
+    for mesh in MESHES {
+        if exists(&folder.join(mesh))? {
+            return Ok(Some(Path::new(mesh)));
+        }
+    }
+    Ok(None)
 }
 
 /// The first category of `metadata.pbtxt`: the text after `first:` within `categories`.

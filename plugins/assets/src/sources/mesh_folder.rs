@@ -1,6 +1,6 @@
 //! `mesh_folder`: any folder of meshes.
 
-use super::folder::{FileIndex, Files, add_asset, by_stem, category};
+use super::folder::{FileIndex, Files, add_asset, by_stem, category, leave_out_collision_parts};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntable_mesh::ObjectInfo;
@@ -8,12 +8,14 @@ use syntable_mesh::format::MeshFormats;
 use syntable_mesh::root::AssetRoot;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
+use syntable_model::stage::AssetLimits;
 
 /// Meshes anywhere below a folder: OBJ with MTL, glTF, GLB, PLY, STL and all formats that plugins register, in meters.
-/// The pool's `scale` converts other units.
+/// The pool's `units` converts other units.
 ///
 /// An asset's name is its path without the extension, or that of its folder where that holds no other mesh; its category
-/// is the folder above. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
+/// is the folder above. Meshes for physics that come beside a model, with a word such as `collision`, `col` or `vhacd` in
+/// their path, are left out. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshFolder {
@@ -24,6 +26,8 @@ pub struct MeshFolder {
     up: Up,
     #[serde(skip)]
     files: FileIndex,
+    #[serde(skip)]
+    limits: AssetLimits,
 }
 
 /// The axis that points up.
@@ -51,6 +55,14 @@ impl AssetSource for MeshFolder {
         AssetClass::Object
     }
 
+    fn states_units(&self) -> bool {
+        false
+    }
+
+    fn limit(&mut self, limits: AssetLimits) {
+        self.limits = limits;
+    }
+
     fn catalog(&self, log: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
         let formats = MeshFormats::linked()?;
@@ -58,7 +70,7 @@ impl AssetSource for MeshFolder {
     }
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
-        let root = AssetRoot::open(self.root.path())?;
+        let root = AssetRoot::open(self.root.path())?.within(self.limits);
         let formats = MeshFormats::linked()?;
         let file = self.files.file(name, || find(&root, &formats, log))?;
         let file = file.ok_or_else(|| Error::new(format!("no mesh `{name}`")).in_file(root.folder()))?;
@@ -73,7 +85,8 @@ impl AssetSource for MeshFolder {
 
 /// All meshes by name.
 fn find(root: &AssetRoot, formats: &MeshFormats, log: &dyn Log) -> Result<Files> {
-    let meshes = by_stem(root, &formats.extensions())?;
+    let mut meshes = by_stem(root, &formats.extensions())?;
+    leave_out_collision_parts(&mut meshes, root, log);
     let mut in_folder: BTreeMap<PathBuf, usize> = BTreeMap::new();
     for stem in meshes.keys() {
         *in_folder.entry(stem.parent().unwrap_or(Path::new("")).to_owned()).or_default() += 1;
@@ -115,6 +128,14 @@ mod tests {
             "x/y/z.ply",
             "x/notes.txt",
             "bowl/bowl.gltf",
+            "duck/model.obj",
+            "duck/model_collision_0.obj",
+            "duck/Model-VHACD.obj",
+            "duck/model_col2.stl",
+            "jar/visual/jar.obj",
+            "jar/collision/part.obj",
+            "cola_can.obj",
+            "collie.obj",
         ] {
             let path = folder.path().join(path);
             std::fs::create_dir_all(path.parent().expect("a folder")).expect("folder");
@@ -127,13 +148,19 @@ mod tests {
             found.iter().map(|(name, path)| (name.as_str(), path.to_str().expect("UTF-8"))).collect();
         let want = [
             ("bowl", "bowl/bowl.gltf"),
+            ("cola_can", "cola_can.obj"),
+            ("collie", "collie.obj"),
             ("cup/a", "cup/a.obj"),
             ("cup/b", "cup/b.glb"),
+            ("duck", "duck/model.obj"),
+            ("jar/visual", "jar/visual/jar.obj"),
             ("mug", "mug.obj"),
             ("mug/model", "mug/model.obj"),
             ("x/y", "x/y/z.ply"),
         ];
         assert_eq!(got, want);
-        assert_eq!(log.warnings().len(), 1, "{:?}", log.warnings());
+        let warnings: Vec<String> = log.warnings().iter().map(ToString::to_string).collect();
+        assert_eq!(warnings.len(), 2, "{warnings:?}");
+        assert!(warnings[0].contains("4 meshes are collision geometry by their names and left out"), "{warnings:?}");
     }
 }

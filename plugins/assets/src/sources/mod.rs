@@ -4,7 +4,7 @@
 
 pub mod bop_models;
 pub mod environment_folder;
-mod folder;
+pub mod folder;
 pub mod google_scanned_objects;
 pub mod mesh_folder;
 pub mod pbr_folder;

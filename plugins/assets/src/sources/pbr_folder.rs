@@ -12,6 +12,7 @@ use syntable_model::prelude::*;
 use syntable_model::scene::{
     Asset, AssetClass, Catalog, CatalogEntry, Color, Encoding, Material, NormalMap, Scalar, Texture, Wrap,
 };
+use syntable_model::stage::AssetLimits;
 
 /// Tileable surface materials, one folder each, of maps named as ambientCG (`_Color`, `_Roughness`, `_NormalGL`, or the
 /// older `_col`, `_rgh`, `_nrm`) or Poly Haven (`_diff`, `_rough`, `_nor_gl`, `_arm`) name them. A color map is needed;
@@ -26,6 +27,8 @@ pub struct PbrFolder {
     #[serde(default = "tile_m")]
     #[schemars(range(min = 0.01, max = 100.0))]
     tile_m: f64,
+    #[serde(skip)]
+    limits: AssetLimits,
 }
 
 fn tile_m() -> f64 {
@@ -49,6 +52,10 @@ impl AssetSource for PbrFolder {
         AssetClass::Material
     }
 
+    fn limit(&mut self, limits: AssetLimits) {
+        self.limits = limits;
+    }
+
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let root = AssetRoot::open(self.root.path())?;
         let mut names = Vec::new();
@@ -70,12 +77,12 @@ impl AssetSource for PbrFolder {
 
     fn load(&self, name: &str, log: &dyn Log) -> Result<Asset> {
         let root = AssetRoot::open(self.root.path())?;
-        let folder = match root.find(Path::new(""), name)? {
-            Some(folder) => folder,
+        let folder = match root.find(Path::new(""), name)?.filter(|found| found.note.is_none()) {
+            Some(found) => found.path,
             None if name == root_name(root.folder()) => root.folder().to_owned(),
             None => return Err(Error::new(format!("no material `{name}`")).in_file(root.folder())),
         };
-        let mut material = read(&AssetRoot::open(&folder)?, name, log)?;
+        let mut material = read(&AssetRoot::open(&folder)?.within(self.limits), name, log)?;
         material.tile_m = self.tile_m as f32;
         Ok(Asset::from(material.with_digest()))
     }
@@ -181,7 +188,7 @@ pub(crate) fn read(root: &AssetRoot, name: &str, log: &dyn Log) -> Result<Materi
             let message = format!("{} {} maps; `{}` is used", others.len() + 1, map.name(), file.display());
             log.warn(&Error::new(message).in_file(folder));
         }
-        let mut image = Image::read(&root.locate(file)?)?;
+        let mut image = Image::read(root, &root.locate(file)?)?;
         if map == Map::NormalDx {
             image.flip_green();
         }

@@ -4,12 +4,14 @@ use super::folder::catalog_of_folders;
 use crate::formats::obj;
 use std::path::{Path, PathBuf};
 use syntable_mesh::ObjectInfo;
-use syntable_mesh::root::{AssetRoot, exists};
+use syntable_mesh::root::{AssetRoot, exists, is_dir};
+use syntable_mesh::scan::list;
 use syntable_model::prelude::*;
 use syntable_model::scene::{Asset, AssetClass, Catalog};
+use syntable_model::stage::AssetLimits;
 
 /// Objects of the YCB Object and Model Set (Calli et al., 2015), as downloaded: one folder per object with
-/// `google_16k/textured.obj` beside its texture; or as in YCB-Video, with `textured.obj` or `textured_simple.obj` in the
+/// `google_16k/textured.obj` beside its texture; or as in YCB-Video, with `textured.obj` or `textured_simple*.obj` in the
 /// object's folder itself. Meters, z up. The origins lie outside of the objects; let the pool center them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -19,6 +21,8 @@ pub struct Ycb {
     /// Which reconstruction of each object is read.
     #[serde(default)]
     reconstruction: Reconstruction,
+    #[serde(skip)]
+    limits: AssetLimits,
 }
 
 /// The reconstructions that come with YCB.
@@ -71,6 +75,10 @@ impl AssetSource for Ycb {
         AssetClass::Object
     }
 
+    fn limit(&mut self, limits: AssetLimits) {
+        self.limits = limits;
+    }
+
     fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
         let wanted = format!("`<name>/{}/textured.obj`", self.reconstruction.folder());
         let has_mesh = |folder: &Path| mesh_in(folder, self.reconstruction).map(|mesh| mesh.is_some());
@@ -82,7 +90,7 @@ impl AssetSource for Ycb {
         let mesh = mesh_in(&folder, self.reconstruction)?.ok_or_else(|| {
             Error::new(format!("no mesh of the reconstruction {:?}", self.reconstruction)).in_file(&folder)
         })?;
-        let model = obj::read(&AssetRoot::open(&folder)?, &mesh, log)?;
+        let model = obj::read(&AssetRoot::open(&folder)?.within(self.limits), &mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(name), license: LICENSE.to_owned() };
         model.into_object(info, &folder.join(mesh), log).map(|(object, _)| Asset::from(object))
     }
@@ -90,10 +98,19 @@ impl AssetSource for Ycb {
 
 /// The mesh of an object's folder, relative to it.
 pub(crate) fn mesh_in(folder: &Path, reconstruction: Reconstruction) -> Result<Option<PathBuf>> {
-    let own = Path::new(reconstruction.folder()).join("textured.obj");
-    for mesh in [own, "textured.obj".into(), "textured_simple.obj".into()] {
+    let own = Path::new(reconstruction.folder());
+    for mesh in [own.join("textured.obj"), "textured.obj".into()] {
         if exists(&folder.join(&mesh))? {
             return Ok(Some(mesh));
+        }
+    }
+    // Simplified and repackaged versions; `textured_simple.obj` is first in order.
+    for inside in [Path::new(""), own] {
+        if is_dir(&folder.join(inside))? {
+            let simple = |name: &String| name.starts_with("textured_simple") && name.ends_with(".obj");
+            if let Some(name) = list(&folder.join(inside))?.files.into_iter().find(simple) {
+                return Ok(Some(inside.join(name)));
+            }
         }
     }
     Ok(None)

@@ -100,7 +100,7 @@ fn radiance_files_agree_with_the_image_library() {
         .collect();
     let mut bytes = Vec::new();
     HdrEncoder::new(&mut bytes).encode(&pixels, width, height).expect("encodes");
-    let ours = syntable_mesh::environment::decode(&bytes).expect("sound");
+    let ours = syntable_mesh::environment::decode(&bytes, &Default::default()).expect("sound");
     let decoder = HdrDecoder::new(Cursor::new(&bytes)).expect("sound");
     let theirs = DynamicImage::from_decoder(decoder).expect("sound").into_rgb32f();
     for (ours, theirs) in ours.texels().iter().zip(theirs.pixels()) {

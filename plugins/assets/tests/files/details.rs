@@ -9,20 +9,20 @@ use syntable_model::scene::{Alpha, Encoding, Object, Scalar, Volume, Wrap};
 use tempfile::TempDir;
 
 /// A tetrahedron of 0.1 m with texture coordinates and colors, as arrays: y up, v down, as glTF has them.
-const POSITIONS: [[f32; 3]; 4] = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]];
+pub const POSITIONS: [[f32; 3]; 4] = [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]];
 const UVS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.25, 0.75]];
-const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+pub const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
 /// Collects buffer views and accessors.
 #[derive(Default)]
-struct Builder {
+pub struct Builder {
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
 }
 
 impl Builder {
-    fn view(&mut self, bytes: &[u8], stride: Option<usize>) -> usize {
+    pub fn view(&mut self, bytes: &[u8], stride: Option<usize>) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() });
         if let Some(stride) = stride {
@@ -33,7 +33,7 @@ impl Builder {
         self.views.len() - 1
     }
 
-    fn accessor(&mut self, mut accessor: Value, view: Option<usize>) -> usize {
+    pub fn accessor(&mut self, mut accessor: Value, view: Option<usize>) -> usize {
         if let Some(view) = view {
             accessor["bufferView"] = view.into();
         }
@@ -41,21 +41,21 @@ impl Builder {
         self.accessors.len() - 1
     }
 
-    fn floats<const N: usize>(&mut self, rows: &[[f32; N]]) -> usize {
+    pub fn floats<const N: usize>(&mut self, rows: &[[f32; N]]) -> usize {
         let bytes: Vec<u8> = rows.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
         let view = self.view(&bytes, None);
         let kind = ["", "SCALAR", "VEC2", "VEC3", "VEC4"][N];
         self.accessor(json!({ "componentType": 5126, "count": rows.len(), "type": kind }), Some(view))
     }
 
-    fn indices(&mut self, indices: &[u32]) -> usize {
+    pub fn indices(&mut self, indices: &[u32]) -> usize {
         let bytes: Vec<u8> = indices.iter().map(|&index| index as u8).collect();
         let view = self.view(&bytes, None);
         self.accessor(json!({ "componentType": 5121, "count": indices.len(), "type": "SCALAR" }), Some(view))
     }
 
     /// A document with one primitive, and more keys.
-    fn document(self, primitive: &Value, more: Value) -> String {
+    pub fn document(self, primitive: &Value, more: Value) -> String {
         let uri = format!("data:application/octet-stream;base64,{}", base64(&self.bytes));
         let mut document = json!({
             "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
@@ -70,7 +70,7 @@ impl Builder {
     }
 }
 
-fn object(text: &str) -> Object {
+pub fn object(text: &str) -> Object {
     let folder = TempDir::new().expect("temp folder");
     write(folder.path(), "x.gltf", text);
     load(folder.path(), "x")

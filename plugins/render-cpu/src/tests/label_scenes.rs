@@ -247,6 +247,25 @@ fn of_surfaces_at_the_same_depth_the_object_is_in_front() {
 }
 
 #[test]
+fn thin_glass_is_a_body_unless_labels_go_by_coverage() {
+    use syntable_model::scene::{Alpha, Material};
+    use syntable_prepare::labels::BlendedLabels;
+    let pane = Material { alpha: Alpha::Blend { factor: 0.3 }, ..matte(1.0) };
+    let pane = object("pane", sheet([0.4, 0.4]), pane);
+    let block = object("block", cuboid([0.3, 0.3, 0.1]), matte(0.5));
+    let scene =
+        scene([body(&pane, at(0.0, 0.0, 0.5), Role::Object), body(&block, at(0.0, 0.0, 0.1), Role::Object), floor()]);
+    let view = view(20, 20, 20.0, [0.0, 0.0, 1.5], [0.0; 3], vec![]);
+    for (blended_labels, seen, covered) in [(BlendedLabels::Shape, 1, true), (BlendedLabels::Coverage, 2, false)] {
+        let frame = render(crate::CpuPath { blended_labels, ..options(1, 1) }, &scene, &view, &LABELS);
+        assert_eq!(frame.get(INSTANCE).expect("made").at(10, 10).0, seen, "{blended_labels:?}");
+        let coverage = frame.get(COVERAGE).expect("made");
+        assert_eq!(coverage.contains(10, 10, InstanceId(1)), covered, "{blended_labels:?}");
+        assert!(coverage.contains(10, 10, InstanceId(2)));
+    }
+}
+
+#[test]
 fn holes_are_no_surface_for_labels() {
     use syntable_model::scene::{Alpha, Color, Encoding, Material, Texture, Wrap};
     // The left half of the sheet is cut out.

@@ -20,15 +20,17 @@ struct Layout {
     count: usize,
 }
 
-/// Reads vectors of `N` numbers. Integers of a normalized accessor become fractions.
+/// Reads vectors of `N` numbers: all, or those of the elements in `select`, which exist. Integers of a normalized accessor
+/// become fractions.
 pub fn vectors<const N: usize>(
     document: &Root,
     buffers: &mut Buffers<'_>,
     index: Index<Accessor>,
+    select: Option<&[u32]>,
     what: &str,
 ) -> Result<Vec<[f32; N]>> {
     let name = || format!("accessor {} ({what})", index.value());
-    read(document, buffers, index, N, |layout, bytes, at| {
+    read(document, buffers, index, N, select, |layout, bytes, at| {
         std::array::from_fn(|i| number(layout, bytes, at + i * layout.component.size()) as f32)
     })
     .map_err(|error| within(error, name()))
@@ -41,8 +43,43 @@ pub fn indices(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor
     if !matches!(component(accessor)?, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
         return Err(within(Error::new("not unsigned integers"), name()));
     }
-    read(document, buffers, index, 1, |layout, bytes, at| number(layout, bytes, at) as u32)
+    read(document, buffers, index, 1, None, |layout, bytes, at| number(layout, bytes, at) as u32)
         .map_err(|error| within(error, name()))
+}
+
+/// Number of elements of an accessor, which its buffer view holds if they have as many components as are wanted.
+pub fn count(document: &Root, buffers: &mut Buffers<'_>, index: Index<Accessor>, components: usize) -> Result<u64> {
+    let accessor = get(&document.accessors, index, "accessor")?;
+    let count = accessor.count.0;
+    let size = component(accessor)?.size() * components;
+    if width(document, index)? != components {
+        return Ok(count);
+    }
+    if let Some(view) = accessor.buffer_view {
+        let (bytes, stride) = buffers.view(view)?;
+        let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+        check_bounds(stride.unwrap_or(size).max(size), offset, count, size, bytes.len())
+            .map_err(|error| within(error, format!("accessor {}", index.value())))?;
+    } else if accessor.sparse.is_none() || count > MAX_ZEROS {
+        return Err(within(without_data(count), format!("accessor {}", index.value())));
+    }
+    Ok(count)
+}
+
+fn without_data(count: u64) -> Error {
+    Error::new(format!("{count} elements without data"))
+}
+
+/// Refuses elements that reach beyond the bytes of their view.
+fn check_bounds(stride: usize, offset: u64, count: u64, size: usize, bytes: usize) -> Result<()> {
+    let need = match count {
+        0 => u128::from(offset),
+        _ => u128::from(offset) + u128::from(count - 1) * stride as u128 + size as u128,
+    };
+    match need > bytes as u128 {
+        true => Err(Error::new(format!("{count} elements need {need} bytes, but the buffer view has {bytes}"))),
+        false => Ok(()),
+    }
 }
 
 /// Number of components of an accessor: 4 for colors with alpha.
@@ -52,6 +89,7 @@ pub fn width(document: &Root, index: Index<Accessor>) -> Result<usize> {
         Checked::Valid(Type::Vec2) => Ok(2),
         Checked::Valid(Type::Vec3) => Ok(3),
         Checked::Valid(Type::Vec4) => Ok(4),
+        Checked::Valid(Type::Mat4) => Ok(16),
         Checked::Valid(_) => Err(Error::new(format!("accessor {} holds matrices", index.value()))),
         Checked::Invalid => Err(Error::new(format!("accessor {} has an unknown type", index.value()))),
     }
@@ -69,6 +107,7 @@ fn read<T: Clone + Zero>(
     buffers: &mut Buffers<'_>,
     index: Index<Accessor>,
     components: usize,
+    select: Option<&[u32]>,
     element: impl Fn(&Layout, &[u8], usize) -> T,
 ) -> Result<Vec<T>> {
     let accessor = get(&document.accessors, index, "accessor")?;
@@ -79,25 +118,31 @@ fn read<T: Clone + Zero>(
     let size = component.size() * components;
     let layout = |stride: Option<usize>, offset: u64, count: u64, bytes: usize| -> Result<Layout> {
         let stride = stride.unwrap_or(size).max(size);
-        let need = match count {
-            0 => u128::from(offset),
-            _ => u128::from(offset) + u128::from(count - 1) * stride as u128 + size as u128,
-        };
-        if need > bytes as u128 {
-            return Err(Error::new(format!("{count} elements need {need} bytes, but the buffer view has {bytes}")));
-        }
+        check_bounds(stride, offset, count, size, bytes)?;
         let (offset, count) = (offset as usize, count as usize);
         Ok(Layout { component, normalized: accessor.normalized, offset, stride, count })
     };
     let count = accessor.count.0;
-    let mut values = match accessor.buffer_view {
+    // A sparse accessor is read as a whole, and what is wanted of it then.
+    let part = select.filter(|_| accessor.sparse.is_none());
+    let wanted = part.map_or(count, |part| part.len() as u64).saturating_mul(size_of::<T>() as u64);
+    let budget = buffers.budget();
+    let mut values: Vec<T> = match accessor.buffer_view {
         Some(view) => {
             let (bytes, stride) = buffers.view(view)?;
             let layout = layout(stride, accessor.byte_offset.map_or(0, |offset| offset.0), count, bytes.len())?;
-            (0..layout.count).map(|i| element(&layout, bytes, layout.offset + i * layout.stride)).collect()
+            budget.bytes(wanted)?;
+            let at = |i: usize| element(&layout, bytes, layout.offset + i * layout.stride);
+            match part {
+                Some(part) => part.iter().filter(|&&i| (i as usize) < layout.count).map(|&i| at(i as usize)).collect(),
+                None => (0..layout.count).map(at).collect(),
+            }
         }
-        None if accessor.sparse.is_some() && count <= MAX_ZEROS => vec![T::zero(); count as usize],
-        None => return Err(Error::new(format!("{count} elements without data"))),
+        None if accessor.sparse.is_some() && count <= MAX_ZEROS => {
+            budget.bytes(wanted)?;
+            vec![T::zero(); count as usize]
+        }
+        None => return Err(without_data(count)),
     };
     if let Some(sparse) = &accessor.sparse {
         let (bytes, _) = buffers.view(sparse.values.buffer_view)?;
@@ -120,6 +165,9 @@ fn read<T: Clone + Zero>(
             *values
                 .get_mut(target)
                 .ok_or_else(|| Error::new(format!("sparse index {target} of {count} elements")))? = value;
+        }
+        if let Some(select) = select {
+            return Ok(select.iter().filter_map(|&i| values.get(i as usize).cloned()).collect());
         }
     }
     Ok(values)

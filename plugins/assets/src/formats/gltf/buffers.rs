@@ -1,15 +1,22 @@
 //! Buffers, views into them, and images: what a document names, resolved and checked.
 
 use super::get;
+use super::meshopt::Packed;
 use crate::formats::within;
 use base64::alphabet;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
 use gltf::json::{self, Index, Root};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_mesh::image::Image;
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::limits::Budget;
+use syntable_mesh::root::AssetRoot;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+
+/// The extension that packs buffer views.
+const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Data outside the JSON, loaded on demand.
 pub struct Buffers<'a> {
@@ -17,18 +24,45 @@ pub struct Buffers<'a> {
     binary: Option<&'a [u8]>,
     root: &'a AssetRoot,
     folder: &'a Path,
+    file: &'a Path,
+    log: &'a dyn Log,
     loaded: BTreeMap<usize, Vec<u8>>,
+    /// Views that were packed.
+    unpacked: BTreeMap<usize, Vec<u8>>,
 }
 
 impl<'a> Buffers<'a> {
-    /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB.
-    pub fn new(document: &'a Root, binary: Option<&'a [u8]>, root: &'a AssetRoot, folder: &'a Path) -> Self {
-        Self { document, binary, root, folder, loaded: BTreeMap::new() }
+    /// Data of a document in a folder, relative to the root; `binary` is the chunk of a GLB, `file` for messages.
+    pub fn new(
+        document: &'a Root,
+        binary: Option<&'a [u8]>,
+        root: &'a AssetRoot,
+        folder: &'a Path,
+        file: &'a Path,
+        log: &'a dyn Log,
+    ) -> Self {
+        Self { document, binary, root, folder, file, log, loaded: BTreeMap::new(), unpacked: BTreeMap::new() }
+    }
+
+    /// What the asset may still take.
+    pub fn budget(&self) -> &'a Budget {
+        self.root.budget()
     }
 
     /// Bytes of a view and their stride, if stated. Checked against the buffer, and the buffer against its file.
     pub fn view(&mut self, index: Index<json::buffer::View>) -> Result<(&[u8], Option<usize>)> {
         let view = get(&self.document.buffer_views, index, "buffer view")?;
+        let packed = view.extensions.as_ref().and_then(|extensions| extensions.others.get(MESHOPT));
+        if let Some(packed) = packed {
+            let within = |error| within(error, format!("buffer view {} ({MESHOPT})", index.value()));
+            let packed = Packed::deserialize(packed).map_err(|error| within(Error::new(error.to_string())))?;
+            if !self.unpacked.contains_key(&index.value()) {
+                let bytes = self.unpack(&packed).map_err(within)?;
+                self.unpacked.insert(index.value(), bytes);
+            }
+            let bytes = self.unpacked.get(&index.value()).map(Vec::as_slice).unwrap_or_default();
+            return Ok((bytes, Some(packed.byte_stride)));
+        }
         let (offset, length) = (view.byte_offset.map_or(0, |offset| offset.0), view.byte_length.0);
         let stride = view.byte_stride.map(|stride| stride.0);
         let (buffer, bytes) = (view.buffer.value(), self.buffer(view.buffer)?);
@@ -38,6 +72,22 @@ impl<'a> Buffers<'a> {
             None => Err(Error::new(format!(
                 "buffer view {} reaches from byte {offset} over {length} bytes, but buffer {buffer} has {}",
                 index.value(),
+                bytes.len()
+            ))),
+        }
+    }
+
+    fn unpack(&mut self, packed: &Packed) -> Result<Vec<u8>> {
+        self.budget().bytes(packed.unpacked_bytes()?)?;
+        let bytes = self.buffer(Index::new(packed.buffer))?;
+        let end = packed.byte_offset.checked_add(packed.byte_length).filter(|&end| end <= bytes.len() as u64);
+        match end {
+            Some(end) => packed.unpack(&bytes[packed.byte_offset as usize..end as usize]),
+            None => Err(Error::new(format!(
+                "it reaches from byte {} over {} bytes, but buffer {} has {}",
+                packed.byte_offset,
+                packed.byte_length,
+                packed.buffer,
                 bytes.len()
             ))),
         }
@@ -78,11 +128,12 @@ impl<'a> Buffers<'a> {
                 let named = |error: Error| {
                     if uri.starts_with("data:") { within(error, &what) } else { error.in_file(self.folder_of(uri)) }
                 };
-                Image::decode(&bytes).map(Some).map_err(named)
+                Image::decode(&bytes, self.budget()).map(Some).map_err(named)
             }
             (None, Some(view)) => {
+                let budget = self.budget();
                 let (bytes, _) = self.view(view).map_err(|error| within(error, &what))?;
-                Image::decode(bytes).map(Some).map_err(|error| within(error, &what))
+                Image::decode(bytes, budget).map(Some).map_err(|error| within(error, &what))
             }
             (None, None) => Err(Error::new(format!("{what} has neither a file nor a buffer view"))),
         }
@@ -100,10 +151,14 @@ impl<'a> Buffers<'a> {
             if !head.ends_with(";base64") {
                 return Err(named(Error::new("a data URI that is not base64")));
             }
+            self.budget().bytes(body.len() as u64).map_err(named)?;
             return decode_base64(body).map(Some).map_err(named);
         }
         match self.root.find(self.folder, &percent_decode(uri)).map_err(named)? {
-            Some(path) => read_file(&path).map(Some).map_err(named),
+            Some(found) => {
+                let path = found.noted(|note| self.log.warn(&named(note).in_file(self.file)));
+                self.root.read(&path).map(Some).map_err(named)
+            }
             None => Ok(None),
         }
     }

@@ -1,19 +1,69 @@
 //! The outer layer: GLB chunks, JSON text, version.
 
 use gltf::json::Root;
-use serde::Deserialize;
+use serde_json::Value;
+use syntable_mesh::limits::Budget;
+use syntable_mesh::text::shorten;
 use syntable_model::error::{Error, Result};
 
 /// Maximum nesting of the JSON text; glTF needs about ten levels.
 const MAX_DEPTH: usize = 100;
+/// Memory that a value of the JSON text takes once parsed, bytes: a table's key and value.
+const VALUE_BYTES: u64 = 100;
 
-/// Parses a file in memory: the document, and the binary chunk of a GLB.
-pub fn open(bytes: &[u8]) -> Result<(Root, Option<&[u8]>)> {
+/// A parsed file.
+pub struct Opened<'a> {
+    /// The document, without animations and `extras`.
+    pub document: Root,
+    /// The binary chunk of a GLB.
+    pub binary: Option<&'a [u8]>,
+    /// Whether the file has animations.
+    pub animated: bool,
+}
+
+/// Parses a file in memory.
+pub fn open<'a>(bytes: &'a [u8], budget: &Budget) -> Result<Opened<'a>> {
     let (text, binary) = if bytes.starts_with(b"glTF") { split(bytes)? } else { (bytes, None) };
-    check_depth(text)?;
-    check_version(text)?;
-    let document = serde_json::from_slice(text).map_err(json_error)?;
-    Ok((document, binary))
+    let values = check_depth(text)?;
+    budget.bytes(text.len() as u64 + values * VALUE_BYTES)?;
+    let mut json: Value = serde_json::from_slice(text).map_err(|error| {
+        // The library's message ends with the position; the line is reported separately.
+        let message = Error::new(format!("not sound glTF JSON: {error}"));
+        if error.line() > 0 { message.at_line(error.line()) } else { message }
+    })?;
+    check_version(&json)?;
+    let animated = tidy(&mut json);
+    let document = serde_path_to_error::deserialize(json).map_err(|error| {
+        let (path, inner) = (error.path().to_string(), error.inner());
+        Error::new(format!("not sound glTF JSON: `{}`: {inner}", shorten(&path)))
+    })?;
+    Ok(Opened { document, binary, animated })
+}
+
+/// Takes out what is valid but means nothing to a still object, and what the library would refuse: `extras`, which may be
+/// of any type, and animations, whose pointers need no node; and adds `nodes` to scenes without any. Returns whether there
+/// are animations.
+fn tidy(json: &mut Value) -> bool {
+    fn without_extras(value: &mut Value) {
+        match value {
+            Value::Object(table) => {
+                table.retain(|key, _| key != "extras");
+                table.values_mut().for_each(without_extras);
+            }
+            Value::Array(items) => items.iter_mut().for_each(without_extras),
+            _ => {}
+        }
+    }
+    without_extras(json);
+    let Value::Object(root) = json else { return false };
+    let animated = root.get("animations").and_then(Value::as_array).is_some_and(|all| !all.is_empty());
+    root.retain(|key, _| key != "animations");
+    for scene in root.get_mut("scenes").and_then(Value::as_array_mut).into_iter().flatten() {
+        if let Value::Object(scene) = scene {
+            scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+        }
+    }
+    animated
 }
 
 /// The JSON and the binary chunk of a GLB.
@@ -50,50 +100,36 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>)> {
     Ok((json, binary.map(|(bytes, _)| bytes)))
 }
 
-fn check_version(text: &[u8]) -> Result<()> {
-    #[derive(Deserialize)]
-    struct Head {
-        asset: Option<Asset>,
-    }
-    #[derive(Deserialize)]
-    #[serde(rename_all = "camelCase")]
-    struct Asset {
-        version: Option<String>,
-        min_version: Option<String>,
-    }
-    let head: Head = serde_json::from_slice(text).map_err(json_error)?;
-    let asset = head.asset.ok_or_else(|| Error::new("not a glTF file: it has no `asset`"))?;
-    let version = asset.version.unwrap_or_else(|| "1.0".into());
+fn check_version(json: &Value) -> Result<()> {
+    let asset = json.get("asset").ok_or_else(|| Error::new("not a glTF file: it has no `asset`"))?;
+    let version = asset.get("version").and_then(Value::as_str).unwrap_or("1.0");
     if !version.starts_with("2.") {
-        return Err(version_error(&version));
+        return Err(version_error(version));
     }
-    match asset.min_version {
-        Some(version) if version != "2.0" => Err(version_error(&version)),
+    match asset.get("minVersion").and_then(Value::as_str) {
+        Some(version) if version != "2.0" => Err(version_error(version)),
         _ => Ok(()),
     }
 }
 
 fn version_error(version: &str) -> Error {
-    let version = syntable_mesh::text::shorten(version);
+    let version = shorten(version);
     Error::new(format!("glTF version `{version}` is not read; 2.0 is")).help("convert it to glTF 2.0")
 }
 
-fn json_error(error: serde_json::Error) -> Error {
-    // The library's message ends with the position; the line is reported separately.
-    let message = format!("not sound glTF JSON: {error}");
-    if error.line() > 0 { Error::new(message).at_line(error.line()) } else { Error::new(message) }
-}
-
-/// Refuses JSON that is nested too deeply for recursive parsers.
-fn check_depth(text: &[u8]) -> Result<()> {
+/// Refuses JSON that is nested too deeply for recursive parsers. Returns an upper bound of the number of its values.
+fn check_depth(text: &[u8]) -> Result<u64> {
     let (mut depth, mut quoted, mut escaped) = (0_usize, false, false);
+    let mut values = 1;
     for (at, &byte) in text.iter().enumerate() {
         match byte {
             _ if escaped => escaped = false,
             b'\\' if quoted => escaped = true,
             b'"' => quoted = !quoted,
+            b',' if !quoted => values += 1,
             b'[' | b'{' if !quoted => {
                 depth += 1;
+                values += 1;
                 if depth > MAX_DEPTH {
                     return Err(
                         Error::new(format!("the JSON is nested more than {MAX_DEPTH} levels deep")).at_byte(at as u64)
@@ -104,5 +140,5 @@ fn check_depth(text: &[u8]) -> Result<()> {
             _ => {}
         }
     }
-    Ok(())
+    Ok(values)
 }

@@ -1,4 +1,5 @@
-//! Material extensions: clearcoat, sheen, transmission and volume.
+//! Material extensions: clearcoat, sheen, transmission and volume; and of specular, anisotropy and unlit what the model can
+//! show.
 //!
 //! `KHR_materials_clearcoat` stores its factor in red and its roughness in green, `KHR_materials_sheen` its color in the
 //! color channels and its roughness in alpha, `KHR_materials_transmission` its factor in red. Of
@@ -17,13 +18,85 @@ use serde::de::DeserializeOwned;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::Volume;
 
-/// The layers of a material besides its base.
+/// The layers of a material besides its base, and what modifies the base.
 #[derive(Default)]
 pub struct Layers {
     pub clearcoat: Option<ClearcoatJson>,
     pub sheen: Option<SheenJson>,
     pub transmission: Option<TransmissionJson>,
     pub volume: Option<VolumeJson>,
+    pub specular: Option<SpecularJson>,
+    pub anisotropy: Option<AnisotropyJson>,
+    /// `KHR_materials_unlit`
+    pub unlit: bool,
+}
+
+/// `KHR_materials_specular`
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub struct SpecularJson {
+    specular_factor: f32,
+    specular_texture: Option<Info>,
+    specular_color_factor: [f32; 3],
+    specular_color_texture: Option<Info>,
+}
+
+impl Default for SpecularJson {
+    fn default() -> Self {
+        Self {
+            specular_factor: 1.0,
+            specular_texture: None,
+            specular_color_factor: [1.0; 3],
+            specular_color_texture: None,
+        }
+    }
+}
+
+impl SpecularJson {
+    /// The index of refraction whose surface reflects as much at normal incidence as one of index `ior` times the factors.
+    /// A color counts by its luminance.
+    pub fn ior(&self, ior: f32) -> f32 {
+        let [r, g, b] = self.specular_color_factor.map(|x| x.max(0.0));
+        let tint = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2) * unit(self.specular_factor) * tint;
+        // Glass of index 3 reflects a quarter; the extension clamps at one.
+        let root = f0.min(0.9).sqrt();
+        (1.0 + root) / (1.0 - root)
+    }
+
+    /// Whether something of it is not shown: a texture, or a colored reflection.
+    pub fn is_approximate(&self) -> bool {
+        let [r, g, b] = self.specular_color_factor;
+        self.specular_texture.is_some() || self.specular_color_texture.is_some() || r != g || g != b
+    }
+}
+
+/// `KHR_materials_anisotropy`
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+pub struct AnisotropyJson {
+    anisotropy_strength: f32,
+    anisotropy_texture: Option<Info>,
+}
+
+impl AnisotropyJson {
+    /// The roughness of a round highlight as wide as the geometric mean of the two widths of the stretched one. Along the
+    /// stretch the extension's α is `mix(α, 1, strength²)`, across it α, the square of the roughness.
+    pub fn roughness(&self, roughness: f32) -> f32 {
+        let across = roughness * roughness;
+        let along = across + (1.0 - across) * unit(self.anisotropy_strength).powi(2);
+        (along * across).sqrt().sqrt()
+    }
+
+    /// Whether the highlight is stretched at all.
+    pub fn is_stretched(&self) -> bool {
+        self.anisotropy_strength > 0.0
+    }
+
+    /// Whether the strength varies over the surface.
+    pub fn is_textured(&self) -> bool {
+        self.anisotropy_texture.is_some()
+    }
 }
 
 /// `KHR_materials_clearcoat`
@@ -81,6 +154,9 @@ impl Layers {
             sheen: parse(extensions, "KHR_materials_sheen")?,
             transmission: parse(extensions, "KHR_materials_transmission")?,
             volume: parse(extensions, "KHR_materials_volume")?,
+            specular: parse(extensions, "KHR_materials_specular")?,
+            anisotropy: parse(extensions, "KHR_materials_anisotropy")?,
+            unlit: extensions.others.contains_key("KHR_materials_unlit"),
         })
     }
 

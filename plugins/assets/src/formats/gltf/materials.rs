@@ -12,10 +12,11 @@ use gltf::json::material::AlphaMode;
 use gltf::json::texture::{Info, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Root};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
-use syntable_mesh::material::{default_material, untextured};
+use syntable_mesh::material::{blend, default_material, untextured};
+use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{
@@ -31,38 +32,47 @@ pub struct Materials<'a> {
     log: &'a dyn Log,
     /// Material, whether its faces have texture coordinates, and how many they are.
     slots: Vec<(Option<Index<JsonMaterial>>, bool, usize)>,
-    warned: Vec<String>,
+    warned: BTreeSet<String>,
+    /// Slots by material and texture coordinates.
+    known: BTreeMap<(Option<usize>, bool), u16>,
     textures: BTreeMap<(usize, bool, [u8; 2]), Option<Arc<Texture>>>,
 }
 
 impl<'a> Materials<'a> {
     /// Materials of a document; the path is for messages.
     pub fn new(document: &'a Root, path: &'a Path, log: &'a dyn Log) -> Self {
-        Self { document, path, log, slots: Vec::new(), warned: Vec::new(), textures: BTreeMap::new() }
+        Self {
+            document,
+            path,
+            log,
+            slots: Vec::new(),
+            warned: BTreeSet::new(),
+            known: BTreeMap::new(),
+            textures: BTreeMap::new(),
+        }
     }
 
     /// Warns once.
     pub fn warn(&mut self, message: &str) {
-        if !self.warned.iter().any(|warned| warned == message) {
-            self.warned.push(message.to_owned());
+        if self.warned.insert(message.to_owned()) {
             self.log.warn(&Error::new(message).in_file(self.path));
         }
     }
 
     /// The slot of a material for faces with or without texture coordinates.
     pub fn slot(&mut self, material: Option<Index<JsonMaterial>>, uvs: bool, triangles: usize) -> Result<u16> {
-        let same = |slot: &(Option<Index<JsonMaterial>>, bool, usize)| {
-            (slot.0.map(|index| index.value()), slot.1) == (material.map(|index| index.value()), uvs)
-        };
-        let slot = match self.slots.iter().position(same) {
-            Some(slot) => slot,
+        let key = (material.map(|index| index.value()), uvs);
+        let slot = match self.known.get(&key) {
+            Some(&slot) => slot,
             None => {
+                let slot = u16::try_from(self.slots.len()).map_err(|_| Error::new("more than 65536 materials"))?;
                 self.slots.push((material, uvs, 0));
-                self.slots.len() - 1
+                self.known.insert(key, slot);
+                slot
             }
         };
-        self.slots[slot].2 += triangles;
-        u16::try_from(slot).map_err(|_| Error::new("more than 65536 materials"))
+        self.slots[usize::from(slot)].2 += triangles;
+        Ok(slot)
     }
 
     /// The set of texture coordinates that a material uses; none if it has no texture. Where textures use several sets,
@@ -137,20 +147,52 @@ impl<'a> Materials<'a> {
         if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()).map(|e| e.ior.0).filter(|ior| *ior >= 1.0) {
             material.ior = ior;
         }
-        material.alpha = match json.alpha_mode {
+        match json.alpha_mode {
             Checked::Valid(AlphaMode::Mask) => {
                 let cutoff = json.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0);
                 // The factor multiplies alpha; the cutoff is divided by it instead.
-                Alpha::Mask { cutoff: if alpha > 0.0 { (cutoff / alpha).clamp(0.0, 1.0) } else { 1.0 } }
+                let cutoff = if alpha > 0.0 { (cutoff / alpha).clamp(0.0, 1.0) } else { 1.0 };
+                material.alpha = Alpha::Mask { cutoff };
             }
             // Many files declare blending without transparent texels.
             Checked::Valid(AlphaMode::Blend) if alpha < 1.0 || has_alpha(&material.base_color.texture) => {
-                Alpha::Blend { factor: unit(alpha) }
+                blend(&mut material, unit(alpha));
             }
-            _ => Alpha::Opaque,
-        };
-        self.layers(&mut material, &Layers::of(json)?, buffers)?;
+            _ => {}
+        }
+        let layers = Layers::of(json)?;
+        self.layers(&mut material, &layers, buffers)?;
+        self.modify_base(&mut material, &layers);
         Ok(material.with_digest())
+    }
+
+    /// What extensions change of the base. Where the model cannot show it, the nearest that it can, with a warning.
+    fn modify_base(&mut self, material: &mut Material, layers: &Layers) {
+        if layers.unlit {
+            // The extension's own advice to programs that light everything.
+            material.metallic = Scalar::constant(0.0);
+            material.roughness = Scalar::constant(1.0);
+            material.emission = Color::constant([0.0; 3]);
+            self.warn("unlit materials are lit as matt surfaces of their color");
+            return;
+        }
+        if let Some(specular) = &layers.specular {
+            // The index also bends light in a body of glass, which the extension leaves as it is.
+            let bends = material.transmission.as_ref().is_some_and(|glass| glass.volume.is_some());
+            let ior = specular.ior(material.ior);
+            if specular.is_approximate() || (bends && (ior - material.ior).abs() > 1e-4) {
+                self.warn("of KHR_materials_specular the strength of the reflection is read, by its factors alone");
+            }
+            if !bends {
+                material.ior = ior;
+            }
+        }
+        if let Some(anisotropy) = layers.anisotropy.as_ref().filter(|anisotropy| anisotropy.is_stretched()) {
+            if material.roughness.texture.is_none() && !anisotropy.is_textured() {
+                material.roughness.factor = anisotropy.roughness(material.roughness.factor);
+            }
+            self.warn("stretched highlights (KHR_materials_anisotropy) are shown as round ones");
+        }
     }
 
     fn layers(&mut self, material: &mut Material, layers: &Layers, buffers: &mut Buffers<'_>) -> Result<()> {
@@ -224,13 +266,24 @@ impl<'a> Materials<'a> {
         }
     }
 
+    /// The image of a texture: the plain one, or else that in WebP.
+    fn source(&self, texture: &json::Texture, index: Index<json::Texture>) -> Result<Index<json::Image>> {
+        if texture.source.value() != u32::MAX as usize {
+            return Ok(texture.source);
+        }
+        let others = texture.extensions.as_ref().map(|extensions| &extensions.others);
+        let webp = others.and_then(|others| others.get("EXT_texture_webp")?.get("source")?.as_u64());
+        match webp.and_then(|source| u32::try_from(source).ok()) {
+            Some(source) => Ok(Index::new(source)),
+            None => Err(Error::new(format!("texture {} has no image as PNG, JPEG or WebP", index.value()))
+                .help("KTX2 is not read; convert the file: `gltf-transform ktxdecompress in.glb out.glb`")),
+        }
+    }
+
     /// Loads a texture. A missing file is a warning and gives none.
     fn texture(&mut self, used: &Use, encoding: Encoding, buffers: &mut Buffers<'_>) -> Result<Option<TextureRef>> {
         let texture = get(&self.document.textures, used.texture, "texture")?;
-        if texture.source.value() == u32::MAX as usize {
-            return Err(Error::new(format!("texture {} has no PNG or JPEG source", used.texture.value()))
-                .help("KTX2 and WebP are not read; save the image as PNG beside them"));
-        }
+        let source = self.source(texture, used.texture)?;
         let wrap = match texture.sampler {
             Some(sampler) => {
                 let sampler = get(&self.document.samplers, sampler, "sampler")?;
@@ -238,12 +291,12 @@ impl<'a> Materials<'a> {
             }
             None => [Wrap::Repeat; 2],
         };
-        let key = (texture.source.value(), encoding == Encoding::Srgb, wrap.map(|wrap| wrap as u8));
+        let key = (source.value(), encoding == Encoding::Srgb, wrap.map(|wrap| wrap as u8));
         if !self.textures.contains_key(&key) {
-            let image = buffers.image(texture.source)?;
+            let image = buffers.image(source)?;
             if image.is_none() {
-                let image = get(&self.document.images, texture.source, "image")?;
-                let name = image.uri.as_deref().unwrap_or_default();
+                let image = get(&self.document.images, source, "image")?;
+                let name = shorten(image.uri.as_deref().unwrap_or_default());
                 self.warn(&format!("no texture `{name}`; a constant color is used"));
             }
             self.textures.insert(key, image.map(|image| Arc::new(image.into_texture(encoding, wrap))));

@@ -1,11 +1,59 @@
 //! The node tree: the transform of every mesh.
 
+use super::accessor::{count, vectors};
+use super::buffers::Buffers;
 use super::get;
+use super::primitive::{Primitive, Shape};
+use crate::formats::within;
 use gltf::json::mesh::Mesh;
 use gltf::json::scene::Node;
+use gltf::json::skin::Skin;
 use gltf::json::{Index, Root};
 use nalgebra::{Matrix3, Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+use std::rc::Rc;
 use syntable_model::error::{Error, Result};
+
+/// The extension that places a mesh many times by one node.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// From a mesh's frame to the body's: meters, z up.
+#[derive(Clone, Copy)]
+pub struct Placement {
+    body_from_mesh: Matrix4<f64>,
+    /// Transforms normals: the cofactors of the linear part, with its sign.
+    normals: Matrix3<f64>,
+    determinant: f64,
+}
+
+impl Placement {
+    fn new(body_from_mesh: Matrix4<f64>) -> Self {
+        let linear = body_from_mesh.fixed_view::<3, 3>(0, 0).into_owned();
+        let [x, y, z] = [0, 1, 2].map(|i| Vector3::from(linear.column(i)));
+        let determinant = linear.determinant();
+        let cofactors = Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)]);
+        let normals = cofactors * if determinant < 0.0 { -1.0 } else { 1.0 };
+        Self { body_from_mesh, normals, determinant }
+    }
+
+    /// A point of the mesh in the body frame.
+    pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
+        let [x, y, z] = p.map(f64::from);
+        let p = self.body_from_mesh * nalgebra::Vector4::new(x, y, z, 1.0);
+        [p.x as f32, p.y as f32, p.z as f32]
+    }
+
+    /// A normal of the mesh in the body frame, a unit vector; zero if it has no direction.
+    pub fn normal(&self, n: [f32; 3]) -> [f32; 3] {
+        let n = self.normals * Vector3::from(n.map(f64::from));
+        n.try_normalize(0.0).unwrap_or_default().map(|x| x as f32).into()
+    }
+
+    /// Positive unless faces change their winding.
+    pub fn determinant(&self) -> f64 {
+        self.determinant
+    }
+}
 
 /// A mesh placed by a node.
 pub struct Instance {
@@ -13,63 +61,55 @@ pub struct Instance {
     pub mesh: Index<Mesh>,
     /// Number of the node.
     pub node: usize,
-    /// From the mesh's frame to the body's: meters, z up.
-    body_from_mesh: Matrix4<f64>,
-    /// Transforms normals: the cofactors of the linear part, with its sign.
-    normals: Matrix3<f64>,
-    determinant: f64,
+    /// Weights of the morph targets.
+    weights: Rc<[f32]>,
+    /// Where it is without a skin.
+    placement: Placement,
+    /// From the mesh's frame to the body's by joint, if a skin poses it.
+    skin: Option<Rc<[Matrix4<f64>]>>,
 }
 
 impl Instance {
-    fn new(mesh: Index<Mesh>, node: usize, body_from_mesh: Matrix4<f64>) -> Self {
-        let linear = body_from_mesh.fixed_view::<3, 3>(0, 0).into_owned();
-        let [x, y, z] = [0, 1, 2].map(|i| Vector3::from(linear.column(i)));
-        let determinant = linear.determinant();
-        let cofactors = Matrix3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)]);
-        let normals = cofactors * if determinant < 0.0 { -1.0 } else { 1.0 };
-        Self { mesh, node, body_from_mesh, normals, determinant }
+    /// How the mesh is shaped.
+    pub fn shape(&self) -> Shape<'_> {
+        Shape { weights: &self.weights, skinned: self.skin.is_some() }
     }
 
-    /// A point of the mesh in the body frame.
-    pub fn transform_point(&self, p: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = p.map(f64::from);
-        let p = self.body_from_mesh * nalgebra::Vector4::new(x, y, z, 1.0);
-        [p.x as f32, p.y as f32, p.z as f32]
-    }
-
-    /// A normal of the mesh in the body frame, a unit vector; zero if it has no direction.
-    pub fn transform_normal(&self, n: [f32; 3]) -> [f32; 3] {
-        let n = self.normals * Vector3::from(n.map(f64::from));
-        n.try_normalize(0.0).unwrap_or_default().map(|x| x as f32).into()
-    }
-
-    /// Whether faces change their winding.
-    pub fn mirrors(&self) -> bool {
-        self.determinant < 0.0
+    /// The placement of a vertex: of the whole mesh, or the mean of those of its joints by their weights.
+    pub fn placement(&self, primitive: &Primitive, vertex: usize) -> Result<Placement> {
+        let Some(joints) = &self.skin else { return Ok(self.placement) };
+        let (mut sum, mut total) = (Matrix4::zeros(), 0.0);
+        for set in &primitive.influences {
+            let Some((indices, weights)) = set.get(vertex) else { continue };
+            for (&index, &weight) in indices.iter().zip(weights) {
+                if weight > 0.0 {
+                    let joint = joints.get(index as usize).ok_or_else(|| {
+                        Error::new(format!("vertex {vertex} follows joint {index}, but the skin has {}", joints.len()))
+                    })?;
+                    sum += joint * f64::from(weight);
+                    total += f64::from(weight);
+                }
+            }
+        }
+        // Weights that were rounded add up to nearly one.
+        Ok(if total > 0.0 { Placement::new(sum / total) } else { self.placement })
     }
 }
 
 /// All meshes of the first scene: the one that the file names, or else its first, or else all nodes.
-pub fn instances(document: &Root) -> Result<Vec<Instance>> {
+pub fn instances(document: &Root, buffers: &mut Buffers<'_>) -> Result<Vec<Instance>> {
+    let parents = parents(document);
     let roots: Vec<Index<Node>> = match (document.scene, document.scenes.first()) {
         (Some(scene), _) => get(&document.scenes, scene, "scene")?.nodes.clone(),
         (None, Some(scene)) => scene.nodes.clone(),
         (None, None) => {
-            let mut child = vec![false; document.nodes.len()];
-            for index in document.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
-                if let Some(child) = child.get_mut(index.value()) {
-                    *child = true;
-                }
-            }
-            (0..document.nodes.len()).filter(|&i| !child[i]).map(|i| Index::new(i as u32)).collect()
+            (0..document.nodes.len()).filter(|&i| parents[i].is_none()).map(|i| Index::new(i as u32)).collect()
         }
     };
-    // glTF is y up: (x, y, z) becomes (x, -z, y).
-    let z_up = Matrix4::new(1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 0., 0., 0., 0., 1.);
     let mut seen = vec![false; document.nodes.len()];
     let mut instances = Vec::new();
     // An explicit stack, so that a deep tree cannot overflow the call stack; reversed to keep the order of the file.
-    let mut stack: Vec<(Index<Node>, Matrix4<f64>)> = roots.into_iter().rev().map(|node| (node, z_up)).collect();
+    let mut stack: Vec<(Index<Node>, Matrix4<f64>)> = roots.into_iter().rev().map(|node| (node, z_up())).collect();
     while let Some((index, parent)) = stack.pop() {
         let node = get(&document.nodes, index, "node")?;
         if std::mem::replace(&mut seen[index.value()], true) {
@@ -80,11 +120,40 @@ pub fn instances(document: &Root) -> Result<Vec<Instance>> {
         }
         let body_from_node = parent * local(node);
         if let Some(mesh) = node.mesh {
-            instances.push(Instance::new(mesh, index.value(), body_from_node));
+            let weights = node.weights.as_ref().or(get(&document.meshes, mesh, "mesh")?.weights.as_ref());
+            let weights: Rc<[f32]> = weights.map_or(&[][..], Vec::as_slice).into();
+            let skin = match node.skin {
+                Some(skin) => Some(pose(document, buffers, skin, &parents)?),
+                None => None,
+            };
+            let within_node = |error| within(error, format!("node {}", index.value()));
+            for copy in copies(document, buffers, node).map_err(within_node)? {
+                let placement = Placement::new(body_from_node * copy);
+                let (weights, skin) = (weights.clone(), skin.clone());
+                instances.push(Instance { mesh, node: index.value(), weights, placement, skin });
+            }
         }
         stack.extend(node.children.iter().flatten().rev().map(|&child| (child, body_from_node)));
     }
     Ok(instances)
+}
+
+/// glTF is y up: (x, y, z) becomes (x, -z, y).
+fn z_up() -> Matrix4<f64> {
+    Matrix4::new(1., 0., 0., 0., 0., 0., -1., 0., 0., 1., 0., 0., 0., 0., 0., 1.)
+}
+
+/// The parent of every node.
+fn parents(document: &Root) -> Vec<Option<usize>> {
+    let mut parents = vec![None; document.nodes.len()];
+    for (i, node) in document.nodes.iter().enumerate() {
+        for child in node.children.iter().flatten() {
+            if let Some(parent) = parents.get_mut(child.value()) {
+                *parent = Some(i);
+            }
+        }
+    }
+    parents
 }
 
 /// A node's own transform: a matrix, or scale, then rotation, then translation.
@@ -92,9 +161,101 @@ fn local(node: &Node) -> Matrix4<f64> {
     if let Some(matrix) = node.matrix {
         return Matrix4::from_column_slice(&matrix.map(f64::from));
     }
-    let translation = Translation3::from(node.translation.unwrap_or_default().map(f64::from));
-    let [x, y, z, w] = node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0).map(f64::from);
+    transform(
+        node.translation.unwrap_or_default(),
+        node.rotation.map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0),
+        node.scale.unwrap_or([1.0; 3]),
+    )
+}
+
+/// Scale, then rotation (x, y, z, w), then translation.
+fn transform(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Matrix4<f64> {
+    let translation = Translation3::from(translation.map(f64::from));
+    let [x, y, z, w] = rotation.map(f64::from);
     let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.0).unwrap_or_default();
-    let scale = Vector3::from(node.scale.unwrap_or([1.0; 3]).map(f64::from));
+    let scale = Vector3::from(scale.map(f64::from));
     translation.to_homogeneous() * rotation.to_homogeneous() * Matrix4::new_nonuniform_scaling(&scale)
+}
+
+/// Transforms of the copies that a node places: one, unless the node has instances.
+fn copies(document: &Root, buffers: &mut Buffers<'_>, node: &Node) -> Result<Vec<Matrix4<f64>>> {
+    #[derive(Deserialize)]
+    struct Instancing {
+        attributes: Attributes,
+    }
+    #[derive(Deserialize)]
+    #[serde(rename_all = "UPPERCASE")]
+    struct Attributes {
+        translation: Option<u32>,
+        rotation: Option<u32>,
+        scale: Option<u32>,
+    }
+    let Some(json) = node.extensions.as_ref().and_then(|extensions| extensions.others.get(INSTANCING)) else {
+        return Ok(vec![Matrix4::identity()]);
+    };
+    let Instancing { attributes: Attributes { translation, rotation, scale } } =
+        Instancing::deserialize(json).map_err(|error| within(Error::new(error.to_string()), INSTANCING))?;
+    let mut total = None;
+    for (accessor, components) in [(translation, 3), (rotation, 4), (scale, 3)] {
+        let Some(accessor) = accessor else { continue };
+        let found = count(document, buffers, Index::new(accessor), components)?;
+        let first = *total.get_or_insert(found);
+        if found != first {
+            return Err(Error::new(format!("{INSTANCING} has {first} and {found} instances")));
+        }
+    }
+    let Some(total) = total else { return Ok(vec![Matrix4::identity()]) };
+    buffers.budget().bytes(total.saturating_mul(size_of::<Instance>() as u64))?;
+    fn rows<const N: usize>(
+        document: &Root,
+        buffers: &mut Buffers<'_>,
+        accessor: Option<u32>,
+    ) -> Result<Vec<[f32; N]>> {
+        accessor.map_or(Ok(Vec::new()), |index| vectors(document, buffers, Index::new(index), None, INSTANCING))
+    }
+    let translations = rows::<3>(document, buffers, translation)?;
+    let rotations = rows::<4>(document, buffers, rotation)?;
+    let scales = rows::<3>(document, buffers, scale)?;
+    let copy = |i: usize| {
+        transform(
+            translations.get(i).copied().unwrap_or_default(),
+            rotations.get(i).copied().unwrap_or([0.0, 0.0, 0.0, 1.0]),
+            scales.get(i).copied().unwrap_or([1.0; 3]),
+        )
+    };
+    Ok((0..total as usize).map(copy).collect())
+}
+
+/// The transforms from a skinned mesh to the body by joint. The node that places the mesh has no part in it.
+fn pose(
+    document: &Root,
+    buffers: &mut Buffers<'_>,
+    skin: Index<Skin>,
+    parents: &[Option<usize>],
+) -> Result<Rc<[Matrix4<f64>]>> {
+    let within_skin = |error| within(error, format!("skin {}", skin.value()));
+    let skin = get(&document.skins, skin, "skin")?;
+    let inverse = match skin.inverse_bind_matrices {
+        Some(accessor) => {
+            vectors::<16>(document, buffers, accessor, None, "inverse bind matrices").map_err(within_skin)?
+        }
+        None => Vec::new(),
+    };
+    let joint = |(i, &joint): (usize, &Index<Node>)| {
+        get(&document.nodes, joint, "node").map_err(within_skin)?;
+        let mut world = Matrix4::identity();
+        let mut node = Some(joint.value());
+        // A cycle of parents is no longer than all nodes.
+        for _ in 0..=document.nodes.len() {
+            let Some(at) = node else { break };
+            world = local(&document.nodes[at]) * world;
+            node = parents[at];
+        }
+        let bind = match inverse.get(i) {
+            Some(matrix) => Matrix4::from_column_slice(&matrix.map(f64::from)),
+            None => Matrix4::identity(),
+        };
+        Ok(z_up() * world * bind)
+    };
+    skin.joints.iter().enumerate().map(joint).collect()
 }

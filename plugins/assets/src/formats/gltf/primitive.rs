@@ -1,12 +1,13 @@
 //! Primitives: the arrays of one mesh part.
 
-use super::accessor::{indices, vectors, width};
+use super::accessor::{self, indices, vectors, width};
 use super::buffers::Buffers;
+use super::get;
 use super::materials::Materials;
-use gltf::json::Root;
+use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;
-use syntable_mesh::limits::check_triangles;
+use gltf::json::{Index, Root};
 use syntable_model::error::{Error, Result};
 
 /// Arrays in the mesh's own frame. Empty ones are absent.
@@ -19,19 +20,32 @@ pub struct Primitive {
     pub uvs: Vec<[f32; 2]>,
     /// Linear colors `[V]`.
     pub colors: Vec<[f32; 3]>,
+    /// Joints of a skin and their weights `[V]`, several sets; empty without a skin.
+    pub influences: Vec<Vec<([f32; 4], [f32; 4])>>,
     /// Triangles `[T]`.
     pub triangles: Vec<[u32; 3]>,
     /// Material slot.
     pub slot: u16,
 }
 
+/// How a node shapes the mesh that it places.
+#[derive(Clone, Copy)]
+pub struct Shape<'a> {
+    /// Weights of the morph targets; missing ones are zero.
+    pub weights: &'a [f32],
+    /// Whether a skin poses it.
+    pub skinned: bool,
+}
+
 impl Primitive {
-    /// Reads a primitive; none if it has points or lines.
+    /// Reads a primitive; none if it has points or lines. `placed` is the number of triangles that the model has already.
     pub fn read(
         document: &Root,
         buffers: &mut Buffers<'_>,
         primitive: &JsonPrimitive,
         materials: &mut Materials<'_>,
+        shape: Shape<'_>,
+        placed: usize,
     ) -> Result<Option<Self>> {
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
@@ -42,54 +56,112 @@ impl Primitive {
         let Some(position) = attribute(Semantic::Positions) else {
             return Err(Error::new("no vertex positions"));
         };
-        let positions = vectors::<3>(document, buffers, position, "positions")?;
+        let count = accessor::count(document, buffers, position, 3)?;
+        let length = match primitive.indices {
+            Some(index) => accessor::count(document, buffers, index, 1)?,
+            None => count,
+        };
+        // Indices are counted before they are read: several primitives may share one long accessor.
+        let triangles = if mode == Mode::Triangles { length / 3 } else { length.saturating_sub(2) };
+        buffers.budget().triangles(placed.saturating_add(usize::try_from(triangles).unwrap_or(usize::MAX)))?;
+        let corners = match primitive.indices {
+            Some(index) => indices(document, buffers, index)?,
+            None => {
+                (0..u32::try_from(count).map_err(|_| Error::new(format!("{count} vertices are too many")))?).collect()
+            }
+        };
+        if let Some(index) = corners.iter().find(|&&index| u64::from(index) >= count) {
+            return Err(Error::new(format!("index {index}, but there are {count} vertices")));
+        }
+        // Of arrays that many primitives share, each takes the vertices that it uses.
+        let (corners, used) = if (corners.len() as u64) < count { compact(corners) } else { (corners, None) };
+        let select = used.as_deref();
+        let mut positions = vectors::<3>(document, buffers, position, select, "positions")?;
         if let Some((i, p)) = positions.iter().enumerate().find(|(_, p)| !p.iter().all(|x| x.is_finite())) {
+            let i = select.and_then(|select| select.get(i)).map_or(i, |&i| i as usize);
             return Err(Error::new(format!("non-finite vertex {i}: {p:?}")));
         }
-        let count = positions.len();
-        let same = |length: usize, what: &str| match length == count {
-            true => Ok(()),
-            false => Err(Error::new(format!("{length} {what} for {count} vertices"))),
+        let same = |index: Index<Accessor>, what: &str| match get(&document.accessors, index, "accessor")?.count.0 {
+            length if length == count => Ok(()),
+            length => Err(Error::new(format!("{length} {what} for {count} vertices"))),
         };
-        let normals = match attribute(Semantic::Normals) {
-            Some(index) => vectors::<3>(document, buffers, index, "normals")?,
+        let mut normals = match attribute(Semantic::Normals) {
+            Some(index) => {
+                same(index, "normals")?;
+                vectors::<3>(document, buffers, index, select, "normals")?
+            }
             None => Vec::new(),
         };
         let set = materials.uv_set(primitive.material)?;
         let mut uvs = match set.and_then(|set| attribute(Semantic::TexCoords(set))) {
-            Some(index) => vectors::<2>(document, buffers, index, "texture coordinates")?,
+            Some(index) => {
+                same(index, "texture coordinates")?;
+                vectors::<2>(document, buffers, index, select, "texture coordinates")?
+            }
             None => Vec::new(),
         };
         // glTF counts v downwards from the top of the image.
         uvs.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
         let colors: Vec<[f32; 3]> = match attribute(Semantic::Colors(0)) {
-            Some(index) if width(document, index)? == 4 => {
-                vectors::<4>(document, buffers, index, "colors")?.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+            Some(index) => {
+                same(index, "colors")?;
+                if width(document, index)? == 4 {
+                    let colors = vectors::<4>(document, buffers, index, select, "colors")?;
+                    colors.into_iter().map(|[r, g, b, _]| [r, g, b]).collect()
+                } else {
+                    vectors::<3>(document, buffers, index, select, "colors")?
+                }
             }
-            Some(index) => vectors::<3>(document, buffers, index, "colors")?,
             None => Vec::new(),
         };
         let colors = colors.into_iter().map(|c| c.map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 })).collect::<Vec<_>>();
-        for (length, what) in [(normals.len(), "normals"), (uvs.len(), "texture coordinates"), (colors.len(), "colors")]
-        {
-            if length != 0 {
-                same(length, what)?;
+        for (target, &weight) in primitive.targets.iter().flatten().zip(shape.weights) {
+            if weight == 0.0 {
+                continue;
+            }
+            for (array, accessor, what) in [
+                (&mut positions, target.positions, "displacements"),
+                (&mut normals, target.normals, "displacements of normals"),
+            ] {
+                let Some(accessor) = accessor.filter(|_| !array.is_empty()) else { continue };
+                same(accessor, what)?;
+                let moved = vectors::<3>(document, buffers, accessor, select, what)?;
+                for (value, by) in array.iter_mut().zip(moved) {
+                    *value = std::array::from_fn(|axis| value[axis] + weight * by[axis]);
+                }
             }
         }
-        let corners = match primitive.indices {
-            Some(index) => indices(document, buffers, index)?,
-            None => (0..count as u32).collect(),
-        };
-        if let Some(index) = corners.iter().find(|&&index| index as usize >= count) {
-            return Err(Error::new(format!("index {index}, but there are {count} vertices")));
+        let mut influences = Vec::new();
+        if shape.skinned {
+            for set in 0.. {
+                let (Some(joints), Some(weights)) =
+                    (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set)))
+                else {
+                    break;
+                };
+                same(joints, "joints")?;
+                same(weights, "weights")?;
+                let joints = vectors::<4>(document, buffers, joints, select, "joints")?;
+                let weights = vectors::<4>(document, buffers, weights, select, "weights")?;
+                influences.push(joints.into_iter().zip(weights).collect());
+            }
+            if influences.is_empty() {
+                return Err(Error::new("a skinned mesh without joints and weights"));
+            }
         }
         let triangles = assemble(mode, &corners)?;
-        if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
-            materials.warn("morph targets are not read; the mesh stays in its rest pose");
-        }
         let slot = materials.slot(primitive.material, !uvs.is_empty(), triangles.len())?;
-        Ok(Some(Self { positions, normals, uvs, colors, triangles, slot }))
+        Ok(Some(Self { positions, normals, uvs, colors, influences, triangles, slot }))
     }
+}
+
+/// Corners by the numbers of the used vertices, and those vertices in order.
+fn compact(corners: Vec<u32>) -> (Vec<u32>, Option<Vec<u32>>) {
+    let mut used = corners.clone();
+    used.sort_unstable();
+    used.dedup();
+    let number = |corner: u32| used.binary_search(&corner).unwrap_or(0) as u32;
+    (corners.into_iter().map(number).collect(), Some(used))
 }
 
 fn assemble(mode: Mode, corners: &[u32]) -> Result<Vec<[u32; 3]>> {
@@ -105,6 +177,5 @@ fn assemble(mode: Mode, corners: &[u32]) -> Result<Vec<[u32; 3]>> {
         Mode::TriangleFan => corners.windows(2).skip(1).map(|c| [corners[0], c[0], c[1]]).collect(),
         _ => corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect(),
     };
-    check_triangles(triangles.len())?;
     Ok(triangles)
 }

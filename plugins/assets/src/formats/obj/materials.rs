@@ -2,13 +2,14 @@
 
 use super::{MaterialUse, ParsedObj};
 use crate::formats::mtl::{self, MtlMap, MtlMaterial};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use syntable_mesh::Model;
 use syntable_mesh::image::Image;
-use syntable_mesh::material::{default_material, mean, untextured};
-use syntable_mesh::root::{AssetRoot, read_file};
+use syntable_mesh::material::{blend, default_material, mean, untextured};
+use syntable_mesh::root::{AssetRoot, Found};
+use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{
@@ -17,37 +18,52 @@ use syntable_model::scene::{
 
 /// Folder of the textures of Google Scanned Objects, relative to the OBJ.
 const GSO_TEXTURES: &str = "../materials/textures";
+/// Images of a scanned object without a material library, relative to the OBJ: in a repackaged scan, and as downloaded.
+const SCAN_TEXTURES: [&str; 4] =
+    ["texture.png", "texture.jpg", "../materials/textures/texture.png", "materials/textures/texture.png"];
 /// Roughness of a material that states none.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
 
 /// Finds the libraries and images of a parsed file and builds its materials.
 pub(super) fn attach(parsed: ParsedObj, root: &AssetRoot, folder: &Path, file: &Path, log: &dyn Log) -> Result<Model> {
     let ParsedObj { mesh, libraries, uses, .. } = parsed;
-    let mut loader = Loader { root, folder: folder.to_owned(), file, log, textures: BTreeMap::new() };
+    let (images, textures) = Default::default();
+    let mut loader = Loader { root, folder: folder.to_owned(), file, log, images, textures };
     let colored = !mesh.colors.is_empty();
     let known = loader.libraries(&libraries, colored)?;
     let missing = known.is_none();
     let known = known.unwrap_or_default();
+    // The materials that the library lacks, by the line of their first use, and how many.
+    let mut unknown: Option<(&MaterialUse, usize)> = None;
     let mut materials = Vec::with_capacity(uses.len());
+    let mut scanned = None;
     for used in &uses {
         let material = match known.get(&used.name) {
             Some((library, material)) => loader.material(material, library)?,
             None => {
-                let fallback = if missing && used.textured && !colored { loader.gso_material()? } else { None };
                 if !missing && !used.name.is_empty() {
-                    log.warn(
-                        &Error::new(format!(
-                            "no material `{}` in the library; the default material is used",
-                            used.name
-                        ))
-                        .in_file(file)
-                        .at_line(used.line),
-                    );
+                    unknown.get_or_insert((used, 0)).1 += 1;
                 }
-                fallback.unwrap_or_else(|| default_material(colored))
+                // A mesh that names no library, or one that is not there, may be a scan with an image beside it.
+                if (missing || libraries.is_empty()) && used.textured && !colored {
+                    if scanned.is_none() {
+                        scanned = Some(loader.scanned_material()?);
+                    }
+                    scanned.clone().flatten().unwrap_or_else(|| default_material(false))
+                } else {
+                    default_material(colored)
+                }
             }
         };
         materials.push(if used.textured { material } else { loader.without_textures(material, used) });
+    }
+    // Without any library, a scan's own image was taken for its material.
+    let explained = libraries.is_empty() && scanned.flatten().is_some();
+    if let Some((first, count)) = unknown.filter(|_| !explained) {
+        let others = if count > 1 { format!(" and {} others", count - 1) } else { String::new() };
+        let message =
+            format!("no material `{}`{others} in the library; the default material is used", shorten(&first.name));
+        log.warn(&Error::new(message).in_file(file).at_line(first.line));
     }
     Ok(Model { mesh, materials })
 }
@@ -57,6 +73,8 @@ struct Loader<'a> {
     folder: PathBuf,
     file: &'a Path,
     log: &'a dyn Log,
+    /// Files by name as written, once looked up.
+    images: BTreeMap<String, Option<PathBuf>>,
     textures: BTreeMap<(PathBuf, bool, bool), Arc<Texture>>,
 }
 
@@ -72,21 +90,24 @@ impl Loader<'_> {
         colored: bool,
     ) -> Result<Option<BTreeMap<String, (PathBuf, MtlMaterial)>>> {
         let mut known = BTreeMap::new();
+        let mut read = BTreeSet::new();
         let mut missing = false;
         for (name, line) in names {
             let at = |error: Error| error.in_file(self.file).at_line(*line);
+            let noted = |found: Found| found.noted(|note| self.log.warn(&at(note)));
             // The statement may hold one name with blanks or several names.
             let mut paths = Vec::new();
             match self.root.find(&self.folder, name).map_err(at)? {
-                Some(path) => paths.push(path),
+                Some(found) => paths.push(noted(found)),
                 None => {
                     for name in name.split_whitespace() {
                         match self.root.find(&self.folder, name).map_err(at)? {
-                            Some(path) => paths.push(path),
+                            Some(found) => paths.push(noted(found)),
                             None => {
                                 missing = true;
                                 // With vertex colors the library is not needed.
                                 if !colored {
+                                    let name = shorten(name);
                                     self.warn(
                                         format!("no material library `{name}`; default materials are used"),
                                         self.file,
@@ -99,7 +120,10 @@ impl Loader<'_> {
                 }
             }
             for path in paths {
-                let materials = mtl::parse(&read_file(&path)?).map_err(|error| error.in_file(&path))?;
+                if !read.insert(path.clone()) {
+                    continue;
+                }
+                let materials = mtl::parse(&self.root.read(&path)?).map_err(|error| error.in_file(&path))?;
                 for material in materials {
                     known.entry(material.name.clone()).or_insert((path.clone(), material));
                 }
@@ -108,19 +132,21 @@ impl Loader<'_> {
         Ok(if missing && known.is_empty() { None } else { Some(known) })
     }
 
-    /// The material of a scanned object whose library is missing: its one texture.
-    fn gso_material(&mut self) -> Result<Option<Material>> {
-        let name = format!("{GSO_TEXTURES}/texture.png");
-        if self.folder == Path::new("") {
-            return Ok(None);
+    /// The material of a scanned object without a library: its one image.
+    fn scanned_material(&mut self) -> Result<Option<Material>> {
+        for name in SCAN_TEXTURES {
+            // The folder of textures of a scan is beside that of its mesh, and not outside of the root.
+            if self.folder == Path::new("") && name.starts_with("..") {
+                continue;
+            }
+            if let Some(Found { path, note: None }) = self.root.find(&self.folder, name)? {
+                let texture = self.texture(&path, Encoding::Srgb, false)?;
+                let mut material = default_material(false);
+                material.base_color = Color::texture(texture);
+                return Ok(Some(material.with_digest()));
+            }
         }
-        let Some(path) = self.root.find(&self.folder, &name)? else {
-            return Ok(None);
-        };
-        let texture = self.texture(&path, Encoding::Srgb, false)?;
-        let mut material = default_material(false);
-        material.base_color = Color::texture(texture);
-        Ok(Some(material.with_digest()))
+        Ok(None)
     }
 
     fn material(&mut self, from: &MtlMaterial, library: &Path) -> Result<Material> {
@@ -141,7 +167,7 @@ impl Loader<'_> {
                 if opacity.name == map.name && material.base_color.texture.is_some() {
                     material.alpha = Alpha::Mask { cutoff: 0.5 };
                 } else {
-                    let what = format!("opacity map `{}` is not read; alpha of `map_Kd` is", opacity.name);
+                    let what = format!("opacity map `{}` is not read; alpha of `map_Kd` is", shorten(&opacity.name));
                     self.warn(what, library, opacity.line);
                 }
             }
@@ -174,7 +200,7 @@ impl Loader<'_> {
                 if surely || looks_like_normals(&texture.texture) {
                     material.normal = Some(NormalMap { map: texture, strength: map.strength });
                 } else {
-                    let what = format!("`{}` is a height map, which is not read; a normal map is", map.name);
+                    let what = format!("`{}` is a height map, which is not read; a normal map is", shorten(&map.name));
                     self.warn(what, library, map.line);
                 }
             }
@@ -188,27 +214,38 @@ impl Loader<'_> {
         let opacity = from.opacity.or(from.transparency.map(|(tr, line)| (1.0 - tr, line)));
         let Some((opacity, line)) = opacity.filter(|(opacity, _)| *opacity < 1.0) else { return };
         if opacity > 0.0 {
-            material.alpha = Alpha::Blend { factor: opacity };
+            blend(material, opacity);
         } else {
-            let what = format!("material `{}` would be invisible; it is taken as opaque", from.name);
+            let what = format!("material `{}` would be invisible; it is taken as opaque", shorten(&from.name));
             self.warn(what, library, line);
         }
     }
 
     /// Loads a texture. A missing file is a warning and gives none.
     fn map(&mut self, map: &MtlMap, library: &Path, encoding: Encoding) -> Result<Option<TextureRef>> {
-        let at = |error: Error| error.in_file(library).at_line(map.line);
-        let mut path = self.root.find(&self.folder, &map.name).map_err(at)?;
-        if path.is_none() && self.folder != Path::new("") {
-            path = self.root.find(&self.folder, &format!("{GSO_TEXTURES}/{}", map.name)).map_err(at)?;
-        }
-        let Some(path) = path else {
-            self.warn(format!("no texture `{}`; a constant color is used", map.name), library, map.line);
-            return Ok(None);
-        };
+        let Some(path) = self.image(map, library)? else { return Ok(None) };
         let texture = self.texture(&path, encoding, map.clamp)?;
         let transform = UvTransform { scale: map.scale, rotation: 0.0, offset: map.offset };
         Ok(Some(TextureRef { texture, transform }))
+    }
+
+    /// The file of a texture, looked up and warned about once.
+    fn image(&mut self, map: &MtlMap, library: &Path) -> Result<Option<PathBuf>> {
+        if let Some(known) = self.images.get(&map.name) {
+            return Ok(known.clone());
+        }
+        let at = |error: Error| error.in_file(library).at_line(map.line);
+        let mut found = self.root.find(&self.folder, &map.name).map_err(at)?;
+        if found.is_none() && self.folder != Path::new("") {
+            found = self.root.find(&self.folder.join(GSO_TEXTURES), &map.name).map_err(at)?;
+        }
+        let path = found.map(|found| found.noted(|note| self.log.warn(&at(note))));
+        if path.is_none() {
+            let name = shorten(&map.name);
+            self.warn(format!("no texture `{name}`; a constant color is used"), library, map.line);
+        }
+        self.images.insert(map.name.clone(), path.clone());
+        Ok(path)
     }
 
     fn texture(&mut self, path: &Path, encoding: Encoding, clamp: bool) -> Result<Arc<Texture>> {
@@ -217,7 +254,7 @@ impl Loader<'_> {
             return Ok(texture.clone());
         }
         let wrap = if clamp { Wrap::Clamp } else { Wrap::Repeat };
-        let texture = Arc::new(Image::read(path)?.into_texture(encoding, [wrap; 2]));
+        let texture = Arc::new(Image::read(self.root, path)?.into_texture(encoding, [wrap; 2]));
         self.textures.insert(key, texture.clone());
         Ok(texture)
     }

@@ -13,12 +13,14 @@ pub struct Rows<'a> {
     /// In text: the number of the next line, and the rest of the current one.
     line: usize,
     rest: &'a [u8],
+    /// The first line with more numbers than the header names, and how many there are.
+    longer: Option<(usize, usize)>,
 }
 
 impl<'a> Rows<'a> {
     /// The start of the body.
     pub fn new(header: &Header, bytes: &'a [u8]) -> Self {
-        Self { encoding: header.encoding, bytes, at: header.body, line: header.body_line, rest: &[] }
+        Self { encoding: header.encoding, bytes, at: header.body, line: header.body_line, rest: &[], longer: None }
     }
 
     /// Refuses an element whose rows exceed the rest of the file, before anything is allocated for them.
@@ -45,7 +47,8 @@ impl<'a> Rows<'a> {
         if need > (left + slack) as u128 || (row == 0 && element.count > left) {
             return Err(Error::new(format!(
                 "{} rows of element `{}` need at least {need} bytes, but {left} are left",
-                element.count, element.name
+                element.count,
+                shorten(&element.name)
             ))
             .at_byte(self.at as u64)
             .help("the file is cut short, or its header is wrong"));
@@ -68,8 +71,11 @@ impl<'a> Rows<'a> {
         }
         loop {
             if self.at >= self.bytes.len() {
-                let message =
-                    format!("the file ends before row {row} of {} of element `{}`", element.count, element.name);
+                let message = format!(
+                    "the file ends before row {row} of {} of element `{}`",
+                    element.count,
+                    shorten(&element.name)
+                );
                 return Err(self.place(Error::new(message)));
             }
             let rest = &self.bytes[self.at..];
@@ -85,13 +91,24 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Ends a row.
+    /// Ends a row. Numbers that the header does not name are counted and ignored; anything else is refused.
     pub fn end(&mut self) -> Result<()> {
         if self.rest.is_empty() {
             return Ok(());
         }
-        let rest = String::from_utf8_lossy(self.rest);
-        Err(self.place(Error::new(format!("`{}` is left over at the end of the row", shorten(&rest)))))
+        let mut words = self.rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let number = |word: &[u8]| std::str::from_utf8(word).is_ok_and(|word| word.parse::<f64>().is_ok());
+        if let Some(word) = words.find(|word| !number(word)) {
+            let word = String::from_utf8_lossy(word);
+            return Err(self.place(Error::new(format!("`{}` is left over at the end of the row", shorten(&word)))));
+        }
+        self.longer.get_or_insert((self.line.saturating_sub(1), 0)).1 += 1;
+        Ok(())
+    }
+
+    /// The first line with more numbers than the header names, and how many such lines there are.
+    pub fn longer(&self) -> Option<(usize, usize)> {
+        self.longer
     }
 
     /// Reads a number.
@@ -128,8 +145,9 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// Reads a list into a buffer. Its length is checked against the bytes left before the buffer grows.
-    pub fn list(&mut self, length: Scalar, scalar: Scalar, into: &mut Vec<f64>) -> Result<()> {
+    /// Reads a list of at most `most` items into a buffer. Its length is checked before the buffer grows, against the bytes
+    /// left, too.
+    pub fn list(&mut self, length: Scalar, scalar: Scalar, into: &mut Vec<f64>, most: usize) -> Result<()> {
         into.clear();
         let count = self.number(length)?;
         let (left, size) = match self.encoding {
@@ -142,6 +160,12 @@ impl<'a> Rows<'a> {
                     .help("the file is cut short or damaged"),
             ));
         }
+        if count > most as f64 {
+            return Err(self.place(
+                Error::new(format!("a list of {count} items is longer than the limit of {most}"))
+                    .help("triangulate the mesh; for faces, the pool's `limits.triangles` raises the limit"),
+            ));
+        }
         for _ in 0..count as usize {
             into.push(self.number(scalar)?);
         }
@@ -150,6 +174,10 @@ impl<'a> Rows<'a> {
 
     /// Skips an element.
     pub fn skip(&mut self, element: &Element) -> Result<()> {
+        // Rows without numbers take no bytes.
+        if self.encoding != Encoding::Ascii && element.properties.is_empty() {
+            return Ok(());
+        }
         let mut items = Vec::new();
         for row in 0..element.count {
             self.begin(element, row)?;
@@ -158,7 +186,7 @@ impl<'a> Rows<'a> {
                     None => {
                         self.number(property.scalar)?;
                     }
-                    Some(length) => self.list(length, property.scalar, &mut items)?,
+                    Some(length) => self.list(length, property.scalar, &mut items, super::LIST_LIMIT)?,
                 }
             }
             self.end()?;

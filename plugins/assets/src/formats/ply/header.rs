@@ -164,14 +164,14 @@ impl Header {
             }
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| {
-                    Error::new(format!("`{}` is not a number of rows of element `{name}`", shorten(count)))
+                    Error::new(format!("`{}` is not a number of rows of element `{}`", shorten(count), shorten(name)))
                 })?;
                 self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
             }
             ["property", "list", length, scalar, name] => {
                 let length = Scalar::parse(length)?;
                 if matches!(length, Scalar::F32 | Scalar::F64) {
-                    return Err(Error::new(format!("the length of list `{name}` is no whole number")));
+                    return Err(Error::new(format!("the length of list `{}` is no whole number", shorten(name))));
                 }
                 self.property(Property { name: name.to_owned(), scalar: Scalar::parse(scalar)?, list: Some(length) })?;
             }
@@ -188,7 +188,7 @@ impl Header {
 
     fn property(&mut self, property: Property) -> Result<()> {
         let Some(element) = self.elements.last_mut() else {
-            return Err(Error::new(format!("property `{}` comes before any element", property.name)));
+            return Err(Error::new(format!("property `{}` comes before any element", shorten(&property.name))));
         };
         element.properties.push(property);
         Ok(())
