@@ -2,13 +2,14 @@
 
 use crate::mass::estimate_kg;
 use crate::repair::repair;
+use crate::text::shorten;
 use crate::{Model, mesh_digest};
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
-use syntable_model::scene::{Material, Object, Topology};
+use syntable_model::scene::{Alpha, Material, Object, Topology};
 
 /// Coulomb friction coefficient between dry household materials.
 pub const FRICTION: f64 = 0.5;
@@ -35,6 +36,17 @@ impl Model {
         }
         if let Some(slot) = mesh.slots.iter().find(|&&slot| usize::from(slot) >= materials.len()) {
             return Err(Error::new(format!("material slot {slot} of {}", materials.len())).in_file(file));
+        }
+        for material in &materials {
+            if let Alpha::Blend { factor } = material.alpha
+                && factor < 0.5
+            {
+                let (name, percent) = (shorten(&material.name), (factor * 100.0).round());
+                let message = format!("`{name}` covers {percent} % of what is behind it; for labels it is a body");
+                log.warn(
+                    &Error::new(message).help("the renderer's `blended_labels = \"coverage\"` leaves it out of labels"),
+                );
+            }
         }
         let (mesh, topology) = repair(mesh, &log).map_err(|error| error.in_file(file))?;
         let mass_kg = estimate_kg(topology.solid_volume());

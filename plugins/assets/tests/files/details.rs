@@ -338,8 +338,8 @@ fn blended_alpha() {
         }
         layered(&json!({}), json!({ "alphaMode": "BLEND", "pbrMetallicRoughness": base })).materials[0].alpha
     };
-    assert_eq!(alpha(0.25, false), Alpha::Blend { factor: 0.25 });
-    assert_eq!(alpha(0.25, true), Alpha::Blend { factor: 0.25 });
+    assert_eq!(alpha(0.75, false), Alpha::Blend { factor: 0.75 });
+    assert_eq!(alpha(0.75, true), Alpha::Blend { factor: 0.75 });
     // The image has no alpha: nothing is to be seen through.
     assert_eq!([alpha(1.0, false), alpha(1.0, true)], [Alpha::Opaque; 2]);
 }
@@ -373,8 +373,9 @@ fn obj_transparency() {
     };
     for (statements, alpha, warnings) in [
         ("d 1\nTr 0", Alpha::Opaque, 0),
-        ("d 0.25", Alpha::Blend { factor: 0.25 }, 0),
-        ("Tr 0.75", Alpha::Blend { factor: 0.25 }, 0),
+        ("d 0.25", Alpha::Blend { factor: 0.25 }, 1),
+        ("Tr 0.75", Alpha::Blend { factor: 0.25 }, 1),
+        ("d 0.5", Alpha::Blend { factor: 0.5 }, 0),
         // Programs that write the opacity as `Tr`.
         ("d 1\nTr 1", Alpha::Opaque, 0),
         ("Tr 1", Alpha::Opaque, 1),

@@ -286,6 +286,25 @@ fn extensions_of_materials_are_read_as_far_as_they_can_be_shown() {
 }
 
 #[test]
+fn thin_glass_of_old_files_is_told_to_be_a_body() {
+    let glass = |alpha: f32| {
+        let mut builder = Builder::default();
+        let (position, index) = (builder.floats(&POSITIONS), builder.indices(FACES.as_flattened()));
+        let primitive = json!({ "attributes": { "POSITION": position }, "indices": index, "material": 0 });
+        let base = json!({ "baseColorFactor": [1, 1, 1, alpha] });
+        let material = json!({ "name": "pane", "alphaMode": "BLEND", "pbrMetallicRoughness": base });
+        let folder = TempDir::new().expect("temp folder");
+        write(folder.path(), "x.gltf", builder.document(&primitive, json!({ "materials": [material] })));
+        let (object, warnings) = load_with_warnings("mesh_folder", folder.path(), "x");
+        (object.materials[0].alpha, warnings.join("; "))
+    };
+    let (alpha, said) = glass(0.25);
+    assert_eq!(alpha, Alpha::Blend { factor: 0.25 });
+    assert!(said.contains("x.gltf: `pane` covers 25 % of what is behind it; for labels it is a body"), "{said}");
+    assert_eq!(glass(0.5), (Alpha::Blend { factor: 0.5 }, String::new()));
+}
+
+#[test]
 fn encodings_that_are_not_read_name_the_command_that_converts() {
     for (extension, says) in [
         ("KHR_draco_mesh_compression", "gltf-transform copy in.glb out.glb"),

@@ -145,9 +145,6 @@ impl Primitive {
                 let weights = vectors::<4>(document, buffers, weights, select, "weights")?;
                 influences.push(joints.into_iter().zip(weights).collect());
             }
-            if influences.is_empty() {
-                return Err(Error::new("a skinned mesh without joints and weights"));
-            }
         }
         let triangles = assemble(mode, &corners)?;
         let slot = materials.slot(primitive.material, !uvs.is_empty(), triangles.len())?;
