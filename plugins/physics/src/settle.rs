@@ -37,11 +37,16 @@ impl Settler for Settle {
             Remove::OffTabletop => Some(scene.tabletop()?),
             Remove::Keep => scene.tabletop,
         };
-        let bodies: Vec<(BodyHandle, BodyDraft)> =
-            scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
-        for (_, body) in &bodies {
+        for (_, body) in scene.bodies() {
             check(body, self.config.mass).map_err(|error| error.context(body.asset.to_string()))?;
         }
+        if let Mass::Kg(kg) = self.config.mass {
+            let dynamic: Vec<BodyHandle> =
+                scene.bodies().filter(|(_, body)| body.motion == Motion::Dynamic).map(|(handle, _)| handle).collect();
+            dynamic.into_iter().for_each(|handle| scene.assign_mass(handle, kg));
+        }
+        let bodies: Vec<(BodyHandle, BodyDraft)> =
+            scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
         let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
         let objects: Vec<&Object> = shaped.iter().map(|(_, body)| &*body.object).collect();
@@ -87,7 +92,7 @@ impl Settler for Settle {
         let place = Place { tabletop, ceiling_m: scene.ceiling_height() };
         let mut engine = Engine::new(&self.config, static_bodies);
         for (_, body, shape) in &dynamic {
-            engine.add(body, shape.clone(), self.config.mass);
+            engine.add(body, shape.clone());
         }
         let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
             let outcome = Acceptance::new(&self.config, engine, &infos, place).run(&context.stream);
@@ -119,11 +124,10 @@ fn check(body: &BodyDraft, mass: Mass) -> Result<()> {
     if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
         return Err(Error::new("its start pose is not finite"));
     }
-    let kg = body.object.mass_kg;
-    if body.motion == Motion::Dynamic && mass == Mass::Real && !(kg.is_finite() && kg > 0.0) {
-        return Err(
-            Error::new(format!("its mass is {kg} kg")).help("give it a mass or a density, or set `mass` in [settle]")
-        );
+    let kg = body.mass.kg;
+    if body.motion == Motion::Dynamic && mass == Mass::Real && !body.mass.is_sound() {
+        return Err(Error::new(format!("its mass is {kg} kg"))
+            .help("give it a mass with `mass` or `properties` of its pool, or set `mass` in [settle]"));
     }
     Ok(())
 }

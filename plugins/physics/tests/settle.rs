@@ -444,6 +444,24 @@ fn degenerate_meshes_settle_or_give_an_error() {
     let error = settle_with(&*settler(""), &mut scene, &NoCache).expect_err("no mass").to_string();
     assert!(error.starts_with("kit/hollow: its mass is 0 kg"), "{error}");
     settle_with(&*settler("mass = { kg = 1.0 }"), &mut scene, &NoCache).expect("its own mass does not matter");
+    let hollow = objects(&scene).next().expect("it stays");
+    assert_eq!((hollow.mass.kg, hollow.mass.origin), (1.0, MassOrigin::Assigned), "what was simulated is recorded");
+}
+
+#[test]
+fn a_body_tips_over_the_edge_as_its_center_of_mass_says() {
+    // A bar that lies on the table by a third of its length: alone it falls, with a heavy end on the table it stays.
+    for (center_x, stays) in [(0.0, false), (-0.12, true)] {
+        let mut scene = table_scene();
+        let bar = object("bar", cuboid([0.0; 3], [0.3, 0.03, 0.03]), 0.5);
+        let mut body = dynamic(&bar, at(0.65, 0.0, TABLE_HEIGHT + 0.016));
+        body.mass.center.x = center_x;
+        scene.add(body);
+        settle("remove = \"keep\"", &mut scene);
+        let z = heights(&scene)[0];
+        assert_eq!(z > 0.0, stays, "center at {center_x} m: {z} m above the table");
+        assert!(!stays || (z - 0.015).abs() < 0.001, "{z}");
+    }
 }
 
 #[test]

@@ -134,13 +134,14 @@ pub fn shape_kit() -> Vec<(&'static str, MeshData)> {
 /// An object with a friction coefficient of one half.
 pub fn object(name: &str, data: MeshData, mass_kg: f64) -> Arc<Object> {
     let corners: Vec<f32> = data.triangles.iter().flatten().flat_map(|&i| data.positions[i as usize]).collect();
+    let mesh = Mesh::new(data).expect("a sound mesh");
     Arc::new(Object {
         name: name.into(),
         category: name.into(),
-        mesh: Arc::new(Mesh::new(data).expect("a sound mesh")),
+        mass: MassProperties::of_mesh(&mesh, mass_kg, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
-        mass_kg,
         friction: 0.5,
         license: String::new(),
         digest: Hasher::new("test object").floats(corners.into_iter()).finish(),

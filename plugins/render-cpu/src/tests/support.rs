@@ -9,8 +9,8 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, MaterialOverride, Mesh, MeshData, Motion,
-    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, MaterialOverride,
+    Mesh, MeshData, Motion, Object, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 
 use syntable_model::stage::{Bodies, Window};
@@ -91,13 +91,14 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         .floats(data.normals.iter().flatten().copied().collect::<Vec<_>>().into_iter())
         .digest(material.digest)
         .finish();
+    let mesh = Mesh::new(data).expect("sound");
     Arc::new(Object {
         name: name.into(),
         category: "test".into(),
-        mesh: Arc::new(Mesh::new(data).expect("sound")),
+        mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: None,
-        mass_kg: 1.0,
         friction: 0.5,
         license: String::new(),
         digest,
