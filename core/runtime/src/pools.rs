@@ -414,7 +414,7 @@ mod tests {
             assert_eq!(known.mass.origin, MassOrigin::Known);
             // An estimate is made for the size that the object has: 400 kg/m³.
             let guessed = weighed(MassOrigin::Estimated, &options, None);
-            assert!((guessed.mass.kg - 400.0 * 0.001).abs() < 1e-9, "{:?}", guessed.mass);
+            assert!((guessed.mass.kg - 400.0 * 0.001).abs() < 1e-6, "{:?}", guessed.mass);
             assert_eq!(guessed.mass.origin, MassOrigin::Estimated);
         }
     }

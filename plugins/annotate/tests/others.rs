@@ -223,7 +223,7 @@ fn records_keep_their_fields_and_their_order() {
     assert_eq!((&lights[1]["half_angle_deg"], &lights[2]["rotation_deg"]), (&json!(45.0), &json!(180.0)));
     assert_eq!(
         names(&products.value("settle_report").expect("made")),
-        "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m respawned removed \
+        "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m collision_deviation_m respawned removed \
          removed_distractors"
     );
     run(&world, "bodies", "", &mut products);

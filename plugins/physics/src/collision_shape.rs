@@ -1,9 +1,10 @@
 //! The collision shape of one object, in engine units.
 
+use crate::decompose::Parts;
 use crate::units;
 use parry3d::math::Pose;
 use parry3d::shape::{Compound, SharedShape};
-use syntable_convex::ConvexHull;
+use std::sync::atomic::{AtomicBool, Ordering};
 use syntable_model::error::{Error, Result};
 
 /// Convex parts in the body frame.
@@ -12,11 +13,15 @@ pub struct CollisionShape {
     pub parts: Vec<SharedShape>,
     /// All parts as one shape, for measurements.
     pub whole: SharedShape,
+    /// How far the parts may be from the mesh in its hollows, meters.
+    pub deviation_m: f32,
+    /// Whether the log has been told that this is too far.
+    told: AtomicBool,
 }
 
 impl CollisionShape {
     /// Builds the shape from hulls in meters. Fails if there is none.
-    pub fn new(hulls: &[ConvexHull]) -> Result<Self> {
+    pub fn new(Parts { hulls, deviation_m }: &Parts) -> Result<Self> {
         let parts: Vec<SharedShape> =
             hulls.iter().filter_map(|hull| Some(SharedShape::new(hull.polyhedron(units::PER_METER)?))).collect();
         let whole = match &parts[..] {
@@ -28,7 +33,12 @@ impl CollisionShape {
             [one] => one.clone(),
             many => SharedShape::new(Compound::new(many.iter().map(|part| (Pose::IDENTITY, part.clone())).collect())),
         };
-        Ok(Self { parts, whole })
+        Ok(Self { parts, whole, deviation_m: *deviation_m, told: AtomicBool::new(false) })
+    }
+
+    /// Whether this is the first call.
+    pub fn is_first_time(&self) -> bool {
+        !self.told.swap(true, Ordering::Relaxed)
     }
 
     /// Bounding box at a pose.

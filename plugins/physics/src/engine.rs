@@ -159,23 +159,14 @@ impl Engine {
         (0..self.bodies.len()).filter(|&body| self.bodies[body].rigid.is_some())
     }
 
-    /// Simulates until everything sleeps or `duration_s` is over. Returns the simulated time, s. Bodies that `may_fall`
-    /// and are completely below `min_height` are taken out on the way, and their indices are added to `fallen`.
-    pub fn run(
-        &mut self,
-        duration_s: f64,
-        min_height: Option<f64>,
-        may_fall: impl Fn(usize) -> bool,
-        fallen: &mut Vec<usize>,
-    ) -> f64 {
+    /// Simulates until everything sleeps or `duration_s` is over. Returns the simulated time, s. Bodies that
+    /// `has_fallen` says of, by index and bounding box, are taken out on the way, and their indices are added to `fallen`.
+    pub fn run(&mut self, duration_s: f64, has_fallen: impl Fn(usize, &Aabb) -> bool, fallen: &mut Vec<usize>) -> f64 {
         let steps = (duration_s / self.step_s).ceil() as usize;
         for step in 1..=steps {
             self.world.step();
-            if let Some(height) = min_height
-                && step % FALL_CHECK_STEPS == 0
-            {
-                let below: Vec<usize> =
-                    self.present().filter(|&body| may_fall(body) && self.bounds(body).max.z < height).collect();
+            if step % FALL_CHECK_STEPS == 0 {
+                let below: Vec<usize> = self.present().filter(|&body| has_fallen(body, &self.bounds(body))).collect();
                 below.iter().for_each(|&body| self.take(body));
                 fallen.extend(below);
             }
@@ -293,6 +284,10 @@ mod tests {
     use syntable_model::geometry::Translation3;
     use syntable_model::random::Stream;
 
+    fn shape_of(hull: syntable_convex::ConvexHull) -> CollisionShape {
+        CollisionShape::new(&crate::decompose::Parts { hulls: vec![hull], deviation_m: 0.0 }).expect("a shape")
+    }
+
     fn falling(config: &Rapier, count: usize) -> Engine {
         let mut engine = Engine::new(config, vec![static_body::ground(0.0)]);
         let mut stream = Stream::root(3);
@@ -300,7 +295,7 @@ mod tests {
             .into_iter()
             .map(|object| {
                 let hull = units::hull(&object.mesh.data().positions).expect("a hull");
-                (object, Arc::new(CollisionShape::new(&[hull]).expect("a shape")))
+                (object, Arc::new(shape_of(hull)))
             })
             .collect();
         for i in 0..count {
@@ -347,7 +342,7 @@ mod tests {
         // A bar with its mass far off the middle of its collision shape, as a hammer has it.
         let object = kit::object("bar", kit::cuboid([0.0; 3], [0.3, 0.03, 0.03]), 1.0);
         let hull = units::hull(&object.mesh.data().positions).expect("a hull");
-        let shape = Arc::new(CollisionShape::new(&[hull]).expect("a shape"));
+        let shape = Arc::new(shape_of(hull));
         let mut engine = Engine::new(&Rapier { angular_damping_per_s: 0.0, ..Rapier::default() }, Vec::new());
         let mut body = kit::dynamic(&object, kit::at(0.0, 0.0, 1.0));
         body.mass.center.x = 0.12;
@@ -371,7 +366,7 @@ mod tests {
         let mut engine = Engine::new(&config, vec![static_body::ground(0.0)]);
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
         let hull = units::hull(&cube.mesh.data().positions).expect("a hull");
-        let shape = Arc::new(CollisionShape::new(&[hull]).expect("a shape"));
+        let shape = Arc::new(shape_of(hull));
         for (x, z) in [(0.0, 0.048), (0.093, 0.06), (0.5, 0.06)] {
             engine.add(&kit::dynamic(&cube, kit::at(x, 0.0, z)), shape.clone());
         }

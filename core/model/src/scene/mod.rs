@@ -96,6 +96,9 @@ pub struct SettleReport {
     pub residual_angular_speed_rad_s: f64,
     /// Deepest penetration between any two bodies that stayed, m.
     pub deepest_penetration_m: f64,
+    /// Largest distance by which the collision shape of a body that stayed fills hollows of its mesh, m.
+    #[serde(default)]
+    pub collision_deviation_m: f64,
     /// Number of respawns of bodies.
     pub respawned: u32,
     /// Number of distractors that were taken out.

@@ -421,7 +421,7 @@ mod tests {
             ("[024_bowl]\nmass_kg = nan", "mass_kg"),
             ("[024_bowl]\nfriction = 11", "friction"),
             ("[024_bowl]\nmass_kg = 1\ndensity_kg_m3 = 1", "density_kg_m3"),
-            ("\n[024_bowl]\nmas_kg = 1", "line 3"),
+            ("\n[024_bowl]\nmas_kg = 1", "mas_kg"),
             ("024_bowl = 1", "line 1"),
         ] {
             let error = read(text).0.expect_err(text).to_string();
