@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::inspect::Inspection;
-use syntable_model::scene::{EnvironmentMap, Object, Topology};
+use syntable_model::scene::{EnvironmentMap, MassOrigin, MassProperties, Object, Topology};
 
 /// A mesh of more separate parts probably holds several objects.
 const MAX_PARTS: usize = 2;
@@ -80,12 +80,18 @@ fn describe(object: &Object, topology: &Topology) -> Inspection {
         .fact("closed", yes_no(topology.is_closed()))
         .fact("parts", topology.significant_parts())
         .fact("volume", format!("{:.4} liter", topology.solid_volume() * 1e3))
-        .fact("mass", format!("{:.3} kg", object.mass_kg))
+        .fact("mass", describe_mass(&object.mass))
         .fact("texture coordinates", yes_no(!mesh.data().uvs.is_empty()))
         .fact("vertex colors", yes_no(!mesh.data().colors.is_empty()))
         .fact("materials", object.materials.len())
         .fact("textures", textures.len())
         .fact("digest", object.digest)
+}
+
+fn describe_mass(mass: &MassProperties) -> String {
+    let [x, y, z]: [f64; 3] = mass.center.into();
+    let estimated = if mass.origin == MassOrigin::Estimated { " (estimated)" } else { "" };
+    format!("{:.3} kg{estimated}, center at ({x:.4}, {y:.4}, {z:.4}) m", mass.kg)
 }
 
 fn yes_no(yes: bool) -> &'static str {

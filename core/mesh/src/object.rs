@@ -9,7 +9,7 @@ use std::sync::Arc;
 use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
-use syntable_model::scene::{Alpha, Material, Object, Topology};
+use syntable_model::scene::{Alpha, MassOrigin, MassProperties, Material, Object, Topology};
 
 /// Coulomb friction coefficient between dry household materials.
 pub const FRICTION: f64 = 0.5;
@@ -50,6 +50,7 @@ impl Model {
         }
         let (mesh, topology) = repair(mesh, &log).map_err(|error| error.in_file(file))?;
         let mass_kg = estimate_kg(topology.solid_volume());
+        let mass = MassProperties::of_topology(&mesh, &topology, mass_kg, MassOrigin::Estimated);
         let mut hasher = Hasher::new("object").digest(mesh_digest(&mesh)).number(mass_kg).number(FRICTION);
         for material in &materials {
             hasher = hasher.digest(material.digest);
@@ -63,7 +64,7 @@ impl Model {
                 .map(|material| Arc::new(Material { license: info.license.clone(), ..material }))
                 .collect(),
             collision: None,
-            mass_kg,
+            mass,
             friction: FRICTION,
             license: info.license,
             digest: hasher.finish(),

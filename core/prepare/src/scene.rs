@@ -347,7 +347,8 @@ mod tests {
     use syntable_model::digest::Digest;
     use syntable_model::geometry::{Translation3, UnitQuaternion, Vector3};
     use syntable_model::scene::{
-        AssetRef, BodyDraft, Color, Mesh, MeshData, Motion, Object, Role, SceneBuilder, SceneId, SettleReport, Tabletop,
+        AssetRef, BodyDraft, Color, MassOrigin, MassProperties, Mesh, MeshData, Motion, Object, Role, SceneBuilder,
+        SceneId, SettleReport, Tabletop,
     };
 
     /// A triangle with legs of 1 m along x and y.
@@ -357,13 +358,14 @@ mod tests {
             triangles: vec![[0, 1, 2]],
             ..MeshData::default()
         };
+        let mesh = Mesh::new(data).expect("sound");
         Arc::new(Object {
             name: name.into(),
             category: "test".into(),
-            mesh: Arc::new(Mesh::new(data).expect("sound")),
+            mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
+            mesh: Arc::new(mesh),
             materials,
             collision: None,
-            mass_kg: 1.0,
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(name.as_bytes()),

@@ -1,6 +1,6 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
-use crate::recipe::{Center, Mass, OnBadAsset, PoolOptions, Recipe};
+use crate::recipe::{Center, Mass, ObjectProperties, OnBadAsset, PoolOptions, Recipe};
 use crate::run::panics::unwound;
 use parking_lot::Mutex;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -14,7 +14,7 @@ use syntable_model::context::{Assets, Collected, Log};
 use syntable_model::digest::Hasher;
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Vector3};
-use syntable_model::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, Material, Object, Topology};
+use syntable_model::scene::{Asset, AssetRef, CatalogEntry, EnvironmentMap, MassOrigin, Material, Object, Topology};
 use syntable_model::stage::AssetSource;
 
 /// Bytes of loaded assets that are kept for the next scene; the least recently used are let go first.
@@ -22,6 +22,9 @@ const KEEP_BYTES: u64 = 256 << 20;
 
 /// What a lock and a journal say instead of a digest of an asset that was drawn, could not be used and was passed over.
 pub const BAD: &str = "bad";
+
+/// Minimum mass of an object, kg.
+const MIN_KG: f64 = 1e-4;
 
 /// Pauses before a source that the file system failed is asked again.
 const RETRIES: [Duration; 3] = [Duration::from_millis(20), Duration::from_millis(150), Duration::from_millis(600)];
@@ -46,6 +49,8 @@ struct Pool<'a> {
     source: &'a dyn AssetSource,
     options: &'a PoolOptions,
     entries: Vec<CatalogEntry>,
+    /// What the pool's table states of its objects, by name.
+    properties: BTreeMap<String, ObjectProperties>,
 }
 
 /// Weighs cached assets by the memory that they take.
@@ -104,9 +109,10 @@ impl<'a> AssetStore<'a> {
         let mut pools = BTreeMap::new();
         let mut errors = Vec::new();
         for (id, pool) in &recipe.assets {
-            let open = || -> Result<Vec<CatalogEntry>> {
+            let open = || -> Result<Pool<'a>> {
                 let catalog = patiently(log, |log| pool.source.catalog(log))?;
                 let found = catalog.entries.len();
+                let properties = pool.options.properties(&catalog.entries, log)?;
                 let entries = pool.options.select(catalog.entries)?;
                 if entries.is_empty() {
                     let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
@@ -119,12 +125,10 @@ impl<'a> AssetStore<'a> {
                         &Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"),
                     );
                 }
-                Ok(entries)
+                Ok(Pool { source: &*pool.source, options: &pool.options, entries, properties })
             };
             match open() {
-                Ok(entries) => {
-                    pools.insert(id.as_str(), Pool { source: &*pool.source, options: &pool.options, entries });
-                }
+                Ok(pool) => drop(pools.insert(id.as_str(), pool)),
                 Err(error) => errors.push(error.context(format!("assets.{id}"))),
             }
         }
@@ -393,24 +397,38 @@ impl Pool<'_> {
             Center::Bottom => -Point3::new(center.x, center.y, bounds.min.z).coords,
             Center::None => Vector3::zeros(),
         };
-        let mass = match options.mass {
-            Some(Mass::Kg(mass)) => mass,
-            Some(Mass::DensityKgM3(density)) => {
-                (Topology::of(&object.mesh).solid_volume() * scale.powi(3) * density).max(1e-4)
-            }
-            None if scale == 1.0 => object.mass_kg,
-            None => estimate_kg(Topology::of(&object.mesh).solid_volume() * scale.powi(3)),
+        let own = self.properties.get(&object.name).copied().unwrap_or_default();
+        let volume = || Topology::of(&object.mesh).solid_volume() * scale.powi(3);
+        let stated = match options.mass {
+            _ if own.mass_kg.is_some() => own.mass_kg,
+            _ if own.density_kg_m3.is_some() => own.density_kg_m3.map(|density| density * volume()),
+            Some(Mass::Kg(mass)) => Some(mass),
+            Some(Mass::DensityKgM3(density)) => Some(density * volume()),
+            None => None,
         };
+        let mass = match stated {
+            Some(kg) => (kg.max(MIN_KG), MassOrigin::Known),
+            // The estimate is that of the object's real size.
+            None if object.mass.origin == MassOrigin::Estimated && scale != 1.0 => {
+                (estimate_kg(volume()), MassOrigin::Estimated)
+            }
+            // A known mass is that of a material, which the scaled object is made of, too.
+            None => (object.mass.kg * scale.powi(3), object.mass.origin),
+        };
+        let friction = own.friction.unwrap_or(object.friction);
         let digest = Hasher::new("pooled object")
             .digest(object.digest)
             .number(scale)
             .number(offset.x)
             .number(offset.y)
             .number(offset.z)
-            .number(mass)
+            .number(mass.0)
+            .number(friction)
             .finish();
         let license = options.license.clone().unwrap_or_else(|| object.license.clone());
-        let object = Object { mass_kg: mass, digest, license, ..object.transformed(offset, scale)? };
+        let object = object.transformed(offset, scale)?;
+        let mass = object.mass.with_kg(mass.0, mass.1);
+        let object = Object { mass, friction, digest, license, ..object };
         object.check_extent()?;
         Ok(object)
     }
@@ -460,9 +478,64 @@ mod tests {
         Arc::new(glass.with_digest())
     }
 
+    fn pool<'a>(source: &'a dyn AssetSource, options: &'a PoolOptions) -> Pool<'a> {
+        Pool { source, options, entries: Vec::new(), properties: BTreeMap::new() }
+    }
+
+    /// The object of 0.1 m by 0.2 m by 0.4 m and 0.2 kg, as a pool hands it out.
+    fn weighed(origin: MassOrigin, options: &PoolOptions, properties: Option<ObjectProperties>) -> Object {
+        let object = (*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone();
+        let mass = object.mass.with_kg(0.2, origin);
+        let properties = properties.map(|properties| ("block".to_owned(), properties)).into_iter().collect();
+        let pool = Pool { properties, ..pool(&Nothing, options) };
+        pool.normalize(Object { mass, ..object }).expect("sound")
+    }
+
+    #[test]
+    fn scaled_objects_are_of_the_same_material() {
+        for scale in [Scale::Factor(0.5), Scale::Size { longest_side_m: 0.2 }] {
+            let options = PoolOptions { scale, ..PoolOptions::default() };
+            let known = weighed(MassOrigin::Known, &options, None);
+            assert!((known.mass.kg - 0.025).abs() < 1e-12, "{scale:?}: {:?}", known.mass);
+            // Uniform box of 0.1 m by 0.2 m by 0.05 m: m/12 (a² + b²).
+            let long = known.mass.inertia()[(0, 0)];
+            assert!((long - 0.025 / 12.0 * (0.1_f64.powi(2) + 0.2_f64.powi(2))).abs() < 1e-9, "{long}");
+            assert_eq!(known.mass.origin, MassOrigin::Known);
+            // An estimate is made for the size that the object has: 400 kg/m³.
+            let guessed = weighed(MassOrigin::Estimated, &options, None);
+            assert!((guessed.mass.kg - 400.0 * 0.001).abs() < 1e-6, "{:?}", guessed.mass);
+            assert_eq!(guessed.mass.origin, MassOrigin::Estimated);
+        }
+    }
+
+    #[test]
+    fn a_table_states_mass_density_and_friction() {
+        let dense = PoolOptions { mass: Some(Mass::DensityKgM3(1000.0)), ..PoolOptions::default() };
+        let states = |mass_kg, density_kg_m3, friction| Some(ObjectProperties { mass_kg, density_kg_m3, friction });
+        for (properties, kg, friction) in [
+            (None, 8.0, 0.5),
+            (states(Some(0.3), None, None), 0.3, 0.5),
+            (states(None, Some(500.0), Some(0.9)), 4.0, 0.9),
+            (states(None, None, Some(0.1)), 8.0, 0.1),
+        ] {
+            let found = weighed(MassOrigin::Estimated, &dense, properties);
+            assert!(
+                (found.mass.kg - kg).abs() < 1e-6 && found.friction == friction,
+                "{properties:?}: {:?}",
+                found.mass
+            );
+            assert_eq!(found.mass.origin, MassOrigin::Known);
+        }
+        let digests: Vec<_> = [None, states(None, None, Some(0.1)), states(Some(0.3), None, None)]
+            .into_iter()
+            .map(|properties| weighed(MassOrigin::Known, &PoolOptions::default(), properties).digest)
+            .collect();
+        assert!(digests[0] != digests[1] && digests[0] != digests[2] && digests[1] != digests[2]);
+    }
+
     fn normalized(materials: Vec<Arc<Material>>, options: &PoolOptions) -> Object {
         let object = Object { materials, ..(*object("block", box_mesh([0.1, 0.2, 0.4]), [1.0; 3])).clone() };
-        Pool { source: &Nothing, options, entries: Vec::new() }.normalize(object).expect("sound")
+        pool(&Nothing, options).normalize(object).expect("sound")
     }
 
     /// Transmittance along a straight path through the center of the object, along its longest side.
@@ -549,7 +622,7 @@ mod tests {
         let options = PoolOptions { classes, ..PoolOptions::default() };
         let entry = |name: &str| CatalogEntry { name: name.into(), category: "thing".into() };
         let entries = options.select(["a", "block", "c"].map(entry).to_vec()).expect("sound");
-        let pool = Pool { source: &Block, options: &options, entries };
+        let pool = Pool { source: &Block, options: &options, entries, properties: BTreeMap::new() };
         for (name, category) in [("a", "thing"), ("block", "mug"), ("c", "thing")] {
             let asset = pool.load(name, &Collected::default()).and_then(Asset::into_object).expect("loads");
             assert_eq!(asset.category, category, "{name}");
@@ -560,7 +633,7 @@ mod tests {
     fn an_asset_that_a_reader_panics_on_is_bad() {
         let (source, options, log) = (Panicking::default(), PoolOptions::default(), Collected::default());
         let store = AssetStore {
-            pools: BTreeMap::from([("p", Pool { source: &source, options: &options, entries: Vec::new() })]),
+            pools: BTreeMap::from([("p", pool(&source, &options))]),
             locked: BTreeMap::new(),
             on_bad_asset: OnBadAsset::Skip,
             log: &log,
@@ -609,7 +682,10 @@ mod tests {
         let (source, options, log) = (Long::default(), PoolOptions::default(), Collected::default());
         // Nothing is kept: the cache is too small for anything.
         let store = AssetStore {
-            pools: BTreeMap::from([("p", Pool { source: &source, options: &options, entries: Vec::new() })]),
+            pools: BTreeMap::from([(
+                "p",
+                Pool { source: &source, options: &options, entries: Vec::new(), properties: BTreeMap::new() },
+            )]),
             locked: BTreeMap::new(),
             on_bad_asset: OnBadAsset::Skip,
             log: &log,
@@ -648,7 +724,7 @@ mod tests {
     fn a_pool_gives_its_license_to_materials_and_maps_and_no_digest_changes() {
         let load = |name: &str, license: Option<&str>| {
             let options = PoolOptions { license: license.map(str::to_owned), ..PoolOptions::default() };
-            let pools = BTreeMap::from([("p", Pool { source: &Licensed, options: &options, entries: Vec::new() })]);
+            let pools = BTreeMap::from([("p", pool(&Licensed, &options))]);
             let store = AssetStore {
                 pools,
                 locked: BTreeMap::new(),

@@ -7,9 +7,9 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, Material, MaterialOverride, Mesh,
-    MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport, SphereLight, Tabletop,
-    Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
+    AssetRef, BodyDraft, Camera, Color, Encoding, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
+    MaterialOverride, Mesh, MeshData, Motion, NormalMap, Object, RectLight, Role, Scalar, SceneId, SettleReport,
+    SphereLight, Tabletop, Texture, TextureMapping, Transmission, ViewId, Volume, Wrap,
 };
 
 /// The table from above one corner, 600 px of focal length: the center of a 640 × 480 image, or all of it.
@@ -137,14 +137,15 @@ pub fn scene_of(look: Look) -> Arc<Scene> {
 }
 
 fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
+    let mesh = Mesh::new(data).expect("sound");
     Arc::new(Object {
         name: name.into(),
         category: "bench".into(),
         digest: Hasher::new(name).finish(),
-        mesh: Arc::new(Mesh::new(data).expect("sound")),
+        mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: None,
-        mass_kg: 1.0,
         friction: 0.5,
         license: String::new(),
     })

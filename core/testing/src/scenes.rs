@@ -4,8 +4,8 @@ use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Vector3, look_at};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object, Role, Scene,
-    SceneBuilder, SceneId, SettleReport, SphereLight, Tabletop, View, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material, Mesh, MeshData,
+    Motion, Object, Role, Scene, SceneBuilder, SceneId, SettleReport, SphereLight, Tabletop, View, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -41,10 +41,10 @@ pub fn object(name: &str, mesh: Mesh, color: [f32; 3]) -> Arc<Object> {
     Arc::new(Object {
         name: name.to_owned(),
         category: "test".to_owned(),
+        mass: MassProperties::of_mesh(&mesh, 0.2, MassOrigin::Known),
         mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: None,
-        mass_kg: 0.2,
         friction: 0.5,
         license: String::new(),
         digest,

@@ -3,10 +3,15 @@
 use crate::matrix::pose;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, OBJECT_INFO};
-use syntable_model::scene::Body;
+use syntable_model::scene::{Body, MassDistribution, MassOrigin};
 
 /// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the object frame in meters;
 /// the camera frame is x right, y down, z forward.
+///
+/// The mass is the one that was simulated. `mass_origin` says whether it is `known` of the object, `estimated` from its
+/// volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in the object
+/// frame; `mass_distribution` says what they were integrated over: the enclosed `volume`, the `closed_volume` of a mesh
+/// with holes, `parts` of their own densities, or the `surface` of a mesh that encloses nothing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectInfo {
@@ -78,6 +83,10 @@ struct ObjectView<'a> {
     category: &'a str,
     spawn: u32,
     mass_kg: f64,
+    mass_origin: MassOrigin,
+    mass_distribution: MassDistribution,
+    center_of_mass_m: [f64; 3],
+    inertia_kg_m2: [[f64; 3]; 3],
     license: &'a str,
     digest: String,
     world_from_object: [[f64; 4]; 4],
@@ -86,14 +95,19 @@ struct ObjectView<'a> {
 
 impl<'a> ObjectView<'a> {
     fn new(body: &'a Body, camera_from_world: &Pose) -> Self {
-        let object = &body.object;
+        let (object, mass) = (&body.object, &body.mass);
+        let inertia = mass.inertia();
         Self {
             asset: body.asset.to_string(),
             pool: &body.asset.pool,
             name: &body.asset.name,
             category: &object.category,
             spawn: body.spawn,
-            mass_kg: object.mass_kg,
+            mass_kg: mass.kg,
+            mass_origin: mass.origin,
+            mass_distribution: mass.distribution,
+            center_of_mass_m: mass.center.into(),
+            inertia_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
             license: &object.license,
             digest: object.digest.to_string(),
             world_from_object: pose(&body.world_from_body),

@@ -4,8 +4,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::SETTLE_REPORT;
 use syntable_model::scene;
 
-/// Number of objects in the scene, and the report of the settler: residual speed, maximum penetration and removed
-/// objects.
+/// Number of objects in the scene, and the report of the settler: residual speed, maximum penetration, how far
+/// collision shapes fill hollows of the meshes, and removed objects.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SettleReport {}
@@ -42,6 +42,7 @@ struct Report<'a> {
     residual_speed_m_s: f64,
     residual_angular_speed_rad_s: f64,
     deepest_penetration_m: f64,
+    collision_deviation_m: f64,
     respawned: u32,
     removed: Vec<Removal<'a>>,
     removed_distractors: u32,
@@ -66,6 +67,7 @@ impl<'a> From<&'a Scene> for Report<'a> {
             residual_speed_m_s: report.residual_speed_m_s,
             residual_angular_speed_rad_s: report.residual_angular_speed_rad_s,
             deepest_penetration_m: report.deepest_penetration_m,
+            collision_deviation_m: report.collision_deviation_m,
             respawned: report.respawned,
             removed: report.removed.iter().map(Removal::from).collect(),
             removed_distractors: report.removed_distractors,

@@ -94,6 +94,17 @@ fn objects_are_described_with_their_poses() {
     assert_eq!(object["asset"], json!("pool/tetra"));
     assert_eq!((&object["name"], &object["category"]), (&json!("tetra"), &json!("solid")));
     assert_eq!((&object["spawn"], &object["mass_kg"]), (&json!(2), &json!(0.25)));
+    assert_eq!((&object["mass_origin"], &object["mass_distribution"]), (&json!("known"), &json!("volume")));
+    // A tetrahedron of three legs a along the axes: its center is a/4 from each face, and by symmetry of the legs
+    // I = m a²/80 · 6 on and m a²/80 beside the diagonal.
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    for row in 0..3 {
+        assert!((number(&object["center_of_mass_m"][row]) - 0.025).abs() < 1e-8);
+        for column in 0..3 {
+            let wanted = 0.25 * 0.01 / 80.0 * if row == column { 6.0 } else { 1.0 };
+            assert!((number(&object["inertia_kg_m2"][row][column]) - wanted).abs() < 1e-9);
+        }
+    }
     assert_eq!(
         object["world_from_object"],
         json!([[1.0, 0.0, 0.0, 0.02], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.7], [0.0, 0.0, 0.0, 1.0]])
@@ -212,7 +223,7 @@ fn records_keep_their_fields_and_their_order() {
     assert_eq!((&lights[1]["half_angle_deg"], &lights[2]["rotation_deg"]), (&json!(45.0), &json!(180.0)));
     assert_eq!(
         names(&products.value("settle_report").expect("made")),
-        "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m respawned removed \
+        "objects attempt simulated_s residual_speed_m_s residual_angular_speed_rad_s deepest_penetration_m collision_deviation_m respawned removed \
          removed_distractors"
     );
     run(&world, "bodies", "", &mut products);
@@ -221,6 +232,8 @@ fn records_keep_their_fields_and_their_order() {
     let Ok(Value::PerInstance(objects)) = products.value("object_info") else { panic!("one record per object") };
     assert_eq!(
         objects.values().map(names).collect::<Vec<_>>(),
-        ["asset pool name category spawn mass_kg license digest world_from_object camera_from_object"]
+        [
+            "asset pool name category spawn mass_kg mass_origin mass_distribution center_of_mass_m inertia_kg_m2 license digest world_from_object camera_from_object"
+        ]
     );
 }

@@ -98,7 +98,7 @@ fn mesh_folder_reads_a_foreign_mesh_format() {
     let found = object(&*meshes, "box");
     assert_eq!((size(&found), found.mesh.data().triangles.len()), ([100.0, 200.0, 300.0], 12));
     // 6 liters of 400 kg/m³.
-    assert!((found.mass_kg - 2.4).abs() < 1e-6, "{}", found.mass_kg);
+    assert!((found.mass.kg - 2.4).abs() < 1e-6, "{}", found.mass.kg);
     assert_eq!(size(&object(&*meshes, "sub/a")), [100.0, 200.0, 400.0]);
     let error = meshes.load("bad", &Collected::default()).expect_err("two lengths").to_string();
     assert!(error.contains("bad.cub: 2 edge lengths"), "{error}");

@@ -6,7 +6,9 @@ use crate::variants::{check_families, parse_name, variant_catalog};
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Asset, AssetClass, Catalog, ConvexPart, Material, Mesh, Object};
+use syntable_model::scene::{
+    Asset, AssetClass, Catalog, ConvexPart, MassDistribution, MassOrigin, MassProperties, Material, Mesh, Object,
+};
 
 /// Texels along the edge of the surfaces that objects share.
 const SHARED_TEXELS: usize = 256;
@@ -76,22 +78,34 @@ impl AssetSource for HouseholdSource {
 /// The object of a model.
 pub(crate) fn object(name: &str, category: &str, model: Model) -> Result<Object> {
     let Model { shape, materials, mass_kg, friction, crease_deg } = model;
+    let (moments, to_center) = (shape.moments(), -shape.bounds().center().coords);
+    let distribution = if shape.is_mixed() { MassDistribution::Parts } else { MassDistribution::Volume };
     let (mesh, parts) = shape.finish(crease_deg)?;
-    let digest = digest(&mesh, &materials, &parts, mass_kg, friction);
+    let mass = MassProperties::of_moments(&moments, MassOrigin::Known, distribution)
+        .ok_or_else(|| Error::new(format!("`{name}` encloses no volume")))?
+        .with_kg(mass_kg, MassOrigin::Known)
+        .transformed(to_center, 1.0);
+    let digest = digest(&mesh, &materials, &parts, &mass, friction);
     Ok(Object {
         name: name.to_owned(),
         category: category.to_owned(),
         mesh: Arc::new(mesh),
         materials,
         collision: Some(Arc::new(parts)),
-        mass_kg,
+        mass,
         friction,
         license: LICENSE.to_owned(),
         digest,
     })
 }
 
-fn digest(mesh: &Mesh, materials: &[Arc<Material>], parts: &[ConvexPart], mass_kg: f64, friction: f64) -> Digest {
+fn digest(
+    mesh: &Mesh,
+    materials: &[Arc<Material>],
+    parts: &[ConvexPart],
+    mass: &MassProperties,
+    friction: f64,
+) -> Digest {
     let data = mesh.data();
     let flat3 = |values: &[[f32; 3]]| values.concat().into_iter();
     let mut hasher = Hasher::new("procedural object")
@@ -106,5 +120,6 @@ fn digest(mesh: &Mesh, materials: &[Arc<Material>], parts: &[ConvexPart], mass_k
     for part in parts {
         hasher = hasher.floats(flat3(part));
     }
-    hasher.number(mass_kg).number(friction).text(LICENSE).finish()
+    let hasher = mass.center.iter().chain(mass.specific_inertia.iter()).fold(hasher, |hasher, x| hasher.number(*x));
+    hasher.number(mass.kg).number(friction).text(LICENSE).finish()
 }

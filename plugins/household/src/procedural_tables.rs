@@ -117,7 +117,6 @@ struct Builder {
     form: Stream,
     materials: Vec<Arc<Material>>,
     shape: Shape,
-    mass_kg: f64,
 }
 
 impl Builder {
@@ -134,7 +133,7 @@ impl Builder {
         let color =
             if appearance.chance(0.7) { hsv(0.0, 0.0, appearance.uniform(0.05, 0.9)) } else { vivid(&mut appearance) };
         let trim = Arc::new(Finish::plain(color, 0.35, 0.0).named("trim"));
-        Self { form: stream.child("form"), materials: vec![top, frame, trim], shape: Shape::default(), mass_kg: 0.0 }
+        Self { form: stream.child("form"), materials: vec![top, frame, trim], shape: Shape::default() }
     }
 
     fn uniform(&mut self, low: f64, high: f64) -> f64 {
@@ -155,8 +154,7 @@ impl Builder {
         let tile = self.materials[usize::from(slot)].tile_m;
         let size = solid.bounds().size();
         let density = if self.materials[usize::from(slot)].metallic.factor > 0.5 { 1600.0 } else { 680.0 };
-        self.mass_kg += solid.volume() * density;
-        let solid = solid.box_mapped(f64::from(tile), size.iamax());
+        let solid = solid.dense(density).box_mapped(f64::from(tile), size.iamax());
         self.shape = std::mem::take(&mut self.shape).and(solid);
     }
 
@@ -169,7 +167,8 @@ impl Builder {
             TableDesign::Pedestal => self.pedestal(),
             TableDesign::Trestle => self.trestle(),
         }
-        Model { shape: self.shape, materials: self.materials, mass_kg: self.mass_kg, friction: 0.6, crease_deg: 38.0 }
+        let mass_kg = self.shape.moments().total;
+        Model { shape: self.shape, materials: self.materials, mass_kg, friction: 0.6, crease_deg: 38.0 }
     }
 
     /// A rectangular top of half sizes; gives the height of its underside.

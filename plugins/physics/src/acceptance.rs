@@ -2,6 +2,7 @@
 
 use crate::engine::{Engine, Overlap};
 use crate::rapier::{OnViolation, Rapier, Remove};
+use crate::static_body::SupportSurface;
 use syntable_model::geometry::{Aabb, Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Role, SettleReport, Tabletop};
@@ -17,9 +18,11 @@ const RESPAWN_STREAM: &str = "drop_again";
 
 /// Where bodies are accepted.
 #[derive(Clone, Copy)]
-pub struct Place {
+pub struct Place<'a> {
     /// Bodies are respawned above it, and must be above it if those off it are removed.
     pub tabletop: Option<Tabletop>,
+    /// What the bodies lie on.
+    pub surface: &'a SupportSurface,
     /// Height of the ceiling, meters; none under the open sky.
     pub ceiling_m: Option<f64>,
 }
@@ -65,7 +68,7 @@ pub struct Acceptance<'a> {
     config: &'a Rapier,
     engine: &'a mut Engine,
     infos: &'a [BodyInfo],
-    place: Place,
+    place: Place<'a>,
     respawns: Vec<u32>,
     /// Whether a body had more time since it was last respawned.
     waited: Vec<bool>,
@@ -76,7 +79,7 @@ pub struct Acceptance<'a> {
 
 impl<'a> Acceptance<'a> {
     /// A check of bodies that have just been added.
-    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], place: Place) -> Self {
+    pub fn new(config: &'a Rapier, engine: &'a mut Engine, infos: &'a [BodyInfo], place: Place<'a>) -> Self {
         Self {
             config,
             engine,
@@ -134,11 +137,16 @@ impl<'a> Acceptance<'a> {
 
     /// Simulates for some time, or until all bodies sleep. Returns the objects that fell off the table meanwhile.
     fn simulate(&mut self, duration_s: f64) -> Vec<Fallen> {
-        let min_height =
-            self.place.tabletop.filter(|_| self.config.remove == Remove::OffTabletop).map(|tabletop| tabletop.height());
+        let tabletop = self.place.tabletop.filter(|_| self.config.remove == Remove::OffTabletop);
+        let surface = self.place.surface;
+        // All of it is below the surface, wherever on the table it may be.
+        let is_below = |bounds: &Aabb| {
+            let top = Point3::new(bounds.center().x, bounds.center().y, bounds.max.z);
+            tabletop.is_some_and(|tabletop| top.z < tabletop.height() && !surface.is_on(&tabletop, &top))
+        };
         let mut fallen = Vec::new();
         let is_object = |body: usize| self.infos[body].role == Role::Object;
-        let time = self.engine.run(duration_s, min_height, is_object, &mut fallen);
+        let time = self.engine.run(duration_s, |body, bounds| is_object(body) && is_below(bounds), &mut fallen);
         self.simulated_s += time;
         self.report.simulated_s = self.report.simulated_s.max(time);
         fallen.into_iter().map(|body| Fallen { body, reason: "fell off the table" }).collect()
@@ -153,7 +161,7 @@ impl<'a> Acceptance<'a> {
             let center = self.engine.center(body);
             if self.place.ceiling_m.is_some_and(|ceiling| center.z > ceiling) {
                 Some("above the ceiling")
-            } else if tabletop.column_contains(&center) {
+            } else if self.place.surface.is_on(&tabletop, &center) {
                 None
             } else if center.z < tabletop.height() {
                 Some("fell off the table")

@@ -10,10 +10,11 @@
 //!   the mass properties of every part at each step and takes twice as long.
 
 use crate::collision_shape::CollisionShape;
-use crate::rapier::{Mass, Rapier};
+use crate::rapier::Rapier;
 use crate::static_body::StaticBody;
 use crate::units;
 use parry3d::bounding_volume::BoundingVolume;
+use parry3d::mass_properties::MassProperties;
 use parry3d::math::{Pose as EnginePose, Vector};
 use parry3d::query::{DefaultQueryDispatcher, QueryDispatcher};
 use rapier3d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
@@ -44,7 +45,7 @@ pub struct DynamicBody {
     pub shape: Arc<CollisionShape>,
     /// Center of its bounding box, body frame.
     center: Point3<f64>,
-    mass: f64,
+    mass: MassProperties,
     friction: f32,
     restitution: Option<f32>,
     rigid: Option<RigidBodyHandle>,
@@ -114,15 +115,11 @@ impl Engine {
     }
 
     /// Adds a dynamic body at its pose and at rest.
-    pub fn add(&mut self, body: &BodyDraft, shape: Arc<CollisionShape>, mass: Mass) {
-        let mass = match mass {
-            Mass::Real => body.object.mass_kg,
-            Mass::Kg(kg) => kg,
-        };
+    pub fn add(&mut self, body: &BodyDraft, shape: Arc<CollisionShape>) {
         self.bodies.push(DynamicBody {
             shape,
             center: body.object.mesh.bounds().center(),
-            mass,
+            mass: units::mass(&body.mass),
             friction: friction(body.friction),
             restitution: body.restitution.map(|restitution| restitution as f32),
             rigid: None,
@@ -137,7 +134,7 @@ impl Engine {
         let restitution = restitution.unwrap_or(self.restitution);
         let mut body = RigidBodyBuilder::dynamic()
             .pose(units::pose(world_from_body))
-            .additional_mass_properties(shape.with_mass(*mass))
+            .additional_mass_properties(*mass)
             .angular_damping(self.angular_damping)
             .soft_ccd_prediction(units::length(SPECULATIVE_M.max(FALLING_M_S * self.step_s)))
             .build();
@@ -162,23 +159,14 @@ impl Engine {
         (0..self.bodies.len()).filter(|&body| self.bodies[body].rigid.is_some())
     }
 
-    /// Simulates until everything sleeps or `duration_s` is over. Returns the simulated time, s. Bodies that `may_fall`
-    /// and are completely below `min_height` are taken out on the way, and their indices are added to `fallen`.
-    pub fn run(
-        &mut self,
-        duration_s: f64,
-        min_height: Option<f64>,
-        may_fall: impl Fn(usize) -> bool,
-        fallen: &mut Vec<usize>,
-    ) -> f64 {
+    /// Simulates until everything sleeps or `duration_s` is over. Returns the simulated time, s. Bodies that
+    /// `has_fallen` says of, by index and bounding box, are taken out on the way, and their indices are added to `fallen`.
+    pub fn run(&mut self, duration_s: f64, has_fallen: impl Fn(usize, &Aabb) -> bool, fallen: &mut Vec<usize>) -> f64 {
         let steps = (duration_s / self.step_s).ceil() as usize;
         for step in 1..=steps {
             self.world.step();
-            if let Some(height) = min_height
-                && step % FALL_CHECK_STEPS == 0
-            {
-                let below: Vec<usize> =
-                    self.present().filter(|&body| may_fall(body) && self.bounds(body).max.z < height).collect();
+            if step % FALL_CHECK_STEPS == 0 {
+                let below: Vec<usize> = self.present().filter(|&body| has_fallen(body, &self.bounds(body))).collect();
                 below.iter().for_each(|&body| self.take(body));
                 fallen.extend(below);
             }
@@ -296,6 +284,10 @@ mod tests {
     use syntable_model::geometry::Translation3;
     use syntable_model::random::Stream;
 
+    fn shape_of(hull: syntable_convex::ConvexHull) -> CollisionShape {
+        CollisionShape::new(&crate::decompose::Parts { hulls: vec![hull], deviation_m: 0.0 }).expect("a shape")
+    }
+
     fn falling(config: &Rapier, count: usize) -> Engine {
         let mut engine = Engine::new(config, vec![static_body::ground(0.0)]);
         let mut stream = Stream::root(3);
@@ -303,14 +295,14 @@ mod tests {
             .into_iter()
             .map(|object| {
                 let hull = units::hull(&object.mesh.data().positions).expect("a hull");
-                (object, Arc::new(CollisionShape::new(&[hull]).expect("a shape")))
+                (object, Arc::new(shape_of(hull)))
             })
             .collect();
         for i in 0..count {
             let (object, shape) = stream.pick(&shapes).expect("shapes").clone();
             let place = Translation3::new(stream.uniform(-0.1, 0.1), stream.uniform(-0.1, 0.1), 0.2 + 0.15 * i as f64);
             let body = kit::dynamic(&object, Pose::from_parts(place, stream.rotation()));
-            engine.add(&body, shape, config.mass);
+            engine.add(&body, shape);
         }
         engine
     }
@@ -333,26 +325,38 @@ mod tests {
     }
 
     #[test]
-    fn mass_is_the_objects_own_or_a_constant() {
-        for (mass, wanted) in [(Mass::Real, 0.15), (Mass::Kg(1.0), 1.0)] {
-            let engine = falling(&Rapier { mass, ..Rapier::default() }, 3);
-            for body in engine.present() {
-                // Before the first step the engine has not computed any masses.
-                let shape = &engine.bodies[body].shape;
-                assert!((shape.with_mass(engine.bodies[body].mass).mass() - wanted).abs() < 1e-6);
-            }
-            // Free fall gives the potential energy m g h back as kinetic energy.
-            let mut engine = engine;
-            engine.step();
-            let weight: f64 = engine.bodies.iter().map(|body| body.mass).sum();
-            let height = |engine: &Engine| {
-                let of = |body: usize| {
-                    engine.bodies[body].rigid.map_or(0.0, |r| units::meters(engine.world.bodies[r].center_of_mass().z))
-                };
-                engine.present().map(of).sum::<f64>() / 3.0
-            };
-            let potential = weight * 9.81 * height(&engine);
-            assert!((engine.energy() / potential - 1.0).abs() < 0.01, "{} J, {potential} J", engine.energy());
+    fn a_fall_has_the_energy_of_the_objects_masses() {
+        let mut engine = falling(&Rapier::default(), 3);
+        // Before the first step the engine has not computed any masses.
+        engine.step();
+        // Free fall gives the potential energy m g h back as kinetic energy.
+        let height = |body: usize| {
+            engine.bodies[body].rigid.map_or(0.0, |r| units::meters(engine.world.bodies[r].center_of_mass().z))
+        };
+        let potential: f64 = engine.present().map(|body| 0.15 * 9.81 * height(body)).sum();
+        assert!((engine.energy() / potential - 1.0).abs() < 0.01, "{} J, {potential} J", engine.energy());
+    }
+
+    #[test]
+    fn a_body_turns_about_its_center_of_mass_with_its_inertia() {
+        // A bar with its mass far off the middle of its collision shape, as a hammer has it.
+        let object = kit::object("bar", kit::cuboid([0.0; 3], [0.3, 0.03, 0.03]), 1.0);
+        let hull = units::hull(&object.mesh.data().positions).expect("a hull");
+        let shape = Arc::new(shape_of(hull));
+        let mut engine = Engine::new(&Rapier { angular_damping_per_s: 0.0, ..Rapier::default() }, Vec::new());
+        let mut body = kit::dynamic(&object, kit::at(0.0, 0.0, 1.0));
+        body.mass.center.x = 0.12;
+        engine.add(&body, shape);
+        engine.step();
+        let rigid = engine.bodies[0].rigid.expect("in the world");
+        let inertia = body.mass.inertia();
+        let rigid = &engine.world.bodies[rigid];
+        assert!((units::meters(rigid.center_of_mass().x) - 0.12).abs() < 1e-6);
+        let found = rigid.mass_properties().local_mprops.principal_inertia() / units::PER_METER.powi(2);
+        let mut found = found.to_array().map(f64::from);
+        found.sort_by(f64::total_cmp);
+        for (found, wanted) in found.iter().zip([inertia[(0, 0)], inertia[(1, 1)], inertia[(2, 2)]]) {
+            assert!((found / wanted - 1.0).abs() < 2e-3, "{found}, not {wanted}");
         }
     }
 
@@ -362,9 +366,9 @@ mod tests {
         let mut engine = Engine::new(&config, vec![static_body::ground(0.0)]);
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
         let hull = units::hull(&cube.mesh.data().positions).expect("a hull");
-        let shape = Arc::new(CollisionShape::new(&[hull]).expect("a shape"));
+        let shape = Arc::new(shape_of(hull));
         for (x, z) in [(0.0, 0.048), (0.093, 0.06), (0.5, 0.06)] {
-            engine.add(&kit::dynamic(&cube, kit::at(x, 0.0, z)), shape.clone(), config.mass);
+            engine.add(&kit::dynamic(&cube, kit::at(x, 0.0, z)), shape.clone());
         }
         let overlaps = engine.overlaps();
         let [table, pair] = overlaps[..] else { panic!("{overlaps:?}") };

@@ -1,7 +1,7 @@
 //! Collision shapes by object: computed once, kept in memory up to a number of shapes, and on disk by mesh digest.
 
 use crate::collision_shape::CollisionShape;
-use crate::decompose::{DECOMPOSITION_VERSION, Method, convex_parts};
+use crate::decompose::{DECOMPOSITION_VERSION, Method, Parts, convex_parts};
 use crate::rapier::{Collision, Rapier};
 use crate::{hull_codec, units};
 use quick_cache::sync::Cache as MemoryCache;
@@ -13,34 +13,65 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
 use syntable_model::scene::{Mesh, Object};
 
+/// Maximum deviation of a support that is not flat, meters: bodies lie in it.
+const SUPPORT_DEVIATION_M: f32 = 0.001;
+
+/// Maximum number of parts of a support that is not flat.
+const SUPPORT_PARTS: usize = 512;
+
+/// Maximum number of parts of a body whose deviation is bounded, if `max_parts` is not larger.
+const BOUNDED_PARTS: usize = 64;
+
+/// What a body is to others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// It moves, or is a support that is flat.
+    Body,
+    /// A support with a rim or recesses.
+    Relief,
+}
+
 /// Maximum number of shapes kept in memory.
 const CAPACITY: usize = 512;
 
 /// Computes collision shapes and keeps them. Threads that ask for the same shape at once wait for one computation.
 pub struct HullCache {
     collision: Collision,
-    method: Method,
+    moving: Method,
     shapes: MemoryCache<Digest, Result<Arc<CollisionShape>>>,
 }
 
 impl HullCache {
     /// An empty cache for the shapes of some options.
     pub fn new(config: &Rapier) -> Self {
-        let method = match config.collision {
-            Collision::ConvexHull => Method::Hull,
-            Collision::Decomposition => Method::Decomposition {
+        let moving = match (config.collision, config.max_deviation_m) {
+            (Collision::ConvexHull, _) => Method::Hull,
+            (Collision::Decomposition, Some(max_deviation_m)) => Method::Bounded {
+                max_deviation_m: max_deviation_m as f32,
+                max_parts: BOUNDED_PARTS.max(config.max_parts as usize),
+            },
+            (Collision::Decomposition, None) => Method::Decomposition {
                 resolution: config.resolution,
                 concavity: config.concavity as f32,
                 max_parts: config.max_parts,
             },
         };
-        Self { collision: config.collision, method, shapes: MemoryCache::new(CAPACITY) }
+        Self { collision: config.collision, moving, shapes: MemoryCache::new(CAPACITY) }
+    }
+
+    fn method(&self, purpose: Purpose) -> Method {
+        match (self.collision, purpose) {
+            (Collision::Decomposition, Purpose::Relief) => {
+                Method::Bounded { max_deviation_m: SUPPORT_DEVIATION_M, max_parts: SUPPORT_PARTS }
+            }
+            _ => self.moving,
+        }
     }
 
     /// The shapes of some objects, in their order. Missing ones are computed on all workers.
     pub fn shapes(
         &self,
-        objects: &[&Object],
+        objects: &[(&Object, Purpose)],
         cache: &dyn Cache,
         workers: &dyn Workers,
     ) -> Vec<Result<Arc<CollisionShape>>> {
@@ -48,66 +79,74 @@ impl HullCache {
         workers.run(objects.len(), &|i| {
             shapes[i].get_or_init(|| self.shape(objects[i], cache));
         });
-        let shape =
-            |(shape, object): (OnceLock<_>, &&Object)| shape.into_inner().unwrap_or_else(|| self.shape(object, cache));
+        let shape = |(shape, object): (OnceLock<_>, &(&Object, Purpose))| {
+            shape.into_inner().unwrap_or_else(|| self.shape(*object, cache))
+        };
         shapes.into_iter().zip(objects).map(shape).collect()
     }
 
-    fn shape(&self, object: &Object, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
-        let compute = || Ok::<_, Infallible>(self.compute(object, cache));
-        let Ok(shape) = self.shapes.get_or_insert_with(&object_key(object), compute);
+    fn shape(&self, (object, purpose): (&Object, Purpose), cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
+        let compute = || Ok::<_, Infallible>(self.compute(object, purpose, cache));
+        let Ok(shape) = self.shapes.get_or_insert_with(&object_key(object, purpose), compute);
         shape
     }
 
-    fn compute(&self, object: &Object, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
-        let supplied = match (self.collision, &object.collision) {
+    fn compute(&self, object: &Object, purpose: Purpose, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
+        let hulls: Vec<ConvexHull> = match (self.collision, &object.collision) {
             (Collision::Decomposition, Some(parts)) => parts.iter().filter_map(|part| units::hull(part)).collect(),
             _ => Vec::new(),
         };
-        let parts = if supplied.is_empty() { self.cached_parts(&object.mesh, cache) } else { supplied };
+        let parts = if hulls.is_empty() {
+            self.cached_parts(&object.mesh, self.method(purpose), cache)
+        } else {
+            // The source vouches for them.
+            Parts { hulls, deviation_m: 0.0 }
+        };
         CollisionShape::new(&parts).map(Arc::new)
     }
 
-    fn cached_parts(&self, mesh: &Mesh, cache: &dyn Cache) -> Vec<ConvexHull> {
-        let key = self.mesh_key(mesh);
+    fn cached_parts(&self, mesh: &Mesh, method: Method, cache: &dyn Cache) -> Parts {
+        let key = mesh_key(mesh, method);
         // Cached and computed parts are the same to the bit, since both have gone through the codec.
         cache.get("convex-parts", key).and_then(|bytes| hull_codec::decode(&bytes)).unwrap_or_else(|| {
-            let parts = convex_parts(mesh, self.method);
+            let parts = convex_parts(mesh, method);
             let bytes = hull_codec::encode(&parts);
             let parts = hull_codec::decode(&bytes).unwrap_or(parts);
             cache.put("convex-parts", key, &bytes);
             parts
         })
     }
-
-    fn mesh_key(&self, mesh: &Mesh) -> Digest {
-        let data = mesh.data();
-        let hasher =
-            Hasher::new("convex parts").number(f64::from(HULL_VERSION)).number(f64::from(DECOMPOSITION_VERSION));
-        let hasher = match self.method {
-            Method::Hull => hasher.text("hull"),
-            Method::Decomposition { resolution, concavity, max_parts } => hasher
-                .text("decomposition")
-                .number(f64::from(resolution))
-                .number(f64::from(concavity))
-                .number(f64::from(max_parts)),
-        };
-        let options = units::HULL_OPTIONS;
-        let positions: Vec<f32> = data.positions.iter().flatten().copied().collect();
-        let triangles: Vec<u8> = data.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
-        hasher
-            .number(f64::from(options.min_thickness))
-            .number(f64::from(options.tolerance))
-            .number(f64::from(options.grid))
-            .number(f64::from(options.engine_scale))
-            .number(options.max_vertices as f64)
-            .floats(positions.into_iter())
-            .bytes(&triangles)
-            .finish()
-    }
 }
 
-fn object_key(object: &Object) -> Digest {
+fn mesh_key(mesh: &Mesh, method: Method) -> Digest {
+    let data = mesh.data();
+    let hasher = Hasher::new("convex parts").number(f64::from(HULL_VERSION)).number(f64::from(DECOMPOSITION_VERSION));
+    let hasher = match method {
+        Method::Hull => hasher.text("hull"),
+        Method::Decomposition { resolution, concavity, max_parts } => hasher
+            .text("decomposition")
+            .number(f64::from(resolution))
+            .number(f64::from(concavity))
+            .number(f64::from(max_parts)),
+        Method::Bounded { max_deviation_m, max_parts } => {
+            hasher.text("bounded").number(f64::from(max_deviation_m)).number(max_parts as f64)
+        }
+    };
+    let options = units::HULL_OPTIONS;
+    let positions: Vec<f32> = data.positions.iter().flatten().copied().collect();
+    let triangles: Vec<u8> = data.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
+    hasher
+        .number(f64::from(options.min_thickness))
+        .number(f64::from(options.tolerance))
+        .number(f64::from(options.grid))
+        .number(f64::from(options.engine_scale))
+        .number(options.max_vertices as f64)
+        .floats(positions.into_iter())
+        .bytes(&triangles)
+        .finish()
+}
+
+fn object_key(object: &Object, purpose: Purpose) -> Digest {
     let bounds = object.mesh.bounds();
     bounds
         .min
@@ -115,6 +154,7 @@ fn object_key(object: &Object) -> Digest {
         .chain(bounds.max.iter())
         .fold(Hasher::new("collision shape").digest(object.digest), |hasher, x| hasher.number(*x))
         .number(object.mesh.data().positions.len() as f64)
+        .number(f64::from(u8::from(purpose == Purpose::Relief)))
         .number(object.collision.as_ref().map_or(-1.0, |parts| parts.len() as f64))
         .finish()
 }
@@ -152,7 +192,8 @@ mod tests {
     fn threads_that_want_one_shape_compute_it_once() {
         let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
         let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
-        let objects: Vec<&Object> = (0..8).map(|i| if i % 2 == 0 { &*cube } else { &*slab }).collect();
+        let objects: Vec<(&Object, Purpose)> =
+            (0..8).map(|i| (if i % 2 == 0 { &*cube } else { &*slab }, Purpose::Body)).collect();
         let (shapes, disk) = (HullCache::new(&Rapier::default()), Counting::default());
         let found: Vec<_> = shapes.shapes(&objects, &disk, &Threads).into_iter().map(|s| s.expect("a shape")).collect();
         assert_eq!(disk.0.load(Ordering::Relaxed), 2);

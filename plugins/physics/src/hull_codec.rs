@@ -1,14 +1,15 @@
 //! Binary format of cached convex parts. Floats keep their bits.
 
+use crate::decompose::Parts;
 use syntable_convex::ConvexHull;
 
-const MAGIC: u32 = u32::from_le_bytes(*b"cvx1");
+const MAGIC: u32 = u32::from_le_bytes(*b"cvx2");
 
-/// Encodes parts: magic and number of parts; then per part the numbers of vertices and triangles, 3 f32 per vertex and
+/// Encodes parts: magic, number of parts and their deviation; then per part the numbers of vertices and triangles, 3 f32 per vertex and
 /// 3 u32 per triangle; all little-endian.
-pub fn encode(parts: &[ConvexHull]) -> Vec<u8> {
-    let mut words = vec![MAGIC, parts.len() as u32];
-    for part in parts {
+pub fn encode(parts: &Parts) -> Vec<u8> {
+    let mut words = vec![MAGIC, parts.hulls.len() as u32, parts.deviation_m.to_bits()];
+    for part in &parts.hulls {
         words.extend([part.points.len() as u32, part.triangles.len() as u32]);
         words.extend(part.points.iter().flatten().map(|x| x.to_bits()));
         words.extend(part.triangles.iter().flatten());
@@ -17,7 +18,7 @@ pub fn encode(parts: &[ConvexHull]) -> Vec<u8> {
 }
 
 /// Decodes parts. None if [`encode`] did not write the bytes: truncated, of another version, or damaged.
-pub fn decode(bytes: &[u8]) -> Option<Vec<ConvexHull>> {
+pub fn decode(bytes: &[u8]) -> Option<Parts> {
     let (chunks, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() {
         return None;
@@ -27,7 +28,8 @@ pub fn decode(bytes: &[u8]) -> Option<Vec<ConvexHull>> {
         return None;
     }
     let count = words.next()? as usize;
-    let mut parts = Vec::new();
+    let deviation_m = f32::from_bits(words.next()?);
+    let mut hulls = Vec::new();
     for _ in 0..count {
         let (vertices, triangles) = (words.next()? as usize, words.next()? as usize);
         if words.len() / 3 < vertices.checked_add(triangles)? {
@@ -42,9 +44,10 @@ pub fn decode(bytes: &[u8]) -> Option<Vec<ConvexHull>> {
         if !is_valid {
             return None;
         }
-        parts.push(part);
+        hulls.push(part);
     }
-    (!parts.is_empty() && words.next().is_none()).then_some(parts)
+    let is_valid = !hulls.is_empty() && deviation_m.is_finite() && words.next().is_none();
+    is_valid.then_some(Parts { hulls, deviation_m })
 }
 
 #[cfg(test)]
@@ -56,7 +59,8 @@ mod tests {
     fn bits_survive_and_damage_is_detected() {
         let cube: Vec<[f32; 3]> =
             (0..8).map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { -0.1 } else { 1.0 / 3.0 })).collect();
-        let parts = vec![units::hull(&cube).expect("a hull"), units::hull(&cube[..5]).expect("a hull")];
+        let hulls = vec![units::hull(&cube).expect("a hull"), units::hull(&cube[..5]).expect("a hull")];
+        let parts = Parts { hulls, deviation_m: 0.1 + 0.2 };
         let bytes = encode(&parts);
         let back = decode(&bytes).expect("reads back");
         assert_eq!(encode(&back), bytes);

@@ -35,6 +35,12 @@ pub struct Rapier {
     /// for `collision = "decomposition"`. Lower values give more parts.
     #[schemars(range(min = 0.0001, max = 1.0))]
     pub(crate) concavity: f64,
+    /// How far convex parts may be from the mesh in its hollows, meters, for `collision = "decomposition"`: what lies in a
+    /// mug is at most this far above its bottom. It takes the place of `resolution` and `concavity`, and at least 64 parts
+    /// are allowed. Lower values give more parts; an object that needs more is warned about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.001, max = 1.0))]
+    pub(crate) max_deviation_m: Option<f64>,
     /// Mass of dynamic bodies: `"real"` for the object's own, or `{ kg = 1.0 }` for the same mass for all.
     pub(crate) mass: Mass,
     /// Coefficient of restitution: 0 is inelastic, 1 fully elastic. A placer can give its objects another.
@@ -122,6 +128,7 @@ impl Default for Rapier {
             max_parts: 16,
             resolution: 64,
             concavity: 0.01,
+            max_deviation_m: None,
             mass: Mass::Real,
             restitution: 0.0,
             angular_damping_per_s: 0.5,

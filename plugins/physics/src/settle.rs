@@ -1,11 +1,13 @@
 //! The stage: moves the bodies of a scene to their poses at rest.
 
 use crate::acceptance::{Acceptance, BodyInfo, Outcome, Place};
+use crate::collision_shape::CollisionShape;
 use crate::engine::Engine;
-use crate::hull_cache::HullCache;
-use crate::rapier::{Mass, Rapier, Remove};
-use crate::static_body;
-use syntable_model::context::Context;
+use crate::hull_cache::{HullCache, Purpose};
+use crate::rapier::{Collision, Mass, Rapier, Remove};
+use crate::static_body::{self, SupportSurface};
+use crate::units::HULL_OPTIONS;
+use syntable_model::context::{Context, Log};
 use syntable_model::error::{Error, Result};
 use syntable_model::geometry::{Point3, Pose};
 use syntable_model::scene::{BodyDraft, BodyHandle, Motion, Object, Removal, Role, SceneBuilder, SettleReport};
@@ -37,14 +39,25 @@ impl Settler for Settle {
             Remove::OffTabletop => Some(scene.tabletop()?),
             Remove::Keep => scene.tabletop,
         };
-        let bodies: Vec<(BodyHandle, BodyDraft)> =
-            scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
-        for (_, body) in &bodies {
+        for (_, body) in scene.bodies() {
             check(body, self.config.mass).map_err(|error| error.context(body.asset.to_string()))?;
         }
+        if let Mass::Kg(kg) = self.config.mass {
+            let dynamic: Vec<BodyHandle> =
+                scene.bodies().filter(|(_, body)| body.motion == Motion::Dynamic).map(|(handle, _)| handle).collect();
+            dynamic.into_iter().for_each(|handle| scene.assign_mass(handle, kg));
+        }
+        let bodies: Vec<(BodyHandle, BodyDraft)> =
+            scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
         let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
-        let objects: Vec<&Object> = shaped.iter().map(|(_, body)| &*body.object).collect();
+        let purpose = |body: &BodyDraft| {
+            let is_flat = tabletop.is_none_or(|tabletop| static_body::is_flat(body, &tabletop));
+            if body.role == Role::Support && !is_flat { Purpose::Relief } else { Purpose::Body }
+        };
+        let objects: Vec<(&Object, Purpose)> = shaped.iter().map(|(_, body)| (&*body.object, purpose(body))).collect();
+        let surface =
+            SupportSurface::new(shaped.iter().map(|(_, body)| body).filter(|body| body.role == Role::Support));
         let shapes = self.hull_cache.shapes(&objects, context.cache, context.workers);
 
         // Positions of objects: no wall may be between them and the table.
@@ -67,8 +80,9 @@ impl Settler for Settle {
         let mut dynamic = Vec::new();
         for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
             let shape = shape.map_err(|error| error.context(body.asset.to_string()))?;
+            self.warn_of_filled_hollows(body, &shape, context.log);
             match body.motion {
-                Motion::Fixed => static_bodies.extend(static_body::support(body, &shape, tabletop.as_ref())),
+                Motion::Fixed => static_bodies.extend(static_body::support(body, &shape, tabletop.as_ref(), &surface)),
                 Motion::Dynamic => dynamic.push((*handle, body, shape)),
             }
         }
@@ -84,10 +98,10 @@ impl Settler for Settle {
                 respawn_half_m: body.respawn_half_m,
             })
             .collect();
-        let place = Place { tabletop, ceiling_m: scene.ceiling_height() };
+        let place = Place { tabletop, surface: &surface, ceiling_m: scene.ceiling_height() };
         let mut engine = Engine::new(&self.config, static_bodies);
         for (_, body, shape) in &dynamic {
-            engine.add(body, shape.clone(), self.config.mass);
+            engine.add(body, shape.clone());
         }
         let (Outcome { report, removed }, poses) = engine.on_threads(self.threads, |engine| {
             let outcome = Acceptance::new(&self.config, engine, &infos, place).run(&context.stream);
@@ -99,6 +113,8 @@ impl Settler for Settle {
             scene.set_pose(dynamic[index].0, pose);
         }
         let mut report = report;
+        let deviations = (0..dynamic.len()).filter(|&i| !removed.iter().any(|(index, _)| *index == i));
+        report.collision_deviation_m = deviations.map(|i| f64::from(dynamic[i].2.deviation_m)).fold(0.0, f64::max);
         for (index, reason) in removed {
             let (handle, body, _) = &dynamic[index];
             scene.remove(*handle);
@@ -113,17 +129,34 @@ impl Settler for Settle {
     }
 }
 
+impl Settle {
+    /// Warns once of an object whose convex parts fill more of its hollows than they may.
+    fn warn_of_filled_hollows(&self, body: &BodyDraft, shape: &CollisionShape, log: &dyn Log) {
+        let Some(bound) = self.config.max_deviation_m else { return };
+        let is = f64::from(shape.deviation_m);
+        // Within the tolerance of hulls.
+        let is_within = is <= bound + f64::from(HULL_OPTIONS.tolerance);
+        if self.config.collision == Collision::Decomposition && !is_within && shape.is_first_time() {
+            let (is, bound) = (is * 1e3, bound * 1e3);
+            log.warn(
+                &Error::new(format!("its collision shape fills hollows by up to {is:.1} mm, not {bound:.1} mm"))
+                    .help("raise `max_parts` of [settle], or repair a mesh that has no inside")
+                    .context(body.asset.to_string()),
+            );
+        }
+    }
+}
+
 /// Refuses bodies that cannot be simulated.
 fn check(body: &BodyDraft, mass: Mass) -> Result<()> {
     let pose = &body.world_from_body;
     if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
         return Err(Error::new("its start pose is not finite"));
     }
-    let kg = body.object.mass_kg;
-    if body.motion == Motion::Dynamic && mass == Mass::Real && !(kg.is_finite() && kg > 0.0) {
-        return Err(
-            Error::new(format!("its mass is {kg} kg")).help("give it a mass or a density, or set `mass` in [settle]")
-        );
+    let kg = body.mass.kg;
+    if body.motion == Motion::Dynamic && mass == Mass::Real && !body.mass.is_sound() {
+        return Err(Error::new(format!("its mass is {kg} kg"))
+            .help("give it a mass with `mass` or `properties` of its pool, or set `mass` in [settle]"));
     }
     Ok(())
 }

@@ -3,13 +3,15 @@
 //! - A part of the room that is flat becomes a half-space behind the face towards the objects, so that nothing tunnels
 //!   through. If there are objects on both sides, it becomes a box.
 //! - The ground, z = 0, is always a half-space, whether there is a floor or not.
-//! - A support becomes convex parts as objects do. Under a flat top, a thick slab with the outline of the top replaces
+//! - A support becomes convex parts as objects do; one with a rim or recesses, parts that keep to its mesh. Thin ones are extended downwards, where nothing is
+//!   below them. Under a flat top, a thick slab with the outline of the top replaces
 //!   thin boards: the minimum translation of a body pressed into it is always upwards.
 
 use crate::collision_shape::CollisionShape;
 use crate::engine::friction;
 use crate::units;
 use parry3d::math::{Pose as EnginePose, Rotation, Vector};
+use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
 use syntable_convex::ConvexHull;
 use syntable_model::geometry::{Aabb, Point3, Vector3};
@@ -29,6 +31,50 @@ const TOP_TOLERANCE_M: f64 = 0.001;
 
 /// A top is flat if its faces cover at least this fraction of their convex outline.
 const MIN_COVERAGE: f64 = 0.97;
+
+/// Parts of a support that are thinner in height are extended downwards by this, meters.
+const BACKING_M: f32 = 0.03;
+
+/// Something this far below a part of a support is within it, meters.
+const RECESS_M: f64 = 0.2;
+
+/// A body whose center is this far below the surface of a recess lies in it: heavy ones press thin ones into it, meters.
+const SUNK_M: f64 = 0.005;
+
+/// The upper surface of the supports, by position.
+pub struct SupportSurface(Vec<TriMesh>);
+
+impl SupportSurface {
+    /// That of some bodies.
+    pub fn new<'a>(supports: impl Iterator<Item = &'a BodyDraft>) -> Self {
+        let mesh = |body: &BodyDraft| {
+            let data = body.object.mesh.data();
+            let world = |p: &[f32; 3]| units::point(&(body.world_from_body * Point3::from(p.map(f64::from))));
+            TriMesh::new(data.positions.iter().map(world).collect(), data.triangles.clone()).ok()
+        };
+        Self(supports.filter_map(mesh).collect())
+    }
+
+    /// Height of the highest support at or below a point, meters.
+    pub fn below(&self, point: &Point3<f64>) -> Option<f64> {
+        // A ray that meets an edge may miss both of its faces: there are three, side by side.
+        let rays = [[0.0, 0.0], [1.3e-5, 0.7e-5], [-0.9e-5, 1.1e-5]]
+            .map(|[x, y]| Ray::new(units::point(&(point + Vector3::new(x, y, 0.0))), -Vector::Z));
+        let hits =
+            self.0.iter().flat_map(|mesh| rays.iter().filter_map(|ray| mesh.cast_local_ray(ray, f32::MAX, true)));
+        Some(point.z - units::meters(hits.reduce(f32::min)?))
+    }
+
+    /// Whether a point is above a tabletop, which may have a rim and recesses: within its width and length, and not below
+    /// the surface there.
+    pub fn is_on(&self, tabletop: &Tabletop, point: &Point3<f64>) -> bool {
+        // A ray that starts on the surface may miss it.
+        let lifted = Point3::new(point.x, point.y, point.z.max(tabletop.height()) + 0.01);
+        tabletop.column_contains(&lifted)
+            && (point.z >= tabletop.height()
+                || self.below(&lifted).is_some_and(|z| point.z >= z - SUNK_M && tabletop.height() - z <= RECESS_M))
+    }
+}
 
 /// A body that never moves.
 pub struct StaticBody {
@@ -87,11 +133,19 @@ pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody>
 }
 
 /// The static bodies of a support: the slab under its top, if that is flat, and its convex parts.
-pub fn support(body: &BodyDraft, shape: &CollisionShape, tabletop: Option<&Tabletop>) -> Vec<StaticBody> {
+pub fn support(
+    body: &BodyDraft,
+    shape: &CollisionShape,
+    tabletop: Option<&Tabletop>,
+    surface: &SupportSurface,
+) -> Vec<StaticBody> {
     let friction = friction(body.friction);
     let pose = units::pose(&body.world_from_body);
     let slab = tabletop.and_then(|tabletop| slab(body, tabletop));
     let mut parts: Vec<SharedShape> = shape.parts.clone();
+    if slab.is_none() {
+        parts = parts.into_iter().map(|part| backed(&part, &pose, surface).unwrap_or(part)).collect();
+    }
     let mut bodies = Vec::new();
     if let Some(slab) = slab {
         parts = parts.into_iter().filter_map(|part| below_slab(part, &pose, &slab)).collect();
@@ -115,6 +169,11 @@ fn half_space(point: Point3<f64>, normal: Vector3<f64>, friction: f32) -> Static
     }
 }
 
+/// Whether a support has a flat top at the height of the tabletop.
+pub fn is_flat(body: &BodyDraft, tabletop: &Tabletop) -> bool {
+    slab(body, tabletop).is_some()
+}
+
 /// The slab under a flat top, world frame; none if the top is not flat, not convex, or has a hole.
 fn slab(body: &BodyDraft, tabletop: &Tabletop) -> Option<ConvexHull> {
     let mesh = &body.object.mesh;
@@ -136,6 +195,34 @@ fn slab(body: &BodyDraft, tabletop: &Tabletop) -> Option<ConvexHull> {
     let points: Vec<[f32; 3]> =
         outline.iter().flat_map(|&[x, y]| [top, top - SLAB_M].map(|z| [x as f32, y as f32, z])).collect();
     units::hull(&points)
+}
+
+/// A part of a support, extended downwards so that nothing is pressed through it; none if it is thick, or if there is
+/// more of a support below it: that may be a recess.
+fn backed(part: &SharedShape, pose: &EnginePose, surface: &SupportSurface) -> Option<SharedShape> {
+    let hull = part.as_convex_polyhedron()?;
+    let world: Vec<Vector> = hull.points().iter().map(|p| *pose * *p).collect();
+    let low = world.iter().map(|p| p.z).fold(f32::INFINITY, f32::min);
+    let high = world.iter().map(|p| p.z).fold(f32::NEG_INFINITY, f32::max);
+    if high - low >= BACKING_M * units::PER_METER {
+        return None;
+    }
+    let sum = world.iter().fold(Vector::ZERO, |sum, p| sum + *p) / world.len() as f32;
+    let is_open_below = |p: &Vector| {
+        let from = Point3::new(units::meters(p.x), units::meters(p.y), units::meters(low) - 1e-3);
+        surface.below(&from).is_none_or(|z| from.z - z > RECESS_M)
+    };
+    // Looked at from the middle and from halfway to each corner, which are all below the part.
+    if !is_open_below(&sum) || !world.iter().all(|p| is_open_below(&((*p + sum) / 2.0))) {
+        return None;
+    }
+    let down = Vector::Z * (BACKING_M * units::PER_METER);
+    let points: Vec<[f32; 3]> = world
+        .iter()
+        .flat_map(|p| [*p, *p - down])
+        .map(|p| (pose.inverse() * p / units::PER_METER).to_array())
+        .collect();
+    Some(SharedShape::new(units::hull(&points)?.polyhedron(units::PER_METER)?))
 }
 
 /// The remainder of a support's part below the slab; none if the slab covers all of it.

@@ -4,9 +4,11 @@
 //! edges shorter than 2 cm count as parallel, and the expanding polytope algorithm fails at contacts of cutlery.
 
 use parry3d::bounding_volume::Aabb;
-use parry3d::math::{Pose as EnginePose, Rotation, Vector};
+use parry3d::mass_properties::MassProperties as EngineMass;
+use parry3d::math::{Matrix, Pose as EnginePose, Rotation, Vector};
 use syntable_convex::{ConvexHull, HullOptions};
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion};
+use syntable_model::scene::MassProperties;
 
 /// Engine units per meter: a power of two, so that hull vertices on the grid stay exact.
 pub const PER_METER: f32 = 8.0;
@@ -47,6 +49,22 @@ pub fn pose_of(pose: &EnginePose) -> Pose {
     let [i, j, k, w] = pose.rotation.to_array().map(f64::from);
     let rotation = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, i, j, k));
     Pose::from_parts(Translation3::new(x, y, z), rotation)
+}
+
+/// Mass properties in engine units. Bodies are at least as thick as their collision shapes.
+pub fn mass(mass: &MassProperties) -> EngineMass {
+    let least = mass.kg * f64::from(HULL_OPTIONS.min_thickness).powi(2) / 6.0;
+    let (unit, inertia) = (f64::from(PER_METER).powi(2), mass.inertia());
+    let at = |row: usize, column: usize| {
+        let thickness = if row == column { least } else { 0.0 };
+        (unit * (inertia[(row, column)] + thickness)) as f32
+    };
+    let column = |column: usize| Vector::new(at(0, column), at(1, column), at(2, column));
+    EngineMass::with_inertia_matrix(
+        point(&mass.center),
+        mass.kg as f32,
+        Matrix::from_cols(column(0), column(1), column(2)),
+    )
 }
 
 /// Converts a bounding box of the engine to meters.

@@ -3,9 +3,12 @@
 mod kit;
 
 use kit::*;
+use parry3d::math::Vector;
+use parry3d::query::PointQuery;
+use parry3d::shape::TriMesh;
 use std::sync::Arc;
 use syntable_model::context::NoCache;
-use syntable_model::geometry::{Pose, Translation3, UnitQuaternion, Vector3};
+use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3};
 use syntable_model::scene::*;
 
 const CUBE: f32 = 0.06;
@@ -444,6 +447,24 @@ fn degenerate_meshes_settle_or_give_an_error() {
     let error = settle_with(&*settler(""), &mut scene, &NoCache).expect_err("no mass").to_string();
     assert!(error.starts_with("kit/hollow: its mass is 0 kg"), "{error}");
     settle_with(&*settler("mass = { kg = 1.0 }"), &mut scene, &NoCache).expect("its own mass does not matter");
+    let hollow = objects(&scene).next().expect("it stays");
+    assert_eq!((hollow.mass.kg, hollow.mass.origin), (1.0, MassOrigin::Assigned), "what was simulated is recorded");
+}
+
+#[test]
+fn a_body_tips_over_the_edge_as_its_center_of_mass_says() {
+    // A bar that lies on the table by a third of its length: alone it falls, with a heavy end on the table it stays.
+    for (center_x, stays) in [(0.0, false), (-0.12, true)] {
+        let mut scene = table_scene();
+        let bar = object("bar", cuboid([0.0; 3], [0.3, 0.03, 0.03]), 0.5);
+        let mut body = dynamic(&bar, at(0.65, 0.0, TABLE_HEIGHT + 0.016));
+        body.mass.center.x = center_x;
+        scene.add(body);
+        settle("remove = \"keep\"", &mut scene);
+        let z = heights(&scene)[0];
+        assert_eq!(z > 0.0, stays, "center at {center_x} m: {z} m above the table");
+        assert!(!stays || (z - 0.015).abs() < 0.001, "{z}");
+    }
 }
 
 #[test]
@@ -484,6 +505,128 @@ fn a_bowl_holds_a_ball_unless_it_is_a_convex_hull() {
     };
     check("", true);
     check("collision = \"convex_hull\"\nduration_s = 0.5\non_violation = \"keep\"", false);
+}
+
+/// Distance of the surface of a ball from the mesh of another body, meters; negative where it penetrates.
+fn gap(ball: &BodyDraft, radius: f64, other: &BodyDraft) -> f64 {
+    let vector = |p: [f64; 3]| Vector::from(p.map(|x| x as f32));
+    let data = other.object.mesh.data();
+    let mesh = TriMesh::new(data.positions.iter().map(|&p| Vector::from(p)).collect(), data.triangles.clone());
+    let center = other.world_from_body.inverse() * Point3::from(ball.world_from_body.translation.vector);
+    f64::from(mesh.expect("a mesh").distance_to_local_point(vector(center.into()), false)) - radius
+}
+
+/// A table of 0.75 m with a rim of 3 cm around a board of 2 cm.
+fn rimmed_table() -> SceneBuilder {
+    let rimmed = tray([1.2, 0.8, 0.05], 0.02);
+    let positions = rimmed.positions.iter().map(|&[x, y, z]| [x, y, z + 0.7]).collect();
+    let legs = [[-0.55, -0.35], [0.55, -0.35], [-0.55, 0.35], [0.55, 0.35]]
+        .map(|[x, y]| cuboid([x, y, 0.35], [0.05, 0.05, 0.7]));
+    let table = join([MeshData { positions, ..rimmed }].into_iter().chain(legs));
+    let mut scene = SceneBuilder::default();
+    scene.add(draft(&object("rimmed", table, 20.0), at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
+    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.2, 0.8] });
+    scene
+}
+
+#[test]
+fn bodies_lie_on_the_board_of_a_rimmed_table() {
+    let mut scene = rimmed_table();
+    let marble = object("marble", sphere(0.008), 0.005);
+    for i in 0..6 {
+        let (x, y) = (0.18 * f64::from(i) - 0.45, 0.1 * f64::from(i % 3) - 0.1);
+        scene.add(dynamic(&cube(), at(x, y, 0.85)));
+        scene.add(dynamic(&marble, at(x, y + 0.12, 0.8)));
+    }
+    // Beside the rim, and on it.
+    scene.add(dynamic(&cube(), at(0.55, 0.0, 0.85)));
+    scene.add(dynamic(&cube(), at(0.8, 0.0, 0.85)));
+    let report = settle("", &mut scene);
+    assert_eq!(report.removed.iter().map(|removal| removal.spawn).collect::<Vec<_>>(), [13], "{report:?}");
+    let floor = 0.72;
+    for body in objects(&scene).filter(|body| body.spawn < 12) {
+        let (low, _) = z_range(body);
+        assert!((low - floor).abs() < 0.001, "{} {} mm above the board", body.object.name, (low - floor) * 1e3);
+    }
+    assert!(report.deepest_penetration_m < 0.001, "{report:?}");
+}
+
+#[test]
+fn a_marble_lies_on_the_bottom_of_a_dish() {
+    // The bowl of the kit is a support here; its bounding box says that the tabletop is its rim.
+    let bowl = kit_objects().swap_remove(1);
+    let mut scene = SceneBuilder::default();
+    let size = bowl.mesh.bounds().size();
+    scene.add(draft(&bowl, at(0.0, 0.0, 0.0), Role::Support, Motion::Fixed));
+    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
+    let marble = object("marble", sphere(0.01), 0.01);
+    for x in [-0.03, 0.0, 0.03] {
+        scene.add(dynamic(&marble, at(x, 0.01, 0.09)));
+    }
+    let report = settle("", &mut scene);
+    assert_eq!(objects(&scene).count(), 3, "{report:?}");
+    let dish = scene.bodies().map(|(_, body)| body).find(|body| body.role == Role::Support).expect("a dish");
+    for marble in objects(&scene) {
+        let gap = gap(marble, 0.01, dish);
+        println!("{} mm", gap * 1e3);
+        // The bound of a support's parts, and the tolerance of hulls.
+        assert!((-0.001..0.0013).contains(&gap), "{} mm above the dish", gap * 1e3);
+    }
+}
+
+#[test]
+fn a_thin_tray_is_not_pressed_through() {
+    // The bottom is one millimeter thick, and air is below it.
+    let mut scene = SceneBuilder::default();
+    let thin = object("tray", tray([0.5, 0.4, 0.02], 0.001), 1.0);
+    scene.add(draft(&thin, at(0.0, 0.0, 0.5), Role::Support, Motion::Fixed));
+    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.52], size: [0.5, 0.4] });
+    let weight = object("weight", cuboid([0.0; 3], [0.08; 3]), 20.0);
+    let card = object("card", cuboid([0.0; 3], [0.09, 0.06, 0.001]), 0.005);
+    for i in 0..3 {
+        let x = 0.14 * f64::from(i) - 0.14;
+        scene.add(dynamic(&card, at(x, 0.0, 0.53)));
+        scene.add(dynamic(&weight, at(x, 0.0, 0.7)));
+    }
+    let report = settle("on_violation = \"keep\"", &mut scene);
+    assert_eq!(objects(&scene).count(), 6, "{report:?}");
+    for body in objects(&scene) {
+        let (low, _) = z_range(body);
+        assert!((0.498..0.504).contains(&low), "{} at {low}", body.object.name);
+    }
+}
+
+/// How far above the bottom of a hollow object on a table a marble comes to rest in it, meters.
+fn above_the_bottom(hollow: &Arc<Object>, radius: f32) -> f64 {
+    let mut scene = table_scene();
+    let bounds = hollow.mesh.bounds();
+    let center = bounds.center();
+    let pose = at(-center.x, -center.y, TABLE_HEIGHT - bounds.min.z);
+    scene.add(draft(hollow, pose, Role::Object, Motion::Dynamic));
+    scene.add(dynamic(&object("marble", sphere(radius), 0.005), at(0.0, 0.0, TABLE_HEIGHT + bounds.size().z + 0.02)));
+    let report = settle("on_violation = \"keep\"\nremove = \"keep\"\nmax_deviation_m = 0.003", &mut scene);
+    let bodies: Vec<&BodyDraft> = objects(&scene).collect();
+    println!("{}: {report:?}", hollow.name);
+    gap(bodies[1], f64::from(radius), bodies[0])
+}
+
+#[test]
+fn marbles_fall_into_mugs_and_bowls() {
+    let kit = kit_objects();
+    let real = assets().into_iter().take(1).flat_map(|root| real_objects(&root));
+    let hollow = |name: &str| {
+        let [lower] = [name.to_lowercase()];
+        lower.contains("mug") || lower.contains("bowl") || lower.contains("plate")
+    };
+    let all = kit.into_iter().chain(real).filter(|object| hollow(&object.name));
+    let mut seen = 0;
+    for object in all {
+        let gap = above_the_bottom(&object, 0.008);
+        println!("{}: {} mm", object.name, gap * 1e3);
+        assert!((-0.002..0.0035).contains(&gap), "{}: the marble is {} mm above it", object.name, gap * 1e3);
+        seen += 1;
+    }
+    assert!(seen >= 3, "{seen}");
 }
 
 #[test]

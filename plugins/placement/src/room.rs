@@ -5,7 +5,9 @@ use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
 use syntable_model::prelude::*;
-use syntable_model::scene::{AssetRef, BodyDraft, Material, Mesh, MeshData, Motion, Object, Role};
+use syntable_model::scene::{
+    AssetRef, BodyDraft, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, Role,
+};
 
 /// Thickness of floor, walls and ceiling, meters. They extend outwards from the inner size.
 const THICKNESS_M: f64 = 0.1;
@@ -181,14 +183,14 @@ fn slab(part: &Part, gray: f32) -> Result<Object> {
         .floats([half.x as f32, half.y as f32, half.z as f32].into_iter())
         .digest(material.digest)
         .finish();
-    let mass_kg = 2000.0 * mesh.signed_volume();
+    let mass = MassProperties::of_mesh(&mesh, 2000.0 * mesh.signed_volume(), MassOrigin::Estimated);
     Ok(Object {
         name: part.name.to_owned(),
         category: "room".to_owned(),
         mesh: Arc::new(mesh),
         materials: vec![material],
         collision: Some(Arc::new(vec![corners.to_vec()])),
-        mass_kg,
+        mass,
         friction: 0.6,
         license: String::new(),
         digest,

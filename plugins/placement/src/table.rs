@@ -111,10 +111,9 @@ impl Table {
             return Ok((object, bounds));
         }
         let digest = Hasher::new("sized table").digest(object.digest).number(scale).finish();
-        let mass_kg = object.mass_kg * scale.powi(3);
         let object = Arc::unwrap_or_clone(object).transformed(Vector3::zeros(), scale)?;
         let bounds = rotated_bounds(&object.mesh, rotation);
-        Ok((Arc::new(Object { mass_kg, digest, ..object }), bounds))
+        Ok((Arc::new(Object { digest, ..object }), bounds))
     }
 }
 

@@ -41,10 +41,10 @@ fn object(name: &str, mesh: Arc<Mesh>, materials: Vec<Material>) -> Arc<Object> 
     Arc::new(Object {
         name: name.into(),
         category: "crate".into(),
+        mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
         mesh,
         materials: materials.into_iter().map(Arc::new).collect(),
         collision: None,
-        mass_kg: 1.0,
         friction: 0.5,
         license: "CC0-1.0".into(),
         digest: Digest::of(name.as_bytes()),

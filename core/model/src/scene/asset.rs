@@ -1,7 +1,7 @@
 //! Assets: what sources load and pools hand out.
 
-use super::{EnvironmentMap, Material, Mesh};
-use crate::digest::Digest;
+use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh};
+use crate::digest::{Digest, Hasher};
 use crate::error::{Error, Result};
 use crate::geometry::Vector3;
 use schemars::JsonSchema;
@@ -170,8 +170,8 @@ pub struct Object {
     pub materials: Vec<Arc<Material>>,
     /// Collision shape, where the source knows it exactly; otherwise the settler decomposes the mesh.
     pub collision: Option<Arc<Vec<ConvexPart>>>,
-    /// Mass, kg.
-    pub mass_kg: f64,
+    /// Mass, center of mass and inertia.
+    pub mass: MassProperties,
     /// Coulomb friction coefficient.
     pub friction: f64,
     /// License as an SPDX expression or name; empty if unknown.
@@ -185,7 +185,7 @@ pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
     /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape and the media of its materials.
-    /// Mass and digest are those of the original.
+    /// It stays the same material: the mass grows with the cube of the factor. The digest is that of the original.
     pub fn transformed(self, offset: Vector3<f64>, factor: f64) -> Result<Self> {
         if factor == 1.0 && offset == Vector3::zeros() {
             return Ok(self);
@@ -196,8 +196,15 @@ impl Object {
             mesh: Arc::new(self.mesh.transformed(offset, factor)?),
             collision: self.collision.map(|parts| Arc::new(parts.iter().map(part).collect())),
             materials: self.materials.into_iter().map(|material| material.enlarged(factor)).collect(),
+            mass: self.mass.transformed(offset, factor),
             ..self
         })
+    }
+
+    /// The object with a mass, kg, that is known of it. The distribution of the mass stays.
+    pub fn with_known_mass(self, kg: f64) -> Self {
+        let digest = Hasher::new("known mass").digest(self.digest).number(kg).finish();
+        Self { mass: self.mass.with_kg(kg, MassOrigin::Known), digest, ..self }
     }
 
     /// Refuses an object whose largest extent is outside [`EXTENT_M`]: its file has another unit than meters, or is

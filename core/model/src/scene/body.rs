@@ -1,6 +1,6 @@
 //! Bodies: assets placed in a scene.
 
-use super::{AssetRef, MaterialOverride, Object};
+use super::{AssetRef, MassProperties, MaterialOverride, Object};
 use crate::geometry::{Aabb, Pose};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -63,6 +63,8 @@ pub struct Body<Id = InstanceId> {
     pub motion: Motion,
     /// Replaces all of the object's materials, if set.
     pub material_override: Option<MaterialOverride>,
+    /// Mass in the simulation; that of the object if the settler gives it no other.
+    pub mass: MassProperties,
     /// Coulomb friction coefficient; that of the object if its placer says nothing else.
     pub friction: f64,
     /// Coefficient of restitution, 0 to 1; that of the settler if not set.
@@ -81,7 +83,7 @@ pub type BodyDraft = Body<()>;
 impl BodyDraft {
     /// A body with the object's own materials.
     pub fn new(asset: AssetRef, object: Arc<Object>, world_from_body: Pose, role: Role, motion: Motion) -> Self {
-        let friction = object.friction;
+        let (mass, friction) = (object.mass, object.friction);
         Self {
             id: (),
             asset,
@@ -90,6 +92,7 @@ impl BodyDraft {
             role,
             motion,
             material_override: None,
+            mass,
             friction,
             restitution: None,
             respawn_half_m: None,
@@ -111,6 +114,7 @@ impl BodyDraft {
             role,
             motion,
             material_override,
+            mass,
             friction,
             restitution,
             respawn_half_m,
@@ -124,6 +128,7 @@ impl BodyDraft {
             role,
             motion,
             material_override,
+            mass,
             friction,
             restitution,
             respawn_half_m,

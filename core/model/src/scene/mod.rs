@@ -9,6 +9,7 @@ mod body;
 mod camera;
 mod environment;
 mod light;
+mod mass;
 mod material;
 mod mesh;
 mod settled;
@@ -20,6 +21,7 @@ pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, ThinLens};
 pub use environment::EnvironmentMap;
 pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight};
+pub use mass::{MassDistribution, MassOrigin, MassProperties, Moments};
 pub use material::{
     Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,
 };
@@ -94,6 +96,9 @@ pub struct SettleReport {
     pub residual_angular_speed_rad_s: f64,
     /// Deepest penetration between any two bodies that stayed, m.
     pub deepest_penetration_m: f64,
+    /// Largest distance by which the collision shape of a body that stayed fills hollows of its mesh, m.
+    #[serde(default)]
+    pub collision_deviation_m: f64,
     /// Number of respawns of bodies.
     pub respawned: u32,
     /// Number of distractors that were taken out.
@@ -138,6 +143,13 @@ impl SceneBuilder {
     pub fn set_pose(&mut self, handle: BodyHandle, world_from_body: Pose) {
         if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
             body.world_from_body = world_from_body;
+        }
+    }
+
+    /// Gives a body another mass, kg, distributed as its own.
+    pub fn assign_mass(&mut self, handle: BodyHandle, kg: f64) {
+        if let Some(Some(body)) = self.bodies.get_mut(handle.0) {
+            body.mass = body.mass.with_kg(kg, MassOrigin::Assigned);
         }
     }
 

@@ -1,6 +1,6 @@
 //! What settling did to a scene, so that the scene can be had again without simulating it.
 
-use super::{BodyHandle, SceneBuilder, SettleReport};
+use super::{BodyHandle, MassProperties, SceneBuilder, SettleReport};
 use crate::error::{Error, Result};
 use crate::geometry::{Pose, UnitQuaternion};
 use nalgebra::{Quaternion, Translation3};
@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 
 /// The bodies of a scene as the placers left them.
 #[derive(Debug)]
-pub struct Placed(Vec<Option<Pose>>);
+pub struct Placed(Vec<Option<(Pose, MassProperties)>>);
 
 impl Placed {
     /// Looks at a scene before it settles.
     pub fn of(scene: &SceneBuilder) -> Self {
-        Self(scene.bodies.iter().map(|body| body.as_ref().map(|body| body.world_from_body)).collect())
+        Self(scene.bodies.iter().map(|body| body.as_ref().map(|body| (body.world_from_body, body.mass))).collect())
     }
 }
 
-/// The whole effect of a settler: which bodies moved where, which left, and its report.
+/// The whole effect of a settler: which bodies moved where, which left, which were given another mass, and its report.
 ///
 /// Numbers are kept to the last bit by formats that do so for `f64`, such as TOML.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,6 +30,12 @@ pub struct Settled {
     moved: Vec<usize>,
     /// The poses of those that moved, `world_from_body`: translation x, y, z in meters, rotation i, j, k, w.
     poses: Vec<[f64; 7]>,
+    /// Bodies that were given another mass, by the same numbers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    weighed: Vec<usize>,
+    /// Their masses, kg.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    masses_kg: Vec<f64>,
     report: SettleReport,
 }
 
@@ -39,14 +45,25 @@ impl Settled {
         if before.0.len() != after.bodies.len() {
             return None;
         }
-        let mut settled =
-            Self { placed: before.0.len(), removed: vec![], moved: vec![], poses: vec![], report: report.clone() };
+        let mut settled = Self {
+            placed: before.0.len(),
+            removed: vec![],
+            moved: vec![],
+            poses: vec![],
+            weighed: vec![],
+            masses_kg: vec![],
+            report: report.clone(),
+        };
         for (number, (before, after)) in before.0.iter().zip(&after.bodies).enumerate() {
             match (before, after) {
                 (None, None) => {}
                 (None, Some(_)) => return None,
                 (Some(_), None) => settled.removed.push(number),
-                (Some(before), Some(after)) => {
+                (Some((before, mass)), Some(after)) => {
+                    if *mass != after.mass {
+                        settled.weighed.push(number);
+                        settled.masses_kg.push(after.mass.kg);
+                    }
                     let (before, after) = (numbers(before), numbers(&after.world_from_body));
                     if before.map(f64::to_bits) != after.map(f64::to_bits) {
                         settled.moved.push(number);
@@ -64,12 +81,16 @@ impl Settled {
         let there = |number: &usize| scene.bodies.get(*number).is_some_and(Option::is_some);
         if scene.bodies.len() != self.placed
             || self.moved.len() != self.poses.len()
-            || !self.moved.iter().chain(&self.removed).all(there)
+            || self.weighed.len() != self.masses_kg.len()
+            || !self.moved.iter().chain(&self.removed).chain(&self.weighed).all(there)
         {
             return Err(Error::new("the settled poses are those of another scene").permanent());
         }
         for (&number, pose) in self.moved.iter().zip(&self.poses) {
             scene.set_pose(BodyHandle(number), pose_of(pose));
+        }
+        for (&number, &kg) in self.weighed.iter().zip(&self.masses_kg) {
+            scene.assign_mass(BodyHandle(number), kg);
         }
         for &number in &self.removed {
             scene.remove(BodyHandle(number));

@@ -1,6 +1,6 @@
 //! How the triangles of a mesh hang together: boundaries, parts, and the volume that they enclose.
 
-use super::Mesh;
+use super::{Mesh, Moments};
 use crate::geometry::{Aabb, Point3, Vector3};
 
 /// Connectivity of a mesh after equal positions are taken as one vertex.
@@ -20,6 +20,8 @@ pub struct Topology {
     /// Volume by the divergence theorem, m³, with every hole closed by a fan around the center of its rim; negative if
     /// the faces point inwards.
     pub signed_volume: f64,
+    /// Moments of that volume about the center of the bounding box, m³, m⁴ and m⁵.
+    pub moments: Moments,
     bounds: Aabb,
 }
 
@@ -36,7 +38,7 @@ impl Topology {
         let origin = bounds.center();
         let mut parts = Forest::new(ids.len());
         let (mut forward, mut backward) = (Vec::new(), Vec::new());
-        let mut signed_volume = 0.0;
+        let mut moments = Moments::ZERO;
         let mut areas = vec![0.0; ids.len()];
         for (t, triangle) in mesh.data().triangles.iter().enumerate() {
             let [a, b, c] = triangle.map(|index| ids[index as usize]);
@@ -45,7 +47,7 @@ impl Topology {
             }
             let [p, q, r] = mesh.corners(t);
             areas[a as usize] += (q - p).cross(&(r - p)).norm() / 2.0;
-            signed_volume += tetrahedron(p - origin, q - origin, r - origin);
+            moments += Moments::tetrahedron([p, q, r].map(|p| p - origin));
             parts.join(a, b);
             parts.join(a, c);
             for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -66,8 +68,15 @@ impl Topology {
         part_areas.retain(|area| *area > 0.0);
         part_areas.sort_unstable_by(|a, b| b.total_cmp(a));
 
-        let mut found =
-            Self { boundary_edges: 0, non_manifold_edges: 0, misoriented_edges: 0, part_areas, signed_volume, bounds };
+        let mut found = Self {
+            boundary_edges: 0,
+            non_manifold_edges: 0,
+            misoriented_edges: 0,
+            part_areas,
+            signed_volume: 0.0,
+            moments,
+            bounds,
+        };
         let mut rims = Vec::new();
         let (mut f, mut b) = (0, 0);
         while f < forward.len() || b < backward.len() {
@@ -92,7 +101,14 @@ impl Topology {
                 rims.push((from, to, ahead.abs_diff(back) as f64));
             }
         }
-        found.signed_volume += cap(mesh, &ids, &rims, origin);
+        cap(mesh, &ids, &rims, origin, &mut found.moments);
+        if found.moments.total < 0.0 {
+            // Faces that point inwards enclose the same.
+            found.moments = found.moments.scaled(-1.0);
+            found.signed_volume = -found.moments.total;
+        } else {
+            found.signed_volume = found.moments.total;
+        }
         found
     }
 
@@ -118,10 +134,18 @@ impl Topology {
     /// The enclosed volume of a closed, consistently oriented mesh. Otherwise the volume with holes closed, if it is
     /// between 1 % and all of the bounding box; else [`BOX_FRACTION`](Self::BOX_FRACTION) of the bounding box.
     pub fn solid_volume(&self) -> f64 {
-        let boxed: f64 = self.bounds.size().iter().product();
-        let volume = self.signed_volume.abs();
+        self.enclosed_volume().unwrap_or(Self::BOX_FRACTION * self.box_volume())
+    }
+
+    /// The enclosed volume, m³, with holes closed; none if it is not plausible.
+    pub fn enclosed_volume(&self) -> Option<f64> {
+        let (volume, boxed) = (self.signed_volume.abs(), self.box_volume());
         let plausible = if self.is_closed() && self.is_oriented() { 0.0 } else { 0.01 * boxed };
-        if volume > plausible && volume <= boxed * (1.0 + 1e-6) { volume } else { Self::BOX_FRACTION * boxed }
+        (volume > plausible && volume <= boxed * (1.0 + 1e-6)).then_some(volume)
+    }
+
+    fn box_volume(&self) -> f64 {
+        self.bounds.size().iter().product()
     }
 }
 
@@ -145,14 +169,10 @@ fn edge(low: u32, high: u32) -> u64 {
     u64::from(low) << 32 | u64::from(high)
 }
 
-fn tetrahedron(a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>) -> f64 {
-    a.dot(&b.cross(&c)) / 6.0
-}
-
-/// Volume of fans that close the rims; each connected rim has one fan, around the mean of its edges' ends.
-fn cap(mesh: &Mesh, ids: &[u32], rims: &[(u32, u32, f64)], origin: Point3<f64>) -> f64 {
+/// Adds the moments of fans that close the rims; each connected rim has one fan, around the mean of its edges' ends.
+fn cap(mesh: &Mesh, ids: &[u32], rims: &[(u32, u32, f64)], origin: Point3<f64>, moments: &mut Moments) {
     if rims.is_empty() {
-        return 0.0;
+        return;
     }
     let point = |id: u32| {
         let [x, y, z] = mesh.data().positions[id as usize].map(f64::from);
@@ -168,12 +188,10 @@ fn cap(mesh: &Mesh, ids: &[u32], rims: &[(u32, u32, f64)], origin: Point3<f64>) 
         *sum += point(from) + point(to);
         *count += 2.0;
     }
-    rims.iter()
-        .map(|&(from, to, times)| {
-            let (sum, count) = centers[loops.root(from) as usize];
-            times * tetrahedron(point(from), point(to), sum / count)
-        })
-        .sum()
+    for &(from, to, times) in rims {
+        let (sum, count) = centers[loops.root(from) as usize];
+        *moments += Moments::tetrahedron([point(from), point(to), sum / count]).scaled(times);
+    }
 }
 
 /// Disjoint sets, joined along shared members.

@@ -46,7 +46,7 @@ pub use editor::{editor_schema, schema_text};
 pub use lints::lints;
 pub use load::load;
 pub use overrides::Overrides;
-pub use pool::{Center, Mass, Part, Pool, PoolOptions, Scale, Split};
+pub use pool::{Center, Mass, ObjectProperties, Part, Pool, PoolOptions, Scale, Split};
 pub use resolved::{lock_of, with_lock, without_lock};
 pub use schema::schema;
 pub use source::SourceFile;

@@ -5,6 +5,7 @@ use glob::Pattern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::context::Log;
 use syntable_model::digest::Hasher;
 use syntable_model::error::{ConfigError, Error, Result};
 use syntable_model::files::read_small;
@@ -58,9 +59,13 @@ pub struct PoolOptions {
     /// Origin of the objects.
     pub center: Center,
     /// Mass of the objects: `{ kg = 0.3 }` each, or `{ density_kg_m3 = 800 }` times the volume of the mesh. If left out, the
-    /// mass is that of the source.
+    /// mass is that of the source; where the source knows it, it grows with the cube of `scale`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<Mass>,
+    /// TOML file of what is known of single objects: a table per name with `mass_kg`, `density_kg_m3` or `friction`, such as
+    /// `["024_bowl"]` and below it `mass_kg = 0.147`. It goes before `mass`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub properties: Option<AssetPath>,
     /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,
     /// What one asset may take; one that would take more is left out as a bad one.
@@ -116,6 +121,7 @@ impl Default for PoolOptions {
             scale: Scale::Factor(1.0),
             center: Center::Bounds,
             mass: None,
+            properties: None,
             single_part_only: false,
             limits: AssetLimits::default(),
         }
@@ -161,6 +167,33 @@ pub enum Mass {
     Kg(#[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))] f64),
     /// Density, kg/m³: mass is density times the volume of the mesh.
     DensityKgM3(#[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1e5))] f64),
+}
+
+/// What is known of an object: one table of the file that `properties` names.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjectProperties {
+    /// Mass at the size that the pool gives the object, kg.
+    pub mass_kg: Option<f64>,
+    /// Density, kg/m³, over the volume of the mesh; only without `mass_kg`.
+    pub density_kg_m3: Option<f64>,
+    /// Coulomb friction coefficient.
+    pub friction: Option<f64>,
+}
+
+impl ObjectProperties {
+    /// The key of a value that makes no sense, and why.
+    fn invalid(&self) -> Option<(&'static str, String)> {
+        let out_of = |key, value: Option<f64>, low: f64, high: f64| {
+            let value = value.filter(|value| !(*value > low && *value <= high))?;
+            Some((key, format!("{value} is not above {low} and at most {high}")))
+        };
+        let both = self.mass_kg.is_some() && self.density_kg_m3.is_some();
+        out_of("mass_kg", self.mass_kg, 0.0, 1e5)
+            .or_else(|| out_of("density_kg_m3", self.density_kg_m3, 0.0, 1e5))
+            .or_else(|| out_of("friction", self.friction, -f64::MIN_POSITIVE, 10.0))
+            .or_else(|| both.then(|| ("density_kg_m3", "`mass_kg` says the mass already".to_owned())))
+    }
 }
 
 /// Origin of an object.
@@ -232,7 +265,8 @@ impl Split {
 
 impl PoolOptions {
     /// Options that apply to objects alone, not to materials or environment maps.
-    pub const FOR_OBJECTS: [&'static str; 6] = ["classes", "units", "scale", "center", "mass", "single_part_only"];
+    pub const FOR_OBJECTS: [&'static str; 7] =
+        ["classes", "units", "scale", "center", "mass", "properties", "single_part_only"];
 
     /// Whether an option applies to assets of a class.
     pub fn applies(option: &str, class: AssetClass) -> bool {
@@ -264,6 +298,40 @@ impl PoolOptions {
             ));
         }
         Ok(())
+    }
+
+    /// What the table of properties states, by name. Warns of names that the source does not have.
+    pub(crate) fn properties(
+        &self,
+        entries: &[CatalogEntry],
+        log: &dyn Log,
+    ) -> Result<BTreeMap<String, ObjectProperties>> {
+        let Some(file) = &self.properties else { return Ok(BTreeMap::new()) };
+        let bytes = read_small(file.path()).map_err(|error| Error::io(file.path(), &error))?;
+        let help = "write a table per object: [\"024_bowl\"] and below it mass_kg = 0.147";
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let at = error.utf8_error().valid_up_to() as u64;
+            Error::new("the table of properties is not UTF-8 text").in_file(file.path()).at_byte(at)
+        })?;
+        let table: BTreeMap<String, ObjectProperties> = toml::from_str(&text).map_err(|error| {
+            let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+            Error::new(format!("line {line}: {}", error.message())).in_file(file.path()).help(help)
+        })?;
+        for (name, properties) in &table {
+            if let Some((key, problem)) = properties.invalid() {
+                return Err(Error::new(format!("`{name}`: `{key}`: {problem}")).in_file(file.path()));
+            }
+        }
+        let known: BTreeSet<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+        let unknown: Vec<&str> = table.keys().map(String::as_str).filter(|name| !known.contains(name)).collect();
+        if !unknown.is_empty() {
+            log.warn(
+                &Error::new(format!("the pool has no asset of these names: {}", unknown.join(", ")))
+                    .in_file(file.path())
+                    .help("`syntable list assets` shows the names"),
+            );
+        }
+        Ok(table)
     }
 
     /// The entries of a source that the pool takes, in their order. Reads the lists.
@@ -467,6 +535,35 @@ mod tests {
         let size = Scale::Size { longest_side_m: 0.5 };
         assert_eq!(options(None, size).factor(5.0), 0.1);
         assert_eq!(options(Some(Units::Mm), size).validate().expect_err("contradict").key, "units");
+    }
+
+    #[test]
+    fn a_table_of_properties_is_checked() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("properties.toml");
+        let options = PoolOptions { properties: Some(AssetPath(file.clone())), ..Default::default() };
+        let read = |text: &str| {
+            std::fs::write(&file, text).expect("written");
+            let log = syntable_model::context::Collected::default();
+            let table = options.properties(&entries(["024_bowl".to_owned()]), &log);
+            (table, log.warnings().iter().map(ToString::to_string).collect::<Vec<_>>())
+        };
+        let (table, warnings) = read("[024_bowl]\nmass_kg = 0.147\nfriction = 0.4\n[mug]\ndensity_kg_m3 = 900\n");
+        let table = table.expect("sound");
+        assert_eq!((table["024_bowl"].mass_kg, table["024_bowl"].friction), (Some(0.147), Some(0.4)));
+        assert_eq!(table["mug"].density_kg_m3, Some(900.0));
+        assert!(warnings.len() == 1 && warnings[0].contains("mug") && !warnings[0].contains("bowl"), "{warnings:?}");
+        for (text, wanted) in [
+            ("[024_bowl]\nmass_kg = -1", "mass_kg"),
+            ("[024_bowl]\nmass_kg = nan", "mass_kg"),
+            ("[024_bowl]\nfriction = 11", "friction"),
+            ("[024_bowl]\nmass_kg = 1\ndensity_kg_m3 = 1", "density_kg_m3"),
+            ("\n[024_bowl]\nmas_kg = 1", "mas_kg"),
+            ("024_bowl = 1", "line 1"),
+        ] {
+            let error = read(text).0.expect_err(text).to_string();
+            assert!(error.contains(wanted) && error.contains("properties.toml"), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -24,7 +24,7 @@ mod tests {
     use super::*;
     use syntable_model::geometry::{Pose, UnitQuaternion, Vector3};
     use syntable_model::random::Stream;
-    use syntable_model::scene::{AssetRef, Placed, Removal, Role, SceneBuilder, SettleReport};
+    use syntable_model::scene::{AssetRef, BodyDraft, Placed, Removal, Role, SceneBuilder, SettleReport};
     use syntable_testing::scenes::{body, box_mesh, object, table};
 
     #[test]
@@ -39,7 +39,12 @@ mod tests {
         };
         let bits = |scene: &SceneBuilder| -> Vec<(u32, Vec<u64>)> {
             let numbers = |pose: &Pose| pose.to_homogeneous().iter().map(|x| x.to_bits()).collect();
-            scene.bodies().map(|(_, body)| (body.spawn, numbers(&body.world_from_body))).collect()
+            let with_mass = |body: &BodyDraft| {
+                let mut all: Vec<u64> = numbers(&body.world_from_body);
+                all.push(body.mass.kg.to_bits());
+                (body.spawn, all)
+            };
+            scene.bodies().map(|(_, body)| with_mass(body)).collect()
         };
         let mut stream = Stream::root(7);
         let mut uniform = || stream.uniform(-1.0, 1.0);
@@ -49,7 +54,7 @@ mod tests {
         for (k, &handle) in handles.iter().enumerate().skip(1) {
             match k % 4 {
                 0 => drop(scene.remove(handle)),
-                1 => {}
+                1 => scene.assign_mass(handle, 0.1 + 0.2 * f64::from(k as u32)),
                 _ => {
                     let turn = UnitQuaternion::new(Vector3::new(uniform(), uniform(), uniform()) * 3.0);
                     let shift = Vector3::new(uniform(), -0.0, uniform() * 1e-12);

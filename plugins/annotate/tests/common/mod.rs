@@ -10,8 +10,8 @@ use syntable_model::prelude::*;
 use syntable_model::product::{BitPlane, Plane, RenderParameters};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Material, Mesh, MeshData, Motion, Object, Role, SceneId,
-    SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
+    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_model::stage::DatasetInfo;
 
@@ -50,10 +50,10 @@ impl World {
         let object = Arc::new(Object {
             name: "tetra".into(),
             category: "solid".into(),
+            mass: MassProperties::of_mesh(&mesh, 0.25, MassOrigin::Known),
             mesh: Arc::new(mesh),
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
-            mass_kg: 0.25,
             friction: 0.5,
             license: "CC0-1.0".into(),
             digest: Digest::of(b"tetra"),

@@ -13,6 +13,8 @@ use syntable_model::stage::AssetLimits;
 /// Objects of the YCB Object and Model Set (Calli et al., 2015), as downloaded: one folder per object with
 /// `google_16k/textured.obj` beside its texture; or as in YCB-Video, with `textured.obj` or `textured_simple*.obj` in the
 /// object's folder itself. Meters, z up. The origins lie outside of the objects; let the pool center them.
+///
+/// Objects have the masses that the authors weighed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ycb {
@@ -92,7 +94,11 @@ impl AssetSource for Ycb {
         })?;
         let model = obj::read(&AssetRoot::open(&folder)?.within(self.limits), &mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(name), license: LICENSE.to_owned() };
-        model.into_object(info, &folder.join(mesh), log).map(|(object, _)| Asset::from(object))
+        let (object, _) = model.into_object(info, &folder.join(mesh), log)?;
+        Ok(match mass_kg(name) {
+            Some(kg) => object.with_known_mass(kg).into(),
+            None => object.into(),
+        })
     }
 }
 
@@ -114,6 +120,85 @@ pub(crate) fn mesh_in(folder: &Path, reconstruction: Reconstruction) -> Result<O
         }
     }
     Ok(None)
+}
+
+/// Masses in grams, by the number and letter that names begin with: Calli et al., Benchmarking in Manipulation Research,
+/// IEEE Robotics & Automation Magazine, 2015, table 2. Toys of many pieces that were weighed as a whole are left out.
+const MASSES_G: [(&str, f64); 68] = [
+    ("001", 205.0),
+    ("002", 414.0),
+    ("003", 411.0),
+    ("004", 514.0),
+    ("005", 349.0),
+    ("006", 603.0),
+    ("007", 171.0),
+    ("008", 187.0),
+    ("009", 97.0),
+    ("010", 370.0),
+    ("011", 66.0),
+    ("012", 18.0),
+    ("013", 68.0),
+    ("014", 29.0),
+    ("015", 33.0),
+    ("016", 49.0),
+    ("017", 47.0),
+    ("018", 25.0),
+    ("019", 178.0),
+    ("021", 1131.0),
+    ("022", 1022.0),
+    ("023", 133.0),
+    ("024", 147.0),
+    ("025", 118.0),
+    ("026", 6.2),
+    ("027", 950.0),
+    ("028", 652.0),
+    ("029", 279.0),
+    ("030", 34.0),
+    ("031", 30.0),
+    ("032", 31.0),
+    ("033", 51.5),
+    ("035", 895.0),
+    ("036", 729.0),
+    ("037", 82.0),
+    ("038", 208.0),
+    ("039", 10.1),
+    ("040", 15.8),
+    ("041", 8.2),
+    ("042", 252.0),
+    ("043", 97.0),
+    ("044", 98.4),
+    ("048", 665.0),
+    ("049", 19.2),
+    ("050", 59.0),
+    ("051", 125.0),
+    ("052", 202.0),
+    ("053", 123.0),
+    ("054", 191.0),
+    ("055", 148.0),
+    ("056", 58.0),
+    ("057", 41.0),
+    ("058", 46.0),
+    ("059", 98.0),
+    ("061", 28.0),
+    ("062", 5.2),
+    ("065-a", 13.0),
+    ("065-b", 14.0),
+    ("065-c", 17.0),
+    ("065-d", 19.0),
+    ("065-e", 21.0),
+    ("065-f", 26.0),
+    ("065-g", 28.0),
+    ("065-h", 31.0),
+    ("065-i", 35.0),
+    ("065-j", 38.0),
+    ("076", 102.0),
+    ("077", 94.0),
+];
+
+/// The published mass of an object, kg.
+fn mass_kg(name: &str) -> Option<f64> {
+    let (number, _) = name.split_once('_')?;
+    MASSES_G.iter().find(|(known, _)| *known == number).map(|(_, grams)| grams / 1000.0)
 }
 
 /// `003_cracker_box` is a `cracker_box`, `065-a_cups` are `cups`.

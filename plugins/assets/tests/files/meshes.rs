@@ -281,7 +281,7 @@ fn one_box_is_the_same_in_all_formats() {
     let reference = load(root, "reference");
     assert_eq!(reference.mesh.data().triangles.len(), 12);
     assert!((reference.mesh.signed_volume() - 0.000_48).abs() < 1e-9);
-    assert!((reference.mass_kg - 0.000_48 * 400.0).abs() < 1e-6);
+    assert!((reference.mass.kg - 0.000_48 * 400.0).abs() < 1e-6);
     let mut quads = String::new();
     CORNERS.iter().for_each(|[x, y, z]| quads += &format!("v {x} {y} {z}\n"));
     QUADS.iter().for_each(|[a, b, c, d]| quads += &format!("f {} {} {} {}\n", a + 1, b + 1, c + 1, d + 1));

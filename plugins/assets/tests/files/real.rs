@@ -3,7 +3,7 @@
 use crate::common::{fact, look, roots, source_of};
 use std::path::Path;
 use syntable_model::context::Collected;
-use syntable_model::scene::{Alpha, Object, Topology, Volume};
+use syntable_model::scene::{Alpha, MassOrigin, Object, Topology, Volume};
 use syntable_model::stage::AssetSource;
 
 /// Rows of the table after a heading of the index, cells trimmed, without its head.
@@ -61,7 +61,7 @@ fn check_row(row: &[String], object: &Object, warnings: &[String]) {
         let volume = topology.solid_volume() * 1e3;
         assert!((volume - liters).abs() < 0.000_51 + 1e-3 * liters, "{name}: volume {volume}, index {liters}");
     }
-    assert!(object.mass_kg > 0.0 && object.mass_kg <= 20.0, "{name}");
+    assert!(object.mass.kg > 0.0 && object.mass.kg <= 20.0, "{name}");
     assert!(!object.mesh.data().uvs.is_empty(), "{name} has texture coordinates");
     let texture = object.materials[0].base_color.texture.as_ref().expect("a texture");
     assert_eq!(
@@ -98,6 +98,13 @@ fn ycb_objects_agree_with_the_index() {
         check_collection(&root, "ycb", "ycb");
         let catalog = source_of("ycb", &root.join("ycb"), "").catalog(&Collected::default()).expect("a catalog");
         assert_eq!(catalog.entries[0].category, "cracker_box");
+        let (carton, _) = load(&*source_of("ycb", &root.join("ycb"), ""), "003_cracker_box");
+        assert_eq!((carton.mass.kg, carton.mass.origin), (0.411, MassOrigin::Known), "as published");
+        // A full box of 72 x 164 x 213 mm has its center in the middle, and m/12 (a² + b²) along the longest side.
+        let middle = carton.mesh.bounds().center();
+        assert!((carton.mass.center - middle).norm() < 0.004, "{:?} {middle}", carton.mass);
+        let wanted = 0.411 / 12.0 * (0.072_f64.powi(2) + 0.164_f64.powi(2));
+        assert!((carton.mass.inertia()[(2, 2)] / wanted - 1.0).abs() < 0.15, "{:?}, not {wanted}", carton.mass);
     }
 }
 

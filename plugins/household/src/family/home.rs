@@ -120,14 +120,15 @@ pub fn sponge(draw: &mut Draw) -> Model {
     let foam = rounded_box(size, 0.004, 2, |_| SlotMapping::tile(0, 0.12));
     let pad = rounded_box([size[0] - 0.001, size[1] - 0.001, rough], 0.0015, 2, |_| SlotMapping::tile(1, 0.05));
     let pad = pad.translated(0.0, 0.0, 0.5 * size[2] + 0.35 * rough);
-    let mass = foam.volume() * draw.uniform(40.0, 140.0) + pad.volume() * 180.0;
+    let shape = foam.dense(draw.uniform(40.0, 140.0)).and(pad.dense(180.0));
+    let mass = shape.moments().total;
     let detail = draw.materials.get(MaterialFamily::Concrete, 6);
     let fibers = draw.materials.get(MaterialFamily::Carpet, 6);
     let color = vivid(&mut draw.appearance);
     let pad_color = hsv(draw.appearance.uniform(0.25, 0.62), 0.7, draw.appearance.uniform(0.2, 0.45));
     let foam_material = Finish::plain(color, 0.95, 0.0).detailed(&detail).named("foam");
     let pad_material = Finish::plain(pad_color, 0.95, 0.0).detailed(&fibers).named("scourer");
-    Model::new(foam.and(pad), vec![Arc::new(foam_material), Arc::new(pad_material)], mass).friction(0.7)
+    Model::new(shape, vec![Arc::new(foam_material), Arc::new(pad_material)], mass).friction(0.7)
 }
 
 pub fn remote(draw: &mut Draw) -> Model {

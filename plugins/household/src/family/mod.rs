@@ -178,7 +178,7 @@ pub struct Model {
     pub shape: Shape,
     /// Materials by slot.
     pub materials: Vec<Arc<Material>>,
-    /// Mass, kg.
+    /// Mass, kg, spread over the closed surfaces of the shape in proportion to their volumes and densities.
     pub mass_kg: f64,
     /// Coulomb friction coefficient.
     pub friction: f64,

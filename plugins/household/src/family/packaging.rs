@@ -171,7 +171,12 @@ pub fn tube(draw: &mut Draw) -> Model {
     let outline = Outline::at(0.0, -0.002).to(cap, -0.002, CAP).to(cap, depth, CAP).round(0.002).to(0.0, depth, CAP);
     // The lathe's z becomes y.
     let cap = Lathe::new(&outline).segments(32).solid().rotated(0, -90.0);
-    let mass = body.volume() * draw.uniform(700.0, 1150.0) + 0.004;
+    let cap = {
+        let density = 0.004 / cap.volume();
+        cap.dense(density)
+    };
+    let shape = body.dense(draw.uniform(700.0, 1150.0)).and(cap);
+    let mass = shape.moments().total;
     let texture = label(&mut draw.appearance, TAU * r / length);
     let cap_color = vivid(&mut draw.appearance);
     let materials = vec![
@@ -179,5 +184,5 @@ pub fn tube(draw: &mut Draw) -> Model {
         draw.plain("seam", shade(cap_color, 0.8), 0.4),
         draw.plastic_of("cap", cap_color),
     ];
-    Model::new(body.and(cap), materials, mass).friction(0.45)
+    Model::new(shape, materials, mass).friction(0.45)
 }

@@ -50,8 +50,10 @@ pub fn hammer(draw: &mut Draw) -> Model {
     });
     let claw = sweep(&taper, &ellipse(0.0105 * size, 0.0115 * size, 16), SlotMapping::tile(1, 0.15), 3);
     let block = block.translated(x, 0.0, 0.0);
-    let steel = 0.85 * (block.volume() + face.volume() + claw.volume());
-    let mass = steel * density::STEEL + handle.volume() * density::WOOD;
+    // The parts of the head overlap.
+    let head = block.and(face).and(claw).dense(0.85 * density::STEEL);
+    let shape = handle.dense(density::WOOD).and(head);
+    let mass = shape.moments().total;
     let wooden = draw.appearance.chance(0.6);
     let grip = if wooden {
         draw.material(MaterialFamily::Timber)
@@ -60,7 +62,7 @@ pub fn hammer(draw: &mut Draw) -> Model {
         draw.plastic_of("grip", shade(color, 0.7))
     };
     let materials = vec![grip, draw.metal()];
-    Model::new(handle.and(block).and(face).and(claw), materials, mass).friction(0.45)
+    Model::new(shape, materials, mass).friction(0.45)
 }
 
 pub fn screwdriver(draw: &mut Draw) -> Model {
@@ -107,10 +109,11 @@ pub fn screwdriver(draw: &mut Draw) -> Model {
             })
             .collect();
     let shaft = loft(&rings, SlotMapping::tile(1, 0.1), 3);
-    let mass = handle.volume() * density::RUBBER + shaft.volume() * density::STEEL;
+    let shape = handle.dense(density::RUBBER).and(shaft.dense(density::STEEL));
+    let mass = shape.moments().total;
     let color = vivid(&mut draw.appearance);
     let materials = vec![draw.plastic_of("grip", color), draw.polished("steel")];
-    Model::new(handle.and(shaft).rotated(1, 90.0), materials, mass).friction(0.45)
+    Model::new(shape.rotated(1, 90.0), materials, mass).friction(0.45)
 }
 
 pub fn wrench(draw: &mut Draw) -> Model {

@@ -209,7 +209,9 @@ pub fn pan(draw: &mut Draw) -> Model {
         [swell * (0.5 + 0.5 * end), swell * (0.5 + 0.5 * end)]
     });
     let handle = sweep(&grip, &ellipse(0.007, width, 14), SlotMapping::fit(2), 5);
-    let mass = shape.volume() * density::STEEL * 0.55 + handle.volume() * density::PLASTIC;
+    // The wall is aluminum and steel.
+    let shape = shape.dense(0.55 * density::STEEL).and(handle.dense(density::PLASTIC));
+    let mass = shape.moments().total;
     let coat = hsv(draw.appearance.unit(), 0.08, draw.appearance.uniform(0.06, 0.2));
     let outer = if draw.appearance.chance(0.5) {
         draw.metal()
@@ -218,5 +220,5 @@ pub fn pan(draw: &mut Draw) -> Model {
         draw.plain("enamel", color, 0.2)
     };
     let materials = vec![outer, draw.plain("coating", coat, 0.35), draw.plastic_of("grip", hsv(0.0, 0.0, 0.08))];
-    Model::new(shape.and(handle), materials, mass).friction(0.4)
+    Model::new(shape, materials, mass).friction(0.4)
 }

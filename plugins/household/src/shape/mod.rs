@@ -21,7 +21,7 @@ pub use outline::Outline;
 use std::collections::BTreeMap;
 use syntable_model::error::Result;
 use syntable_model::geometry::{Aabb, Point3, Pose, Vector3};
-use syntable_model::scene::{ConvexPart, Mesh, MeshData};
+use syntable_model::scene::{ConvexPart, Mesh, MeshData, Moments};
 
 /// How texture coordinates are assigned to a run of surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,6 +65,8 @@ struct Face {
     corners: [u32; 3],
     uv: [[f64; 2]; 3],
     slot: u16,
+    /// Density of the closed surface that the face belongs to, kg/m³, or in proportion to it.
+    density: f64,
 }
 
 /// A closed solid, or a union of closed solids, under construction. Meters.
@@ -85,7 +87,7 @@ impl Shape {
     fn triangle(&mut self, corners: [u32; 3], uv: [[f64; 2]; 3], slot: u16) {
         let [a, b, c] = corners;
         if a != b && b != c && c != a {
-            self.faces.push(Face { corners, uv, slot });
+            self.faces.push(Face { corners, uv, slot, density: 1.0 });
         }
     }
 
@@ -162,6 +164,27 @@ impl Shape {
                 a.dot(&b.cross(&c)) / 6.0
             })
             .sum()
+    }
+
+    /// Gives all closed surfaces so far a density, kg/m³. Those that were given none have one in proportion to 1.
+    pub fn dense(mut self, density: f64) -> Self {
+        self.faces.iter_mut().for_each(|face| face.density = density);
+        self
+    }
+
+    /// Whether its closed surfaces have different densities.
+    pub fn is_mixed(&self) -> bool {
+        self.faces.windows(2).any(|pair| pair[0].density != pair[1].density)
+    }
+
+    /// Moments of its mass about its own origin; where closed parts overlap, the overlap counts twice.
+    pub fn moments(&self) -> Moments {
+        let mut moments = Moments::ZERO;
+        for face in &self.faces {
+            let corners = face.corners.map(|index| self.points[index as usize].coords);
+            moments += Moments::tetrahedron(corners).scaled(face.density);
+        }
+        moments
     }
 
     /// Texture coordinates by the dominant axis of every face, in tiles of `tile_m` meters. The u axis follows

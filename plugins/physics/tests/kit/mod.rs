@@ -27,6 +27,23 @@ pub fn cuboid(center: [f32; 3], size: [f32; 3]) -> MeshData {
     MeshData { positions, triangles, ..Default::default() }
 }
 
+/// An open box of outer size, its walls and its floor of one thickness: one closed surface, its floor's underside at z = 0.
+pub fn tray([x, y, z]: [f32; 3], thick: f32) -> MeshData {
+    let ring = |inset: f32, z: f32| {
+        let [x, y] = [x, y].map(|size| size / 2.0 - inset);
+        [[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]]
+    };
+    let rings = [ring(0.0, 0.0), ring(0.0, z), ring(thick, z), ring(thick, thick)];
+    let mut triangles = vec![[0, 2, 1], [0, 3, 2], [12, 13, 14], [12, 14, 15]];
+    for level in 0..3_u32 {
+        for i in 0..4_u32 {
+            let [a, b] = [4 * level + i, 4 * level + (i + 1) % 4];
+            triangles.extend([[a, b, b + 4], [a, b + 4, a + 4]]);
+        }
+    }
+    MeshData { positions: rings.concat(), triangles, ..Default::default() }
+}
+
 /// Joins meshes into one.
 pub fn join(meshes: impl IntoIterator<Item = MeshData>) -> MeshData {
     let mut all = MeshData::default();
@@ -134,13 +151,14 @@ pub fn shape_kit() -> Vec<(&'static str, MeshData)> {
 /// An object with a friction coefficient of one half.
 pub fn object(name: &str, data: MeshData, mass_kg: f64) -> Arc<Object> {
     let corners: Vec<f32> = data.triangles.iter().flatten().flat_map(|&i| data.positions[i as usize]).collect();
+    let mesh = Mesh::new(data).expect("a sound mesh");
     Arc::new(Object {
         name: name.into(),
         category: name.into(),
-        mesh: Arc::new(Mesh::new(data).expect("a sound mesh")),
+        mass: MassProperties::of_mesh(&mesh, mass_kg, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
-        mass_kg,
         friction: 0.5,
         license: String::new(),
         digest: Hasher::new("test object").floats(corners.into_iter()).finish(),

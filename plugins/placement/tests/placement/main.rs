@@ -10,7 +10,8 @@ use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    Asset, AssetRef, BodyDraft, CatalogEntry, Material, Mesh, MeshData, Motion, Object, Role, TextureMapping,
+    Asset, AssetRef, BodyDraft, CatalogEntry, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object,
+    Role, TextureMapping,
 };
 use syntable_placement as _;
 
@@ -72,10 +73,10 @@ impl Assets for Pools {
         Ok(Asset::from(Object {
             name: asset.name.clone(),
             category: "box".into(),
+            mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
             mesh: Arc::new(mesh),
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
-            mass_kg: 1.0,
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(asset.name.as_bytes()),

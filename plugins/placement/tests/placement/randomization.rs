@@ -79,8 +79,8 @@ fn some_objects_get_another_material_and_nothing_else_changes() {
         let (b, _) = place(&[&*table, &*other], seed).expect("placed");
         for (a, b) in objects(&a).iter().zip(objects(&b)) {
             assert_eq!(
-                (&a.asset, a.world_from_body, a.object.mass_kg),
-                (&b.asset, b.world_from_body, b.object.mass_kg)
+                (&a.asset, a.world_from_body, a.object.mass.kg),
+                (&b.asset, b.world_from_body, b.object.mass.kg)
             );
             assert!(a.material_override.is_none());
             replaced += usize::from(b.material_override.as_ref().is_some_and(|other| other.material.tile_m == 0.5));

@@ -10,9 +10,9 @@ use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Point3, Pose, Translation3, UnitQuaternion, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, Material,
-    MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport, Tabletop, Transmission,
-    ViewId, Volume,
+    AssetRef, BodyDraft, Camera, EnvironmentLight, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin,
+    MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport,
+    Tabletop, Transmission, ViewId, Volume,
 };
 
 use syntable_model::stage::{Bodies, Window};
@@ -93,13 +93,14 @@ pub fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         .floats(data.normals.iter().flatten().copied().collect::<Vec<_>>().into_iter())
         .digest(material.digest)
         .finish();
+    let mesh = Mesh::new(data).expect("sound");
     Arc::new(Object {
         name: name.into(),
         category: "test".into(),
-        mesh: Arc::new(Mesh::new(data).expect("sound")),
+        mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: None,
-        mass_kg: 1.0,
         friction: 0.5,
         license: String::new(),
         digest,

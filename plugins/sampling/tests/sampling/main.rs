@@ -11,8 +11,8 @@ use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, Material, Mesh, MeshData, Motion, Object,
-    Optics, Role, SceneId, SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, EnvironmentMap, Exposure, Intrinsics, Light, MassOrigin, MassProperties, Material,
+    Mesh, MeshData, Motion, Object, Optics, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 use syntable_sampling as _;
 use syntable_testing::assets::NoAssets;
@@ -55,14 +55,15 @@ fn sheet(half: f32) -> Arc<Object> {
         positions: vec![[-half, -half, 0.0], [3.0 * half, -half, 0.0], [-half, 3.0 * half, 0.0]],
         triangles: vec![[0, 1, 2]],
         ..MeshData::default()
-    });
+    })
+    .expect("sound");
     Arc::new(Object {
         name: "sheet".into(),
         category: "sheet".into(),
-        mesh: Arc::new(mesh.expect("sound")),
+        mass: MassProperties::of_mesh(&mesh, 1.0, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
-        mass_kg: 1.0,
         friction: 0.5,
         license: String::new(),
         digest: Digest::of(b"sheet"),

@@ -14,8 +14,8 @@ use syntable_model::product::standard::*;
 use syntable_model::product::{DType, OcclusionOrder, Plane, Tensor};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
-    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, Material, Mesh, MeshData, Motion, Object, Role, SceneId,
-    SettleReport, Tabletop, ViewId,
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
+    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
 };
 
 pub const WIDTH: u32 = 64;
@@ -100,14 +100,15 @@ fn scene(id: u32, objects: usize) -> Scene {
         positions: vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]],
         triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
         ..Default::default()
-    });
+    })
+    .expect("sound");
     let object = Arc::new(Object {
         name: "tetra".into(),
         category: "solid".into(),
-        mesh: Arc::new(mesh.expect("sound")),
+        mass: MassProperties::of_mesh(&mesh, 0.25, MassOrigin::Known),
+        mesh: Arc::new(mesh),
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
-        mass_kg: 0.25,
         friction: 0.5,
         license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),
