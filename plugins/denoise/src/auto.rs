@@ -18,7 +18,7 @@ const INSTALLED: &[&str] = if cfg!(windows) {
     &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
 };
 
-/// [`oidn`](crate::oidn) where Open Image Denoise is found, else [`guided`](crate::guided). It is looked for where the
+/// `oidn` where Open Image Denoise is found, else `guided`. It is looked for where the
 /// environment variable `OIDN_LIBRARY` says, and where the system's loader finds installed libraries.
 ///
 /// Images then depend on what a machine has; `denoiser` in the output names what was taken. Where the same images are

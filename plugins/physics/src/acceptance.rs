@@ -25,11 +25,13 @@ pub struct Place<'a> {
     pub surface: &'a SupportSurface,
     /// Height of the ceiling, meters; none under the open sky.
     pub ceiling_m: Option<f64>,
+    /// Whether there is a floor to be seen. Without one, whatever falls off the table would hang in the surroundings.
+    pub has_floor: bool,
 }
 
 /// What the acceptance check must know of a body.
 pub struct BodyInfo {
-    /// Its role. Objects off the tabletop are removed, distractors are not.
+    /// Its role. Objects off the tabletop are removed, distractors only if there is no floor.
     pub role: Role,
     /// Number in spawn order: keys its random stream.
     pub spawn: u32,
@@ -145,8 +147,8 @@ impl<'a> Acceptance<'a> {
             tabletop.is_some_and(|tabletop| top.z < tabletop.height() && !surface.is_on(&tabletop, &top))
         };
         let mut fallen = Vec::new();
-        let is_object = |body: usize| self.infos[body].role == Role::Object;
-        let time = self.engine.run(duration_s, |body, bounds| is_object(body) && is_below(bounds), &mut fallen);
+        let leaves: Vec<bool> = (0..self.infos.len()).map(|body| self.leaves_off_tabletop(body)).collect();
+        let time = self.engine.run(duration_s, |body, bounds| leaves[body] && is_below(bounds), &mut fallen);
         self.simulated_s += time;
         self.report.simulated_s = self.report.simulated_s.max(time);
         fallen.into_iter().map(|body| Fallen { body, reason: "fell off the table" }).collect()
@@ -172,7 +174,7 @@ impl<'a> Acceptance<'a> {
         let off: Vec<Fallen> = self
             .engine
             .present()
-            .filter(|&body| self.infos[body].role == Role::Object && !self.engine.is_broken(body))
+            .filter(|&body| self.leaves_off_tabletop(body) && !self.engine.is_broken(body))
             .filter_map(|body| Some(Fallen { body, reason: reason(body)? }))
             .collect();
         off.iter().for_each(|fallen| self.engine.take(fallen.body));
@@ -186,6 +188,11 @@ impl<'a> Acceptance<'a> {
         self.removed.extend(lost.into_iter().map(|Fallen { body, reason }| (body, reason.to_owned())));
         again.iter().for_each(|fallen| self.respawn(fallen.body, stream));
         !again.is_empty()
+    }
+
+    /// Whether a body is taken out once it is off the tabletop.
+    fn leaves_off_tabletop(&self, body: usize) -> bool {
+        self.infos[body].role == Role::Object || !self.place.has_floor
     }
 
     fn may_respawn(&self, body: usize) -> bool {

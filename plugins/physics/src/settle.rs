@@ -98,7 +98,8 @@ impl Settler for Settle {
                 respawn_half_m: body.respawn_half_m,
             })
             .collect();
-        let place = Place { tabletop, surface: &surface, ceiling_m: scene.ceiling_height() };
+        let place =
+            Place { tabletop, surface: &surface, ceiling_m: scene.ceiling_height(), has_floor: scene.has_floor() };
         let mut engine = Engine::new(&self.config, static_bodies);
         for (_, body, shape) in &dynamic {
             engine.add(body, shape.clone());

@@ -291,6 +291,24 @@ fn nothing_rests_on_the_ceiling() {
 }
 
 #[test]
+fn without_a_floor_nothing_hangs_beside_the_table() {
+    let settled = |has_floor: bool| {
+        let mut scene = table_scene();
+        if !has_floor {
+            let floor = scene.bodies().find(|(_, body)| body.role == Role::Room).expect("a floor").0;
+            scene.remove(floor);
+        }
+        for x in [0.0, 1.0] {
+            scene.add(draft(&cube(), at(x, 0.0, TABLE_HEIGHT + 0.1), Role::Distractor, Motion::Dynamic));
+        }
+        let report = settle("", &mut scene);
+        (report.removed_distractors, scene.bodies().filter(|(_, body)| body.role == Role::Distractor).count())
+    };
+    assert_eq!(settled(true), (0, 2), "one lies on the floor");
+    assert_eq!(settled(false), (1, 1));
+}
+
+#[test]
 fn a_placer_can_set_friction_and_restitution() {
     // The coefficients of two bodies are averaged. tan 40° = 0.84 is below (0.5 + 2) / 2 and above (0.5 + 0.5) / 2.
     let moved = |friction: f64| slid(40.0, 0.5, friction);
@@ -568,9 +586,8 @@ fn a_marble_lies_on_the_bottom_of_a_dish() {
     let dish = scene.bodies().map(|(_, body)| body).find(|body| body.role == Role::Support).expect("a dish");
     for marble in objects(&scene) {
         let gap = gap(marble, 0.01, dish);
-        println!("{} mm", gap * 1e3);
-        // The bound of a support's parts, and the tolerance of hulls.
-        assert!((-0.001..0.0013).contains(&gap), "{} mm above the dish", gap * 1e3);
+        // The bound of a support's parts, the tolerance of hulls, and what contacts are held apart.
+        assert!((-0.001..0.0016).contains(&gap), "{} mm above the dish", gap * 1e3);
     }
 }
 

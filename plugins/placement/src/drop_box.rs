@@ -58,7 +58,8 @@ pub struct DropBox {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     material: Option<MaterialReplacement>,
     /// Whether the objects are labeled. If not, they are distractors: they fall and occlude like objects, have no
-    /// masks, and stay on the floor when they fall off the table.
+    /// masks, and stay on the floor when they fall off the table. Without a floor they are removed then, as they are
+    /// where they are still moving in the end.
     #[serde(default = "yes")]
     annotated: bool,
     /// Whether the objects stay where they are placed, as if they were held. They are annotated all the same.

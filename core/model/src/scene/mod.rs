@@ -176,6 +176,16 @@ impl SceneBuilder {
         parts.filter(above).map(|bounds| bounds.min.z).reduce(f64::min)
     }
 
+    /// Whether a part of the room is below the middle of the tabletop.
+    pub fn has_floor(&self) -> bool {
+        let Some(tabletop) = self.tabletop else { return false };
+        let top = tabletop.center();
+        let below = |bounds: &Aabb| {
+            bounds.min.z < top.z && (0..2).all(|axis| (bounds.min[axis]..=bounds.max[axis]).contains(&top[axis]))
+        };
+        self.bodies().any(|(_, body)| body.role == Role::Room && below(&body.world_bounds()))
+    }
+
     /// Checks the scene and fixes it: objects get the ids 1..=M in spawn order, everything else the ids after.
     pub fn freeze(self, id: SceneId, attempt: u32, settle: SettleReport) -> Result<Scene> {
         let tabletop = self.tabletop()?;
