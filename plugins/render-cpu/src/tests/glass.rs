@@ -95,7 +95,7 @@ fn light_comes_straight_through_panes() {
 
 #[test]
 fn a_pane_before_the_camera_changes_nothing_but_the_light() {
-    // A busy floor through a pane, and a lamp that is seen through it.
+    // A busy floor through a pane, and a light that is seen through it.
     let ground = body(&object("floor", sheet([0.3; 2]), matte(0.5)), at(0.0, 0.0, 0.0), Role::Object);
     let panel = RectLight {
         center: Point3::new(0.0, 0.6, 0.5),
@@ -113,7 +113,7 @@ fn a_pane_before_the_camera_changes_nothing_but_the_light() {
         let off = a.iter().flatten().zip(b.iter().flatten()).filter(|(a, b)| (*a - *b).abs() > 0.12).count();
         assert!(off * 100 < a.len() * 3, "{}: {off} of {} numbers differ", guide.name(), 3 * a.len());
     }
-    // The furnace shines on both sides: what the pane takes it also reflects; the lamp's front loses by two faces of it.
+    // The furnace shines on both sides: what the pane takes it also reflects; the light's front loses by two faces of it.
     let [a, b] = [&bare, &covered].map(|frame| frame.get(RADIANCE).expect("made").data());
     let ratio = a.iter().map(|p| f64::from(p[1])).sum::<f64>() / b.iter().map(|p| f64::from(p[1])).sum::<f64>();
     assert!((1.0..1.25).contains(&ratio), "{ratio}");
@@ -148,15 +148,15 @@ fn what_glass_reflects_is_specular() {
 
 #[test]
 fn highlights_of_glass_are_not_rare() {
-    // A lamp in a pane, which reflects a twelfth of it: the spread between pixels is what few samples leave.
+    // A panel in a pane, which reflects a twelfth of it: the spread between pixels is what few samples leave.
     let pane = body(&object("pane", sheet([4.0; 2]), clear(0.0, None)), at(0.0, 0.0, 0.0), Role::Object);
-    let lamp = RectLight {
+    let light = RectLight {
         center: Point3::new(0.0, 1.0, 1.0),
         half_u: Vector3::new(0.6, 0.0, 0.0),
         half_v: Vector3::new(0.0, -0.6, 0.6),
         radiance: [900.0; 3],
     };
-    let view = view(16, 16, 400.0, [0.0, -1.0, 1.0], [0.0; 3], vec![Light::Rect(lamp)]);
+    let view = view(16, 16, 400.0, [0.0, -1.0, 1.0], [0.0; 3], vec![Light::Rect(panel)]);
     let frame = render(options(16, 4), &scene([pane]), &view, &[RADIANCE.id()]);
     let pixels: Vec<f64> = frame.get(RADIANCE).expect("made").data().iter().map(|p| f64::from(p[1])).collect();
     let mean = pixels.iter().sum::<f64>() / pixels.len() as f64;
@@ -170,8 +170,8 @@ fn highlights_of_glass_are_not_rare() {
 #[test]
 fn the_tent_weighs_by_distance_from_the_center() {
     // A bright edge between columns, at a fraction of a pixel: the image across it is the filter's integral.
-    let glow = Material { emission: Color::constant([1.0; 3]), ..matte(0.0) };
-    let half = body(&object("half", sheet([2.0; 2]), glow), at(2.0 + 0.3 / 16.0, 0.0, 0.0), Role::Object);
+    let emissive = Material { emission: Color::constant([1.0; 3]), ..matte(0.0) };
+    let half = body(&object("half", sheet([2.0; 2]), emissive), at(2.0 + 0.3 / 16.0, 0.0, 0.0), Role::Object);
     let scene = scene([half]);
     let view = view(16, 4, 16.0, [0.0, -1e-6, 1.0], [0.0; 3], vec![]);
     for (filter, integral) in [
