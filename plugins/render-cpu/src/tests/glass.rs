@@ -150,7 +150,7 @@ fn what_glass_reflects_is_specular() {
 fn highlights_of_glass_are_not_rare() {
     // A panel in a pane, which reflects a twelfth of it: the spread between pixels is what few samples leave.
     let pane = body(&object("pane", sheet([4.0; 2]), clear(0.0, None)), at(0.0, 0.0, 0.0), Role::Object);
-    let light = RectLight {
+    let panel = RectLight {
         center: Point3::new(0.0, 1.0, 1.0),
         half_u: Vector3::new(0.6, 0.0, 0.0),
         half_v: Vector3::new(0.0, -0.6, 0.6),
