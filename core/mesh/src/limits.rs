@@ -10,6 +10,9 @@ use syntable_model::stage::AssetLimits;
 /// Maximum size of a file that belongs to no asset, such as a list, bytes.
 pub const MAX_FILE_BYTES: u64 = 1 << 30;
 
+/// Maximum number of pixels of one image, whatever an asset may take.
+const MAX_IMAGE_PIXELS: u64 = 128 << 20;
+
 /// Counts what one asset takes against its limits.
 #[derive(Debug, Default)]
 pub struct Budget {
@@ -40,6 +43,11 @@ impl Budget {
         }
         if width > max_side || height > max_side {
             let message = format!("{width} x {height} pixels are more than the limit of {max_side} per side");
+            return Err(Error::new(message).help("downscale the image"));
+        }
+        if width * height > MAX_IMAGE_PIXELS {
+            let message =
+                format!("{width} x {height} pixels are more than the limit of {MAX_IMAGE_PIXELS} in one image");
             return Err(Error::new(message).help("downscale the image"));
         }
         let limit = self.limits.megapixels;
@@ -74,7 +82,7 @@ impl Budget {
 
     /// Maximum number of bytes that an image of this asset takes in a decoder.
     pub fn image_bytes(&self) -> u64 {
-        self.limits.megapixels.saturating_mul(8_000_000)
+        self.limits.megapixels.saturating_mul(1_000_000).min(MAX_IMAGE_PIXELS).saturating_mul(8)
     }
 }
 
@@ -103,6 +111,7 @@ mod tests {
         assert!(budget.image(1000, 999, 1000).is_ok() && budget.image(10, 100, 1000).is_ok());
         assert!(budget.image(1, 1, 1000).expect_err("full").to_string().contains("1 megapixels"));
         assert!(budget.image(1001, 1, 1000).expect_err("wide").to_string().contains("per side"));
+        assert!(budget.image(16_384, 8_193, 16_384).expect_err("large").to_string().contains("in one image"));
         assert!(budget.image(0, 1, 1000).is_err());
         assert!(budget.triangles(10).is_ok() && budget.triangles(11).is_err());
         assert!(budget.vertices(30).is_ok() && budget.vertices(31).is_err());
