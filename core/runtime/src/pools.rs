@@ -103,6 +103,21 @@ impl InUse {
 }
 
 impl<'a> AssetStore<'a> {
+    /// A store of open pools that depends on no digest and has loaded nothing.
+    fn new(pools: BTreeMap<&'a str, Pool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
+        Self {
+            pools,
+            locked: BTreeMap::new(),
+            on_bad_asset,
+            log,
+            loaded: cache(KEEP_BYTES),
+            in_use: Mutex::default(),
+            told: Mutex::default(),
+            bad: Mutex::default(),
+            refused: Mutex::default(),
+        }
+    }
+
     /// Opens all pools: finds and selects their entries, and loads nothing yet.
     /// The error names all pools that cannot be opened.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
@@ -145,17 +160,7 @@ impl<'a> AssetStore<'a> {
                 return Err(error.help(help).of_request());
             }
         }
-        Ok(Self {
-            pools,
-            locked: recipe.lock.assets.clone(),
-            on_bad_asset: recipe.dataset.on_bad_asset,
-            log,
-            loaded: cache(KEEP_BYTES),
-            in_use: Mutex::default(),
-            told: Mutex::default(),
-            bad: Mutex::default(),
-            refused: Mutex::default(),
-        })
+        Ok(Self { locked: recipe.lock.assets.clone(), ..Self::new(pools, recipe.dataset.on_bad_asset, log) })
     }
 
     /// Names of the pools, with the number of entries of each.
@@ -632,17 +637,7 @@ mod tests {
     #[test]
     fn an_asset_that_a_reader_panics_on_is_bad() {
         let (source, options, log) = (Panicking::default(), PoolOptions::default(), Collected::default());
-        let store = AssetStore {
-            pools: BTreeMap::from([("p", pool(&source, &options))]),
-            locked: BTreeMap::new(),
-            on_bad_asset: OnBadAsset::Skip,
-            log: &log,
-            loaded: cache(KEEP_BYTES),
-            in_use: Mutex::default(),
-            told: Mutex::default(),
-            bad: Mutex::default(),
-            refused: Mutex::default(),
-        };
+        let store = AssetStore::new(BTreeMap::from([("p", pool(&source, &options))]), OnBadAsset::Skip, &log);
         for _ in 0..3 {
             let error = store.get(&AssetRef { pool: "p".into(), name: "x".into() }).expect_err("bad").to_string();
             assert!(error.contains("asset p/x") && error.contains("chunk size must not be zero"), "{error}");
@@ -681,20 +676,8 @@ mod tests {
     fn an_asset_is_loaded_once_while_it_is_in_use_and_warns_once() {
         let (source, options, log) = (Long::default(), PoolOptions::default(), Collected::default());
         // Nothing is kept: the cache is too small for anything.
-        let store = AssetStore {
-            pools: BTreeMap::from([(
-                "p",
-                Pool { source: &source, options: &options, entries: Vec::new(), properties: BTreeMap::new() },
-            )]),
-            locked: BTreeMap::new(),
-            on_bad_asset: OnBadAsset::Skip,
-            log: &log,
-            loaded: cache(1),
-            in_use: Mutex::default(),
-            told: Mutex::default(),
-            bad: Mutex::default(),
-            refused: Mutex::default(),
-        };
+        let pools = BTreeMap::from([("p", pool(&source, &options))]);
+        let store = AssetStore { loaded: cache(1), ..AssetStore::new(pools, OnBadAsset::Skip, &log) };
         let asset = AssetRef { pool: "p".into(), name: "tin".into() };
         let loads = || source.0.load(std::sync::atomic::Ordering::SeqCst);
         let held: Vec<Asset> = std::thread::scope(|scope| {
@@ -725,17 +708,8 @@ mod tests {
         let load = |name: &str, license: Option<&str>| {
             let options = PoolOptions { license: license.map(str::to_owned), ..PoolOptions::default() };
             let pools = BTreeMap::from([("p", pool(&Licensed, &options))]);
-            let store = AssetStore {
-                pools,
-                locked: BTreeMap::new(),
-                on_bad_asset: OnBadAsset::Fail,
-                log: &Collected::default(),
-                loaded: cache(KEEP_BYTES),
-                in_use: Mutex::default(),
-                told: Mutex::default(),
-                bad: Mutex::default(),
-                refused: Mutex::default(),
-            };
+            let log = Collected::default();
+            let store = AssetStore::new(pools, OnBadAsset::Fail, &log);
             let asset = store.get(&AssetRef { pool: "p".into(), name: name.into() }).expect("loads");
             let license = match &asset {
                 Asset::Material(material) => material.license.clone(),

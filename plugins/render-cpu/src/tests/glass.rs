@@ -148,7 +148,7 @@ fn what_glass_reflects_is_specular() {
 
 #[test]
 fn highlights_of_glass_are_not_rare() {
-    // A panel in a pane, which reflects a twelfth of it: the spread between pixels is what few samples leave.
+    // A panel in a pane, which reflects a tenth of it: the spread between pixels is what few samples leave.
     let pane = body(&object("pane", sheet([4.0; 2]), clear(0.0, None)), at(0.0, 0.0, 0.0), Role::Object);
     let panel = RectLight {
         center: Point3::new(0.0, 1.0, 1.0),
