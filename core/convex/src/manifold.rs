@@ -16,8 +16,9 @@ use parry3d::query::{
 };
 use parry3d::shape::{ConvexPolyhedron, HalfSpace, PackedFeatureId, Shape};
 
-/// Contacts are recomputed when the normals have rotated against each other by more than this, cos 1°.
-const MAX_ROTATION_COS: f32 = 0.999_848;
+/// Contacts are recomputed when the normals have rotated against each other by more than this, cos 0.2°. With 1°, round
+/// bodies go on rocking.
+const MAX_ROTATION_COS: f32 = 0.999_994;
 
 /// Contacts are recomputed when they have slid by more than this, meters.
 const MAX_SLIDE_M: f32 = 0.001;
@@ -30,6 +31,9 @@ const MIN_FACE_COS: f32 = 0.94;
 
 /// The normal of the last step is kept unless another is better by more than this, meters.
 const NORMAL_HYSTERESIS_M: f32 = 5e-5;
+
+/// Points that do not touch yet take part as far as the surfaces open no steeper than this, as a tangent: 14°.
+const MAX_SLOPE: f32 = 0.25;
 
 /// Query dispatcher for contacts of polyhedra with polyhedra and half-spaces. Everything else is unsupported, to be
 /// handled by the next dispatcher of the chain.
@@ -304,6 +308,9 @@ fn clip(subject: &[Vector], convex: &[Vector], normal: Vector) -> Vec<Vector> {
 }
 
 /// At most four of the points: the deepest, the one farthest from it, and the outermost on either side of these two.
+///
+/// Of points that do not touch yet, those count for less that are farther away: with a long prediction, most vertices of
+/// a lying can are near the table, but it rests on the lowest ones at both of its ends.
 fn reduced(points: Vec<ContactPoint>, normal: Vector) -> Vec<ContactPoint> {
     if points.len() <= 4 {
         return points;
@@ -312,12 +319,15 @@ fn reduced(points: Vec<ContactPoint>, normal: Vector) -> Vec<ContactPoint> {
         points.iter().max_by(|a, b| measure(a).total_cmp(&measure(b))).copied()
     };
     let Some(deepest) = most(&|point| -point.separation) else { return points };
-    let Some(far) = most(&|point| (point.p1 - deepest.p1).length_squared()) else { return points };
-    let side = normal.cross(far.p1 - deepest.p1);
-    let side_distance = |point: &ContactPoint| (point.p1 - deepest.p1).dot(side);
-    let mut chosen = vec![deepest, far];
-    chosen.extend(most(&side_distance).filter(|point| side_distance(point) > 0.0));
-    chosen.extend(most(&|point| -side_distance(point)).filter(|point| side_distance(point) < 0.0));
+    let away = |point: &ContactPoint| (point.separation - deepest.separation) / MAX_SLOPE;
+    let Some(far) = most(&|point| (point.p1 - deepest.p1).length() - away(point)) else { return points };
+    let mut chosen = vec![deepest];
+    let Some(side) = normal.cross(far.p1 - deepest.p1).try_normalize() else { return chosen };
+    chosen.push(far);
+    for side in [side, -side] {
+        let reach = |point: &ContactPoint| (point.p1 - deepest.p1).dot(side) - away(point);
+        chosen.extend(most(&reach).filter(|point| reach(point) > 0.0));
+    }
     chosen
 }
 
@@ -421,6 +431,20 @@ mod tests {
                 assert!((contacts.normal - Vector::Z).length() < 1e-4, "{contacts:?}");
                 assert!(contacts.points.iter().all(|point| (point.separation + depth).abs() < 1e-4), "{contacts:?}");
                 assert!(contacts.points.len() == 4 && spread(&contacts) > 0.9 * 0.7 * 0.7 / 2.0, "{contacts:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_lying_can_rests_on_both_ends() {
+        // Nearly half of its vertices are within the prediction.
+        let (plane, can) = (HalfSpace::new(Vector::Y), cylinder(0.2, 1.0, 60));
+        for tilt in [-0.002_f32, 0.0, 0.002] {
+            let rotation = Rotation::from_xyzw((tilt / 2.0).sin(), 0.0, 0.0, (tilt / 2.0).cos());
+            let contacts = half_space_contacts(&Pose::from_parts(Vector::Y * 0.199, rotation), &plane, &can, 0.15);
+            for end in [-0.5, 0.5] {
+                let lowest = |p: &&ContactPoint| (p.p1.z - end).abs() < 0.01 && p.p1.x.abs() < 0.03;
+                assert!(contacts.points.iter().any(|p| lowest(&p)), "{tilt}: no contact at {end}: {contacts:?}");
             }
         }
     }

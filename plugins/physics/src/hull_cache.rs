@@ -19,14 +19,17 @@ const SUPPORT_DEVIATION_M: f32 = 0.001;
 /// Maximum number of parts of a support that is not flat.
 const SUPPORT_PARTS: usize = 512;
 
-/// Maximum number of parts of a body whose deviation is bounded, if `max_parts` is not larger.
-const BOUNDED_PARTS: usize = 64;
+/// Maximum deviation of a flat support, meters: nothing stays below its top. A size drawn for every scene makes it a new
+/// mesh, so that it has to be quick.
+const FLAT_DEVIATION_M: f32 = 0.03;
 
 /// What a body is to others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// It moves, or is a support that is flat.
+    /// It moves, or is an object that is fixed.
     Body,
+    /// A support with a flat top.
+    Flat,
     /// A support with a rim or recesses.
     Relief,
 }
@@ -36,35 +39,27 @@ const CAPACITY: usize = 512;
 
 /// Computes collision shapes and keeps them. Threads that ask for the same shape at once wait for one computation.
 pub struct HullCache {
-    collision: Collision,
-    moving: Method,
+    config: Rapier,
     shapes: MemoryCache<Digest, Result<Arc<CollisionShape>>>,
 }
 
 impl HullCache {
     /// An empty cache for the shapes of some options.
     pub fn new(config: &Rapier) -> Self {
-        let moving = match (config.collision, config.max_deviation_m) {
-            (Collision::ConvexHull, _) => Method::Hull,
-            (Collision::Decomposition, Some(max_deviation_m)) => Method::Bounded {
-                max_deviation_m: max_deviation_m as f32,
-                max_parts: BOUNDED_PARTS.max(config.max_parts as usize),
-            },
-            (Collision::Decomposition, None) => Method::Decomposition {
-                resolution: config.resolution,
-                concavity: config.concavity as f32,
-                max_parts: config.max_parts,
-            },
-        };
-        Self { collision: config.collision, moving, shapes: MemoryCache::new(CAPACITY) }
+        Self { config: config.clone(), shapes: MemoryCache::new(CAPACITY) }
     }
 
     fn method(&self, purpose: Purpose) -> Method {
-        match (self.collision, purpose) {
-            (Collision::Decomposition, Purpose::Relief) => {
-                Method::Bounded { max_deviation_m: SUPPORT_DEVIATION_M, max_parts: SUPPORT_PARTS }
+        let max_parts = self.config.max_parts as usize;
+        match (self.config.collision, purpose) {
+            (Collision::ConvexHull, _) => Method::Hull,
+            (Collision::Decomposition, Purpose::Body) => {
+                Method::Cuts { max_deviation_m: self.config.max_deviation_m as f32, max_parts }
             }
-            _ => self.moving,
+            (Collision::Decomposition, Purpose::Flat) => Method::Cuts { max_deviation_m: FLAT_DEVIATION_M, max_parts },
+            (Collision::Decomposition, Purpose::Relief) => {
+                Method::Cuts { max_deviation_m: SUPPORT_DEVIATION_M, max_parts: SUPPORT_PARTS }
+            }
         }
     }
 
@@ -92,7 +87,7 @@ impl HullCache {
     }
 
     fn compute(&self, object: &Object, purpose: Purpose, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
-        let hulls: Vec<ConvexHull> = match (self.collision, &object.collision) {
+        let hulls: Vec<ConvexHull> = match (self.config.collision, &object.collision) {
             (Collision::Decomposition, Some(parts)) => parts.iter().filter_map(|part| units::hull(part)).collect(),
             _ => Vec::new(),
         };
@@ -123,13 +118,8 @@ fn mesh_key(mesh: &Mesh, method: Method) -> Digest {
     let hasher = Hasher::new("convex parts").number(f64::from(HULL_VERSION)).number(f64::from(DECOMPOSITION_VERSION));
     let hasher = match method {
         Method::Hull => hasher.text("hull"),
-        Method::Decomposition { resolution, concavity, max_parts } => hasher
-            .text("decomposition")
-            .number(f64::from(resolution))
-            .number(f64::from(concavity))
-            .number(f64::from(max_parts)),
-        Method::Bounded { max_deviation_m, max_parts } => {
-            hasher.text("bounded").number(f64::from(max_deviation_m)).number(max_parts as f64)
+        Method::Cuts { max_deviation_m, max_parts } => {
+            hasher.text("cuts").number(f64::from(max_deviation_m)).number(max_parts as f64)
         }
     };
     let options = units::HULL_OPTIONS;
@@ -154,7 +144,7 @@ fn object_key(object: &Object, purpose: Purpose) -> Digest {
         .chain(bounds.max.iter())
         .fold(Hasher::new("collision shape").digest(object.digest), |hasher, x| hasher.number(*x))
         .number(object.mesh.data().positions.len() as f64)
-        .number(f64::from(u8::from(purpose == Purpose::Relief)))
+        .number(f64::from(purpose as u8))
         .number(object.collision.as_ref().map_or(-1.0, |parts| parts.len() as f64))
         .finish()
 }

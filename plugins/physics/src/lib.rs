@@ -2,8 +2,8 @@
 //!
 //! The kind `rapier` takes a scene as the placers left it, lets every dynamic body fall, and returns poses at rest:
 //!
-//! 1. `decompose`: every object becomes convex parts. Parts supplied by the object are used; otherwise VHACD computes
-//!    them, once per mesh, kept in memory and in the cache (`hull_cache`).
+//! 1. `decompose`: every object becomes convex parts. Parts supplied by the object are used; otherwise its
+//!    mesh is cut into them, once, and they are kept in memory and in the cache (`hull_cache`).
 //! 2. `static_body`: supports become convex parts too, with a thick slab under a flat tabletop; floor, walls and
 //!    ceiling become half-spaces.
 //! 3. `engine`: the simulation runs until everything sleeps or the time is over.

@@ -23,32 +23,27 @@ pub struct Rapier {
     pub(crate) gravity_m_s2: f64,
     /// Collision shape of objects and supports.
     pub(crate) collision: Collision,
-    /// Maximum number of convex parts per body, for `collision = "decomposition"`. The algorithm can exceed it
-    /// slightly.
+    /// How far convex parts may be from the mesh in its hollows, meters, for `collision = "decomposition"`: what lies in a
+    /// mug is at most this far above its bottom. Lower values give more parts. Supports with a rim or recesses keep to a
+    /// millimeter.
+    #[schemars(range(min = 0.001, max = 1.0))]
+    pub(crate) max_deviation_m: f64,
+    /// Maximum number of convex parts per object, for `collision = "decomposition"`. An object that needs more to keep to
+    /// `max_deviation_m` is warned about.
     #[schemars(range(min = 1, max = 256))]
     pub(crate) max_parts: u32,
-    /// Number of voxels along the longest side of a mesh, for `collision = "decomposition"`. Higher values preserve
-    /// finer details and take longer.
-    #[schemars(range(min = 8, max = 400))]
-    pub(crate) resolution: u32,
-    /// Volume by which a convex part may exceed the mesh in it, as a fraction of the volume of the mesh's convex hull,
-    /// for `collision = "decomposition"`. Lower values give more parts.
-    #[schemars(range(min = 0.0001, max = 1.0))]
-    pub(crate) concavity: f64,
-    /// How far convex parts may be from the mesh in its hollows, meters, for `collision = "decomposition"`: what lies in a
-    /// mug is at most this far above its bottom. It takes the place of `resolution` and `concavity`, and at least 64 parts
-    /// are allowed. Lower values give more parts; an object that needs more is warned about.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.001, max = 1.0))]
-    pub(crate) max_deviation_m: Option<f64>,
     /// Mass of dynamic bodies: `"real"` for the object's own, or `{ kg = 1.0 }` for the same mass for all.
     pub(crate) mass: Mass,
     /// Coefficient of restitution: 0 is inelastic, 1 fully elastic. A placer can give its objects another.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) restitution: f64,
-    /// Damping of angular velocity, 1/s. It approximates rolling friction.
+    /// Damping of angular velocity, 1/s.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub(crate) angular_damping_per_s: f64,
+    /// Coefficient of rolling resistance: a ball stays on slopes up to this tangent, and rolling on a level table it slows
+    /// down by 5/7 of this times gravity. Hard objects on wood have about 0.01, on cloth more.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub(crate) rolling_resistance: f64,
     /// Pours the bodies: they start one after another in spawn order, this many seconds apart, above what is already
     /// there. Without it all start at once.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -79,7 +74,7 @@ pub struct Rapier {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Collision {
-    /// Convex parts: those supplied by the object, or an approximate convex decomposition of its mesh.
+    /// Convex parts: those supplied by the object, or a convex decomposition of its mesh, which keeps hollows hollow.
     Decomposition,
     /// One convex hull per body, as in SynTable's released code. Concave shapes are filled.
     ConvexHull,
@@ -125,13 +120,12 @@ impl Default for Rapier {
             time_step_s: 1.0 / 240.0,
             gravity_m_s2: 9.81,
             collision: Collision::Decomposition,
-            max_parts: 16,
-            resolution: 64,
-            concavity: 0.01,
-            max_deviation_m: None,
+            max_deviation_m: 0.008,
+            max_parts: 64,
             mass: Mass::Real,
             restitution: 0.0,
             angular_damping_per_s: 0.5,
+            rolling_resistance: 0.01,
             pour_interval_s: None,
             remove: Remove::OffTabletop,
             respawn_fallen: false,

@@ -53,7 +53,11 @@ impl Settler for Settle {
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
         let purpose = |body: &BodyDraft| {
             let is_flat = tabletop.is_none_or(|tabletop| static_body::is_flat(body, &tabletop));
-            if body.role == Role::Support && !is_flat { Purpose::Relief } else { Purpose::Body }
+            match (body.role, is_flat) {
+                (Role::Support, true) => Purpose::Flat,
+                (Role::Support, false) => Purpose::Relief,
+                _ => Purpose::Body,
+            }
         };
         let objects: Vec<(&Object, Purpose)> = shaped.iter().map(|(_, body)| (&*body.object, purpose(body))).collect();
         let surface =
@@ -80,7 +84,9 @@ impl Settler for Settle {
         let mut dynamic = Vec::new();
         for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
             let shape = shape.map_err(|error| error.context(body.asset.to_string()))?;
-            self.warn_of_filled_hollows(body, &shape, context.log);
+            if purpose(body) == Purpose::Body {
+                self.warn_of_filled_hollows(body, &shape, context.log);
+            }
             match body.motion {
                 Motion::Fixed => static_bodies.extend(static_body::support(body, &shape, tabletop.as_ref(), &surface)),
                 Motion::Dynamic => dynamic.push((*handle, body, shape)),
@@ -133,8 +139,7 @@ impl Settler for Settle {
 impl Settle {
     /// Warns once of an object whose convex parts fill more of its hollows than they may.
     fn warn_of_filled_hollows(&self, body: &BodyDraft, shape: &CollisionShape, log: &dyn Log) {
-        let Some(bound) = self.config.max_deviation_m else { return };
-        let is = f64::from(shape.deviation_m);
+        let (bound, is) = (self.config.max_deviation_m, f64::from(shape.deviation_m));
         // Within the tolerance of hulls.
         let is_within = is <= bound + f64::from(HULL_OPTIONS.tolerance);
         if self.config.collision == Collision::Decomposition && !is_within && shape.is_first_time() {
