@@ -3,7 +3,8 @@
 //! Emissive geometry has the light's radiance, so that a path tracer computes the same illumination. It reflects nothing:
 //! black, with an index of refraction of 1. Rectangles and disks emit to one side; black geometry behind them keeps the
 //! other dark. Spheres and disks become polyhedra of the same power: the mean projected area of a convex body is a
-//! quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area.
+//! quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area. Windows become rectangles
+//! of one radiance and the same flux.
 
 use super::document::{
     Attributes, DocumentExtensions, EmissiveStrength, Index, Ior, Material, MaterialExtensions, Mesh, Node,
@@ -23,7 +24,8 @@ use syntable_model::scene::Light;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightMode {
-    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; suns become directional lights.
+    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; windows become rectangles of their
+    /// mean radiance, suns directional lights.
     Emissive,
     /// Spheres become point lights, rectangles and disks spot lights, suns directional lights: for rasterizing viewers.
     Punctual,
@@ -95,6 +97,8 @@ impl Lights {
                 Some(node)
             }
             Light::Environment(_) => None,
+            // As a rectangle of its mean radiance.
+            Light::Window(window) => self.add(glb, number, &Light::Rect(window.mean()), mode),
         }
     }
 
