@@ -115,15 +115,21 @@ impl EnvironmentMap {
         // Parts of a texel along each side, so that a map of few texels has directions enough.
         let [across, down] = [self.width, self.height].map(|texels| 128_u32.div_ceil(texels));
         let (columns, rows) = (self.width * across, self.height * down);
+        let toward: Vec<[f64; 2]> = (0..columns)
+            .map(|column| {
+                let level = Self::direction([(f64::from(column) + 0.5) / f64::from(columns), 0.5]);
+                [level.x, level.y]
+            })
+            .collect();
         let mut sum = [0.0; 3];
         for row in 0..rows {
             let edge = |row: u32| (PI * f64::from(row) / f64::from(rows)).cos();
             let solid_angle = (edge(row) - edge(row + 1)) * TAU / f64::from(columns);
             let texels = &self.texels[(row / down * self.width) as usize..];
-            for column in 0..columns {
-                let at = [column, row].map(|i| f64::from(i) + 0.5);
-                let direction = Self::direction([at[0] / f64::from(columns), at[1] / f64::from(rows)]);
-                let weight = solid_angle * direction.dot(normal).max(0.0);
+            let (sin, cos) = (PI * (f64::from(row) + 0.5) / f64::from(rows)).sin_cos();
+            for (column, [x, y]) in (0..columns).zip(&toward) {
+                let cosine = sin * (x * normal.x + y * normal.y) + cos * normal.z;
+                let weight = solid_angle * cosine.max(0.0);
                 for (sum, &value) in sum.iter_mut().zip(&texels[(column / across) as usize]) {
                     *sum += weight * f64::from(value);
                 }

@@ -131,7 +131,7 @@ impl Lights<'_> {
     }
 
     /// Samples a light for a point with unit normal `n`, in proportion to what it could give there unshadowed. Also
-    /// gives the light's radiance.
+    /// gives the light's radiance; that of a window is black in directions below the horizon of the normal.
     #[inline(always)]
     pub fn sample<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, [mut u, v]: [T; 2]) -> (LightSample<T>, Rgb<T>) {
         let (zero, one) = (T::splat(0.0), T::splat(1.0));
@@ -162,7 +162,9 @@ impl Lights<'_> {
                 let own = shape.sample(p, [u, v]);
                 let emitted = match light {
                     AreaLight::Rect(rect) if rect.window != NO_WINDOW => {
-                        self.window_radiance(rect, p, own.direction, own.distance, mine.to_bits())
+                        // What is below the horizon of the point gives it nothing.
+                        let useful = mine & own.valid & n.dot(own.direction).gt(zero);
+                        self.window_radiance(rect, p, own.direction, own.distance, useful.to_bits())
                     }
                     _ => Vec3::broadcast(light.radiance()),
                 };

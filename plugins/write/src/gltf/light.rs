@@ -274,10 +274,41 @@ fn sphere() -> Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::scene::{Mesh, MeshData};
+    use std::sync::Arc;
+    use syntable_model::scene::{EnvironmentLight, EnvironmentMap, Mesh, MeshData, WindowLight};
 
     fn mesh((positions, normals, triangles): Shape) -> Mesh {
         Mesh::new(MeshData { positions, normals, triangles, ..Default::default() }).expect("sound")
+    }
+
+    #[test]
+    fn a_window_is_a_rectangle_of_its_mean() {
+        let view = EnvironmentLight {
+            map: Arc::new(EnvironmentMap::constant([2.0, 1.0, 0.5])),
+            scale: [100.0; 3],
+            rotation: 0.0,
+        };
+        let window = WindowLight {
+            center: Point3::new(1.0, 2.0, 3.0),
+            half_u: Vector3::new(0.5, 0.0, 0.0),
+            half_v: Vector3::new(0.0, 0.0, 0.5),
+            view,
+            panes: [1, 1],
+            frame_m: 0.1,
+            bar_m: 0.0,
+            frame_radiance: [10.0; 3],
+        };
+        // Panes of 0.8 m in a window of 1 m: 64 % of the radiance behind and 36 % of the frame's.
+        let mean = window.mean();
+        assert!((mean.radiance[0] / (0.64 * 200.0 + 0.36 * 10.0) - 1.0).abs() < 1e-3, "{mean:?}");
+        for mode in [LightMode::Emissive, LightMode::Punctual] {
+            let export = |light: Light| {
+                let (mut glb, mut lights) = (Glb::default(), Lights::default());
+                let node = lights.add(&mut glb, 3, &light, mode).expect("a node");
+                (serde_json::to_value(node).expect("a node"), serde_json::to_value(&glb.document).expect("a document"))
+            };
+            assert_eq!(export(Light::Window(window.clone())), export(Light::Rect(mean)));
+        }
     }
 
     #[test]
