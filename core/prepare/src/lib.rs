@@ -30,7 +30,10 @@ mod texture;
 pub use cache::{AssetCache, SceneCache};
 pub use emitter::{EmissiveBody, EmissiveTriangle, EmitterPoint};
 pub use environment::EnvironmentDistribution;
-pub use light::{AreaLight, ConeLight, DiskLight, DistantLight, LightTable, PlacedEnvironment, RectLight, SphereLight};
+pub use light::{
+    AreaLight, ConeLight, DiskLight, DistantLight, LightTable, NO_WINDOW, PlacedEnvironment, ProjectedEnvironment,
+    RectLight, SphereLight, WindowPattern,
+};
 pub use mapping::{BoxSide, Mapping, TextureCoordinates, UvAffine};
 pub use material::{
     AlphaMode, ColorInput, Material, MaterialLayers, MaterialTable, NO_LAYERS, NO_TEXTURE, NormalInput, ScalarInput,

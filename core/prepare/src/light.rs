@@ -5,7 +5,7 @@ use crate::environment::EnvironmentDistribution;
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
-use syntable_model::photometry::luminance;
+use syntable_model::photometry::{level_irradiance, luminance};
 use syntable_model::scene::{self, DirectionalLight, EnvironmentLight};
 use syntable_simd::functions::{acos, atan2_turns, sin_cos_turns};
 use syntable_simd::{Basis, Rgb, Vec3, vec3};
@@ -17,7 +17,12 @@ pub struct LightTable {
     pub area: Vec<AreaLight>,
     /// Lights infinitely far away.
     pub distant: Vec<DistantLight>,
+    /// Windows, by the numbers of [`RectLight::window`].
+    pub windows: Vec<WindowPattern>,
 }
+
+/// Number of a window that is none.
+pub const NO_WINDOW: u32 = u32::MAX;
 
 /// A light with a shape, world.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +49,7 @@ pub struct SphereLight {
     pub luminance: f32,
 }
 
-/// A one-sided rectangle that emits the same radiance everywhere.
+/// A one-sided rectangle that emits the same radiance everywhere, or has the pattern of a window.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct RectLight {
@@ -58,10 +63,24 @@ pub struct RectLight {
     pub normal: Vec3,
     /// Half lengths of the edges along `x` and `y`, meters.
     pub half: [f32; 2],
-    /// Nits.
+    /// Nits; of a window an estimate of the mean, for selecting lights.
     pub radiance: Rgb,
     /// Luminance of the radiance, nits.
     pub luminance: f32,
+    /// Index in [`LightTable::windows`], or [`NO_WINDOW`].
+    pub window: u32,
+}
+
+/// What a window shows.
+#[derive(Clone, Debug)]
+pub struct WindowPattern {
+    /// Extents of the panes along the edges x and y of the rectangle, meters from the center: a point is in a pane if
+    /// both of its coordinates are in one.
+    pub spans: [Vec<[f32; 2]>; 2],
+    /// What is behind the panes.
+    pub view: PlacedEnvironment,
+    /// Radiance elsewhere, nits.
+    pub frame_radiance: Rgb,
 }
 
 /// A one-sided disk that emits the same radiance everywhere.
@@ -138,16 +157,16 @@ impl LightTable {
             scene::Light::Disk(light) => light.radiance,
             scene::Light::Directional(light) => light.irradiance,
             scene::Light::Environment(light) => light.scale,
+            scene::Light::Window(light) => {
+                check_radiance(light.frame_radiance)?;
+                light.view.scale
+            }
         };
-        if !radiance.iter().all(|&x| x >= 0.0 && (x as f32).is_finite()) {
-            return Err(
-                Error::new(format!("a radiance of {radiance:?} nits")).help("radiance is finite and not negative")
-            );
-        }
+        check_radiance(radiance)?;
         let is_black = radiance == [0.0; 3];
         let area = match light {
             scene::Light::Sphere(light) => sphere(light)?,
-            scene::Light::Rect(light) => rect(light)?,
+            scene::Light::Rect(light) => AreaLight::Rect(rect(light)?),
             scene::Light::Disk(light) => disk(light)?,
             scene::Light::Directional(light) => {
                 let distant = directional(light)?;
@@ -155,8 +174,15 @@ impl LightTable {
                 return Ok(());
             }
             scene::Light::Environment(light) => {
-                let distant = environment(light, cache)?;
+                let distant = DistantLight::Environment(environment(light, cache)?);
                 self.distant.extend((!is_black).then_some(distant));
+                return Ok(());
+            }
+            scene::Light::Window(light) => {
+                // A window that shows nothing is black: it still hides what is behind it.
+                let (rect, pattern) = window(light, self.windows.len() as u32, cache)?;
+                self.windows.push(pattern);
+                self.area.push(AreaLight::Rect(rect));
                 return Ok(());
             }
         };
@@ -210,14 +236,10 @@ impl DistantLight {
                 if hit { (cone.radiance, 1.0 / (TAU * cone.height)) } else { (Rgb::ZERO, 0.0) }
             }
             Self::Environment(placed) => {
-                let (sin, cos) = placed.rotation;
-                let local =
-                    vec3(cos * direction.x + sin * direction.y, cos * direction.y - sin * direction.x, direction.z);
-                let u = 0.5 - atan2_turns(local.y, local.x);
-                let v = acos(local.z) * FRAC_1_PI;
-                let sin_theta = (1.0 - local.z * local.z).max(0.0).sqrt();
-                let density = per_steradian(placed.distribution.density([u, v]), sin_theta);
-                (placed.distribution.radiance([u, v]) * placed.scale, density)
+                let uv = placed.coordinates(direction);
+                let sin_theta = (1.0 - direction.z * direction.z).max(0.0).sqrt();
+                let density = per_steradian(placed.distribution.density(uv), sin_theta);
+                (placed.distribution.radiance(uv) * placed.scale, density)
             }
         }
     }
@@ -229,6 +251,82 @@ impl DistantLight {
             Self::Cone(cone) => cone.illuminance * (n.dot(cone.axis) + cone.sin).clamp(0.0, 1.0),
             Self::Environment(placed) => PI * placed.luminance,
         }
+    }
+}
+
+impl PlacedEnvironment {
+    /// Radiance from a unit direction, nits.
+    #[inline]
+    pub fn radiance(&self, direction: Vec3) -> Rgb {
+        self.distribution.radiance(self.coordinates(direction)) * self.scale
+    }
+
+    /// Coordinates in the map of a unit direction.
+    #[inline]
+    fn coordinates(&self, direction: Vec3) -> [f32; 2] {
+        let (sin, cos) = self.rotation;
+        let (x, y) = (cos * direction.x + sin * direction.y, cos * direction.y - sin * direction.x);
+        [0.5 - atan2_turns(y, x), acos(direction.z) * FRAC_1_PI]
+    }
+}
+
+impl WindowPattern {
+    /// Radiance at a point of the window `rect` towards a viewer who sees it in a unit direction, nits.
+    pub fn radiance(&self, rect: &RectLight, point: Vec3, direction: Vec3) -> Rgb {
+        let from_center = point - rect.center;
+        let is_inside = |spans: &[[f32; 2]], x: f32| spans.iter().any(|&[low, high]| low <= x && x <= high);
+        let [columns, rows] = &self.spans;
+        match is_inside(columns, from_center.dot(rect.x)) && is_inside(rows, from_center.dot(rect.y)) {
+            true => self.view.radiance(direction),
+            false => self.frame_radiance,
+        }
+    }
+}
+
+/// The environment of a view on surfaces that show it by reflecting it
+/// ([`Material::projection_height_m`](scene::Material::projection_height_m)).
+#[derive(Clone, Debug)]
+pub struct ProjectedEnvironment {
+    maps: Vec<PlacedEnvironment>,
+    /// Albedo per nit of environment.
+    per_nit: Rgb,
+}
+
+impl ProjectedEnvironment {
+    /// The environment maps of a view; none if it has none, or if far lights leave a level plane dark.
+    ///
+    /// Albedo `ρ = π L / E` makes a diffuse surface with the irradiance E of all far lights have the radiance L.
+    pub fn new(lights: &[scene::Light], table: &LightTable) -> Option<Self> {
+        let mut sum = [0.0; 3];
+        for light in lights {
+            let (factor, irradiance) = match light {
+                scene::Light::Environment(light) => (light.scale, level_irradiance(&light.map)),
+                scene::Light::Directional(light) => ([light.towards.z.max(0.0); 3], light.irradiance),
+                _ => continue,
+            };
+            for (channel, sum) in sum.iter_mut().enumerate() {
+                *sum += factor[channel] * irradiance[channel];
+            }
+        }
+        let maps: Vec<_> = table
+            .distant
+            .iter()
+            .filter_map(|light| match light {
+                DistantLight::Environment(placed) => Some(placed.clone()),
+                DistantLight::Cone(_) => None,
+            })
+            .collect();
+        let is_lit = sum.iter().all(|&e| e > 1e-12);
+        let per_nit = color(sum.map(|e| std::f64::consts::PI / e));
+        (is_lit && !maps.is_empty()).then_some(Self { maps, per_nit })
+    }
+
+    /// Albedo of a point that is seen from a height above the world's origin, meters.
+    #[inline(never)]
+    pub fn albedo(&self, height: f32, point: Vec3) -> Rgb {
+        let direction = (point - vec3(0.0, 0.0, height)).normalized_or(vec3(0.0, 0.0, -1.0));
+        let radiance = self.maps.iter().fold(Rgb::ZERO, |sum, map| sum + map.radiance(direction));
+        (radiance * self.per_nit).map(|albedo| albedo.clamp(0.0, 1.0))
     }
 }
 
@@ -253,7 +351,36 @@ fn sphere(light: &scene::SphereLight) -> Result<AreaLight> {
     }))
 }
 
-fn rect(light: &scene::RectLight) -> Result<AreaLight> {
+fn check_radiance(radiance: [f64; 3]) -> Result<()> {
+    if radiance.iter().all(|&x| x >= 0.0 && (x as f32).is_finite()) {
+        return Ok(());
+    }
+    Err(Error::new(format!("a radiance of {radiance:?} nits")).help("radiance is finite and not negative"))
+}
+
+fn window(light: &scene::WindowLight, number: u32, cache: &SceneCache) -> Result<(RectLight, WindowPattern)> {
+    let widths = [light.frame_m, light.bar_m];
+    if !widths.iter().all(|width| (0.0..f64::INFINITY).contains(width)) || light.panes.iter().any(|&n| n > 1000) {
+        let message = format!("a window of {:?} panes, frame and bars of {widths:?} m", light.panes);
+        return Err(Error::new(message).help("give it up to 1000 panes a side and widths from 0"));
+    }
+    let mut rect = rect(&light.rect([0.0; 3]))?;
+    let spans = [0, 1].map(|axis| light.spans(axis).iter().map(|span| span.map(|x| x as f32)).collect::<Vec<_>>());
+    let view = environment(&light.view, cache)?;
+    let frame_radiance = color(light.frame_radiance);
+    let glass: f32 = spans.iter().zip(rect.half).map(|(spans, half)| covered(spans) / (2.0 * half)).product();
+    rect.radiance = view.scale * (view.distribution.luminance * glass) + frame_radiance * (1.0 - glass);
+    rect.luminance = rect.radiance.luminance();
+    rect.window = number;
+    Ok((rect, WindowPattern { spans, view, frame_radiance }))
+}
+
+/// Length of all spans.
+fn covered(spans: &[[f32; 2]]) -> f32 {
+    spans.iter().map(|[low, high]| high - low).sum()
+}
+
+fn rect(light: &scene::RectLight) -> Result<RectLight> {
     let (u, v) = (light.half_u.norm(), light.half_v.norm());
     let upright = light.half_u.dot(&light.half_v).abs() <= 1e-4 * u * v;
     if !(u > 0.0 && v > 0.0 && upright && (u + v).is_finite() && finite(light.center.coords.as_ref())) {
@@ -261,7 +388,7 @@ fn rect(light: &scene::RectLight) -> Result<AreaLight> {
             .help("give it two edges at right angles, neither of length 0"));
     }
     let radiance = color(light.radiance);
-    Ok(AreaLight::Rect(RectLight {
+    Ok(RectLight {
         center: vector(light.center.coords.as_ref()),
         x: vector((light.half_u / u).as_ref()),
         y: vector((light.half_v / v).as_ref()),
@@ -269,7 +396,8 @@ fn rect(light: &scene::RectLight) -> Result<AreaLight> {
         half: [u as f32, v as f32],
         radiance,
         luminance: radiance.luminance(),
-    }))
+        window: NO_WINDOW,
+    })
 }
 
 fn disk(light: &scene::DiskLight) -> Result<AreaLight> {
@@ -311,19 +439,19 @@ fn directional(light: &DirectionalLight) -> Result<DistantLight> {
     }))
 }
 
-fn environment(light: &EnvironmentLight, cache: &SceneCache) -> Result<DistantLight> {
+fn environment(light: &EnvironmentLight, cache: &SceneCache) -> Result<PlacedEnvironment> {
     if !light.rotation.is_finite() {
         return Err(Error::new(format!("an environment rotated by {}", light.rotation)).help("give a finite angle"));
     }
     let distribution = cache.environment(&light.map);
     let turns = light.rotation / std::f64::consts::TAU;
     let scale = color(light.scale);
-    Ok(DistantLight::Environment(PlacedEnvironment {
+    Ok(PlacedEnvironment {
         luminance: distribution.luminance * scale.luminance(),
         distribution,
         scale,
         rotation: sin_cos_turns((turns - turns.floor()) as f32),
-    }))
+    })
 }
 
 fn is_unit(length: f64) -> bool {

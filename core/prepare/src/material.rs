@@ -85,6 +85,8 @@ pub struct Material {
     pub alpha: AlphaMode,
     /// Source of the texture coordinates.
     pub mapping: Mapping,
+    /// Height of the point that the environment is projected from, meters, if the material shows it.
+    pub projection_height: Option<f32>,
 }
 
 /// Layers above the base, and transmission. A factor of 0 leaves a layer out.
@@ -131,6 +133,8 @@ pub struct MaterialTable {
     pub layers: Vec<MaterialLayers>,
     /// Textures; materials with equal textures share one.
     pub textures: Vec<Arc<MipTexture>>,
+    /// Whether any material shows the environment.
+    pub has_projections: bool,
 }
 
 /// Builds a [`MaterialTable`].
@@ -358,8 +362,10 @@ impl<'a> TableBuilder<'a> {
                     Mapping::Box { per_m: 1.0 / tile, transform }
                 }
             },
+            projection_height: material.projection_height_m.filter(|height| height.is_finite()),
         };
         let number = self.table.materials.len();
+        self.table.has_projections |= flat.projection_height.is_some();
         self.table.materials.push(flat);
         &self.table.materials[number]
     }

@@ -66,6 +66,20 @@ enum LightView<'a> {
         scale_nits: [f64; 3],
         rotation_deg: f64,
     },
+    Window {
+        center_world_m: [f64; 3],
+        half_u_world_m: [f64; 3],
+        half_v_world_m: [f64; 3],
+        normal_world: [f64; 3],
+        mean_radiance_nits: [f64; 3],
+        panes: [u32; 2],
+        frame_m: f64,
+        bar_m: f64,
+        frame_radiance_nits: [f64; 3],
+        map: &'a str,
+        scale_nits: [f64; 3],
+        rotation_deg: f64,
+    },
 }
 
 impl<'a> From<&'a Light> for LightView<'a> {
@@ -99,6 +113,23 @@ impl<'a> From<&'a Light> for LightView<'a> {
                 scale_nits: light.scale,
                 rotation_deg: light.rotation.to_degrees(),
             },
+            Light::Window(light) => {
+                let mean = light.mean();
+                Self::Window {
+                    center_world_m: light.center.into(),
+                    half_u_world_m: light.half_u.into(),
+                    half_v_world_m: light.half_v.into(),
+                    normal_world: mean.normal().into(),
+                    mean_radiance_nits: mean.radiance,
+                    panes: light.panes,
+                    frame_m: light.frame_m,
+                    bar_m: light.bar_m,
+                    frame_radiance_nits: light.frame_radiance,
+                    map: &light.view.map.name,
+                    scale_nits: light.view.scale,
+                    rotation_deg: light.view.rotation.to_degrees(),
+                }
+            }
         }
     }
 }

@@ -15,7 +15,8 @@ const THICKNESS_M: f64 = 0.1;
 /// Places a closed room around the origin: a floor at z = 0, four walls and a ceiling.
 ///
 /// Each of the six surfaces draws its own material from its pool; without a pool it is plain gray. `floor_only` leaves
-/// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`. Cameras and lights are not constrained to
+/// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`; `ground` is a floor that looks like the
+/// environment. Cameras and lights are not constrained to
 /// the room; with the default size and tables below 2 m they are always inside.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -115,7 +116,7 @@ impl Placer for Room {
                 .transpose()?;
             let center = part.bounds.center().coords;
             let asset = AssetRef { pool: "room".into(), name: part.name.into() };
-            let object = Arc::new(slab(&part, gray)?);
+            let object = Arc::new(slab(&part, Material::plain(part.name, [gray; 3], 0.9), corners)?);
             let body = BodyDraft::new(
                 asset,
                 object,
@@ -130,13 +131,13 @@ impl Placer for Room {
 }
 
 /// A part of the room and its bounding box, world frame.
-struct Part {
-    name: &'static str,
-    bounds: Aabb,
+pub struct Part {
+    pub name: &'static str,
+    pub bounds: Aabb,
 }
 
 /// The six parts, the floor first, around an inner box of half edges `half`. They touch and do not overlap.
-fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
+pub fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
     let [x, y] = half;
     let [outer_x, outer_y] = half.map(|half| half + THICKNESS_M);
     let part = |name, low: [f64; 3], high: [f64; 3]| Part {
@@ -153,31 +154,40 @@ fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
     ]
 }
 
-/// A box centered at the origin with texture coordinates in meters.
-fn slab(part: &Part, gray: f32) -> Result<Object> {
+/// The coordinates of an edge of this half length that is not divided.
+fn corners(half: f64) -> Vec<f64> {
+    vec![-half, half]
+}
+
+/// A box centered at the origin with texture coordinates in meters. `cuts` gives the coordinates at which an edge of a half
+/// length is divided, ends included.
+pub fn slab(part: &Part, material: Material, cuts: impl Fn(f64) -> Vec<f64>) -> Result<Object> {
     let half = part.bounds.size() / 2.0;
     let mut data = MeshData::default();
     for axis in 0..3 {
         for sign in [-1.0, 1.0] {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            let first = data.positions.len() as u32;
-            for (su, sv) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
-                let mut p = [0.0; 3];
-                (p[axis], p[u], p[v]) = (sign * half[axis], su * half[u], sv * half[v]);
-                let mut normal = [0.0; 3];
-                normal[axis] = sign as f32;
-                data.positions.push(p.map(|x| x as f32));
-                data.normals.push(normal);
-                data.uvs.push([p[u] as f32, p[v] as f32]);
+            let (columns, rows) = (cuts(half[u]), cuts(half[v]));
+            for (row, column) in (1..rows.len()).flat_map(|row| (1..columns.len()).map(move |column| (row, column))) {
+                let ([left, right], [low, high]) = ([columns[column - 1], columns[column]], [rows[row - 1], rows[row]]);
+                let first = data.positions.len() as u32;
+                for (at_u, at_v) in [(left, low), (right, low), (right, high), (left, high)] {
+                    let mut p = [0.0; 3];
+                    (p[axis], p[u], p[v]) = (sign * half[axis], at_u, at_v);
+                    let mut normal = [0.0; 3];
+                    normal[axis] = sign as f32;
+                    data.positions.push(p.map(|x| x as f32));
+                    data.normals.push(normal);
+                    data.uvs.push([p[u] as f32, p[v] as f32]);
+                }
+                // u × v points along the positive axis.
+                let corners = if sign > 0.0 { [0, 1, 2, 3] } else { [0, 3, 2, 1] }.map(|i| first + i);
+                data.triangles.push([corners[0], corners[1], corners[2]]);
+                data.triangles.push([corners[0], corners[2], corners[3]]);
             }
-            // u × v points along the positive axis.
-            let corners = if sign > 0.0 { [0, 1, 2, 3] } else { [0, 3, 2, 1] }.map(|i| first + i);
-            data.triangles.push([corners[0], corners[1], corners[2]]);
-            data.triangles.push([corners[0], corners[2], corners[3]]);
         }
     }
     let mesh = Mesh::new(data)?;
-    let material: Arc<Material> = Arc::new(Material::plain(part.name, [gray; 3], 0.9));
     let corners = mesh.bounds().corners().map(|p| [p.x as f32, p.y as f32, p.z as f32]);
     let digest = Hasher::new("room part")
         .floats([half.x as f32, half.y as f32, half.z as f32].into_iter())
@@ -188,7 +198,7 @@ fn slab(part: &Part, gray: f32) -> Result<Object> {
         name: part.name.to_owned(),
         category: "room".to_owned(),
         mesh: Arc::new(mesh),
-        materials: vec![material],
+        materials: vec![Arc::new(material)],
         collision: Some(Arc::new(vec![corners.to_vec()])),
         mass,
         friction: 0.6,

@@ -241,7 +241,12 @@ impl CpuPathSession {
             coverage_before_support: bits(COVERAGE.before_support()),
         };
         if labels.any() {
-            let caster = LabelCaster::new(world, &camera, request.window, self.blended_labels);
+            let projection = match labels.albedo.is_some() && world.scene.materials.has_projections {
+                true => Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?.projection,
+                false => None,
+            };
+            let (window, blended) = (request.window, self.blended_labels);
+            let caster = LabelCaster::new(world, &camera, window, blended, projection.as_ref());
             caster.cast(&mut labels, request.workers);
         }
         labels.put(frame)?;

@@ -12,6 +12,7 @@ use syntable_model::context::Workers;
 use syntable_model::product::{BitPlane, Plane};
 use syntable_model::scene::InstanceId;
 use syntable_model::stage::Window;
+use syntable_prepare::ProjectedEnvironment;
 use syntable_prepare::labels::{BASE_LAYER, BlendedLabels, instance_id};
 use syntable_simd::Vec3;
 
@@ -47,6 +48,8 @@ pub(crate) struct LabelCaster<'a> {
     camera: &'a RayCamera,
     window: Window,
     blended: BlendedLabels,
+    /// For materials that show the environment.
+    projection: Option<&'a ProjectedEnvironment>,
     /// Bodies with cut-outs, each in a tree of its own, since hits on them must be tested.
     cutouts: Vec<(u32, SceneBvh)>,
 }
@@ -59,11 +62,17 @@ struct Tile {
 }
 
 impl<'a> LabelCaster<'a> {
-    pub fn new(world: &'a World, camera: &'a RayCamera, window: Window, blended: BlendedLabels) -> Self {
+    pub fn new(
+        world: &'a World,
+        camera: &'a RayCamera,
+        window: Window,
+        blended: BlendedLabels,
+        projection: Option<&'a ProjectedEnvironment>,
+    ) -> Self {
         let cutouts =
             (0..world.scene.bodies.len()).filter(|&i| world.is_seen(i) && world.scene.bodies[i].has_cutouts());
         let cutouts = cutouts.map(|i| (i as u32, world.alone(i))).collect();
-        Self { world, camera, window, blended, cutouts }
+        Self { world, camera, window, blended, projection, cutouts }
     }
 
     /// Fills the planes.
@@ -136,8 +145,8 @@ impl<'a> LabelCaster<'a> {
                 let direction = Vec3::from(ray.direction);
                 let distance = hit.t * direction.length();
                 let width = self.camera.pixel_angle * distance;
-                let surface =
-                    self.world.surface(&hit, ray.origin.into(), direction.normalized(), distance, width, BASE_LAYER);
+                let (origin, along) = (ray.origin.into(), direction.normalized());
+                let surface = self.world.surface(&hit, origin, along, distance, width, BASE_LAYER, self.projection);
                 [self.camera.rotate_to_camera(surface.normal).array(), surface.albedo.array()]
             }
             _ => [[0.0; 3]; 2],

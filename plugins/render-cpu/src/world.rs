@@ -10,7 +10,9 @@ use syntable_model::error::{Error, Result};
 use syntable_model::scene::Scene;
 use syntable_model::stage::Bodies;
 use syntable_prepare::labels::{BlendedLabels, instance_id};
-use syntable_prepare::{AssetCache, PreparedScene, Sampler, SceneCache, SurfacePoint, TextureCoordinates, unpack_unit};
+use syntable_prepare::{
+    AssetCache, PreparedScene, ProjectedEnvironment, Sampler, SceneCache, SurfacePoint, TextureCoordinates, unpack_unit,
+};
 use syntable_simd::{Rgb, Vec3, max, min};
 
 /// Bytes of trees that are kept though no scene uses them.
@@ -265,9 +267,19 @@ impl World {
     }
 
     /// The surface at a hit. `along` is the ray's unit direction, `width` that of its cone at the hit, meters; `u` in [0, 1)
-    /// selects one of the layers.
+    /// selects one of the layers. `projection` is for materials that show the environment.
     #[inline(always)]
-    pub fn surface(&self, hit: &Hit, origin: Vec3, along: Vec3, t: f32, width: f32, u: f32) -> Surface {
+    #[expect(clippy::too_many_arguments, reason = "the ray in parts, as batches hold it")]
+    pub fn surface(
+        &self,
+        hit: &Hit,
+        origin: Vec3,
+        along: Vec3,
+        t: f32,
+        width: f32,
+        u: f32,
+        projection: Option<&ProjectedEnvironment>,
+    ) -> Surface {
         let scene = &self.scene;
         let point = hit.point();
         let (body, triangle) = scene.at(&point);
@@ -284,7 +296,10 @@ impl World {
             let width = width / max(face.dot(along).abs(), 0.05).sqrt();
             scene.texture_coordinates(material, &point, position, width)
         };
-        let base = base_parameters(textures, material, at, scene.vertex_color(&point));
+        let mut base = base_parameters(textures, material, at, scene.vertex_color(&point));
+        if let (Some(projection), Some(height)) = (projection, material.projection_height) {
+            base.base_color = projection.albedo(height, position);
+        }
         let mut layer = sample_layer(&scene.materials, material, at, base, normal.dot(along).abs(), u);
         if let Some(map) = normal_map(&scene.materials, material, layer.is_clearcoat) {
             let frame = scene.texture_frame(material, &point, side);

@@ -88,6 +88,56 @@ impl EnvironmentMap {
         sum.map(|sum| sum / weights)
     }
 
+    /// Radiance from a unit direction in the map's frame, interpolated between texels.
+    pub fn radiance(&self, direction: &Vector3<f64>) -> [f64; 3] {
+        let [u, v] = Self::coordinates(direction);
+        let (x, y) = (u * f64::from(self.width) - 0.5, v * f64::from(self.height) - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let texel = |column: i64, row: i64| {
+            let column = column.rem_euclid(i64::from(self.width));
+            let row = row.clamp(0, i64::from(self.height) - 1);
+            self.texels[(row * i64::from(self.width) + column) as usize].map(f64::from)
+        };
+        let mut sum = [0.0; 3];
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let weight = |at: f64, step: i64| if step == 0 { 1.0 - at } else { at };
+            let weight = weight(x - left, dx) * weight(y - top, dy);
+            for (sum, value) in sum.iter_mut().zip(texel(left as i64 + dx, top as i64 + dy)) {
+                *sum += weight * value;
+            }
+        }
+        sum
+    }
+
+    /// Irradiance on a plane with a unit normal in the map's frame, in units of its texels: a sum over parts of the
+    /// texels. [`level_irradiance`](crate::photometry::level_irradiance) is exact for a level plane.
+    pub fn irradiance(&self, normal: &Vector3<f64>) -> [f64; 3] {
+        // Parts of a texel along each side, so that a map of few texels has directions enough.
+        let [across, down] = [self.width, self.height].map(|texels| 128_u32.div_ceil(texels));
+        let (columns, rows) = (self.width * across, self.height * down);
+        let toward: Vec<[f64; 2]> = (0..columns)
+            .map(|column| {
+                let level = Self::direction([(f64::from(column) + 0.5) / f64::from(columns), 0.5]);
+                [level.x, level.y]
+            })
+            .collect();
+        let mut sum = [0.0; 3];
+        for row in 0..rows {
+            let edge = |row: u32| (PI * f64::from(row) / f64::from(rows)).cos();
+            let solid_angle = (edge(row) - edge(row + 1)) * TAU / f64::from(columns);
+            let texels = &self.texels[(row / down * self.width) as usize..];
+            let (sin, cos) = (PI * (f64::from(row) + 0.5) / f64::from(rows)).sin_cos();
+            for (column, [x, y]) in (0..columns).zip(&toward) {
+                let cosine = sin * (x * normal.x + y * normal.y) + cos * normal.z;
+                let weight = solid_angle * cosine.max(0.0);
+                for (sum, &value) in sum.iter_mut().zip(&texels[(column / across) as usize]) {
+                    *sum += weight * f64::from(value);
+                }
+            }
+        }
+        sum
+    }
+
     /// Coordinates in [0, 1)² of a unit direction in the map's frame: `u` to the right, `v` downwards.
     pub fn coordinates(direction: &Vector3<f64>) -> [f64; 2] {
         let u = 0.5 - direction.y.atan2(direction.x) / TAU;
@@ -115,6 +165,25 @@ mod tests {
         assert!((EnvironmentMap::direction([0.3, 0.0]) - Vector3::z()).norm() < 1e-12);
         // To the right of +x, seen from inside with z up, is -y.
         assert!((EnvironmentMap::direction([0.75, 0.5]) + Vector3::y()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn radiance_is_interpolated_and_irradiance_is_its_integral() {
+        let texels = (0..8 * 4).map(|i| [i as f32, 1.0, 0.0]).collect();
+        let map = EnvironmentMap::new("steps", 8, 4, texels).expect("sound");
+        let at = |u: f64, v: f64| map.radiance(&EnvironmentMap::direction([u, v]))[0];
+        assert!((at(2.5 / 8.0, 1.5 / 4.0) - 10.0).abs() < 1e-9, "the center of a texel");
+        assert!((at(3.0 / 8.0, 1.5 / 4.0) - 10.5).abs() < 1e-9 && (at(2.5 / 8.0, 0.5) - 14.0).abs() < 1e-9);
+        assert!((at(0.0, 1.5 / 4.0) - 11.5).abs() < 1e-9, "around the circle");
+        // E = π L of an even map, on any plane; and of one that is even above the horizon.
+        let tilted = Vector3::new(0.6, 0.0, 0.8);
+        for normal in [Vector3::z(), -Vector3::y(), tilted] {
+            let even = EnvironmentMap::constant([3.0; 3]).irradiance(&normal);
+            assert!((even[1] / (3.0 * PI) - 1.0).abs() < 1e-3, "{even:?}");
+        }
+        let level = crate::photometry::level_irradiance(&map);
+        let sum = map.irradiance(&Vector3::z());
+        assert!((sum[0] / level[0] - 1.0).abs() < 1e-3, "{sum:?} {level:?}");
     }
 
     #[test]

@@ -138,6 +138,10 @@ pub struct Material {
     pub sheen: Option<Sheen>,
     /// Glass and the like.
     pub transmission: Option<Transmission>,
+    /// Makes the surface show the environment of the view instead of its base color, projected from a point this high
+    /// above the world's origin, meters: where nothing is in the way of the light, its radiance is the environment's in
+    /// the direction from that point. Base color where a view has no environment.
+    pub projection_height_m: Option<f32>,
     /// Edge length of one tile of the textures when they are laid by meters rather than by uv, meters.
     pub tile_m: f32,
     /// License as an SPDX expression or name; empty if unknown.
@@ -161,6 +165,7 @@ impl Material {
             clearcoat: None,
             sheen: None,
             transmission: None,
+            projection_height_m: None,
             tile_m: 1.0,
             license: String::new(),
             digest: Digest::of(&[]),
@@ -223,6 +228,9 @@ impl Material {
                 hasher = hasher.text("volume").floats(volume.attenuation_color.into_iter());
                 hasher = hasher.number(volume.attenuation_distance_m.into());
             }
+        }
+        if let Some(height) = self.projection_height_m {
+            hasher = hasher.text("projection").number(height.into());
         }
         self.digest = hasher.finish();
         self

@@ -20,7 +20,7 @@ pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, 
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, ThinLens};
 pub use environment::EnvironmentMap;
-pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight};
+pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight, WindowLight};
 pub use mass::{MassDistribution, MassOrigin, MassProperties, Moments};
 pub use material::{
     Alpha, Clearcoat, Color, Material, MaterialOverride, NormalMap, Scalar, Sheen, TextureMapping, Transmission, Volume,

@@ -446,3 +446,34 @@ fn options_are_checked() {
     let error = place(&[&*alone], 1).expect_err("no table").to_string();
     assert!(error.contains("no tabletop"), "{error}");
 }
+
+#[test]
+fn a_ground_is_a_level_floor_that_shows_the_environment() {
+    let ground = placer("ground", "size_m = 300\nprojection_height_m = 2.5");
+    let (scene, warnings) = place(&[&*ground, &*table()], 3).expect("placed");
+    assert!(warnings.is_empty() && scene.has_floor());
+    let floor = scene.bodies().map(|(_, body)| body).find(|body| body.role == Role::Room).expect("a floor");
+    assert_eq!((floor.asset.to_string().as_str(), floor.motion), ("room/floor", Motion::Fixed));
+    let bounds = floor.world_bounds();
+    assert!(bounds.max.z.abs() < 1e-6 && bounds.min.x < -149.9 && bounds.max.y > 149.9, "{bounds:?}");
+    // Closed, of small triangles in the middle.
+    let mesh = &floor.object.mesh;
+    let volume = 300.2 * 300.2 * 0.1;
+    assert!((mesh.signed_volume() / volume - 1.0).abs() < 1e-3, "{}", mesh.signed_volume());
+    let data = mesh.data();
+    for triangle in &data.triangles {
+        let corners = triangle.map(|i| Point3::from(data.positions[i as usize].map(f64::from)));
+        let nearest = corners.iter().map(|p| p.coords.norm()).fold(f64::INFINITY, f64::min);
+        for axis in 0..3 {
+            let [low, high] = [f64::min, f64::max].map(|pick| corners.map(|p| p[axis]).into_iter().reduce(pick));
+            assert!(high.expect("three") - low.expect("three") <= 2.0 * nearest.max(1.5), "{corners:?}");
+        }
+    }
+    let material = &floor.object.materials[0];
+    assert_eq!(material.projection_height_m, Some(2.5));
+    assert_ne!(material.digest, Material { projection_height_m: None, ..(**material).clone() }.with_digest().digest);
+    for (options, want) in [("size_m = 0.5", "size_m"), ("projection_height_m = 0", "projection_height_m")] {
+        let error = refused("ground", options);
+        assert!(error.contains(want), "{error}");
+    }
+}

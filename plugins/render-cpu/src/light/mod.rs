@@ -5,6 +5,9 @@
 //! rays that hit nothing else.
 //!
 //! A light is selected in proportion to an estimate of its unshadowed irradiance at the point.
+//!
+//! A window is a rectangle whose radiance depends on where and from where it is seen. It is sampled and hit as any rectangle,
+//! uniformly in solid angle from near: its density does not know the pattern, whose contrast is small.
 
 mod disk;
 mod rect;
@@ -18,7 +21,10 @@ use rect::Rect;
 use sphere::Sphere;
 use syntable_model::error::Result;
 use syntable_model::scene;
-use syntable_prepare::{AreaLight, EmissiveBody, EmitterPoint, LightTable, PreparedScene, SceneCache, SurfacePoint};
+use syntable_prepare::{
+    AreaLight, EmissiveBody, EmitterPoint, LightTable, NO_WINDOW, PreparedScene, ProjectedEnvironment, RectLight,
+    SceneCache, SurfacePoint,
+};
 use syntable_simd::{Int as _, Mask, Real, inverse};
 use syntable_simd::{Rgb, Vec3};
 
@@ -57,12 +63,19 @@ pub(crate) struct Lights<'a> {
     emitters: &'a [EmissiveBody],
     /// For what an emissive body emits at a point.
     scene: Option<&'a PreparedScene>,
+    /// For surfaces that show the environment; none if there is no such surface, or no environment.
+    pub projection: Option<ProjectedEnvironment>,
 }
 
 impl<'a> Lights<'a> {
     /// Checks and converts the lights of a view; the emissive bodies of the scene are lights too.
     pub fn new(lights: &[scene::Light], scene: &'a PreparedScene, cache: &SceneCache) -> Result<Self> {
-        Ok(Self { table: LightTable::new(lights, cache)?, emitters: &scene.emitters, scene: Some(scene) })
+        let table = LightTable::new(lights, cache)?;
+        let projection = match scene.materials.has_projections {
+            true => ProjectedEnvironment::new(lights, &table),
+            false => None,
+        };
+        Ok(Self { table, emitters: &scene.emitters, scene: Some(scene), projection })
     }
 
     /// Lights of no scene.
@@ -118,7 +131,7 @@ impl Lights<'_> {
     }
 
     /// Samples a light for a point with unit normal `n`, in proportion to what it could give there unshadowed. Also
-    /// gives the light's radiance.
+    /// gives the light's radiance; that of a window is black in directions below the horizon of the normal.
     #[inline(always)]
     pub fn sample<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, [mut u, v]: [T; 2]) -> (LightSample<T>, Rgb<T>) {
         let (zero, one) = (T::splat(0.0), T::splat(1.0));
@@ -147,13 +160,21 @@ impl Lights<'_> {
             let mine = chosen.equals(T::Int::splat(index as u32));
             if mine.any() {
                 let own = shape.sample(p, [u, v]);
+                let emitted = match light {
+                    AreaLight::Rect(rect) if rect.window != NO_WINDOW => {
+                        // What is below the horizon of the point gives it nothing.
+                        let useful = mine & own.valid & n.dot(own.direction).gt(zero);
+                        self.window_radiance(rect, p, own.direction, own.distance, useful.to_bits())
+                    }
+                    _ => Vec3::broadcast(light.radiance()),
+                };
                 sampled = LightSample {
                     direction: Vec3::select(mine, own.direction, sampled.direction),
                     distance: T::select(mine, own.distance, sampled.distance),
                     pdf: T::select(mine, own.pdf, sampled.pdf),
                     valid: mine & own.valid | sampled.valid,
                 };
-                radiance = Vec3::select(mine, Vec3::broadcast(light.radiance()), radiance);
+                radiance = Vec3::select(mine, emitted, radiance);
             }
         }
         if self.table.area.len() < self.count() {
@@ -213,9 +234,30 @@ impl Lights<'_> {
         *radiance = light.load();
     }
 
+    /// Radiance of a window in some lanes, at a distance along a direction from `p`.
+    #[inline(never)]
+    fn window_radiance<T: Real>(
+        &self,
+        rect: &RectLight,
+        p: Vec3<T>,
+        direction: Vec3<T>,
+        distance: T,
+        mut lanes_left: u32,
+    ) -> Rgb<T> {
+        let (points, directions, mut out) =
+            (Lanes::of(p + direction * distance), Lanes::of(direction), Lanes([[0.0; 8]; 3]));
+        let pattern = &self.table.windows[rect.window as usize];
+        while lanes_left != 0 {
+            let lane = lanes_left.trailing_zeros() as usize & 7;
+            lanes_left &= lanes_left - 1;
+            out.set(lane, pattern.radiance(rect, points.get(lane), directions.get(lane)));
+        }
+        out.load()
+    }
+
     /// Density with which [`Self::sample`] finds the direction of a hit on a shape. Also gives the light's radiance.
     #[inline(always)]
-    pub fn pdf<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, hit: &LightHit<T>) -> (T, Rgb<T>) {
+    pub fn pdf<T: Real>(&self, p: Vec3<T>, n: Vec3<T>, direction: Vec3<T>, hit: &LightHit<T>) -> (T, Rgb<T>) {
         let zero = T::splat(0.0);
         let (mut total, mut pdf, mut radiance) = (zero, zero, Vec3::all(zero));
         for index in 0..self.count() {
@@ -227,7 +269,13 @@ impl Lights<'_> {
             {
                 let shape = Shape(light);
                 pdf = T::select(mine, own * shape.pdf(p, hit.distance), pdf);
-                radiance = Vec3::select(mine, Vec3::broadcast(light.radiance()), radiance);
+                let emitted = match light {
+                    AreaLight::Rect(rect) if rect.window != NO_WINDOW => {
+                        self.window_radiance(rect, p, direction, hit.distance, mine.to_bits())
+                    }
+                    _ => Vec3::broadcast(light.radiance()),
+                };
+                radiance = Vec3::select(mine, emitted, radiance);
             }
         }
         (pdf * inverse(total.larger(T::splat(f32::MIN_POSITIVE))), radiance)

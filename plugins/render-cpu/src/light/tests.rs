@@ -7,7 +7,7 @@ use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::photometry::{polygon_illuminance, sphere_luminance};
 use syntable_model::random::Stream;
 use syntable_model::scene::{
-    DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, RectLight, SphereLight,
+    DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, RectLight, SphereLight, WindowLight,
 };
 use syntable_simd::vec3;
 
@@ -104,7 +104,7 @@ fn densities_belong_to_the_samples() {
         // Rounding may lose a sample on the very edge.
         let Some(hit) = near.filter(|hit| (hit.distance - s.distance).abs() < 1e-2 * s.distance) else { continue };
         seen[hit.index as usize] += 1;
-        let (pdf, radiance) = lights.pdf(p, n, &hit);
+        let (pdf, radiance) = lights.pdf(p, n, s.direction, &hit);
         assert_eq!(radiance, lights.table.area[hit.index as usize].radiance());
         assert!((pdf - s.pdf).abs() < 2e-3 * s.pdf, "light {}: {pdf} {}", hit.index, s.pdf);
     }
@@ -225,4 +225,116 @@ fn densities_of_distant_lights_are_those_of_their_samples() {
         // At the edge of a texel or of the cone rounding may choose the other side.
         assert!(differing < 8, "{differing} of 4000");
     }
+}
+
+/// A window of 2 × 3 panes over one corner of the origin, with a view of strong contrast.
+fn window(view: EnvironmentLight) -> WindowLight {
+    WindowLight {
+        center: Point3::new(1.2, 0.3, 0.9),
+        half_u: Vector3::new(0.0, -0.7, 0.0),
+        half_v: Vector3::new(0.2, 0.0, 0.8),
+        view,
+        panes: [2, 3],
+        frame_m: 0.08,
+        bar_m: 0.05,
+        frame_radiance: [3.0; 3],
+    }
+}
+
+#[test]
+fn all_estimates_of_a_window_agree_with_a_sum_over_its_points() {
+    let light = window(EnvironmentLight { map: map(), scale: [2.0; 3], rotation: -1.9 });
+    let lights = Lights::alone(&[Light::Window(light.clone())]).expect("sound");
+    // Points before the frame, close to a pane, beside it, and from where rectangles are sampled by area.
+    for (p, n) in [
+        ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+        ([1.0, 0.2, 0.8], [0.8, 0.0, 0.6]),
+        ([0.9, -1.5, 0.2], [0.6, 0.8, 0.0]),
+        ([-9.0, 1.0, -2.0], [1.0, 0.0, 0.0]),
+    ] {
+        // By brute force over the points of the window, by the model's own radiance: E = ∫ L cos θ cos θ' / r² dA.
+        let (cells, mut want) = (1500, 0.0);
+        let normal = light.half_u.cross(&light.half_v).normalize();
+        let (origin, up) = (Point3::from(p), Vector3::from(n));
+        for i in 0..cells {
+            for j in 0..cells {
+                let [a, b] = [i, j].map(|k| (2.0 * f64::from(k) + 1.0) / f64::from(cells) - 1.0);
+                let point = light.center + light.half_u * a + light.half_v * b;
+                let to = point - origin;
+                let direction = to.normalize();
+                let (here, there) = (direction.dot(&up), -direction.dot(&normal));
+                if here > 0.0 && there > 0.0 {
+                    want += light.radiance(&point, &direction)[0] * here * there / to.norm_squared();
+                }
+            }
+        }
+        want *= 4.0 * light.half_u.norm() * light.half_v.norm() / f64::from(cells * cells);
+        let (p, n) = (vec64(p), vec64(n));
+        let near = |name: &str, (got, error): (f64, f64)| {
+            assert!((got - want).abs() <= 4.0 * error + 2e-3 * want, "{name}, {p:?}: {got} ± {error}, not {want}");
+        };
+        near("light sampling", illuminance(&lights, p, n));
+        // Directions by their cosine have the density cos / π.
+        let around = syntable_simd::Basis::around(n);
+        let mut stream = Stream::root(11);
+        let mut cosine = || {
+            let (r, turn) = (stream.unit().sqrt(), stream.unit() * 2.0 * PI);
+            let local = [r * turn.cos(), r * turn.sin(), (1.0 - r * r).sqrt()];
+            around.to_world(vec64(local)).normalized()
+        };
+        let count = 200_000;
+        let (mut sums, mut squares) = ([0.0; 2], [0.0; 2]);
+        let mut numbers = Stream::root(12);
+        for _ in 0..count {
+            let direction = cosine();
+            let hit = lights.intersect(p, direction, f32::INFINITY);
+            let (mut alone, mut combined) = (0.0, 0.0);
+            if hit.is_hit {
+                let (pdf, radiance) = lights.pdf(p, n, direction, &hit);
+                let own = f64::from(n.dot(direction)) / PI;
+                alone = f64::from(radiance.x) * PI;
+                combined = alone * own / (own + f64::from(pdf));
+            }
+            let (s, radiance) = lights.sample(p, n, [numbers.unit() as f32, numbers.unit() as f32]);
+            let cos = f64::from(n.dot(s.direction));
+            if s.valid && cos > 0.0 {
+                combined += f64::from(radiance.x) * cos / (f64::from(s.pdf) + cos / PI);
+            }
+            for (k, value) in [alone, combined].into_iter().enumerate() {
+                sums[k] += value;
+                squares[k] += value * value;
+            }
+        }
+        for (k, name) in ["BSDF sampling", "both combined"].into_iter().enumerate() {
+            let mean = sums[k] / f64::from(count);
+            let variance = (squares[k] / f64::from(count) - mean * mean).max(0.0);
+            near(name, (mean, (variance / f64::from(count)).sqrt()));
+        }
+    }
+}
+
+#[test]
+fn a_window_onto_an_even_sky_without_a_frame_is_a_rectangle() {
+    let sky = EnvironmentLight { map: Arc::new(EnvironmentMap::constant([0.5; 3])), scale: [90.0; 3], rotation: 1.0 };
+    let bare = WindowLight { panes: [1, 1], frame_m: 0.0, bar_m: 0.3, ..window(sky) };
+    let plain = bare.rect([45.0; 3]);
+    let (bare, plain) = (Lights::alone(&[Light::Window(bare)]), Lights::alone(&[Light::Rect(plain)]));
+    let (bare, plain) = (bare.expect("sound"), plain.expect("sound"));
+    let mut stream = Stream::root(5);
+    let (mut compared, mut on_edge) = (0, 0);
+    for _ in 0..2000 {
+        let p = Vec3::from([0, 1, 2].map(|_| stream.uniform(-1.0, 0.9) as f32));
+        let n = vec3(0.0, 0.0, 1.0);
+        let uv = [stream.unit() as f32, stream.unit() as f32];
+        let ((a, radiance), (b, even)) = (bare.sample(p, n, uv), plain.sample(p, n, uv));
+        assert_eq!((a.direction, a.distance, a.pdf, a.valid), (b.direction, b.distance, b.pdf, b.valid));
+        if !a.valid || n.dot(a.direction) <= 0.0 {
+            continue;
+        }
+        compared += 1;
+        // Points on the very edge may round to the frame, which has no width.
+        on_edge += u32::from(radiance.x == 3.0);
+        assert!((radiance.x - even.x).abs() <= 1e-6 * even.x || radiance.x == 3.0);
+    }
+    assert!(compared > 1000 && on_edge < 5, "{compared}, {on_edge}");
 }

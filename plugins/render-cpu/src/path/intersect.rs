@@ -24,7 +24,7 @@ impl PathTracer<'_> {
                 is_hit = hit.is_hit;
                 if hit.is_hit.any() {
                     let normal = load(&batch.paths.normal, at);
-                    let (pdf, radiance) = self.lights.pdf(origin, normal, &hit);
+                    let (pdf, radiance) = self.lights.pdf(origin, normal, direction, &hit);
                     let weight = self.bsdf_sampled_weight(T::load(&batch.paths.pdf[at..]), pdf, bounce);
                     let contribution = load(&batch.paths.throughput, at) * radiance * weight;
                     let contribution = if bounce == 0 { contribution } else { self.limit_luminance(contribution) };
@@ -112,7 +112,8 @@ impl PathTracer<'_> {
                 false => 0.0,
             };
             let (origin, direction) = (get(&paths.origin, i), get(&paths.direction, i));
-            let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, u);
+            let projection = self.lights.projection.as_ref();
+            let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, u, projection);
             if self.has_guides() && bounce <= GUIDE_BOUNCES {
                 batch.guides.add_surface(paths.slot[i] as usize, &surface, bounce, bounce == GUIDE_BOUNCES);
             }

@@ -2,14 +2,18 @@
 
 use super::support::*;
 use crate::path::Strategy;
+use std::sync::Arc;
 use syntable_model::context::Serial;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RADIANCE;
-use syntable_model::scene::{Light, Material, RectLight, Role, Scalar, SphereLight};
+use syntable_model::scene::{
+    EnvironmentLight, EnvironmentMap, Light, Material, RectLight, Role, Scalar, SphereLight, WindowLight,
+};
 
-/// A corner of a room with a glossy floor, a metal ball, a box, and three large lights, one of them partly inside a wall.
-fn room() -> (std::sync::Arc<Scene>, View) {
+/// A corner of a room with a glossy floor, a metal ball, a box, and three large lights, one of them partly inside a wall. One
+/// of the others may be a window.
+fn room(has_window: bool) -> (std::sync::Arc<Scene>, View) {
     let floor = object("floor", sheet([2.0, 2.0]), Material::plain("floor", [0.6, 0.5, 0.4], 0.35));
     let metal = Material { metallic: Scalar::constant(1.0), ..Material::plain("metal", [0.9, 0.7, 0.5], 0.25) };
     let ball = object("ball", ball(0.3, 48), metal);
@@ -29,13 +33,26 @@ fn room() -> (std::sync::Arc<Scene>, View) {
     };
     let globe = SphereLight { center: Point3::new(1.0, -0.8, 0.5), radius: 0.3, radiance: [12.0, 18.0, 30.0] };
     let sunk = SphereLight { center: Point3::new(-1.2, 0.5, 0.7), radius: 0.25, radiance: [20.0, 6.0, 6.0] };
-    let lights = vec![Light::Rect(panel), Light::Sphere(globe), Light::Sphere(sunk)];
+    let texels = (0..32 * 16).map(|i| [if i / 32 < 6 { 40.0 } else { 4.0 }, i as f32 / 40.0, 9.0]).collect();
+    let map = Arc::new(EnvironmentMap::new("view", 32, 16, texels).expect("sound"));
+    let window = WindowLight {
+        center: panel.center,
+        half_u: panel.half_u,
+        half_v: panel.half_v,
+        view: EnvironmentLight { map, scale: [1.5; 3], rotation: 0.5 },
+        panes: [2, 2],
+        frame_m: 0.1,
+        bar_m: 0.06,
+        frame_radiance: [1.0, 2.0, 3.0],
+    };
+    let panel = if has_window { Light::Window(window) } else { Light::Rect(panel) };
+    let lights = vec![panel, Light::Sphere(globe), Light::Sphere(sunk)];
     (scene, view(24, 18, 18.0, [1.2, -1.6, 1.3], [0.0, 0.1, 0.3], lights))
 }
 
 /// Mean and standard error of every pixel, over images of different seeds.
-fn estimate(strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
-    let (scene, view) = room();
+fn estimate(has_window: bool, strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, Vec<[f64; 2]>) {
+    let (scene, view) = room(has_window);
     let mut session = crate::CpuPathRenderer::new(options(samples, 3)).session().with_strategy(strategy);
     session.load(&scene, &Serial).expect("loads");
     let mut sums = vec![[0.0_f64; 2]; 24 * 18];
@@ -62,9 +79,18 @@ fn estimate(strategy: Strategy, samples: u32, images: u64) -> (Plane<[f32; 3]>, 
 
 #[test]
 fn all_strategies_agree() {
-    let (image, combined) = estimate(Strategy::Combined, 16, 16);
+    check(false);
+}
+
+#[test]
+fn all_strategies_agree_on_a_window() {
+    check(true);
+}
+
+fn check(has_window: bool) {
+    let (image, combined) = estimate(has_window, Strategy::Combined, 16, 16);
     for (name, strategy, samples) in [("lights", Strategy::Emitters, 32), ("scattering", Strategy::Bsdf, 128)] {
-        let (other_image, other) = estimate(strategy, samples, 16);
+        let (other_image, other) = estimate(has_window, strategy, samples, 16);
         let z = |(a, b): (&[f64; 2], &[f64; 2])| {
             (a[0] - b[0]) / (a[1] * a[1] + b[1] * b[1]).sqrt().max(1e-3 * a[0].max(1e-3))
         };

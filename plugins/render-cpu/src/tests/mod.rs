@@ -2,6 +2,7 @@
 
 mod estimators;
 mod glass;
+mod ground;
 mod guides;
 mod images;
 mod label_scenes;

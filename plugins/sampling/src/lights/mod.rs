@@ -3,6 +3,7 @@
 mod brightness;
 mod ceiling_light;
 mod environment;
+mod landscape;
 mod per;
 mod room;
 mod sphere_lights;

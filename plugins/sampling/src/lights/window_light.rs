@@ -2,13 +2,16 @@
 
 use crate::lights::brightness::check_temperature;
 use crate::lights::brightness::limits::{ILLUMINANCE_LX, LUMINANCE_NITS, TEMPERATURE_K};
+use crate::lights::landscape::landscape;
 use crate::lights::per::Per;
 use crate::lights::room::inside;
 use nalgebra::{Point3, Vector3};
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 use syntable_model::geometry::Aabb;
-use syntable_model::photometry::{blackbody, polygon_illuminance};
+use syntable_model::photometry::{blackbody, level_irradiance, luminance, polygon_illuminance};
 use syntable_model::prelude::*;
-use syntable_model::scene::{Camera, Light, RectLight};
+use syntable_model::scene::{self, Camera, EnvironmentLight, EnvironmentMap, Light, RectLight};
 
 /// Gap between a window and its wall, meters.
 const BEFORE_WALL_M: f64 = 0.01;
@@ -16,11 +19,25 @@ const BEFORE_WALL_M: f64 = 0.01;
 /// Minimum distance of a window from the edges of its wall, meters.
 const MARGIN_M: f64 = 0.1;
 
+/// Illuminance on the inside of a window's frame, relative to that at the tabletop: a figure for rooms with light walls.
+const FRAME_ILLUMINANCE: f64 = 0.35;
+
+/// Reflectance of frames, linear Rec. 709: white paint, pine, oak, anthracite.
+const FRAMES: [[f64; 3]; 4] = [[0.75, 0.74, 0.71], [0.45, 0.29, 0.14], [0.2, 0.11, 0.05], [0.05, 0.05, 0.055]];
+
+/// Frame and bars cover no more than this fraction of a window's shorter side, or of a pane.
+const MAX_FRAME: f64 = 0.2;
+
+/// A window is divided by this number along each side to sum up what its view gives.
+const CELLS: f64 = 48.0;
+
 /// Daylight through windows: bright rectangles in a row just in front of a wall of the room.
 ///
-/// All windows of a view have the same size and luminance, that of the sky behind them. `brightness.illuminance_lx` is
-/// the illuminance that all of them together give at the center of the tabletop on a horizontal plane, by Lambert's
-/// formula for polygons. Where a wall is too short or too low, windows are fewer or smaller.
+/// All windows of a view have the same size. With `pattern = "view"` they have a frame with glazing bars, and behind them is
+/// what would be seen from a house: sky, houses, trees, ground. It is seen as from far away, so it moves with the
+/// viewer, and the sky lights the floor more than the ceiling. `brightness.illuminance_lx` is the illuminance that all
+/// windows together give at the center of the tabletop on a horizontal plane, whatever they show. Where a wall is too
+/// short or too low, windows are fewer or smaller.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WindowLight {
@@ -44,12 +61,41 @@ pub struct WindowLight {
     /// Gap between neighboring windows, meters, from 0 to 1000.
     #[schemars(extend("minimum" = GAP_M[0], "maximum" = GAP_M[1]))]
     spacing_m: Dist,
+    /// What the windows show.
+    pattern: Pattern,
+    /// Pools of environment maps to be seen behind windows of `pattern = "view"`, rotated at random, such as photographs
+    /// of streets. They keep their own colors. No sun should be seen in them. Without pools the view is made up.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    from: Option<EnvironmentPools>,
+    /// Maximum edge of a pane, meters, from 0.05 to 1000: a window has as many panes side by side and above each other as
+    /// it takes.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
+    pane_m: Dist,
+    /// Width of the frame, meters, from 0 to 1; at most a fifth of a window's shorter side.
+    #[schemars(extend("minimum" = FRAME_M[0], "maximum" = FRAME_M[1]))]
+    frame_m: Dist,
+    /// Width of the glazing bars between panes, meters, from 0 to 1; at most a fifth of a pane.
+    #[schemars(extend("minimum" = FRAME_M[0], "maximum" = FRAME_M[1]))]
+    bar_m: Dist,
     /// Color temperature of the daylight, kelvin, from 1000 to 40,000.
     #[schemars(extend("minimum" = TEMPERATURE_K[0], "maximum" = TEMPERATURE_K[1]))]
     temperature_k: Dist,
     /// Brightness: `{ illuminance_lx = 800 }` of all windows together, or `{ luminance_nits = 5000 }` of the sky. Zero
     /// brightness leaves the windows out.
     brightness: WindowBrightness,
+}
+
+/// What windows show.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+enum Pattern {
+    /// A frame with panes, and behind them a landscape or a map of `from`.
+    #[default]
+    View,
+    /// A frame with panes, and behind them an even sky.
+    Panes,
+    /// An evenly bright rectangle.
+    Plain,
 }
 
 /// Limits of `walls`.
@@ -60,6 +106,8 @@ const COUNT: [i64; 2] = [1, 100];
 const SIZE_M: [f64; 2] = [0.05, 1000.0];
 /// Limits of `sill_m` and `spacing_m`, meters.
 const GAP_M: [f64; 2] = [0.0, 1000.0];
+/// Limits of `frame_m` and `bar_m`, meters.
+const FRAME_M: [f64; 2] = [0.0, 1.0];
 
 /// Brightness of windows, as one of two photometric quantities.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -68,7 +116,8 @@ enum WindowBrightness {
     /// Unoccluded illuminance that all windows together give at the center of the tabletop on a horizontal plane, lux,
     /// from 0 to 10⁷.
     IlluminanceLx(#[schemars(extend("minimum" = ILLUMINANCE_LX[0], "maximum" = ILLUMINANCE_LX[1]))] Dist),
-    /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰.
+    /// Luminance of the sky in the windows, nits (cd/m²), from 0 to 10¹⁰; of a view, what an even sky would have that
+    /// gives open ground as much light.
     LuminanceNits(#[schemars(extend("minimum" = LUMINANCE_NITS[0], "maximum" = LUMINANCE_NITS[1]))] Dist),
 }
 
@@ -82,6 +131,11 @@ impl Default for WindowLight {
             height_m: Dist::Uniform(1.0, 1.6),
             sill_m: Dist::Uniform(0.7, 1.0),
             spacing_m: Dist::Uniform(0.3, 1.0),
+            pattern: Pattern::default(),
+            from: None,
+            pane_m: Dist::Uniform(0.5, 1.3),
+            frame_m: Dist::Uniform(0.04, 0.09),
+            bar_m: Dist::Uniform(0.02, 0.06),
             temperature_k: Dist::Uniform(5000.0, 7500.0),
             brightness: WindowBrightness::IlluminanceLx(Dist::LogUniform(200.0, 3000.0)),
         }
@@ -104,6 +158,13 @@ impl Config for WindowLight {
         self.height_m.within("height_m", SIZE_M[0], SIZE_M[1])?;
         self.sill_m.within("sill_m", GAP_M[0], GAP_M[1])?;
         self.spacing_m.within("spacing_m", GAP_M[0], GAP_M[1])?;
+        self.pane_m.within("pane_m", SIZE_M[0], SIZE_M[1])?;
+        self.frame_m.within("frame_m", FRAME_M[0], FRAME_M[1])?;
+        self.bar_m.within("bar_m", FRAME_M[0], FRAME_M[1])?;
+        if self.from.is_some() && self.pattern != Pattern::View {
+            let message = "`from` is the view behind windows of `pattern = \"view\"`, and they have another pattern";
+            return Err(ConfigError::new("from", message));
+        }
         check_temperature("temperature_k", &self.temperature_k)?;
         match &self.brightness {
             WindowBrightness::IlluminanceLx(lux) => {
@@ -145,22 +206,110 @@ impl LightSampler for WindowLight {
         let tabletop = scene.tabletop.center();
         let per_nit: f64 =
             windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
-        let luminance = match &self.brightness {
-            WindowBrightness::IlluminanceLx(lux) => match draw("brightness", lux) {
-                0.0 => 0.0,
-                lux => lux / per_nit,
-            },
-            WindowBrightness::LuminanceNits(nits) => draw("brightness", nits),
+        let (lux, nits) = match &self.brightness {
+            WindowBrightness::IlluminanceLx(lux) => (draw("brightness", lux), None),
+            WindowBrightness::LuminanceNits(nits) => (0.0, Some(draw("brightness", nits))),
         };
-        if !luminance.is_finite() && !windows.is_empty() {
+        if windows.is_empty() || nits.unwrap_or(lux) <= 0.0 {
+            return Ok(Vec::new());
+        }
+        if nits.is_none() && per_nit <= 0.0 {
             let message = format!("no window reaches above the tabletop at {:.2} m", tabletop.z);
             return Err(Error::new(message).help("make `sill_m` or `height_m` larger"));
         }
         let color = blackbody(draw("temperature", &self.temperature_k));
-        let radiance = color.map(|channel| channel * luminance);
-        let lit = windows.into_iter().map(|window| Light::Rect(RectLight { radiance, ..window }));
-        Ok(if luminance > 0.0 { lit.collect() } else { Vec::new() })
+        if self.pattern == Pattern::Plain {
+            let luminance = nits.unwrap_or(lux / per_nit);
+            let radiance = color.map(|channel| channel * luminance);
+            return Ok(windows.into_iter().map(|window| Light::Rect(RectLight { radiance, ..window })).collect());
+        }
+        let view = self.view(color, context)?;
+        let mut windows: Vec<_> = windows.iter().map(|window| self.glazed(window, &view, context)).collect();
+        // Per unit of the view's scale, and per nit of the frames.
+        let through: f64 = windows.iter().map(|window| illuminance_of_panes(window, tabletop)).sum();
+        let panes = windows.iter().flat_map(scene::WindowLight::glass);
+        let glass: f64 = panes.map(|pane| polygon_illuminance(&pane.corners(), tabletop, Vector3::z())).sum();
+        if nits.is_none() && through <= 0.0 {
+            let message = format!("the view `{}` is dark above the horizon", view.map.name);
+            return Err(Error::new(message).help("remove it from its pool, or leave `from` out"));
+        }
+        // Frames reflect a part of the illuminance E: E = scale · through + of_frames · E.
+        let reflectance = stream.child("frame").pick(&FRAMES).copied().unwrap_or(FRAMES[0]);
+        let frame = reflectance.map(|channel| channel * FRAME_ILLUMINANCE / PI);
+        let of_frames = luminance(frame) * (per_nit - glass).max(0.0);
+        let scale = nits.unwrap_or(lux * (1.0 - of_frames) / through);
+        let lux = scale * through / (1.0 - of_frames);
+        for window in &mut windows {
+            window.view.scale = view.scale.map(|channel| channel * scale);
+            window.frame_radiance = frame.map(|channel| channel * lux);
+        }
+        Ok(windows.into_iter().map(Light::Window).collect())
     }
+}
+
+impl WindowLight {
+    /// What is behind the windows, with the illuminance π on open ground.
+    fn view(&self, color: [f64; 3], context: &Context) -> Result<EnvironmentLight> {
+        let stream = context.stream.child("view");
+        let (map, color, rotation) = match (self.pattern, &self.from) {
+            (Pattern::View, Some(pools)) => {
+                let (_, map) = context.assets.draw_environment(pools, &mut stream.child("asset"))?;
+                (map, [1.0; 3], stream.child("rotation").uniform(0.0, TAU))
+            }
+            (Pattern::View, None) => (Arc::new(landscape(&stream)?), color, 0.0),
+            _ => (Arc::new(EnvironmentMap::constant([1.0; 3])), color, 0.0),
+        };
+        let open = luminance(level_irradiance(&map)) / PI;
+        if open <= 0.0 {
+            let message = format!("the environment map `{}` has no light above the horizon", map.name);
+            return Err(Error::new(message).help("remove it from its pool, or leave `from` out"));
+        }
+        Ok(EnvironmentLight { map, scale: color.map(|channel| channel / open), rotation })
+    }
+
+    /// A window with frame and panes; the frame is black.
+    fn glazed(&self, window: &RectLight, view: &EnvironmentLight, context: &Context) -> scene::WindowLight {
+        let draw = |name: &str, dist: &Dist| dist.draw(&mut context.stream.child(name));
+        let size = [2.0 * window.half_u.norm(), 2.0 * window.half_v.norm()];
+        let pane_m = draw("pane", &self.pane_m);
+        let panes = size.map(|edge| ((edge / pane_m).ceil() as u32).clamp(1, 1000));
+        let frame_m = draw("frame_width", &self.frame_m).min(MAX_FRAME * size[0].min(size[1]));
+        let pane = (size[0] / f64::from(panes[0])).min(size[1] / f64::from(panes[1]));
+        scene::WindowLight {
+            center: window.center,
+            half_u: window.half_u,
+            half_v: window.half_v,
+            view: view.clone(),
+            panes,
+            frame_m,
+            bar_m: draw("bar_width", &self.bar_m).min(MAX_FRAME * pane),
+            frame_radiance: [0.0; 3],
+        }
+    }
+}
+
+/// Illuminance that the panes of a window give at a point on a horizontal plane: a sum over cells, each by Lambert's
+/// formula with the view's luminance in the direction of its center.
+fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 {
+    let mut sum = 0.0;
+    for pane in window.glass() {
+        let count = |pane: f64, window: f64| (CELLS * pane / window).ceil().max(1.0) as u32;
+        let columns = count(pane.half_u.norm(), window.half_u.norm());
+        let rows = count(pane.half_v.norm(), window.half_v.norm());
+        let (half_u, half_v) = (pane.half_u / f64::from(columns), pane.half_v / f64::from(rows));
+        for row in 0..rows {
+            for column in 0..columns {
+                let [x, y] = [(column, columns), (row, rows)].map(|(i, n)| 2.0 * f64::from(i) + 1.0 - f64::from(n));
+                let center = pane.center + half_u * x + half_v * y;
+                let cell = RectLight { center, half_u, half_v, radiance: [0.0; 3] };
+                let form_factor = polygon_illuminance(&cell.corners(), point, Vector3::z());
+                if form_factor > 0.0 {
+                    sum += form_factor * luminance(window.view.radiance(&(center - point).normalize()));
+                }
+            }
+        }
+    }
+    sum
 }
 
 /// The inner face of a wall.

@@ -120,7 +120,7 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
     let inner = [3.0, 2.0, 2.6];
     let mut sides = [0; 4];
     for seed in 0..60 {
-        let options = "walls = { integers = [1, 2] }\nbrightness = { illuminance_lx = 600 }";
+        let options = "pattern = \"plain\"\nwalls = { integers = [1, 2] }\nbrightness = { illuminance_lx = 600 }";
         let windows = draw(&*lights("window_light", options), &scene, seed).expect("windows");
         assert!((1..=6).contains(&windows.len()), "{windows:?}");
         for window in &windows {
@@ -150,6 +150,60 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
     let none = draw(&*lights("window_light", ""), &super::scene(None), 1).expect_err("no wall").to_string();
     assert!(none.contains("no wall") && none.contains("environment"), "{none}");
     assert!(draw(&*lights("window_light", "walls = 0"), &scene, 1).expect("none").is_empty());
+}
+
+#[test]
+fn windows_with_a_view_give_the_same_illuminance_as_plain_ones() {
+    let scene = room([6.0, 4.0, 2.6]);
+    let drawn = |options: &str, seed: u64| draw(&*lights("window_light", options), &scene, seed).expect("windows");
+    for (seed, pattern) in [(1, "view"), (2, "view"), (3, "view"), (4, "panes")] {
+        let options = format!("pattern = \"{pattern}\"\nbrightness = {{ illuminance_lx = 600 }}");
+        let windows = drawn(&options, seed);
+        let got = total(&windows, scene.tabletop.center(), Vector3::z());
+        assert!((got / 600.0 - 1.0).abs() < 0.01, "{pattern}: {got} lx");
+        // The same rectangles, whatever they show.
+        let plain = drawn("pattern = \"plain\"\nbrightness = { illuminance_lx = 600 }", seed);
+        assert_eq!(windows.len(), plain.len());
+        for (window, plain) in windows.iter().zip(&plain) {
+            let (Light::Window(window), Light::Rect(plain)) = (window, plain) else { panic!("{window:?}") };
+            assert_eq!(window.rect(plain.radiance), *plain);
+            assert!((0.5..0.97).contains(&(window.mean().radiance[1] / window.view.scale[1])) || pattern == "view");
+            assert!(luminance(window.frame_radiance) < 0.35 / PI * 600.0);
+        }
+    }
+    let options =
+        "pattern = \"panes\"\ncount = 1\nwidth_m = 1.5\nheight_m = 1.0\npane_m = 0.6\nframe_m = 0.06\nbar_m = 0.04";
+    let nits = format!("{options}\nbrightness = {{ luminance_nits = 5000 }}");
+    let [Light::Window(window)] = &drawn(&nits, 7)[..] else { panic!("a window") };
+    assert_eq!((window.panes, window.frame_m, window.bar_m), ([3, 2], 0.06, 0.04));
+    assert!((luminance(window.view.scale) - 5000.0).abs() < 1e-6);
+    // Frame and bars narrow where the window is small.
+    let small = drawn("count = 1\nwidth_m = 0.2\nheight_m = 1.5\nframe_m = 1\nbar_m = 1", 7);
+    let [Light::Window(small)] = &small[..] else { panic!("a window") };
+    assert!(small.frame_m <= 0.04 + 1e-12 && !small.glass().is_empty());
+    let refusal = refused(Slot::Lights, "window_light", "pattern = \"plain\"\nfrom = [\"skies\"]");
+    assert!(refusal.contains("from") && refusal.contains("view"), "{refusal}");
+}
+
+#[test]
+fn windows_show_maps_of_a_pool() {
+    let pools = Pools::default().environment("skies", sky("a")).environment("dark", EnvironmentMap::constant([0.0; 3]));
+    let log = Collected::default();
+    let context = Context { stream: Stream::root(3), assets: &pools, cache: &NoCache, workers: &Serial, log: &log };
+    let camera = Camera::pinhole(intrinsics("").0, Pose::identity());
+    let scene = room([6.0, 4.0, 2.6]);
+    let shell = views("hemisphere_shell", "").shell(&scene);
+    let drawn = |pool: &str| {
+        let options = format!("from = [\"{pool}\"]\nbrightness = {{ illuminance_lx = 900 }}");
+        lights("window_light", &options).lights(&scene, &camera, &shell, &context)
+    };
+    let windows = drawn("skies").expect("windows");
+    let Light::Window(window) = &windows[0] else { panic!("{windows:?}") };
+    assert!(window.view.map.name == "a" && window.view.scale[0] == window.view.scale[2], "the map keeps its hues");
+    let got = total(&windows, scene.tabletop.center(), Vector3::z());
+    assert!((got / 900.0 - 1.0).abs() < 0.02, "{got} lx");
+    let error = drawn("dark").expect_err("dark").to_string();
+    assert!(error.contains("no light above the horizon"), "{error}");
 }
 
 fn sky(name: &str) -> EnvironmentMap {

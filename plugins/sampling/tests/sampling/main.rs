@@ -344,6 +344,16 @@ fn seen(light: &Light, origin: Point3<f64>, ray: Vector3<f64>) -> [f64; 3] {
         }
         Light::Directional(sun) => ray.dot(&sun.towards) > sun.half_angle.cos(),
         Light::Environment(_) => true,
+        Light::Window(window) => {
+            let normal = window.half_u.cross(&window.half_v).normalize();
+            let t = (window.center - origin).dot(&normal) / ray.dot(&normal);
+            let at = origin + ray * t;
+            let inside = |half: Vector3<f64>| (at - window.center).dot(&half).abs() <= half.norm_squared();
+            if t > 0.0 && ray.dot(&normal) < 0.0 && inside(window.half_u) && inside(window.half_v) {
+                return window.radiance(&at, &ray);
+            }
+            false
+        }
     };
     match light {
         Light::Sphere(sphere) if hit => sphere.radiance,

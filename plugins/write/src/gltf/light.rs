@@ -3,7 +3,8 @@
 //! Emissive geometry has the light's radiance, so that a path tracer computes the same illumination. It reflects nothing:
 //! black, with an index of refraction of 1. Rectangles and disks emit to one side; black geometry behind them keeps the
 //! other dark. Spheres and disks become polyhedra of the same power: the mean projected area of a convex body is a
-//! quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area.
+//! quarter of its surface (Cauchy), so spheres keep their surface area, and disks their area. Windows become rectangles
+//! of one radiance and the same flux.
 
 use super::document::{
     Attributes, DocumentExtensions, EmissiveStrength, Index, Ior, Material, MaterialExtensions, Mesh, Node,
@@ -23,7 +24,8 @@ use syntable_model::scene::Light;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LightMode {
-    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; suns become directional lights.
+    /// Spheres, rectangles and disks become emissive geometry, exact in path tracers; windows become rectangles of their
+    /// mean radiance, suns directional lights.
     Emissive,
     /// Spheres become point lights, rectangles and disks spot lights, suns directional lights: for rasterizing viewers.
     Punctual,
@@ -95,6 +97,8 @@ impl Lights {
                 Some(node)
             }
             Light::Environment(_) => None,
+            // As a rectangle of its mean radiance.
+            Light::Window(window) => self.add(glb, number, &Light::Rect(window.mean()), mode),
         }
     }
 
@@ -270,10 +274,41 @@ fn sphere() -> Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::scene::{Mesh, MeshData};
+    use std::sync::Arc;
+    use syntable_model::scene::{EnvironmentLight, EnvironmentMap, Mesh, MeshData, WindowLight};
 
     fn mesh((positions, normals, triangles): Shape) -> Mesh {
         Mesh::new(MeshData { positions, normals, triangles, ..Default::default() }).expect("sound")
+    }
+
+    #[test]
+    fn a_window_is_a_rectangle_of_its_mean() {
+        let view = EnvironmentLight {
+            map: Arc::new(EnvironmentMap::constant([2.0, 1.0, 0.5])),
+            scale: [100.0; 3],
+            rotation: 0.0,
+        };
+        let window = WindowLight {
+            center: Point3::new(1.0, 2.0, 3.0),
+            half_u: Vector3::new(0.5, 0.0, 0.0),
+            half_v: Vector3::new(0.0, 0.0, 0.5),
+            view,
+            panes: [1, 1],
+            frame_m: 0.1,
+            bar_m: 0.0,
+            frame_radiance: [10.0; 3],
+        };
+        // Panes of 0.8 m in a window of 1 m: 64 % of the radiance behind and 36 % of the frame's.
+        let mean = window.mean();
+        assert!((mean.radiance[0] / (0.64 * 200.0 + 0.36 * 10.0) - 1.0).abs() < 1e-3, "{mean:?}");
+        for mode in [LightMode::Emissive, LightMode::Punctual] {
+            let export = |light: Light| {
+                let (mut glb, mut lights) = (Glb::default(), Lights::default());
+                let node = lights.add(&mut glb, 3, &light, mode).expect("a node");
+                (serde_json::to_value(node).expect("a node"), serde_json::to_value(&glb.document).expect("a document"))
+            };
+            assert_eq!(export(Light::Window(window.clone())), export(Light::Rect(mean)));
+        }
     }
 
     #[test]

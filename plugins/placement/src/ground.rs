@@ -1,0 +1,82 @@
+//! The ground of an environment.
+
+use crate::room::{parts, slab};
+use std::sync::Arc;
+use syntable_model::prelude::*;
+use syntable_model::scene::{AssetRef, BodyDraft, Material, Motion, Role, Scalar};
+
+/// Places a level ground at z = 0 that shows the lower half of the environment map: a shadow catcher.
+///
+/// The map is projected on it from `projection_height_m` above its center: where nothing is in the way of the light, it
+/// looks like the map, and the table's legs stand in the photograph. Table, objects and clutter cast shadows on it and get
+/// its light, and what falls off the table comes to rest on it. It is a diffuse surface whose color is what it takes to
+/// reflect the map's radiance, at most all light; reflections and glare of the photograph are painted on it. Nothing is
+/// composited. Views without a light `environment` see plain gray. Labels have it as `room/floor`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ground {
+    /// Edge of the square, meters; 1 to 1000. At some hundred meters its edge is at the map's horizon.
+    #[schemars(extend("minimum" = SIZE_M[0], "maximum" = SIZE_M[1]))]
+    size_m: Dist,
+    /// Height of the point that the map is projected from, meters; 0.1 to 100. That of the camera of a photograph shows
+    /// its floor in true size.
+    #[schemars(extend("minimum" = HEIGHT_M[0], "maximum" = HEIGHT_M[1]))]
+    projection_height_m: Dist,
+}
+
+/// Limits of `size_m`, meters.
+const SIZE_M: [f64; 2] = [1.0, 1000.0];
+/// Limits of `projection_height_m`, meters.
+const HEIGHT_M: [f64; 2] = [0.1, 100.0];
+
+impl Default for Ground {
+    fn default() -> Self {
+        Self { size_m: Dist::Constant(500.0), projection_height_m: Dist::Constant(1.5) }
+    }
+}
+
+impl Config for Ground {
+    type Stage = dyn Placer;
+    const KIND: &'static str = "ground";
+    const EXAMPLE: &'static str = "projection_height_m = 1.5";
+
+    fn build(self) -> Result<Box<dyn Placer>, ConfigError> {
+        self.size_m.within("size_m", SIZE_M[0], SIZE_M[1])?;
+        self.projection_height_m.within("projection_height_m", HEIGHT_M[0], HEIGHT_M[1])?;
+        Ok(Box::new(self))
+    }
+}
+register!(Ground);
+
+/// Cuts of an edge: 1 m from the center, and twice as far each time. Where a ray hits a triangle is known to within a
+/// fraction of the triangle's size; near the table that has to be less than the distance that rays start off a surface.
+fn graded(half: f64) -> Vec<f64> {
+    let doubled = std::iter::successors(Some(1.0), |at| Some(at * 2.0)).take_while(|at| *at < 0.75 * half);
+    let outwards: Vec<f64> = doubled.chain([half]).collect();
+    outwards.iter().rev().map(|at| -at).chain(outwards.iter().copied()).collect()
+}
+
+impl Placer for Ground {
+    fn tabletop(&self) -> TabletopUse {
+        TabletopUse::None
+    }
+
+    fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;
+        let height = self.projection_height_m.draw(&mut context.stream.child("height"));
+        let [floor, ..] = parts([half; 2], 1.0);
+        let material = Material {
+            // Diffuse: nothing is reflected at the surface.
+            ior: 1.0,
+            roughness: Scalar::constant(1.0),
+            projection_height_m: Some(height as f32),
+            ..Material::plain("ground", [0.45; 3], 1.0)
+        };
+        let center = floor.bounds.center().coords;
+        let pose = Pose::translation(center.x, center.y, center.z);
+        let asset = AssetRef { pool: "room".into(), name: floor.name.into() };
+        let object = Arc::new(slab(&floor, material.with_digest(), graded)?);
+        scene.add(BodyDraft::new(asset, object, pose, Role::Room, Motion::Fixed));
+        Ok(())
+    }
+}
