@@ -48,14 +48,6 @@ impl Config for Ground {
 }
 register!(Ground);
 
-/// Cuts of an edge: 1 m from the center, and twice as far each time. Where a ray hits a triangle is known to within a
-/// fraction of the triangle's size; near the table that has to be less than the distance that rays start off a surface.
-fn graded(half: f64) -> Vec<f64> {
-    let doubled = std::iter::successors(Some(1.0), |at| Some(at * 2.0)).take_while(|at| *at < 0.75 * half);
-    let outwards: Vec<f64> = doubled.chain([half]).collect();
-    outwards.iter().rev().map(|at| -at).chain(outwards.iter().copied()).collect()
-}
-
 impl Placer for Ground {
     fn tabletop(&self) -> TabletopUse {
         TabletopUse::None
@@ -75,7 +67,7 @@ impl Placer for Ground {
         let center = floor.bounds.center().coords;
         let pose = Pose::translation(center.x, center.y, center.z);
         let asset = AssetRef { pool: "room".into(), name: floor.name.into() };
-        let object = Arc::new(slab(&floor, material.with_digest(), graded)?);
+        let object = Arc::new(slab(&floor, material.with_digest())?);
         scene.add(BodyDraft::new(asset, object, pose, Role::Room, Motion::Fixed));
         Ok(())
     }

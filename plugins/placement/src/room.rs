@@ -116,7 +116,7 @@ impl Placer for Room {
                 .transpose()?;
             let center = part.bounds.center().coords;
             let asset = AssetRef { pool: "room".into(), name: part.name.into() };
-            let object = Arc::new(slab(&part, Material::plain(part.name, [gray; 3], 0.9), corners)?);
+            let object = Arc::new(slab(&part, Material::plain(part.name, [gray; 3], 0.9))?);
             let body = BodyDraft::new(
                 asset,
                 object,
@@ -154,14 +154,20 @@ pub fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
     ]
 }
 
-/// The coordinates of an edge of this half length that is not divided.
-fn corners(half: f64) -> Vec<f64> {
-    vec![-half, half]
+/// Edges of longer sheets are cut, half their length in meters.
+const LARGE_M: f64 = 20.0;
+
+/// Coordinates at which an edge is cut, its ends included: a large one 1 m from the center, and twice as far each time.
+/// Where a ray hits a triangle is known to within a fraction of the triangle's size; near the table that has to be less
+/// than the distance that rays start off a surface, or they meet it again and light is lost.
+fn cuts(half: f64) -> Vec<f64> {
+    let doubled = std::iter::successors(Some(1.0), |at| Some(at * 2.0)).take_while(|at| *at < 0.75 * half);
+    let outwards: Vec<f64> = doubled.filter(|_| half > LARGE_M).chain([half]).collect();
+    outwards.iter().rev().map(|at| -at).chain(outwards.iter().copied()).collect()
 }
 
-/// A box centered at the origin with texture coordinates in meters. `cuts` gives the coordinates at which an edge of a half
-/// length is divided, ends included.
-pub fn slab(part: &Part, material: Material, cuts: impl Fn(f64) -> Vec<f64>) -> Result<Object> {
+/// A box centered at the origin with texture coordinates in meters.
+pub fn slab(part: &Part, material: Material) -> Result<Object> {
     let half = part.bounds.size() / 2.0;
     let mut data = MeshData::default();
     for axis in 0..3 {
