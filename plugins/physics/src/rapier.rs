@@ -147,8 +147,12 @@ remove = \"off_tabletop\"
 on_violation = \"respawn\"
 max_penetration_m = 0.005
 max_speed_m_s = 0.01";
-    const RENAMED: &'static [(&'static str, &'static str)] =
-        &[("max_drops", "max_respawns"), ("max_spin_rad_s", "max_angular_speed_rad_s")];
+    const RENAMED: &'static [(&'static str, &'static str)] = &[
+        ("max_drops", "max_respawns"),
+        ("max_spin_rad_s", "max_angular_speed_rad_s"),
+        ("resolution", "max_deviation_m"),
+        ("concavity", "max_deviation_m"),
+    ];
 
     fn build(self) -> Result<Box<dyn Settler>, ConfigError> {
         if self.time_step_s > self.duration_s {
