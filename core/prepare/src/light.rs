@@ -316,8 +316,9 @@ impl ProjectedEnvironment {
                 DistantLight::Cone(_) => None,
             })
             .collect();
-        let is_lit = sum.iter().all(|&e| e > 1e-12);
-        let per_nit = color(sum.map(|e| std::f64::consts::PI / e));
+        // Light of low color temperature has no blue at all.
+        let is_lit = sum.iter().any(|&e| e > 1e-12);
+        let per_nit = color(sum.map(|e| if e > 1e-12 { std::f64::consts::PI / e } else { 0.0 }));
         (is_lit && !maps.is_empty()).then_some(Self { maps, per_nit })
     }
 

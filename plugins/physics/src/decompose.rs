@@ -538,7 +538,7 @@ mod tests {
 
     /// Vertices of hulls are rounded to the grid.
     const ROUNDING: f32 = 3.0 * HULL_OPTIONS.grid;
-    const DEFAULT: Method = Method::Cuts { max_deviation_m: 0.005, max_parts: 64 };
+    const DEFAULT: Method = Method::Cuts { max_deviation_m: 0.008, max_parts: 64 };
 
     /// Largest distance of a vertex from its nearest part, meters.
     fn max_distance(data: &MeshData, parts: &[ConvexHull]) -> f32 {
@@ -602,7 +602,7 @@ mod tests {
             let mesh = Mesh::new(data.clone()).expect("a sound mesh");
             let hull = convex_parts(&mesh, Method::Hull);
             assert_eq!(hull.hulls.len(), 1, "{name}");
-            for bound in [0.003, 0.005] {
+            for bound in [0.003, 0.008] {
                 let Parts { hulls: parts, deviation_m } =
                     convex_parts(&mesh, Method::Cuts { max_deviation_m: bound, max_parts: 128 });
                 let is_full = parts.iter().any(|part| part.points.len() >= HULL_OPTIONS.max_vertices);
@@ -640,8 +640,8 @@ mod tests {
         // A bottom and four sides.
         let told = format!("{} parts, {} m, {above} m above it", parts.hulls.len(), parts.deviation_m);
         assert!(parts.hulls.len() == 5 && parts.deviation_m < 1e-4 && above < 3e-4, "{told}");
-        let two = convex_parts(&mesh, Method::Cuts { max_deviation_m: 0.001, max_parts: 1 });
-        assert!((two.deviation_m - 0.02).abs() < 0.001, "the whole recess is filled: {}", two.deviation_m);
+        let one = convex_parts(&mesh, Method::Cuts { max_deviation_m: 0.001, max_parts: 1 });
+        assert!((one.deviation_m - 0.02).abs() < 0.001, "the whole recess is filled: {}", one.deviation_m);
     }
 
     #[test]
@@ -679,7 +679,7 @@ mod tests {
                 vertices.iter().sum::<usize>()
             );
             assert!(missed < 0.002, "{}: {missed} m", object.name);
-            assert!(deviation_m <= 0.005 + HULL_OPTIONS.tolerance, "{}: {deviation_m} m", object.name);
+            assert!(deviation_m <= 0.008 && parts.len() < 64, "{}: {deviation_m} m, {}", object.name, parts.len());
         }
     }
 
@@ -690,7 +690,7 @@ mod tests {
             let parts = convex_parts(&Mesh::new(data).expect("a sound mesh"), DEFAULT);
             hasher = hasher.text(name).bytes(&hull_codec::encode(&parts));
         }
-        let pinned = (4, "d30794157088f993f39b00c2f799a3c3");
+        let pinned = (4, "a06e8115064a4ea88aa8e8dde5aa111a");
         let found = (DECOMPOSITION_VERSION, hasher.finish().to_string());
         assert_eq!(
             (found.0, &found.1[..]),

@@ -14,10 +14,10 @@ use syntable_model::error::Result;
 use syntable_model::scene::{Mesh, Object};
 
 /// Maximum deviation of a support that is not flat, meters: bodies lie in it.
-const SUPPORT_DEVIATION_M: f32 = 0.001;
+const RELIEF_DEVIATION_M: f32 = 0.001;
 
 /// Maximum number of parts of a support that is not flat.
-const SUPPORT_PARTS: usize = 512;
+const RELIEF_PARTS: usize = 512;
 
 /// Maximum deviation of a flat support, meters: nothing stays below its top. A size drawn for every scene makes it a new
 /// mesh, so that it has to be quick.
@@ -26,12 +26,23 @@ const FLAT_DEVIATION_M: f32 = 0.03;
 /// What a body is to others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// It moves, or is an object that is fixed.
+    /// It moves, is an object that is fixed, or a support of nothing that is asked to stay on it.
     Body,
     /// A support with a flat top.
     Flat,
     /// A support with a rim or recesses.
     Relief,
+}
+
+impl Purpose {
+    /// Maximum deviation of its parts, meters.
+    pub fn max_deviation_m(self, config: &Rapier) -> f32 {
+        match self {
+            Self::Body => config.max_deviation_m as f32,
+            Self::Flat => FLAT_DEVIATION_M,
+            Self::Relief => RELIEF_DEVIATION_M,
+        }
+    }
 }
 
 /// Maximum number of shapes kept in memory.
@@ -50,15 +61,12 @@ impl HullCache {
     }
 
     fn method(&self, purpose: Purpose) -> Method {
-        let max_parts = self.config.max_parts as usize;
+        let max_deviation_m = purpose.max_deviation_m(&self.config);
         match (self.config.collision, purpose) {
             (Collision::ConvexHull, _) => Method::Hull,
-            (Collision::Decomposition, Purpose::Body) => {
-                Method::Cuts { max_deviation_m: self.config.max_deviation_m as f32, max_parts }
-            }
-            (Collision::Decomposition, Purpose::Flat) => Method::Cuts { max_deviation_m: FLAT_DEVIATION_M, max_parts },
-            (Collision::Decomposition, Purpose::Relief) => {
-                Method::Cuts { max_deviation_m: SUPPORT_DEVIATION_M, max_parts: SUPPORT_PARTS }
+            (Collision::Decomposition, Purpose::Relief) => Method::Cuts { max_deviation_m, max_parts: RELIEF_PARTS },
+            (Collision::Decomposition, _) => {
+                Method::Cuts { max_deviation_m, max_parts: self.config.max_parts as usize }
             }
         }
     }

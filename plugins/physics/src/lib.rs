@@ -1,4 +1,4 @@
-//! Settler: rigid bodies come to rest on the table (rapier3d, convex decomposition by parry3d).
+//! Settler: rigid bodies come to rest on the table (rapier3d, with a convex decomposition of its own).
 //!
 //! The kind `rapier` takes a scene as the placers left it, lets every dynamic body fall, and returns poses at rest:
 //!

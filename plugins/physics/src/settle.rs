@@ -51,13 +51,10 @@ impl Settler for Settle {
             scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
         let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
-        let purpose = |body: &BodyDraft| {
-            let is_flat = tabletop.is_none_or(|tabletop| static_body::is_flat(body, &tabletop));
-            match (body.role, is_flat) {
-                (Role::Support, true) => Purpose::Flat,
-                (Role::Support, false) => Purpose::Relief,
-                _ => Purpose::Body,
-            }
+        let purpose = |body: &BodyDraft| match (body.role, tabletop) {
+            (Role::Support, Some(tabletop)) if static_body::is_flat(body, &tabletop) => Purpose::Flat,
+            (Role::Support, Some(_)) => Purpose::Relief,
+            _ => Purpose::Body,
         };
         let objects: Vec<(&Object, Purpose)> = shaped.iter().map(|(_, body)| (&*body.object, purpose(body))).collect();
         let surface =
@@ -84,9 +81,7 @@ impl Settler for Settle {
         let mut dynamic = Vec::new();
         for ((handle, body), shape) in shaped.into_iter().zip(shapes) {
             let shape = shape.map_err(|error| error.context(body.asset.to_string()))?;
-            if purpose(body) == Purpose::Body {
-                self.warn_of_filled_hollows(body, &shape, context.log);
-            }
+            self.warn_of_filled_hollows(body, purpose(body), &shape, context.log);
             match body.motion {
                 Motion::Fixed => static_bodies.extend(static_body::support(body, &shape, tabletop.as_ref(), &surface)),
                 Motion::Dynamic => dynamic.push((*handle, body, shape)),
@@ -138,15 +133,15 @@ impl Settler for Settle {
 
 impl Settle {
     /// Warns once of an object whose convex parts fill more of its hollows than they may.
-    fn warn_of_filled_hollows(&self, body: &BodyDraft, shape: &CollisionShape, log: &dyn Log) {
-        let (bound, is) = (self.config.max_deviation_m, f64::from(shape.deviation_m));
+    fn warn_of_filled_hollows(&self, body: &BodyDraft, purpose: Purpose, shape: &CollisionShape, log: &dyn Log) {
+        let (bound, is) = (f64::from(purpose.max_deviation_m(&self.config)), f64::from(shape.deviation_m));
         // Within the tolerance of hulls.
         let is_within = is <= bound + f64::from(HULL_OPTIONS.tolerance);
         if self.config.collision == Collision::Decomposition && !is_within && shape.is_first_time() {
             let (is, bound) = (is * 1e3, bound * 1e3);
             log.warn(
                 &Error::new(format!("its collision shape fills hollows by up to {is:.1} mm, not {bound:.1} mm"))
-                    .help("raise `max_parts` of [settle], or repair a mesh that has no inside")
+                    .help("raise `max_parts` or `max_deviation_m` of [settle], or repair a mesh that has no inside")
                     .context(body.asset.to_string()),
             );
         }

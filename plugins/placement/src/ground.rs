@@ -1,6 +1,6 @@
 //! The ground of an environment.
 
-use crate::room::{parts, slab};
+use crate::room::{parts, refuse_second_floor, slab};
 use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, Material, Motion, Role, Scalar};
@@ -9,7 +9,7 @@ use syntable_model::scene::{AssetRef, BodyDraft, Material, Motion, Role, Scalar}
 ///
 /// The map is projected on it from `projection_height_m` above its center: where nothing is in the way of the light, it
 /// looks like the map, and the table's legs stand in the photograph. Table, objects and clutter cast shadows on it and get
-/// its light, and what falls off the table comes to rest on it. It is a diffuse surface whose color is what it takes to
+/// its light, and clutter that falls off the table comes to rest on it. It is a diffuse surface whose color is what it takes to
 /// reflect the map's radiance, at most all light; reflections and glare of the photograph are painted on it. Nothing is
 /// composited. Views without a light `environment` see plain gray. Labels have it as `room/floor`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -54,6 +54,7 @@ impl Placer for Ground {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        refuse_second_floor(scene)?;
         let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;
         let height = self.projection_height_m.draw(&mut context.stream.child("height"));
         let [floor, ..] = parts([half; 2], 1.0);

@@ -15,9 +15,9 @@ const THICKNESS_M: f64 = 0.1;
 /// Places a closed room around the origin: a floor at z = 0, four walls and a ceiling.
 ///
 /// Each of the six surfaces draws its own material from its pool; without a pool it is plain gray. `floor_only` leaves
-/// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`; `ground` is a floor that looks like the
-/// environment. Cameras and lights are not constrained to
-/// the room; with the default size and tables below 2 m they are always inside.
+/// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`; the kind `ground` is, in its place, a floor
+/// that looks like the environment. Cameras and lights are not constrained to the room; with the default size and tables
+/// below 2 m they are always inside.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
@@ -99,6 +99,7 @@ impl Placer for Room {
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
+        refuse_second_floor(scene)?;
         let size = self.size_m.draw(&mut context.stream.child("size"));
         let length = self.length_m.as_ref().map_or(size, |length| length.draw(&mut context.stream.child("length")));
         let half = [size / 2.0, length / 2.0];
@@ -130,6 +131,14 @@ impl Placer for Room {
     }
 }
 
+/// Two floors at one height would show through each other.
+pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
+    if scene.bodies().any(|(_, body)| body.role == Role::Room && body.asset.name == "floor") {
+        return Err(Error::new("there is a floor already").help("keep one [[place]] of the kinds `room` and `ground`"));
+    }
+    Ok(())
+}
+
 /// A part of the room and its bounding box, world frame.
 pub struct Part {
     pub name: &'static str,
@@ -154,7 +163,7 @@ pub fn parts(half: [f64; 2], height: f64) -> [Part; 6] {
     ]
 }
 
-/// Edges of longer sheets are cut, half their length in meters.
+/// Half length of an edge from which on a sheet is cut, meters.
 const LARGE_M: f64 = 20.0;
 
 /// Coordinates at which an edge is cut, its ends included: a large one 1 m from the center, and twice as far each time.

@@ -48,7 +48,7 @@ fn landscape() -> EnvironmentMap {
 fn the_ground_looks_like_the_environment_without_it() {
     let sun = DirectionalLight { towards: Vector3::new(0.6, 0.0, 0.8), half_angle: 0.02, irradiance: [1.5; 3] };
     for lights in [
-        vec![environment(EnvironmentMap::constant([0.7; 3]), [2.0, 1.0, 0.5])],
+        vec![environment(EnvironmentMap::constant([0.7; 3]), [2.0, 1.0, 0.0])],
         vec![environment(landscape(), [100.0, 90.0, 80.0])],
         // Light of a sun counts: the ground's color is the darker for it, and its radiance the same.
         vec![environment(landscape(), [1.0; 3]), Light::Directional(sun)],

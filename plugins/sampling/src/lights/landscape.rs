@@ -11,7 +11,7 @@ const SIZE: [u32; 2] = [1024, 512];
 /// Irradiance of upright surfaces and of the ground, relative to π times the luminance of the sky.
 const LIT: [f64; 2] = [0.4, 0.65];
 
-/// Reflectance of facades, linear Rec. 709: plaster, brick, concrete, paint, timber.
+/// Reflectance of facades, linear Rec. 709: plaster, brick, concrete, yellow and blue paint, timber.
 const FACADES: [[f64; 3]; 6] = [
     [0.42, 0.39, 0.33],
     [0.24, 0.12, 0.085],
@@ -30,7 +30,7 @@ const GROUND: [[f64; 3]; 5] =
 pub fn landscape(stream: &Stream) -> Result<EnvironmentMap> {
     let landscape = Landscape::new(stream);
     let [width, height] = SIZE;
-    // Upright things are drawn in the tangent of the elevation; the rows at the poles stay finite.
+    // Upright features are drawn in the tangent of the elevation; the rows at the poles stay finite.
     let rows: Vec<Row> = (0..height).map(|y| Row::new(PI * (0.5 - (f64::from(y) + 0.5) / f64::from(height)))).collect();
     let columns: Vec<Column> = (0..width).map(|x| landscape.column((f64::from(x) + 0.5) / f64::from(width))).collect();
     let texel = |row: &Row, column: &Column| landscape.texel(row, column).map(|x| x as f32);
@@ -55,7 +55,7 @@ impl Row {
 
 /// What stands in a direction.
 #[derive(Clone, Copy)]
-enum Thing {
+enum Feature {
     /// A house with storeys and windows of these angular sizes, tangents.
     House { color: [f64; 3], storey: f64, bay: f64, glass: f64 },
     /// A tree or a hedge.
@@ -68,10 +68,10 @@ struct Segment {
     end: f64,
     /// Height, as tangent of the elevation; below the horizon where nothing stands.
     top: f64,
-    thing: Thing,
+    feature: Feature,
 }
 
-/// Things at one distance.
+/// Features at one distance.
 struct Layer {
     segments: Vec<Segment>,
     /// Tangent of the elevation of their feet, negative.
@@ -90,7 +90,7 @@ struct Column {
     /// Tangent of the elevation of the hills.
     hills: f64,
     /// Per layer: what stands there, and the tangent of the elevation of its top.
-    things: [Option<(Thing, f64, f64)>; 2],
+    features: [Option<(Feature, f64, f64)>; 2],
 }
 
 struct Landscape {
@@ -136,7 +136,7 @@ impl Landscape {
         let turn = 1.0 - u;
         let (sin, cos) = (turn * TAU).sin_cos();
         let hills = self.hills[0] + self.hills[1] * self.noise.around(turn, 7, 0, 3);
-        Column { turn, toward: [cos, sin], hills, things: [0, 1].map(|i| self.layers[i].at(turn)) }
+        Column { turn, toward: [cos, sin], hills, features: [0, 1].map(|i| self.layers[i].at(turn)) }
     }
 
     fn texel(&self, row: &Row, column: &Column) -> [f64; 3] {
@@ -150,11 +150,11 @@ impl Landscape {
             let hill = mix([0.03, 0.05, 0.03], horizon, 0.6);
             color = mix(color, hill, cover(column.hills));
         }
-        for (layer, thing) in self.layers.iter().zip(&column.things).rev() {
-            let Some((thing, top, along)) = thing else { continue };
+        for (layer, feature) in self.layers.iter().zip(&column.features).rev() {
+            let Some((feature, top, along)) = feature else { continue };
             let shown = cover(*top) * (1.0 - cover(layer.foot));
             if shown > 0.0 {
-                let own = layer.color(thing, row, column, *top, *along);
+                let own = layer.color(feature, row, column, *top, *along);
                 color = mix(color, mix(own, horizon, layer.haze), shown);
             }
         }
@@ -211,25 +211,30 @@ impl Layer {
             let (storey, bay) = (draw.uniform(2.7, 3.3) / distance_m, draw.uniform(1.8, 3.5) / distance_m);
             let glass = draw.uniform(0.02, 0.5);
             let color = color.map(|c| c * shade);
-            let thing = match is_house {
-                true => Thing::House { color, storey, bay, glass },
-                false => Thing::Foliage(color),
+            let feature = match is_house {
+                true => Feature::House { color, storey, bay, glass },
+                false => Feature::Foliage(color),
             };
             if draw.chance(density) {
-                segments.push(Segment { start, end, top, thing });
+                segments.push(Segment { start, end, top, feature });
             }
             start = end;
+        }
+        // The last one ends where the first begins.
+        for segment in &mut segments {
+            segment.start /= start;
+            segment.end /= start;
         }
         Self { segments, foot: -eye_m / distance_m, haze, noise: Noise(stream.child("leaves").seed()) }
     }
 
     /// What stands at an azimuth, the tangent of the elevation of its top, and the distance from its side as a tangent.
-    fn at(&self, turn: f64) -> Option<(Thing, f64, f64)> {
+    fn at(&self, turn: f64) -> Option<(Feature, f64, f64)> {
         let segment = self.segments.iter().find(|segment| (segment.start..segment.end).contains(&turn))?;
         let along = (turn - segment.start) * TAU;
-        let top = match segment.thing {
-            Thing::House { .. } => segment.top,
-            Thing::Foliage(_) => {
+        let top = match segment.feature {
+            Feature::House { .. } => segment.top,
+            Feature::Foliage(_) => {
                 // Crowns are round, their outline is not.
                 let across = (turn - segment.start) / (segment.end - segment.start) * 2.0 - 1.0;
                 let height = segment.top - self.foot;
@@ -237,19 +242,19 @@ impl Layer {
                 self.foot + height * round * (0.8 + 0.4 * self.noise.around(turn, 90, 1, 3))
             }
         };
-        Some((segment.thing, top, along))
+        Some((segment.feature, top, along))
     }
 
-    fn color(&self, thing: &Thing, row: &Row, column: &Column, top: f64, along: f64) -> [f64; 3] {
-        match *thing {
-            Thing::House { color, storey, bay, glass } => {
+    fn color(&self, feature: &Feature, row: &Row, column: &Column, top: f64, along: f64) -> [f64; 3] {
+        match *feature {
+            Feature::House { color, storey, bay, glass } => {
                 let (below, bays) = ((top - row.tangent) / storey, along / bay);
                 let [down, aside] = [below - below.floor(), bays - bays.floor()];
                 let is_glass = below > 0.1 && (0.25..0.75).contains(&down) && (0.28..0.72).contains(&aside);
                 let own = color.map(|c| c * LIT[0]);
                 if is_glass { mix([glass * 0.5; 3], own, 0.15) } else { own }
             }
-            Thing::Foliage(color) => {
+            Feature::Foliage(color) => {
                 let at = [column.turn * 700.0, row.tangent * 110.0];
                 let leaves = self.noise.fractal(at, 3);
                 // Light falls on crowns from above.

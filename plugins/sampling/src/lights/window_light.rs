@@ -31,7 +31,7 @@ const MAX_FRAME: f64 = 0.2;
 /// A window is divided by this number along each side to sum up what its view gives.
 const CELLS: f64 = 48.0;
 
-/// Daylight through windows: bright rectangles in a row just in front of a wall of the room.
+/// Daylight through windows in a row, just in front of a wall of the room.
 ///
 /// All windows of a view have the same size. With `pattern = "view"` they have a frame with glazing bars, and behind them is
 /// what would be seen from a house: sky, houses, trees, ground. It is seen as from far away, so it moves with the
@@ -256,7 +256,7 @@ impl WindowLight {
                 let (_, map) = context.assets.draw_environment(pools, &mut stream.child("asset"))?;
                 (map, [1.0; 3], stream.child("rotation").uniform(0.0, TAU))
             }
-            (Pattern::View, None) => (Arc::new(landscape(&stream)?), color, 0.0),
+            (Pattern::View, None) => (Arc::new(landscape(&stream)?), color, stream.child("rotation").uniform(0.0, TAU)),
             _ => (Arc::new(EnvironmentMap::constant([1.0; 3])), color, 0.0),
         };
         let open = luminance(level_irradiance(&map)) / PI;

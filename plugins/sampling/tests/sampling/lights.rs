@@ -167,7 +167,9 @@ fn windows_with_a_view_give_the_same_illuminance_as_plain_ones() {
         for (window, plain) in windows.iter().zip(&plain) {
             let (Light::Window(window), Light::Rect(plain)) = (window, plain) else { panic!("{window:?}") };
             assert_eq!(window.rect(plain.radiance), *plain);
-            assert!((0.5..0.97).contains(&(window.mean().radiance[1] / window.view.scale[1])) || pattern == "view");
+            if pattern == "panes" {
+                assert!((0.5..0.97).contains(&(window.mean().radiance[1] / window.view.scale[1])), "{window:?}");
+            }
             assert!(luminance(window.frame_radiance) < 0.35 / PI * 600.0);
         }
     }
