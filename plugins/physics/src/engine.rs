@@ -7,7 +7,7 @@
 //! - contacts twice as stiff (60 Hz), and recomputed after 1 mm of motion rather than 5: half as many deep
 //!   penetrations;
 //! - rolling resistance, which rapier has none of: without it, some round bodies go on rocking on the faces of their
-//!   shapes, and piles take half as long again;
+//!   shapes, and some piles take several times as long;
 //! - speculative contacts up to 2 cm ahead of a moving body, instead of continuous collision detection, which recomputes
 //!   the mass properties of every part at each step and takes twice as long.
 
@@ -183,10 +183,13 @@ impl Engine {
         self.world.step();
         let slow = units::length(ROLLING_M_S);
         for body in &self.bodies {
-            let Some(rigid) = body.rigid.and_then(|rigid| self.world.bodies.get_mut(rigid)) else { continue };
+            let Some(handle) = body.rigid else { continue };
+            let rigid = &self.world.bodies[handle];
             let (spin, decelerated) = (rigid.angvel(), body.rolling_rad_s2 * self.step_s as f32);
+            // The engine looks again at every body that was borrowed for a change.
             if !rigid.is_sleeping() && rigid.linvel().length() < slow && spin != Vector::ZERO {
-                rigid.set_angvel(spin * (1.0 - decelerated / spin.length()).max(0.0), false);
+                let spin = spin * (1.0 - decelerated / spin.length()).max(0.0);
+                self.world.bodies[handle].set_angvel(spin, false);
             }
         }
     }

@@ -3,8 +3,8 @@
 //! - A part of the room that is flat becomes a half-space behind the face towards the objects, so that nothing tunnels
 //!   through. If there are objects on both sides, it becomes a box.
 //! - The ground, z = 0, is always a half-space, whether there is a floor or not.
-//! - A support becomes convex parts as objects do; one with a rim or recesses, parts that keep to its mesh. Thin ones are extended downwards, where nothing is
-//!   below them. Under a flat top, a thick slab with the outline of the top replaces
+//! - A support becomes convex parts as objects do; one with a rim or recesses, parts that keep to its mesh. Thin ones are
+//!   extended downwards, where nothing is below them. Under a flat top, a thick slab with the outline of the top replaces
 //!   thin boards: the minimum translation of a body pressed into it is always upwards.
 
 use crate::collision_shape::CollisionShape;

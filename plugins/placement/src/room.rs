@@ -134,7 +134,8 @@ impl Placer for Room {
 /// Two floors at one height would show through each other.
 pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
     if scene.bodies().any(|(_, body)| body.role == Role::Room && body.asset.name == "floor") {
-        return Err(Error::new("there is a floor already").help("keep one [[place]] of the kinds `room` and `ground`"));
+        let help = "keep one [[place]] of the kinds `room` and `ground`";
+        return Err(Error::new("there is a floor already").help(help).permanent());
     }
     Ok(())
 }

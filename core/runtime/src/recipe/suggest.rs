@@ -38,6 +38,10 @@ const SYNONYMS: &[(&str, &[&str])] = &[
     ("fov_deg", &["intrinsics"]),
     ("focal_length", &["intrinsics"]),
     ("spp", &["samples_per_pixel"]),
+    // Of convex decompositions.
+    ("resolution", &["max_deviation_m"]),
+    ("concavity", &["max_deviation_m"]),
+    ("max_convex_hulls", &["max_parts"]),
     ("bounces", &["max_bounces"]),
     ("depth_scale", &["depth_scale_mm"]),
     ("intensity", &["brightness"]),
