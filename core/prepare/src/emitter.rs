@@ -118,6 +118,11 @@ impl EmissiveBody {
         &self.sums
     }
 
+    /// Center and radius of a sphere around it, world, meters.
+    pub fn sphere(&self) -> (Vec3, f32) {
+        (self.center, self.radius)
+    }
+
     /// Luminance times area, nits m².
     pub fn power(&self) -> f32 {
         self.power

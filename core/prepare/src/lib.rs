@@ -26,6 +26,7 @@ mod mesh;
 mod sampler;
 mod scene;
 mod texture;
+mod tree;
 
 pub use cache::{AssetCache, SceneCache};
 pub use emitter::{EmissiveBody, EmissiveTriangle, EmitterPoint};
@@ -40,6 +41,7 @@ pub use material::{
     TextureBinding,
 };
 pub use mesh::{ShadingMesh, ShadingTriangle, VertexTangents, is_mirrored, pack_unit, unpack_unit};
-pub use sampler::{SOBOL_PAIRS, SampleOrder, Sampler};
+pub use sampler::{SAMPLER_WGSL, SOBOL_PAIRS, SampleOrder, Sampler};
 pub use scene::{PreparedBody, PreparedScene, SurfacePoint};
-pub use texture::{MipLevel, MipTexture};
+pub use texture::{MipLevel, MipTexture, decoding};
+pub use tree::{BinaryNode, BinaryTree, Bounds, TreeNode};

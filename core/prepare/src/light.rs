@@ -322,6 +322,16 @@ impl ProjectedEnvironment {
         (is_lit && !maps.is_empty()).then_some(Self { maps, per_nit })
     }
 
+    /// The maps.
+    pub fn maps(&self) -> &[PlacedEnvironment] {
+        &self.maps
+    }
+
+    /// Albedo per nit of the maps' radiance.
+    pub fn per_nit(&self) -> Rgb {
+        self.per_nit
+    }
+
     /// Albedo of a point that is seen from a height above the world's origin, meters.
     #[inline(never)]
     pub fn albedo(&self, height: f32, point: Vec3) -> Rgb {

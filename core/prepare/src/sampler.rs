@@ -10,6 +10,9 @@
 
 use syntable_simd::Int;
 
+/// The same in WGSL.
+pub const SAMPLER_WGSL: &str = include_str!("sampler.wgsl");
+
 /// Pairs that are Sobol' points; later ones are hashes.
 pub const SOBOL_PAIRS: u32 = 12;
 
@@ -33,6 +36,16 @@ impl SampleOrder {
     /// Seed of the image.
     pub fn seed(&self) -> u64 {
         self.seed
+    }
+
+    /// Base-2 logarithm of the numbers of samples per pixel.
+    pub fn sample_bits(&self) -> u32 {
+        self.sample_bits
+    }
+
+    /// Base-2 logarithm of the edge of a block of pixels.
+    pub fn block_bits(&self) -> u32 {
+        self.block_bits
     }
 
     /// Seed of the pixel's block and number of the pixel's first sample; its other samples follow.

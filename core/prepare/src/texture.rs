@@ -5,6 +5,7 @@
 
 use std::sync::{Arc, LazyLock};
 use syntable_model::color::srgb_to_linear;
+use syntable_model::digest::Digest;
 use syntable_model::scene::{Encoding, Texture, Wrap};
 use syntable_simd::functions::{floor, log2_rough};
 use syntable_simd::{Rgb, vec3};
@@ -40,6 +41,14 @@ static DECODE: LazyLock<[[f32; 256]; 2]> = LazyLock::new(|| {
     [srgb, plain]
 });
 
+/// Values that 8-bit codes stand for.
+pub fn decoding(encoding: Encoding) -> &'static [f32; 256] {
+    &DECODE[match encoding {
+        Encoding::Srgb => 0,
+        Encoding::Linear => 1,
+    }]
+}
+
 impl MipTexture {
     /// Makes the coarser levels. A texture without texels, or with too few, is white.
     pub fn new(texture: &Arc<Texture>) -> Self {
@@ -50,10 +59,7 @@ impl MipTexture {
         } else {
             Arc::new(Texture { width: 1, height: 1, texels: vec![255; 4], ..Texture::clone(texture) })
         };
-        let decode = &DECODE[match base.encoding {
-            Encoding::Srgb => 0,
-            Encoding::Linear => 1,
-        }];
+        let decode = decoding(base.encoding);
         let mut mips = Self {
             levels: vec![MipLevel { width: base.width, height: base.height, start: FINEST }],
             base,
@@ -92,6 +98,11 @@ impl MipTexture {
             }
         }
         self.levels.push(MipLevel { width, height, start });
+    }
+
+    /// Digest of the texture.
+    pub fn digest(&self) -> Digest {
+        self.base.digest
     }
 
     /// Bytes held, the finest level included.
@@ -198,7 +209,6 @@ fn nearest(decode: &[f32; 256], value: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::digest::Digest;
 
     fn image(width: u32, height: u32, encoding: Encoding, wrap: Wrap, f: impl Fn(u32, u32) -> u8) -> MipTexture {
         let texels =

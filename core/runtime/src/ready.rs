@@ -22,6 +22,7 @@ impl Recipe {
     /// Finds mistakes that would end a run: all of them are permanent. Native libraries are loaded.
     pub fn ready(&self) -> Result<()> {
         self.plan.ready()?;
+        self.render.devices().map_err(|error| error.context("render").permanent())?;
         self.checked()
     }
 

@@ -6,6 +6,9 @@
 use crate::{Int, Real, at_least, at_most};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
+/// The same in WGSL, with what shaders need of vectors.
+pub const WGSL: &str = include_str!("functions.wgsl");
+
 /// The whole number at or below, for |x| < 2³¹.
 #[inline(always)]
 pub fn floor(x: f32) -> (i32, f32) {

@@ -20,9 +20,10 @@ use syntable_denoise as _;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{INSTANCE, RADIANCE, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot};
-use syntable_render_cpu::{CpuPath, CpuPathRenderer};
+use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Threads;
+use syntable_transport::PathTracing;
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
@@ -113,7 +114,7 @@ fn denoiser(kind: &str, options: &str) -> Box<dyn Denoiser> {
 }
 
 fn render(scene: &Arc<Scene>, view: &View, (samples, regularize): (u32, f64), seed: u64, wants: &[KeyId]) -> Products {
-    let options = CpuPath { samples_per_pixel: samples, regularize, ..CpuPath::default() };
+    let options = PathTracing { samples_per_pixel: samples, regularize, ..PathTracing::default() };
     let mut session = CpuPathRenderer::new(options).session();
     session.load(scene, &threads()).expect("loads");
     let mut products = Products::new();

@@ -6,9 +6,11 @@
 use std::time::Instant;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, RADIANCE};
-use syntable_render_cpu::{CpuPath, CpuPathRenderer, Statistics};
+use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
+use syntable_transport::PathTracing;
+use syntable_transport::film::Statistics;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
@@ -18,7 +20,7 @@ fn main() {
     let (scene, view) = (room::scene(), room::view(640, 480));
 
     for max_bounces in [8, 1] {
-        let options = CpuPath { samples_per_pixel: samples, max_bounces, ..CpuPath::default() };
+        let options = PathTracing { samples_per_pixel: samples, max_bounces, ..PathTracing::default() };
         let mut session = CpuPathRenderer::new(options).session();
         let started = Instant::now();
         session.load(&scene, &workers).expect("loads");

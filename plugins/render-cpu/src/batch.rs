@@ -1,11 +1,11 @@
 //! The paths that are traced together, field by field in rows, so that lanes load and store whole registers.
 
-use crate::bsdf::{BsdfParameters, CoatingParameters, LayerInputs, Layered, Lobe};
 use crate::bvh::Hit;
-use crate::layer::LayerSample;
-use crate::world::Surface;
 use syntable_simd::Vec3;
 use syntable_simd::{Int, Real, max};
+use syntable_transport::bsdf::{BsdfParameters, CoatingParameters, LayerInputs, Layered, Lobe};
+use syntable_transport::layer::LayerSample;
+use syntable_transport::surface::Surface;
 
 /// Paths in a batch; a multiple of every number of lanes. Many, so that few lanes are idle when most paths have ended;
 /// few, so that the rows stay in the nearest caches.

@@ -5,7 +5,6 @@
 //! with the lower id is in front, so objects come before distractors, supports and room parts.
 
 use crate::bvh::{Hit, Ray, SceneBvh};
-use crate::camera::RayCamera;
 use crate::world::World;
 use parking_lot::Mutex;
 use syntable_model::context::Workers;
@@ -15,6 +14,8 @@ use syntable_model::stage::Window;
 use syntable_prepare::ProjectedEnvironment;
 use syntable_prepare::labels::{BASE_LAYER, BlendedLabels, instance_id};
 use syntable_simd::Vec3;
+use syntable_transport::RayCamera;
+use syntable_transport::surface::surface;
 
 /// Edge of the squares of pixels that are cast together.
 const TILE: i32 = 8;
@@ -146,7 +147,8 @@ impl<'a> LabelCaster<'a> {
                 let distance = hit.t * direction.length();
                 let width = self.camera.pixel_angle * distance;
                 let (origin, along) = (ray.origin.into(), direction.normalized());
-                let surface = self.world.surface(&hit, origin, along, distance, width, BASE_LAYER, self.projection);
+                let (scene, point) = (&self.world.scene, hit.point());
+                let surface = surface(scene, &point, origin, along, distance, width, BASE_LAYER, self.projection);
                 [self.camera.rotate_to_camera(surface.normal).array(), surface.albedo.array()]
             }
             _ => [[0.0; 3]; 2],

@@ -15,6 +15,13 @@ pub trait Renderer: Send + Sync {
     fn max_sessions(&self) -> Option<usize> {
         None
     }
+    /// The devices that it renders on, for people: one line each, such as the name of a card with its driver.
+    ///
+    /// # Errors
+    /// If it cannot render on this machine.
+    fn devices(&self) -> Result<Vec<String>> {
+        Ok(vec!["the processor".into()])
+    }
     /// Opens a session. `index` counts from 0 and chooses the device.
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>>;
     /// One line on what a view costs, for `syntable plan`.

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use syntable_model::context::Cache;
 use syntable_model::digest::Digest;
 use syntable_model::inspect::inspectors;
-use syntable_model::registry::{Registry, Slot};
+use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_simd::Processor;
 
 pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit> {
@@ -42,10 +42,16 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     crates.sort();
     crates.dedup();
     line("plugins", if crates.is_empty() { "none: name them in main.rs".into() } else { crates.join(", ") });
-    line("renderers", {
-        let kinds: Vec<&str> = registry.of_slot(Slot::Render).map(|entry| entry.kind).collect();
-        format!("{} (no GPU is needed)", kinds.join(", "))
-    });
+    for entry in registry.of_slot(Slot::Render) {
+        let Ok(Stage::Render(renderer)) = entry.construct_str(entry.example).map(|made| made.stage) else { continue };
+        line(
+            entry.kind,
+            match renderer.devices() {
+                Ok(devices) => devices.join(", "),
+                Err(error) => error.to_string(),
+            },
+        );
+    }
     console.print(&out)
 }
 

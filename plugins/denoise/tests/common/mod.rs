@@ -9,9 +9,10 @@ use syntable_model::product::standard::{
     DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
     RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
-use syntable_render_cpu::{CpuPath, CpuPathRenderer};
+use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::workers::Threads;
 use syntable_testing::{room, scenes};
+use syntable_transport::PathTracing;
 
 /// Relative luminance of linear Rec. 709.
 pub fn luminance(c: [f32; 3]) -> f32 {
@@ -60,7 +61,7 @@ impl Room {
             RADIANCE_DEMODULATED_VARIANCE.id(),
         ];
         // As recipes have it: caustics converge too slowly for a reference.
-        let options = CpuPath { samples_per_pixel, regularize: 0.3, ..CpuPath::default() };
+        let options = PathTracing { samples_per_pixel, regularize: 0.3, ..PathTracing::default() };
         let mut session = CpuPathRenderer::new(options).session();
         session.load(&self.scene, &Threads(2)).expect("loads");
         let stream = Stream::root(seed);

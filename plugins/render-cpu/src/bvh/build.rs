@@ -3,7 +3,8 @@
 //! The collapse is optimal under the surface-area cost: for every binary subtree it works out the
 //! cheapest way to fill one to eight slots of a parent node, then reads the choices back.
 
-use super::wide::{Bounds, Link, MAX_DEPTH, Node, Nodes, WIDTH};
+use super::wide::{Link, MAX_DEPTH, Node, Nodes, WIDTH};
+use syntable_prepare::{BinaryTree, Bounds, TreeNode};
 
 /// Cost of testing a leaf's triangles, in units of testing a node's eight boxes. From 0.5 to 2
 /// the speed does not change measurably; the tree is smallest near 0.5.
@@ -21,101 +22,14 @@ pub(super) fn build(boxes: &[Bounds], leaf_size: usize, mut emit: impl FnMut(&mu
         }
         return nodes;
     }
-    let mut plan = Plan::new(Binary::by_area(boxes), leaf_size);
+    let mut plan = Plan::new(BinaryTree::by_area(boxes), leaf_size);
     if plan.depth() > MAX_DEPTH {
-        plan = Plan::new(Binary::by_halves(boxes), leaf_size);
+        plan = Plan::new(BinaryTree::by_halves(boxes), leaf_size);
     }
     let mut nodes = Nodes { blocks: Vec::new(), root: Link::node(0), bounds };
     plan.write(&mut nodes, &mut emit);
     nodes.blocks.shrink_to_fit();
     nodes
-}
-
-/// A binary tree over boxes; node 0 is the root and children come after their parents.
-struct Binary {
-    nodes: Vec<BinaryNode>,
-}
-
-struct BinaryNode {
-    bounds: Bounds,
-    kind: Kind,
-}
-
-#[derive(Clone, Copy)]
-enum Kind {
-    Item(u32),
-    Pair(usize, usize),
-}
-
-impl Binary {
-    /// PLOC and reinsertion by obvhs: small areas first. Needs two boxes or more.
-    fn by_area(boxes: &[Bounds]) -> Self {
-        use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
-        let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb::new(b.lo.into(), b.hi.into())).collect();
-        let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
-        let tree = build_bvh2(&boxes, params, &mut std::time::Duration::default());
-
-        // Renumber in pre-order; reinsertion leaves parents and children in any order.
-        let mut nodes: Vec<BinaryNode> = Vec::with_capacity(tree.nodes.len());
-        let mut pending = vec![(0, None)];
-        while let Some((source, parent)) = pending.pop() {
-            let number = nodes.len();
-            if let Some((parent, second)) = parent {
-                let parent: &mut BinaryNode = &mut nodes[parent];
-                if let Kind::Pair(a, b) = &mut parent.kind {
-                    *(if second { b } else { a }) = number;
-                }
-            }
-            let node = &tree.nodes[source];
-            let (min, max) = (node.aabb().min.to_array(), node.aabb().max.to_array());
-            let first = node.first_index as usize;
-            let kind = if node.is_leaf() {
-                Kind::Item(tree.primitive_indices[first])
-            } else {
-                pending.push((first + 1, Some((number, true))));
-                pending.push((first, Some((number, false))));
-                Kind::Pair(0, 0)
-            };
-            nodes.push(BinaryNode { bounds: Bounds { lo: min, hi: max }, kind });
-        }
-        Self { nodes }
-    }
-
-    /// Halves the list at every level. Slow to trace and always shallow: the way out for inputs
-    /// (many equal boxes, exponential spacing) whose good tree would be too deep for the stack.
-    fn by_halves(boxes: &[Bounds]) -> Self {
-        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let center = |i: u32, axis: usize| {
-            let b = &boxes[i as usize];
-            b.lo[axis] * 0.5 + b.hi[axis] * 0.5
-        };
-        let mut nodes: Vec<BinaryNode> = Vec::with_capacity(2 * boxes.len());
-        let mut pending = vec![(0..boxes.len(), None)];
-        while let Some((range, parent)) = pending.pop() {
-            let number = nodes.len();
-            if let Some((parent, second)) = parent {
-                let parent: &mut BinaryNode = &mut nodes[parent];
-                if let Kind::Pair(a, b) = &mut parent.kind {
-                    *(if second { b } else { a }) = number;
-                }
-            }
-            let items = &mut order[range.clone()];
-            let bounds = items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
-            let kind = if let [item] = items {
-                Kind::Item(*item)
-            } else {
-                let size = |axis: usize| bounds.hi[axis] - bounds.lo[axis];
-                let axis = (0..3).fold(0, |best, a| if size(a) > size(best) { a } else { best });
-                items.sort_unstable_by(|&a, &b| center(a, axis).total_cmp(&center(b, axis)).then(a.cmp(&b)));
-                let middle = range.start + range.len() / 2;
-                pending.push((middle..range.end, Some((number, true))));
-                pending.push((range.start..middle, Some((number, false))));
-                Kind::Pair(0, 0)
-            };
-            nodes.push(BinaryNode { bounds, kind });
-        }
-        Self { nodes }
-    }
 }
 
 /// How one binary subtree is best spread over a number of slots.
@@ -131,19 +45,19 @@ struct Choice {
 }
 
 struct Plan {
-    binary: Binary,
+    binary: BinaryTree,
     choices: Vec<Choice>,
 }
 
 impl Plan {
-    fn new(binary: Binary, leaf_size: usize) -> Self {
+    fn new(binary: BinaryTree, leaf_size: usize) -> Self {
         let empty = Choice { cost: [0.0; WIDTH], split: [0; WIDTH], own_split: 0, leaf: true };
         let mut choices = vec![empty; binary.nodes.len()];
         let mut counts = vec![1_usize; binary.nodes.len()];
         for (number, node) in binary.nodes.iter().enumerate().rev() {
             let area = node.bounds.half_area();
             let as_leaf = area * LEAF_COST;
-            let Kind::Pair(a, b) = node.kind else {
+            let TreeNode::Pair(a, b) = node.kind else {
                 choices[number].cost = [as_leaf; WIDTH];
                 continue;
             };
@@ -172,7 +86,7 @@ impl Plan {
 
     /// The subtrees that fill the slots of the node made from `number`.
     fn children(&self, number: usize) -> Vec<usize> {
-        let Kind::Pair(a, b) = self.binary.nodes[number].kind else { unreachable!("one item") };
+        let TreeNode::Pair(a, b) = self.binary.nodes[number].kind else { unreachable!("one item") };
         let first = usize::from(self.choices[number].own_split);
         let mut slots = Vec::with_capacity(WIDTH);
         let mut pending = vec![(b, WIDTH - first), (a, first)];
@@ -182,7 +96,7 @@ impl Plan {
                 allowed -= 1;
             }
             match self.binary.nodes[number].kind {
-                Kind::Pair(a, b) if allowed > 1 => {
+                TreeNode::Pair(a, b) if allowed > 1 => {
                     let first = usize::from(choice.split[allowed - 1]);
                     pending.push((b, allowed - first));
                     pending.push((a, first));
@@ -209,8 +123,8 @@ impl Plan {
         let (mut items, mut pending) = (Vec::with_capacity(WIDTH), vec![number]);
         while let Some(number) = pending.pop() {
             match self.binary.nodes[number].kind {
-                Kind::Item(item) => items.push(item),
-                Kind::Pair(a, b) => pending.extend([a, b]),
+                TreeNode::Item(item) => items.push(item),
+                TreeNode::Pair(a, b) => pending.extend([a, b]),
             }
         }
         items.sort_unstable();
@@ -241,5 +155,5 @@ impl Plan {
 #[cfg(test)]
 pub(super) fn depth_by_halves(count: usize) -> usize {
     let boxes = vec![Bounds { lo: [0.0; 3], hi: [1.0; 3] }; count];
-    Plan::new(Binary::by_halves(&boxes), WIDTH).depth()
+    Plan::new(BinaryTree::by_halves(&boxes), WIDTH).depth()
 }

@@ -1,6 +1,7 @@
 //! The pyramid around a bundle of rays from one point, to rule out boxes for all of them at once.
 
-use super::{Ray, ray::PLACED_BAND, wide::Bounds};
+use super::{Ray, ray::PLACED_BAND};
+use syntable_prepare::Bounds;
 
 /// Four planes through a common origin; conservative.
 #[derive(Clone, Copy, Debug)]

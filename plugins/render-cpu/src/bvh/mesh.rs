@@ -4,8 +4,9 @@ use super::{
     build::build,
     ray::{BAND, Line, Shear},
     walk::{self, Sink, Visit},
-    wide::{Block, Bounds, Leaf, Nodes, WIDTH},
+    wide::{Block, Leaf, Nodes, WIDTH},
 };
+use syntable_prepare::Bounds;
 use syntable_simd::Wide;
 
 /// An 8-wide tree over the triangles of a mesh, in the mesh's own frame.

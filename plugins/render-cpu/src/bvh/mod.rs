@@ -20,16 +20,7 @@ mod wide;
 pub use mesh::MeshBvh;
 pub use ray::{Affine, IDENTITY};
 pub use scene::{Instance, SceneBvh};
-
-/// A half-line. The direction need not have unit length; distances are in units of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C)]
-pub struct Ray {
-    /// Where it starts, meters.
-    pub origin: [f32; 3],
-    /// Where it goes.
-    pub direction: [f32; 3],
-}
+pub use syntable_transport::Ray;
 
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]

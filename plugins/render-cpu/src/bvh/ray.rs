@@ -1,10 +1,7 @@
 //! What a walk precomputes about a ray, once per frame of reference.
 
-use super::{
-    Ray,
-    walk::each_axis,
-    wide::{Bounds, Column},
-};
+use super::{Ray, walk::each_axis, wide::Column};
+use syntable_prepare::Bounds;
 use syntable_simd::Wide;
 
 /// Half-width of the error band put around every box, as a multiple of the largest coordinate in

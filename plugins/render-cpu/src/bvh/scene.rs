@@ -1,6 +1,7 @@
 //! The tree of a scene: placed instances of mesh trees.
 
 use std::sync::Arc;
+use syntable_prepare::Bounds;
 use syntable_simd::Processor;
 
 use super::{
@@ -9,7 +10,7 @@ use super::{
     mesh::MeshBvh,
     query::{All, Any, Closest, Tile},
     ray::{Affine, IDENTITY, columns, invert, transform_bounds},
-    wide::{Bounds, Column, Nodes},
+    wide::{Column, Nodes},
 };
 
 /// One placed mesh.

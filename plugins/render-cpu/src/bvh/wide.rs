@@ -1,6 +1,8 @@
 //! The 8-wide tree: nodes and leaves as columns, one lane per child or triangle. A node has up to `WIDTH` children, a leaf
 //! up to `WIDTH` triangles.
 
+use syntable_prepare::Bounds;
+
 pub(super) use syntable_simd::{Column, WIDTH};
 
 /// Deepest node level a tree may have, the root being level 1; keeps [`STACK`] sufficient.
@@ -9,56 +11,6 @@ pub(super) const MAX_DEPTH: usize = 32;
 /// Stack entries a walk may need: every node on the path leaves at most seven siblings behind,
 /// and the deepest one pushes all eight of its children.
 pub(super) const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
-
-/// An axis-aligned box; empty iff some `lo > hi`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Bounds {
-    pub lo: [f32; 3],
-    pub hi: [f32; 3],
-}
-
-impl Bounds {
-    pub const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
-
-    /// Grows the box to hold `p`.
-    pub fn include(&mut self, p: [f32; 3]) {
-        for (axis, &x) in p.iter().enumerate() {
-            self.lo[axis] = self.lo[axis].min(x);
-            self.hi[axis] = self.hi[axis].max(x);
-        }
-    }
-
-    /// The smallest box holding both.
-    pub fn union(mut self, other: &Self) -> Self {
-        self.include(other.lo);
-        self.include(other.hi);
-        self
-    }
-
-    /// Largest absolute coordinate; 0 for the empty box.
-    pub fn reach(&self) -> f32 {
-        let largest = |p: [f32; 3]| p.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
-        if self.is_empty() { 0.0 } else { largest(self.lo).max(largest(self.hi)) }
-    }
-
-    /// Half the surface area, in `f64` so that large boxes keep their order; 0 for the empty box.
-    pub fn half_area(&self) -> f64 {
-        if self.is_empty() {
-            return 0.0;
-        }
-        let [x, y, z] = [0, 1, 2].map(|a| f64::from(self.hi[a]) - f64::from(self.lo[a]));
-        x * y + y * z + z * x
-    }
-
-    pub fn is_empty(&self) -> bool {
-        (0..3).any(|axis| self.lo[axis] > self.hi[axis])
-    }
-
-    /// Whether `other` lies inside, borders included.
-    pub fn contains(&self, other: &Self) -> bool {
-        (0..3).all(|a| self.lo[a] <= other.lo[a] && other.hi[a] <= self.hi[a])
-    }
-}
 
 /// Where a child slot leads: to a node, to a leaf (or an instance, in the top-level tree), or nowhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,6 +5,8 @@ use crate::batch::{Batch, get, load, set};
 use syntable_prepare::Sampler;
 use syntable_simd::Vec3;
 use syntable_simd::{Int, Mask, Real, max};
+use syntable_transport::film::Tracer as _;
+use syntable_transport::surface::surface;
 
 impl PathTracer<'_> {
     /// Ends the paths that hit a light or nothing: their hits become infinite, and if they are many the batch is compacted.
@@ -67,7 +69,7 @@ impl PathTracer<'_> {
     /// Multiple-importance weight of a light that BSDF sampling hit, from its density and that of emitter sampling.
     #[inline(always)]
     fn bsdf_sampled_weight<T: Real>(&self, bsdf: T, emitter: T, bounce: u32) -> T {
-        match self.settings.strategy {
+        match self.strategy {
             // Light that a camera ray meets is found in no other way; so is what it meets behind panes.
             _ if bounce == 0 => T::splat(1.0),
             Strategy::Combined => power_heuristic(bsdf, emitter),
@@ -113,7 +115,8 @@ impl PathTracer<'_> {
             };
             let (origin, direction) = (get(&paths.origin, i), get(&paths.direction, i));
             let projection = self.lights.projection.as_ref();
-            let mut surface = self.world.surface(&hit, origin, direction, hit.t, width, u, projection);
+            let point = hit.point();
+            let mut surface = surface(&self.world.scene, &point, origin, direction, hit.t, width, u, projection);
             if self.has_guides() && bounce <= GUIDE_BOUNCES {
                 batch.guides.add_surface(paths.slot[i] as usize, &surface, bounce, bounce == GUIDE_BOUNCES);
             }
@@ -131,7 +134,9 @@ impl PathTracer<'_> {
             if !surface.emission.is_black() {
                 let pdf = match bounce {
                     0 => 0.0,
-                    _ => self.lights.body_pdf(origin, get(&paths.normal, i), &hit, surface.face.dot(direction)),
+                    _ => {
+                        self.lights.body_pdf(origin, get(&paths.normal, i), &point, hit.t, surface.face.dot(direction))
+                    }
                 };
                 let weight = self.bsdf_sampled_weight(paths.pdf[i], pdf, bounce);
                 let contribution = throughput * surface.emission * weight;

@@ -12,21 +12,20 @@
 mod intersect;
 mod scatter;
 mod start;
-mod sums;
-
-pub(crate) use start::{Task, place};
-pub(crate) use sums::PixelSums;
-
-use crate::cpu_path::{Dielectrics, PixelFilter};
 
 use crate::batch::{BATCH, Batch, get};
 use crate::bvh::Ray;
-use crate::camera::RayCamera;
-use crate::light::Lights;
 use crate::world::{Passed, World};
+use parking_lot::Mutex;
+use start::Cursor;
+use syntable_model::context::Workers;
+use syntable_model::error::Result;
 use syntable_prepare::SampleOrder;
 use syntable_simd::{Int, Processor, Real, Simd, at_least, at_most, inverse};
 use syntable_simd::{Rgb, Vec3};
+use syntable_transport::film::{Statistics, Task, Tracer, guide_seed};
+use syntable_transport::light::Lights;
+use syntable_transport::{PixelSums, RayCamera, Settings};
 
 /// A light is visible if nothing is closer by more than this fraction of its distance: lights may be flat on a ceiling.
 const TOUCHING: f32 = 1e-4;
@@ -36,9 +35,6 @@ const LAYER_DIMENSION: u32 = 0x1000;
 
 /// Changes the seed of the sampler for reflection or passage.
 const PASSAGE: u32 = 0x2c1b_3c6d;
-
-/// Changes the seed of paths that are traced for guides alone.
-const GUIDES: u64 = 0x5851_f42d_4c95_7f2d;
 
 /// Number of mirrors and surfaces of glass that denoising guides look through: two tumblers have eight.
 const GUIDE_BOUNCES: u32 = 8;
@@ -56,51 +52,15 @@ pub(crate) enum Strategy {
     Bsdf,
 }
 
-/// Options of an image.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Settings {
-    /// Planned samples per pixel; more of them read textures at finer levels.
-    pub samples: u32,
-    pub max_bounces: u32,
-    /// Bounces after which Russian roulette may end paths.
-    pub roulette_from: u32,
-    /// Maximum luminance of one indirect contribution, nits.
-    pub max_indirect_luminance_nits: f32,
-    /// Minimum perceptual roughness after the first rough bounce.
-    pub regularize: f32,
-    pub filter: PixelFilter,
-    pub dielectrics: Dielectrics,
-    pub strategy: Strategy,
-    /// Instruction set; tests compare them.
-    pub processor: Processor,
-}
-
-/// Counts of paths and rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
-    /// Paths started.
-    pub paths: u64,
-    /// Rays that searched for the first surface, camera rays included.
-    pub rays: u64,
-    /// Rays that tested whether a light is occluded.
-    pub shadow_rays: u64,
-}
-
-impl Statistics {
-    /// Adds other counts.
-    pub fn add(&mut self, other: &Self) {
-        self.paths += other.paths;
-        self.rays += other.rays;
-        self.shadow_rays += other.shadow_rays;
-    }
-}
-
 /// A view of a scene, ready to trace.
 pub(crate) struct PathTracer<'a> {
     world: &'a World,
     lights: &'a Lights<'a>,
     camera: &'a RayCamera,
     settings: Settings,
+    strategy: Strategy,
+    /// Instruction set; tests compare them.
+    processor: Processor,
     order: SampleOrder,
     /// Growth of a camera ray's cone, meters per meter.
     spread: f32,
@@ -120,10 +80,15 @@ enum Gather {
 impl<'a> PathTracer<'a> {
     /// A tracer with the seed of the image.
     pub fn new(world: &'a World, lights: &'a Lights<'a>, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
-        // The samples of a pixel divide its area, so that each may see finer than it.
-        let sharpness = (1.0 / (settings.samples as f32).sqrt()).max(0.25);
         let order = SampleOrder::new(seed, settings.samples);
-        Self { world, lights, camera, settings, order, spread: camera.pixel_angle * sharpness, gather: Gather::Light }
+        let spread = settings.spread(camera.pixel_angle);
+        let (strategy, processor, gather) = (Strategy::Combined, Processor::detect(), Gather::Light);
+        Self { world, lights, camera, settings, strategy, processor, order, spread, gather }
+    }
+
+    /// The same with other estimates of direct light, on another instruction set.
+    pub fn with(self, strategy: Strategy, processor: Processor) -> Self {
+        Self { strategy, processor, ..self }
     }
 
     /// The same, gathering guides for denoisers.
@@ -131,28 +96,31 @@ impl<'a> PathTracer<'a> {
         Self { gather: if guides { Gather::LightAndGuides } else { Gather::Light }, ..self }
     }
 
-    /// Whether guides are gathered.
-    pub fn has_guides(&self) -> bool {
-        self.gather != Gather::Light
-    }
-
     /// The same for guides alone, with `samples` per pixel and a seed of its own.
-    pub fn for_guides(&self, samples: u32) -> Self {
+    fn for_guides(&self, samples: u32) -> Self {
         let settings = Settings { samples, ..self.settings };
-        let tracer = Self::new(self.world, self.lights, self.camera, settings, self.order.seed() ^ GUIDES);
-        Self { gather: Gather::Guides, ..tracer }
+        let tracer = Self::new(self.world, self.lights, self.camera, settings, guide_seed(self.order.seed()));
+        Self { gather: Gather::Guides, ..tracer }.with(self.strategy, self.processor)
     }
 
-    /// Adds samples to the sums of a tile.
-    pub fn trace(&self, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
-        self.settings.processor.run(Trace { tracer: self, task, sums, statistics });
+    /// Adds samples to the sums of tiles, tile by tile over the workers.
+    fn trace_tiles(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Statistics {
+        let total = Mutex::new(Statistics::default());
+        let tasks: Vec<_> = tasks.into_iter().map(Mutex::new).collect();
+        workers.run(tasks.len(), &|number| {
+            let mut statistics = Statistics::default();
+            let task = &mut *tasks[number].lock();
+            self.processor.run(Trace { tracer: self, task, statistics: &mut statistics });
+            total.lock().add(&statistics);
+        });
+        total.into_inner()
     }
 
     #[inline(always)]
-    fn trace_in_lanes<T: Real>(&self, task: &Task, sums: &mut [PixelSums], statistics: &mut Statistics) {
+    fn trace_in_lanes<T: Real>(&self, task: &mut Task, statistics: &mut Statistics) {
         let mut batch = Batch::new();
-        let mut cursor = task.first();
-        while !task.is_over(cursor) {
+        let mut cursor = Cursor::first(task);
+        while !cursor.is_over(task) {
             let first = cursor;
             let count = self.start::<T>(&mut batch, task, &mut cursor);
             match self.gather {
@@ -162,7 +130,7 @@ impl<'a> PathTracer<'a> {
             // In the order of the samples, whatever the batches.
             let mut cursor = first;
             for slot in 0..count {
-                let sums = &mut sums[task.pixel(cursor)];
+                let sums: &mut PixelSums = &mut task.sums[cursor.pixel(task)];
                 if self.gather != Gather::Guides {
                     sums.add(batch.radiance[slot]);
                 }
@@ -173,7 +141,7 @@ impl<'a> PathTracer<'a> {
                 if self.has_guides() && batch.guides.count(slot) {
                     sums.add_guides(batch.guides.albedo[slot], batch.guides.normal[slot]);
                 }
-                cursor = task.after(cursor);
+                cursor = cursor.after(task);
             }
         }
     }
@@ -273,20 +241,35 @@ impl<'a> PathTracer<'a> {
     }
 }
 
-/// [`PathTracer::trace`] as a task.
-struct Trace<'a> {
+impl Tracer for PathTracer<'_> {
+    fn has_guides(&self) -> bool {
+        self.gather != Gather::Light
+    }
+
+    fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
+        Ok(self.trace_tiles(tasks, workers))
+    }
+
+    fn trace_guides(&self, samples: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
+        // They are not counted: the light does not need them.
+        self.for_guides(samples).trace_tiles(tasks, workers);
+        Ok(())
+    }
+}
+
+/// [`PathTracer::trace_in_lanes`] as a task.
+struct Trace<'a, 'b> {
     tracer: &'a PathTracer<'a>,
-    task: &'a Task<'a>,
-    sums: &'a mut [PixelSums],
+    task: &'a mut Task<'b>,
     statistics: &'a mut Statistics,
 }
 
-impl syntable_simd::Task for Trace<'_> {
+impl syntable_simd::Task for Trace<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self) {
-        self.tracer.trace_in_lanes::<S::Real>(self.task, self.sums, self.statistics);
+        self.tracer.trace_in_lanes::<S::Real>(self.task, self.statistics);
     }
 }
 

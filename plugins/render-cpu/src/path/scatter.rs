@@ -2,9 +2,10 @@
 
 use super::{GUIDE_BOUNCES, Gather, PASSAGE, PathTracer, Strategy, alpha_seed, is_light, power_heuristic};
 use crate::batch::{Batch, Guides, Paths, Shadows, compress, load};
-use crate::bsdf::{Bsdf, BsdfParameters, BsdfSample, Layered, table};
 use syntable_prepare::Sampler;
 use syntable_simd::{Basis, Int, Mask, Real, Rgb, Vec3, at_least, at_most, complement, inverse, vec3};
+use syntable_transport::bsdf::{Bsdf, BsdfParameters, BsdfSample, Layered, table};
+use syntable_transport::film::Tracer as _;
 
 /// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
 /// which keeps their mean and removes their noise.
@@ -147,7 +148,7 @@ impl PathTracer<'_> {
             Some(layered) => layered.evaluate(bsdf, wi),
             None => bsdf.evaluate(wi),
         };
-        let weight = match self.settings.strategy {
+        let weight = match self.strategy {
             Strategy::Combined => power_heuristic(light.pdf, pdf),
             #[cfg(test)]
             Strategy::Emitters => T::splat(1.0),

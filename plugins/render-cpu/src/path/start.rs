@@ -2,25 +2,16 @@
 
 use super::PathTracer;
 use crate::batch::{BATCH, Batch, load, set, store};
-use crate::cpu_path::PixelFilter;
-use std::ops::Range;
 use syntable_prepare::Sampler;
 use syntable_simd::Vec3;
 use syntable_simd::functions::sin_cos_turns;
 use syntable_simd::{Int, Real, complement};
+use syntable_transport::PixelFilter;
+use syntable_transport::film::{Task, Tracer as _, place};
 
 /// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
 /// lights and directions by turns.
 const LENS: u32 = 1;
-
-/// Paths to trace: samples of some pixels of a tile.
-pub(crate) struct Task<'a> {
-    /// Left, top, right, bottom of the tile, px from the corner of the image.
-    pub area: [i32; 4],
-    /// Numbers of the pixels in the tile, row by row.
-    pub pixels: &'a [u16],
-    pub samples: Range<u32>,
-}
 
 /// Cursor over the (pixel, sample) pairs of a task.
 #[derive(Clone, Copy)]
@@ -29,37 +20,27 @@ pub(super) struct Cursor {
     sample: u32,
 }
 
-impl Task<'_> {
-    pub(super) fn first(&self) -> Cursor {
-        Cursor { number: 0, sample: self.samples.start }
+impl Cursor {
+    pub(super) fn first(task: &Task) -> Self {
+        Self { number: 0, sample: task.samples.start }
     }
 
-    pub(super) fn is_over(&self, cursor: Cursor) -> bool {
-        cursor.number >= self.pixels.len() || self.samples.is_empty()
+    pub(super) fn is_over(self, task: &Task) -> bool {
+        self.number >= task.pixels.len() || task.samples.is_empty()
     }
 
     /// The pixel's number in the tile.
-    pub(super) fn pixel(&self, cursor: Cursor) -> usize {
-        usize::from(self.pixels[cursor.number])
+    pub(super) fn pixel(self, task: &Task) -> usize {
+        usize::from(task.pixels[self.number])
     }
 
     /// The sample after it.
-    pub(super) fn after(&self, cursor: Cursor) -> Cursor {
-        match cursor.sample + 1 {
-            next if next == self.samples.end => Cursor { number: cursor.number + 1, sample: self.samples.start },
-            sample => Cursor { sample, ..cursor },
+    pub(super) fn after(self, task: &Task) -> Self {
+        match self.sample + 1 {
+            next if next == task.samples.end => Self { number: self.number + 1, sample: task.samples.start },
+            sample => Self { sample, ..self },
         }
     }
-
-    fn place(&self, number: usize) -> (i32, i32) {
-        place(self.area, self.pixels[number])
-    }
-}
-
-/// Column and row in the image of a pixel of a tile [left, top, right, bottom].
-pub(crate) fn place([left, top, right, _]: [i32; 4], pixel: u16) -> (i32, i32) {
-    let pixel = i32::from(pixel);
-    (left + pixel % (right - left), top + pixel / (right - left))
 }
 
 /// Position along an axis of the pixel, which is [0, 1], by a density that falls linearly to 0 one pixel from its center;
@@ -79,8 +60,8 @@ impl PathTracer<'_> {
         let (first, per_pixel) = (*cursor, task.samples.len());
         let paths = &mut batch.paths;
         let mut count = 0;
-        while count < BATCH && !task.is_over(*cursor) {
-            let (x, y) = task.place(cursor.number);
+        while count < BATCH && !cursor.is_over(task) {
+            let (x, y) = place(task.area, task.pixels[cursor.number]);
             let corner = self.camera.corner(x, y);
             // Pixels beyond the image have numbers of their own, in the order of two's complement.
             let (seed, first) = self.order.pixel(x as u32, y as u32);
@@ -118,7 +99,7 @@ impl PathTracer<'_> {
                 v.store(&mut vs);
                 for (lane, (u, v)) in us.into_iter().zip(vs).enumerate().take(T::WIDTH.min(count - at)) {
                     let before = (first.sample - task.samples.start) as usize + at + lane;
-                    let (x, y) = task.place(first.number + before / per_pixel);
+                    let (x, y) = place(task.area, task.pixels[first.number + before / per_pixel]);
                     // Where the lens sees nothing, no surface is hit.
                     let seen = self.camera.warped(x, y, [u, v]).unwrap_or(Vec3::from([f32::NAN; 3]));
                     set(&mut paths.direction, at + lane, seen);

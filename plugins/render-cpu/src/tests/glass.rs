@@ -1,14 +1,15 @@
 //! What is seen through glass, and light that comes through panes.
 
 use super::support::*;
-use crate::cpu_path::PixelFilter;
-use crate::{CpuPath, CpuPathRenderer};
+use crate::CpuPathRenderer;
 use std::f64::consts::PI;
 use syntable_model::context::Serial;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE, RADIANCE_SPECULAR};
 use syntable_model::scene::{Color, Light, Material, RectLight, Role};
+use syntable_transport::PathTracing;
+use syntable_transport::PixelFilter;
 
 /// Side of the panel, meters, and its height above the floor.
 const PANEL_M: f64 = 0.8;
@@ -21,7 +22,7 @@ fn bystander() -> syntable_model::scene::BodyDraft {
 
 /// A small part of a floor of albedo 0.5 under the center of a panel of one nit, seen from the side, below `sheets`, one
 /// above the other. Mean and standard deviation of its pixels.
-fn floor_under(sheets: &[Material], options: CpuPath) -> [f64; 2] {
+fn floor_under(sheets: &[Material], options: PathTracing) -> [f64; 2] {
     let sheets = sheets.iter().enumerate().map(|(number, material)| {
         let object = object(&format!("sheet {number}"), sheet([4.0; 2]), material.clone());
         body(&object, at(0.0, 0.0, 0.4 + 0.1 * number as f64), Role::Room)
@@ -126,7 +127,7 @@ fn what_glass_reflects_is_specular() {
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
     let (eye, focal, size) = (1.35, 12.2, 16);
     let view = view(size, size, focal, [eye, 0.0, 0.0], [0.0; 3], vec![furnace()]);
-    let long = CpuPath { russian_roulette_from: 257, ..options(256, 48) };
+    let long = PathTracing { russian_roulette_from: 257, ..options(256, 48) };
     let frame = render(long, &scene, &view, &[RADIANCE.id(), RADIANCE_SPECULAR.id()]);
     let mean = |key: Key<Plane<[f32; 3]>>| {
         let data = frame.get(key).expect("made").data();
@@ -181,7 +182,7 @@ fn the_tent_weighs_by_distance_from_the_center() {
             if d < 0.0 { (1.0 + d).powi(2) / 2.0 } else { 1.0 - (1.0 - d).powi(2) / 2.0 }
         }),
     ] {
-        let mut session = CpuPathRenderer::new(CpuPath { pixel_filter: filter, ..options(1024, 0) }).session();
+        let mut session = CpuPathRenderer::new(PathTracing { pixel_filter: filter, ..options(1024, 0) }).session();
         session.load(&scene, &Serial).expect("loads");
         let mut frame = Products::new();
         let request = RenderRequest::new(&view, &LIGHT, Stream::root(3), &Serial);

@@ -1,7 +1,6 @@
 //! Properties of images as a whole.
 
 use super::support::*;
-use crate::CpuPath;
 use crate::path::Strategy;
 use std::sync::Arc;
 use syntable_model::context::Serial;
@@ -13,6 +12,7 @@ use syntable_model::scene::{
     Alpha, Color, Encoding, Light, Material, MaterialOverride, NormalMap, RectLight, Role, Scalar, SphereLight,
     Texture, TextureMapping, UvTransform, Wrap,
 };
+use syntable_transport::PathTracing;
 
 pub(super) fn texture(width: u32, height: u32, encoding: Encoding, f: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Texture> {
     let texels: Vec<u8> =
@@ -244,7 +244,7 @@ fn rounds_give_the_same_image_as_one_go_and_quiet_tiles_stop_early() {
     let (scene, view) = busy_scene();
     let wants = [RADIANCE.id(), DENOISE_ALBEDO.id(), DENOISE_NORMAL.id(), RENDER_REPORT.id()];
     let whole = render(options(40, 4), &scene, &view, &wants);
-    let never = CpuPath { noise: Some(1e-9), ..options(40, 4) };
+    let never = PathTracing { noise: Some(1e-9), ..options(40, 4) };
     let rounds = render(never, &scene, &view, &wants);
     for key in [RADIANCE, DENOISE_ALBEDO, DENOISE_NORMAL] {
         assert_eq!(whole.get(key).expect("made"), rounds.get(key).expect("made"), "{}", key.name());
@@ -255,12 +255,12 @@ fn rounds_give_the_same_image_as_one_go_and_quiet_tiles_stop_early() {
         (field("samples_min"), field("samples_max"))
     };
     assert_eq!(samples(&rounds), (40_u32.into(), 40_u32.into()));
-    let early = render(CpuPath { noise: Some(0.08), ..options(256, 4) }, &scene, &view, &wants);
+    let early = render(PathTracing { noise: Some(0.08), ..options(256, 4) }, &scene, &view, &wants);
     let (fewest, most) = samples(&early);
     assert_eq!(fewest, 16_u32.into(), "the plain background needs no more");
     assert_ne!(most, 16_u32.into(), "the objects do");
     // The promised noise is that of another image's difference.
-    let other = render(CpuPath { noise: Some(1e-9), ..options(2048, 4) }, &scene, &view, &wants);
+    let other = render(PathTracing { noise: Some(1e-9), ..options(2048, 4) }, &scene, &view, &wants);
     let (a, b) = (early.get(RADIANCE).expect("made"), other.get(RADIANCE).expect("made"));
     let mean = b.data().iter().map(|p| f64::from(p[1])).sum::<f64>() / b.data().len() as f64;
     let error = |(a, b): (&[f32; 3], &[f32; 3])| f64::from((a[1] - b[1]).abs()) / (f64::from(b[1]) + 0.1 * mean);

@@ -9,6 +9,7 @@ use syntable_model::product::BitPlane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::Role;
 use syntable_model::stage::{Bodies, Window};
+use syntable_transport::PathTracing;
 
 const LABELS: [KeyId; 4] = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
 
@@ -257,7 +258,7 @@ fn thin_glass_is_a_body_unless_labels_go_by_coverage() {
         scene([body(&pane, at(0.0, 0.0, 0.5), Role::Object), body(&block, at(0.0, 0.0, 0.1), Role::Object), floor()]);
     let view = view(20, 20, 20.0, [0.0, 0.0, 1.5], [0.0; 3], vec![]);
     for (blended_labels, seen, covered) in [(BlendedLabels::Shape, 1, true), (BlendedLabels::Coverage, 2, false)] {
-        let frame = render(crate::CpuPath { blended_labels, ..options(1, 1) }, &scene, &view, &LABELS);
+        let frame = render(PathTracing { blended_labels, ..options(1, 1) }, &scene, &view, &LABELS);
         assert_eq!(frame.get(INSTANCE).expect("made").at(10, 10).0, seen, "{blended_labels:?}");
         let coverage = frame.get(COVERAGE).expect("made");
         assert_eq!(coverage.contains(10, 10, InstanceId(1)), covered, "{blended_labels:?}");

@@ -1,13 +1,13 @@
 //! Radiance with a closed form.
 
 use super::support::*;
-use crate::CpuPath;
 use std::f64::consts::PI;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::photometry::{polygon_illuminance, sphere_luminance};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RADIANCE;
 use syntable_model::scene::{Color, Light, Material, RectLight, Role, Scalar, SphereLight};
+use syntable_transport::PathTracing;
 
 fn sphere_light(center: [f64; 3], radius: f64, nits: f64) -> Light {
     Light::Sphere(SphereLight { center: center.into(), radius, radiance: [nits; 3] })
@@ -83,7 +83,7 @@ fn a_ball_lit_from_its_center() {
     let light = sphere_light([0.0; 3], radius, sphere_luminance(PI, 1.0, radius));
     let view = view(8, 8, 10.0, [0.3, 0.2, 0.1], [0.9, 0.0, 0.4], vec![light]);
     // E = π lx, ρ = 1/2: the series 1/2 + 1/4 + … is 1 nit. The light hides next to nothing.
-    let frame = render(CpuPath { russian_roulette_from: 4, ..options(256, 40) }, &scene, &view, &[RADIANCE.id()]);
+    let frame = render(PathTracing { russian_roulette_from: 4, ..options(256, 40) }, &scene, &view, &[RADIANCE.id()]);
     check("ball lit from its center", &frame, 1.0, 0.012);
     let direct = render(options(64, 1), &scene, &view, &[RADIANCE.id()]);
     check("ball, direct light", &direct, 0.5, 0.006);
@@ -104,7 +104,7 @@ fn an_emissive_ball_is_a_furnace() {
         let view = view(8, 8, 6.0, [0.2, 0.1, 0.0], [0.9, 0.0, 0.4], vec![]);
         let bounces = if name == "gloss" { 5 } else { 30 };
         let frame =
-            render(CpuPath { russian_roulette_from: 5, ..options(256, bounces) }, &scene, &view, &[RADIANCE.id()]);
+            render(PathTracing { russian_roulette_from: 5, ..options(256, bounces) }, &scene, &view, &[RADIANCE.id()]);
         match name {
             "matte" => check("furnace, matte", &frame, 1.0 / (1.0 - albedo), 0.01),
             // All light is reflected: one unit for the wall seen, one for every bounce.
@@ -156,7 +156,7 @@ fn clamping_limits_scattered_light_alone() {
     let table = object("table", sheet([3.0, 3.0]), matte(0.5));
     let scene = scene([body(&table, at(0.0, 0.0, 0.0), Role::Object)]);
     let light = sphere_light([0.0, 0.0, 1.0], 0.2, 1000.0);
-    let clamped = CpuPath { max_indirect_luminance_nits: Some(3.0), ..options(16, 4) };
+    let clamped = PathTracing { max_indirect_luminance_nits: Some(3.0), ..options(16, 4) };
     let below = view(2, 2, 4000.0, [0.6, 0.4, 1.0], [0.0; 3], vec![light.clone()]);
     // A path may bring the limit by a sampled light and a little by meeting it.
     check("clamped", &render(clamped.clone(), &scene, &below, &[RADIANCE.id()]), 3.0, 0.03);

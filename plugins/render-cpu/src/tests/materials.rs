@@ -1,8 +1,8 @@
 //! Layers and passage, by what whole images show.
 
 use super::support::*;
+use crate::CpuPathRenderer;
 use crate::path::Strategy;
-use crate::{CpuPath, CpuPathRenderer};
 use std::f64::consts::PI;
 use std::sync::Arc;
 use syntable_model::context::Serial;
@@ -14,6 +14,7 @@ use syntable_model::scene::{
     Alpha, Clearcoat, Color, DirectionalLight, DiskLight, EnvironmentLight, EnvironmentMap, Light, Material, RectLight,
     Role, Scalar, Sheen, SphereLight, Volume,
 };
+use syntable_transport::PathTracing;
 
 fn mean(frame: &Products) -> f64 {
     let data = frame.get(RADIANCE).expect("made").data();
@@ -36,7 +37,7 @@ fn in_furnace(material: Material) -> f64 {
     let scene = scene([body(&ball, at(0.0, 0.0, 0.0), Role::Object)]);
     // Seen from a point near, so that every part of the image is ball, down to angles of some 75 degrees.
     let view = view(16, 16, 12.2, [1.35, 0.0, 0.0], [0.0; 3], vec![furnace()]);
-    let options = CpuPath { russian_roulette_from: 257, ..options(64, 48) };
+    let options = PathTracing { russian_roulette_from: 257, ..options(64, 48) };
     mean(&render(options, &scene, &view, &[RADIANCE.id()]))
 }
 
@@ -80,7 +81,7 @@ fn through_slab(material: Material, degrees: f64, faces: usize) -> f64 {
     };
     let (s, c) = degrees.to_radians().sin_cos();
     let view = view(2, 2, 2000.0, [c, s, 0.0], [0.0; 3], vec![Light::Rect(wall)]);
-    let options = CpuPath { russian_roulette_from: 257, ..options(4096, 64) };
+    let options = PathTracing { russian_roulette_from: 257, ..options(4096, 64) };
     mean(&render(options, &scene, &view, &[RADIANCE.id()]))
 }
 

@@ -1,7 +1,6 @@
 //! Small scenes, workers and images for tests.
 
-use crate::cpu_path::PixelFilter;
-use crate::cpu_path::{CpuPath, CpuPathRenderer};
+use crate::cpu_path::CpuPathRenderer;
 use crate::path::Strategy;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,9 +13,11 @@ use syntable_model::scene::{
     MassProperties, Material, MaterialOverride, Mesh, MeshData, Motion, Object, Role, Scalar, SceneId, SettleReport,
     Tabletop, Transmission, ViewId, Volume,
 };
+use syntable_transport::PixelFilter;
 
 use syntable_model::stage::{Bodies, Window};
 pub use syntable_testing::workers::Threads;
+use syntable_transport::PathTracing;
 
 /// A box of half-sizes around the origin, faces outwards, with uvs 0..1 on every face.
 pub fn cuboid(half: [f32; 3]) -> MeshData {
@@ -176,13 +177,13 @@ pub fn view(width: u32, height: u32, focal: f64, eye: [f64; 3], target: [f64; 3]
 pub const LIGHT: [KeyId; 1] = [syntable_model::product::standard::RADIANCE.id()];
 
 /// Options for tests: few bounces are no wish of theirs. Pixels are means over their areas, which closed forms are of.
-pub fn options(samples_per_pixel: u32, max_bounces: u32) -> CpuPath {
-    CpuPath { samples_per_pixel, max_bounces, pixel_filter: PixelFilter::Box, ..CpuPath::default() }
+pub fn options(samples_per_pixel: u32, max_bounces: u32) -> PathTracing {
+    PathTracing { samples_per_pixel, max_bounces, pixel_filter: PixelFilter::Box, ..PathTracing::default() }
 }
 
 /// Renders products of a view.
 pub fn render_with(
-    options: CpuPath,
+    options: PathTracing,
     strategy: Strategy,
     scene: &Arc<Scene>,
     view: &View,
@@ -199,7 +200,7 @@ pub fn render_with(
 
 /// Renders a window of a view, or some of its bodies, on one thread.
 pub fn render_part(
-    options: CpuPath,
+    options: PathTracing,
     scene: &Arc<Scene>,
     view: &View,
     wants: &[KeyId],
@@ -215,7 +216,7 @@ pub fn render_part(
 }
 
 /// Renders products of a view on one thread.
-pub fn render(options: CpuPath, scene: &Arc<Scene>, view: &View, wants: &[KeyId]) -> Products {
+pub fn render(options: PathTracing, scene: &Arc<Scene>, view: &View, wants: &[KeyId]) -> Products {
     render_with(options, Strategy::Combined, scene, view, wants, &Serial).expect("renders")
 }
 

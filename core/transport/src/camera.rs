@@ -1,15 +1,24 @@
 //! Rays of a camera.
 
-use crate::bvh::Ray;
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::scene::Camera;
 use syntable_model::stage::Window;
 use syntable_simd::{Vec3, vec3};
 
+/// A half-line. The direction need not have unit length; distances are in units of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Ray {
+    /// Where it starts, meters.
+    pub origin: [f32; 3],
+    /// Where it goes.
+    pub direction: [f32; 3],
+}
+
 /// A camera ready to give rays. Without distortion they are affine in the pixel coordinates; computed in f64 and
 /// rounded once.
 #[derive(Clone, Debug)]
-pub(crate) struct RayCamera {
+pub struct RayCamera {
     origin: Vec3,
     /// Direction at (u, v) = (0, 0), and its change with u and with v; world.
     corner: Vector3<f64>,
@@ -20,6 +29,7 @@ pub(crate) struct RayCamera {
     /// Angle that a pixel subtends at the center of the image, radians.
     pub pixel_angle: f32,
     warp: Option<Box<Warp>>,
+    /// The lens, if it has an aperture.
     pub lens: Option<Lens>,
 }
 
@@ -35,9 +45,10 @@ struct Warp {
 
 /// A lens of finite aperture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lens {
-    /// The aperture's radius along the image's axes, world, meters.
+pub struct Lens {
+    /// The aperture's radius along the image's rows, world, meters.
     pub right: Vec3,
+    /// The same along its columns.
     pub down: Vec3,
     /// Depth of the plane of focus, meters.
     pub focus: f32,
@@ -120,6 +131,23 @@ impl RayCamera {
         let (x, y) = (mix(0), mix(1));
         let [right, down, forward] = self.rows;
         (x.is_finite() && y.is_finite()).then(|| right * x + down * y + forward)
+    }
+
+    /// Directions in the camera's frame with z = 1 at the corners of the window's pixels, row by row, one more than pixels
+    /// per row; not a number where the lens sees nothing. None without distortion.
+    pub fn warped_corners(&self) -> Option<&[[f32; 2]]> {
+        self.warp.as_ref().map(|warp| &warp.corners[..])
+    }
+
+    /// The same at the center of a pixel.
+    pub fn warped_center(&self, x: i32, y: i32) -> [f32; 2] {
+        let seen = self.warp.as_ref().and_then(|warp| warp.camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5));
+        seen.map_or([f32::NAN; 2], |d| [d.x as f32, d.y as f32])
+    }
+
+    /// Rows of the rotation, camera from world.
+    pub fn rows(&self) -> [Vec3; 3] {
+        self.rows
     }
 
     /// A direction of the world in the camera's frame.

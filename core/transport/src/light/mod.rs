@@ -15,7 +15,6 @@ mod sphere;
 #[cfg(test)]
 mod tests;
 
-use crate::bvh::Hit;
 use disk::Disk;
 use rect::Rect;
 use sphere::Sphere;
@@ -30,7 +29,7 @@ use syntable_simd::{Rgb, Vec3};
 
 /// A sampled direction towards a light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LightSample<T: Real> {
+pub struct LightSample<T: Real> {
     /// Unit length.
     pub direction: Vec3<T>,
     /// To the light's surface, meters.
@@ -43,7 +42,7 @@ pub(crate) struct LightSample<T: Real> {
 
 /// Where a ray hits a light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LightHit<T: Real> {
+pub struct LightHit<T: Real> {
     /// Whether it hits one.
     pub is_hit: T::Mask,
     /// Distance along the ray, meters.
@@ -58,7 +57,7 @@ struct Shape<'a>(&'a AreaLight);
 
 /// All lights of a view.
 #[derive(Default)]
-pub(crate) struct Lights<'a> {
+pub struct Lights<'a> {
     table: LightTable,
     emitters: &'a [EmissiveBody],
     /// For what an emissive body emits at a point.
@@ -281,14 +280,14 @@ impl Lights<'_> {
         (pdf * inverse(total.larger(T::splat(f32::MIN_POSITIVE))), radiance)
     }
 
-    /// Density with which [`Self::sample`] finds a point of a body that emits, from `p` with normal `n`; `cos` is that of
-    /// the ray with the triangle's normal.
-    pub fn body_pdf(&self, p: Vec3, n: Vec3, hit: &Hit, cos: f32) -> f32 {
-        let Some(number) = self.emitters.iter().position(|emitter| emitter.instance == hit.instance) else {
+    /// Density with which [`Self::sample`] finds a point of a body that emits, at a distance from `p` with normal `n`; `cos`
+    /// is that of the ray with the triangle's normal.
+    pub fn body_pdf(&self, p: Vec3, n: Vec3, point: &SurfacePoint, distance: f32, cos: f32) -> f32 {
+        let Some(number) = self.emitters.iter().position(|emitter| emitter.instance == point.instance) else {
             return 0.0;
         };
         let probability = self.selection_probability(p, n, self.table.area.len() + number);
-        probability * self.emitters[number].density(hit.primitive) * hit.t * hit.t / cos.abs().max(1e-6)
+        probability * self.emitters[number].density(point.primitive) * distance * distance / cos.abs().max(1e-6)
     }
 
     /// Radiance of distant lights along a direction that hits nothing, each times a weight of its density of being

@@ -16,7 +16,7 @@ const MIN_ALPHA: f32 = 0.04;
 
 /// The lobe at a point for one outgoing direction, color left out.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sheen<T: Real = f32> {
+pub struct Sheen<T: Real = f32> {
     wo: Vec3<T>,
     per_alpha: T,
     row: SheenRow<T>,
@@ -65,7 +65,7 @@ fn lobe<T: Real>(wo: Vec3<T>, wi: Vec3<T>, per_alpha: T) -> T {
 
 /// The lobe's albedo at one roughness.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct SheenRow<T: Real> {
+pub struct SheenRow<T: Real> {
     row: T::Int,
     weight: T,
 }
@@ -104,6 +104,12 @@ static TABLE: LazyLock<Vec<[f32; 8]>> = LazyLock::new(|| {
         |r: usize, m: usize| [rows[r][m], rows[r][m + 1], rows[r + 1][m], rows[r + 1][m + 1], 0.0, 0.0, 0.0, 0.0];
     (0..CELLS * CELLS).map(|i| corners(i / CELLS, i % CELLS)).collect()
 });
+
+/// Albedo of the published lobe, in cells by roughness, then by cosine: at the lower cosine and at the higher, and both
+/// again at the higher roughness; the rest is 0.
+pub fn sheen_table() -> &'static [[f32; 8]] {
+    &TABLE
+}
 
 /// ∫ D V cos over the hemisphere, by midpoints in cosine and half a turn.
 fn integrate(per_alpha: f32, mu: f32) -> f32 {

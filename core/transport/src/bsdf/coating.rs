@@ -9,22 +9,24 @@ use super::{Interface, multiple_reflectance};
 use syntable_simd::{Real, at_least, complement, inverse, max};
 
 /// Reflectance of clearcoat at normal incidence: an index of 1.5, as KHR_materials_clearcoat has it.
-pub(crate) const CLEARCOAT_F0: f32 = 0.04;
+pub const CLEARCOAT_F0: f32 = 0.04;
 
 /// How strong the layers over a lobe are, and how rough.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct CoatingParameters<T = f32> {
+pub struct CoatingParameters<T = f32> {
     /// Fraction of the surface under clearcoat.
     pub clearcoat: T,
+    /// Perceptual roughness of the clearcoat.
     pub clearcoat_roughness: T,
     /// Largest reflectance of the sheen fibers.
     pub sheen: T,
+    /// Perceptual roughness of the sheen.
     pub sheen_roughness: T,
 }
 
 /// Both layers for one outgoing direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct CoatingAttenuation<T: Real = f32> {
+pub struct CoatingAttenuation<T: Real = f32> {
     parameters: CoatingParameters<T>,
     table: &'static Table,
     coat_row: Row<T>,
@@ -67,7 +69,7 @@ impl<T: Real> CoatingAttenuation<T> {
 
 /// Albedo of full clearcoat seen from a direction.
 #[inline(always)]
-pub(crate) fn clearcoat_albedo(roughness: f32, mu: f32, table: &'static Table) -> f32 {
+pub fn clearcoat_albedo(roughness: f32, mu: f32, table: &'static Table) -> f32 {
     CoatingAttenuation::new(
         CoatingParameters { clearcoat: 1.0, clearcoat_roughness: roughness, ..CoatingParameters::default() },
         mu,
@@ -78,6 +80,6 @@ pub(crate) fn clearcoat_albedo(roughness: f32, mu: f32, table: &'static Table) -
 
 /// Albedo of white sheen fibers seen from a direction.
 #[inline(always)]
-pub(crate) fn sheen_albedo(roughness: f32, mu: f32) -> f32 {
+pub fn sheen_albedo(roughness: f32, mu: f32) -> f32 {
     SheenRow::new(roughness).albedo(mu)
 }

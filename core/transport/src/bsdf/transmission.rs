@@ -15,7 +15,7 @@ use syntable_simd::{Rgb, Vec3, vec3};
 
 /// An interface at a point for one outgoing direction, with z > 0 on its side.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Transmission<T: Real = f32> {
+pub struct Transmission<T: Real = f32> {
     wo: Vec3<T>,
     alpha: T,
     /// Index beyond over index on this side.
@@ -28,7 +28,7 @@ pub(crate) struct Transmission<T: Real = f32> {
 
 /// A sampled direction, on either side.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct TransmissionSample<T: Real> {
+pub struct TransmissionSample<T: Real> {
     pub valid: T::Mask,
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
@@ -90,7 +90,7 @@ fn of_two_faces<T: Real>(fresnel: T) -> T {
 
 /// Fraction of the light that enters a pane and leaves it on the other side, from the cosine of its direction.
 #[inline(always)]
-pub(crate) fn pane_transmittance(cosine: f32, ior: f32) -> f32 {
+pub fn pane_transmittance(cosine: f32, ior: f32) -> f32 {
     1.0 - of_two_faces(dielectric(cosine, ior).0)
 }
 

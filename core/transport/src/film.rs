@@ -1,11 +1,18 @@
 //! Images in rounds: which tiles get how many samples, and the report of the result.
 
-use crate::path::{PathTracer, PixelSums, Statistics, Task, place};
+use crate::camera::RayCamera;
+use crate::sums::PixelSums;
 use parking_lot::Mutex;
+use std::ops::Range;
 use std::time::Instant;
 use syntable_model::context::Workers;
+use syntable_model::error::Result;
 use syntable_model::photometry::luminance;
-use syntable_model::product::{Plane, Value};
+use syntable_model::product::standard::{
+    DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR,
+    RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
+};
+use syntable_model::product::{KeyId, Plane, Products, Value};
 use syntable_model::stage::Window;
 
 /// Edge of the squares of pixels that are one job, and that stop together.
@@ -16,7 +23,7 @@ const FIRST_ROUND: u32 = 16;
 
 /// Samples of the guides of pixels that are unlike their neighbors, on top of those that also find light; with as many
 /// of these, guides are clean without.
-const GUIDE_SAMPLES: u32 = 8;
+pub const GUIDE_SAMPLES: u32 = 8;
 
 /// Neighbors differ from this difference of base color or normal on.
 const DIFFERENT: f32 = 0.1;
@@ -30,7 +37,7 @@ const FIREFLY_ERROR: f64 = 0.5;
 
 /// Limits on samples and time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Budget {
+pub struct Budget {
     /// Maximum samples per pixel.
     pub samples: u32,
     /// Tiles whose relative error is below this stop early.
@@ -39,27 +46,150 @@ pub(crate) struct Budget {
     pub seconds: Option<f64>,
 }
 
+/// Samples to add to pixels of a tile.
+pub struct Task<'a> {
+    /// Left, top, right, bottom of the tile, px from the corner of the image.
+    pub area: [i32; 4],
+    /// Numbers of the pixels in the tile, row by row.
+    pub pixels: &'a [u16],
+    /// Samples to trace of each.
+    pub samples: Range<u32>,
+    /// Sums of all pixels of the tile, row by row.
+    pub sums: &'a mut [PixelSums],
+}
+
+/// Column and row in the image of a pixel of a tile [left, top, right, bottom].
+pub fn place([left, top, right, _]: [i32; 4], pixel: u16) -> (i32, i32) {
+    let pixel = i32::from(pixel);
+    (left + pixel % (right - left), top + pixel / (right - left))
+}
+
+/// Counts of paths and rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Paths started.
+    pub paths: u64,
+    /// Rays that searched for the first surface, camera rays included.
+    pub rays: u64,
+    /// Rays that tested whether a light is occluded.
+    pub shadow_rays: u64,
+}
+
+impl Statistics {
+    /// Adds other counts.
+    pub fn add(&mut self, other: &Self) {
+        self.paths += other.paths;
+        self.rays += other.rays;
+        self.shadow_rays += other.shadow_rays;
+    }
+}
+
+/// What traces the samples of an image.
+pub trait Tracer {
+    /// Whether guides are gathered with the light.
+    fn has_guides(&self) -> bool;
+    /// Adds samples to the sums of tiles. The tasks are of different tiles, and have as many samples.
+    fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics>;
+    /// Adds samples of the guides alone; `samples` of them are planned per pixel.
+    fn trace_guides(&self, samples: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()>;
+}
+
 /// An image in progress: sums per pixel, by tile.
-pub(crate) struct Film {
+pub struct Film {
     window: Window,
     tiles: Vec<Mutex<Tile>>,
+    /// Counts so far.
     pub statistics: Statistics,
 }
 
 struct Tile {
     /// Left, top, right, bottom, px from the corner of the image.
     area: [i32; 4],
+    /// 0, 1, 2, …
+    pixels: Vec<u16>,
     sums: Vec<PixelSums>,
     done: bool,
 }
 
+/// Changes the seed of paths that are traced for guides alone.
+const GUIDES: u64 = 0x5851_f42d_4c95_7f2d;
+
+/// Seed of the paths of an image that are traced for guides alone.
+pub fn guide_seed(seed: u64) -> u64 {
+    seed ^ GUIDES
+}
+
+/// Products that are gathered for denoisers on the way.
+const OF_GUIDES: [KeyId; 6] = [
+    DENOISE_ALBEDO.id(),
+    DENOISE_NORMAL.id(),
+    RADIANCE_SPECULAR.id(),
+    RADIANCE_SPECULAR_VARIANCE.id(),
+    RADIANCE_DEMODULATED.id(),
+    RADIANCE_DEMODULATED_VARIANCE.id(),
+];
+
 impl Film {
+    /// Products that a film has.
+    pub fn offers() -> Vec<KeyId> {
+        [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()].into_iter().chain(OF_GUIDES).collect()
+    }
+
+    /// Whether any of the products needs guides.
+    pub fn wants_guides(wants: &[KeyId]) -> bool {
+        wants.iter().any(|want| OF_GUIDES.contains(want))
+    }
+
+    /// Puts those of the wanted products that a film has.
+    ///
+    /// # Errors
+    /// If one is there already.
+    pub fn put(&self, wants: &[KeyId], camera: &RayCamera, workers: &dyn Workers, frame: &mut Products) -> Result<()> {
+        for &want in wants {
+            if want == RADIANCE.id() {
+                frame.put(RADIANCE, self.radiance(workers))?;
+            } else if want == RADIANCE_VARIANCE.id() {
+                frame.put(RADIANCE_VARIANCE, self.plane(workers, 0.0, |sums| sums.variance() as f32))?;
+            } else if want == DENOISE_ALBEDO.id() {
+                frame.put(DENOISE_ALBEDO, self.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
+            } else if want == DENOISE_NORMAL.id() {
+                let mean = |sums: &PixelSums| camera.rotate_to_camera(sums.mean_normal().into()).array();
+                frame.put(DENOISE_NORMAL, self.plane(workers, [0.0; 3], mean))?;
+            } else if want == RADIANCE_SPECULAR.id() {
+                frame.put(RADIANCE_SPECULAR, self.plane(workers, [0.0; 3], |sums| sums.specular.mean(sums.samples)))?;
+            } else if want == RADIANCE_SPECULAR_VARIANCE.id() {
+                let variance = |sums: &PixelSums| sums.specular.variance(sums.samples);
+                frame.put(RADIANCE_SPECULAR_VARIANCE, self.plane(workers, 0.0, variance))?;
+            } else if want == RADIANCE_DEMODULATED.id() {
+                frame.put(
+                    RADIANCE_DEMODULATED,
+                    self.plane(workers, [0.0; 3], |sums| sums.demodulated.mean(sums.samples)),
+                )?;
+            } else if want == RADIANCE_DEMODULATED_VARIANCE.id() {
+                let variance = |sums: &PixelSums| sums.demodulated.variance(sums.samples);
+                frame.put(RADIANCE_DEMODULATED_VARIANCE, self.plane(workers, 0.0, variance))?;
+            } else if want == RENDER_REPORT.id() {
+                frame.put(RENDER_REPORT, self.report(workers))?;
+            }
+        }
+        Ok(())
+    }
+
     /// Renders a window of the image.
-    pub fn trace(tracer: &PathTracer, window: Window, budget: &Budget, workers: &dyn Workers) -> Self {
+    ///
+    /// # Errors
+    /// Those of the tracer.
+    pub fn trace(tracer: &impl Tracer, window: Window, budget: &Budget, workers: &dyn Workers) -> Result<Self> {
         let tile = |left: i32, top: i32| {
             let area = [left, top, (left + TILE).min(window.right()), (top + TILE).min(window.bottom())];
             let pixels = (area[2] - left) * (area[3] - top);
-            Mutex::new(Tile { area, sums: vec![PixelSums::default(); pixels as usize], done: false })
+            let pixels = 0..pixels as u16;
+            Mutex::new(Tile {
+                area,
+                sums: vec![PixelSums::default(); pixels.len()],
+                pixels: pixels.collect(),
+                done: false,
+            })
         };
         let columns = || (window.x..window.right()).step_by(TILE as usize);
         let rows = (window.y..window.bottom()).step_by(TILE as usize);
@@ -88,7 +218,7 @@ impl Film {
                 }
                 _ => to,
             };
-            film.round(tracer, from..to, workers);
+            film.round(tracer, from..to, workers)?;
             if let Some(noise) = budget.noise
                 && film.stop_quiet_tiles(noise)
             {
@@ -97,50 +227,47 @@ impl Film {
             from = to;
         }
         if tracer.has_guides() {
-            film.clean_guides(tracer, workers);
+            film.clean_guides(tracer, workers)?;
         }
-        film
+        Ok(film)
     }
 
-    fn round(&mut self, tracer: &PathTracer, samples: std::ops::Range<u32>, workers: &dyn Workers) {
-        let total = Mutex::new(self.statistics);
-        workers.run(self.tiles.len(), &|number| {
-            let mut tile = self.tiles[number].lock();
-            if tile.done {
-                return;
-            }
-            let tile = &mut *tile;
-            let pixels: Vec<u16> = (0..tile.sums.len() as u16).collect();
-            let task = Task { area: tile.area, pixels: &pixels, samples: samples.clone() };
-            let mut statistics = Statistics::default();
-            tracer.trace(&task, &mut tile.sums, &mut statistics);
-            total.lock().add(&statistics);
-        });
-        self.statistics = total.into_inner();
+    fn round(&mut self, tracer: &impl Tracer, samples: Range<u32>, workers: &dyn Workers) -> Result<()> {
+        let open = self.tiles.iter_mut().map(Mutex::get_mut).filter(|tile| !tile.done);
+        let tasks =
+            open.map(|Tile { area, pixels, sums, .. }| Task { area: *area, pixels, samples: samples.clone(), sums });
+        self.statistics.add(&tracer.trace(tasks.collect(), workers)?);
+        Ok(())
     }
 
     /// Gives more samples of the guides to the pixels that have few and are unlike a neighbor: there most of what
     /// denoisers know would be noise, and a ray for guides alone costs a small part of a path.
-    fn clean_guides(&mut self, tracer: &PathTracer, workers: &dyn Workers) {
+    fn clean_guides(&mut self, tracer: &impl Tracer, workers: &dyn Workers) -> Result<()> {
         let albedo = self.plane(workers, [0.0; 3], PixelSums::mean_albedo);
         let normal = self.plane(workers, [0.0; 3], PixelSums::mean_normal);
-        let tracer = tracer.for_guides(GUIDE_SAMPLES);
+        let window = self.window;
+        let chosen: Vec<Mutex<Vec<u16>>> = self.tiles.iter().map(|_| Mutex::default()).collect();
         workers.run(self.tiles.len(), &|number| {
-            let mut tile = self.tiles[number].lock();
-            let tile = &mut *tile;
+            let tile = self.tiles[number].lock();
             let differs = |pixel: &u16| {
                 let (x, y) = place(tile.area, *pixel);
-                let (x, y) = ((x - self.window.x) as usize, (y - self.window.y) as usize);
+                let (x, y) = ((x - window.x) as usize, (y - window.y) as usize);
                 let sums = &tile.sums[usize::from(*pixel)];
                 // Paths that glass reflected tell nothing.
                 let reflected = sums.guide_samples < sums.samples;
                 sums.guide_samples < GUIDE_SAMPLES
                     && (reflected || [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y)))
             };
-            let pixels: Vec<u16> = (0..tile.sums.len() as u16).filter(differs).collect();
-            let task = Task { area: tile.area, pixels: &pixels, samples: 0..GUIDE_SAMPLES };
-            tracer.trace(&task, &mut tile.sums, &mut Statistics::default());
+            *chosen[number].lock() = tile.pixels.iter().copied().filter(differs).collect();
         });
+        let chosen: Vec<Vec<u16>> = chosen.into_iter().map(Mutex::into_inner).collect();
+        let mut tasks = Vec::new();
+        for (tile, pixels) in
+            self.tiles.iter_mut().map(Mutex::get_mut).zip(&chosen).filter(|(_, chosen)| !chosen.is_empty())
+        {
+            tasks.push(Task { area: tile.area, pixels, samples: 0..GUIDE_SAMPLES, sums: &mut tile.sums });
+        }
+        tracer.trace_guides(GUIDE_SAMPLES, tasks, workers)
     }
 
     /// Marks the tiles whose error is small as done; true if all are.

@@ -77,13 +77,13 @@ impl<T: Real> Row<T> {
 /// interpolated table. Every cell holds (facing, grazing) at its corners: at the lower cosine, at the higher; both again
 /// at the higher roughness.
 #[derive(Debug)]
-pub(crate) struct Table {
+pub struct Table {
     directional: Vec<[f32; 8]>,
     mean: Vec<[f32; 8]>,
 }
 
 /// The table, made at first use.
-pub(crate) fn table() -> &'static Table {
+pub fn table() -> &'static Table {
     static TABLE: LazyLock<Table> = LazyLock::new(Table::new);
     &TABLE
 }
@@ -98,6 +98,17 @@ pub(super) fn cell<T: Real>(x: T) -> (T::Int, T) {
 }
 
 impl Table {
+    /// Cells by roughness, then by cosine: (facing, grazing) at the lower cosine and at the higher, and both again at the
+    /// higher roughness.
+    pub fn directional(&self) -> &[[f32; 8]] {
+        &self.directional
+    }
+
+    /// Cosine-weighted means by roughness: (facing, grazing) at the lower roughness and at the higher; the rest is 0.
+    pub fn mean(&self) -> &[[f32; 8]] {
+        &self.mean
+    }
+
     fn new() -> Self {
         let grid = |i: usize| i as f32 / CELLS as f32;
         let alpha = |r: usize| at_least(grid(r) * grid(r), ggx::MIN_ALPHA);

@@ -6,7 +6,7 @@ use syntable_simd::{Rgb, Vec3};
 
 /// How a layer scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Lobe {
+pub enum Lobe {
     /// Metallic-roughness.
     Base = 0,
     /// Sheen fibers.
@@ -18,7 +18,7 @@ pub(crate) enum Lobe {
 }
 
 /// Which layer was drawn, by lane, and what else there is to know of it.
-pub(crate) struct LayerInputs<T> {
+pub struct LayerInputs<T> {
     /// Number of the [`Lobe`].
     pub lobe: T,
     /// Layers above it.
@@ -28,7 +28,7 @@ pub(crate) struct LayerInputs<T> {
 }
 
 /// Scattering by the layers that were drawn, for one outgoing direction each.
-pub(crate) struct Layered<T: Real = f32> {
+pub struct Layered<T: Real = f32> {
     coating: CoatingAttenuation<T>,
     sheen: Sheen<T>,
     transmission: Transmission<T>,

@@ -5,15 +5,18 @@ use syntable_model::product::standard::DEMODULATION_EPSILON;
 
 /// Sums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct PixelSums {
+pub struct PixelSums {
+    /// Number of samples.
     pub samples: u32,
+    /// Radiance, nits.
     pub radiance: [f64; 3],
     /// Squared luminance.
     pub square: f64,
     /// Samples of the guides, which may be more.
     pub guide_samples: u32,
+    /// Base color of the guides.
     pub albedo: [f32; 3],
-    /// World.
+    /// Normal of the guides, world.
     pub normal: [f32; 3],
     /// Specular part of the radiance at the first surface.
     pub specular: PartSums,
@@ -23,13 +26,23 @@ pub(crate) struct PixelSums {
 
 /// Sums of a part of the radiance.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct PartSums {
+pub struct PartSums {
     sum: [f32; 3],
     /// Squared luminance.
     square: f32,
 }
 
 impl PartSums {
+    /// Sums of the radiance and of its squared luminance.
+    pub fn new(sum: [f32; 3], square: f32) -> Self {
+        Self { sum, square }
+    }
+
+    fn add_sums(&mut self, other: &Self) {
+        self.square += other.square;
+        self.sum.iter_mut().zip(other.sum).for_each(|(sum, value)| *sum += value);
+    }
+
     #[inline(always)]
     fn add(&mut self, light: [f32; 3]) {
         let y = luminance(light.map(f64::from)) as f32;
@@ -57,6 +70,18 @@ impl PixelSums {
         self.samples += 1;
         self.square += y * y;
         self.radiance.iter_mut().zip(radiance).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// Adds the sums of more samples.
+    pub fn add_sums(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.square += other.square;
+        self.radiance.iter_mut().zip(other.radiance).for_each(|(sum, value)| *sum += value);
+        self.guide_samples += other.guide_samples;
+        self.albedo.iter_mut().zip(other.albedo).for_each(|(sum, value)| *sum += value);
+        self.normal.iter_mut().zip(other.normal).for_each(|(sum, value)| *sum += value);
+        self.specular.add_sums(&other.specular);
+        self.demodulated.add_sums(&other.demodulated);
     }
 
     /// Adds the parts of a sample: the specular radiance, and the rest demodulated by the albedo.

@@ -10,8 +10,10 @@ const ROUNDING: f32 = 0.01;
 
 /// The layer that a path scatters from, selected at random.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LayerSample {
+pub struct LayerSample {
+    /// How it scatters.
     pub lobe: Lobe,
+    /// Its parameters.
     pub parameters: BsdfParameters,
     /// Weight of the layer over the probability of its selection.
     pub weight: f32,
@@ -25,7 +27,7 @@ pub(crate) struct LayerSample {
 
 /// BSDF parameters of a material's base at a point; `tint` is the vertex color.
 #[inline]
-pub(crate) fn base_parameters(
+pub fn base_parameters(
     textures: &[Arc<MipTexture>],
     material: &Material,
     at: TextureCoordinates,
@@ -41,7 +43,7 @@ pub(crate) fn base_parameters(
 
 /// Selects the layer that a path scatters from with `u` in [0, 1); `cosine` is that of its direction with the normal.
 #[inline(always)]
-pub(crate) fn sample_layer(
+pub fn sample_layer(
     table: &MaterialTable,
     material: &Material,
     at: TextureCoordinates,
@@ -115,11 +117,7 @@ fn sample_layers(
 
 /// The normal map of the selected layer, if it has one.
 #[inline(always)]
-pub(crate) fn normal_map<'a>(
-    table: &'a MaterialTable,
-    material: &'a Material,
-    is_clearcoat: bool,
-) -> Option<&'a NormalInput> {
+pub fn normal_map<'a>(table: &'a MaterialTable, material: &'a Material, is_clearcoat: bool) -> Option<&'a NormalInput> {
     let input = match table.layers(material) {
         Some(layers) if is_clearcoat => &layers.clearcoat_normal,
         _ => &material.normal,
@@ -130,7 +128,7 @@ pub(crate) fn normal_map<'a>(
 /// The normal of a map, given the frame of the mapping's coordinates around the unit normal `n`; and per axis the variance
 /// of slopes that are too fine for the look-up.
 #[inline]
-pub(crate) fn mapped_normal(
+pub fn mapped_normal(
     textures: &[Arc<MipTexture>],
     map: &NormalInput,
     at: TextureCoordinates,

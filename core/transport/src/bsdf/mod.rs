@@ -24,11 +24,12 @@ mod sheen;
 mod tests;
 mod transmission;
 
-use crate::cpu_path::Dielectrics;
-pub(crate) use albedo::{Table, table};
-pub(crate) use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
-pub(crate) use layered::{LayerInputs, Layered, Lobe};
-pub(crate) use transmission::pane_transmittance;
+use crate::options::Dielectrics;
+pub use albedo::{Table, table};
+pub use coating::{CLEARCOAT_F0, CoatingParameters, clearcoat_albedo, sheen_albedo};
+pub use layered::{LayerInputs, Layered, Lobe};
+pub use sheen::sheen_table;
+pub use transmission::pane_transmittance;
 
 use coating::CoatingAttenuation;
 use sheen::Sheen;
@@ -46,7 +47,7 @@ const SCHLICK_MEAN: f32 = 1.0 / 21.0;
 
 /// BSDF parameters of a shading point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct BsdfParameters<T = f32> {
+pub struct BsdfParameters<T = f32> {
     /// Diffuse albedo of the dielectric, reflectance of the metal at normal incidence.
     pub base_color: Rgb<T>,
     /// Perceptual roughness in [0, 1]; α is its square.
@@ -60,7 +61,7 @@ pub(crate) struct BsdfParameters<T = f32> {
 /// Scattering at a point, for one outgoing direction. Directions are local: z along the shading normal, away from the
 /// surface on both sides.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Bsdf<T: Real = f32> {
+pub struct Bsdf<T: Real = f32> {
     table: &'static Table,
     wo: Vec3<T>,
     ggx: Ggx<T>,
@@ -80,9 +81,10 @@ pub(crate) struct Bsdf<T: Real = f32> {
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BsdfSample<T: Real> {
+pub struct BsdfSample<T: Real> {
     /// Whether there is one.
     pub valid: T::Mask,
+    /// Where it goes, local.
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,

@@ -1,0 +1,146 @@
+//! Options that all path tracers have.
+
+use crate::film::Budget;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use syntable_prepare::labels::BlendedLabels;
+
+/// Options of path tracing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PathTracing {
+    /// Paths per pixel. Noise falls with the square root; powers of two are stratified best.
+    #[schemars(range(min = 1, max = 1_048_576))]
+    pub samples_per_pixel: u32,
+    /// Maximum path depth. 1 renders direct illumination only, 0 only what emits.
+    #[schemars(range(min = 0, max = 256))]
+    pub max_bounces: u32,
+    /// Bounces after which Russian roulette may end faint paths: a little more noise in much less time.
+    #[schemars(range(min = 1, max = 257))]
+    pub russian_roulette_from: u32,
+    /// Maximum luminance of one indirect contribution to a path, nits. Removes fireflies, and some true light with them;
+    /// without it the image is unbiased.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub max_indirect_luminance_nits: Option<f64>,
+    /// Minimum perceptual roughness of surfaces after the first rough bounce (path-space regularization, Kaplanyan and
+    /// Dachsbacher, 2013). 0.3 or so blurs caustics, which are fireflies otherwise, without losing light; what the camera
+    /// sees directly or in mirrors is unchanged. 0 disables it.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub regularize: f64,
+    /// How dielectrics divide light between gloss and color.
+    pub dielectrics: Dielectrics,
+    /// Reconstruction filter: how much the light counts that falls around the center of a pixel.
+    pub pixel_filter: PixelFilter,
+    /// Noise below which a tile of 16 × 16 pixels gets no more samples: the ratio of standard error to luminance, such as
+    /// 0.02. `samples_per_pixel` is then the maximum. Without it, all pixels get as many.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+    pub noise: Option<f64>,
+    /// Time limit per image, seconds; `samples_per_pixel` is then the maximum. The number of samples depends on the
+    /// machine and its load, so such images are not reproducible; `render_report` has the number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_s: Option<f64>,
+    /// How labels treat materials that blend by alpha (glTF `BLEND`, MTL `d`), such as thin glass: `shape` (the default)
+    /// takes the surface as there wherever the alpha of its texture is one half or more, however transparent the material
+    /// is as a whole; `coverage` only where it covers one half or more of what is behind it.
+    pub blended_labels: BlendedLabels,
+}
+
+/// Model of a dielectric's two lobes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Dielectrics {
+    /// Light crosses the surface on its way in and out, and what microfacets reflect more than once is kept: white
+    /// reflects all light (Kulla and Conty, 2017).
+    #[default]
+    EnergyConserving,
+    /// The plain mix of glTF 2.0, appendix B.2: the Fresnel term of the half vector, once, and no multiple scattering. As
+    /// viewers of glTF show it: light 10° above a smooth surface gives a half more.
+    Gltf,
+}
+
+/// Reconstruction filter of pixels. Every pixel draws the positions of its own paths from it, so that the noise of
+/// neighbors is independent, as denoisers need it (Shirley, 1991).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PixelFilter {
+    /// Mean over the area of the pixel, as an ideal sensor sees it. Slanted edges have steps.
+    Box,
+    /// Weight that falls linearly to 0 one pixel from the center: edges are smooth, textures a little softer.
+    #[default]
+    Tent,
+}
+
+impl Default for PathTracing {
+    fn default() -> Self {
+        Self {
+            samples_per_pixel: 64,
+            max_bounces: 8,
+            russian_roulette_from: 3,
+            max_indirect_luminance_nits: None,
+            regularize: 0.0,
+            dielectrics: Dielectrics::default(),
+            pixel_filter: PixelFilter::default(),
+            noise: None,
+            time_s: None,
+            blended_labels: BlendedLabels::Shape,
+        }
+    }
+}
+
+/// What the options say of how light is gathered, as paths read it.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Planned samples per pixel; more of them read textures at finer levels.
+    pub samples: u32,
+    /// Maximum path depth.
+    pub max_bounces: u32,
+    /// Bounces after which Russian roulette may end paths, at least 1.
+    pub roulette_from: u32,
+    /// Maximum luminance of one indirect contribution, nits; infinite without a limit.
+    pub max_indirect_luminance_nits: f32,
+    /// Minimum perceptual roughness after the first rough bounce.
+    pub regularize: f32,
+    /// Reconstruction filter of pixels.
+    pub filter: PixelFilter,
+    /// Model of a dielectric's two lobes.
+    pub dielectrics: Dielectrics,
+}
+
+impl PathTracing {
+    /// What paths read of the options.
+    pub fn settings(&self) -> Settings {
+        Settings {
+            samples: self.samples_per_pixel,
+            max_bounces: self.max_bounces,
+            roulette_from: self.russian_roulette_from.max(1),
+            max_indirect_luminance_nits: self.max_indirect_luminance_nits.map_or(f32::INFINITY, |nits| nits as f32),
+            regularize: self.regularize as f32,
+            filter: self.pixel_filter,
+            dielectrics: self.dielectrics,
+        }
+    }
+
+    /// Limits on samples and time.
+    pub fn budget(&self) -> Budget {
+        Budget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s }
+    }
+
+    /// One line on what a view costs, for `syntable plan`.
+    pub fn cost(&self) -> String {
+        let Self { samples_per_pixel, max_bounces, .. } = self;
+        format!(
+            "{samples_per_pixel} paths per pixel of up to {max_bounces} bounces; labels cost less than one path per pixel"
+        )
+    }
+}
+
+impl Settings {
+    /// Growth of a camera ray's cone, meters per meter, from the angle of a pixel: the samples of a pixel divide its area, so
+    /// that each may see finer than it.
+    pub fn spread(&self, pixel_angle: f32) -> f32 {
+        pixel_angle * (1.0 / (self.samples as f32).sqrt()).max(0.25)
+    }
+}

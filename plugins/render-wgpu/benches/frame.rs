@@ -1,0 +1,80 @@
+//! A whole frame on a graphics card: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a globe,
+//! 640 × 480, with 8 bounces.
+//!
+//! `cargo bench -p syntable-render-wgpu --bench frame [-- ADAPTER]` prints the time to the first image, milliseconds per
+//! frame by samples, rays per second, what labels cost, and what guides add.
+
+use std::time::Instant;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
+};
+use syntable_render_wgpu::{GpuPathRenderer, adapters};
+use syntable_testing::room::{self, Look};
+use syntable_testing::workers::Threads;
+use syntable_transport::PathTracing;
+
+/// Frames of which the fastest counts.
+const FRAMES: usize = 5;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let adapter = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(0);
+    let found = adapters();
+    let Some(info) = found.get(adapter) else { return println!("there is no adapter {adapter}") };
+    println!("{} ({}, {})", info.name, info.driver, info.backend);
+    let workers = Threads(std::thread::available_parallelism().map_or(2, usize::from));
+    let view = room::view(640, 480);
+    for look in [Look::Mixed, Look::Plastic, Look::Glass] {
+        let scene = room::scene_of(look);
+        for samples in [1, 4, 16, 32, 64] {
+            let started = Instant::now();
+            let options = PathTracing { samples_per_pixel: samples, ..PathTracing::default() };
+            let renderer = GpuPathRenderer::new(options);
+            let mut session = renderer.open(adapter).expect("opens");
+            session.load(&scene, &workers).expect("loads");
+            let loaded = started.elapsed().as_secs_f64();
+            let mut best = |wants: &[KeyId]| {
+                let (mut fastest, mut frame) = (f64::INFINITY, Products::new());
+                for _ in 0..FRAMES {
+                    let started = Instant::now();
+                    frame = Products::new();
+                    let request = RenderRequest::new(&view, wants, Stream::root(1), &workers);
+                    session.render(&request, &mut frame).expect("renders");
+                    fastest = fastest.min(started.elapsed().as_secs_f64());
+                }
+                (fastest, frame)
+            };
+            let first = Instant::now();
+            best(&[RADIANCE.id()]);
+            let first = first.elapsed().as_secs_f64();
+            let (light, _) = best(&[RADIANCE.id()]);
+            let (_, report) = best(&[RADIANCE.id(), RENDER_REPORT.id()]);
+            let (guides, _) = best(&[RADIANCE.id(), DENOISE_ALBEDO.id()]);
+            let count = |name: &str| match report.get(RENDER_REPORT) {
+                Ok(Value::Record(fields)) => {
+                    fields.iter().find(|(field, _)| field == name).map_or(f64::NAN, |(_, count)| {
+                        if let Value::Int(count) = count { *count as f64 } else { f64::NAN }
+                    })
+                }
+                _ => f64::NAN,
+            };
+            let (rays, shadows) = (count("rays"), count("shadow_rays"));
+            println!(
+                "{look:?}, {samples} samples: {:.1} ms; {:.2} + {:.2} rays and shadow rays a path, {:.2} Grays/s; with guides {:.1} \
+                 ms; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
+                1e3 * light,
+                rays / count("paths"),
+                shadows / count("paths"),
+                (rays + shadows) / light / 1e9,
+                1e3 * guides,
+            );
+            if samples == 1 {
+                let masks = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
+                let (labels, _) = best(&masks);
+                let (shaded, _) = best(&[NORMAL.id(), ALBEDO.id()]);
+                println!("{look:?}, labels: {:.2} ms; normals and albedo {:.2} ms", 1e3 * labels, 1e3 * shaded);
+            }
+        }
+    }
+}

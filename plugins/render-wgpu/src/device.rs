@@ -1,0 +1,414 @@
+//! A device: its limits, its kernels, and how its errors reach the caller.
+
+use bytemuck::Pod;
+use parking_lot::Mutex;
+use std::collections::HashMap;
+use std::fmt;
+use std::num::NonZeroU64;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use syntable_model::error::{Error, Result};
+
+/// The WGSL of all kernels, module after module.
+const SHADERS: &[&str] = &[
+    include_str!("shaders/scene.wgsl"),
+    syntable_transport::wgsl::FUNCTIONS,
+    syntable_transport::wgsl::SAMPLER,
+    syntable_transport::wgsl::GGX,
+    syntable_transport::wgsl::ALBEDO,
+    syntable_transport::wgsl::BSDF,
+    syntable_transport::wgsl::SHEEN,
+    syntable_transport::wgsl::COATING,
+    syntable_transport::wgsl::TRANSMISSION,
+    syntable_transport::wgsl::LAYERED,
+    syntable_transport::wgsl::SHAPES,
+    include_str!("shaders/material.wgsl"),
+    include_str!("shaders/surface.wgsl"),
+    include_str!("shaders/lights.wgsl"),
+    include_str!("shaders/bvh.wgsl"),
+    include_str!("shaders/camera.wgsl"),
+    include_str!("shaders/path.wgsl"),
+    include_str!("shaders/labels.wgsl"),
+];
+
+/// Longest time that a submission may take.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Storage buffers of the bind group; WebGPU promises eight.
+const STORAGE_BUFFERS: u32 = 8;
+
+/// Bytes between two uniforms of a pass in their buffer.
+pub const PASS_STRIDE: u64 = 256;
+
+/// An entry point of the shaders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kernel {
+    /// Camera rays.
+    Start,
+    /// First surfaces of rays.
+    Extend,
+    /// Scattering and light sampling.
+    Shade,
+    /// Shadow rays.
+    Shadow,
+    /// Sums of pixels.
+    Accumulate,
+    /// Labels.
+    Labels,
+}
+
+/// What kernels are compiled for: what a scene has not costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Variant {
+    /// Any material has layers.
+    pub layered: bool,
+    /// Any body has cut-outs.
+    pub cutouts: bool,
+    /// Any body has panes.
+    pub panes: bool,
+    /// Guides are gathered.
+    pub guides: bool,
+    /// Dielectrics are glTF's plain mix.
+    pub plain_dielectrics: bool,
+}
+
+/// What a graphics adapter is, for people.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterInfo {
+    /// Name of the card.
+    pub name: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Vulkan, Metal or DirectX 12.
+    pub backend: String,
+    /// Whether it is a card rather than a program.
+    pub is_hardware: bool,
+}
+
+impl fmt::Display for AdapterInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, driver, backend, is_hardware } = self;
+        let kind = if *is_hardware { "" } else { ", a program that runs on the processor" };
+        write!(f, "{name} ({driver}, {backend}{kind})")
+    }
+}
+
+/// The error of a machine without an adapter.
+pub fn none() -> Error {
+    Error::new("no graphics adapter was found")
+        .help(
+            "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or render with `cpu_path`; \
+             `mesa-vulkan-drivers` has a program in place of a card, for tests",
+        )
+        .permanent()
+}
+
+/// A device and its kernels; shared by sessions.
+pub struct Device {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    info: AdapterInfo,
+    limits: wgpu::Limits,
+    layout: wgpu::BindGroupLayout,
+    pipeline_layout: wgpu::PipelineLayout,
+    module: wgpu::ShaderModule,
+    pipelines: Mutex<HashMap<(Kernel, Variant), Arc<wgpu::ComputePipeline>>>,
+    /// First error since it was last asked for.
+    failure: Arc<Mutex<Option<String>>>,
+    lost: Arc<AtomicBool>,
+}
+
+/// The buffers of a bind group, in the order of their bindings.
+pub struct Bindings<'a> {
+    /// Storage buffers.
+    pub storage: [&'a wgpu::Buffer; STORAGE_BUFFERS as usize],
+    /// Uniforms of the view.
+    pub view: &'a wgpu::Buffer,
+    /// Uniforms of passes, [`PASS_STRIDE`] apart.
+    pub passes: &'a wgpu::Buffer,
+}
+
+/// The adapters of this machine that can run the kernels: cards first.
+pub struct Adapters(Vec<wgpu::Adapter>);
+
+impl Adapters {
+    /// Looks for adapters.
+    pub fn find() -> Self {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let usable = |adapter: &wgpu::Adapter| {
+            let limits = adapter.limits();
+            limits.max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
+                && limits.max_compute_invocations_per_workgroup >= 128
+        };
+        let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        let mut adapters: Vec<_> = found.into_iter().filter(usable).collect();
+        adapters.sort_by_key(|adapter| !info(adapter).is_hardware);
+        Self(adapters)
+    }
+
+    /// What they are.
+    pub fn list(&self) -> Vec<AdapterInfo> {
+        self.0.iter().map(info).collect()
+    }
+
+    /// Those to use: all cards, or one program where there is no card.
+    pub fn used(&self) -> usize {
+        self.0.iter().filter(|adapter| info(adapter).is_hardware).count().max(1)
+    }
+}
+
+fn info(adapter: &wgpu::Adapter) -> AdapterInfo {
+    let info = adapter.get_info();
+    AdapterInfo {
+        name: info.name,
+        driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
+        backend: info.backend.to_string(),
+        is_hardware: !matches!(info.device_type, wgpu::DeviceType::Cpu),
+    }
+}
+
+/// The adapters of this machine that can run the kernels: cards first.
+pub fn adapters() -> Vec<AdapterInfo> {
+    Adapters::find().list()
+}
+
+impl Device {
+    /// Opens an adapter by its number in the list.
+    pub fn open(adapters: &Adapters, number: usize) -> Result<Self> {
+        let adapter = adapters.0.get(number).ok_or_else(none)?;
+        let offered = adapter.limits();
+        let limits = wgpu::Limits {
+            max_storage_buffers_per_shader_stage: STORAGE_BUFFERS,
+            max_buffer_size: offered.max_buffer_size,
+            max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
+            ..wgpu::Limits::default()
+        };
+        let request = wgpu::DeviceDescriptor {
+            label: Some("syntable"),
+            required_limits: limits.clone(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let info = info(adapter);
+        let failed = |error: wgpu::RequestDeviceError| Error::new(format!("{} cannot be opened: {error}", info.name));
+        let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(failed)?;
+        let failure = Arc::new(Mutex::new(None));
+        let note = |failure: Arc<Mutex<Option<String>>>| {
+            move |message: String| {
+                failure.lock().get_or_insert(message);
+            }
+        };
+        let (noted, uncaptured) = (note(failure.clone()), note(failure.clone()));
+        let lost = Arc::new(AtomicBool::new(false));
+        let is_lost = lost.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            is_lost.store(true, Ordering::Relaxed);
+            noted(format!("the device was lost ({reason:?}): {message}"));
+        });
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| uncaptured(error.to_string())));
+
+        let storage = |binding: u32, read_only: bool| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let uniform = |binding: u32, has_dynamic_offset: bool| wgpu::BindGroupLayoutEntry {
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset,
+                min_binding_size: None,
+            },
+            ..storage(binding, true)
+        };
+        let entries: Vec<_> = (0..STORAGE_BUFFERS)
+            .map(|binding| storage(binding, binding < 4))
+            .chain([uniform(8, false), uniform(9, true)])
+            .collect();
+        let layout = device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("kernels"), entries: &entries });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("kernels"),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let source = wgpu::ShaderSource::Wgsl(SHADERS.join("\n").into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some("syntable"), source };
+        // SAFETY: loops of the shaders end, and their indices follow from tables and counts that this crate writes.
+        let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
+        let opened = Self {
+            device,
+            queue,
+            info,
+            limits,
+            layout,
+            pipeline_layout,
+            module,
+            pipelines: Mutex::default(),
+            failure,
+            lost,
+        };
+        opened.check()?;
+        Ok(opened)
+    }
+
+    /// Name of the card.
+    pub fn name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// Whether it can do nothing any more: its driver gave it up, or it did not finish in time.
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Bytes of the largest buffer that kernels can read.
+    pub fn max_buffer(&self) -> u64 {
+        self.limits.max_buffer_size.min(self.limits.max_storage_buffer_binding_size)
+    }
+
+    /// What went wrong since the last call.
+    pub fn check(&self) -> Result<()> {
+        match self.failure.lock().take() {
+            None => Ok(()),
+            Some(message) => Err(Error::new(format!("{}: {message}", self.info.name))
+                .help("if it stays so, update the driver, or render with `cpu_path`")),
+        }
+    }
+
+    fn buffer(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
+        let size = size.max(256).next_multiple_of(256);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        });
+        self.check()?;
+        Ok(buffer)
+    }
+
+    /// A buffer for kernels, of at least `size` bytes.
+    pub fn storage(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
+        use wgpu::BufferUsages as Usage;
+        self.buffer(label, size, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
+    }
+
+    /// A buffer of uniforms.
+    pub fn uniforms(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
+        self.buffer(label, size, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
+    }
+
+    /// A buffer that is read on this side.
+    pub fn readable(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
+        self.buffer(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
+    }
+
+    /// Writes to a buffer before the next submission.
+    pub fn write(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            self.queue.write_buffer(buffer, offset, bytes);
+        }
+    }
+
+    /// Binds buffers to the kernels.
+    pub fn bind(&self, bindings: &Bindings) -> wgpu::BindGroup {
+        let entry = |binding: usize, resource| wgpu::BindGroupEntry { binding: binding as u32, resource };
+        let pass = wgpu::BufferBinding { buffer: bindings.passes, offset: 0, size: NonZeroU64::new(32) };
+        let entries: Vec<_> = (bindings.storage.iter().enumerate())
+            .map(|(binding, buffer)| entry(binding, buffer.as_entire_binding()))
+            .chain([entry(8, bindings.view.as_entire_binding()), entry(9, wgpu::BindingResource::Buffer(pass))])
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("kernels"),
+            layout: &self.layout,
+            entries: &entries,
+        })
+    }
+
+    /// A kernel, compiled at first use.
+    pub fn kernel(&self, kernel: Kernel, variant: Variant) -> Arc<wgpu::ComputePipeline> {
+        let make = || {
+            let on = |flag: bool| if flag { 1.0 } else { 0.0 };
+            let entry_point = match kernel {
+                Kernel::Start => "start",
+                Kernel::Extend => "extend",
+                Kernel::Shade => "shade",
+                Kernel::Shadow => "shadow",
+                Kernel::Accumulate => "accumulate",
+                Kernel::Labels => "labels",
+            };
+            let constants = [
+                ("LAYERED", on(variant.layered)),
+                ("CUTOUTS", on(variant.cutouts)),
+                ("PANES", on(variant.panes)),
+                ("GUIDES", on(variant.guides)),
+                ("PLAIN_DIELECTRICS", on(variant.plain_dielectrics)),
+            ];
+            Arc::new(self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: Some(&self.pipeline_layout),
+                module: &self.module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &constants,
+                    zero_initialize_workgroup_memory: false,
+                },
+                cache: None,
+            }))
+        };
+        self.pipelines.lock().entry((kernel, variant)).or_insert_with(make).clone()
+    }
+
+    /// Records work.
+    pub fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None })
+    }
+
+    /// Starts work.
+    pub fn submit(&self, encoder: wgpu::CommandEncoder) {
+        self.queue.submit([encoder.finish()]);
+    }
+
+    /// Starts work that ends by copying the first elements of a buffer to a readable one, waits for it, and gives them to
+    /// `read`.
+    pub fn read<T: Pod, R>(
+        &self,
+        mut encoder: wgpu::CommandEncoder,
+        from: &wgpu::Buffer,
+        through: &wgpu::Buffer,
+        count: u64,
+        read: impl FnOnce(&[T]) -> R,
+    ) -> Result<R> {
+        let bytes = count * size_of::<T>() as u64;
+        encoder.copy_buffer_to_buffer(from, 0, through, 0, bytes);
+        self.submit(encoder);
+        let mapped = Arc::new(Mutex::new(None));
+        let answer = mapped.clone();
+        through.map_async(wgpu::MapMode::Read, 0..bytes, move |result| *answer.lock() = Some(result));
+        let waited = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
+        self.check()?;
+        let hung = |error: wgpu::PollError| {
+            self.lost.store(true, Ordering::Relaxed);
+            Error::new(format!("{} did not finish within {} s: {error}", self.info.name, PATIENCE.as_secs()))
+        };
+        waited.map_err(hung)?;
+        let unreadable = |error: String| Error::new(format!("{}: results cannot be read: {error}", self.info.name));
+        match mapped.lock().take() {
+            Some(Ok(())) => {}
+            Some(Err(error)) => return Err(unreadable(error.to_string())),
+            None => return Err(unreadable("they are not there".into())),
+        }
+        let result = {
+            let view = through.get_mapped_range(0..bytes).map_err(|error| unreadable(error.to_string()))?;
+            read(bytemuck::cast_slice(&view))
+        };
+        through.unmap();
+        Ok(result)
+    }
+}

@@ -1,0 +1,111 @@
+//! `gpu_path`: the path tracer of a graphics card as a stage.
+
+use crate::device::{Adapters, Device, none};
+use crate::session::{Caches, GpuSession};
+use parking_lot::Mutex;
+use std::sync::{Arc, OnceLock};
+use syntable_model::context::Workers;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
+use syntable_transport::PathTracing;
+use syntable_transport::film::Film;
+
+/// Path tracing on a graphics card, by Vulkan, Metal or DirectX 12: the images of `cpu_path` up to rounding, and its labels.
+/// The same card and driver make the same bytes.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct GpuPath(pub PathTracing);
+
+impl Config for GpuPath {
+    type Stage = dyn Renderer;
+    const KIND: &'static str = "gpu_path";
+    const EXAMPLE: &'static str = "samples_per_pixel = 64\nmax_bounces = 8";
+
+    fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
+        Ok(Box::new(GpuPathRenderer::new(self.0)))
+    }
+}
+
+/// Sessions that share an adapter: one loads and reads back while the other renders.
+const SESSIONS_PER_ADAPTER: usize = 2;
+
+/// The renderer of [`GpuPath`].
+pub struct GpuPathRenderer {
+    options: PathTracing,
+    caches: Arc<Caches>,
+    /// Looked for once.
+    adapters: OnceLock<Adapters>,
+    /// Opened devices, by the number of the adapter.
+    devices: Mutex<Vec<Option<Arc<Device>>>>,
+}
+
+impl GpuPathRenderer {
+    /// Builds the renderer; opens no device. The options must be within the limits of their schema.
+    pub fn new(options: PathTracing) -> Self {
+        Self { options, caches: Arc::default(), adapters: OnceLock::new(), devices: Mutex::default() }
+    }
+
+    fn adapters(&self) -> &Adapters {
+        self.adapters.get_or_init(Adapters::find)
+    }
+
+    /// The device of an adapter.
+    fn device(&self, number: usize) -> Result<Arc<Device>> {
+        let mut devices = self.devices.lock();
+        if devices.len() <= number {
+            devices.resize(number + 1, None);
+        }
+        // One that was lost is given up, and opened anew for the next scene.
+        if let Some(device) = devices[number].as_ref().filter(|device| !device.is_lost()) {
+            return Ok(device.clone());
+        }
+        let device = Arc::new(Device::open(self.adapters(), number)?);
+        devices[number] = Some(device.clone());
+        Ok(device)
+    }
+
+    /// Opens a session of the concrete type on the adapter of a number.
+    pub(crate) fn session(&self, adapter: usize) -> Result<GpuSession> {
+        GpuSession::new(self.device(adapter)?, self.options.clone(), self.caches.clone())
+    }
+}
+
+impl Renderer for GpuPathRenderer {
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, NORMAL, ALBEDO];
+        keys.extend(Film::offers());
+        keys
+    }
+
+    fn max_sessions(&self) -> Option<usize> {
+        Some(self.adapters().used() * SESSIONS_PER_ADAPTER)
+    }
+
+    fn devices(&self) -> Result<Vec<String>> {
+        let found = self.adapters().list();
+        if found.is_empty() {
+            return Err(none());
+        }
+        Ok(found.iter().take(self.adapters().used()).map(ToString::to_string).collect())
+    }
+
+    fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
+        Ok(Box::new(self.session(index % self.adapters().used())?))
+    }
+
+    fn cost(&self) -> String {
+        self.options.cost()
+    }
+}
+
+impl RenderSession for GpuSession {
+    fn load(&mut self, scene: &Arc<Scene>, workers: &dyn Workers) -> Result<()> {
+        Self::load(self, scene, workers)
+    }
+
+    fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<()> {
+        Self::render(self, request, frame).map(|_| ())
+    }
+}
+
+register!(GpuPath);

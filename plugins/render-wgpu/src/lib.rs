@@ -1,0 +1,19 @@
+//! GPU path tracer: the images and labels of the CPU path tracer, on any card with Vulkan, Metal or DirectX 12.
+//!
+//! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
+//! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `tables`
+//! and `arena`, how scenes lie in buffers; `device`, kernels and errors; `session`, the rendering of views; `gpu_path`, the
+//! stage. The shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
+//!
+//! **Invariants.** The same device makes the same bytes: paths are numbered, each is computed by itself, and the samples of
+//! a pixel are added in their order. The CPU's numbers are found up to rounding.
+
+mod arena;
+mod device;
+mod gpu_path;
+mod session;
+mod tables;
+mod trees;
+
+pub use device::{AdapterInfo, adapters};
+pub use gpu_path::{GpuPath, GpuPathRenderer};

@@ -1,0 +1,871 @@
+//! A scene on a device, and the rendering of its views.
+
+use crate::arena::{Arena, Asset};
+use crate::device::{Bindings, Device, Kernel, PASS_STRIDE, Variant};
+use crate::tables::{BodyPlace, FAR, NONE, Tables};
+use crate::trees::{MeshTree, top_level};
+use bytemuck::{Pod, Zeroable};
+use parking_lot::Mutex;
+use std::sync::{Arc, OnceLock};
+use syntable_model::context::Workers;
+use syntable_model::digest::Digest;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
+use syntable_model::product::{BitPlane, Plane, Products};
+use syntable_model::scene::{InstanceId, Scene};
+use syntable_model::stage::{Bodies, RenderRequest, Window};
+use syntable_prepare::labels::{BlendedLabels, instance_id};
+use syntable_prepare::{
+    AssetCache, Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, PreparedScene,
+    ProjectedEnvironment, SampleOrder, SceneCache,
+};
+use syntable_transport::film::{Film, Statistics, Task, Tracer, guide_seed, place};
+use syntable_transport::{Dielectrics, PartSums, PathTracing, PixelFilter, PixelSums, RayCamera, Settings};
+
+/// Bytes of trees that are kept on this side though no scene uses them.
+const CAPACITY: u64 = 256 << 20;
+
+/// Paths that are in flight at most.
+const MOST_PATHS: u64 = 1 << 21;
+
+/// Planes of a path's state in `path.wgsl`, without guides and with them.
+const STATE_PLANES: [u64; 2] = [10, 17];
+
+/// Numbers of a pixel's sums in `path.wgsl`, without guides and with them.
+const SUMS: [u64; 2] = [9, 24];
+
+/// Words of a pixel's labels in `labels.wgsl`, without its coverage.
+const LABEL_WORDS: u64 = 8;
+
+/// Words of the counters in `path.wgsl`.
+const COUNTERS: u64 = 1028;
+
+/// Where in them rays are counted.
+const RAYS_COUNTED: usize = 1024;
+
+/// Bounces that are submitted at once, before the device is asked whether any path is left.
+const BOUNCES_AT_ONCE: u32 = 16;
+
+/// Bounces of paths that are traced for guides alone.
+const GUIDE_BOUNCES: u32 = 8;
+
+/// Threads of a group of most kernels.
+const GROUP: u64 = 64;
+
+/// Flags of a view in `scene.wgsl`.
+const WARPED: u32 = 1;
+const TENT: u32 = 2;
+const BLENDED_BY_COVERAGE: u32 = 4;
+const ONLY_GUIDES: u32 = 8;
+const BEFORE_SUPPORT: u32 = 16;
+const SHADED_LABELS: u32 = 32;
+
+/// `View` in `scene.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct View {
+    window: [i32; 4],
+    origin: [f32; 4],
+    corner: [f32; 4],
+    along_u: [f32; 4],
+    along_v: [f32; 4],
+    right: [f32; 4],
+    down: [f32; 4],
+    rows: [[f32; 4]; 3],
+    bodies: u32,
+    materials: u32,
+    layers: u32,
+    textures: u32,
+    lobes: u32,
+    decode: u32,
+    area_lights: u32,
+    windows: u32,
+    emitters: u32,
+    distant_lights: u32,
+    projection: u32,
+    blocks: u32,
+    warp: u32,
+    area_count: u32,
+    emitter_count: u32,
+    distant_count: u32,
+    objects: u32,
+    foreground: u32,
+    top_level: u32,
+    seen: u32,
+    reach: f32,
+    sample_bits: u32,
+    block_bits: u32,
+    block_columns: u32,
+    flags: u32,
+    max_bounces: u32,
+    roulette_from: u32,
+    capacity: u32,
+    words: u32,
+    unused: [u32; 3],
+}
+
+/// `Pass` in `scene.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Pass {
+    first_pixel: u32,
+    pixels: u32,
+    first_sample: u32,
+    samples: u32,
+    bounce: u32,
+    unused: [u32; 3],
+}
+
+/// What sessions share between scenes.
+pub struct Caches {
+    scene: SceneCache,
+    trees: AssetCache<MeshTree>,
+}
+
+impl Default for Caches {
+    fn default() -> Self {
+        Self { scene: SceneCache::default(), trees: AssetCache::new(CAPACITY) }
+    }
+}
+
+/// A scene ready to be traced.
+struct World {
+    scene: PreparedScene,
+    /// By body: digest of its object, tree and world box.
+    bodies: Vec<(Digest, Arc<MeshTree>, Bounds)>,
+}
+
+/// Buffers that grow with what is rendered.
+struct Buffers {
+    tables: wgpu::Buffer,
+    paths: wgpu::Buffer,
+    queues: wgpu::Buffer,
+    counters: wgpu::Buffer,
+    output: wgpu::Buffer,
+    view: wgpu::Buffer,
+    passes: wgpu::Buffer,
+    readable: wgpu::Buffer,
+}
+
+/// A session on a device.
+pub struct GpuSession {
+    device: Arc<Device>,
+    options: PathTracing,
+    caches: Arc<Caches>,
+    world: Option<World>,
+    geometry: Arena,
+    shading: Arena,
+    images: Arena,
+    buffers: Buffers,
+}
+
+impl GpuSession {
+    /// Opens a session.
+    pub fn new(device: Arc<Device>, options: PathTracing, caches: Arc<Caches>) -> Result<Self> {
+        let storage = |label| device.storage(label, 0);
+        let buffers = Buffers {
+            tables: storage("tables")?,
+            paths: storage("paths")?,
+            queues: storage("queues")?,
+            counters: device.storage("counters", 4 * COUNTERS)?,
+            output: storage("output")?,
+            view: device.uniforms("view", size_of::<View>() as u64)?,
+            passes: device.uniforms("passes", PASS_STRIDE * u64::from(options.max_bounces.max(GUIDE_BOUNCES) + 1))?,
+            readable: device.readable("readable", 0)?,
+        };
+        let (geometry, shading) = (Arena::new(&device, "trees", 16)?, Arena::new(&device, "triangles", 16)?);
+        let images = Arena::new(&device, "textures", 4)?;
+        Ok(Self { device, options, caches, world: None, geometry, shading, images, buffers })
+    }
+
+    /// Makes a scene ready.
+    pub fn load(&mut self, scene: &Scene, workers: &dyn Workers) -> Result<()> {
+        self.world = None;
+        let bodies = scene.bodies();
+        let prepared = PreparedScene::new(scene, &self.caches.scene, workers);
+        let build = |i: usize| {
+            let object = &bodies[i].object;
+            let data = object.mesh.data();
+            let build = || MeshTree::build(&data.positions, &data.triangles);
+            (object.digest, self.caches.trees.get(object.digest, build, MeshTree::size))
+        };
+        let trees: Vec<OnceLock<(Digest, Arc<MeshTree>)>> = bodies.iter().map(|_| OnceLock::new()).collect();
+        workers.run(bodies.len(), &|i| {
+            trees[i].get_or_init(|| build(i));
+        });
+        let placed = |(number, tree): (usize, OnceLock<(Digest, Arc<MeshTree>)>)| {
+            let (digest, tree) = tree.into_inner().unwrap_or_else(|| build(number));
+            let bounds = placed_bounds(&prepared.bodies[number].world_from_body(), &tree.outline);
+            (digest, tree, bounds)
+        };
+        let bodies: Vec<_> = trees.into_iter().enumerate().map(placed).collect();
+
+        // Room for two top levels: that of all bodies, and that of those which camera rays meet.
+        let reserved = 2 * top_level_room(bodies.len());
+        let tree_of = |(digest, tree, _): &(Digest, Arc<MeshTree>, Bounds)| {
+            let tree = tree.clone();
+            Asset {
+                digest: *digest,
+                count: (tree.nodes.len() + tree.triangles.len()) as u64,
+                bytes: Box::new(move |place| {
+                    let nodes: Vec<[f32; 4]> = tree.nodes_at(place).collect();
+                    [bytemuck::cast_slice(&nodes), bytemuck::cast_slice(&tree.triangles)].concat()
+                }),
+            }
+        };
+        self.geometry.keep(&self.device, reserved, &bodies.iter().map(tree_of).collect::<Vec<_>>())?;
+        let triangles_of = |(number, (digest, ..)): (usize, &(Digest, Arc<MeshTree>, Bounds))| {
+            let mesh = prepared.mesh(&prepared.bodies[number]);
+            let (triangles, tangents, colors) = (mesh.triangles.len(), mesh.tangents.len(), mesh.colors.len());
+            Asset {
+                digest: *digest,
+                count: (4 * triangles + tangents + 2 * colors) as u64,
+                bytes: Box::new(move |_| bytemuck::cast_slice(&shading_words(mesh)).to_vec()),
+            }
+        };
+        let assets: Vec<_> = bodies.iter().enumerate().map(triangles_of).collect();
+        self.shading.keep(&self.device, 0, &assets)?;
+        drop(assets);
+        self.world = Some(World { scene: prepared, bodies });
+        self.device.check()
+    }
+
+    /// Renders the wanted products of a view.
+    pub fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
+        let not_loaded = || Error::new("no scene was loaded before rendering").help("call `load` first");
+        let world = self.world.take().ok_or_else(not_loaded)?;
+        let rendered = self.render_world(&world, request, frame);
+        self.world = Some(world);
+        rendered
+    }
+
+    fn render_world(&mut self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
+        let chosen = chosen(&request.bodies, world.bodies.len())?;
+        let camera = RayCamera::new(&request.view.camera, request.window);
+        let lights = LightTable::new(&request.view.lights, &self.caches.scene)?;
+        let view = self.upload(world, request, &camera, &lights, &chosen)?;
+        let wants = |key: syntable_model::product::KeyId| request.wants.contains(&key);
+        let labels =
+            [DEPTH.id(), INSTANCE.id(), NORMAL.id(), ALBEDO.id(), COVERAGE.id(), COVERAGE.before_support().id()];
+        if labels.into_iter().any(wants) {
+            self.labels(world, request, view, frame)?;
+        }
+        if !request.wants.iter().any(|want| Film::offers().contains(want)) {
+            return Ok(Statistics::default());
+        }
+        let guides = Film::wants_guides(request.wants);
+        let settings = self.options.settings();
+        self.make_room(request.window.pixels(), settings.samples, guides)?;
+        let view = View { capacity: self.capacity(guides), ..view };
+        let tracer = GpuTracer {
+            session: self,
+            world,
+            window: request.window,
+            view,
+            guides,
+            guide_view: self.guide_view(view, request, &settings, &camera),
+            counted: Mutex::new(Statistics::default()),
+        };
+        let film = Film::trace(&tracer, request.window, &tracer.session.options.budget(), request.workers)?;
+        film.put(request.wants, &camera, request.workers, frame)?;
+        Ok(film.statistics)
+    }
+
+    /// Writes the tables of a view.
+    fn upload(
+        &mut self,
+        world: &World,
+        request: &RenderRequest,
+        camera: &RayCamera,
+        lights: &LightTable,
+        chosen: &Chosen,
+    ) -> Result<View> {
+        let scene = &world.scene;
+        let environments = environments(lights);
+        let texture = |texture: &Arc<syntable_prepare::MipTexture>| {
+            let texture = texture.clone();
+            Asset {
+                digest: texture.digest(),
+                count: texture.levels().iter().map(|level| u64::from(level.width) * u64::from(level.height)).sum(),
+                bytes: Box::new(move |_| {
+                    let texels = |level: &syntable_prepare::MipLevel| {
+                        let count = level.width as usize * level.height as usize;
+                        texture.texels(*level)[..count].as_flattened().to_vec()
+                    };
+                    texture.levels().iter().flat_map(texels).collect()
+                }),
+            }
+        };
+        let environment = |light: &Arc<EnvironmentDistribution>| {
+            let light = light.clone();
+            Asset {
+                digest: light.map().digest,
+                count: (light.rows().len() + light.texels().len() + 3 * light.map().texels().len()) as u64,
+                bytes: Box::new(move |_| {
+                    let radiance = light.map().texels().as_flattened();
+                    [light.rows(), light.texels(), radiance].map(|part| bytemuck::cast_slice::<f32, u8>(part)).concat()
+                }),
+            }
+        };
+        let images: Vec<_> =
+            scene.materials.textures.iter().map(texture).chain(environments.iter().map(environment)).collect();
+        self.images.keep(&self.device, 0, &images)?;
+        drop(images);
+
+        // The top level, and that of what camera rays meet.
+        let room = top_level_room(world.bodies.len()) as u32;
+        let boxes = |keep: &dyn Fn(usize) -> bool| -> Vec<Bounds> {
+            let of = |(number, (_, _, bounds)): (usize, &(Digest, Arc<MeshTree>, Bounds))| {
+                if keep(number) { *bounds } else { Bounds::EMPTY }
+            };
+            world.bodies.iter().enumerate().map(of).collect()
+        };
+        let write_level = |place: u32, boxes: &[Bounds]| {
+            let nodes = top_level(boxes, place);
+            self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&nodes));
+            if nodes.is_empty() { NONE } else { place }
+        };
+        let lit = boxes(&|body| chosen.lit(body));
+        let top = write_level(0, &lit);
+        let seen = match chosen {
+            Chosen::Seen(_) => write_level(room, &boxes(&|body| chosen.seen(body))),
+            _ => top,
+        };
+        let reach = lit.iter().map(Bounds::reach).fold(0.0, f32::max);
+
+        let mut tables = Tables::default();
+        let [lobes, decode] = tables.constants();
+        let bodies = scene.bodies.iter().zip(&world.bodies).map(|(body, (digest, tree, _))| {
+            let (mesh, root) = (scene.mesh(body), self.geometry.place(digest));
+            let shading = self.shading.place(digest);
+            let after = |count: usize, there: bool| if there { shading + count as u32 } else { NONE };
+            let (triangles, tangents) = (4 * mesh.triangles.len(), mesh.tangents.len());
+            let place = BodyPlace {
+                root,
+                triangles: root + tree.nodes.len() as u32,
+                reach: tree.reach,
+                shading,
+                tangents: after(triangles, tangents > 0),
+                colors: after(triangles + tangents, !mesh.colors.is_empty()),
+            };
+            (body, place)
+        });
+        let bodies = tables.bodies(bodies);
+        let materials = tables.materials(&scene.materials.materials);
+        let layers = tables.layers(&scene.materials.layers);
+        let textures = scene.materials.textures.iter().map(|texture| (texture, self.images.place(&texture.digest())));
+        let textures = tables.textures(textures);
+        let place = |light: &Arc<EnvironmentDistribution>| self.images.place(&light.map().digest);
+        let [area_lights, windows] = tables.area_lights(lights, &place);
+        let emitters: Vec<EmissiveBody> =
+            scene.emitters.iter().filter(|emitter| chosen.lit(emitter.instance as usize)).cloned().collect();
+        let emitter_count = emitters.len() as u32;
+        let emitters =
+            tables.emitters(&emitters, |emitter| scene.mesh(&scene.bodies[emitter.instance as usize]).triangles.len());
+        let distant_lights = tables.distant_lights(&lights.distant, &place);
+        let projection = match scene.materials.has_projections {
+            true => ProjectedEnvironment::new(&request.view.lights, lights),
+            false => None,
+        };
+        let projection = tables.projection(projection.as_ref(), &place);
+        let settings = self.options.settings();
+        let order = SampleOrder::new(request.stream.seed(), settings.samples);
+        let [blocks, block_columns] = tables.blocks(&order, request.window);
+        let guide_order = guide_order(request);
+        let guide_blocks = tables.blocks(&guide_order, request.window);
+        // Both orders have blocks of their own; a view's guides find theirs after the light's.
+        debug_assert!(guide_blocks[0] >= blocks);
+        let warp = tables.warp(camera, request.window);
+        self.buffers.tables = self.grown(&self.buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
+        self.device.write(&self.buffers.tables, 0, bytemuck::cast_slice(tables.entries()));
+
+        let Window { x, y, width, height } = request.window;
+        let vector = |v: syntable_simd::Vec3, w: f32| [v.x, v.y, v.z, w];
+        let [along_u, along_v] = camera.slopes();
+        let lens = camera.lens.as_ref();
+        let side =
+            |of: fn(&syntable_transport::Lens) -> syntable_simd::Vec3| lens.map_or(syntable_simd::Vec3::ZERO, of);
+        let limit = settings.max_indirect_luminance_nits.min(FAR);
+        let flag = |bit: u32, on: bool| if on { bit } else { 0 };
+        let wants = |key: syntable_model::product::KeyId| request.wants.contains(&key);
+        Ok(View {
+            window: [x, y, width as i32, height as i32],
+            origin: vector(camera.origin(), camera.pixel_angle),
+            corner: vector(camera.corner(0, 0), settings.spread(camera.pixel_angle)),
+            along_u: vector(along_u, lens.map_or(0.0, |lens| lens.focus)),
+            along_v: vector(along_v, settings.regularize),
+            right: vector(side(|lens| lens.right), limit),
+            down: vector(side(|lens| lens.down), f32::from_bits(guide_blocks[0])),
+            rows: camera.rows().map(|row| vector(row, 0.0)),
+            bodies,
+            materials,
+            layers,
+            textures,
+            lobes,
+            decode,
+            area_lights,
+            windows,
+            emitters,
+            distant_lights,
+            projection,
+            blocks,
+            warp,
+            area_count: lights.area.len() as u32,
+            emitter_count,
+            distant_count: lights.distant.len() as u32,
+            objects: scene.objects as u32,
+            foreground: scene.foreground as u32,
+            top_level: top,
+            seen,
+            reach,
+            sample_bits: order.sample_bits(),
+            block_bits: order.block_bits(),
+            block_columns,
+            flags: flag(WARPED, camera.is_warped())
+                | flag(TENT, settings.filter == PixelFilter::Tent)
+                | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage)
+                | flag(BEFORE_SUPPORT, wants(COVERAGE.before_support().id()))
+                | flag(SHADED_LABELS, wants(NORMAL.id()) || wants(ALBEDO.id())),
+            max_bounces: settings.max_bounces,
+            roulette_from: settings.roulette_from,
+            capacity: 0,
+            words: scene.objects.div_ceil(32).max(1) as u32,
+            unused: [0; 3],
+        })
+    }
+
+    /// The view of paths that are traced for guides alone.
+    fn guide_view(&self, view: View, request: &RenderRequest, settings: &Settings, camera: &RayCamera) -> View {
+        let order = guide_order(request);
+        let settings = Settings { samples: syntable_transport::film::GUIDE_SAMPLES, ..*settings };
+        let [x, y, z, _] = view.corner;
+        View {
+            corner: [x, y, z, settings.spread(camera.pixel_angle)],
+            blocks: view.down[3].to_bits(),
+            block_columns: columns(&order, request.window),
+            sample_bits: order.sample_bits(),
+            block_bits: order.block_bits(),
+            flags: view.flags | ONLY_GUIDES,
+            ..view
+        }
+    }
+
+    /// A buffer of at least a size: the same one if it is large enough.
+    fn grown(&self, buffer: &wgpu::Buffer, label: &str, size: u64) -> Result<wgpu::Buffer> {
+        match buffer.size() >= size {
+            true => Ok(buffer.clone()),
+            false => self.device.storage(label, size.next_power_of_two().min(self.device.max_buffer()).max(size)),
+        }
+    }
+
+    /// Paths that the buffers have room for.
+    fn capacity(&self, guides: bool) -> u32 {
+        (self.buffers.paths.size() / (16 * STATE_PLANES[usize::from(guides)])) as u32
+    }
+
+    /// Makes room for the paths of an image.
+    fn make_room(&mut self, pixels: u64, samples: u32, guides: bool) -> Result<()> {
+        let planes = STATE_PLANES[usize::from(guides)];
+        let most = (self.device.max_buffer() / (16 * planes)).min(MOST_PATHS);
+        let paths = (pixels * u64::from(samples.max(syntable_transport::film::GUIDE_SAMPLES))).clamp(GROUP, most);
+        self.buffers.paths = self.grown(&self.buffers.paths, "paths", paths * 16 * planes)?;
+        let capacity = u64::from(self.capacity(guides));
+        self.buffers.queues = self.grown(&self.buffers.queues, "queues", 4 * (3 * capacity + pixels))?;
+        self.make_output(4 * SUMS[usize::from(guides)] * pixels)
+    }
+
+    fn make_output(&mut self, bytes: u64) -> Result<()> {
+        if bytes > self.device.max_buffer() {
+            let (name, mib) = (self.device.name(), bytes >> 20);
+            return Err(Error::new(format!("the image needs {mib} MiB, which a buffer of {name} does not hold"))
+                .help("lower the resolution, or render with `cpu_path`")
+                .permanent());
+        }
+        self.buffers.output = self.grown(&self.buffers.output, "output", bytes)?;
+        if self.buffers.readable.size() < bytes.max(4 * COUNTERS) {
+            self.buffers.readable = self.device.readable("readable", bytes.max(4 * COUNTERS).next_power_of_two())?;
+        }
+        Ok(())
+    }
+
+    fn bind(&self) -> wgpu::BindGroup {
+        let b = &self.buffers;
+        self.device.bind(&Bindings {
+            storage: [
+                self.geometry.buffer(),
+                self.shading.buffer(),
+                self.images.buffer(),
+                &b.tables,
+                &b.paths,
+                &b.queues,
+                &b.counters,
+                &b.output,
+            ],
+            view: &b.view,
+            passes: &b.passes,
+        })
+    }
+
+    fn variant(&self, world: &World, guides: bool) -> Variant {
+        Variant {
+            layered: world.scene.is_layered,
+            cutouts: world.scene.has_cutouts,
+            panes: world.scene.has_panes,
+            guides,
+            plain_dielectrics: self.options.dielectrics == Dielectrics::Gltf,
+        }
+    }
+
+    /// Renders the wanted labels.
+    fn labels(&mut self, world: &World, request: &RenderRequest, view: View, frame: &mut Products) -> Result<()> {
+        let Window { width, height, .. } = request.window;
+        let words = LABEL_WORDS + 2 * u64::from(view.words);
+        let count = words * request.window.pixels();
+        self.make_output(4 * count)?;
+        self.device.write(&self.buffers.view, 0, bytemuck::bytes_of(&view));
+        let (kernel, group) = (self.device.kernel(Kernel::Labels, self.variant(world, false)), self.bind());
+        let mut encoder = self.device.encoder();
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&kernel);
+            pass.set_bind_group(0, &group, &[0]);
+            let squares = u64::from(width.div_ceil(8)) * u64::from(height.div_ceil(8));
+            let [x, y] = groups(squares * GROUP, GROUP);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        let objects = world.scene.objects;
+        let wants = |key: syntable_model::product::KeyId| request.wants.contains(&key);
+        self.device.read(encoder, &self.buffers.output, &self.buffers.readable, count, |output: &[u32]| {
+            let pixels = || output.chunks_exact(words as usize);
+            if wants(DEPTH.id()) {
+                let depth = |pixel: &[u32]| {
+                    let t = f32::from_bits(pixel[0]);
+                    if t < FAR { t } else { f32::INFINITY }
+                };
+                frame.put(DEPTH, Plane::from_vec(width, height, pixels().map(depth).collect()))?;
+            }
+            if wants(INSTANCE.id()) {
+                let id = |pixel: &[u32]| match pixel[1] {
+                    0 => InstanceId::BACKGROUND,
+                    number => instance_id(number - 1),
+                };
+                frame.put(INSTANCE, Plane::from_vec(width, height, pixels().map(id).collect()))?;
+            }
+            for (key, first) in [(NORMAL, 2), (ALBEDO, 5)] {
+                if wants(key.id()) {
+                    let vector = |pixel: &[u32]| [0, 1, 2].map(|c| f32::from_bits(pixel[first + c]));
+                    frame.put(key, Plane::from_vec(width, height, pixels().map(vector).collect()))?;
+                }
+            }
+            let per_plane = view.words as usize;
+            for (key, first) in [(COVERAGE, 8), (COVERAGE.before_support(), 8 + per_plane)] {
+                if wants(key.id()) {
+                    let mut plane = BitPlane::new(width, height, objects);
+                    for (number, pixel) in pixels().enumerate() {
+                        let at = (number as u32 % width, number as u32 / width);
+                        for (word, &bits) in pixel[first..first + per_plane].iter().enumerate() {
+                            let mut bits = bits;
+                            while bits != 0 {
+                                let object = 32 * word as u32 + bits.trailing_zeros();
+                                bits &= bits - 1;
+                                plane.insert(at.0, at.1, instance_id(object));
+                            }
+                        }
+                    }
+                    frame.put(key, plane)?;
+                }
+            }
+            Ok(())
+        })?
+    }
+}
+
+/// Traces paths of a view.
+struct GpuTracer<'a> {
+    session: &'a GpuSession,
+    world: &'a World,
+    window: Window,
+    view: View,
+    guide_view: View,
+    guides: bool,
+    /// Rays counted so far.
+    counted: Mutex<Statistics>,
+}
+
+impl Tracer for GpuTracer<'_> {
+    fn has_guides(&self) -> bool {
+        self.guides
+    }
+
+    fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
+        let paths = tasks.iter().map(|task| (task.pixels.len() * task.samples.len()) as u64).sum();
+        let [rays, shadow_rays] = self.run(&self.view, tasks, workers)?;
+        let counted = std::mem::replace(&mut *self.counted.lock(), Statistics { paths: 0, rays, shadow_rays });
+        Ok(Statistics { paths, rays: rays - counted.rays, shadow_rays: shadow_rays - counted.shadow_rays })
+    }
+
+    fn trace_guides(&self, _: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
+        self.run(&self.guide_view, tasks, workers).map(|_| ())
+    }
+}
+
+impl GpuTracer<'_> {
+    /// Traces the samples of tasks and adds their sums; gives the numbers of rays and of shadow rays of the view so far.
+    fn run(&self, view: &View, tasks: Vec<Task>, workers: &dyn Workers) -> Result<[u64; 2]> {
+        let Self { session, window, .. } = self;
+        let (device, buffers) = (&session.device, &session.buffers);
+        let Some(samples) = tasks.first().map(|task| task.samples.clone()) else { return Ok([0; 2]) };
+        let mut pixels = Vec::new();
+        for task in &tasks {
+            pixels.extend(task.pixels.iter().map(|&pixel| {
+                let (x, y) = place(task.area, pixel);
+                (x - window.x) as u32 | ((y - window.y) as u32) << 16
+            }));
+        }
+        let only_guides = view.flags & ONLY_GUIDES != 0;
+        let (listed, capacity) = (pixels.len() as u32, view.capacity);
+        device.write(&buffers.queues, 12 * u64::from(capacity), bytemuck::cast_slice(&pixels));
+        device.write(&buffers.view, 0, bytemuck::bytes_of(view));
+        let numbers = SUMS[usize::from(self.guides)];
+        let mut encoder = device.encoder();
+        encoder.clear_buffer(&buffers.output, 0, Some(4 * numbers * u64::from(listed)));
+        if !only_guides && *self.counted.lock() == Statistics::default() {
+            encoder.clear_buffer(&buffers.counters, 0, None);
+        }
+        let mut work = Work::new(self, encoder);
+        let per_pass = (capacity / listed.max(1)).max(1).min(samples.len() as u32);
+        let pixels_per_pass = listed.min(capacity / per_pass);
+        for first_pixel in (0..listed).step_by(pixels_per_pass.max(1) as usize) {
+            for first_sample in samples.clone().step_by(per_pass as usize) {
+                let pass = Pass {
+                    first_pixel,
+                    pixels: pixels_per_pass.min(listed - first_pixel),
+                    first_sample,
+                    samples: per_pass.min(samples.end - first_sample),
+                    bounce: 0,
+                    unused: [0; 3],
+                };
+                let bounces = if only_guides { GUIDE_BOUNCES } else { view.max_bounces };
+                work.pass(pass, bounces, !only_guides)?;
+            }
+        }
+        let count = numbers * u64::from(listed);
+        let counters = work.counters()?;
+        let wide = |at: usize| u64::from(counters[at]) | u64::from(counters[at + 1]) << 32;
+        device.read(device.encoder(), &buffers.output, &buffers.readable, count, |mut sums: &[f32]| {
+            // Every task with the sums of its pixels.
+            let mut jobs = Vec::with_capacity(tasks.len());
+            for task in tasks {
+                let (own, rest) = sums.split_at(task.pixels.len() * numbers as usize);
+                sums = rest;
+                jobs.push(Mutex::new((task, own)));
+            }
+            workers.run(jobs.len(), &|job| {
+                let (task, sums) = &mut *jobs[job].lock();
+                for (&pixel, sums) in task.pixels.iter().zip(sums.chunks_exact(numbers as usize)) {
+                    task.sums[usize::from(pixel)].add_sums(&pixel_sums(sums, only_guides));
+                }
+            });
+        })?;
+        Ok([wide(RAYS_COUNTED), wide(RAYS_COUNTED + 2)])
+    }
+}
+
+/// Submissions of passes.
+struct Work<'a> {
+    tracer: &'a GpuTracer<'a>,
+    encoder: wgpu::CommandEncoder,
+    group: wgpu::BindGroup,
+    kernels: [Arc<wgpu::ComputePipeline>; 5],
+}
+
+impl<'a> Work<'a> {
+    fn new(tracer: &'a GpuTracer, encoder: wgpu::CommandEncoder) -> Self {
+        let session = tracer.session;
+        let variant = session.variant(tracer.world, tracer.guides);
+        let kernels = [Kernel::Start, Kernel::Extend, Kernel::Shade, Kernel::Shadow, Kernel::Accumulate];
+        let kernels = kernels.map(|kernel| session.device.kernel(kernel, variant));
+        Self { tracer, encoder, group: session.bind(), kernels }
+    }
+
+    /// Traces the paths of a pass.
+    fn pass(&mut self, pass: Pass, max_bounces: u32, shadows: bool) -> Result<()> {
+        let session = self.tracer.session;
+        let passes: Vec<u8> = (0..=max_bounces)
+            .flat_map(|bounce| {
+                let mut bytes = bytemuck::bytes_of(&Pass { bounce, ..pass }).to_vec();
+                bytes.resize(PASS_STRIDE as usize, 0);
+                bytes
+            })
+            .collect();
+        // What was recorded reads the uniforms of earlier passes.
+        self.submit();
+        session.device.write(&session.buffers.passes, 0, &passes);
+        let paths = u64::from(pass.pixels) * u64::from(pass.samples);
+        let all = groups(paths, GROUP);
+        self.dispatch(0, 0, groups(paths, 2 * GROUP));
+        for bounce in 0..=max_bounces {
+            self.dispatch(1, bounce, all);
+            self.dispatch(2, bounce, all);
+            if shadows && bounce < max_bounces {
+                self.dispatch(3, bounce, all);
+            }
+            if bounce % BOUNCES_AT_ONCE == BOUNCES_AT_ONCE - 1 && bounce < max_bounces {
+                let counters = self.counters()?;
+                if counters[bounce as usize + 1] == 0 {
+                    break;
+                }
+            }
+        }
+        self.dispatch(4, 0, groups(pass.pixels.into(), GROUP));
+        Ok(())
+    }
+
+    fn dispatch(&mut self, kernel: usize, bounce: u32, [x, y]: [u32; 2]) {
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.kernels[kernel]);
+        pass.set_bind_group(0, &self.group, &[bounce * PASS_STRIDE as u32]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+
+    fn submit(&mut self) {
+        let device = &self.tracer.session.device;
+        device.submit(std::mem::replace(&mut self.encoder, device.encoder()));
+    }
+
+    /// Waits for what was recorded, and gives the counters.
+    fn counters(&mut self) -> Result<Vec<u32>> {
+        let (device, buffers) = (&self.tracer.session.device, &self.tracer.session.buffers);
+        let encoder = std::mem::replace(&mut self.encoder, device.encoder());
+        device.read(encoder, &buffers.counters, &buffers.readable, COUNTERS, <[u32]>::to_vec)
+    }
+}
+
+/// Groups along x and y for a number of threads.
+fn groups(threads: u64, group: u64) -> [u32; 2] {
+    const MOST: u64 = 65_535;
+    let count = threads.div_ceil(group).max(1);
+    let rows = count.div_ceil(MOST);
+    [count.div_ceil(rows) as u32, rows as u32]
+}
+
+/// Sums of a pixel from the numbers of `path.wgsl`.
+fn pixel_sums(numbers: &[f32], only_guides: bool) -> PixelSums {
+    let three = |first: usize| [0, 1, 2].map(|c| numbers[first + c]);
+    let guides = numbers.len() as u64 == SUMS[1];
+    let mut sums = PixelSums::default();
+    if !only_guides {
+        // What rounding added was to be subtracted from the next number.
+        let exact = |at: usize| f64::from(numbers[at]) - f64::from(numbers[at + 4]);
+        sums.samples = numbers[8] as u32;
+        sums.radiance = [0, 1, 2].map(exact);
+        sums.square = exact(3);
+        if guides {
+            sums.specular = PartSums::new(three(16), numbers[19]);
+            sums.demodulated = PartSums::new(three(20), numbers[23]);
+        }
+    }
+    if guides {
+        sums.guide_samples = numbers[9] as u32;
+        (sums.albedo, sums.normal) = (three(10), three(13));
+    }
+    sums
+}
+
+/// Bodies that take part in a rendering.
+enum Chosen {
+    All,
+    Only(Vec<bool>),
+    Seen(Vec<bool>),
+}
+
+impl Chosen {
+    /// Whether light meets a body.
+    fn lit(&self, body: usize) -> bool {
+        match self {
+            Self::All | Self::Seen(_) => true,
+            Self::Only(chosen) => chosen[body],
+        }
+    }
+
+    /// Whether camera rays meet a body.
+    fn seen(&self, body: usize) -> bool {
+        match self {
+            Self::All => true,
+            Self::Only(chosen) | Self::Seen(chosen) => chosen[body],
+        }
+    }
+}
+
+fn chosen(bodies: &Bodies, count: usize) -> Result<Chosen> {
+    let (Bodies::Only(ids) | Bodies::Seen(ids)) = *bodies else { return Ok(Chosen::All) };
+    let mut chosen = vec![false; count];
+    for id in ids {
+        let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
+        let unknown = || Error::new(format!("there is no body {} to render", id.0)).permanent();
+        *body.ok_or_else(unknown)? = true;
+    }
+    Ok(if matches!(bodies, Bodies::Only(_)) { Chosen::Only(chosen) } else { Chosen::Seen(chosen) })
+}
+
+fn guide_order(request: &RenderRequest) -> SampleOrder {
+    SampleOrder::new(guide_seed(request.stream.seed()), syntable_transport::film::GUIDE_SAMPLES)
+}
+
+/// Number of blocks of an order side by side in a window.
+fn columns(order: &SampleOrder, window: Window) -> u32 {
+    let wrap = u32::MAX >> order.block_bits();
+    let block = |x: i32| (x as u32) >> order.block_bits();
+    (block(window.right() - 1).wrapping_sub(block(window.x)) & wrap) + 1
+}
+
+/// Environments that the lights of a view show.
+fn environments(lights: &LightTable) -> Vec<Arc<EnvironmentDistribution>> {
+    let distant = lights.distant.iter().filter_map(|light| match light {
+        DistantLight::Environment(placed) => Some(placed.distribution.clone()),
+        DistantLight::Cone(_) => None,
+    });
+    distant.chain(lights.windows.iter().map(|window| window.view.distribution.clone())).collect()
+}
+
+/// Vectors that the top level over a number of bodies needs at most.
+fn top_level_room(bodies: usize) -> u64 {
+    4 * (bodies.max(2) as u64 - 1)
+}
+
+/// The box around placed boxes.
+fn placed_bounds(world_from_body: &[[f32; 4]; 3], outline: &[Bounds]) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    for part in outline.iter().filter(|part| !part.is_empty()) {
+        for corner in 0..8 {
+            let p = [0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { part.lo[axis] } else { part.hi[axis] });
+            bounds.include([0, 1, 2].map(|r| {
+                let m = world_from_body[r];
+                m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
+            }));
+        }
+    }
+    let finite = bounds.lo.iter().chain(&bounds.hi).all(|x| x.is_finite());
+    if finite { bounds } else { Bounds::EMPTY }
+}
+
+/// Triangles, tangents and colors of a mesh, as `scene.wgsl` and `material.wgsl` read them.
+fn shading_words(mesh: &syntable_prepare::ShadingMesh) -> Vec<[u32; 4]> {
+    let mut words = Vec::with_capacity(4 * mesh.triangles.len() + mesh.tangents.len() + 2 * mesh.colors.len());
+    for t in &mesh.triangles {
+        let [n0, n1, n2] = t.normals;
+        let [a, b, c] = t.uvs.map(|uv| uv.map(f32::to_bits));
+        let flags = u32::from(t.slot) | u32::from(t.smooth) << 16 | u32::from(t.mirrored) << 24;
+        words.push([t.normal.x, t.normal.y, t.normal.z, t.plane].map(f32::to_bits));
+        words.push([n0, n1, n2, a[0]]);
+        words.push([a[1], b[0], b[1], c[0]]);
+        words.push([c[1], t.uv_per_m.to_bits(), flags, 0]);
+    }
+    words.extend(mesh.tangents.iter().map(|&[a, b, c]| [a, b, c, 0]));
+    for colors in &mesh.colors {
+        let c = |i: usize| u32::from(colors[i / 3][i % 3]);
+        words.push([c(0) | c(1) << 16, c(2) | c(3) << 16, c(4) | c(5) << 16, c(6) | c(7) << 16]);
+        words.push([c(8), 0, 0, 0]);
+    }
+    words
+}

@@ -1,0 +1,642 @@
+// Path tracing, as in plugins/render-cpu's path module: kernels that each take all paths one step further.
+//
+// The state of a path is a row of vectors, one plane of the buffer after the other. A pass starts paths (`start`), finds
+// their surfaces (`extend`), scatters them and samples lights (`shade`), tests shadow rays (`shadow`), bounce by bounce, and
+// adds what they found to the sums of their pixels (`accumulate`).
+
+const ORIGIN: u32 = 0u;      // origin, near
+const DIRECTION: u32 = 1u;   // direction, density
+const THROUGHPUT: u32 = 2u;  // throughput, width
+const NORMAL: u32 = 3u;      // normal of the last scattering, spread
+const NUMBERS: u32 = 4u;     // seed, index, minimum roughness, body hit
+const RADIANCE: u32 = 5u;    // radiance found
+const HIT: u32 = 6u;         // t, u, v, triangle hit
+const SHADOW_RAY: u32 = 7u;  // direction, distance
+const SHADOW_LIGHT: u32 = 8u;    // contribution, weight of emitter sampling
+const SHADOW_ORIGIN: u32 = 9u;   // origin, seed
+const GUIDE_ALBEDO: u32 = 10u;   // albedo, flags
+const GUIDE_NORMAL: u32 = 11u;
+const GUIDE_TINT: u32 = 12u;
+const DIRECT_SPECULAR: u32 = 13u;
+const SPECULAR_FRACTION: u32 = 14u;
+const FIRST_RADIANCE: u32 = 15u;
+const SHADOW_SPECULAR: u32 = 16u;
+
+const PENDING: u32 = 1u;
+const REFLECTED: u32 = 2u;
+const BOUNCE_SHIFT: u32 = 8u;
+
+const TOUCHING: f32 = 1e-4;
+const LAYER_DIMENSION: u32 = 0x1000u;
+const PASSAGE: u32 = 0x2c1b3c6du;
+const GUIDE_BOUNCES: u32 = 8u;
+const DIFFUSE_SPREAD: f32 = 0.25;
+const PAST: f32 = 1e-5;
+const ROUGH: f32 = 0.1;
+const GLOSS: f32 = 0.04;
+const SHADOW_COUNTERS: u32 = 512u;
+// Counts of rays and shadow rays of all passes: the lower and the upper half.
+const RAYS_COUNTED: u32 = 1024u;
+const SHADOWS_COUNTED: u32 = 1026u;
+
+fn state(plane: u32, path: u32) -> vec4<f32> {
+    return paths[plane * view.capacity + path];
+}
+
+fn set_state(plane: u32, path: u32, value: vec4<f32>) {
+    paths[plane * view.capacity + path] = value;
+}
+
+fn bits(x: f32) -> u32 {
+    return bitcast<u32>(x);
+}
+
+fn flags_of(n: u32) -> f32 {
+    return bitcast<f32>(n);
+}
+
+fn is_light(c: vec3<f32>) -> bool {
+    let sum = c.x + c.y + c.z;
+    return sum > 0.0 && sum < FAR;
+}
+
+fn power_heuristic(own: f32, other: f32) -> f32 {
+    let ratio = other / own;
+    return 1.0 / (ratio * ratio + 1.0);
+}
+
+fn alpha_seed(seed: u32, index: u32, bounce: u32) -> u32 {
+    return seed ^ (index * 0x9e3779b9u) ^ ((bounce + 1u) * 0x85ebca77u);
+}
+
+fn limit_luminance(c: vec3<f32>) -> vec3<f32> {
+    let limit = view.right.w;
+    if limit >= FAR {
+        return c;
+    }
+    return c * min(limit / max(luminance(c), 1e-30), 1.0);
+}
+
+fn light_of(c: vec3<f32>) -> vec3<f32> {
+    if pass_.bounce == 0u {
+        return c;
+    }
+    return limit_luminance(c);
+}
+
+fn bsdf_sampled_weight(pdf: f32, emitter: f32) -> f32 {
+    if pass_.bounce == 0u {
+        return 1.0;
+    }
+    return power_heuristic(pdf, emitter);
+}
+
+fn shadow_terminator(face: vec3<f32>, normal: vec3<f32>, perturbed: bool, wi: vec3<f32>) -> f32 {
+    if !perturbed {
+        return 1.0;
+    }
+    let g = min(dot(face, wi) * (1.0 / max(dot(normal, wi) * dot(normal, face), 1e-6)), 1.0);
+    return g * (g + 1.0 - g * g);
+}
+
+fn offset_ray_origin(position: vec3<f32>, face: vec3<f32>) -> vec3<f32> {
+    return position + face * ((max_component(abs(position)) + 0.5) * 4e-6);
+}
+
+fn gathers_guides_alone() -> bool {
+    return (view.flags & ONLY_GUIDES) != 0u;
+}
+
+// Column and row in the window of an entry of the list of pixels.
+fn listed_pixel(entry: u32) -> vec2<u32> {
+    let packed = queues[3u * view.capacity + entry];
+    return vec2(packed & 0xffffu, packed >> 16u);
+}
+
+@compute @workgroup_size(128)
+fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let path = id.x + id.y * groups.x * 128u;
+    if path >= pass_.pixels * pass_.samples {
+        return;
+    }
+    let pixel = listed_pixel(pass_.first_pixel + path / pass_.samples);
+    let s = sampler_of(pixel.x, pixel.y, pass_.first_sample + path % pass_.samples);
+    var place = sample_pair(s, 0u);
+    if (view.flags & TENT) != 0u {
+        place = vec2(tent(place.x), tent(place.y));
+    }
+    var origin = view.origin.xyz;
+    var direction = vec3(0.0);
+    if (view.flags & WARPED) != 0u {
+        direction = warped_direction(pixel.x, pixel.y, place);
+    } else {
+        let corner = camera_corner(i32(pixel.x) + view.window.x, i32(pixel.y) + view.window.y);
+        direction = corner + view.along_u.xyz * place.x + view.along_v.xyz * place.y;
+    }
+    if view.along_u.w > 0.0 && !is_black(direction) {
+        let lens = sample_pair(s, 1u);
+        let turn = sin_cos_turns(lens.y);
+        let r = sqrt(lens.x);
+        let aside = view.right.xyz * (r * turn.y) + view.down.xyz * (r * turn.x);
+        origin += aside;
+        direction = direction * view.along_u.w - aside;
+    }
+    set_state(ORIGIN, path, vec4(origin, 0.0));
+    set_state(DIRECTION, path, vec4(normalized_or(direction, vec3(0.0)), FAR));
+    set_state(THROUGHPUT, path, vec4(1.0, 1.0, 1.0, 0.0));
+    set_state(NORMAL, path, vec4(0.0, 0.0, 0.0, view.corner.w));
+    set_state(NUMBERS, path, vec4(flags_of(s.seed), flags_of(s.index), 0.0, 0.0));
+    set_state(RADIANCE, path, vec4(0.0));
+    if GUIDES {
+        set_state(GUIDE_ALBEDO, path, vec4(1.0, 1.0, 1.0, flags_of(PENDING)));
+        set_state(GUIDE_NORMAL, path, vec4(0.0));
+        set_state(GUIDE_TINT, path, vec4(1.0));
+        set_state(DIRECT_SPECULAR, path, vec4(0.0));
+        set_state(SPECULAR_FRACTION, path, vec4(0.0));
+        set_state(FIRST_RADIANCE, path, vec4(0.0));
+    }
+    queues[path] = path;
+    if path == 0u {
+        atomicStore(&counters[0], pass_.pixels * pass_.samples);
+    }
+}
+
+@compute @workgroup_size(64)
+fn extend(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let number = id.x + id.y * groups.x * 64u;
+    if number >= atomicLoad(&counters[pass_.bounce]) {
+        return;
+    }
+    let path = queues[(pass_.bounce & 1u) * view.capacity + number];
+    let o = state(ORIGIN, path);
+    let d = state(DIRECTION, path);
+    let n = state(NUMBERS, path);
+    var seed = 0u;
+    if CUTOUTS {
+        seed = alpha_seed(bits(n.x), bits(n.y), pass_.bounce);
+    }
+    var tree = view.top_level;
+    if pass_.bounce == 0u {
+        tree = view.seen;
+    }
+    let hit = closest(tree, Ray(o.xyz, d.xyz), o.w, FAR, seed);
+    set_state(HIT, path, vec4(hit.t, hit.u, hit.v, flags_of(hit.primitive)));
+    paths[NUMBERS * view.capacity + path].w = flags_of(hit.instance);
+}
+
+var<workgroup> going_here: atomic<u32>;
+var<workgroup> shadows_here: atomic<u32>;
+var<workgroup> going_from: u32;
+var<workgroup> shadows_from: u32;
+
+// What a path does next.
+struct Step {
+    going: bool,
+    casts_shadow: bool,
+}
+
+@compute @workgroup_size(64)
+fn shade(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let number = id.x + id.y * groups.x * 64u;
+    let alive = atomicLoad(&counters[pass_.bounce]);
+    if local == 0u {
+        atomicStore(&going_here, 0u);
+        atomicStore(&shadows_here, 0u);
+    }
+    workgroupBarrier();
+    var step = Step(false, false);
+    var path = 0u;
+    if number < alive {
+        path = queues[(pass_.bounce & 1u) * view.capacity + number];
+        step = step_path(path);
+    }
+    var going_at = 0u;
+    var shadow_at = 0u;
+    if step.going {
+        going_at = atomicAdd(&going_here, 1u);
+    }
+    if step.casts_shadow {
+        shadow_at = atomicAdd(&shadows_here, 1u);
+    }
+    workgroupBarrier();
+    if local == 0u {
+        going_from = atomicAdd(&counters[pass_.bounce + 1u], atomicLoad(&going_here));
+        shadows_from = atomicAdd(&counters[SHADOW_COUNTERS + pass_.bounce], atomicLoad(&shadows_here));
+    }
+    workgroupBarrier();
+    if step.going {
+        queues[((pass_.bounce + 1u) & 1u) * view.capacity + going_from + going_at] = path;
+    }
+    if step.casts_shadow {
+        queues[2u * view.capacity + shadows_from + shadow_at] = path;
+    }
+}
+
+fn add_radiance(path: u32, light: vec3<f32>) {
+    let at = RADIANCE * view.capacity + path;
+    paths[at] = vec4(paths[at].xyz + light, 0.0);
+}
+
+// Ends a path or takes it through the surface that it hit.
+fn step_path(path: u32) -> Step {
+    let over = Step(false, false);
+    let o = state(ORIGIN, path);
+    let d = state(DIRECTION, path);
+    let t4 = state(THROUGHPUT, path);
+    let n4 = state(NORMAL, path);
+    let n = state(NUMBERS, path);
+    let h4 = state(HIT, path);
+    let origin = o.xyz;
+    let direction = d.xyz;
+    let pdf = d.w;
+    var throughput = t4.xyz;
+    let s = Sampler(bits(n.x), bits(n.y));
+    let hit = Hit(h4.x, h4.y, h4.z, bits(h4.w), bits(n.w));
+    let bounce = pass_.bounce;
+    if is_black(direction) {
+        return over;
+    }
+
+    // Lights.
+    if light_count() > 0u {
+        let met = intersect_lights(origin, direction, min(hit.t * (1.0 + TOUCHING), FAR));
+        if met.number != NONE {
+            let shape = shape_at(met.number);
+            var sampled = 0.0;
+            if bounce > 0u {
+                sampled = selection_probability(origin, n4.xyz, met.number) * shape_pdf(shape, origin, met.distance);
+            }
+            let radiance = shape_radiance(shape, origin + direction * met.distance, direction);
+            let light = light_of(throughput * radiance * bsdf_sampled_weight(pdf, sampled));
+            if is_light(light) {
+                add_radiance(path, light);
+            }
+            return over;
+        }
+    }
+    if hit.instance == NONE {
+        if view.distant_count > 0u {
+            var sum = vec3(0.0);
+            for (var i = 0u; i < view.distant_count; i++) {
+                let distant = distant_radiance(i, direction);
+                if is_black(distant.radiance) {
+                    continue;
+                }
+                var sampled = 0.0;
+                if bounce > 0u {
+                    let number = view.area_count + view.emitter_count + i;
+                    sampled = distant.pdf * selection_probability(origin, n4.xyz, number);
+                }
+                sum += distant.radiance * bsdf_sampled_weight(pdf, sampled);
+            }
+            let light = light_of(throughput * sum);
+            if is_light(light) {
+                add_radiance(path, light);
+            }
+        }
+        return over;
+    }
+
+    // The surface.
+    let width = t4.w + n4.w * hit.t;
+    var u = 0.0;
+    if LAYERED {
+        u = sample_random(s, LAYER_DIMENSION + bounce);
+    }
+    var surface = surface_at(hit, origin, direction, hit.t, width, u);
+    var flags = 0u;
+    if GUIDES && bounce <= GUIDE_BOUNCES {
+        flags = add_guide_surface(path, surface, bounce);
+    }
+    if !surface.is_pane {
+        surface.layer.parameters.roughness = max(surface.layer.parameters.roughness, n.z);
+    }
+    throughput *= surface.transmittance;
+    if !is_black(surface.emission) {
+        var sampled = 0.0;
+        if bounce > 0u {
+            sampled = body_pdf(origin, n4.xyz, hit, dot(surface.face, direction));
+        }
+        add_radiance(path, light_of(throughput * surface.emission * bsdf_sampled_weight(pdf, sampled)));
+    }
+    throughput *= surface.layer.weight;
+    if gathers_guides_alone() {
+        if (flags & PENDING) == 0u || bounce == GUIDE_BOUNCES {
+            return over;
+        }
+    } else if bounce == view.max_bounces {
+        return over;
+    }
+
+    // Scattering.
+    let face = surface.face;
+    let normal = surface.normal;
+    let basis = basis_around(normal);
+    var wo = to_local(basis, -direction);
+    if wo.z <= 1e-5 {
+        return over;
+    }
+    wo.z = max(wo.z, 1e-5);
+    let parameters = surface.layer.parameters;
+    let bsdf = bsdf_new(parameters, wo);
+    var layered: Layered;
+    if LAYERED {
+        let lobe = surface.layer.lobe;
+        var eta = surface.layer.ior;
+        if surface.inside && lobe == LOBE_REFRACTION {
+            eta = 1.0 / eta;
+        }
+        layered = layered_new(lobe, surface.layer.coating, eta, parameters, wo);
+    }
+    let outside = offset_ray_origin(surface.position, face);
+    let splits = GUIDES && bounce == 0u && !gathers_guides_alone();
+
+    // Emitter sampling.
+    var step = Step(false, false);
+    if light_count() > 0u && !gathers_guides_alone() {
+        let lit = sample_lights(outside, normal, sample_pair(s, 2u + 2u * bounce));
+        let light = lit.sample;
+        let wi = to_local(basis, light.direction);
+        if light.valid && wi.z > 1e-6 && dot(light.direction, face) > 0.0 {
+            var lobes: Lobes;
+            if LAYERED {
+                lobes = layered_lobes(layered, bsdf, wi);
+            } else {
+                lobes = bsdf_lobes(bsdf, wi);
+            }
+            let weight = power_heuristic(light.pdf, lobes.pdf);
+            let factor = shadow_terminator(face, normal, surface.is_perturbed, light.direction) * weight * (1.0 / light.pdf);
+            let value = lobes.glossy + lobes.matte;
+            let contribution = limit_luminance(throughput * value * lit.radiance * factor);
+            if is_light(contribution) && !lights_occlude(outside, light.direction, light.distance) {
+                step.casts_shadow = true;
+                set_state(SHADOW_RAY, path, vec4(light.direction, light.distance));
+                set_state(SHADOW_LIGHT, path, vec4(contribution, weight));
+                set_state(SHADOW_ORIGIN, path, vec4(outside, flags_of(alpha_seed(s.seed, s.index, bounce + 0x1000u))));
+                if splits {
+                    let fraction = specular_fraction(lobes, parameters.metallic);
+                    set_state(SHADOW_SPECULAR, path, vec4(contribution * fraction, 0.0));
+                }
+            }
+        }
+    }
+
+    // BSDF sampling.
+    let uv = sample_pair(s, 3u + 2u * bounce);
+    var drawn: BsdfSample;
+    if LAYERED {
+        var random = 0.99999988;
+        var least = 0.0;
+        if !gathers_guides_alone() {
+            random = sample_pair(Sampler(s.seed ^ PASSAGE, s.index), bounce).x;
+            if pdf >= FAR && bounce < 2u {
+                least = select(0.15, 0.25, bounce == 0u);
+            }
+        }
+        drawn = layered_sample(layered, bsdf, uv, random, least);
+    } else {
+        drawn = bsdf_sample(bsdf, uv);
+    }
+    let straight = LAYERED && drawn.transmitted && surface.is_pane;
+    var out_direction = basis * drawn.wi;
+    if straight {
+        out_direction = direction;
+    }
+    let terminator = shadow_terminator(face, normal, surface.is_perturbed && !drawn.transmitted, out_direction);
+    throughput *= drawn.weight * terminator;
+    let ahead = select(dot(out_direction, face), -dot(out_direction, face), drawn.transmitted);
+    var going = drawn.valid && ahead > 0.0 && is_light(throughput);
+    if bounce + 1u >= view.roulette_from {
+        var survival = min(max_component(throughput), 0.95);
+        if pdf >= FAR && drawn.pdf >= FAR {
+            survival = 1.0;
+        }
+        going = going && sample_random(s, bounce) < survival;
+        throughput *= 1.0 / survival;
+    }
+    if GUIDES {
+        if splits {
+            var lobes: Lobes;
+            if LAYERED {
+                lobes = layered_lobes(layered, bsdf, drawn.wi);
+            } else {
+                lobes = bsdf_lobes(bsdf, drawn.wi);
+            }
+            let fraction = select(specular_fraction(lobes, parameters.metallic), vec3(0.0), drawn.transmitted);
+            set_state(SPECULAR_FRACTION, path, vec4(fraction, 0.0));
+            if !step.casts_shadow {
+                set_state(FIRST_RADIANCE, path, state(RADIANCE, path));
+            }
+        }
+        if LAYERED && drawn.reflected && bounce <= GUIDE_BOUNCES && (flags >> BOUNCE_SHIFT) == bounce {
+            paths[GUIDE_ALBEDO * view.capacity + path].w = flags_of(flags | REFLECTED);
+        }
+    }
+    if going {
+        step.going = true;
+        let alpha = select(1.0, parameters.roughness * parameters.roughness, drawn.specular);
+        let spread = n4.w + alpha * DIFFUSE_SPREAD;
+        var regularize = n.z;
+        if alpha > ROUGH {
+            regularize = view.along_v.w;
+        }
+        paths[NUMBERS * view.capacity + path].z = regularize;
+        if straight {
+            // The ray stays what it was, and so do the densities of lights that it may hit.
+            set_state(ORIGIN, path, vec4(origin, hit.t * (1.0 + PAST) + PAST));
+            set_state(THROUGHPUT, path, vec4(throughput, width - n4.w * hit.t));
+            set_state(NORMAL, path, vec4(n4.xyz, spread));
+        } else {
+            var from_ = outside;
+            if LAYERED && drawn.transmitted {
+                from_ = offset_ray_origin(surface.position, -face);
+            }
+            set_state(ORIGIN, path, vec4(from_, 0.0));
+            set_state(DIRECTION, path, vec4(out_direction, drawn.pdf));
+            set_state(THROUGHPUT, path, vec4(throughput, width));
+            set_state(NORMAL, path, vec4(normal, spread));
+        }
+    }
+    return step;
+}
+
+// Fraction of the light by some lobes that is specular, without being colored.
+fn specular_fraction(lobes: Lobes, metallic: f32) -> vec3<f32> {
+    return lobes.glossy * (1.0 - metallic) / max(lobes.glossy + lobes.matte, vec3(1e-20));
+}
+
+// Adds a surface to the guides of a path; returns its flags.
+fn add_guide_surface(path: u32, surface: Surface, bounce: u32) -> u32 {
+    let old = state(GUIDE_ALBEDO, path);
+    var flags = bits(old.w);
+    if (flags & PENDING) == 0u {
+        return flags;
+    }
+    flags = (flags & ((1u << BOUNCE_SHIFT) - 1u)) | (bounce << BOUNCE_SHIFT);
+    let lobe = surface.layer.lobe;
+    var color = surface.albedo;
+    if lobe == LOBE_REFRACTION {
+        color = sqrt(color);
+    }
+    if bounce > 0u {
+        color = max(color, vec3(GLOSS));
+    }
+    let albedo = color * surface.transmittance * state(GUIDE_TINT, path).xyz;
+    let p = surface.layer.parameters;
+    let is_mirror = p.roughness < 0.15 && (p.metallic > 0.9 || is_transmission(lobe));
+    if is_mirror && bounce != GUIDE_BOUNCES {
+        set_state(GUIDE_TINT, path, vec4(albedo, 0.0));
+    } else {
+        flags &= ~PENDING;
+        set_state(GUIDE_NORMAL, path, vec4(surface.normal, 0.0));
+    }
+    set_state(GUIDE_ALBEDO, path, vec4(albedo, flags_of(flags)));
+    return flags;
+}
+
+@compute @workgroup_size(64)
+fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let number = id.x + id.y * groups.x * 64u;
+    if number >= atomicLoad(&counters[SHADOW_COUNTERS + pass_.bounce]) {
+        return;
+    }
+    let path = queues[2u * view.capacity + number];
+    let r = state(SHADOW_RAY, path);
+    let o = state(SHADOW_ORIGIN, path);
+    let passed = visibility(Ray(o.xyz, r.xyz), r.w * (1.0 - TOUCHING), bits(o.w));
+    if !passed.occluded {
+        let l = state(SHADOW_LIGHT, path);
+        var transmittance = passed.transmittance;
+        // A path counts panes as bounces, and may end among them: then no other estimate finds the light.
+        if passed.panes > 0u && pass_.bounce + 1u + passed.panes > view.max_bounces {
+            transmittance *= 1.0 / l.w;
+        }
+        add_radiance(path, l.xyz * transmittance);
+        if GUIDES && pass_.bounce == 0u {
+            let specular = state(SHADOW_SPECULAR, path).xyz * transmittance;
+            set_state(DIRECT_SPECULAR, path, vec4(state(DIRECT_SPECULAR, path).xyz + specular, 0.0));
+        }
+    }
+    if GUIDES && pass_.bounce == 0u {
+        set_state(FIRST_RADIANCE, path, state(RADIANCE, path));
+    }
+}
+
+// Sums of a pixel, number after number: radiance and its rounding errors, squared luminance and its error, samples;
+// with guides their samples, albedo and normal; specular radiance and its square; the demodulated rest and its square.
+const SUM_SAMPLES: u32 = 8u;
+const SUM_GUIDES: u32 = 9u;
+const SUM_SPECULAR: u32 = 16u;
+const SUM_DEMODULATED: u32 = 20u;
+const DEMODULATION_EPSILON: f32 = 0.01;
+
+fn sum_at(number: u32, entry: u32) -> u32 {
+    return entry * select(9u, 24u, GUIDES) + number;
+}
+
+fn add_to(number: u32, entry: u32, value: f32) {
+    let at = sum_at(number, entry);
+    output[at] = bits(bitcast<f32>(output[at]) + value);
+}
+
+// Adds with the rounding error kept four numbers further on (Kahan).
+fn add_exactly(number: u32, entry: u32, value: f32) {
+    let at = sum_at(number, entry);
+    let error_at = sum_at(number + 4u, entry);
+    let sum = bitcast<f32>(output[at]);
+    let y = value - bitcast<f32>(output[error_at]);
+    let t = sum + y;
+    output[error_at] = bits((t - sum) - y);
+    output[at] = bits(t);
+}
+
+@compute @workgroup_size(64)
+fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let number = id.x + id.y * groups.x * 64u;
+    if number >= pass_.pixels {
+        return;
+    }
+    let entry = pass_.first_pixel + number;
+    var radiance = vec3(0.0);
+    var square = 0.0;
+    var guides = 0.0;
+    var albedo = vec3(0.0);
+    var normal = vec3(0.0);
+    var specular = vec4(0.0);
+    var demodulated = vec4(0.0);
+    for (var i = 0u; i < pass_.samples; i++) {
+        let path = number * pass_.samples + i;
+        let light = state(RADIANCE, path).xyz;
+        let y = luminance(light);
+        radiance += light;
+        square += y * y;
+        if GUIDES {
+            let a = state(GUIDE_ALBEDO, path);
+            let reflected = (bits(a.w) & REFLECTED) != 0u;
+            if !reflected {
+                guides += 1.0;
+                albedo += a.xyz;
+                normal += state(GUIDE_NORMAL, path).xyz;
+            }
+            if !gathers_guides_alone() {
+                var part = light;
+                if !reflected {
+                    let first = state(FIRST_RADIANCE, path).xyz;
+                    part = state(DIRECT_SPECULAR, path).xyz + (light - first) * state(SPECULAR_FRACTION, path).xyz;
+                    part = clamp(part, vec3(0.0), max(light, vec3(0.0)));
+                }
+                let rest = (light - part) / (a.xyz + DEMODULATION_EPSILON);
+                let part_y = luminance(part);
+                let rest_y = luminance(rest);
+                specular += vec4(part, part_y * part_y);
+                demodulated += vec4(rest, rest_y * rest_y);
+            }
+        }
+    }
+    if !gathers_guides_alone() {
+        add_exactly(0u, entry, radiance.x);
+        add_exactly(1u, entry, radiance.y);
+        add_exactly(2u, entry, radiance.z);
+        add_exactly(3u, entry, square);
+        add_to(SUM_SAMPLES, entry, f32(pass_.samples));
+    }
+    if GUIDES {
+        add_to(SUM_GUIDES, entry, guides);
+        for (var c = 0u; c < 3u; c++) {
+            add_to(SUM_GUIDES + 1u + c, entry, albedo[c]);
+            add_to(SUM_GUIDES + 4u + c, entry, normal[c]);
+        }
+        if !gathers_guides_alone() {
+            for (var c = 0u; c < 4u; c++) {
+                add_to(SUM_SPECULAR + c, entry, specular[c]);
+                add_to(SUM_DEMODULATED + c, entry, demodulated[c]);
+            }
+        }
+    }
+    if number == 0u {
+        count_rays();
+    }
+}
+
+fn add_wide(at: u32, value: u32) {
+    let before = atomicAdd(&counters[at], value);
+    if before > 0xffffffffu - value {
+        atomicAdd(&counters[at + 1u], 1u);
+    }
+}
+
+// Adds up the rays of the bounces of a pass, and readies the counters for the next one.
+fn count_rays() {
+    for (var bounce = 0u; bounce <= max(view.max_bounces, GUIDE_BOUNCES); bounce++) {
+        if !gathers_guides_alone() {
+            add_wide(RAYS_COUNTED, atomicLoad(&counters[bounce]));
+            add_wide(SHADOWS_COUNTED, atomicLoad(&counters[SHADOW_COUNTERS + bounce]));
+        }
+        atomicStore(&counters[bounce], 0u);
+        atomicStore(&counters[SHADOW_COUNTERS + bounce], 0u);
+    }
+}

@@ -1,0 +1,213 @@
+// Bindings, and what all kernels read of a view. Tables are written by pack.rs.
+
+override LAYERED: bool = true;
+override CUTOUTS: bool = true;
+override PANES: bool = true;
+override GUIDES: bool = true;
+override PLAIN_DIELECTRICS: bool = false;
+
+const NONE: u32 = 0xffffffffu;
+
+struct View {
+    // Left, top, width, height of the window, px from the corner of the image.
+    window: vec4<i32>,
+    // Origin of the camera; angle of a pixel.
+    origin: vec4<f32>,
+    // Direction at the corner of the image; growth of a path's cone.
+    corner: vec4<f32>,
+    // Change of the direction with u, with v; focus distance of the lens, 0 without one; minimum roughness.
+    along_u: vec4<f32>,
+    along_v: vec4<f32>,
+    // Radius of the aperture along rows and columns; maximum luminance of indirect light.
+    right: vec4<f32>,
+    down: vec4<f32>,
+    // Rows of the rotation, camera from world.
+    row_x: vec4<f32>,
+    row_y: vec4<f32>,
+    row_z: vec4<f32>,
+    // Where sections of the tables start.
+    bodies: u32,
+    materials: u32,
+    layers: u32,
+    textures: u32,
+    lobes: u32,
+    decode: u32,
+    area_lights: u32,
+    windows: u32,
+    emitters: u32,
+    distant_lights: u32,
+    projection: u32,
+    blocks: u32,
+    warp: u32,
+    // Counts.
+    area_count: u32,
+    emitter_count: u32,
+    distant_count: u32,
+    // Of the scene.
+    objects: u32,
+    foreground: u32,
+    top_level: u32,
+    // Of what camera rays meet.
+    seen: u32,
+    // Largest absolute coordinate of the top level.
+    reach: f32,
+    // Of the sampler.
+    sample_bits: u32,
+    block_bits: u32,
+    block_columns: u32,
+    // Sum of the flags below.
+    flags: u32,
+    // Of paths.
+    max_bounces: u32,
+    roulette_from: u32,
+    // Number of paths that the state has room for; words of a pixel's coverage.
+    capacity: u32,
+    words: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+const WARPED: u32 = 1u;
+const TENT: u32 = 2u;
+const BLENDED_BY_COVERAGE: u32 = 4u;
+const ONLY_GUIDES: u32 = 8u;
+const BEFORE_SUPPORT: u32 = 16u;
+const SHADED_LABELS: u32 = 32u;
+
+struct Pass {
+    // First entry of the list of pixels, their number.
+    first_pixel: u32,
+    pixels: u32,
+    // First sample, their number.
+    first_sample: u32,
+    samples: u32,
+    bounce: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
+}
+
+// Trees and their triangles, the top level first.
+@group(0) @binding(0) var<storage, read> geometry: array<vec4<f32>>;
+// Shading triangles, tangents, vertex colors.
+@group(0) @binding(1) var<storage, read> shading: array<vec4<u32>>;
+// Textures and environment maps.
+@group(0) @binding(2) var<storage, read> images: array<u32>;
+@group(0) @binding(3) var<storage, read> tables: array<vec4<u32>>;
+@group(0) @binding(4) var<storage, read_write> paths: array<vec4<f32>>;
+// Two queues of paths, the queue of shadow rays, the list of pixels.
+@group(0) @binding(5) var<storage, read_write> queues: array<u32>;
+@group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> output: array<u32>;
+@group(0) @binding(8) var<uniform> view: View;
+@group(0) @binding(9) var<uniform> pass_: Pass;
+
+fn table_f(at: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(tables[at]);
+}
+
+// One number of a list that starts at an entry of the tables.
+fn table_word(start: u32, index: u32) -> u32 {
+    return tables[start + index / 4u][index % 4u];
+}
+
+fn lobe_table(at: u32) -> vec4<f32> {
+    return table_f(view.lobes + at);
+}
+
+struct Hit {
+    t: f32,
+    u: f32,
+    v: f32,
+    primitive: u32,
+    instance: u32,
+}
+
+fn no_hit() -> Hit {
+    return Hit(FAR, 0.0, 0.0, NONE, NONE);
+}
+
+// A body is nine entries: columns of its rotation with where its triangles, tangents and colors are; its position with its
+// flags; its slots; the matrix object from world; its tree.
+const BODY_SIZE: u32 = 9u;
+const BODY_CUTOUTS: u32 = 1u;
+const BODY_PANES: u32 = 2u;
+
+struct Body {
+    x: vec3<f32>,
+    y: vec3<f32>,
+    z: vec3<f32>,
+    translation: vec3<f32>,
+    triangles: u32,
+    tangents: u32,
+    colors: u32,
+    first_material: u32,
+    last_slot: u32,
+}
+
+fn body_at(instance: u32) -> Body {
+    let at = view.bodies + instance * BODY_SIZE;
+    let a = tables[at];
+    let b = tables[at + 1u];
+    let c = tables[at + 2u];
+    let d = tables[at + 3u];
+    let e = tables[at + 4u];
+    return Body(
+        bitcast<vec3<f32>>(a.xyz),
+        bitcast<vec3<f32>>(b.xyz),
+        bitcast<vec3<f32>>(c.xyz),
+        bitcast<vec3<f32>>(d.xyz),
+        a.w,
+        b.w,
+        c.w,
+        e.x,
+        e.y,
+    );
+}
+
+fn body_flags(instance: u32) -> u32 {
+    return tables[view.bodies + instance * BODY_SIZE + 3u].w;
+}
+
+fn direction_to_world(body: Body, v: vec3<f32>) -> vec3<f32> {
+    return body.x * v.x + body.y * v.y + body.z * v.z;
+}
+
+fn point_to_body(body: Body, p: vec3<f32>) -> vec3<f32> {
+    let d = p - body.translation;
+    return vec3(dot(d, body.x), dot(d, body.y), dot(d, body.z));
+}
+
+struct Triangle {
+    normal: vec3<f32>,
+    plane: f32,
+    normals: vec3<u32>,
+    uv_a: vec2<f32>,
+    uv_b: vec2<f32>,
+    uv_c: vec2<f32>,
+    uv_per_m: f32,
+    slot: u32,
+    smooth_: bool,
+    mirrored: bool,
+}
+
+fn triangle_at(body: Body, primitive: u32) -> Triangle {
+    let at = body.triangles + primitive * 4u;
+    let a = bitcast<vec4<f32>>(shading[at]);
+    let b = shading[at + 1u];
+    let c = bitcast<vec4<f32>>(shading[at + 2u]);
+    let d = shading[at + 3u];
+    return Triangle(
+        a.xyz,
+        a.w,
+        b.xyz,
+        vec2(bitcast<f32>(b.w), c.x),
+        c.yz,
+        vec2(c.w, bitcast<f32>(d.x)),
+        bitcast<f32>(d.y),
+        d.z & 0xffffu,
+        (d.z & 0x00ff0000u) != 0u,
+        (d.z & 0xff000000u) != 0u,
+    );
+}

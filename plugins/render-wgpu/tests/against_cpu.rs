@@ -1,0 +1,190 @@
+//! The GPU's labels and light against the CPU's.
+//!
+//! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), which runs the shaders on the processor.
+
+use syntable_model::prelude::*;
+use syntable_model::product::Plane;
+use syntable_model::product::standard::*;
+use syntable_model::stage::{Bodies, Window};
+use syntable_render_cpu::CpuPathRenderer;
+use syntable_render_wgpu::{GpuPathRenderer, adapters};
+use syntable_testing::room::{self, Look};
+use syntable_testing::workers::Threads;
+use syntable_transport::{Dielectrics, PathTracing, PixelFilter};
+
+const LOOKS: [Look; 4] = [Look::Mixed, Look::Glass, Look::Plastic, Look::Metal];
+
+/// Whether there is an adapter; a test without one says so and ends, unless tools are required.
+fn has_adapter() -> bool {
+    let there = !adapters().is_empty();
+    if !there {
+        assert!(
+            std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"),
+            "no adapter; install mesa-vulkan-drivers"
+        );
+        eprintln!("there is no graphics adapter: the GPU renderer is not tested");
+    }
+    there
+}
+
+/// Products of the CPU and of the GPU.
+fn both(options: &PathTracing, look: Look, request: &RenderRequest) -> [Products; 2] {
+    let scene = room::scene_of(look);
+    let renderers: [Box<dyn Renderer>; 2] =
+        [Box::new(CpuPathRenderer::new(options.clone())), Box::new(GpuPathRenderer::new(options.clone()))];
+    renderers.map(|renderer| {
+        let mut session = renderer.open(0).expect("opens");
+        session.load(&scene, &Threads(2)).expect("loads");
+        let mut frame = Products::new();
+        session.render(request, &mut frame).expect("renders");
+        frame
+    })
+}
+
+fn pair<T: syntable_model::product::Product>(frames: &[Products; 2], key: Key<T>) -> [&T; 2] {
+    [0, 1].map(|i| frames[i].get(key).expect("made"))
+}
+
+/// Number of pixels that differ.
+fn different<T: Copy>([a, b]: [&Plane<T>; 2], differ: impl Fn(T, T) -> bool) -> usize {
+    assert_eq!(a.data().len(), b.data().len());
+    a.data().iter().zip(b.data()).filter(|&(&a, &b)| differ(a, b)).count()
+}
+
+#[test]
+fn labels_are_the_cpus() {
+    if !has_adapter() {
+        return;
+    }
+    let (width, height) = (480, 360);
+    let view = room::view(width, height);
+    let before = COVERAGE.before_support();
+    let wants = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), before.id(), NORMAL.id(), ALBEDO.id()];
+    let seen = [InstanceId(3), InstanceId(21)];
+    let window = Window { x: -37, y: 11, width: 300, height: 200 };
+    let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
+    let (mut instances, mut bits, mut pixels) = (0, 0, 0);
+    for (look, request) in [
+        (Look::Mixed, request.clone()),
+        (Look::Glass, request.clone()),
+        (Look::Mixed, RenderRequest { window, ..request.clone() }),
+        (Look::Mixed, RenderRequest { bodies: Bodies::Only(&seen), ..request.clone() }),
+        (Look::Mixed, RenderRequest { bodies: Bodies::Seen(&seen), ..request.clone() }),
+    ] {
+        let frames = both(&PathTracing::default(), look, &request);
+        instances += different(pair(&frames, INSTANCE), |a, b| a != b);
+        let depth = different(pair(&frames, DEPTH), |a, b| !(a == b || (a - b).abs() <= 1e-5 * a));
+        let off = |a: [f32; 3], b: [f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3);
+        let [normal, albedo] = [NORMAL, ALBEDO].map(|key| different(pair(&frames, key), off));
+        for key in [COVERAGE, before] {
+            let [a, b] = pair(&frames, key);
+            for y in 0..a.height() {
+                for x in 0..a.width() {
+                    bits += usize::from(a.set(x, y) != b.set(x, y));
+                }
+            }
+        }
+        let all = request.window.pixels() as usize;
+        pixels += all;
+        // Interpolation at grazing faces doubles rounding errors.
+        assert!(depth.max(normal).max(albedo) * 2_000 <= all, "{look:?}: {depth} {normal} {albedo} of {all} differ");
+    }
+    println!("{instances} instances and {bits} coverages of {pixels} pixels differ");
+    // One in 100,000, where a ray grazes an edge.
+    assert!(instances.max(bits) * 100_000 <= pixels.next_multiple_of(100_000), "{instances} {bits}");
+}
+
+/// Mean of z² over the pixels, where z is the difference over its standard error as if the images were independent, and the
+/// ratio of the means.
+fn compare(frames: &[Products; 2]) -> (f64, f64) {
+    let y = |plane: &Plane<[f32; 3]>| -> Vec<f64> {
+        plane.data().iter().map(|p| syntable_model::photometry::luminance(p.map(f64::from))).collect()
+    };
+    let [a, b] = pair(frames, RADIANCE).map(y);
+    let [va, vb] = pair(frames, RADIANCE_VARIANCE);
+    let z2 = |i: usize| (a[i] - b[i]).powi(2) / f64::from(va.data()[i] + vb.data()[i]).max(1e-12);
+    ((0..a.len()).map(z2).sum::<f64>() / a.len() as f64, b.iter().sum::<f64>() / a.iter().sum::<f64>())
+}
+
+#[test]
+fn light_and_guides_are_the_cpus() {
+    if !has_adapter() {
+        return;
+    }
+    let view = room::view(64, 48);
+    let guides = [DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE_SPECULAR, RADIANCE_DEMODULATED];
+    let mut wants = vec![RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
+    wants.extend(guides.map(|key| key.id()));
+    let request = RenderRequest::new(&view, &wants, Stream::root(5), &Threads(2));
+    for look in LOOKS {
+        let options = PathTracing { samples_per_pixel: 32, ..PathTracing::default() };
+        let frames = both(&options, look, &request);
+        let (z2, ratio) = compare(&frames);
+        println!("{look:?}: mean z² {z2:.5}, ratio of means {ratio:.5}");
+        // The numbers are the same, so that noise cancels but where rounding sends a path elsewhere.
+        assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3, "{look:?}: {z2} {ratio}");
+        for key in guides {
+            let sum = |p: &Plane<[f32; 3]>| p.data().iter().flatten().map(|x| f64::from(x.abs())).sum::<f64>();
+            let [a, b] = pair(&frames, key).map(sum);
+            assert!((b / a - 1.0).abs() < 5e-3, "{look:?}, {:?}: {a} {b}", key.id());
+        }
+        let rays = pair(&frames, RENDER_REPORT).map(|report| match report {
+            Value::Record(fields) => {
+                fields.iter().filter(|(name, _)| name == "rays" || name == "shadow_rays").cloned().collect()
+            }
+            _ => Vec::new(),
+        });
+        for ((name, a), (_, b)) in rays[0].iter().zip(&rays[1]) {
+            let (Value::Int(a), Value::Int(b)) = (a, b) else { panic!("{name} is a number") };
+            assert!((*a - *b).abs() * 500 < *a, "{look:?}: {a} and {b} {name}");
+        }
+    }
+}
+
+#[test]
+fn options_mean_what_they_mean_on_the_cpu() {
+    if !has_adapter() {
+        return;
+    }
+    let view = room::view(48, 36);
+    let wants = [RADIANCE.id(), RADIANCE_VARIANCE.id()];
+    let request = RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2));
+    let usual = PathTracing { samples_per_pixel: 16, ..PathTracing::default() };
+    for (name, look, options) in [
+        ("direct light", Look::Mixed, PathTracing { max_bounces: 1, ..usual.clone() }),
+        ("many bounces", Look::Glass, PathTracing { max_bounces: 40, russian_roulette_from: 30, ..usual.clone() }),
+        ("a limit", Look::Metal, PathTracing { max_indirect_luminance_nits: Some(5.0), ..usual.clone() }),
+        ("regularize", Look::Metal, PathTracing { regularize: 0.3, ..usual.clone() }),
+        ("plain", Look::Plastic, PathTracing { dielectrics: Dielectrics::Gltf, ..usual.clone() }),
+        ("box filter", Look::Mixed, PathTracing { pixel_filter: PixelFilter::Box, ..usual.clone() }),
+        ("noise", Look::Mixed, PathTracing { noise: Some(0.1), samples_per_pixel: 64, ..usual.clone() }),
+    ] {
+        let (z2, ratio) = compare(&both(&options, look, &request));
+        println!("{name}: mean z² {z2:.5}, ratio of means {ratio:.5}");
+        assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3, "{name}: {z2} {ratio}");
+    }
+}
+
+#[test]
+fn the_same_device_makes_the_same_bytes() {
+    if !has_adapter() {
+        return;
+    }
+    let scene = room::scene_of(Look::Glass);
+    let view = room::view(64, 48);
+    let wants = [RADIANCE.id()];
+    let request = RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2));
+    let options = PathTracing { samples_per_pixel: 8, ..PathTracing::default() };
+    let images = [0, 1].map(|session| {
+        let renderer = GpuPathRenderer::new(options.clone());
+        let mut session = renderer.open(session).expect("opens");
+        session.load(&scene, &Threads(2)).expect("loads");
+        [0, 1].map(|_| {
+            let mut frame = Products::new();
+            session.render(&request, &mut frame).expect("renders");
+            frame.get(RADIANCE).expect("made").clone()
+        })
+    });
+    let all = images.as_flattened();
+    assert!(all.iter().all(|image| image.data() == all[0].data()));
+}
