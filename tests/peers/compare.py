@@ -28,9 +28,7 @@ from pathlib import Path
 
 import correctness
 import speed
-
-ROOT = Path(__file__).resolve().parents[2]
-BOOK = ROOT / "book" / "src"
+from book import BOOK, ROOT, publish, save
 
 
 def main() -> int:
@@ -49,30 +47,15 @@ def main() -> int:
         if arguments.what != "speed":
             views, samples = (4, 16) if arguments.quick else (24, 32)
             table, image, agree = correctness.compare(arguments.binary, work, views, samples)
-            publish(table, "correctness", arguments.book)
+            publish(table, "correctness", "compare.py", arguments.book)
             save(image, BOOK / "images" / "comparison.png" if arguments.book else work / "comparison.png")
             print("all regions agree" if agree else "REGIONS DIFFER", flush=True)
         if arguments.what != "correctness":
             assets = os.environ.get("ASSETS")
             patience = 4 if arguments.quick else arguments.patience
             table = speed.compare(arguments.binary, work, Path(assets) if assets else None, patience)
-            publish(table, "speed", arguments.book)
+            publish(table, "speed", "compare.py", arguments.book)
     return 0 if agree else 1
-
-
-def publish(table: str, name: str, book: bool) -> None:
-    """Prints a table, and puts it into its place in the book."""
-    print(table, flush=True)
-    if book:
-        page = BOOK / "comparison.md"
-        begin, end = f"<!-- {name}: made by compare.py -->", f"<!-- end of {name} -->"
-        before, rest = page.read_text().split(begin)
-        page.write_text(f"{before}{begin}\n\n{table.strip()}\n\n{end}{rest.split(end)[1]}")
-
-
-def save(image, path: Path) -> None:
-    """An image of few colors, small enough for a repository."""
-    image.quantize(256).save(path, optimize=True)
 
 
 if __name__ == "__main__":

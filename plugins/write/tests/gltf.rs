@@ -488,8 +488,17 @@ fn the_script_for_blender_has_the_numbers_of_the_lights() {
     assert!(folder.path().join("gltf/000003_environment.hdr").is_file());
     // The map is turned by +1 rad, and is in nits already.
     assert_eq!((number(&sky["lookup_rotation_z"]), number(&sky["strength"])), (-1.0, 1.0));
-    let size = [view(0).camera.intrinsics.width, view(0).camera.intrinsics.height];
-    assert_eq!(json["cameras"]["view 1"], json!({ "view": 1, "size": size }));
+    let (camera, k) = (&json["cameras"]["view 1"], view(0).camera.intrinsics);
+    assert_eq!((&camera["view"], &camera["size"]), (&json!(1), &json!([k.width, k.height])));
+    // Blender makes an image of its vertical field of view, stretches pixels, and moves it by shifts in image heights.
+    let pair = |key: &str| [number(&camera[key][0]), number(&camera[key][1])];
+    let ([wide, high], [right, up]) = (pair("pixel_aspect"), pair("shift"));
+    let [width, height] = [k.width, k.height].map(f64::from);
+    let there = [k.fy * high / wide, width / 2.0 - right * height * high / wide, height / 2.0 + up * height];
+    for (here, there) in [k.fx, k.cx, k.cy].into_iter().zip(there) {
+        assert!((here / there - 1.0).abs() < 1e-12, "{here} px became {there} px: {camera}");
+    }
+    assert!(wide >= 1.0 && high >= 1.0, "Blender takes no pixels of less than one: {camera}");
 }
 
 #[test]

@@ -6,8 +6,8 @@
 
 Blender's importer divides lights in lux and candela by 683 lm/W unless its lighting mode is `Unitless`, and leaves materials
 that emit, in nits, as they are. It also drops the size of the sun, and glTF has no sky. This script imports with the right
-mode, so that one unit of Blender's is a nit, a lux or a candela; gives suns their angular diameter; and hangs up the sky
-from the HDR file beside the scene. `--white` sets the exposure so that this luminance is white: `white_nits` of the
+mode, so that one unit of Blender's is a nit, a lux or a candela; gives suns their angular diameter; hangs up the sky from
+the HDR file beside the scene; and gives the camera both focal lengths and the principal point of `K`. `--white` sets the exposure so that this luminance is white: `white_nits` of the
 image's `exposure`. `--show` prints what is set, as JSON, without Blender.
 """
 
@@ -44,8 +44,7 @@ def settings(path):
                 "angle": 2.0 * extras.get("half_angle", 0.0),
             }
         if "camera" in node:
-            extras = gltf["cameras"][node["camera"]].get("extras", {})
-            cameras[node["name"]] = {"view": extras.get("view"), "size": [extras.get("width"), extras.get("height")]}
+            cameras[node["name"]] = camera(gltf["cameras"][node["camera"]]["extras"])
     skies = [
         # The importer leaves the dataset's axes as they are, z up. A map that turns counterclockwise is looked up in
         # directions that turn back.
@@ -53,6 +52,22 @@ def settings(path):
         for sky in gltf["scenes"][0].get("extras", {}).get("environments", [])
     ]
     return {"lighting_mode": "COMPAT", "suns": suns, "skies": skies, "cameras": cameras}
+
+
+def camera(extras):
+    """What a camera of Blender's needs beside its vertical field of view, which the importer has from the file.
+
+    The two focal lengths differ by the aspect of the pixels, whose sides Blender wants to be one or more. A shift is in
+    image heights, to the right and up.
+    """
+    (fx, _, cx), (_, fy, cy), _ = extras["K"]
+    width, height = extras["width"], extras["height"]
+    return {
+        "view": extras["view"],
+        "size": [width, height],
+        "pixel_aspect": [max(fy / fx, 1.0), max(fx / fy, 1.0)],
+        "shift": [(width / 2 - cx) * fy / (fx * height), (cy - height / 2) / height],
+    }
 
 
 def hang_up(world, skies):
@@ -95,10 +110,13 @@ def load(path, view=0, white=None):
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("sky")
     hang_up(scene.world, wanted["skies"])
-    for name, camera in wanted["cameras"].items():
-        if camera["view"] == view:
+    for name, seen in wanted["cameras"].items():
+        data = bpy.data.objects[name].data
+        data.shift_x, data.shift_y = seen["shift"]
+        if seen["view"] == view:
             scene.camera = bpy.data.objects[name]
-            scene.render.resolution_x, scene.render.resolution_y = camera["size"]
+            scene.render.resolution_x, scene.render.resolution_y = seen["size"]
+            scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = seen["pixel_aspect"]
     scene.render.engine = "CYCLES"
     if white:
         scene.view_settings.exposure = -math.log2(white)
