@@ -240,19 +240,22 @@ impl CpuPathSession {
             coverage: bits(COVERAGE),
             coverage_before_support: bits(COVERAGE.before_support()),
         };
+        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
+        let traces = of_paths.into_iter().chain(OF_GUIDES).any(wants);
+        // Surfaces that show the environment have its color.
+        let projects = labels.albedo.is_some() && world.scene.materials.has_projections;
+        let lights = match traces || projects {
+            true => Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?,
+            false => Lights::default(),
+        };
         if labels.any() {
-            let projection = match labels.albedo.is_some() && world.scene.materials.has_projections {
-                true => Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?.projection,
-                false => None,
-            };
             let (window, blended) = (request.window, self.blended_labels);
-            let caster = LabelCaster::new(world, &camera, window, blended, projection.as_ref());
+            let caster = LabelCaster::new(world, &camera, window, blended, lights.projection.as_ref());
             caster.cast(&mut labels, request.workers);
         }
         labels.put(frame)?;
-        let of_paths = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()];
-        match of_paths.into_iter().chain(OF_GUIDES).any(wants) {
-            true => self.trace(world, request, &camera, frame),
+        match traces {
+            true => self.trace(world, &lights, request, &camera, frame),
             false => Ok(Statistics::default()),
         }
     }
@@ -261,12 +264,12 @@ impl CpuPathSession {
     fn trace(
         &self,
         world: &World,
+        lights: &Lights,
         request: &RenderRequest,
         camera: &RayCamera,
         frame: &mut Products,
     ) -> Result<Statistics> {
-        let lights = Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?;
-        let tracer = PathTracer::new(world, &lights, camera, self.settings, request.stream.seed());
+        let tracer = PathTracer::new(world, lights, camera, self.settings, request.stream.seed());
         let guides = request.wants.iter().any(|want| OF_GUIDES.contains(want));
         let tracer = tracer.with_guides(guides);
         let film = Film::trace(&tracer, request.window, &self.budget, request.workers);
