@@ -403,6 +403,42 @@ fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
 }
 
 #[test]
+fn steps_that_do_not_go_together_are_found_at_their_lines() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = support::root().join("recipes/quickstart.toml");
+    for (kinds, code, says) in [
+        (["room", "table", "ground"], 1, vec!["`room` and `ground` of [[place]] both set the floor", "3 |", "8 |"]),
+        (["table", "room", "table\"\nid = \"desk"], 1, vec!["`table` and `desk` of [[place]] both set the tabletop"]),
+        (
+            ["room", "drop_box", "table"],
+            1,
+            vec!["`drop_box` of [[place]] needs the tabletop that step `table` sets", "5 |"],
+        ),
+        (
+            ["room", "drop_box", "drop_box"],
+            1,
+            vec!["`drop_box` of [[place]] needs a tabletop, and no step", "\"table\""],
+        ),
+        // A broken table is one mistake, not also a missing one.
+        (["room", "desk", "drop_box"], 0, vec!["no kind `desk`"]),
+    ] {
+        let pool = |kind: &str| match kind {
+            "room" | "ground" => "",
+            "drop_box" => "from = [\"objects\"]\n",
+            _ => "from = [\"tables\"]\n",
+        };
+        let steps: String = kinds.iter().map(|kind| format!("[[place]]\nkind = \"{kind}\"\n{}", pool(kind))).collect();
+        let recipe = folder.path().join("recipe.toml");
+        fs::write(&recipe, format!("extends = \"{}\"\n\n{steps}", base.display())).expect("writable");
+        for verb in ["check", "run"] {
+            let error = fails(syntable().arg(verb).arg(&recipe).current_dir(folder.path()), 2);
+            assert!(says.iter().all(|word| error.contains(word)), "{says:?}:\n{error}");
+            assert_eq!(error.matches("[D0026]").count(), code, "{error}");
+        }
+    }
+}
+
+#[test]
 fn mistakes_of_steps_files_and_paths_are_found_by_check() {
     let folder = tempfile::tempdir().expect("a folder");
     let broken = folder.path().join("broken.tera");

@@ -91,8 +91,12 @@ impl Config for Distractors {
 register!(Distractors);
 
 impl Placer for Distractors {
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::Needs
+    fn tabletop(&self) -> PartUse {
+        PartUse::Needs
+    }
+
+    fn floor(&self) -> PartUse {
+        PartUse::None
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
