@@ -119,7 +119,7 @@ pub fn mean_luminance(map: &EnvironmentMap) -> f32 {
 
 /// Solid angle of a row of `height`, over 2π.
 fn ring(y: usize, height: usize) -> f64 {
-    let edge = |y: usize| (std::f64::consts::PI * y as f64 / height as f64).cos();
+    let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / height as f64);
     edge(y) - edge(y + 1)
 }
 

@@ -445,10 +445,10 @@ fn directional(light: &DirectionalLight) -> Result<DistantLight> {
         ))
         .help("give it a direction of length 1 and a half angle of 0.00001 to 1.5 radians"));
     }
-    let half = (0.5 * light.half_angle).sin();
+    let half = libm::sin(0.5 * light.half_angle);
     Ok(DistantLight::Cone(ConeLight {
         axis: vector((light.towards / length).as_ref()),
-        sin: light.half_angle.sin() as f32,
+        sin: libm::sin(light.half_angle) as f32,
         height: (2.0 * half * half) as f32,
         radiance: color(light.radiance()),
         illuminance: luminance(light.irradiance) as f32,
