@@ -94,6 +94,61 @@ fn heavy_packages_stay_in_their_rooms() {
     }
 }
 
+/// Sources of crates whose results reach datasets, without their tests.
+fn sources() -> Vec<(String, String)> {
+    fn walk(folder: &Path, sources: &mut Vec<(String, String)>) {
+        for entry in fs::read_dir(folder).expect("readable") {
+            let path = entry.expect("readable").path();
+            let name = path.file_name().and_then(|name| name.to_str()).expect("a name");
+            if path.is_dir() && name != "tests" {
+                walk(&path, sources);
+            } else if name.ends_with(".rs") && name != "tests.rs" {
+                let text = fs::read_to_string(&path).expect("readable");
+                let code = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default().to_owned();
+                sources.push((path.strip_prefix(root()).expect("inside").display().to_string(), code));
+            }
+        }
+    }
+    let mut found = Vec::new();
+    for group in ["core", "plugins"] {
+        for entry in fs::read_dir(root().join(group)).expect("readable") {
+            let folder = entry.expect("readable").path();
+            if !folder.ends_with("core/testing") {
+                walk(&folder.join("src"), &mut found);
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn mathematical_functions_do_not_depend_on_the_system() {
+    const NAMES: [&str; 25] = [
+        "sin", "cos", "tan", "sin_cos", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh",
+        "atanh", "exp", "exp2", "exp_m1", "ln", "ln_1p", "log", "log2", "log10", "powf", "cbrt", "hypot",
+    ];
+    let of_std = |line: &str| {
+        let code = line.split("//").next().unwrap_or_default();
+        let uses = |name: &&str| {
+            code.contains(&format!(".{name}("))
+                || [32, 64].iter().any(|bits| code.contains(&format!("f{bits}::{name}")))
+        };
+        // `f64::exp` in `f64::exp2`: the longest name counts.
+        NAMES.iter().filter(|name| uses(name)).max_by_key(|name| name.len()).copied()
+    };
+    assert_eq!(of_std("let y = (a + b).atan2(x); // angle"), Some("atan2"));
+    assert_eq!(of_std("values.map(f64::exp2) + libm::exp(x)"), Some("exp2"));
+    assert_eq!(of_std("x.sqrt() + libm::sin(x).exponent() // x.sin()"), None);
+    let sources = sources();
+    assert!(sources.len() > 200 && sources.iter().any(|(_, code)| code.contains("libm::")), "{}", sources.len());
+    let found = sources.iter().flat_map(|(path, code)| {
+        let lines = code.lines().enumerate();
+        lines.filter_map(move |(i, line)| of_std(line).map(|name| format!("{path}:{}: `{name}`", i + 1)))
+    });
+    let found: Vec<String> = found.collect();
+    assert!(found.is_empty(), "take these from `libm`, which gives the same bits everywhere:\n{}", found.join("\n"));
+}
+
 #[test]
 fn the_top_level_is_what_the_card_says() {
     let mut found: Vec<String> = fs::read_dir(root())

@@ -403,6 +403,66 @@ fn what_is_odd_about_scenes_is_told_once_and_at_the_end() {
 }
 
 #[test]
+fn scenes_whose_objects_nobody_sees_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let says = "no object has a visible pixel in any view";
+    // From above the table, at the table and past it.
+    let at = "{ look_at = { eye_m = [0.1, 0.0, 2.2], target_m = [0.0, 0.0, 0.0] } }";
+    let past = "{ look_at = { eye_m = [1.5, 0.0, 1.6], target_m = [2.5, 0.0, 1.7] } }";
+    let run = |name: &str, poses: &[&str]| {
+        let views = format!("views={{ kind = \"fixed_poses\", poses = [{}] }}", poses.join(", "));
+        let count = format!("dataset.views_per_scene={}", poses.len());
+        let out = folder.path().join(name);
+        let output = small_run(&out, &["--set", &views, "--set", &count]).output().expect("starts");
+        assert!(output.status.success(), "{}", text(&output));
+        (text(&output), fs::read_to_string(out.join(".syntable/journal.jsonl")).expect("written"))
+    };
+    let (said, journal) = run("past", &[past, past]);
+    assert!(said.contains(&format!("2 of 2 scenes: {says}")) && said.contains("look at [views]"), "{said}");
+    assert_eq!(journal.matches(r#""unlabeled""#).count(), 2, "{journal}");
+    assert!(!said.contains("black") && !said.contains("no light"), "{said}");
+    // One view of a scene is enough.
+    let (said, journal) = run("both", &[past, at]);
+    assert!(!said.contains(says) && !journal.contains("unlabeled"), "{said}\n{journal}");
+}
+
+#[test]
+fn steps_that_do_not_go_together_are_found_at_their_lines() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = support::root().join("recipes/quickstart.toml");
+    for (kinds, code, says) in [
+        (["room", "table", "ground"], 1, vec!["`room` and `ground` of [[place]] both set the floor", "3 |", "8 |"]),
+        (["table", "room", "table\"\nid = \"desk"], 1, vec!["`table` and `desk` of [[place]] both set the tabletop"]),
+        (
+            ["room", "drop_box", "table"],
+            1,
+            vec!["`drop_box` of [[place]] needs the tabletop that step `table` sets", "5 |"],
+        ),
+        (
+            ["room", "drop_box", "drop_box"],
+            1,
+            vec!["`drop_box` of [[place]] needs a tabletop, and no step", "\"table\""],
+        ),
+        // A broken table is one mistake, not also a missing one.
+        (["room", "desk", "drop_box"], 0, vec!["no kind `desk`"]),
+    ] {
+        let pool = |kind: &str| match kind {
+            "room" | "ground" => "",
+            "drop_box" => "from = [\"objects\"]\n",
+            _ => "from = [\"tables\"]\n",
+        };
+        let steps: String = kinds.iter().map(|kind| format!("[[place]]\nkind = \"{kind}\"\n{}", pool(kind))).collect();
+        let recipe = folder.path().join("recipe.toml");
+        fs::write(&recipe, format!("extends = \"{}\"\n\n{steps}", base.display())).expect("writable");
+        for verb in ["check", "run"] {
+            let error = fails(syntable().arg(verb).arg(&recipe).current_dir(folder.path()), 2);
+            assert!(says.iter().all(|word| error.contains(word)), "{says:?}:\n{error}");
+            assert_eq!(error.matches("[D0026]").count(), code, "{error}");
+        }
+    }
+}
+
+#[test]
 fn mistakes_of_steps_files_and_paths_are_found_by_check() {
     let folder = tempfile::tempdir().expect("a folder");
     let broken = folder.path().join("broken.tera");

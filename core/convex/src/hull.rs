@@ -78,8 +78,11 @@ impl ConvexHull {
     /// the point that is farthest outside (Quickhull, stopped early; Barber, Dobkin and Huhdanpaa, ACM TOMS 22, 1996).
     fn of_solid(points: &[[f32; 3]], options: &HullOptions) -> Option<Self> {
         let largest = points.iter().flatten().fold(0.0_f32, |largest, x| largest.max(x.abs()));
-        let pitch =
-            if largest < options.grid * MAX_STEPS { options.grid } else { (largest / MAX_STEPS).log2().ceil().exp2() };
+        let pitch = if largest < options.grid * MAX_STEPS {
+            options.grid
+        } else {
+            libm::exp2f(libm::log2f(largest / MAX_STEPS).ceil())
+        };
         // Sorted and unique, so that neither the order of points nor duplicates matter.
         let cells: BTreeSet<GridPoint> = points.iter().map(|p| p.map(|x| (x / pitch).round() as i64)).collect();
         let cells: Vec<GridPoint> = cells.into_iter().collect();

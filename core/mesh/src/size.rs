@@ -18,7 +18,7 @@ pub fn doubt(longest_m: f64) -> Option<Error> {
     if LIKELY_M.contains(&longest_m) {
         return None;
     }
-    let apart = |factor: f64| (longest_m * factor / TYPICAL_M).ln().abs();
+    let apart = |factor: f64| libm::log(longest_m * factor / TYPICAL_M).abs();
     let nearest = |factors: &[f64]| factors.iter().copied().min_by(|&a, &b| apart(a).total_cmp(&apart(b)));
     let stated = "`units = \"m\"` states that it is right";
     Some(if longest_m > *LIKELY_M.end() {

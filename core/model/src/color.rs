@@ -10,18 +10,18 @@ pub trait Channel: Copy {
 }
 
 macro_rules! channel {
-    ($($t:ty),*) => {$(
+    ($($t:ty: $pow:path),*) => {$(
         impl Channel for $t {
             fn srgb_to_linear(self) -> Self {
-                if self <= 0.040_45 { self / 12.92 } else { ((self + 0.055) / 1.055).powf(2.4) }
+                if self <= 0.040_45 { self / 12.92 } else { $pow((self + 0.055) / 1.055, 2.4) }
             }
             fn linear_to_srgb(self) -> Self {
-                if self <= 0.003_130_8 { 12.92 * self } else { 1.055 * self.powf(1.0 / 2.4) - 0.055 }
+                if self <= 0.003_130_8 { 12.92 * self } else { 1.055 * $pow(self, 1.0 / 2.4) - 0.055 }
             }
         }
     )*};
 }
-channel!(f32, f64);
+channel!(f32: libm::powf, f64: libm::pow);
 
 /// Decodes one sRGB-encoded channel in [0, 1] to a linear one.
 pub fn srgb_to_linear<C: Channel>(encoded: C) -> C {

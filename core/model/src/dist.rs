@@ -50,7 +50,7 @@ impl Dist {
         match *self {
             Self::Constant(value) => value,
             Self::Uniform(low, high) => stream.uniform(low, high),
-            Self::LogUniform(low, high) => stream.uniform(low.ln(), high.ln()).exp().clamp(low, high),
+            Self::LogUniform(low, high) => libm::exp(stream.uniform(libm::log(low), libm::log(high))).clamp(low, high),
             Self::Normal { mean, std, min, max } => (mean + std * stream.normal()).clamp(min, max),
             Self::Choice(ref values) => *stream.pick(values).expect("a choice is not empty"),
         }

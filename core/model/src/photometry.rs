@@ -39,13 +39,13 @@ pub fn blackbody(kelvin: f64) -> [f64; 3] {
 /// Spectral radiance of a black body, up to a constant factor.
 fn planck(meters: f64, kelvin: f64) -> f64 {
     const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e-2;
-    1e-30 / (meters.powi(5) * ((SECOND_RADIATION_CONSTANT / (meters * kelvin)).exp() - 1.0))
+    1e-30 / (meters.powi(5) * (libm::exp(SECOND_RADIATION_CONSTANT / (meters * kelvin)) - 1.0))
 }
 
 fn cie_1931(nm: f64) -> [f64; 3] {
     let lobe = |height: f64, mean: f64, below: f64, above: f64| {
         let t = (nm - mean) * if nm < mean { below } else { above };
-        height * (-0.5 * t * t).exp()
+        height * libm::exp(-0.5 * t * t)
     };
     [
         lobe(0.362, 442.0, 0.0624, 0.0374) + lobe(1.056, 599.8, 0.0264, 0.0323) + lobe(-0.065, 501.1, 0.0490, 0.0382),
@@ -81,7 +81,7 @@ pub fn polygon_illuminance(corners: &[Point3<f64>], point: Point3<f64>, normal: 
     let sum: f64 = (0..directions.len())
         .map(|i| {
             let (a, b) = (directions[i], directions[(i + 1) % directions.len()]);
-            let angle = a.dot(&b).clamp(-1.0, 1.0).acos();
+            let angle = libm::acos(a.dot(&b).clamp(-1.0, 1.0));
             a.cross(&b).try_normalize(1e-15).map_or(0.0, |edge| angle * normal.dot(&edge))
         })
         .sum();
@@ -143,10 +143,10 @@ fn cut_disk_illuminance(
     let u = axis.cross(&other).normalize();
     let v = axis.cross(&u);
     let step = TAU / f64::from(CORNERS);
-    let radius = radius * (step / step.sin()).sqrt();
+    let radius = radius * (step / libm::sin(step)).sqrt();
     let corners: Vec<Point3<f64>> = (0..CORNERS)
         .map(|i| {
-            let (sin, cos) = (step * f64::from(i)).sin_cos();
+            let (sin, cos) = libm::sincos(step * f64::from(i));
             center + (u * cos + v * sin) * radius
         })
         .collect();
@@ -161,7 +161,7 @@ pub fn level_irradiance(map: &EnvironmentMap) -> [f64; 3] {
     for (row, texels) in map.texels().chunks(map.width() as usize).enumerate() {
         let squared_sine = |row: usize| {
             let polar = (PI * row as f64 / f64::from(map.height())).min(PI / 2.0);
-            polar.sin() * polar.sin()
+            libm::sin(polar) * libm::sin(polar)
         };
         let weight = (squared_sine(row + 1) - squared_sine(row)) / 2.0 * TAU / f64::from(map.width());
         if weight <= 0.0 {

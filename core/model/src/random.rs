@@ -105,8 +105,8 @@ impl Stream {
 
     /// A standard normal number (Box and Muller; two uniforms a draw).
     pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
+        let radius = (-2.0 * libm::log(1.0 - self.unit())).sqrt();
+        radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
 
     /// One item, uniformly; none if there is nothing to choose from.
@@ -125,7 +125,12 @@ impl Stream {
     pub fn rotation(&mut self) -> UnitQuaternion<f64> {
         let (u, v, w) = (self.unit(), self.unit() * std::f64::consts::TAU, self.unit() * std::f64::consts::TAU);
         let (a, b) = ((1.0 - u).sqrt(), u.sqrt());
-        UnitQuaternion::from_quaternion(Quaternion::new(b * w.cos(), a * v.sin(), a * v.cos(), b * w.sin()))
+        UnitQuaternion::from_quaternion(Quaternion::new(
+            b * libm::cos(w),
+            a * libm::sin(v),
+            a * libm::cos(v),
+            b * libm::sin(w),
+        ))
     }
 
     /// A direction uniform on the unit sphere.
@@ -133,7 +138,7 @@ impl Stream {
         let z = self.uniform(-1.0, 1.0);
         let angle = self.unit() * std::f64::consts::TAU;
         let r = (1.0 - z * z).max(0.0).sqrt();
-        Vector3::new(r * angle.cos(), r * angle.sin(), z)
+        Vector3::new(r * libm::cos(angle), r * libm::sin(angle), z)
     }
 }
 

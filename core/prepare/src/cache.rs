@@ -93,7 +93,10 @@ impl SceneCache {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::LightTable;
     use std::sync::atomic::{AtomicUsize, Ordering};
+    use syntable_model::geometry::{Point3, Vector3};
+    use syntable_model::scene::{EnvironmentLight, Light, WindowLight};
 
     #[test]
     fn values_are_made_once_for_all_threads() {
@@ -110,6 +113,34 @@ mod tests {
             threads.into_iter().for_each(|thread| assert_eq!(thread.join().expect("no panic"), 0));
         });
         assert_eq!((get(), made.into_inner()), (0, 1));
+    }
+
+    #[test]
+    fn only_environments_that_are_sampled_get_tables() {
+        let map = |bright: f32| {
+            let texels = vec![[bright; 3], [0.0; 3], [1.0; 3], [0.0; 3]];
+            Arc::new(EnvironmentMap::new("two rows", 2, 2, texels).expect("sound"))
+        };
+        let placed = |map: &Arc<EnvironmentMap>| EnvironmentLight { map: map.clone(), scale: [3.0; 3], rotation: 0.0 };
+        let (behind, around) = (map(7.0), map(3.0));
+        let window = WindowLight {
+            center: Point3::origin(),
+            half_u: Vector3::x(),
+            half_v: Vector3::y(),
+            view: placed(&behind),
+            panes: [1, 1],
+            frame_m: 0.0,
+            bar_m: 0.0,
+            frame_radiance: [0.0; 3],
+        };
+        let cache = SceneCache::default();
+        let lights = [Light::Window(window), Light::Environment(placed(&around))];
+        let table = LightTable::new(&lights, &cache).expect("sound");
+        let is_kept = |map: &EnvironmentMap| cache.environments.0.peek(&map.digest).is_some();
+        assert_eq!((is_kept(&around), is_kept(&behind)), (true, false));
+        // Rows of two have equal solid angles, so the mean is that of the texels: 3 (7 + 0 + 1 + 0) / 4.
+        let radiance = table.area[0].radiance();
+        assert!((radiance.x - 6.0).abs() < 1e-5 && radiance.x == radiance.z, "{radiance:?}");
     }
 
     #[test]

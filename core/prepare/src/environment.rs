@@ -23,10 +23,8 @@ impl EnvironmentDistribution {
         let (width, height) = (map.width() as usize, map.height() as usize);
         let mut rows = Vec::with_capacity(height);
         let mut texels = Vec::with_capacity(width * height);
-        let (mut total, mut solid) = (0.0_f64, 0.0_f64);
+        let mut total = 0.0_f64;
         for (y, row) in map.texels().chunks(width).enumerate() {
-            let edge = |y: usize| (std::f64::consts::PI * y as f64 / height as f64).cos();
-            let angle = edge(y) - edge(y + 1);
             let start = texels.len();
             let mut sum = 0.0_f64;
             for texel in row {
@@ -39,8 +37,7 @@ impl EnvironmentDistribution {
             if let Some(last) = texels.last_mut() {
                 *last = 1.0;
             }
-            total += sum / width as f64 * angle;
-            solid += angle;
+            total += sum / width as f64 * ring(y, height);
             rows.push(total as f32);
         }
         for (y, row) in rows.iter_mut().enumerate() {
@@ -49,7 +46,7 @@ impl EnvironmentDistribution {
         if let Some(last) = rows.last_mut() {
             *last = 1.0;
         }
-        Self { map: map.clone(), rows, texels, luminance: (total / solid) as f32 }
+        Self { map: map.clone(), rows, texels, luminance: mean_luminance(map) }
     }
 
     /// The environment map.
@@ -92,20 +89,38 @@ impl EnvironmentDistribution {
             * probability(&self.texels[y * width..(y + 1) * width], x)
             * (width * self.rows.len()) as f32
     }
+}
 
-    /// Radiance at a point of the unit square, interpolated between texels; periodic in u.
-    #[inline]
-    pub fn radiance(&self, [u, v]: [f32; 2]) -> Rgb {
-        let (width, height) = (self.map.width() as i32, self.map.height() as i32);
-        let (x, wx) = floor(u * width as f32 - 0.5);
-        let (y, wy) = floor(v * height as f32 - 0.5);
-        let texel = |x: i32, y: i32| {
-            let (x, y) = (x.rem_euclid(width), y.clamp(0, height - 1));
-            Rgb::from(self.map.texels()[(y * width + x) as usize])
-        };
-        let (above, below) = (texel(x, y).lerp(texel(x + 1, y), wx), texel(x, y + 1).lerp(texel(x + 1, y + 1), wx));
-        above.lerp(below, wy)
+/// Radiance of a map at a point of the unit square, v downwards, interpolated between texels; periodic in u.
+#[inline]
+pub fn look_up(map: &EnvironmentMap, [u, v]: [f32; 2]) -> Rgb {
+    let (width, height) = (map.width() as i32, map.height() as i32);
+    let (x, wx) = floor(u * width as f32 - 0.5);
+    let (y, wy) = floor(v * height as f32 - 0.5);
+    let texel = |x: i32, y: i32| {
+        let (x, y) = (x.rem_euclid(width), y.clamp(0, height - 1));
+        Rgb::from(map.texels()[(y * width + x) as usize])
+    };
+    let (above, below) = (texel(x, y).lerp(texel(x + 1, y), wx), texel(x, y + 1).lerp(texel(x + 1, y + 1), wx));
+    above.lerp(below, wy)
+}
+
+/// Mean luminance of a map over all directions.
+pub fn mean_luminance(map: &EnvironmentMap) -> f32 {
+    let (width, height) = (map.width() as usize, map.height() as usize);
+    let (mut total, mut solid) = (0.0_f64, 0.0_f64);
+    for (y, row) in map.texels().chunks(width).enumerate() {
+        let sum: f64 = row.iter().map(|texel| f64::from(Rgb::from(*texel).luminance())).sum();
+        total += sum / width as f64 * ring(y, height);
+        solid += ring(y, height);
     }
+    (total / solid) as f32
+}
+
+/// Solid angle of a row of `height`, over 2π.
+fn ring(y: usize, height: usize) -> f64 {
+    let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / height as f64);
+    edge(y) - edge(y + 1)
 }
 
 /// The entry that a number in [0, 1) selects, the position in it, and its probability.

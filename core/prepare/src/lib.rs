@@ -32,8 +32,8 @@ pub use cache::{AssetCache, SceneCache};
 pub use emitter::{EmissiveBody, EmissiveTriangle, EmitterPoint};
 pub use environment::EnvironmentDistribution;
 pub use light::{
-    AreaLight, ConeLight, DiskLight, DistantLight, LightTable, NO_WINDOW, PlacedEnvironment, ProjectedEnvironment,
-    RectLight, SphereLight, WindowPattern,
+    AreaLight, ConeLight, DiskLight, DistantLight, LightTable, NO_WINDOW, PlacedEnvironment, PlacedMap,
+    ProjectedEnvironment, RectLight, SphereLight, WindowPattern,
 };
 pub use mapping::{BoxSide, Mapping, TextureCoordinates, UvAffine};
 pub use material::{

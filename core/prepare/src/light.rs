@@ -1,12 +1,12 @@
 //! Lights of a view, checked and converted.
 
 use crate::cache::SceneCache;
-use crate::environment::EnvironmentDistribution;
+use crate::environment::{EnvironmentDistribution, look_up, mean_luminance};
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use std::sync::Arc;
 use syntable_model::error::{Error, Result};
 use syntable_model::photometry::{level_irradiance, luminance};
-use syntable_model::scene::{self, DirectionalLight, EnvironmentLight};
+use syntable_model::scene::{self, DirectionalLight, EnvironmentLight, EnvironmentMap};
 use syntable_simd::functions::{acos, atan2_turns, sin_cos_turns};
 use syntable_simd::{Basis, Rgb, Vec3, vec3};
 
@@ -78,7 +78,7 @@ pub struct WindowPattern {
     /// both of its coordinates are in one.
     pub spans: [Vec<[f32; 2]>; 2],
     /// What is behind the panes.
-    pub view: PlacedEnvironment,
+    pub view: PlacedMap,
     /// Radiance elsewhere, nits.
     pub frame_radiance: Rgb,
 }
@@ -126,13 +126,22 @@ pub struct ConeLight {
 
 /// An environment map, scaled and rotated.
 #[derive(Clone, Debug)]
-pub struct PlacedEnvironment {
-    /// The map and its distribution.
-    pub distribution: Arc<EnvironmentDistribution>,
+pub struct PlacedMap {
+    /// The map.
+    pub map: Arc<EnvironmentMap>,
     /// Nits of a texel of one.
     pub scale: Rgb,
     /// Sine and cosine of the rotation about world z.
     pub rotation: (f32, f32),
+}
+
+/// An environment map that is sampled as a light.
+#[derive(Clone, Debug)]
+pub struct PlacedEnvironment {
+    /// The map in the world.
+    pub placed: PlacedMap,
+    /// Its distribution, for sampling.
+    pub distribution: Arc<EnvironmentDistribution>,
     /// Mean luminance over all directions, nits.
     pub luminance: f32,
 }
@@ -180,7 +189,7 @@ impl LightTable {
             }
             scene::Light::Window(light) => {
                 // A window that shows nothing is black: it still hides what is behind it.
-                let (rect, pattern) = window(light, self.windows.len() as u32, cache)?;
+                let (rect, pattern) = window(light, self.windows.len() as u32)?;
                 self.windows.push(pattern);
                 self.area.push(AreaLight::Rect(rect));
                 return Ok(());
@@ -214,12 +223,12 @@ impl DistantLight {
                 let (s, c) = sin_cos_turns(uv[1]);
                 (Basis::around(cone.axis).to_world(vec3(sin * c, sin * s, 1.0 - t)), 1.0 / (TAU * cone.height))
             }
-            Self::Environment(placed) => {
-                let ([u, v], density) = placed.distribution.sample(uv);
+            Self::Environment(environment) => {
+                let ([u, v], density) = environment.distribution.sample(uv);
                 let (sin_theta, cos_theta) = sin_cos_turns(0.5 * v);
                 let (s, c) = sin_cos_turns(0.5 - u);
                 let local = vec3(sin_theta * c, sin_theta * s, cos_theta);
-                let (sin, cos) = placed.rotation;
+                let (sin, cos) = environment.placed.rotation;
                 let direction = vec3(cos * local.x - sin * local.y, sin * local.x + cos * local.y, local.z);
                 (direction, per_steradian(density, sin_theta))
             }
@@ -235,11 +244,11 @@ impl DistantLight {
                 let hit = direction.dot(cone.axis) > 0.0 && across.dot(across) <= cone.sin * cone.sin;
                 if hit { (cone.radiance, 1.0 / (TAU * cone.height)) } else { (Rgb::ZERO, 0.0) }
             }
-            Self::Environment(placed) => {
-                let uv = placed.coordinates(direction);
+            Self::Environment(environment) => {
+                let uv = environment.placed.coordinates(direction);
                 let sin_theta = (1.0 - direction.z * direction.z).max(0.0).sqrt();
-                let density = per_steradian(placed.distribution.density(uv), sin_theta);
-                (placed.distribution.radiance(uv) * placed.scale, density)
+                let density = per_steradian(environment.distribution.density(uv), sin_theta);
+                (environment.placed.look_up(uv), density)
             }
         }
     }
@@ -249,16 +258,22 @@ impl DistantLight {
     pub fn importance(&self, n: Vec3) -> f32 {
         match self {
             Self::Cone(cone) => cone.illuminance * (n.dot(cone.axis) + cone.sin).clamp(0.0, 1.0),
-            Self::Environment(placed) => PI * placed.luminance,
+            Self::Environment(environment) => PI * environment.luminance,
         }
     }
 }
 
-impl PlacedEnvironment {
+impl PlacedMap {
     /// Radiance from a unit direction, nits.
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Rgb {
-        self.distribution.radiance(self.coordinates(direction)) * self.scale
+        self.look_up(self.coordinates(direction))
+    }
+
+    /// Radiance at coordinates in the map, nits.
+    #[inline]
+    fn look_up(&self, uv: [f32; 2]) -> Rgb {
+        look_up(&self.map, uv) * self.scale
     }
 
     /// Coordinates in the map of a unit direction.
@@ -287,7 +302,7 @@ impl WindowPattern {
 /// ([`Material::projection_height_m`](scene::Material::projection_height_m)).
 #[derive(Clone, Debug)]
 pub struct ProjectedEnvironment {
-    maps: Vec<PlacedEnvironment>,
+    maps: Vec<PlacedMap>,
     /// Albedo per nit of environment.
     per_nit: Rgb,
 }
@@ -312,7 +327,7 @@ impl ProjectedEnvironment {
             .distant
             .iter()
             .filter_map(|light| match light {
-                DistantLight::Environment(placed) => Some(placed.clone()),
+                DistantLight::Environment(environment) => Some(environment.placed.clone()),
                 DistantLight::Cone(_) => None,
             })
             .collect();
@@ -323,7 +338,7 @@ impl ProjectedEnvironment {
     }
 
     /// The maps.
-    pub fn maps(&self) -> &[PlacedEnvironment] {
+    pub fn maps(&self) -> &[PlacedMap] {
         &self.maps
     }
 
@@ -369,7 +384,7 @@ fn check_radiance(radiance: [f64; 3]) -> Result<()> {
     Err(Error::new(format!("a radiance of {radiance:?} nits")).help("radiance is finite and not negative"))
 }
 
-fn window(light: &scene::WindowLight, number: u32, cache: &SceneCache) -> Result<(RectLight, WindowPattern)> {
+fn window(light: &scene::WindowLight, number: u32) -> Result<(RectLight, WindowPattern)> {
     let widths = [light.frame_m, light.bar_m];
     if !widths.iter().all(|width| (0.0..f64::INFINITY).contains(width)) || light.panes.iter().any(|&n| n > 1000) {
         let message = format!("a window of {:?} panes, frame and bars of {widths:?} m", light.panes);
@@ -377,10 +392,10 @@ fn window(light: &scene::WindowLight, number: u32, cache: &SceneCache) -> Result
     }
     let mut rect = rect(&light.rect([0.0; 3]))?;
     let spans = [0, 1].map(|axis| light.spans(axis).iter().map(|span| span.map(|x| x as f32)).collect::<Vec<_>>());
-    let view = environment(&light.view, cache)?;
+    let view = placed(&light.view)?;
     let frame_radiance = color(light.frame_radiance);
     let glass: f32 = spans.iter().zip(rect.half).map(|(spans, half)| covered(spans) / (2.0 * half)).product();
-    rect.radiance = view.scale * (view.distribution.luminance * glass) + frame_radiance * (1.0 - glass);
+    rect.radiance = view.scale * (mean_luminance(&view.map) * glass) + frame_radiance * (1.0 - glass);
     rect.luminance = rect.radiance.luminance();
     rect.window = number;
     Ok((rect, WindowPattern { spans, view, frame_radiance }))
@@ -440,10 +455,10 @@ fn directional(light: &DirectionalLight) -> Result<DistantLight> {
         ))
         .help("give it a direction of length 1 and a half angle of 0.00001 to 1.5 radians"));
     }
-    let half = (0.5 * light.half_angle).sin();
+    let half = libm::sin(0.5 * light.half_angle);
     Ok(DistantLight::Cone(ConeLight {
         axis: vector((light.towards / length).as_ref()),
-        sin: light.half_angle.sin() as f32,
+        sin: libm::sin(light.half_angle) as f32,
         height: (2.0 * half * half) as f32,
         radiance: color(light.radiance()),
         illuminance: luminance(light.irradiance) as f32,
@@ -451,16 +466,19 @@ fn directional(light: &DirectionalLight) -> Result<DistantLight> {
 }
 
 fn environment(light: &EnvironmentLight, cache: &SceneCache) -> Result<PlacedEnvironment> {
+    let placed = placed(light)?;
+    let distribution = cache.environment(&light.map);
+    Ok(PlacedEnvironment { luminance: distribution.luminance * placed.scale.luminance(), placed, distribution })
+}
+
+fn placed(light: &EnvironmentLight) -> Result<PlacedMap> {
     if !light.rotation.is_finite() {
         return Err(Error::new(format!("an environment rotated by {}", light.rotation)).help("give a finite angle"));
     }
-    let distribution = cache.environment(&light.map);
     let turns = light.rotation / std::f64::consts::TAU;
-    let scale = color(light.scale);
-    Ok(PlacedEnvironment {
-        luminance: distribution.luminance * scale.luminance(),
-        distribution,
-        scale,
+    Ok(PlacedMap {
+        map: light.map.clone(),
+        scale: color(light.scale),
         rotation: sin_cos_turns((turns - turns.floor()) as f32),
     })
 }
@@ -485,7 +503,6 @@ fn color(x: [f64; 3]) -> Rgb {
 mod tests {
     use super::*;
     use syntable_model::geometry::{Point3, Vector3};
-    use syntable_model::scene::EnvironmentMap;
 
     #[test]
     fn a_cone_has_the_density_of_its_solid_angle_and_the_irradiance_of_the_light() {

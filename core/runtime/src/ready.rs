@@ -1,11 +1,11 @@
-//! What can be known before a run beyond the text of a recipe: the order of placers, the paths of files, and what stages
-//! need from outside. `check` and `run` ask here.
+//! What can be known before a run beyond the text of a recipe: the paths of files, and what stages need from outside.
+//! `check` and `run` ask here.
 
 use crate::recipe::Recipe;
 use std::collections::BTreeMap;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{SceneId, ViewId};
-use syntable_model::stage::{FileOf, TabletopUse, check_path};
+use syntable_model::stage::{FileOf, check_path};
 
 /// Scenes and views whose paths are compared: none, the dataset's own; two scenes of two views.
 const SAMPLES: [(Option<u32>, Option<u32>); 7] = [
@@ -33,44 +33,10 @@ impl Recipe {
     }
 
     fn checked(&self) -> Result<()> {
-        self.tabletop().map_err(Error::permanent)?;
         for (id, writer) in &self.write {
             writer.ready().map_err(|error| error.context(format!("write.{id}")).permanent())?;
         }
         self.paths().map_err(Error::permanent)
-    }
-
-    /// One placer sets the tabletop, before all that need it.
-    fn tabletop(&self) -> Result<()> {
-        let uses: Vec<(&str, TabletopUse)> =
-            self.place.iter().map(|(id, placer)| (id.as_str(), placer.tabletop())).collect();
-        let setter = uses.iter().position(|(_, kind)| *kind == TabletopUse::Sets);
-        let needs = uses.iter().position(|(_, kind)| *kind == TabletopUse::Needs);
-        match (setter, needs) {
-            // Placers of other crates may set it without saying so.
-            (None, Some(needs)) if uses[..needs].iter().all(|(_, kind)| *kind != TabletopUse::Unstated) => {
-                let message = format!("step `{}` of [[place]] needs a tabletop, and no step sets one", uses[needs].0);
-                Err(Error::new(message).help("add a step [[place]] kind = \"table\" before it"))
-            }
-            (Some(setter), Some(needs))
-                if needs < setter && uses[..needs].iter().all(|(_, kind)| *kind != TabletopUse::Unstated) =>
-            {
-                let (needs, setter) = (uses[needs].0, uses[setter].0);
-                Err(Error::new(format!(
-                    "step `{needs}` of [[place]] needs the tabletop that step `{setter}` sets after it"
-                ))
-                .help(format!("move `{setter}` before `{needs}`")))
-            }
-            (Some(first), _) => match uses[first + 1..].iter().find(|(_, kind)| *kind == TabletopUse::Sets) {
-                Some((second, _)) => {
-                    let message =
-                        format!("steps `{}` and `{second}` of [[place]] both set the tabletop", uses[first].0);
-                    Err(Error::new(message).help("keep one of them"))
-                }
-                None => Ok(()),
-            },
-            (None, _) => Ok(()),
-        }
     }
 
     /// Every path is inside the dataset, and has one scene and one writer.

@@ -237,7 +237,7 @@ fn notches(triangles: &[Triangle]) -> Vec<Notch> {
     for (&[from, to], (normal, _)) in faces.iter().filter(|([from, to], _)| from < to) {
         let Some((other, corner)) = faces.get(&[to, from]) else { continue };
         let ends = [from, to].map(|bits| Vector::from(bits.map(f32::from_bits)));
-        let fold = normal.cross(*other).length().atan2(normal.dot(*other));
+        let fold = libm::atan2f(normal.cross(*other).length(), normal.dot(*other));
         if fold >= MIN_FOLD && (*corner - ends[0]).dot(*normal) > 0.0 {
             found.push(Notch { ends, fold });
         }

@@ -534,6 +534,78 @@ fn gap(ball: &BodyDraft, radius: f64, other: &BodyDraft) -> f64 {
     f64::from(mesh.expect("a mesh").distance_to_local_point(vector(center.into()), false)) - radius
 }
 
+/// How often a closed surface winds around a point: 1 inside, 0 outside. The sum of the solid angles of its triangles (van
+/// Oosterom and Strackee, 1983).
+fn winding(data: &MeshData, point: &Point3<f64>) -> f64 {
+    let solid_angle = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|i| Point3::from(data.positions[i as usize].map(f64::from)) - point);
+        let (x, y, z) = (a.norm(), b.norm(), c.norm());
+        2.0 * a.dot(&b.cross(&c)).atan2(x * y * z + a.dot(&b) * z + b.dot(&c) * x + c.dot(&a) * y)
+    };
+    data.triangles.iter().map(solid_angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+}
+
+/// Depth of one body's mesh inside another's, meters: of its vertices, and of points on its edges and faces.
+fn mesh_depth(one: &BodyDraft, other: &BodyDraft) -> f64 {
+    let (data, bounds) = (other.object.mesh.data(), other.object.mesh.bounds());
+    let points = data.positions.iter().map(|&p| Vector::from(p)).collect();
+    let surface = TriMesh::new(points, data.triangles.clone()).expect("a mesh");
+    let other_from_one = other.world_from_body.inverse() * one.world_from_body;
+    let samples = (0..one.object.mesh.data().triangles.len()).flat_map(|triangle| {
+        let [a, b, c] = one.object.mesh.corners(triangle).map(|p| (other_from_one * p).coords);
+        [a, (a + b) / 2.0, (b + c) / 2.0, (a + b + c) / 3.0].map(Point3::from)
+    });
+    let is_near = |p: &Point3<f64>| (0..3).all(|axis| bounds.min[axis] < p[axis] && p[axis] < bounds.max[axis]);
+    let inside = samples.filter(is_near).filter(|p| winding(data, p) > 0.5);
+    let depth = |p: Point3<f64>| {
+        let p = Vector::from([p.x, p.y, p.z].map(|x| x as f32));
+        f64::from(surface.distance_to_local_point(p, false))
+    };
+    inside.map(depth).fold(0.0, f64::max)
+}
+
+/// The deepest of all objects' meshes in each other's and in what carries them, meters.
+fn deepest_of_meshes(scene: &SceneBuilder) -> f64 {
+    let all: Vec<&BodyDraft> = scene.bodies().map(|(_, body)| body).filter(|body| body.role != Role::Room).collect();
+    let is_moving = |body: &BodyDraft| body.motion == Motion::Dynamic;
+    let pairs = (0..all.len()).flat_map(|i| (0..all.len()).map(move |k| (i, k))).filter(|(i, k)| i != k);
+    let moving = pairs.filter(|&(i, k)| is_moving(all[i]) || is_moving(all[k]));
+    moving.map(|(i, k)| mesh_depth(all[i], all[k])).fold(0.0, f64::max)
+}
+
+#[test]
+fn render_meshes_penetrate_as_deeply_as_the_report_says() {
+    // Two cubes, one 7 mm in the other and 2 mm in the table.
+    let mut scene = table_scene();
+    let half = f64::from(CUBE) / 2.0;
+    scene.add(dynamic(&cube(), at(0.0, 0.0, TABLE_HEIGHT + half - 0.002)));
+    scene.add(dynamic(&cube(), at(0.01, 0.01, TABLE_HEIGHT + 3.0 * half - 0.009)));
+    assert!((deepest_of_meshes(&scene) - 0.007).abs() < 1e-6, "{}", deepest_of_meshes(&scene));
+    let keep = "on_violation = \"keep\"\nremove = \"keep\"";
+    let report = settle(&format!("{keep}\nduration_s = 0.01"), &mut scene);
+    let meshes = deepest_of_meshes(&scene);
+    assert!(meshes > 0.003 && (meshes - report.deepest_penetration_m).abs() < 1e-4, "{meshes} m, {report:?}");
+
+    // A heap of hollow shapes at rest. The hulls of each may leave out 0.3 mm of its mesh, and 0.03 mm for their grid.
+    let mut heap = table_scene();
+    drop_objects(&mut heap, &kit_objects(), 16, 4);
+    let report = settle("", &mut heap);
+    let meshes = deepest_of_meshes(&heap);
+    assert!(objects(&heap).count() >= 10 && report.deepest_penetration_m > 0.0, "{report:?}");
+    let (report_m, left_out) = (report.deepest_penetration_m, 2.0 * 0.000_33);
+    assert!(meshes > 0.0 && meshes <= report_m + left_out, "{meshes} m, not {report_m} m");
+    // Lower by 4 mm than it came to rest, the lowest body is as deep in the table.
+    let lowest = |body: &BodyDraft| z_range(body).0;
+    let moved = objects(&heap).min_by(|a, b| lowest(a).total_cmp(&lowest(b))).expect("a body");
+    let lowered = BodyDraft {
+        world_from_body: Translation3::new(0.0, 0.0, -0.004) * moved.world_from_body,
+        ..dynamic(&moved.object, moved.world_from_body)
+    };
+    let table = heap.bodies().map(|(_, body)| body).find(|body| body.role == Role::Support).expect("a table");
+    let depth = mesh_depth(&lowered, table);
+    assert!((0.0035..0.005).contains(&depth), "{depth}");
+}
+
 /// A table of 0.75 m with a rim of 3 cm around a board of 2 cm.
 fn rimmed_table() -> SceneBuilder {
     let rimmed = tray([1.2, 0.8, 0.05], 0.02);

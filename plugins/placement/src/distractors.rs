@@ -91,8 +91,12 @@ impl Config for Distractors {
 register!(Distractors);
 
 impl Placer for Distractors {
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::Needs
+    fn tabletop(&self) -> PartUse {
+        PartUse::Needs
+    }
+
+    fn floor(&self) -> PartUse {
+        PartUse::None
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
@@ -166,7 +170,7 @@ impl Distractors {
         for _ in 0..self.max_tries {
             let at: [f64; 2] = std::array::from_fn(|k| stream.uniform(-half_range[k], half_range[k]));
             let beside = [0, 1].map(|k| (at[k].abs() - (tabletop.size[k] + size[k]) / 2.0).max(0.0));
-            let distance = beside[0].hypot(beside[1]);
+            let distance = libm::hypot(beside[0], beside[1]);
             if distance < nearest.max(1e-9) || distance > farthest {
                 continue;
             }

@@ -136,8 +136,12 @@ impl Config for DropBox {
 register!(DropBox);
 
 impl Placer for DropBox {
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::Needs
+    fn tabletop(&self) -> PartUse {
+        PartUse::Needs
+    }
+
+    fn floor(&self) -> PartUse {
+        PartUse::None
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {

@@ -49,8 +49,12 @@ impl Config for Ground {
 register!(Ground);
 
 impl Placer for Ground {
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::None
+    fn tabletop(&self) -> PartUse {
+        PartUse::None
+    }
+
+    fn floor(&self) -> PartUse {
+        PartUse::Sets
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {

@@ -94,8 +94,12 @@ impl Config for Room {
 register!(Room);
 
 impl Placer for Room {
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::None
+    fn tabletop(&self) -> PartUse {
+        PartUse::None
+    }
+
+    fn floor(&self) -> PartUse {
+        PartUse::Sets
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {

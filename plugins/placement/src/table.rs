@@ -65,8 +65,12 @@ impl Config for Table {
 register!(Table);
 
 impl Placer for Table {
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::Sets
+    fn tabletop(&self) -> PartUse {
+        PartUse::Sets
+    }
+
+    fn floor(&self) -> PartUse {
+        PartUse::None
     }
 
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {

@@ -115,18 +115,21 @@ impl CpuPathSession {
             coverage: bits(COVERAGE),
             coverage_before_support: bits(COVERAGE.before_support()),
         };
+        let traces = Film::offers().into_iter().any(wants);
+        // Surfaces that show the environment have its color.
+        let projects = labels.albedo.is_some() && world.scene.materials.has_projections;
+        let lights = match traces || projects {
+            true => Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?,
+            false => Lights::default(),
+        };
         if labels.any() {
-            let projection = match labels.albedo.is_some() && world.scene.materials.has_projections {
-                true => Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?.projection,
-                false => None,
-            };
             let (window, blended) = (request.window, self.options.blended_labels);
-            let caster = LabelCaster::new(world, &camera, window, blended, projection.as_ref());
+            let caster = LabelCaster::new(world, &camera, window, blended, lights.projection.as_ref());
             caster.cast(&mut labels, request.workers);
         }
         labels.put(frame)?;
-        match Film::offers().into_iter().any(wants) {
-            true => self.trace(world, request, &camera, frame),
+        match traces {
+            true => self.trace(world, &lights, request, &camera, frame),
             false => Ok(Statistics::default()),
         }
     }
@@ -135,12 +138,12 @@ impl CpuPathSession {
     fn trace(
         &self,
         world: &World,
+        lights: &Lights,
         request: &RenderRequest,
         camera: &RayCamera,
         frame: &mut Products,
     ) -> Result<Statistics> {
-        let lights = Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?;
-        let tracer = PathTracer::new(world, &lights, camera, self.options.settings(), request.stream.seed());
+        let tracer = PathTracer::new(world, lights, camera, self.options.settings(), request.stream.seed());
         let tracer = tracer.with(self.strategy, self.processor);
         let tracer = tracer.with_guides(Film::wants_guides(request.wants));
         let film = Film::trace(&tracer, request.window, &self.options.budget(), request.workers)?;

@@ -1,18 +1,18 @@
 //! A scene on a device, and the rendering of its views.
 
-use crate::arena::{Arena, Asset};
+use crate::arena::{Arena, Asset, Place};
 use crate::device::{Bindings, Device, Kernel, PASS_STRIDE, Variant};
-use crate::tables::{BodyPlace, FAR, NONE, Tables};
+use crate::tables::{BodyPlace, EnvironmentPlaces, FAR, NONE, Tables};
 use crate::trees::{MeshTree, top_level};
 use bytemuck::{Pod, Zeroable};
 use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
-use syntable_model::digest::Digest;
+use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
 use syntable_model::product::{BitPlane, Plane, Products};
-use syntable_model::scene::{InstanceId, Scene};
+use syntable_model::scene::{EnvironmentMap, InstanceId, Scene};
 use syntable_model::stage::{Bodies, RenderRequest, Window};
 use syntable_prepare::labels::{BlendedLabels, instance_id};
 use syntable_prepare::{
@@ -281,7 +281,6 @@ impl GpuSession {
         chosen: &Chosen,
     ) -> Result<View> {
         let scene = &world.scene;
-        let environments = environments(lights);
         let texture = |texture: &Arc<syntable_prepare::MipTexture>| {
             let texture = texture.clone();
             Asset {
@@ -296,19 +295,8 @@ impl GpuSession {
                 }),
             }
         };
-        let environment = |light: &Arc<EnvironmentDistribution>| {
-            let light = light.clone();
-            Asset {
-                digest: light.map().digest,
-                count: (light.rows().len() + light.texels().len() + 3 * light.map().texels().len()) as u64,
-                bytes: Box::new(move |_| {
-                    let radiance = light.map().texels().as_flattened();
-                    [light.rows(), light.texels(), radiance].map(|part| bytemuck::cast_slice::<f32, u8>(part)).concat()
-                }),
-            }
-        };
-        let images: Vec<_> =
-            scene.materials.textures.iter().map(texture).chain(environments.iter().map(environment)).collect();
+        let mut images: Vec<_> = scene.materials.textures.iter().map(texture).collect();
+        images.extend(environment_assets(lights));
         self.images.keep(&self.device, 0, &images)?;
         drop(images);
 
@@ -355,19 +343,19 @@ impl GpuSession {
         let layers = tables.layers(&scene.materials.layers);
         let textures = scene.materials.textures.iter().map(|texture| (texture, self.images.place(&texture.digest())));
         let textures = tables.textures(textures);
-        let place = |light: &Arc<EnvironmentDistribution>| self.images.place(&light.map().digest);
-        let [area_lights, windows] = tables.area_lights(lights, &place);
+        let places = Environments(&self.images);
+        let [area_lights, windows] = tables.area_lights(lights, &places);
         let emitters: Vec<EmissiveBody> =
             scene.emitters.iter().filter(|emitter| chosen.lit(emitter.instance as usize)).cloned().collect();
         let emitter_count = emitters.len() as u32;
         let emitters =
             tables.emitters(&emitters, |emitter| scene.mesh(&scene.bodies[emitter.instance as usize]).triangles.len());
-        let distant_lights = tables.distant_lights(&lights.distant, &place);
+        let distant_lights = tables.distant_lights(&lights.distant, &places);
         let projection = match scene.materials.has_projections {
             true => ProjectedEnvironment::new(&request.view.lights, lights),
             false => None,
         };
-        let projection = tables.projection(projection.as_ref(), &place);
+        let projection = tables.projection(projection.as_ref(), &places);
         let settings = self.options.settings();
         let order = SampleOrder::new(request.stream.seed(), settings.samples);
         let [blocks, block_columns] = tables.blocks(&order, request.window);
@@ -819,13 +807,46 @@ fn columns(order: &SampleOrder, window: Window) -> u32 {
     (block(window.right() - 1).wrapping_sub(block(window.x)) & wrap) + 1
 }
 
-/// Environments that the lights of a view show.
-fn environments(lights: &LightTable) -> Vec<Arc<EnvironmentDistribution>> {
-    let distant = lights.distant.iter().filter_map(|light| match light {
-        DistantLight::Environment(placed) => Some(placed.distribution.clone()),
-        DistantLight::Cone(_) => None,
-    });
-    distant.chain(lights.windows.iter().map(|window| window.view.distribution.clone())).collect()
+/// Environments among the images of an arena.
+struct Environments<'a>(&'a Arena);
+
+impl EnvironmentPlaces for Environments<'_> {
+    fn radiance(&self, map: &EnvironmentMap) -> Place {
+        self.0.place(&map.digest)
+    }
+
+    fn distribution(&self, distribution: &EnvironmentDistribution) -> Place {
+        self.0.place(&of_distribution(distribution))
+    }
+}
+
+/// Digest of a distribution, as an image.
+fn of_distribution(distribution: &EnvironmentDistribution) -> Digest {
+    Hasher::new("environment distribution").digest(distribution.map().digest).finish()
+}
+
+/// Environment maps that the lights of a view show, and the distributions of those that are sampled.
+fn environment_assets(lights: &LightTable) -> Vec<Asset<'static>> {
+    let mut assets = Vec::new();
+    let radiance = |map: &Arc<EnvironmentMap>| {
+        let map = map.clone();
+        let (digest, count) = (map.digest, 3 * map.texels().len() as u64);
+        Asset { digest, count, bytes: Box::new(move |_| bytemuck::cast_slice(map.texels().as_flattened()).to_vec()) }
+    };
+    for light in &lights.distant {
+        let DistantLight::Environment(light) = light else { continue };
+        let distribution = light.distribution.clone();
+        assets.push(radiance(&light.placed.map));
+        assets.push(Asset {
+            digest: of_distribution(&distribution),
+            count: (distribution.rows().len() + distribution.texels().len()) as u64,
+            bytes: Box::new(move |_| {
+                [distribution.rows(), distribution.texels()].map(|part| bytemuck::cast_slice::<f32, u8>(part)).concat()
+            }),
+        });
+    }
+    assets.extend(lights.windows.iter().map(|window| radiance(&window.view.map)));
+    assets
 }
 
 /// Vectors that the top level over a number of bodies needs at most.

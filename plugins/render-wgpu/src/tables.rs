@@ -2,11 +2,11 @@
 
 use crate::arena::Place;
 use std::sync::Arc;
-use syntable_model::scene::{Encoding, Wrap};
+use syntable_model::scene::{Encoding, EnvironmentMap, Wrap};
 use syntable_model::stage::Window;
 use syntable_prepare::{
     AlphaMode, AreaLight, ColorInput, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, Mapping,
-    Material, MaterialLayers, MipTexture, NO_WINDOW, NormalInput, PlacedEnvironment, PreparedBody,
+    Material, MaterialLayers, MipTexture, NO_WINDOW, NormalInput, PlacedEnvironment, PlacedMap, PreparedBody,
     ProjectedEnvironment, SampleOrder, ScalarInput, TextureBinding, UvAffine, decoding,
 };
 use syntable_simd::Vec3;
@@ -41,6 +41,14 @@ pub struct BodyPlace {
     pub tangents: u32,
     /// Its vertex colors, or [`NONE`].
     pub colors: u32,
+}
+
+/// Where environments lie among the images.
+pub trait EnvironmentPlaces {
+    /// Radiance of a map, row by row.
+    fn radiance(&self, map: &EnvironmentMap) -> Place;
+    /// Cumulative probabilities of the rows, then those of the texels in each.
+    fn distribution(&self, distribution: &EnvironmentDistribution) -> Place;
 }
 
 fn words(v: Vec3, w: u32) -> [u32; 4] {
@@ -196,23 +204,24 @@ impl Tables {
         start
     }
 
-    /// An environment, whose rows, cumulative texels and radiance lie one after the other from a place on.
-    fn environment(&mut self, placed: &PlacedEnvironment, place: Place) {
-        let map = placed.distribution.map();
-        let (width, height) = (map.width(), map.height());
-        let texels = place + height;
+    /// An environment map, and its distribution where it is sampled.
+    fn environment(
+        &mut self,
+        placed: &PlacedMap,
+        sampled: Option<&PlacedEnvironment>,
+        places: &impl EnvironmentPlaces,
+    ) {
+        let (width, height) = (placed.map.width(), placed.map.height());
+        let rows = sampled.map_or(NONE, |sampled| places.distribution(&sampled.distribution));
+        let luminance = sampled.map_or(0.0, |sampled| sampled.luminance);
         let (sin, cos) = placed.rotation;
-        self.0.push([width, height, place, texels]);
-        self.0.push([texels + width * height, sin.to_bits(), cos.to_bits(), placed.luminance.to_bits()]);
+        self.0.push([width, height, rows, rows.wrapping_add(height)]);
+        self.0.push([places.radiance(&placed.map), sin.to_bits(), cos.to_bits(), luminance.to_bits()]);
         self.0.push(words(placed.scale, 0));
     }
 
     /// Lights with a shape, and the patterns of windows; returns where each starts.
-    pub fn area_lights(
-        &mut self,
-        table: &LightTable,
-        place: &impl Fn(&Arc<EnvironmentDistribution>) -> Place,
-    ) -> [u32; 2] {
+    pub fn area_lights(&mut self, table: &LightTable, places: &impl EnvironmentPlaces) -> [u32; 2] {
         let mut patterns = Vec::new();
         for window in &table.windows {
             let [columns, rows] = [&window.spans[0], &window.spans[1]].map(|spans| {
@@ -226,7 +235,7 @@ impl Tables {
         for (window, spans) in table.windows.iter().zip(patterns) {
             self.0.push(spans);
             self.0.push(words(window.frame_radiance, 0));
-            self.environment(&window.view, place(&window.view.distribution));
+            self.environment(&window.view, None, places);
         }
         let start = self.len();
         let zero = Vec3::ZERO;
@@ -275,11 +284,7 @@ impl Tables {
     }
 
     /// Lights that are far away; returns where they start.
-    pub fn distant_lights(
-        &mut self,
-        lights: &[DistantLight],
-        place: &impl Fn(&Arc<EnvironmentDistribution>) -> Place,
-    ) -> u32 {
+    pub fn distant_lights(&mut self, lights: &[DistantLight], places: &impl EnvironmentPlaces) -> u32 {
         let start = self.len();
         for light in lights {
             match light {
@@ -289,9 +294,9 @@ impl Tables {
                     self.0.push(words(cone.radiance, cone.height.to_bits()));
                     self.0.push(floats([cone.illuminance, 0.0, 0.0, 0.0]));
                 }
-                DistantLight::Environment(placed) => {
+                DistantLight::Environment(light) => {
                     self.0.push([1, 0, 0, 0]);
-                    self.environment(placed, place(&placed.distribution));
+                    self.environment(&light.placed, Some(light), places);
                 }
             }
         }
@@ -299,16 +304,12 @@ impl Tables {
     }
 
     /// The environment that surfaces show; returns where it starts.
-    pub fn projection(
-        &mut self,
-        projection: Option<&ProjectedEnvironment>,
-        place: &impl Fn(&Arc<EnvironmentDistribution>) -> Place,
-    ) -> u32 {
+    pub fn projection(&mut self, projection: Option<&ProjectedEnvironment>, places: &impl EnvironmentPlaces) -> u32 {
         let Some(projection) = projection else { return NONE };
         let start = self.len();
         self.0.push(words(projection.per_nit(), projection.maps().len() as u32));
         for map in projection.maps() {
-            self.environment(map, place(&map.distribution));
+            self.environment(map, None, places);
         }
         start
     }

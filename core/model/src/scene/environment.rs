@@ -76,7 +76,7 @@ impl EnvironmentMap {
     pub fn mean(&self) -> [f64; 3] {
         let (mut sum, mut weights) = ([0.0; 3], 0.0);
         for (row, texels) in self.texels.chunks(self.width as usize).enumerate() {
-            let edge = |row: usize| (PI * row as f64 / f64::from(self.height)).cos();
+            let edge = |row: usize| libm::cos(PI * row as f64 / f64::from(self.height));
             let weight = (edge(row) - edge(row + 1)) / f64::from(self.width);
             for texel in texels {
                 for (sum, &value) in sum.iter_mut().zip(texel) {
@@ -123,10 +123,10 @@ impl EnvironmentMap {
             .collect();
         let mut sum = [0.0; 3];
         for row in 0..rows {
-            let edge = |row: u32| (PI * f64::from(row) / f64::from(rows)).cos();
+            let edge = |row: u32| libm::cos(PI * f64::from(row) / f64::from(rows));
             let solid_angle = (edge(row) - edge(row + 1)) * TAU / f64::from(columns);
             let texels = &self.texels[(row / down * self.width) as usize..];
-            let (sin, cos) = (PI * (f64::from(row) + 0.5) / f64::from(rows)).sin_cos();
+            let (sin, cos) = libm::sincos(PI * (f64::from(row) + 0.5) / f64::from(rows));
             for (column, [x, y]) in (0..columns).zip(&toward) {
                 let cosine = sin * (x * normal.x + y * normal.y) + cos * normal.z;
                 let weight = solid_angle * cosine.max(0.0);
@@ -140,14 +140,14 @@ impl EnvironmentMap {
 
     /// Coordinates in [0, 1)² of a unit direction in the map's frame: `u` to the right, `v` downwards.
     pub fn coordinates(direction: &Vector3<f64>) -> [f64; 2] {
-        let u = 0.5 - direction.y.atan2(direction.x) / TAU;
-        [u - u.floor(), direction.z.clamp(-1.0, 1.0).acos() * FRAC_1_PI]
+        let u = 0.5 - libm::atan2(direction.y, direction.x) / TAU;
+        [u - u.floor(), libm::acos(direction.z.clamp(-1.0, 1.0)) * FRAC_1_PI]
     }
 
     /// The unit direction in the map's frame at coordinates in [0, 1]².
     pub fn direction([u, v]: [f64; 2]) -> Vector3<f64> {
         let (phi, theta) = (TAU * (0.5 - u), PI * v);
-        Vector3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+        Vector3::new(libm::sin(theta) * libm::cos(phi), libm::sin(theta) * libm::sin(phi), libm::cos(theta))
     }
 }
 

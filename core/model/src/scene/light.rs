@@ -87,7 +87,7 @@ pub struct DirectionalLight {
 impl DirectionalLight {
     /// Radiance of the patch, nits: `E = π L sin² a`.
     pub fn radiance(&self) -> [f64; 3] {
-        let sin = self.half_angle.sin();
+        let sin = libm::sin(self.half_angle);
         self.irradiance.map(|e| e / (std::f64::consts::PI * sin * sin))
     }
 }

@@ -23,7 +23,7 @@ pub use asset_source::{AssetLimits, AssetSource};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
-pub use placer::{Placer, TabletopUse};
+pub use placer::{PartUse, Placer};
 pub use renderer::{Bodies, RenderRequest, RenderSession, Renderer, Window};
 pub use sensor::Sensor;
 pub use settler::Settler;

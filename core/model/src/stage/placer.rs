@@ -8,21 +8,26 @@ use crate::scene::SceneBuilder;
 pub trait Placer: Send + Sync {
     /// Places the bodies of one scene.
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()>;
-    /// What it has to do with the tabletop, so that `check` finds steps that are missing or in the wrong order.
-    fn tabletop(&self) -> TabletopUse {
-        TabletopUse::Unstated
+    /// What it has to do with the tabletop, so that `check` finds steps that are missing, twice there or in the wrong
+    /// order.
+    fn tabletop(&self) -> PartUse {
+        PartUse::Unstated
+    }
+    /// The same of the floor.
+    fn floor(&self) -> PartUse {
+        PartUse::Unstated
     }
 }
 
-/// What a placer has to do with the tabletop.
+/// What a placer has to do with a part that a scene has once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TabletopUse {
+pub enum PartUse {
     /// It does not say.
     Unstated,
-    /// Nothing.
+    /// Nothing, or whatever is there.
     None,
-    /// It sets the tabletop. One placer of a recipe does.
+    /// It sets the part. One placer of a recipe does.
     Sets,
-    /// It needs a tabletop that an earlier step has set.
+    /// It needs the part, which an earlier step has set.
     Needs,
 }

@@ -187,6 +187,11 @@ codes! {
         "The recipe sets up a sensor, an annotator or a denoiser, but no writer includes what it provides, nor anything \
          that is made from it. The stage does not run.",
         "Include its product in a `[write.<id>]` table, or remove the stage's table.";
+    /// Steps of `[[place]]` do not go together.
+    Placers = "D0026", "steps of [[place]] do not go together",
+        "A scene has one tabletop, which `table` sets, and one floor, which `room` or `ground` sets. A step sets what \
+         another one has set, or needs what no earlier step sets. Steps run in the order of the recipe.",
+        "Remove one of two steps that set the same, or put the step that sets the part before those that need it.";
 }
 
 impl fmt::Display for Code {

@@ -6,6 +6,7 @@ use super::dataset::{Dataset, DatasetTable, Lock, LockTable};
 use super::diagnostic::{Diagnostic, DiagnosticBuilder, Report, Severity};
 use super::inherit::{self, Damage};
 use super::overrides::Overrides;
+use super::placers;
 use super::plan::plan;
 use super::renamed::{RENAMED, RenamedNames};
 use super::resolved::{self, ResolvedStage};
@@ -62,6 +63,7 @@ pub(crate) fn load_with(
     };
     let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed, paths };
     let mut built = loader.build(&mut tree, &mut diagnostics);
+    diagnostics.extend(placers::check(&built));
     let plan = plan(registry, &mut built, &mut diagnostics);
     if let Some(lock) = &lock {
         diagnostics.extend(lock_mismatches(&lock.0, &lock.1, registry));
@@ -268,7 +270,12 @@ fn finish(sources: &Sources, mut diagnostics: Vec<DiagnosticBuilder>, damage: &D
         let proves_nothing = damage.keys_lost
             && matches!(
                 diagnostic.code,
-                Code::MissingKey | Code::MissingSection | Code::UnknownPool | Code::UnusedPool | Code::BadOverride
+                Code::MissingKey
+                    | Code::MissingSection
+                    | Code::UnknownPool
+                    | Code::UnusedPool
+                    | Code::BadOverride
+                    | Code::Placers
             );
         !echo && !proves_nothing
     });

@@ -27,6 +27,7 @@ mod lints;
 mod load;
 mod overrides;
 mod parse;
+mod placers;
 mod plan;
 mod pool;
 mod renamed;

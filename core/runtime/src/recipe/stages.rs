@@ -56,6 +56,8 @@ pub(crate) struct Built<'l> {
     pub files: Vec<(String, PathBuf)>,
     /// Native libraries that the recipe names by a path beside itself, such as `denoise: library = "oidn.so"`.
     pub libraries: Vec<String>,
+    /// Slots with a table that could not be built.
+    pub failed: BTreeSet<Slot>,
 }
 
 /// The table of a stage.
@@ -93,18 +95,23 @@ impl Names {
 impl<'l> Loader<'l> {
     /// Builds all stages of the tree and reports all mistakes.
     pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'l> {
-        let mut built = Built { stages: Vec::new(), pools: BTreeMap::new(), files: Vec::new(), libraries: Vec::new() };
+        let mut built = Built {
+            stages: Vec::new(),
+            pools: BTreeMap::new(),
+            files: Vec::new(),
+            libraries: Vec::new(),
+            failed: BTreeSet::new(),
+        };
         let mut names = Names::default();
-        let mut failed = BTreeSet::new();
         for slot in Slot::ALL {
             let Some(tables) = self.tables(slot, tree, diagnostics) else {
                 names.unread |= matches!(slot, Slot::Place | Slot::Lights);
-                failed.insert(slot);
+                built.failed.insert(slot);
                 continue;
             };
             for table in tables {
                 if !self.stage(table, &mut built, &mut names, diagnostics) {
-                    failed.insert(slot);
+                    built.failed.insert(slot);
                 }
             }
         }

@@ -197,15 +197,18 @@ config!(
 );
 
 macro_rules! placer {
-    ($($name:ident),*) => {$(
+    ($($name:ident: $floor:ident),*) => {$(
         impl Placer for $name {
             fn place(&self, _: &mut SceneBuilder, _: &Context) -> Result<()> {
                 nothing()
             }
+            fn floor(&self) -> PartUse {
+                PartUse::$floor
+            }
         }
     )*};
 }
-placer!(Room, DropBox);
+placer!(Room: Sets, DropBox: None);
 
 /// Rigid-body simulation.
 #[derive(Serialize, Deserialize, JsonSchema)]

@@ -31,10 +31,11 @@ mod materials;
 mod meshopt;
 mod nodes;
 mod primitive;
+mod specular_glossiness;
 mod uses;
 
 /// Extensions that are read, or that change nothing here.
-const READ: [&str; 20] = [
+const READ: [&str; 21] = [
     "KHR_texture_transform",
     "KHR_mesh_quantization",
     "KHR_materials_emissive_strength",
@@ -46,6 +47,7 @@ const READ: [&str; 20] = [
     "KHR_materials_specular",
     "KHR_materials_anisotropy",
     "KHR_materials_unlit",
+    "KHR_materials_pbrSpecularGlossiness",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     // A version of an image in another format; a PNG or JPEG is preferred, a texture in KTX2 alone is refused.

@@ -2,7 +2,7 @@
 
 use crate::common::source_of;
 use crate::inputs::{base64, encode, load, write};
-use image::{ImageFormat, RgbImage};
+use image::{ImageFormat, RgbImage, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use syntable_model::context::Collected;
 use syntable_model::scene::{Alpha, Encoding, Object, Scalar, Volume, Wrap};
@@ -303,6 +303,125 @@ fn gltf_layers() {
     check(&glass.fraction, 0.875, 0, Encoding::Linear, [1.0; 2]);
     assert_eq!(glass.volume, Some(Volume { attenuation_color: [0.5, 0.25, 1.0], attenuation_distance_m: 0.02 }));
     assert_eq!(material.alpha, Alpha::Opaque);
+}
+
+/// Base color and metalness that reflect as a diffuse and a specular color do, the metalness found by bisection.
+fn metallic_roughness(diffuse: [f64; 3], specular: [f64; 3]) -> ([f64; 3], f64) {
+    let brightness = |c: [f64; 3]| c.iter().zip([0.299, 0.587, 0.114]).map(|(x, w)| w * x * x).sum::<f64>().sqrt();
+    let kept = diffuse.map(|x| x * (1.0 - specular.iter().fold(0.0, |max: f64, &x| max.max(x))) / 0.96);
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let m: f64 = (low + high) / 2.0;
+        let reflected = 0.04 * (1.0 - m) + m * brightness(kept) / (1.0 - m);
+        (low, high) = if reflected < brightness(specular) { (m, high) } else { (low, m) };
+    }
+    let m = if brightness(specular) < 0.04 { 0.0 } else { low };
+    let base = |i: usize| {
+        let [from_diffuse, from_specular] = [kept[i] / (1.0 - m), (specular[i] - 0.04 * (1.0 - m)) / m];
+        if m == 0.0 { from_diffuse } else { from_diffuse + (from_specular - from_diffuse) * m * m }
+    };
+    ([0, 1, 2].map(base).map(|x| x.clamp(0.0, 1.0)), m)
+}
+
+#[test]
+fn specular_and_glossiness_become_metalness_and_roughness() {
+    let name = "KHR_materials_pbrSpecularGlossiness";
+    let plain = layered(
+        &json!({ name: {
+            "diffuseFactor": [0.5, 0.1, 0.2, 0.75], "specularFactor": [0.2, 0.25, 0.1], "glossinessFactor": 0.7,
+        } }),
+        json!({ "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }),
+    );
+    let material = &plain.materials[0];
+    let (base, metallic) = metallic_roughness([0.5, 0.1, 0.2], [0.2, 0.25, 0.1]);
+    assert!(material.base_color.texture.is_none() && (0.1..0.9).contains(&metallic), "{metallic}");
+    let is_near = |got: f32, want: f64| (f64::from(got) - want).abs() < 1e-5;
+    assert!(material.base_color.factor.iter().zip(base).all(|(&got, want)| is_near(got, want)), "{material:?}");
+    assert!(is_near(material.metallic.factor, metallic) && is_near(material.roughness.factor, 0.3), "{material:?}");
+    assert_eq!(material.alpha, Alpha::Blend { factor: 0.75 });
+
+    // Paint, plastic and metal, beside dark and bright reflections, half as many of them.
+    let diffuse =
+        RgbaImage::from_fn(4, 2, |x, y| Rgba([60 * x as u8, 200 - 50 * x as u8, 90 * y as u8, 255 - 40 * x as u8]));
+    let gloss = RgbaImage::from_fn(2, 2, |x, y| {
+        Rgba([20 + 150 * x as u8, 10 + 160 * x as u8, 120 * y as u8, 60 + 90 * y as u8])
+    });
+    let uri = |image: &RgbaImage| {
+        let png = encode(image.clone().into(), ImageFormat::Png);
+        json!({ "uri": format!("data:image/png;base64,{}", base64(&png)) })
+    };
+    let document = |older: Value| {
+        let mut builder = Builder::default();
+        let (position, uv) = (builder.floats(&POSITIONS), builder.floats(&UVS));
+        let index = builder.indices(FACES.as_flattened());
+        let primitive =
+            json!({ "attributes": { "POSITION": position, "TEXCOORD_0": uv }, "indices": index, "material": 0 });
+        builder.document(
+            &primitive,
+            json!({
+                "extensionsUsed": [name], "extensionsRequired": [name], "images": [uri(&diffuse), uri(&gloss)],
+                "textures": [{ "source": 0 }, { "source": 1 }], "materials": [{ "extensions": { name: older } }],
+            }),
+        )
+    };
+    let factors = json!({ "diffuseFactor": [0.5, 1, 1, 1], "specularFactor": [1, 0.5, 1], "glossinessFactor": 0.5 });
+    let with = |textures: Value| {
+        let mut older = factors.clone();
+        older.as_object_mut().expect("a table").extend(textures.as_object().expect("a table").clone());
+        document(older)
+    };
+    let decode = |code: u8| {
+        let x = f64::from(code) / 255.0;
+        if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+    };
+    let textures = [("diffuseTexture", 0), ("specularGlossinessTexture", 1)];
+    for used in [&textures[..], &textures[..1], &textures[1..]] {
+        let infos: serde_json::Map<String, Value> =
+            used.iter().map(|&(key, index)| (key.to_owned(), json!({ "index": index }))).collect();
+        let object = object(&with(Value::Object(infos)));
+        let material = &object.materials[0];
+        let [has_diffuse, has_gloss] = [0, 1].map(|index| used.iter().any(|&(_, used)| used == index));
+        let color = &material.base_color.texture.as_ref().expect("converted").texture;
+        let (metallic, channel) = material.metallic.texture.as_ref().expect("converted");
+        assert_eq!((color.width, color.height), if has_diffuse { (4, 2) } else { (2, 2) });
+        assert_eq!((color.encoding, metallic.texture.encoding, *channel), (Encoding::Srgb, Encoding::Linear, 2));
+        assert_eq!((material.base_color.factor, material.metallic.factor), ([1.0; 3], 1.0));
+        let mut range = [1.0_f64, 0.0];
+        for (i, (texel, rest)) in color.texels.chunks(4).zip(metallic.texture.texels.chunks(4)).enumerate() {
+            let (x, y) = (i as u32 % color.width, i as u32 / color.width);
+            let white = Rgba([255; 4]);
+            let own = if has_diffuse { *diffuse.get_pixel(x, y) } else { white };
+            let shine = if has_gloss { *gloss.get_pixel(x * 2 / color.width, y) } else { white };
+            let [r, g, b] = [0, 1, 2].map(|k| decode(own[k]));
+            let [sr, sg, sb] = [0, 1, 2].map(|k| decode(shine[k]));
+            let (base, m) = metallic_roughness([0.5 * r, g, b], [sr, 0.5 * sg, sb]);
+            for k in 0..3 {
+                let (below, above) = (decode(texel[k].saturating_sub(1)), decode(texel[k].saturating_add(1)));
+                assert!((below..=above).contains(&base[k]), "{used:?} {x} {y}: {texel:?}, not {base:?}");
+            }
+            assert!((f64::from(rest[2]) / 255.0 - m).abs() < 0.003, "{used:?} {x} {y}: metalness {}, not {m}", rest[2]);
+            assert_eq!(texel[3], own[3]);
+            let rough = 1.0 - 0.5 * f64::from(shine[3]) / 255.0;
+            match &material.roughness.texture {
+                Some((_, channel)) => assert!(*channel == 1 && (f64::from(rest[1]) / 255.0 - rough).abs() < 0.003),
+                None => assert!(!has_gloss && is_near(material.roughness.factor, rough)),
+            }
+            range = [range[0].min(m), range[1].max(m)];
+        }
+        assert!(range[1] - range[0] > 0.2 || !has_gloss, "{used:?}: {range:?}");
+    }
+
+    // Textures that lie differently are told.
+    let folder = TempDir::new().expect("temp folder");
+    let turned = json!({ "index": 1, "extensions": { "KHR_texture_transform": { "scale": [2, 2] } } });
+    write(
+        folder.path(),
+        "x.gltf",
+        with(json!({ "diffuseTexture": { "index": 0 }, "specularGlossinessTexture": turned })),
+    );
+    let log = Collected::default();
+    source_of("mesh_folder", folder.path(), "").load("x", &log).expect("sound");
+    assert!(log.merged().iter().any(|warning| warning.to_string().contains("lie differently")), "{:?}", log.merged());
 }
 
 #[test]

@@ -168,8 +168,8 @@ fn finite(x: f32) -> f32 {
 fn white(pixels: &[[f32; 3]]) -> f32 {
     let luminance = |c: &[f32; 3]| luminance(c.map(f64::from));
     let lit = pixels.iter().map(luminance).filter(|l| *l > 0.0);
-    let (sum, count) = lit.fold((0.0, 0_u32), |(sum, count), l| (sum + l.ln(), count + 1));
-    if count == 0 { 1.0 } else { (5.0 * (sum / f64::from(count)).exp()) as f32 }
+    let (sum, count) = lit.fold((0.0, 0_u32), |(sum, count), l| (sum + libm::log(l), count + 1));
+    if count == 0 { 1.0 } else { (5.0 * libm::exp(sum / f64::from(count))) as f32 }
 }
 
 register!(Oidn);

@@ -63,7 +63,7 @@ impl Handle {
     fn section(&self, t: f64) -> Section {
         let round = (t / 0.06).min(1.0).sqrt().max(0.25);
         let width = round * (self.end + (self.neck - self.end) * smooth(1.15 * t));
-        let z = self.arch * (PI * (0.15 + 0.85 * t)).sin();
+        let z = self.arch * libm::sin(PI * (0.15 + 0.85 * t));
         Section { x: self.length * t, at: [0.0, z], half: [width, self.thick], dish: 0.0 }
     }
 }
@@ -83,9 +83,9 @@ pub fn spoon(draw: &mut Draw) -> Model {
     for i in 1..=14 {
         let t = f64::from(i) / 14.0;
         // An egg: widest nearer to the handle, round at the tip.
-        let egg = (PI * t.powf(0.8)).sin().max(0.0).powf(0.62);
+        let egg = libm::pow(libm::sin(PI * libm::pow(t, 0.8)).max(0.0), 0.62);
         let half = handle.neck * (1.0 - t) + (width - 0.3 * handle.neck) * egg;
-        let dish = depth * (PI * t).sin().powf(0.8);
+        let dish = depth * libm::pow(libm::sin(PI * t), 0.8);
         let thick = handle.thick * (1.0 - 0.3 * t);
         let at = [0.0, neck_z * (1.0 - smooth(t)) + 0.25 * depth * t];
         sections.push(Section { x: handle.length + bowl * t, at, half: [half.max(0.0012), thick], dish });
@@ -104,7 +104,7 @@ pub fn fork(draw: &mut Draw) -> Model {
     let (palm, hang) = (0.42 * head, draw.uniform(0.003, 0.006));
     let mut sections: Vec<Section> = (0..=14).map(|i| handle.section(f64::from(i) / 14.0)).collect();
     let neck_z = sections[14].at[1];
-    let z = |t: f64| neck_z * (1.0 - smooth(1.4 * t)) - hang * (PI * t).sin() + 0.35 * hang * t;
+    let z = |t: f64| neck_z * (1.0 - smooth(1.4 * t)) - hang * libm::sin(PI * t) + 0.35 * hang * t;
     for i in 1..=7 {
         let t = f64::from(i) / 7.0;
         let half = handle.neck + (width - handle.neck) * smooth(1.5 * t);

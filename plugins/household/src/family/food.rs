@@ -14,9 +14,9 @@ pub fn apple(draw: &mut Draw) -> Model {
     let point = |i: i32| {
         // From the dimple below to the dimple above; shoulders wider than the foot.
         let a = PI * (f64::from(i) / f64::from(steps));
-        let dimple = |depth: f64, away: f64| depth * (-(away / 0.42).powi(2)).exp();
-        let z = -a.cos() * tall + dimple(bottom, a) - dimple(top, PI - a);
-        let radius = a.sin().max(0.0).powf(0.92) * (1.0 + 0.06 * -a.cos());
+        let dimple = |depth: f64, away: f64| depth * libm::exp(-(away / 0.42).powi(2));
+        let z = -libm::cos(a) * tall + dimple(bottom, a) - dimple(top, PI - a);
+        let radius = libm::pow(libm::sin(a).max(0.0), 0.92) * (1.0 + 0.06 * -libm::cos(a));
         [if i == 0 || i == steps { 0.0 } else { r * radius }, r * z]
     };
     let first = point(0);
@@ -27,7 +27,7 @@ pub fn apple(draw: &mut Draw) -> Model {
     // Five lobes, barely.
     let lobes = draw.uniform(0.0, 0.03);
     let body = Lathe::new(&outline).segments(48).solid().bent(|p| {
-        let factor = 1.0 + lobes * (5.0 * p.y.atan2(p.x)).cos() * (0.5 - 0.5 * p.z / r).clamp(0.0, 1.0);
+        let factor = 1.0 + lobes * libm::cos(5.0 * libm::atan2(p.y, p.x)) * (0.5 - 0.5 * p.z / r).clamp(0.0, 1.0);
         Point3::new(p.x * factor, p.y * factor, p.z)
     });
     let base = point(steps)[1];
@@ -62,13 +62,14 @@ pub fn banana(draw: &mut Draw) -> Model {
     let steps = 28;
     let path: Vec<Point3<f64>> = (0..=steps)
         .map(|i| {
-            let (sin, cos) = (bend * (f64::from(i) / f64::from(steps) - 0.5)).sin_cos();
+            let (sin, cos) = libm::sincos(bend * (f64::from(i) / f64::from(steps) - 0.5));
             Point3::new(radius * sin, radius * (1.0 - cos), 0.0)
         })
         .collect();
     // A stalk, a swelling body and a short tip.
     let girth = Sweep::along(&path, Vector3::z()).scaled(|t| {
-        let body = ((t - 0.1) / 0.12).clamp(0.0, 1.0).powf(0.6) * ((0.985 - t) / 0.17).clamp(0.0, 1.0).powf(0.55);
+        let body =
+            libm::pow(((t - 0.1) / 0.12).clamp(0.0, 1.0), 0.6) * libm::pow(((0.985 - t) / 0.17).clamp(0.0, 1.0), 0.55);
         let factor = 0.28 + 0.72 * body;
         let end = if t >= 1.0 { 0.75 } else { 1.0 };
         [factor * end; 2]
@@ -77,7 +78,7 @@ pub fn banana(draw: &mut Draw) -> Model {
     let section: Vec<[f64; 2]> = ellipse(r, r, 20)
         .into_iter()
         .map(|[x, y]| {
-            let factor = 0.97 + 0.05 * (5.0 * y.atan2(x)).cos();
+            let factor = 0.97 + 0.05 * libm::cos(5.0 * libm::atan2(y, x));
             [x * factor, y * factor]
         })
         .collect();

@@ -52,7 +52,7 @@ pub fn ball(draw: &mut Draw) -> Model {
     let r = usual * factor;
     let steps = 24;
     let outline = (1..=steps).fold(Outline::at(0.0, -r), |outline, i| {
-        let (sin, cos) = (PI * f64::from(i) / f64::from(steps)).sin_cos();
+        let (sin, cos) = libm::sincos(PI * f64::from(i) / f64::from(steps));
         outline.to(if i == steps { 0.0 } else { r * sin }, -r * cos, SlotMapping::fit(0))
     });
     let shape = Lathe::new(&outline).segments(48).solid();
@@ -96,7 +96,7 @@ pub fn block(draw: &mut Draw) -> Model {
             let (half, gate) = (edge * draw.uniform(0.9, 1.2), 0.5 * edge);
             let mut arch = vec![[-half, 0.0]];
             for i in 0..=16 {
-                let (sin, cos) = (PI * (1.0 - f64::from(i) / 16.0)).sin_cos();
+                let (sin, cos) = libm::sincos(PI * (1.0 - f64::from(i) / 16.0));
                 arch.push([gate * cos, gate * sin]);
             }
             arch.extend([[half, 0.0], [half, 1.6 * gate], [-half, 1.6 * gate]]);

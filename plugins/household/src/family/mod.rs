@@ -258,7 +258,7 @@ mod density {
 fn ellipse(a: f64, b: f64, n: usize) -> Vec<[f64; 2]> {
     (0..n)
         .map(|i| {
-            let (sin, cos) = (std::f64::consts::TAU * i as f64 / n as f64).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * i as f64 / n as f64);
             [a * cos, b * sin]
         })
         .collect()

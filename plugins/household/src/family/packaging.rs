@@ -155,11 +155,11 @@ pub fn tube(draw: &mut Draw) -> Model {
     let rings: Vec<Vec<Point3<f64>>> = (0..=16)
         .map(|i| {
             let t = f64::from(i) / 16.0;
-            let flat = (1.0 - t).powf(0.65).max(0.055);
+            let flat = libm::pow(1.0 - t, 0.65).max(0.055);
             let (a, b) = (r * (1.0 + 0.5 * t), r * flat);
             (0..n)
                 .map(|j| {
-                    let (sin, cos) = (TAU * f64::from(j) / f64::from(n)).sin_cos();
+                    let (sin, cos) = libm::sincos(TAU * f64::from(j) / f64::from(n));
                     Point3::new(a * cos, -length * t, b * sin)
                 })
                 .collect()

@@ -12,7 +12,7 @@ pub fn hammer(draw: &mut Draw) -> Model {
     let path: Vec<Point3<f64>> = (0..=16).map(|i| Point3::new(length * f64::from(i) / 16.0, 0.0, 0.0)).collect();
     let grip = Sweep::along(&path, Vector3::z()).scaled(|t| {
         let end = (t / 0.02).min(1.0).sqrt().max(0.7);
-        let swell = 1.0 - 0.28 * (PI * (t - 0.1).clamp(0.0, 0.8) / 0.8).sin();
+        let swell = 1.0 - 0.28 * libm::sin(PI * (t - 0.1).clamp(0.0, 0.8) / 0.8);
         [end * swell, end * swell]
     });
     let handle = sweep(&grip, &ellipse(0.0165 * size, 0.0115 * size, 20), SlotMapping::tile(0, 0.25), 4);
@@ -88,8 +88,8 @@ pub fn screwdriver(draw: &mut Draw) -> Model {
         .segments(48)
         .banded(&[[0.0, 0.5 * grip], [0.5 * grip, 0.75 * grip], [0.75 * grip, grip]])
         .bent(|p| {
-            let along = (p.z / grip * PI).sin().max(0.0);
-            let factor = 1.0 - depth * along * (0.5 - 0.5 * (6.0 * p.y.atan2(p.x)).cos());
+            let along = libm::sin(p.z / grip * PI).max(0.0);
+            let factor = 1.0 - depth * along * (0.5 - 0.5 * libm::cos(6.0 * libm::atan2(p.y, p.x)));
             Point3::new(p.x * factor, p.y * factor, p.z)
         });
     let flat = draw.form.chance(0.5);
@@ -126,18 +126,18 @@ pub fn wrench(draw: &mut Draw) -> Model {
     for (end, r) in heads.into_iter().enumerate() {
         let sign = if end == 0 { 1.0 } else { -1.0 };
         let center = 0.5 * length - r;
-        let root = (shank / r).asin();
+        let root = libm::asin(shank / r);
         let jaw = 0.52 * r;
-        let half = (jaw / r).asin();
+        let half = libm::asin(jaw / r);
         let mut point = |x: f64, y: f64| outline.push([sign * (center + x), sign * y]);
         let mut circle = |from: f64, to: f64, steps: usize| {
             for i in 0..=steps {
-                let (sin, cos) = (from + (to - from) * i as f64 / steps as f64).sin_cos();
+                let (sin, cos) = libm::sincos(from + (to - from) * i as f64 / steps as f64);
                 point(r * cos, r * sin);
             }
         };
         circle(-PI + root, tilt - half, 9);
-        let (sin, cos) = tilt.sin_cos();
+        let (sin, cos) = libm::sincos(tilt);
         let deep = -0.25 * r;
         let (inner, outer) =
             ([deep * cos + jaw * sin, deep * sin - jaw * cos], [deep * cos - jaw * sin, deep * sin + jaw * cos]);
@@ -145,7 +145,7 @@ pub fn wrench(draw: &mut Draw) -> Model {
         point(outer[0], outer[1]);
         let mut circle = |from: f64, to: f64, steps: usize| {
             for i in 0..=steps {
-                let (sin, cos) = (from + (to - from) * i as f64 / steps as f64).sin_cos();
+                let (sin, cos) = libm::sincos(from + (to - from) * i as f64 / steps as f64);
                 outline.push([sign * (center + r * cos), sign * r * sin]);
             }
         };

@@ -62,7 +62,7 @@ impl Hollow {
             .map(|i| {
                 let (a, b) = (self.outside[i.saturating_sub(1)], self.outside[(i + 1).min(last)]);
                 let (dr, dz) = (b[0] - a[0], b[1] - a[1]);
-                let length = dr.hypot(dz).max(1e-12);
+                let length = libm::hypot(dr, dz).max(1e-12);
                 let [r, z] = self.outside[i];
                 if i == last && dz > dr {
                     return [r - self.wall * length / dz, z];
@@ -126,10 +126,10 @@ pub fn mug(draw: &mut Draw) -> Model {
     let path: Vec<Point3<f64>> = (0..=14)
         .map(|i| {
             let t = f64::from(i) / 14.0;
-            let (sin, cos) = (std::f64::consts::PI * t).sin_cos();
-            let z = low + (high - low) * (0.5 - 0.5 * cos.signum() * cos.abs().powf(square));
+            let (sin, cos) = libm::sincos(std::f64::consts::PI * t);
+            let z = low + (high - low) * (0.5 - 0.5 * cos.signum() * libm::pow(cos.abs(), square));
             let root = radius_at(low) + (radius_at(high) - radius_at(low)) * t - 0.5 * wall;
-            Point3::new(root + reach * sin.max(0.0).powf(0.7 * square), 0.0, z)
+            Point3::new(root + reach * libm::pow(sin.max(0.0), 0.7 * square), 0.0, z)
         })
         .collect();
     let (thick, broad) = (draw.uniform(0.0035, 0.005), draw.uniform(0.005, 0.0085));
@@ -199,7 +199,7 @@ pub fn pan(draw: &mut Draw) -> Model {
     let path: Vec<Point3<f64>> = (0..=10)
         .map(|i| {
             let t = f64::from(i) / 10.0;
-            Point3::new(r - 0.5 * wall + length * t, 0.0, 0.72 * h + rise * (1.2 * t).min(1.0).powf(1.5))
+            Point3::new(r - 0.5 * wall + length * t, 0.0, 0.72 * h + rise * libm::pow((1.2 * t).min(1.0), 1.5))
         })
         .collect();
     let width = draw.uniform(0.009, 0.013);

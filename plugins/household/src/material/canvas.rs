@@ -64,14 +64,14 @@ impl Canvas {
         let radius = radius.min(hx).min(hy).max(0.0);
         self.fill([r[0] - 1.0, r[1] - 1.0, r[2] + 1.0, r[3] + 1.0], color, |x, y| {
             let (dx, dy) = ((x - cx).abs() - hx + radius, (y - cy).abs() - hy + radius);
-            dx.max(0.0).hypot(dy.max(0.0)) + dx.max(dy).min(0.0) - radius
+            libm::hypotf(dx.max(0.0), dy.max(0.0)) + dx.max(dy).min(0.0) - radius
         });
     }
 
     /// An ellipse.
     pub fn ellipse(&mut self, [cx, cy]: [f32; 2], [rx, ry]: [f32; 2], color: Rgb) {
         self.fill([cx - rx - 1.0, cy - ry - 1.0, cx + rx + 1.0, cy + ry + 1.0], color, |x, y| {
-            (((x - cx) / rx).hypot((y - cy) / ry) - 1.0) * rx.min(ry)
+            (libm::hypotf((x - cx) / rx, (y - cy) / ry) - 1.0) * rx.min(ry)
         });
     }
 
@@ -79,16 +79,16 @@ impl Canvas {
     pub fn ring(&mut self, [cx, cy]: [f32; 2], radius: f32, width: f32, color: Rgb) {
         let reach = radius + width;
         self.fill([cx - reach, cy - reach, cx + reach, cy + reach], color, |x, y| {
-            ((x - cx).hypot(y - cy) - radius).abs() - width / 2.0
+            (libm::hypotf(x - cx, y - cy) - radius).abs() - width / 2.0
         });
     }
 
     /// A star with pointed tips.
     pub fn star(&mut self, [cx, cy]: [f32; 2], radius: f32, tips: usize, depth: f32, color: Rgb) {
         self.fill([cx - radius, cy - radius, cx + radius, cy + radius], color, |x, y| {
-            let angle = (y - cy).atan2(x - cx) * tips as f32 / std::f32::consts::TAU;
+            let angle = libm::atan2f(y - cy, x - cx) * tips as f32 / std::f32::consts::TAU;
             let zigzag = 2.0 * (angle - angle.floor() - 0.5).abs();
-            ((x - cx).hypot(y - cy) - radius * (1.0 - depth * (1.0 - zigzag))) * 0.6
+            (libm::hypotf(x - cx, y - cy) - radius * (1.0 - depth * (1.0 - zigzag))) * 0.6
         });
     }
 
@@ -100,7 +100,7 @@ impl Canvas {
         let squared = (dx * dx + dy * dy).max(1e-9);
         self.fill(bounds, color, |x, y| {
             let t = (((x - a[0]) * dx + (y - a[1]) * dy) / squared).clamp(0.0, 1.0);
-            (x - a[0] - t * dx).hypot(y - a[1] - t * dy) - width / 2.0
+            libm::hypotf(x - a[0] - t * dx, y - a[1] - t * dy) - width / 2.0
         });
     }
 

@@ -90,7 +90,7 @@ pub fn cardboard(stream: &mut Stream, size: usize) -> Bake {
     let mut i = 0;
     let height = Field::from_fn(size, |x, _| {
         i += 1;
-        relief * (std::f32::consts::TAU * flutes * x).sin() + 0.3 * fibers.values()[i - 1]
+        relief * libm::sinf(std::f32::consts::TAU * flutes * x) + 0.3 * fibers.values()[i - 1]
     });
     Bake {
         color: color.collect(),
@@ -181,7 +181,7 @@ pub fn paper(stream: &mut Stream, size: usize) -> Bake {
     let mut i = 0;
     let height = Field::from_fn(size, |_, y| {
         i += 1;
-        let laid = if style == 2 { 0.12 * (std::f32::consts::TAU * 4.0 * rules * y).sin() } else { 0.0 };
+        let laid = if style == 2 { 0.12 * libm::sinf(std::f32::consts::TAU * 4.0 * rules * y) } else { 0.0 };
         0.15 * fibers.values()[i - 1] + folds * crumple.values()[i - 1] + laid
     });
     Bake {

@@ -29,7 +29,7 @@ fn grain(stream: &mut Stream, size: usize, rings: i64) -> [Field; 2] {
     let darkness = Field::from_fn(size, |_, y| {
         let phase = rings as f32 * y + wave * bend.values()[i];
         i += 1;
-        0.5 + 0.5 * (TAU * phase).sin()
+        0.5 + 0.5 * libm::sinf(TAU * phase)
     });
     // Late wood is narrow.
     let darkness = darkness.map(|t| t * t * t).zip(&streaks, |t, s| 0.55 * t + 0.25 + 0.22 * s);
@@ -114,8 +114,9 @@ pub fn marble(stream: &mut Stream, size: usize) -> Bake {
     let clouds = Field::fractal(size, [4, 4], 4, 0.5, stream);
     let gloss = stream.uniform(0.06, 0.3) as f32;
     let strength = stream.uniform(0.5, 0.95) as f32;
-    let mark =
-        veins.map(|x| (-thin * x.abs()).exp()).zip(&fine, |a, x| (a + 0.45 * (-2.0 * thin * x.abs()).exp()).min(1.0));
+    let mark = veins
+        .map(|x| libm::expf(-thin * x.abs()))
+        .zip(&fine, |a, x| (a + 0.45 * libm::expf(-2.0 * thin * x.abs())).min(1.0));
     let mark = mark.zip(&clouds, |m, c| (strength * m * (0.6 + 0.5 * c) + 0.08 * (c + 0.5)).clamp(0.0, 1.0));
     Bake {
         color: mark.values().iter().map(|&t| mix(ground, vein, t)).collect(),

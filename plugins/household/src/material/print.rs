@@ -96,7 +96,7 @@ impl Design {
             }
             3 => {
                 for i in 0..6 {
-                    let (sin, cos) = (i as f32 * std::f32::consts::TAU / 6.0).sin_cos();
+                    let (sin, cos) = libm::sincosf(i as f32 * std::f32::consts::TAU / 6.0);
                     canvas.ellipse([c[0] + 0.6 * r * cos, c[1] + 0.6 * r * sin], [0.38 * r; 2], color);
                 }
                 canvas.ellipse(c, [0.35 * r; 2], ink);
@@ -326,7 +326,7 @@ pub fn ball(stream: &mut Stream) -> Arc<Texture> {
     let [w, h] = canvas.size();
     match stream.below(4) {
         0 => {
-            let seam = |x: f32| 0.5 * h + 0.22 * h * (2.0 * std::f32::consts::TAU * x / w).sin();
+            let seam = |x: f32| 0.5 * h + 0.22 * h * libm::sinf(2.0 * std::f32::consts::TAU * x / w);
             for x in 0..w as usize {
                 let (a, b) = (x as f32, x as f32 + 1.0);
                 canvas.line([a, seam(a)], [b, seam(b)], 5.0, ink);
@@ -350,7 +350,7 @@ pub fn ball(stream: &mut Stream) -> Arc<Texture> {
                 // Wider near the poles, where the image is compressed.
                 let y = stream.uniform(0.12, 0.88) as f32;
                 let r = 0.07 * h;
-                let squeeze = 1.0 / (std::f32::consts::PI * y).sin();
+                let squeeze = 1.0 / libm::sinf(std::f32::consts::PI * y);
                 let c = [w * stream.unit() as f32, h * y];
                 canvas.ellipse(c, [r * squeeze, r], if stream.chance(0.5) { main } else { accent });
             }

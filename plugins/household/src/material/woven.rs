@@ -59,7 +59,7 @@ pub fn fabric(stream: &mut Stream, size: usize) -> Bake {
             let warp_on_top = weave.warp_on_top(ix, iy);
             // A thread has a round cross section and rises where it is on top.
             let (across, along) = if warp_on_top { (tx, ty) } else { (ty, tx) };
-            let bulge = (PI * across).sin() * (0.55 + 0.45 * (PI * along).sin());
+            let bulge = libm::sinf(PI * across) * (0.55 + 0.45 * libm::sinf(PI * along));
             let noise = slub.values()[y * size + x];
             height.push(2.2 * bulge + 0.25 * noise);
             let thread = if warp_on_top { warp[ix] } else { weft[iy] };

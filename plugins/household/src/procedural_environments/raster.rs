@@ -31,7 +31,7 @@ impl Raster {
     /// Illuminance on a level plane of luminances by texel, lux: over a row's band from θ₁ to θ₂ of width Δφ, the
     /// integral of `cos θ sin θ` is `Δφ (sin² θ₂ - sin² θ₁) / 2`.
     pub(super) fn illuminance(&self, luminance: &[f64]) -> f64 {
-        let edge = |row: u32| (PI * f64::from(row) / f64::from(self.height)).min(PI / 2.0).sin().powi(2);
+        let edge = |row: u32| libm::sin((PI * f64::from(row) / f64::from(self.height)).min(PI / 2.0)).powi(2);
         let across = TAU / f64::from(self.width);
         let rows = (0..).zip(luminance.chunks(self.width as usize));
         rows.map(|(row, texels)| across * (edge(row + 1) - edge(row)) / 2.0 * texels.iter().sum::<f64>()).sum()

@@ -101,7 +101,7 @@ impl Sky {
         let kind = draw.pick(types).copied().unwrap_or(12);
         let elevation_deg = if weather == Sunset { draw.uniform(1.5, 8.0) } else { draw.uniform(15.0, 65.0) };
         let sun_elevation = f64::to_radians(elevation_deg);
-        let high = sun_elevation.sin();
+        let high = libm::sin(sun_elevation);
         let illuminance_klx = match weather {
             Clear | Hazy | Sunset => 0.8 + 15.5 * high.sqrt(),
             Cloudy => 0.3 + 45.0 * high,
@@ -136,19 +136,19 @@ impl Sky {
 
     /// Unit vector towards the sun.
     pub fn sun(&self) -> Vector3<f64> {
-        Vector3::new(self.sun_elevation.cos(), 0.0, self.sun_elevation.sin())
+        Vector3::new(libm::cos(self.sun_elevation), 0.0, libm::sin(self.sun_elevation))
     }
 
     /// Luminance of the cloudless sky in a direction above the horizon, relative to the zenith's.
     pub fn relative_luminance(&self, direction: &Vector3<f64>) -> f64 {
         let [a, b, c, d, e] = TYPES[self.kind.clamp(1, TYPES.len()) - 1];
-        let gradation = |cos: f64| if cos > 0.0 { 1.0 + a * (b / cos).exp() } else { 1.0 };
+        let gradation = |cos: f64| if cos > 0.0 { 1.0 + a * libm::exp(b / cos) } else { 1.0 };
         let indicatrix = |cos: f64| {
-            let angle = cos.clamp(-1.0, 1.0).acos();
-            1.0 + c * ((d * angle).exp() - (d * FRAC_PI_2).exp()) + e * cos * cos
+            let angle = libm::acos(cos.clamp(-1.0, 1.0));
+            1.0 + c * (libm::exp(d * angle) - libm::exp(d * FRAC_PI_2)) + e * cos * cos
         };
         indicatrix(direction.dot(&self.sun())) * gradation(direction.z)
-            / (indicatrix(self.sun_elevation.sin()) * gradation(1.0))
+            / (indicatrix(libm::sin(self.sun_elevation)) * gradation(1.0))
     }
 
     /// The map, in nits.
@@ -186,12 +186,12 @@ impl Sky {
     /// Color temperature in a direction, where the cloudless sky has a luminance in nits and clouds cover a fraction of the sky.
     /// Temperatures are mixed by their reciprocals.
     fn kelvin(&self, direction: &Vector3<f64>, nits: f64, cover: f64) -> f64 {
-        let blue = if self.blue { 6500.0 + 1.1985e8 / nits.max(1.0).powf(1.2) } else { self.cloud_kelvin };
+        let blue = if self.blue { 6500.0 + 1.1985e8 / libm::pow(nits.max(1.0), 1.2) } else { self.cloud_kelvin };
         let mut mired = (1.0 - cover) * 1e6 / blue.min(25_000.0) + cover * 1e6 / self.cloud_kelvin;
         if let Some((kelvin, width)) = self.sunset {
-            let from_sun = direction.dot(&self.sun()).clamp(-1.0, 1.0).acos();
+            let from_sun = libm::acos(direction.dot(&self.sun()).clamp(-1.0, 1.0));
             let low = 1.0 - 0.7 * direction.z.max(0.0);
-            let weight = low * (-(from_sun / width) * (from_sun / width)).exp();
+            let weight = low * libm::exp(-(from_sun / width) * (from_sun / width));
             mired += weight * (1e6 / kelvin - mired);
         }
         1e6 / mired

@@ -64,7 +64,7 @@ fn point(grid: [usize; 3], half: [f64; 3], radius: f64, steps: usize) -> Point3<
             return if i == 0 { -1.0 } else { 1.0 };
         }
         let (sign, from_edge) = if i <= steps { (-1.0, i) } else { (1.0, 2 * steps + 1 - i) };
-        sign * ((steps - from_edge) as f64 / steps as f64 * FRAC_PI_4).tan()
+        sign * libm::tan((steps - from_edge) as f64 / steps as f64 * FRAC_PI_4)
     });
     let inner = Vector3::from_fn(|axis, _| {
         let sign = if 2 * grid[axis] <= 2 * steps { -1.0 } else { 1.0 };

@@ -42,7 +42,7 @@ pub fn extrude(outline: &[Point], [bottom, top]: [f64; 2], bevel: f64, caps: Slo
     }
     let length = |i: usize| {
         let (a, b) = (outline[i], outline[(i + 1) % n]);
-        (b[0] - a[0]).hypot(b[1] - a[1])
+        libm::hypot(b[0] - a[0], b[1] - a[1])
     };
     let total: f64 = (0..n).map(length).sum();
     for (below, above) in (0..levels.len() - 1).map(|i| (i, i + 1)) {
@@ -82,7 +82,7 @@ fn inset(outline: &[Point], distance: f64) -> Vec<Point> {
     (0..n)
         .map(|i| {
             let normal = |a: Point, b: Point| {
-                let length = (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-12);
+                let length = libm::hypot(b[0] - a[0], b[1] - a[1]).max(1e-12);
                 [-(b[1] - a[1]) / length, (b[0] - a[0]) / length]
             };
             let (before, after) =
@@ -101,7 +101,7 @@ pub fn star(tips: usize, inner: f64, outer: f64) -> Vec<Point> {
         .map(|i| {
             let r = if i % 2 == 0 { outer } else { inner };
             let angle = std::f64::consts::PI * (i as f64 / tips as f64 + 0.5);
-            [r * angle.cos(), r * angle.sin()]
+            [r * libm::cos(angle), r * libm::sin(angle)]
         })
         .collect()
 }

@@ -39,7 +39,7 @@ impl Lathe {
             if i == 0 || mapping != run.0 {
                 run = (mapping, along, self.run_length(i, mapping));
             }
-            let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+            let length = libm::hypot(to[0] - from[0], to[1] - from[1]);
             let v = |s: f64| match mapping.uv {
                 Uv::Tile(tile) => s / tile,
                 _ => (s - run.1) / f64::max(run.2, 1e-12),
@@ -101,7 +101,7 @@ impl Lathe {
                 let angle = |i: usize| TAU * (sector as f64 + i as f64 / 3.0) / sectors as f64;
                 let part = (0..=3)
                     .flat_map(|i| cell.iter().map(move |&[r, z]| (r, z, angle(i))))
-                    .map(|(r, z, a)| Point3::new(r * a.cos(), r * a.sin(), z))
+                    .map(|(r, z, a)| Point3::new(r * libm::cos(a), r * libm::sin(a), z))
                     .collect();
                 shape = shape.with_part(part);
             }
@@ -114,7 +114,7 @@ impl Lathe {
         self.points[i..]
             .windows(2)
             .take_while(|pair| pair[1].1 == mapping)
-            .map(|pair| (pair[1].0[0] - pair[0].0[0]).hypot(pair[1].0[1] - pair[0].0[1]))
+            .map(|pair| libm::hypot(pair[1].0[0] - pair[0].0[0], pair[1].0[1] - pair[0].0[1]))
             .sum()
     }
 
@@ -125,7 +125,7 @@ impl Lathe {
         Ring::Circle(
             (0..self.segments)
                 .map(|j| {
-                    let (sin, cos) = (TAU * j as f64 / self.segments as f64).sin_cos();
+                    let (sin, cos) = libm::sincos(TAU * j as f64 / self.segments as f64);
                     shape.point(Point3::new(r * cos, r * sin, z))
                 })
                 .collect(),
@@ -145,7 +145,7 @@ impl Lathe {
             let around = |step: f64| (j as f64 + step) / self.segments as f64;
             let uv = |end: usize, step: f64| match mapping.uv {
                 Uv::Planar(edge) => {
-                    let (sin, cos) = (TAU * around(step)).sin_cos();
+                    let (sin, cos) = libm::sincos(TAU * around(step));
                     [0.5 + rz[end][0] * cos / edge, 0.5 + rz[end][0] * sin / edge]
                 }
                 _ => [repeats * around(step), v[end]],
@@ -191,7 +191,7 @@ pub fn revolved(outline: &[[f64; 2]], segments: usize) -> Vec<Point3<f64>> {
         .iter()
         .flat_map(|&[r, z]| {
             (0..if r > 0.0 { around } else { 1 }).map(move |j| {
-                let (sin, cos) = (TAU * j as f64 / around as f64).sin_cos();
+                let (sin, cos) = libm::sincos(TAU * j as f64 / around as f64);
                 Point3::new(r * cos, r * sin, z)
             })
         })

@@ -246,7 +246,7 @@ impl Shape {
                 around[point as usize].push((normal, area * self.angle(face, corner)));
             }
         }
-        let least = crease_deg.to_radians().cos();
+        let least = libm::cos(crease_deg.to_radians());
         let mut data = MeshData::default();
         let mut known: BTreeMap<(u32, [u32; 3], [u32; 2]), u32> = BTreeMap::new();
         for (f, face) in self.faces.iter().enumerate() {

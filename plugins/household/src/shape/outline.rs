@@ -93,23 +93,23 @@ impl Outline {
 pub(super) fn arc(a: [f64; 2], b: [f64; 2], c: [f64; 2], radius: f64) -> Vec<[f64; 2]> {
     let (to_a, length_a) = direction(b, a);
     let (to_c, length_c) = direction(b, c);
-    let half = (to_a[0] * to_c[0] + to_a[1] * to_c[1]).clamp(-1.0, 1.0).acos() / 2.0;
+    let half = libm::acos((to_a[0] * to_c[0] + to_a[1] * to_c[1]).clamp(-1.0, 1.0)) / 2.0;
     let turn = std::f64::consts::PI - 2.0 * half;
     if turn < 0.05 || half < 0.02 {
         return vec![b];
     }
-    let tangent = (radius / half.tan()).min(0.49 * length_a).min(0.49 * length_c);
-    let radius = tangent * half.tan();
+    let tangent = (radius / libm::tan(half)).min(0.49 * length_a).min(0.49 * length_c);
+    let radius = tangent * libm::tan(half);
     let steps = ((turn.to_degrees() / STEP_DEG).ceil() as usize).max(1);
     // The center lies on the bisector.
     let bisector = [to_a[0] + to_c[0], to_a[1] + to_c[1]];
-    let norm = bisector[0].hypot(bisector[1]);
-    let center: [f64; 2] = std::array::from_fn(|k| b[k] + bisector[k] / norm * radius / half.sin());
+    let norm = libm::hypot(bisector[0], bisector[1]);
+    let center: [f64; 2] = std::array::from_fn(|k| b[k] + bisector[k] / norm * radius / libm::sin(half));
     let start: [f64; 2] = std::array::from_fn(|k| b[k] + to_a[k] * tangent - center[k]);
     let sign = (to_a[0] * to_c[1] - to_a[1] * to_c[0]).signum();
     (0..=steps)
         .map(|i| {
-            let (sin, cos) = (-sign * turn * i as f64 / steps as f64).sin_cos();
+            let (sin, cos) = libm::sincos(-sign * turn * i as f64 / steps as f64);
             [center[0] + cos * start[0] - sin * start[1], center[1] + sin * start[0] + cos * start[1]]
         })
         .collect()
@@ -117,7 +117,7 @@ pub(super) fn arc(a: [f64; 2], b: [f64; 2], c: [f64; 2], radius: f64) -> Vec<[f6
 
 fn direction(from: [f64; 2], to: [f64; 2]) -> ([f64; 2], f64) {
     let d = [to[0] - from[0], to[1] - from[1]];
-    let length = d[0].hypot(d[1]).max(1e-12);
+    let length = libm::hypot(d[0], d[1]).max(1e-12);
     ([d[0] / length, d[1] / length], length)
 }
 

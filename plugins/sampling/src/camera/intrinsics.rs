@@ -64,7 +64,7 @@ impl IntrinsicsOption {
         let centered = |fx: f64, fy: f64| Intrinsics { width, height, fx, fy, cx: w / 2.0, cy: h / 2.0 };
         match self {
             Self::FovDeg(degrees) => {
-                let f = 0.5 * w / (degrees.to_radians() / 2.0).tan();
+                let f = 0.5 * w / libm::tan(degrees.to_radians() / 2.0);
                 centered(f, f)
             }
             Self::Physical(PhysicalCamera { focal_length_mm: f, sensor_size_mm: [sensor_w, sensor_h] }) => {

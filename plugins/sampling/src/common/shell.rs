@@ -19,9 +19,9 @@ pub fn center(tabletop: &Tabletop, offset: f64) -> Point3<f64> {
 /// hemisphere has v in [0, 1).
 pub fn direction(elevation_deg: [f64; 2], stream: &mut Stream) -> Vector3<f64> {
     let (u, v) = (stream.unit(), stream.unit());
-    let [low, high] = elevation_deg.map(|degrees| degrees.to_radians().sin());
+    let [low, high] = elevation_deg.map(|degrees| libm::sin(degrees.to_radians()));
     let cos_polar = high - v * (high - low);
     let sin_polar = (1.0 - cos_polar * cos_polar).max(0.0).sqrt();
-    let (sin, cos) = (TAU * u).sin_cos();
+    let (sin, cos) = libm::sincos(TAU * u);
     Vector3::new(sin_polar * cos, sin_polar * sin, cos_polar)
 }

@@ -241,7 +241,7 @@ fn brightest(map: &EnvironmentMap) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     for (i, _) in above().filter(|(_, texel)| value(texel) >= 0.99 * most) {
         let center = |at: usize, count: usize| (at as f64 + 0.5) / count as f64;
-        let solid_angle = (PI * center(i / width, height)).sin();
+        let solid_angle = libm::sin(PI * center(i / width, height));
         sum += EnvironmentMap::direction([center(i % width, width), center(i / width, height)]) * solid_angle;
     }
     sum.try_normalize(1e-12).unwrap_or_else(Vector3::z)

@@ -48,7 +48,7 @@ struct Row {
 
 impl Row {
     fn new(elevation: f64) -> Self {
-        let tangent = elevation.tan();
+        let tangent = libm::tan(elevation);
         Self { elevation, tangent, step: (1.0 + tangent * tangent) * PI / f64::from(SIZE[1]) }
     }
 }
@@ -134,7 +134,7 @@ impl Landscape {
 
     fn column(&self, u: f64) -> Column {
         let turn = 1.0 - u;
-        let (sin, cos) = (turn * TAU).sin_cos();
+        let (sin, cos) = libm::sincos(turn * TAU);
         let hills = self.hills[0] + self.hills[1] * self.noise.around(turn, 7, 0, 3);
         Column { turn, toward: [cos, sin], hills, features: [0, 1].map(|i| self.layers[i].at(turn)) }
     }
@@ -165,17 +165,17 @@ impl Landscape {
     fn sky_color(&self, sine: f64) -> [f64; 3] {
         // Overcast skies are brightest in the zenith (CIE), clear ones, away from the sun, near the horizon.
         let overcast = 1.25 * (1.0 + 2.0 * sine) / 3.0 + 0.25;
-        let clear = 0.45 + 1.1 * (-4.0 * sine).exp();
-        let blue = mix([0.6, 0.9, 1.75], [0.93, 1.0, 1.1], (-5.0 * sine).exp());
+        let clear = 0.45 + 1.1 * libm::exp(-4.0 * sine);
+        let blue = mix([0.6, 0.9, 1.75], [0.93, 1.0, 1.1], libm::exp(-5.0 * sine));
         mix([0.98 * overcast, overcast, 1.03 * overcast], blue.map(|c| c * clear), self.clear)
     }
 
     fn sky(&self, row: &Row, column: &Column) -> [f64; 3] {
-        let sine = row.elevation.sin();
+        let sine = libm::sin(row.elevation);
         let color = self.sky_color(sine);
         // Clouds are a level sheet.
         let scale = 3.0 / (sine + 0.15);
-        let [x, y] = column.toward.map(|c| c * scale * row.elevation.cos());
+        let [x, y] = column.toward.map(|c| c * scale * libm::cos(row.elevation));
         let sheet = self.noise.fractal([x, y], 4);
         let cloud = smooth(((sheet - 0.62 + 0.3 * self.clouds) / 0.2).clamp(0.0, 1.0));
         mix(color, [1.35, 1.35, 1.38].map(|c| c * (1.15 - 0.5 * sheet)), 0.85 * cloud * (sine * 8.0).min(1.0))
@@ -191,7 +191,7 @@ impl Landscape {
         let border = ((distance - self.border_m * (0.7 + 0.6 * patches)) / (0.05 * distance) + 0.5).clamp(0.0, 1.0);
         let reflectance = mix(self.near, self.far, border);
         let lit = LIT[1] * (0.75 + 0.5 * patches) * grain;
-        mix(reflectance.map(|c| c * lit), self.sky_color(0.02), 1.0 - (-distance / 400.0).exp())
+        mix(reflectance.map(|c| c * lit), self.sky_color(0.02), 1.0 - libm::exp(-distance / 400.0))
     }
 }
 
@@ -203,7 +203,7 @@ impl Layer {
         while start < 1.0 {
             let is_house = draw.chance(town);
             let width_m = if is_house { draw.uniform(7.0, 22.0) } else { draw.uniform(4.0, 16.0) };
-            let end = start + (width_m / distance_m).atan() / TAU;
+            let end = start + libm::atan(width_m / distance_m) / TAU;
             let height_m = if is_house { draw.uniform(5.0, 15.0) } else { draw.uniform(3.0, 12.0) };
             let top = (height_m - eye_m) / distance_m;
             let color = *draw.pick(if is_house { &FACADES[..] } else { &FOLIAGE[..] }).unwrap_or(&[0.2; 3]);

@@ -76,8 +76,8 @@ impl LightSampler for Sun {
     fn lights(&self, _: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let draw = |name: &str, dist: &Dist| dist.draw(&mut context.stream.child(name));
         let illuminance = draw("brightness", &self.illuminance_lx);
-        let (sin, cos) = draw("elevation", &self.elevation_deg).to_radians().sin_cos();
-        let (across, along) = draw("azimuth", &self.azimuth_deg).to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(draw("elevation", &self.elevation_deg).to_radians());
+        let (across, along) = libm::sincos(draw("azimuth", &self.azimuth_deg).to_radians());
         let color = blackbody(draw("temperature", &self.temperature_k));
         let light = DirectionalLight {
             towards: Vector3::new(cos * along, cos * across, sin),

@@ -61,8 +61,8 @@ impl ViewSampler for Orbit {
     fn pose(&self, scene: &Scene, view: ViewId, _: &Context) -> Result<Pose> {
         let r = self.distance.in_meters(&scene.tabletop);
         let azimuth = (self.start_deg + self.step_deg * f64::from(view.0)).to_radians();
-        let (sin, cos) = self.elevation_deg.to_radians().sin_cos();
-        let direction = Vector3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin);
+        let (sin, cos) = libm::sincos(self.elevation_deg.to_radians());
+        let direction = Vector3::new(cos * libm::cos(azimuth), cos * libm::sin(azimuth), sin);
         let eye = center(&scene.tabletop, self.center_offset_m) + r * direction;
         Ok(look_at(eye, self.look_at.point(scene, self.center_offset_m), Vector3::z()))
     }

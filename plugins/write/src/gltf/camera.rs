@@ -33,7 +33,7 @@ pub fn add(glb: &mut Glb, view: &View) -> Node {
     }
     let perspective = Perspective {
         aspect_ratio: (width / k.fx) / (height / k.fy),
-        yfov: 2.0 * (height / (2.0 * k.fy)).atan(),
+        yfov: 2.0 * libm::atan(height / (2.0 * k.fy)),
         znear: NEAR_M,
     };
     glb.document.cameras.push(Json { name: name.clone(), kind: "perspective", perspective, extras });

@@ -172,7 +172,7 @@ pub(super) fn v_down([u, v]: [f32; 2]) -> [f32; 2] {
 
 /// `rotate(uv · scale, rotation) + offset`
 pub(super) fn apply(transform: &UvTransform, [u, v]: [f32; 2]) -> [f32; 2] {
-    let (sin, cos) = f64::from(transform.rotation).sin_cos();
+    let (sin, cos) = libm::sincos(f64::from(transform.rotation));
     let [x, y] = [u * transform.scale[0], v * transform.scale[1]].map(f64::from);
     [(cos * x - sin * y) as f32 + transform.offset[0], (sin * x + cos * y) as f32 + transform.offset[1]]
 }

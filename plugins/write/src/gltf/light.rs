@@ -221,8 +221,11 @@ fn square() -> Vec<[f64; 2]> {
 /// A regular polygon of area π.
 fn disk() -> Vec<[f64; 2]> {
     let step = TAU / f64::from(CORNERS);
-    let radius = (TAU / (f64::from(CORNERS) * step.sin())).sqrt();
-    (0..CORNERS).map(|i| f64::from(i) * step).map(|angle| [radius * angle.cos(), radius * angle.sin()]).collect()
+    let radius = (TAU / (f64::from(CORNERS) * libm::sin(step))).sqrt();
+    (0..CORNERS)
+        .map(|i| f64::from(i) * step)
+        .map(|angle| [radius * libm::cos(angle), radius * libm::sin(angle)])
+        .collect()
 }
 
 /// A convex polygon facing +z.
@@ -240,7 +243,11 @@ fn sphere() -> Shape {
         let polar = PI * f64::from(ring) / f64::from(rings);
         for sector in 0..CORNERS {
             let around = TAU * f64::from(sector) / f64::from(CORNERS);
-            unit.push(Vector3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos()));
+            unit.push(Vector3::new(
+                libm::sin(polar) * libm::cos(around),
+                libm::sin(polar) * libm::sin(around),
+                libm::cos(polar),
+            ));
         }
     }
     unit.push(-Vector3::z());

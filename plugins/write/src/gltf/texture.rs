@@ -131,7 +131,7 @@ fn transform(uv: &UvTransform) -> Option<TextureTransform> {
     let sane = |x: f32, or: f32| if x.is_finite() { x } else { or };
     let ([sx, sy], rotation) = (uv.scale.map(|x| sane(x, 1.0)), sane(uv.rotation, 0.0));
     let [x, y] = uv.offset.map(|x| sane(x, 0.0));
-    let (s, c) = f64::from(rotation).sin_cos();
+    let (s, c) = libm::sincos(f64::from(rotation));
     let (s, c) = (s as f32, c as f32);
     Some(TextureTransform { offset: [x - s * sy, 1.0 - y - c * sy], rotation, scale: [sx, sy] })
 }

@@ -8,6 +8,7 @@
 //! thin-walled.
 
 use super::materials::unit;
+use super::specular_glossiness::SpecularGlossinessJson;
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
 use gltf::json;
@@ -18,7 +19,7 @@ use serde::de::DeserializeOwned;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::Volume;
 
-/// The layers of a material besides its base, and what modifies the base.
+/// The layers of a material besides its base, and what modifies or replaces the base.
 #[derive(Default)]
 pub struct Layers {
     pub clearcoat: Option<ClearcoatJson>,
@@ -27,6 +28,7 @@ pub struct Layers {
     pub volume: Option<VolumeJson>,
     pub specular: Option<SpecularJson>,
     pub anisotropy: Option<AnisotropyJson>,
+    pub specular_glossiness: Option<SpecularGlossinessJson>,
     /// `KHR_materials_unlit`
     pub unlit: bool,
 }
@@ -156,6 +158,7 @@ impl Layers {
             volume: parse(extensions, "KHR_materials_volume")?,
             specular: parse(extensions, "KHR_materials_specular")?,
             anisotropy: parse(extensions, "KHR_materials_anisotropy")?,
+            specular_glossiness: parse(extensions, "KHR_materials_pbrSpecularGlossiness")?,
             unlit: extensions.others.contains_key("KHR_materials_unlit"),
         })
     }

@@ -1,11 +1,12 @@
 //! Materials: glTF's metallic-roughness model is the program's own, so that little is converted.
 //!
 //! The core, `KHR_materials_ior` and `KHR_materials_emissive_strength` are read here, other extensions in [`layers`](
-//! super::layers).
+//! super::layers) and [`specular_glossiness`](super::specular_glossiness).
 
 use super::buffers::Buffers;
 use super::get;
 use super::layers::Layers;
+use super::specular_glossiness::{Factors, SpecularGlossinessJson, convert};
 use super::uses::{Use, of_info, of_normal};
 use crate::formats::within;
 use gltf::json::material::AlphaMode;
@@ -18,12 +19,16 @@ use std::sync::Arc;
 use syntable_mesh::material::{blend, default_material, untextured};
 use syntable_mesh::text::shorten;
 use syntable_model::context::Log;
+use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{
     Alpha, Clearcoat, Color, Encoding, Material, NormalMap, Scalar, Sheen, Texture, TextureRef, Transmission, Wrap,
 };
 
 type JsonMaterial = json::Material;
+
+/// Textures of diffuse color and of specular color and glossiness, and the bits of their factors.
+type Converted = (Option<Digest>, Option<Digest>, [u32; 7]);
 
 /// Materials by slot, in the order in which primitives name them.
 pub struct Materials<'a> {
@@ -36,6 +41,8 @@ pub struct Materials<'a> {
     /// Slots by material and texture coordinates.
     known: BTreeMap<(Option<usize>, bool), u16>,
     textures: BTreeMap<(usize, bool, [u8; 2]), Option<Arc<Texture>>>,
+    /// Base color, and roughness with metalness, of converted textures.
+    converted: BTreeMap<Converted, [Arc<Texture>; 2]>,
 }
 
 impl<'a> Materials<'a> {
@@ -49,6 +56,7 @@ impl<'a> Materials<'a> {
             warned: BTreeSet::new(),
             known: BTreeMap::new(),
             textures: BTreeMap::new(),
+            converted: BTreeMap::new(),
         }
     }
 
@@ -82,13 +90,17 @@ impl<'a> Materials<'a> {
             return Ok(None);
         };
         let material = get(&self.document.materials, index, "material")?;
-        let pbr = &material.pbr_metallic_roughness;
-        let infos = [&pbr.base_color_texture, &pbr.metallic_roughness_texture, &material.emissive_texture];
-        let mut sets: Vec<u32> = infos.into_iter().flatten().map(|info| of_info(info).set).collect();
+        let (pbr, layers) = (&material.pbr_metallic_roughness, Layers::of(material)?);
+        let base = match &layers.specular_glossiness {
+            Some(older) => [&older.diffuse_texture, &older.specular_glossiness_texture],
+            None => [&pbr.base_color_texture, &pbr.metallic_roughness_texture],
+        };
+        let infos = base.into_iter().chain([&material.emissive_texture]);
+        let mut sets: Vec<u32> = infos.flatten().map(|info| of_info(info).set).collect();
         if let Some(normal) = &material.normal_texture {
             sets.push(of_normal(normal)?.set);
         }
-        sets.extend(Layers::of(material)?.uses()?.iter().map(|used| used.set));
+        sets.extend(layers.uses()?.iter().map(|used| used.set));
         if sets.iter().any(|set| *set != sets[0]) {
             self.warn(&format!(
                 "material {} uses several sets of texture coordinates; set {} is used for all",
@@ -127,16 +139,13 @@ impl<'a> Materials<'a> {
     }
 
     fn build(&mut self, json: &JsonMaterial, index: usize, buffers: &mut Buffers<'_>) -> Result<Material> {
-        let pbr = &json.pbr_metallic_roughness;
-        let [r, g, b, alpha] = pbr.base_color_factor.0;
+        let layers = Layers::of(json)?;
         let name = json.name.clone().unwrap_or_else(|| format!("material {index}"));
-        let mut material = Material::plain(name, [r, g, b].map(unit), unit(pbr.roughness_factor.0));
-        material.base_color.texture = self.info(&pbr.base_color_texture, Encoding::Srgb, buffers)?;
-        material.metallic = Scalar::constant(unit(pbr.metallic_factor.0));
-        if let Some(texture) = self.info(&pbr.metallic_roughness_texture, Encoding::Linear, buffers)? {
-            material.roughness.texture = Some((texture.clone(), 1));
-            material.metallic.texture = Some((texture, 2));
-        }
+        let mut material = Material::plain(name, [1.0; 3], 1.0);
+        let alpha = match &layers.specular_glossiness {
+            Some(older) => self.specular_glossiness(&mut material, older, buffers)?,
+            None => self.metallic_roughness(&mut material, &json.pbr_metallic_roughness, buffers)?,
+        };
         material.normal = self.normal(&json.normal_texture, buffers)?;
         let extensions = json.extensions.as_ref();
         let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
@@ -160,10 +169,94 @@ impl<'a> Materials<'a> {
             }
             _ => {}
         }
-        let layers = Layers::of(json)?;
         self.layers(&mut material, &layers, buffers)?;
         self.modify_base(&mut material, &layers);
         Ok(material.with_digest())
+    }
+
+    /// Reads the base as the core has it; returns the factor of alpha.
+    fn metallic_roughness(
+        &mut self,
+        material: &mut Material,
+        pbr: &json::material::PbrMetallicRoughness,
+        buffers: &mut Buffers<'_>,
+    ) -> Result<f32> {
+        let [r, g, b, alpha] = pbr.base_color_factor.0;
+        material.base_color = Color {
+            factor: [r, g, b].map(unit),
+            texture: self.info(&pbr.base_color_texture, Encoding::Srgb, buffers)?,
+        };
+        material.roughness = Scalar::constant(unit(pbr.roughness_factor.0));
+        material.metallic = Scalar::constant(unit(pbr.metallic_factor.0));
+        if let Some(texture) = self.info(&pbr.metallic_roughness_texture, Encoding::Linear, buffers)? {
+            material.roughness.texture = Some((texture.clone(), 1));
+            material.metallic.texture = Some((texture, 2));
+        }
+        Ok(alpha)
+    }
+
+    /// Converts the base of the older model; returns the factor of alpha.
+    fn specular_glossiness(
+        &mut self,
+        material: &mut Material,
+        older: &SpecularGlossinessJson,
+        buffers: &mut Buffers<'_>,
+    ) -> Result<f32> {
+        let [r, g, b, alpha] = older.diffuse_factor;
+        let factors = Factors {
+            diffuse: [r, g, b].map(unit),
+            specular: older.specular_factor.map(unit),
+            glossiness: unit(older.glossiness_factor),
+        };
+        let diffuse = self.info(&older.diffuse_texture, Encoding::Srgb, buffers)?;
+        let gloss = self.info(&older.specular_glossiness_texture, Encoding::Srgb, buffers)?;
+        if let (Some(diffuse), Some(gloss)) = (&diffuse, &gloss)
+            && (diffuse.transform != gloss.transform || diffuse.texture.wrap != gloss.texture.wrap)
+        {
+            self.warn(
+                "the textures of a KHR_materials_pbrSpecularGlossiness lie differently; both lie as the diffuse color does",
+            );
+        }
+        material.roughness = Scalar::constant(1.0 - factors.glossiness);
+        let Some(used) = diffuse.as_ref().or(gloss.as_ref()) else {
+            let (base, metallic) = convert(factors.diffuse.map(f64::from), factors.specular.map(f64::from));
+            material.base_color = Color::constant(base.map(|x| x as f32));
+            material.metallic = Scalar::constant(metallic as f32);
+            return Ok(alpha);
+        };
+        let textures = [&diffuse, &gloss].map(|used| used.as_ref().map(|used| &*used.texture));
+        let [base, rest] = self.converted(&factors, textures, used.texture.wrap, buffers)?;
+        let used = |texture: Arc<Texture>| TextureRef { texture, transform: used.transform };
+        material.base_color = Color { factor: [1.0; 3], texture: Some(used(base)) };
+        material.metallic = Scalar::constant(0.0);
+        if rest.texels.chunks_exact(4).any(|texel| texel[2] > 0) {
+            material.metallic = Scalar { factor: 1.0, texture: Some((used(rest.clone()), 2)) };
+        }
+        if gloss.is_some() {
+            material.roughness = Scalar { factor: 1.0, texture: Some((used(rest), 1)) };
+        }
+        Ok(alpha)
+    }
+
+    /// Textures of the base color and of roughness with metalness; converted once.
+    fn converted(
+        &mut self,
+        factors: &Factors,
+        [diffuse, gloss]: [Option<&Texture>; 2],
+        wrap: [Wrap; 2],
+        buffers: &Buffers<'_>,
+    ) -> Result<[Arc<Texture>; 2]> {
+        let ([a, b, c], [d, e, f]) = (factors.diffuse, factors.specular);
+        let bits = [a, b, c, d, e, f, factors.glossiness].map(f32::to_bits);
+        let key = (diffuse.map(|texture| texture.digest), gloss.map(|texture| texture.digest), bits);
+        if let Some(converted) = self.converted.get(&key) {
+            return Ok(converted.clone());
+        }
+        let [base, rest] = factors.apply(diffuse, gloss, buffers.budget())?;
+        let textures =
+            [base.into_texture(Encoding::Srgb, wrap), rest.into_texture(Encoding::Linear, wrap)].map(Arc::new);
+        self.converted.insert(key, textures.clone());
+        Ok(textures)
     }
 
     /// What extensions change of the base. Where the model cannot show it, the nearest that it can, with a warning.

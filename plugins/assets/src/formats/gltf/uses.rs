@@ -50,7 +50,7 @@ fn of(texture: Index<json::Texture>, set: u32, transform: Option<&TextureTransfo
 /// There `u' = c·sx·u + s·sy·v + ox` and `v' = -s·sx·u + c·sy·v + oy`, counter-clockwise in the image;
 /// with `v = 1 - V` the same rotation stays, and the offset becomes `(ox + s·sy, 1 - oy - c·sy)`.
 fn v_up([ox, oy]: [f32; 2], rotation: f32, [sx, sy]: [f32; 2]) -> UvTransform {
-    let (s, c) = rotation.sin_cos();
+    let (s, c) = libm::sincosf(rotation);
     UvTransform { scale: [sx, sy], rotation, offset: [ox + s * sy, 1.0 - oy - c * sy] }
 }
 
