@@ -90,6 +90,31 @@ impl Default for PathTracing {
     }
 }
 
+/// Defines a kind's options as those of path tracing, with the kind's documentation.
+#[macro_export]
+macro_rules! path_tracing_kind {
+    ($(#[doc = $doc:literal])* $name:ident) => {
+        $(#[doc = $doc])*
+        #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(transparent)]
+        pub struct $name(pub $crate::PathTracing);
+
+        impl schemars::JsonSchema for $name {
+            fn schema_name() -> std::borrow::Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+                let mut schema = <$crate::PathTracing as schemars::JsonSchema>::json_schema(generator);
+                let lines: &[&str] = &[$($doc),*];
+                let lines: Vec<&str> = lines.iter().map(|line| line.trim()).collect();
+                schema.insert("description".into(), lines.join("\n").into());
+                schema
+            }
+        }
+    };
+}
+
 /// What the options say of how light is gathered, as paths read it.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {

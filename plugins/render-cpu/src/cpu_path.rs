@@ -12,13 +12,13 @@ use syntable_model::stage::{Bodies, Window};
 use syntable_simd::Processor;
 use syntable_transport::film::{Film, Statistics};
 use syntable_transport::light::Lights;
-use syntable_transport::{PathTracing, RayCamera};
+use syntable_transport::{PathTracing, RayCamera, path_tracing_kind};
 
-/// Path tracing on the CPU: soft shadows, global illumination, glossy surfaces. Unbiased, and the same image on any number
-/// of threads.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(transparent)]
-pub struct CpuPath(pub PathTracing);
+path_tracing_kind! {
+    /// Path tracing on the CPU: soft shadows, global illumination, glossy surfaces. Unbiased, and the same image on any number
+    /// of threads.
+    CpuPath
+}
 
 impl Config for CpuPath {
     type Stage = dyn Renderer;

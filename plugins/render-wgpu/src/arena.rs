@@ -71,8 +71,7 @@ impl Arena {
                     device.name(),
                     mib(limit)
                 ))
-                .help("use fewer or smaller assets, or render with `cpu_path`")
-                .permanent());
+                .help("use fewer or smaller assets, or render with `cpu_path`"));
             }
             if elements > capacity {
                 // Room for the next scenes' assets, too.

@@ -7,14 +7,14 @@ use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
-use syntable_transport::PathTracing;
 use syntable_transport::film::Film;
+use syntable_transport::{PathTracing, path_tracing_kind};
 
-/// Path tracing on a graphics card, by Vulkan, Metal or DirectX 12: the images of `cpu_path` up to rounding, and its labels.
-/// The same card and driver make the same bytes.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(transparent)]
-pub struct GpuPath(pub PathTracing);
+path_tracing_kind! {
+    /// Path tracing on a graphics card, by Vulkan, Metal or DirectX 12: the images of `cpu_path` up to rounding, and its
+    /// labels. The same card and driver make the same bytes.
+    GpuPath
+}
 
 impl Config for GpuPath {
     type Stage = dyn Renderer;

@@ -34,9 +34,6 @@ const STATE_PLANES: [u64; 2] = [10, 17];
 /// Numbers of a pixel's sums in `path.wgsl`, without guides and with them.
 const SUMS: [u64; 2] = [9, 24];
 
-/// Words of a pixel's labels in `labels.wgsl`, without its coverage.
-const LABEL_WORDS: u64 = 8;
-
 /// Words of the counters in `path.wgsl`.
 const COUNTERS: u64 = 1028;
 
@@ -57,8 +54,6 @@ const WARPED: u32 = 1;
 const TENT: u32 = 2;
 const BLENDED_BY_COVERAGE: u32 = 4;
 const ONLY_GUIDES: u32 = 8;
-const BEFORE_SUPPORT: u32 = 16;
-const SHADED_LABELS: u32 = 32;
 
 /// `View` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -101,7 +96,13 @@ struct View {
     roulette_from: u32,
     capacity: u32,
     words: u32,
-    unused: [u32; 3],
+    depth_at: u32,
+    instance_at: u32,
+    normal_at: u32,
+    albedo_at: u32,
+    coverage_at: u32,
+    before_at: u32,
+    unused: u32,
 }
 
 /// `Pass` in `scene.wgsl`.
@@ -375,7 +376,6 @@ impl GpuSession {
             |of: fn(&syntable_transport::Lens) -> syntable_simd::Vec3| lens.map_or(syntable_simd::Vec3::ZERO, of);
         let limit = settings.max_indirect_luminance_nits.min(FAR);
         let flag = |bit: u32, on: bool| if on { bit } else { 0 };
-        let wants = |key: syntable_model::product::KeyId| request.wants.contains(&key);
         Ok(View {
             window: [x, y, width as i32, height as i32],
             origin: vector(camera.origin(), camera.pixel_angle),
@@ -411,14 +411,11 @@ impl GpuSession {
             block_columns,
             flags: flag(WARPED, camera.is_warped())
                 | flag(TENT, settings.filter == PixelFilter::Tent)
-                | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage)
-                | flag(BEFORE_SUPPORT, wants(COVERAGE.before_support().id()))
-                | flag(SHADED_LABELS, wants(NORMAL.id()) || wants(ALBEDO.id())),
+                | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage),
             max_bounces: settings.max_bounces,
             roulette_from: settings.roulette_from,
-            capacity: 0,
-            words: scene.objects.div_ceil(32).max(1) as u32,
-            unused: [0; 3],
+            words: 2 * scene.objects.div_ceil(64).max(1) as u32,
+            ..View::default()
         })
     }
 
@@ -507,8 +504,28 @@ impl GpuSession {
     /// Renders the wanted labels.
     fn labels(&mut self, world: &World, request: &RenderRequest, view: View, frame: &mut Products) -> Result<()> {
         let Window { width, height, .. } = request.window;
-        let words = LABEL_WORDS + 2 * u64::from(view.words);
-        let count = words * request.window.pixels();
+        let pixels = request.window.pixels() as usize;
+        let mut end = 0;
+        let mut section = |key: syntable_model::product::KeyId, words: usize| match request.wants.contains(&key) {
+            true => {
+                let start = end;
+                end += pixels * words;
+                start as u32
+            }
+            false => NONE,
+        };
+        // Sets first: their words are read in pairs.
+        let set = view.words as usize;
+        let view = View {
+            coverage_at: section(COVERAGE.id(), set),
+            before_at: section(COVERAGE.before_support().id(), set),
+            depth_at: section(DEPTH.id(), 1),
+            instance_at: section(INSTANCE.id(), 1),
+            normal_at: section(NORMAL.id(), 3),
+            albedo_at: section(ALBEDO.id(), 3),
+            ..view
+        };
+        let count = end as u64;
         self.make_output(4 * count)?;
         self.device.write(&self.buffers.view, 0, bytemuck::bytes_of(&view));
         let (kernel, group) = (self.device.kernel(Kernel::Labels, self.variant(world, false)), self.bind());
@@ -522,45 +539,31 @@ impl GpuSession {
             pass.dispatch_workgroups(x, y, 1);
         }
         let objects = world.scene.objects;
-        let wants = |key: syntable_model::product::KeyId| request.wants.contains(&key);
         self.device.read(encoder, &self.buffers.output, &self.buffers.readable, count, |output: &[u32]| {
-            let pixels = || output.chunks_exact(words as usize);
-            if wants(DEPTH.id()) {
-                let depth = |pixel: &[u32]| {
-                    let t = f32::from_bits(pixel[0]);
-                    if t < FAR { t } else { f32::INFINITY }
-                };
-                frame.put(DEPTH, Plane::from_vec(width, height, pixels().map(depth).collect()))?;
-            }
-            if wants(INSTANCE.id()) {
-                let id = |pixel: &[u32]| match pixel[1] {
-                    0 => InstanceId::BACKGROUND,
-                    number => instance_id(number - 1),
-                };
-                frame.put(INSTANCE, Plane::from_vec(width, height, pixels().map(id).collect()))?;
-            }
-            for (key, first) in [(NORMAL, 2), (ALBEDO, 5)] {
-                if wants(key.id()) {
-                    let vector = |pixel: &[u32]| [0, 1, 2].map(|c| f32::from_bits(pixel[first + c]));
-                    frame.put(key, Plane::from_vec(width, height, pixels().map(vector).collect()))?;
+            let section =
+                |start: u32, words: usize| (start != NONE).then(|| &output[start as usize..][..pixels * words]);
+            for (key, start) in [(COVERAGE, view.coverage_at), (COVERAGE.before_support(), view.before_at)] {
+                if let Some(words) = section(start, set) {
+                    let pairs = words.as_chunks().0.iter().map(|&[low, high]| u64::from(low) | u64::from(high) << 32);
+                    frame.put(key, BitPlane::from_words(width, height, objects, pairs.collect()))?;
                 }
             }
-            let per_plane = view.words as usize;
-            for (key, first) in [(COVERAGE, 8), (COVERAGE.before_support(), 8 + per_plane)] {
-                if wants(key.id()) {
-                    let mut plane = BitPlane::new(width, height, objects);
-                    for (number, pixel) in pixels().enumerate() {
-                        let at = (number as u32 % width, number as u32 / width);
-                        for (word, &bits) in pixel[first..first + per_plane].iter().enumerate() {
-                            let mut bits = bits;
-                            while bits != 0 {
-                                let object = 32 * word as u32 + bits.trailing_zeros();
-                                bits &= bits - 1;
-                                plane.insert(at.0, at.1, instance_id(object));
-                            }
-                        }
-                    }
-                    frame.put(key, plane)?;
+            if let Some(words) = section(view.depth_at, 1) {
+                let depth = |&word: &u32| {
+                    let t = f32::from_bits(word);
+                    if t < FAR { t } else { f32::INFINITY }
+                };
+                frame.put(DEPTH, Plane::from_vec(width, height, words.iter().map(depth).collect()))?;
+            }
+            if let Some(words) = section(view.instance_at, 1) {
+                // Numbers count from 0, and the background is beyond the last.
+                let id = |&word: &u32| if word == 0 { InstanceId::BACKGROUND } else { instance_id(word - 1) };
+                frame.put(INSTANCE, Plane::from_vec(width, height, words.iter().map(id).collect()))?;
+            }
+            for (key, start) in [(NORMAL, view.normal_at), (ALBEDO, view.albedo_at)] {
+                if let Some(words) = section(start, 3) {
+                    let vector = |vector: &[u32; 3]| vector.map(f32::from_bits);
+                    frame.put(key, Plane::from_vec(width, height, words.as_chunks().0.iter().map(vector).collect()))?;
                 }
             }
             Ok(())

@@ -73,6 +73,16 @@ impl BitPlane {
         Self { width, height, objects, words, data: vec![0; width as usize * height as usize * words] }
     }
 
+    /// A plane of sets as [`Self::data`] has them.
+    ///
+    /// # Panics
+    /// If there are not as many words as the plane has.
+    pub fn from_words(width: u32, height: u32, objects: usize, data: Vec<u64>) -> Self {
+        let words = objects.div_ceil(64).max(1);
+        assert_eq!(data.len(), width as usize * height as usize * words, "words of the plane");
+        Self { width, height, objects, words, data }
+    }
+
     /// Width, px.
     pub fn width(&self) -> u32 {
         self.width

@@ -1,10 +1,9 @@
 // All labels from one ray per pixel, as in plugins/render-cpu's labels.rs: the first hit in every body.
 //
-// A pixel's output is depth, instance, three numbers of the normal, three of the albedo, then two bits of every object:
-// whether it covers the pixel, and whether it does before the support.
+// The output is one section after the other, of those that are wanted: depth, instance, normal and albedo (three numbers
+// each), and two sets of objects: those that cover a pixel, and those that do before the support.
 
 const BASE_LAYER: f32 = 0.99999988;
-const LABEL_WORDS: u32 = 8u;
 
 // The first hit in one body.
 fn closest_in(instance: u32, ray: Ray) -> Hit {
@@ -58,9 +57,21 @@ fn closest_in(instance: u32, ray: Ray) -> Hit {
     return best;
 }
 
-// Offset of a pixel's words.
-fn label_at(pixel: u32) -> u32 {
-    return pixel * (LABEL_WORDS + 2u * view.words);
+// Empties the set of a pixel in a section; gives its first word.
+fn empty_set(section: u32, pixel: u32) -> u32 {
+    let first = section + pixel * view.words;
+    if section != NONE {
+        for (var i = 0u; i < view.words; i++) {
+            output[first + i] = 0u;
+        }
+    }
+    return first;
+}
+
+fn add_to_set(section: u32, first: u32, instance: u32) {
+    if section != NONE {
+        output[first + instance / 32u] |= 1u << (instance % 32u);
+    }
 }
 
 @compute @workgroup_size(64)
@@ -76,10 +87,9 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     if column >= width || row >= u32(view.window.w) {
         return;
     }
-    let out_ = label_at(row * width + column);
-    for (var i = 0u; i < LABEL_WORDS + 2u * view.words; i++) {
-        output[out_ + i] = 0u;
-    }
+    let pixel = row * width + column;
+    let coverage = empty_set(view.coverage_at, pixel);
+    let before = empty_set(view.before_at, pixel);
     let direction = center_direction(column, row);
     let ray = Ray(view.origin.xyz, direction);
     var first = no_hit();
@@ -109,8 +119,6 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
                     if round == 0u || instance < view.objects {
                         let hit = closest_in(instance, ray);
                         if hit.instance != NONE {
-                            let word = out_ + LABEL_WORDS + instance / 32u;
-                            let bit = 1u << (instance % 32u);
                             if round == 0u {
                                 if is_nearer(hit.t, hit.instance, 0u, first) {
                                     first = hit;
@@ -119,10 +127,10 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
                                     support = min(support, hit.t);
                                 }
                                 if instance < view.objects {
-                                    output[word] |= bit;
+                                    add_to_set(view.coverage_at, coverage, instance);
                                 }
                             } else if hit.t <= support {
-                                output[word + view.words] |= bit;
+                                add_to_set(view.before_at, before, instance);
                             }
                         }
                     }
@@ -133,22 +141,36 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
                 height -= 1u;
                 link = stack[height];
             }
-            if view.objects == 0u || (view.flags & BEFORE_SUPPORT) == 0u {
+            if view.objects == 0u || view.before_at == NONE {
                 break;
             }
         }
     }
-    output[out_] = bitcast<u32>(first.t);
-    output[out_ + 1u] = first.instance + 1u;
-    if first.instance != NONE && (view.flags & SHADED_LABELS) != 0u {
+    if view.depth_at != NONE {
+        output[view.depth_at + pixel] = bitcast<u32>(first.t);
+    }
+    if view.instance_at != NONE {
+        output[view.instance_at + pixel] = first.instance + 1u;
+    }
+    if view.normal_at == NONE && view.albedo_at == NONE {
+        return;
+    }
+    var normal = vec3(0.0);
+    var albedo = vec3(0.0);
+    if first.instance != NONE {
         let length_ = length(direction);
         let distance = first.t * length_;
         let along = direction * (1.0 / length_);
         let surface = surface_at(first, ray.origin, along, distance, view.origin.w * distance, BASE_LAYER);
-        let normal = to_camera(surface.normal);
-        for (var c = 0u; c < 3u; c++) {
-            output[out_ + 2u + c] = bitcast<u32>(normal[c]);
-            output[out_ + 5u + c] = bitcast<u32>(surface.albedo[c]);
+        normal = to_camera(surface.normal);
+        albedo = surface.albedo;
+    }
+    for (var c = 0u; c < 3u; c++) {
+        if view.normal_at != NONE {
+            output[view.normal_at + 3u * pixel + c] = bitcast<u32>(normal[c]);
+        }
+        if view.albedo_at != NONE {
+            output[view.albedo_at + 3u * pixel + c] = bitcast<u32>(albedo[c]);
         }
     }
 }

@@ -63,17 +63,20 @@ struct View {
     // Number of paths that the state has room for; words of a pixel's coverage.
     capacity: u32,
     words: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
+    // Where sections of the labels start, or NONE.
+    depth_at: u32,
+    instance_at: u32,
+    normal_at: u32,
+    albedo_at: u32,
+    coverage_at: u32,
+    before_at: u32,
+    unused: u32,
 }
 
 const WARPED: u32 = 1u;
 const TENT: u32 = 2u;
 const BLENDED_BY_COVERAGE: u32 = 4u;
 const ONLY_GUIDES: u32 = 8u;
-const BEFORE_SUPPORT: u32 = 16u;
-const SHADED_LABELS: u32 = 32u;
 
 struct Pass {
     // First entry of the list of pixels, their number.

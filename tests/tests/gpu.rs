@@ -1,0 +1,106 @@
+//! Whole recipes on a graphics card, or on Mesa's lavapipe in its place, against the CPU renderer: cameras with lens and
+//! distortion, all kinds of light, floors that show their environment, scanned and procedural materials.
+
+mod support;
+use std::path::{Path, PathBuf};
+use support::{ok, root, skip, syntable};
+
+/// What the shipped recipes have that none of the gallery has.
+const GROUND: &str = r#"
+extends = "builtin:open-sky"
+
+[dataset]
+scenes = 1
+views_per_scene = 1
+
+[[place]]
+kind = "ground"
+
+[[place]]
+kind = "table"
+from = ["tables"]
+
+[[place]]
+kind = "drop_box"
+id = "objects"
+from = ["objects"]
+count = 6
+"#;
+
+/// Numbers of a file of NumPy, and how many there are per pixel of 80 × 60.
+fn numbers<const N: usize>(path: &Path) -> Vec<[u8; N]> {
+    let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let header = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[10 + header..].as_chunks().0.to_vec()
+}
+
+fn luminance(path: &Path) -> Vec<f64> {
+    let numbers: Vec<f64> = numbers(path).into_iter().map(|x| f64::from(f32::from_le_bytes(x))).collect();
+    numbers.chunks(3).map(|c| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]).collect()
+}
+
+fn run(recipe: &Path, out: &Path, kind: &str) {
+    let mut command = syntable();
+    command.arg("run").arg(recipe).arg("--out").arg(out).args(["--views", "1"]);
+    for set in [
+        "dataset.scenes=1",
+        "camera.resolution=[80, 60]",
+        "render.samples_per_pixel=8",
+        "denoise.kind=\"none\"",
+        "write={ npy = { include = [\"radiance\", \"instance\", \"albedo\"] } }",
+        &format!("render.kind=\"{kind}\""),
+    ] {
+        command.args(["--set", set]);
+    }
+    ok(&mut command);
+}
+
+#[test]
+fn recipes_look_as_on_the_processor() {
+    let doctor = ok(syntable().arg("doctor"));
+    let line = doctor.lines().find(|line| line.trim().starts_with("gpu_path")).expect("the stock program has it");
+    if line.contains("no graphics adapter") {
+        return skip("a graphics adapter, such as mesa-vulkan-drivers,");
+    }
+    println!("{}", line.trim());
+    let folder = tempfile::tempdir().expect("a folder");
+    let ground = folder.path().join("ground.toml");
+    std::fs::write(&ground, GROUND).expect("writable");
+    let gallery =
+        ["camera/pinhole.distortion", "camera/pinhole.lens", "lights/environment", "lights/sun", "assets/mesh_folder"];
+    let gallery = gallery.map(|name| root().join(format!("book/gallery/{name}.toml")));
+    let shipped = ["window-room", "clutter"].map(|name| root().join(format!("recipes/{name}.toml")));
+    for recipe in gallery.iter().chain(&shipped).chain([&ground]) {
+        let name = recipe.file_stem().expect("named").to_string_lossy().into_owned();
+        let outs: [PathBuf; 2] = ["cpu_path", "gpu_path"].map(|kind| {
+            let out = folder.path().join(format!("{name}.{kind}"));
+            run(recipe, &out, kind);
+            out
+        });
+        let of = |product: &str| outs.each_ref().map(|out| out.join(format!("npy/{product}/000000_0000.npy")));
+        let [a, b] = of("instance").map(|path| numbers::<2>(&path));
+        let other = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+        let [a, b] = of("albedo").map(|path| luminance(&path));
+        let albedo = a.iter().zip(&b).filter(|(a, b)| (**a - **b).abs() > 2e-3).count();
+        let [a, b] = of("radiance").map(|path| luminance(&path));
+        let ratio = b.iter().sum::<f64>() / a.iter().sum::<f64>();
+        let far = a.iter().zip(&b).filter(|(a, b)| (**a - **b).abs() > 2e-3 * **a).count();
+        println!("{name}: {other} instances, {albedo} albedos and {far} radiances of {} differ; {ratio:.5}", a.len());
+        assert!(other <= 1 && albedo * 200 <= a.len() && far * 20 <= a.len(), "{name}: {other} {albedo} {far}");
+        assert!((ratio - 1.0).abs() < 5e-3, "{name}: ratio of means {ratio}");
+    }
+}
+
+#[test]
+fn a_missing_adapter_is_named_by_check() {
+    // A loader of Vulkan that finds no driver.
+    let mut command = syntable();
+    command.args(["check", "builtin:quickstart", "--set", "render.kind=\"gpu_path\""]);
+    command.env("VK_DRIVER_FILES", "/nowhere.json").env("VK_ICD_FILENAMES", "/nowhere.json");
+    if cfg!(not(target_os = "linux")) {
+        return;
+    }
+    let output = command.output().expect("starts");
+    let text = support::text(&output);
+    assert!(!output.status.success() && text.contains("no graphics adapter") && text.contains("cpu_path"), "{text}");
+}
