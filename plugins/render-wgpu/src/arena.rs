@@ -63,7 +63,7 @@ impl Arena {
             let elements = needed(self.used, &wanted);
             let limit = device.max_buffer() / self.element;
             if elements > limit {
-                let mib = |elements: u64| elements * self.element >> 20;
+                let mib = |elements: u64| (elements * self.element) >> 20;
                 return Err(Error::new(format!(
                     "the scene's {} need {} MiB, and a buffer of {} holds {}",
                     self.label,

@@ -844,7 +844,7 @@ fn environment_assets(lights: &LightTable) -> Vec<Asset<'static>> {
             digest: of_distribution(&distribution),
             count: (distribution.rows().len() + distribution.texels().len()) as u64,
             bytes: Box::new(move |_| {
-                [distribution.rows(), distribution.texels()].map(|part| bytemuck::cast_slice::<f32, u8>(part)).concat()
+                [distribution.rows(), distribution.texels()].map(bytemuck::cast_slice::<f32, u8>).concat()
             }),
         });
     }

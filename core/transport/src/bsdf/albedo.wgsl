@@ -22,7 +22,7 @@ fn albedo_at(row: Cell, mu: f32) -> vec2<f32> {
     return mix(mix(lower.xy, lower.zw, column.weight), mix(upper.xy, upper.zw, column.weight), row.weight);
 }
 
-fn albedo_mean(row: Cell) -> vec2<f32> {
+fn row_mean(row: Cell) -> vec2<f32> {
     let entry = lobe_table(2u * ALBEDO_CELLS * ALBEDO_CELLS + row.number);
     return mix(entry.xy, entry.zw, row.weight);
 }

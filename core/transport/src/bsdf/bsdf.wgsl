@@ -55,7 +55,7 @@ fn multiple_reflectance(f0: f32, f90: f32, mean_albedo: f32) -> f32 {
 fn bsdf_new(p: BsdfParameters, wo: vec3<f32>) -> Bsdf {
     let row = table_cell(p.roughness);
     let own = albedo_at(row, wo.z);
-    let mean = albedo_mean(row);
+    let mean = row_mean(row);
     let lost = max(1.0 - albedo_white(own), 0.0);
     let lost_mean = max(1.0 - albedo_white(mean), 1e-4);
     let white_mean = albedo_white(mean);

@@ -21,7 +21,7 @@ struct CoatingAttenuation {
 
 fn coating_new(p: CoatingParameters, mu_o: f32) -> CoatingAttenuation {
     let coat_row = table_cell(p.clearcoat_roughness);
-    let mean = albedo_mean(coat_row);
+    let mean = row_mean(coat_row);
     let coat = Interface(CLEARCOAT_F0, 1.0, multiple_reflectance(CLEARCOAT_F0, 1.0, albedo_white(mean)));
     let sheen_row = table_cell(p.sheen_roughness);
     return CoatingAttenuation(
