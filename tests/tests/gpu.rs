@@ -3,7 +3,7 @@
 
 mod support;
 use std::path::{Path, PathBuf};
-use support::{ok, root, skip, syntable};
+use support::{fails, ok, root, skip, syntable};
 
 /// What the shipped recipes have that none of the gallery has.
 const GROUND: &str = r#"
@@ -92,15 +92,16 @@ fn recipes_look_as_on_the_processor() {
 }
 
 #[test]
-fn a_missing_adapter_is_named_by_check() {
-    // A loader of Vulkan that finds no driver.
+#[cfg(target_os = "linux")]
+fn a_run_without_an_adapter_stops_at_once() {
+    let folder = tempfile::tempdir().expect("a folder");
     let mut command = syntable();
-    command.args(["check", "builtin:quickstart", "--set", "render.kind=\"gpu_path\""]);
+    command
+        .args(["run", "builtin:quickstart", "--set", "render.kind=\"gpu_path\"", "--out"])
+        .arg(folder.path().join("out"));
+    // A loader of Vulkan that finds no driver.
     command.env("VK_DRIVER_FILES", "/nowhere.json").env("VK_ICD_FILENAMES", "/nowhere.json");
-    if cfg!(not(target_os = "linux")) {
-        return;
-    }
-    let output = command.output().expect("starts");
-    let text = support::text(&output);
-    assert!(!output.status.success() && text.contains("no graphics adapter") && text.contains("cpu_path"), "{text}");
+    let text = fails(&mut command, 2);
+    assert!(text.contains("no graphics adapter") && text.contains("cpu_path"), "{text}");
+    assert!(!folder.path().join("out").exists(), "nothing was begun");
 }
