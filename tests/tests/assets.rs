@@ -73,6 +73,9 @@ fn an_asset_is_described_and_a_missing_one_named() {
     let output = syntable().args(["check", "--asset", "no/such/model.obj"]).output().expect("starts");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output).contains("no/such/model.obj"), "{}", text(&output));
+    let output = syntable().args(["check", "--asset", "nothere"]).output().expect("starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output).contains("nothere: there is no such file or folder"), "{}", text(&output));
     let output = syntable().args(["check", "--asset", "README.md"]).output().expect("starts");
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output).contains("no known kind of asset") && text(&output).contains("OBJ"), "{}", text(&output));

@@ -322,3 +322,75 @@ fn wrong_words_are_answered_with_help() {
     assert!(fails(syntable().args(["run", "--set", "seed"]), 2).contains("KEY=VALUE"));
     assert!(fails(syntable().args(["run", "--scenes", "5..9", "--out", "target/never"]), 2).contains("scenes 0..2"));
 }
+
+#[test]
+fn a_broken_denoiser_is_one_mistake() {
+    let with = |denoise: &str, product: &str| {
+        let mut check = syntable();
+        check.args(["check", "recipes/quickstart.toml", "--set", &format!("denoise={denoise}"), "--set"]);
+        check
+            .arg(format!("write.more={{ kind = \"jsonl\", include = [\"{product}\"] }}"))
+            .env_remove("SYNTABLE_NOT_SET");
+        check
+    };
+    for product in ["denoiser", "radiance_noisy"] {
+        ok(&mut with("{ kind = \"guided\" }", product));
+        for (denoise, code) in [
+            ("{ kind = \"guided\", force = 1 }", "D0003"),
+            ("{ kind = \"gided\" }", "D0005"),
+            ("{ kind = \"oidn\", library = \"${SYNTABLE_NOT_SET}\" }", "D0015"),
+            ("3", "D0007"),
+        ] {
+            let error = fails(&mut with(denoise, product), 2);
+            let found: Vec<&str> = error.split("error[").skip(1).map(|rest| &rest[..5]).collect();
+            assert_eq!(found, [code], "{denoise}: {error}");
+        }
+    }
+    // What no denoiser provides is a mistake of its own.
+    let error = fails(&mut with("{ kind = \"gided\" }", "denoisr"), 2);
+    assert!(error.contains("D0004") && error.contains("D0005"), "{error}");
+}
+
+#[test]
+fn what_selects_nothing_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let list = folder.path().join("names.txt");
+    let check = |set: &str| {
+        let output = syntable().args(["check", "recipes/quickstart.toml", "--set", set]).output().expect("starts");
+        assert!(output.status.success(), "{}", support::text(&output));
+        support::text(&output)
+    };
+    let plain = check("assets.objects={ kind = \"household\" }");
+    assert!(!plain.contains("warning"), "{plain}");
+    let said =
+        check("assets.objects={ kind = \"household\", include = [\"*mug*\", \"kettles_*\"], exclude = [\"x?\"] }");
+    for words in
+        ["assets.objects: include[1] = \"kettles_*\" matches no asset", "exclude[0] = \"x?\"", "names such as `"]
+    {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(!said.contains("include[0]") && said.contains(".syntable/catalogs/<pool>.json"), "{said}");
+    let name = said.split("names such as `").nth(1).and_then(|rest| rest.split('`').next()).expect("a name").to_owned();
+    std::fs::write(&list, format!("{name}\nmugg\n")).expect("writable");
+    let said = check(&format!("assets.objects={{ kind = \"household\", include_list = \"{}\" }}", list.display()));
+    assert!(said.contains("include_list: the pool has no asset of these names: mugg (there are 650 names"), "{said}");
+    assert!(said.contains("assets.objects: 1 assets") && said.contains("names.txt"), "{said}");
+}
+
+#[test]
+fn a_new_recipe_extends_a_recipe_of_the_program() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("k"), "").expect("writable");
+    let new = |base: &str| {
+        let mut command = syntable();
+        command.current_dir(folder.path()).args(["new", "recipe", "x.toml", "--extends", base]);
+        command
+    };
+    for file in ["k.toml", "k"] {
+        let error = fails(&mut new(file), 2);
+        assert!(error.contains("takes a recipe of the program") && error.contains("window-room"), "{error}");
+        assert!(error.contains(&format!("extends = \"{file}\"")), "{error}");
+    }
+    assert!(fails(&mut new("window-rom"), 2).contains("did you mean `builtin:window-room`?"));
+    ok(&mut new("window-room"));
+}

@@ -3,7 +3,7 @@
 mod support;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
-use support::{assert_same, fails, ok, small_run};
+use support::{assert_same, fails, ok, small_run, syntable};
 
 #[test]
 fn a_killed_run_goes_on() {
@@ -67,12 +67,30 @@ fn a_full_disk_leaves_a_folder_that_resumes() {
         eprintln!("skipped: a small disk cannot be mounted here");
         return;
     }
-    let scenes = ["--set", "dataset.scenes=3"];
-    let error = fails(&mut small_run(&disk, &scenes), 1);
+    let scenes_of = ["--set", "dataset.scenes=3"];
+    let error = fails(&mut small_run(&disk, &scenes_of), 1);
     assert!(error.contains("no space left") && error.contains("run the same command"), "{error}");
     assert!(mount("remount,size=100m"), "the disk can grow");
-    ok(&mut small_run(&disk, &scenes));
-    ok(&mut small_run(&whole, &scenes));
+    ok(&mut small_run(&disk, &scenes_of));
+    ok(&mut small_run(&whole, &scenes_of));
+    assert_same(&whole, &disk);
+    std::process::Command::new("umount").arg(&disk).status().expect("unmounted");
+    // Merged onto a small disk.
+    let parts = ["0..1", "1..3"].map(|scenes| {
+        let part = folder.path().join(scenes);
+        ok(small_run(&part, &scenes_of).args(["--scenes", scenes]));
+        part
+    });
+    assert!(mount("size=60k"), "it was mounted before");
+    let merge = || {
+        let mut command = syntable();
+        command.arg("merge").arg(&disk).args(&parts);
+        command
+    };
+    let error = fails(&mut merge(), 1);
+    assert!(error.contains("no space left") && error.contains("run the same command"), "{error}");
+    assert!(mount("remount,size=100m"), "the disk can grow");
+    ok(&mut merge());
     assert_same(&whole, &disk);
     std::process::Command::new("umount").arg(&disk).status().expect("unmounted");
 }

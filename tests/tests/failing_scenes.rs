@@ -7,12 +7,14 @@ use support::{SMALL, root};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::VISIBLE_MASK;
 use syntable_model::registry::Registry;
+use syntable_model::scene::{AssetRef, Removal, Role, SceneId, SettleReport};
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::run::{Outcome, RunOptions, run};
 use syntable_standard as _;
 use syntable_testing::folder::files;
+use syntable_testing::scenes;
 
 products! {
     /// A product that is hard to make.
@@ -147,6 +149,39 @@ fn an_empty_table_fails_the_scene_only() {
         ("settle.max_speed_m_s", "0.0001"),
         ("settle.duration_s", "0.05"),
     ];
-    let (outcome, _) = small(folder.path(), &set);
+    let (outcome, events) = small(folder.path(), &set);
     assert_eq!((outcome.scenes, outcome.failed), (0, 4));
+    let attempts = events.iter().filter_map(|e| if let Event::Attempt { error, .. } = e { Some(error) } else { None });
+    let mut seen = 0;
+    for error in attempts {
+        assert!(error.contains("of 1 that were placed: 1 still moving at ") && error.contains("more time"), "{error}");
+        seen += 1;
+    }
+    assert!(seen >= 4, "{seen}");
+}
+
+#[test]
+fn what_left_the_table_is_counted_by_reason() {
+    let left = |placed: u32, reasons: &[&str]| {
+        let mut scene = scenes::table();
+        for spawn in 0..placed {
+            let cube = scenes::object("cube", scenes::box_mesh([0.1; 3]), [0.5; 3]);
+            let handle = scene.add(scenes::body(cube, [0.0, 0.0, f64::from(spawn)], Role::Object));
+            scene.remove(handle);
+        }
+        let asset = || AssetRef { pool: "p".into(), name: "cube".into() };
+        let removed =
+            (0..).zip(reasons).map(|(spawn, reason)| Removal { spawn, asset: asset(), reason: (*reason).to_owned() });
+        let report = SettleReport { removed: removed.collect(), ..SettleReport::default() };
+        scene.freeze(SceneId(0), 0, report).expect_err("no object").to_string()
+    };
+    let fell = "fell off the table";
+    let text =
+        left(6, &["still moving at 0.12 m/s", fell, "still moving at 0.5 m/s", fell, fell, "1.0 mm deep in p/cube"]);
+    let says =
+        "of 6 that were placed: 3 fell off the table, 2 such as: still moving at 0.12 m/s, 1 1.0 mm deep in p/cube";
+    assert!(text.contains(says), "{text}");
+    assert!(left(2, &[]).contains("no object is left on the table, of 2 that were placed ("), "{}", left(2, &[]));
+    let none = left(0, &[]);
+    assert!(none.contains("no step placed an object") && none.contains("drop_box"), "{none}");
 }

@@ -443,6 +443,7 @@ fn steps_that_do_not_go_together_are_found_at_their_lines() {
             1,
             vec!["`drop_box` of [[place]] needs a tabletop, and no step", "\"table\""],
         ),
+        (["room", "table", "distractors"], 1, vec!["no step of [[place]] places objects", "8 |", "\"drop_box\""]),
         // A broken table is one mistake, not also a missing one.
         (["room", "desk", "drop_box"], 0, vec!["no kind `desk`"]),
     ] {

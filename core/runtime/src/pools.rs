@@ -45,6 +45,18 @@ pub struct AssetStore<'a> {
     refused: Mutex<Option<Error>>,
 }
 
+/// A log that says which pool a warning is about.
+struct OfPool<'a> {
+    id: &'a str,
+    log: &'a dyn Log,
+}
+
+impl Log for OfPool<'_> {
+    fn warn(&self, warning: &Error) {
+        self.log.warn(&warning.clone().context(format!("assets.{}", self.id)));
+    }
+}
+
 struct Pool<'a> {
     source: &'a dyn AssetSource,
     options: &'a PoolOptions,
@@ -127,7 +139,9 @@ impl<'a> AssetStore<'a> {
             let open = || -> Result<Pool<'a>> {
                 let catalog = patiently(log, |log| pool.source.catalog(log))?;
                 let found = catalog.entries.len();
-                let properties = pool.options.properties(&catalog.entries, log)?;
+                let of_pool = OfPool { id, log };
+                let properties = pool.options.properties(&catalog.entries, &of_pool)?;
+                pool.options.warn_of_unmatched(&catalog.entries, &of_pool)?;
                 let entries = pool.options.select(catalog.entries)?;
                 if entries.is_empty() {
                     let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };

@@ -99,6 +99,10 @@ impl Placer for Distractors {
         PartUse::None
     }
 
+    fn places_objects(&self) -> bool {
+        false
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let tabletop = scene.tabletop()?;
         let parts = scene.bodies().filter(|(_, body)| body.role == Role::Room).map(|(_, body)| body.world_bounds());

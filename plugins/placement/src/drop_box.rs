@@ -144,6 +144,10 @@ impl Placer for DropBox {
         PartUse::None
     }
 
+    fn places_objects(&self) -> bool {
+        self.annotated
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         let tabletop = scene.tabletop()?;
         let count = self.count.draw(&mut context.stream.child("count")) as usize;

@@ -57,6 +57,10 @@ impl Placer for Ground {
         PartUse::Sets
     }
 
+    fn places_objects(&self) -> bool {
+        false
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         refuse_second_floor(scene)?;
         let half = self.size_m.draw(&mut context.stream.child("size")) / 2.0;

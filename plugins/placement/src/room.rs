@@ -102,6 +102,10 @@ impl Placer for Room {
         PartUse::Sets
     }
 
+    fn places_objects(&self) -> bool {
+        false
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         refuse_second_floor(scene)?;
         let size = self.size_m.draw(&mut context.stream.child("size"));

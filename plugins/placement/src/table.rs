@@ -73,6 +73,10 @@ impl Placer for Table {
         PartUse::None
     }
 
+    fn places_objects(&self) -> bool {
+        false
+    }
+
     fn place(&self, scene: &mut SceneBuilder, context: &Context) -> Result<()> {
         if scene.tabletop.is_some() {
             return Err(Error::new("there is a tabletop already").help("keep one [[place]] kind = \"table\""));

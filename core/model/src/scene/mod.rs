@@ -206,10 +206,40 @@ impl SceneBuilder {
             }
         }
         if !bodies.iter().any(|body| body.role == Role::Object) {
-            return Err(Error::new("no object is left on the table"));
+            return Err(nothing_left(self.spawned, &settle.removed));
         }
         Ok(Scene { id, attempt, bodies, tabletop, lights: self.lights, settle })
     }
+}
+
+/// Why a scene has no object: none was placed, or all were taken out, with the reasons and how often each came.
+fn nothing_left(placed: u32, removed: &[Removal]) -> Error {
+    if placed == 0 {
+        return Error::new("no step placed an object")
+            .help("a scene needs an annotated object: add a `drop_box` to [[place]], or raise its `count`");
+    }
+    // Reasons that differ in numbers only are one.
+    let sort = |reason: &str| -> String { reason.chars().filter(|c| !c.is_ascii_digit()).collect() };
+    let mut reasons: Vec<(String, &str, u32)> = Vec::new();
+    for Removal { reason, .. } in removed {
+        let sort = sort(reason);
+        match reasons.iter_mut().find(|(other, ..)| *other == sort) {
+            Some((.., count)) => *count += 1,
+            None => reasons.push((sort, reason, 1)),
+        }
+    }
+    reasons.sort_by_key(|(.., count)| std::cmp::Reverse(*count));
+    let said = reasons.iter().map(|(sort, first, count)| {
+        // The numbers are those of the first.
+        let such = if *count > 1 && sort != first { "such as: " } else { "" };
+        format!("{count} {such}{first}")
+    });
+    let said: Vec<String> = said.collect();
+    let reasons = if said.is_empty() { String::new() } else { format!(": {}", said.join(", ")) };
+    Error::new(format!("no object is left on the table, of {placed} that were placed{reasons}")).help(
+        "where they fall off, drop them nearer to its middle or take larger tables; where they still move, give them \
+         more time in [settle]",
+    )
 }
 
 /// A finished scene: written once, read by many.

@@ -17,6 +17,10 @@ pub trait Placer: Send + Sync {
     fn floor(&self) -> PartUse {
         PartUse::Unstated
     }
+    /// Whether it may place bodies of [`Role::Object`](crate::scene::Role::Object): a scene needs one.
+    fn places_objects(&self) -> bool {
+        true
+    }
 }
 
 /// What a placer has to do with a part that a scene has once.

@@ -2,7 +2,7 @@
 
 use super::list::products;
 use super::{Console, Exit};
-use crate::recipe::{Builtin, schema_text};
+use crate::recipe::{BUILTINS, Builtin, schema_text};
 use clap::{Args, Subcommand};
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -121,7 +121,7 @@ pub(super) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Res
         What::Recipe { file, extends } => {
             let text = match extends {
                 Some(name) => {
-                    Builtin::find(name.strip_prefix("builtin:").unwrap_or(name)).map_err(Exit::wrong)?;
+                    base(name).map_err(Exit::wrong)?;
                     EXTENDING.replace("@BASE@", &format!("builtin:{}", name.trim_start_matches("builtin:")))
                 }
                 None => RECIPE.to_owned(),
@@ -140,6 +140,21 @@ pub(super) fn new(console: &Console, registry: &Registry, args: &NewArgs) -> Res
             ))
         }
     }
+}
+
+/// The recipe of the program that `--extends` names; a file is not one.
+fn base(name: &str) -> Result<&'static Builtin, Error> {
+    let short = name.strip_prefix("builtin:").unwrap_or(name);
+    Builtin::find(short).map_err(|error| {
+        if name.starts_with("builtin:") || !(short.ends_with(".toml") || Path::new(short).exists()) {
+            return error;
+        }
+        let names: Vec<&str> = BUILTINS.iter().map(|builtin| builtin.name).collect();
+        Error::new(format!("--extends takes a recipe of the program, and `{name}` is a file")).help(format!(
+            "the recipes of the program are {}; to extend a file, write a recipe that begins with: extends = \"{name}\"",
+            names.join(", ")
+        ))
+    })
 }
 
 fn plugin(registry: &Registry, name: &str, folder: &Path, syntable: Option<&Path>) -> Result<(), Exit> {

@@ -190,8 +190,10 @@ codes! {
     /// Steps of `[[place]]` do not go together.
     Placers = "D0026", "steps of [[place]] do not go together",
         "A scene has one tabletop, which `table` sets, and one floor, which `room` or `ground` sets. A step sets what \
-         another one has set, or needs what no earlier step sets. Steps run in the order of the recipe.",
-        "Remove one of two steps that set the same, or put the step that sets the part before those that need it.";
+         another one has set, or needs what no earlier step sets, or no step places objects that are annotated. Steps \
+         run in the order of the recipe.",
+        "Remove one of two steps that set the same, or put the step that sets the part before those that need it. \
+         Without objects, add a `drop_box`.";
 }
 
 impl fmt::Display for Code {

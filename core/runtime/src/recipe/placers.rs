@@ -1,4 +1,5 @@
-//! Whether the steps of `[[place]]` go together: what a scene has once is set by one step, before those that need it.
+//! Whether the steps of `[[place]]` go together: what a scene has once is set by one step, before those that need it, and
+//! some step places objects.
 
 use super::code::Code;
 use super::diagnostic::DiagnosticBuilder;
@@ -19,7 +20,7 @@ const PARTS: [Part; 2] = [
     Part { name: "floor", use_of: |placer| placer.floor(), setter: "room" },
 ];
 
-/// Reports steps that set what another one sets, and steps that need what no earlier one sets.
+/// Reports steps that set what another one sets, steps that need what no earlier one sets, and recipes without objects.
 pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
     let steps: Vec<(&BuiltStage, &dyn Placer)> = built
         .stages
@@ -30,7 +31,20 @@ pub(crate) fn check(built: &Built) -> Vec<DiagnosticBuilder> {
         })
         .collect();
     let is_complete = !built.failed.contains(&Slot::Place);
-    PARTS.iter().flat_map(|part| of_part(part, &steps, is_complete)).collect()
+    let diagnostics: Vec<DiagnosticBuilder> =
+        PARTS.iter().flat_map(|part| of_part(part, &steps, is_complete)).collect();
+    match steps.last() {
+        Some((last, _))
+            if is_complete && diagnostics.is_empty() && !steps.iter().any(|(_, placer)| placer.places_objects()) =>
+        {
+            vec![
+                DiagnosticBuilder::error(Code::Placers, last.header.clone(), "no step of [[place]] places objects")
+                    .label("the last step")
+                    .help("a scene needs an annotated object: add a step [[place]] kind = \"drop_box\""),
+            ]
+        }
+        _ => diagnostics,
+    }
 }
 
 fn of_part(part: &Part, steps: &[(&BuiltStage, &dyn Placer)], is_complete: bool) -> Vec<DiagnosticBuilder> {

@@ -6,6 +6,7 @@ use super::source::{NOWHERE, Span};
 use super::stages::{Built, BuiltStage};
 use super::suggest::{did_you_mean, listing};
 use crate::plan::{Candidate, Fault, Plan, PlanError, Producer, registered, resolve};
+use std::collections::BTreeSet;
 use syntable_model::product::KeyId;
 use syntable_model::registry::{Registry, Shape, Slot, Stage};
 use syntable_model::stage::Input;
@@ -51,7 +52,10 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec
             }));
             own.map(|_| plan)
         }
-        Err(errors) => {
+        Err(mut errors) => {
+            // What a stage that could not be built would have provided is no mistake of those that name it.
+            let lost = of_failed(registry, built);
+            errors.retain(|error| error.fault != Fault::Unknown || !lost.contains(&error.product));
             diagnostics.extend(errors.iter().map(|error| diagnostic(error, built, &elsewhere)));
             None
         }
@@ -64,6 +68,22 @@ pub(crate) fn part(stage: &BuiltStage) -> String {
         Shape::One => stage.slot.to_string(),
         Shape::List | Shape::Keyed => format!("{}.{}", stage.slot, stage.id),
     }
+}
+
+/// Products that some kind provides in a slot of which a stage could not be built.
+fn of_failed(registry: &Registry, built: &Built) -> BTreeSet<String> {
+    let makers = built.failed.iter().filter(|slot| matches!(slot, Slot::Denoise | Slot::Sensor | Slot::Annotate));
+    let mut products = BTreeSet::new();
+    for entry in makers.flat_map(|&slot| registry.of_slot(slot)) {
+        for text in ["", entry.example] {
+            let Ok(Ok(producer)) = entry.construct_str(text).map(|constructed| Producer::of(constructed.stage)) else {
+                continue;
+            };
+            let originals = producer.replaces().into_iter().map(|replacement| replacement.original);
+            products.extend(producer.provides().into_iter().chain(originals).map(|key| key.name.to_string()));
+        }
+    }
+    products
 }
 
 /// Products of all registered renderers, with the renderer's kind.

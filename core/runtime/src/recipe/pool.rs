@@ -1,6 +1,7 @@
 //! Options that every pool of assets has, whatever its source: which assets it holds, and how objects are scaled,
 //! centered and weighed.
 
+use super::suggest::did_you_mean;
 use glob::Pattern;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -328,10 +329,48 @@ impl PoolOptions {
             log.warn(
                 &Error::new(format!("the pool has no asset of these names: {}", unknown.join(", ")))
                     .in_file(file.path())
-                    .help("`syntable list assets` shows the names"),
+                    .help(names_of(entries)),
             );
         }
         Ok(table)
+    }
+
+    /// Warns of patterns and of names of lists that no asset of the source has: they select or leave out nothing.
+    pub(crate) fn warn_of_unmatched(&self, entries: &[CatalogEntry], log: &dyn Log) -> Result<()> {
+        // A source without assets is a mistake of its own.
+        if entries.is_empty() {
+            return Ok(());
+        }
+        let known: BTreeSet<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+        for (key, list) in [("include", &self.include), ("exclude", &self.exclude)] {
+            let compiled = patterns(key, list).map_err(of_key)?;
+            for ((index, text), pattern) in list.iter().enumerate().zip(compiled) {
+                if !known.iter().any(|name| pattern.matches(name)) {
+                    let near = did_you_mean(text, known.iter().copied());
+                    let near = if near.is_empty() { near } else { near + " " };
+                    log.warn(
+                        &Error::new(format!("{key}[{index}] = \"{text}\" matches no asset"))
+                            .help(format!("{near}patterns match whole names; {}", names_of(entries))),
+                    );
+                }
+            }
+        }
+        for (key, list) in [("include_list", &self.include_list), ("exclude_list", &self.exclude_list)] {
+            let Some(list) = list else { continue };
+            let names = names_of_list(list)?;
+            let unknown: Vec<&str> = names.iter().map(String::as_str).filter(|name| !known.contains(name)).collect();
+            if !unknown.is_empty() {
+                let more =
+                    if unknown.len() > SHOWN { format!(" and {} more", unknown.len() - SHOWN) } else { String::new() };
+                let shown = unknown[..unknown.len().min(SHOWN)].join(", ");
+                log.warn(
+                    &Error::new(format!("{key}: the pool has no asset of these names: {shown}{more}"))
+                        .in_file(list.path())
+                        .help(names_of(entries)),
+                );
+            }
+        }
+        Ok(())
     }
 
     /// The entries of a source that the pool takes, in their order. Reads the lists.
@@ -340,8 +379,7 @@ impl PoolOptions {
         let (wanted, unwanted) = (read(&self.include_list)?, read(&self.exclude_list)?);
         let compiled =
             || Ok((patterns("include", &self.include)?, patterns("exclude", &self.exclude)?, self.class_patterns()?));
-        let (include, exclude, classes) =
-            compiled().map_err(|invalid: ConfigError| Error::new(format!("{}: {}", invalid.key, invalid.message)))?;
+        let (include, exclude, classes) = compiled().map_err(of_key)?;
         let keep = |name: &str| {
             let any = |patterns: &[Pattern]| patterns.iter().any(|pattern| pattern.matches(name));
             (include.is_empty() || any(&include))
@@ -370,6 +408,26 @@ impl PoolOptions {
         }
         Ok(classes)
     }
+}
+
+/// Number of names that a warning lists.
+const SHOWN: usize = 8;
+
+/// What the names of a source's assets look like.
+fn names_of(entries: &[CatalogEntry]) -> String {
+    let mut names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+    names.sort_unstable();
+    let first: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();
+    format!(
+        "there are {} names such as {}; a dataset has all of a pool in .syntable/catalogs/<pool>.json",
+        names.len(),
+        first.join(", ")
+    )
+}
+
+/// A refused value as an error.
+fn of_key(invalid: ConfigError) -> Error {
+    Error::new(format!("{}: {}", invalid.key, invalid.message))
 }
 
 /// The class whose patterns match a name.

@@ -136,9 +136,21 @@ impl Folder {
         }
     }
 
-    /// Writes the resolved recipe.
+    /// Writes the resolved recipe. If the end of a run has listed another one, the dataset is unfinished from then on:
+    /// a run that is killed later leaves a recipe that is listed, or not listed, but never one that looks damaged.
     pub fn set_recipe(&self, text: &str) -> Result<()> {
-        if self.recipe()?.as_deref() == Some(text) { Ok(()) } else { self.write(&self.root.join(RECIPE), text) }
+        if self.recipe()?.as_deref() == Some(text) {
+            return Ok(());
+        }
+        let path = self.root.join(RECIPE);
+        let mut listed = self.finished()?.manifest;
+        if listed.files.remove(RECIPE).is_none() {
+            return self.write(&path, text);
+        }
+        self.set_finished(&Finished { journal: None, manifest: listed.clone() })?;
+        self.write(&path, text)?;
+        listed.files.insert(RECIPE.to_owned(), Stamp::of_text(text));
+        self.set_finished(&Finished { journal: None, manifest: listed })
     }
 
     /// Writes the resolved recipe again if it is missing or damaged, and `text` is what it was when the last run ended.
@@ -192,6 +204,28 @@ impl Folder {
     /// The manifest of a scene, if it can be read.
     pub fn manifest(&self, scene: u32) -> Result<Option<Manifest>> {
         Ok(Manifest::read(&manifest_path(&self.root, scene))?.map(|(manifest, _)| manifest))
+    }
+
+    /// Takes lines that cannot be read out of the journal, and returns how many. A journal without manifests of scenes is
+    /// that of another version and stays.
+    pub fn mend_journal(&self) -> Result<usize> {
+        if self.root.join(MARK).join("scenes").exists() { Journal::mend(&self.journal()) } else { Ok(0) }
+    }
+
+    /// Scenes that have a manifest and no line of the journal: their lines are lost.
+    pub fn without_line(&self, journal: &Journal) -> Vec<u32> {
+        let mut scenes = self.listed_scenes();
+        scenes.retain(|scene| !journal.entries().contains_key(scene));
+        scenes
+    }
+
+    /// Scenes that have a manifest, ascending.
+    fn listed_scenes(&self) -> Vec<u32> {
+        let entries = fs::read_dir(self.root.join(MARK).join("scenes")).into_iter().flatten().flatten();
+        let mut scenes: Vec<u32> =
+            entries.filter_map(|entry| entry.path().file_stem()?.to_str()?.parse().ok()).collect();
+        scenes.sort_unstable();
+        scenes
     }
 
     /// Compares the shards of a scene with its manifest, and that with the journal.
@@ -262,7 +296,7 @@ impl Folder {
             let lost = present.is_some_and(|digest| own.text().1 != digest);
             let owners = self.owners(&clashes)?;
             if let Some(path) = clashes.iter().find(|path| !lost || owners.contains_key(**path)) {
-                return Err(taken(path, owners.get(*path)));
+                return Err(taken(path, owners.get(*path), LEAVE));
             }
         }
         remove(&ready)?;
@@ -284,12 +318,8 @@ impl Folder {
             owners.extend(listed.map(|path| ((*path).to_owned(), owner.to_owned())));
         };
         add(&self.finished()?.manifest, "a file that the end of a run writes");
-        let scenes = self.root.join(MARK).join("scenes");
-        for entry in fs::read_dir(&scenes).into_iter().flatten().flatten() {
-            let scene = entry.path().file_stem().and_then(|stem| stem.to_str()?.parse::<u32>().ok());
-            if let Some(scene) = scene
-                && let Some(manifest) = self.manifest(scene)?
-            {
+        for scene in self.listed_scenes() {
+            if let Some(manifest) = self.manifest(scene)? {
                 add(&manifest, &format!("a file of scene {scene}"));
             }
         }
@@ -303,17 +333,30 @@ impl Folder {
 
     /// Moves what the end of a run staged into place. A file that is not of an earlier end is not replaced: the error says
     /// whose it is. Without `complete`, a writer failed, and the files that it wrote earlier stay.
-    pub fn publish_finish(&self, resolved: &str, journal: &mut Journal, complete: bool) -> Result<()> {
+    ///
+    /// What an earlier end wrote is what `finished.json` lists. The list has the recipe from the first end on; where it has
+    /// not, it may be lost, and with `repair` a file that no scene lists, at a path that a writer has just written, is taken
+    /// for that writer's. A file of the same bytes is always taken for it, since nothing is lost.
+    pub fn publish_finish(&self, resolved: &str, journal: &mut Journal, complete: bool, repair: bool) -> Result<()> {
         let staged = self.staging().join("finish");
         let old = self.finished()?.manifest;
         let mut new = Manifest::of_tree(&staged)?;
+        let lost = !old.has(RECIPE);
         let mut refused = None;
-        for path in new.files.keys().cloned().collect::<Vec<_>>() {
-            if !old.has(&path) && fs::symlink_metadata(self.root.join(&path)).is_ok() {
-                refused.get_or_insert(taken(&path, self.owners(&[&path])?.get(&path)));
-                new.files.remove(&path);
-                remove(&staged.join(&path))?;
+        for (path, stamp) in new.files.clone() {
+            let there = self.root.join(&path);
+            let Ok(metadata) = fs::symlink_metadata(&there) else { continue };
+            if old.has(&path) {
+                continue;
             }
+            let owners = self.owners(&[&path])?;
+            let claimed = metadata.is_file() && ((repair && lost) || stamp.check(&there)? == State::Whole);
+            if owners.is_empty() && claimed {
+                continue;
+            }
+            refused.get_or_insert(taken(&path, owners.get(&path), if lost { CLAIM } else { LEAVE }));
+            new.files.remove(&path);
+            remove(&staged.join(&path))?;
         }
         // Both are listed until all are moved, so that an interrupted move leaves no file that is nobody's.
         let mut both = old.clone();
@@ -449,13 +492,17 @@ impl Folder {
     }
 }
 
-/// Says whose file is where another one shall be written.
-fn taken(path: &str, owner: Option<&String>) -> Error {
+/// What to do about a file that is nobody's.
+const LEAVE: &str = "move it away, or choose another --out";
+/// The same where the list of what the end of a run wrote may be lost.
+const CLAIM: &str = "if an earlier run wrote it, run the same command with --repair, which replaces it; else move it away, or \
+                     choose another --out";
+
+/// Says whose file is where another one shall be written; `help` is for one that no manifest lists.
+fn taken(path: &str, owner: Option<&String>, help: &str) -> Error {
     let (owner, help) = match owner {
         Some(owner) => (format!("is {owner}"), "two files have one path: give the writer another id, folder or path"),
-        None => {
-            ("is there already and does not belong to the dataset".to_owned(), "move it away, or choose another --out")
-        }
+        None => ("is there already and does not belong to the dataset".to_owned(), help),
     };
     Error::new(format!("`{path}` {owner}")).help(help).permanent()
 }
@@ -665,7 +712,7 @@ mod tests {
             ("other.txt", "1", None),
         ] {
             fs::write(open.stage_finish().expect("staged").join(name), content).expect("writable");
-            let done = open.publish_finish("a = 1\n", &mut journal, true);
+            let done = open.publish_finish("a = 1\n", &mut journal, true, false);
             match whose {
                 None => assert_eq!((done, text(&open, name).as_deref()), (Ok(()), Some(content))),
                 Some(whose) => assert!(done.expect_err("taken").to_string().contains(whose)),
@@ -713,7 +760,7 @@ mod tests {
             commit(&open, 3, &[("rgb/3.png", "x"), ("both/3.txt", "x")]).expect("committed");
             fs::write(open.stage_finish().expect("staged").join("end.txt"), "1").expect("writable");
             let mut journal = Journal::open(&open.journal()).expect("there");
-            open.publish_finish("a = 1\n", &mut journal, true).expect("published");
+            open.publish_finish("a = 1\n", &mut journal, true, false).expect("published");
             fs::write(root.join("both/notes.txt"), "mine").expect("writable");
             fs::create_dir_all(open.bin()).expect("writable");
             for name in &STATE[..moves] {

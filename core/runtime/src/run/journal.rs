@@ -132,7 +132,8 @@ impl Journal {
     /// Opens a journal, or starts one. A last line that was cut short counts as not written.
     pub fn open(path: &Path) -> Result<Self> {
         let fail = |error: std::io::Error| Error::io(path, &error);
-        let (entries, whole, length) = read(path)?;
+        let Text { whole, length, .. } = Text::read(path)?;
+        let entries = Self::entries_of(path)?;
         let file = OpenOptions::new().create(true).append(true).open(path).map_err(fail)?;
         if whole < length {
             file.set_len(whole as u64).map_err(fail)?;
@@ -142,7 +143,33 @@ impl Journal {
 
     /// Reads the lines of a journal, and changes nothing.
     pub fn entries_of(path: &Path) -> Result<BTreeMap<u32, JournalEntry>> {
-        read(path).map(|(entries, _, _)| entries)
+        let text = Text::read(path)?;
+        let mut entries = BTreeMap::new();
+        for (number, line) in (1..).zip(text.lines()) {
+            let entry = line.map_err(|error| {
+                Error::new(format!("not a journal line: {error}"))
+                    .in_file(path)
+                    .at_line(number)
+                    .help(
+                        "`syntable run` with the dataset's recipe and --repair makes the scene of a damaged line again; if \
+                         another version began it, choose another folder with --out, or delete it",
+                    )
+                    .permanent()
+            })?;
+            entries.insert(entry.scene, entry);
+        }
+        Ok(entries)
+    }
+
+    /// Takes out the lines that cannot be read, and returns how many.
+    pub fn mend(path: &Path) -> Result<usize> {
+        let text = Text::read(path)?;
+        let bad = text.lines().filter(std::result::Result::is_err).count();
+        if bad > 0 {
+            let entries = text.lines().flatten().map(|entry| (entry.scene, entry)).collect();
+            write(path, &entries)?;
+        }
+        Ok(bad)
     }
 
     /// The scenes that are done, ascending.
@@ -173,40 +200,50 @@ impl Journal {
 
     /// Rewrites the file in scene order, whole or not at all, so that it does not tell in which order scenes ended.
     pub fn rewrite(&mut self) -> Result<()> {
-        let fail = |error: std::io::Error| Error::io(&self.path, &error);
-        let part = self.path.with_extension("jsonl.part");
-        let mut file = File::create(&part).map_err(fail)?;
-        for entry in self.entries.values() {
-            let line = serde_json::to_string(entry).expect("an entry is plain data");
-            writeln!(file, "{line}").map_err(fail)?;
-        }
-        file.sync_all().map_err(fail)?;
-        fs::rename(&part, &self.path).map_err(fail)?;
-        self.file = OpenOptions::new().append(true).open(&self.path).map_err(fail)?;
+        write(&self.path, &self.entries)?;
+        self.file = OpenOptions::new().append(true).open(&self.path).map_err(|error| Error::io(&self.path, &error))?;
         Ok(())
     }
 }
 
-/// The entries of a journal, the length of its whole lines, and its length.
-fn read(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, usize, usize)> {
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-        Err(error) => return Err(Error::io(path, &error)),
-    };
-    let whole = text.rfind('\n').map_or(0, |end| end + 1);
-    let mut entries = BTreeMap::new();
-    for (number, line) in text[..whole].lines().enumerate() {
-        let entry: JournalEntry = serde_json::from_str(line).map_err(|error| {
-            Error::new(format!("not a journal line: {error}"))
-                .in_file(path)
-                .at_line(number + 1)
-                .help("the dataset is damaged, or another version began it; choose another folder with --out, or delete it")
-                .permanent()
-        })?;
-        entries.insert(entry.scene, entry);
+/// Writes a journal in scene order, whole or not at all.
+fn write(path: &Path, entries: &BTreeMap<u32, JournalEntry>) -> Result<()> {
+    let fail = |error: std::io::Error| Error::io(path, &error);
+    let part = path.with_extension("jsonl.part");
+    let mut file = File::create(&part).map_err(fail)?;
+    for entry in entries.values() {
+        let line = serde_json::to_string(entry).expect("an entry is plain data");
+        writeln!(file, "{line}").map_err(fail)?;
     }
-    Ok((entries, whole, text.len()))
+    file.sync_all().map_err(fail)?;
+    fs::rename(&part, path).map_err(fail)
+}
+
+/// The bytes of a journal, which need not be text.
+struct Text {
+    bytes: Vec<u8>,
+    /// Length of the whole lines, bytes; the rest was cut short.
+    whole: usize,
+    /// Length of the file, bytes.
+    length: usize,
+}
+
+impl Text {
+    /// Reads a journal; one that is not there has no line.
+    fn read(path: &Path) -> Result<Self> {
+        let bytes = match fs::read(path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(Error::io(path, &error)),
+        };
+        let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+        Ok(Self { whole, length: bytes.len(), bytes })
+    }
+
+    /// The whole lines, each as an entry or as what is wrong with it.
+    fn lines(&self) -> impl Iterator<Item = serde_json::Result<JournalEntry>> {
+        self.bytes[..self.whole].split_inclusive(|&byte| byte == b'\n').map(serde_json::from_slice)
+    }
 }
 
 #[cfg(test)]
@@ -264,6 +301,29 @@ mod tests {
             fs::read(folder.path().join(name)).expect("there")
         };
         assert_eq!(write("a", [0, 1, 2]), write("b", [2, 0, 1]));
+    }
+
+    #[test]
+    fn lines_that_cannot_be_read_are_taken_out() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("journal.jsonl");
+        let mut journal = Journal::open(&path).expect("new");
+        (0..3).for_each(|scene| journal.append(entry(scene)).expect("written"));
+        drop(journal);
+        let whole = fs::read(&path).expect("there");
+        let length = whole.len() / 3;
+        // A quote, a letter that is no UTF-8 then, and the end of the first line, which joins it with the second.
+        for (byte, bit, lost) in [(length, 1, vec![1]), (length + 3, 128, vec![1]), (length - 1, 1, vec![0, 1])] {
+            let mut broken = whole.clone();
+            broken[byte] ^= bit;
+            fs::write(&path, &broken).expect("writable");
+            let error = Journal::open(&path).err().expect("damaged").to_string();
+            assert!(error.contains("not a journal line") && error.contains("--repair"), "{error}");
+            assert_eq!(Journal::mend(&path), Ok(1));
+            let left: Vec<u32> = Journal::entries_of(&path).expect("mended").into_keys().collect();
+            assert_eq!(left, (0..3).filter(|scene| !lost.contains(scene)).collect::<Vec<u32>>(), "byte {byte}");
+            assert_eq!(Journal::mend(&path), Ok(0));
+        }
     }
 
     #[test]

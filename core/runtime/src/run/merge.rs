@@ -5,7 +5,7 @@ use super::journal::{Journal, JournalEntry};
 use super::manifest::{Manifest, State};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
-use super::{Outcome, change, finish};
+use super::{Outcome, change, finish, ranges, stopping};
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, without_lock};
 use crate::workers::Pool;
 use parking_lot::Mutex;
@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_model::stage::RESERVED;
@@ -73,11 +74,20 @@ pub fn merge(
             return Err(Error::new(message).help("the same command goes on from there"));
         }
         adopt(&begun.folder, &part.folder, entry, &journal)
-            .map_err(|error| error.context(format!("scene {}", entry.scene)))?;
+            .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
     }
-    catalogs(&begun.folder, &first.folder)?;
+    catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let log = Warnings(reporter);
-    let outcome = finish(&recipe, &log, &Pool::new(threads)?, &begun.folder, journal.into_inner(), &first.recipe)?;
+    let journal = journal.into_inner();
+    let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
+    let outcome =
+        finish(&recipe, &log, &Pool::new(threads)?, &begun.folder, journal, &first.recipe, false).map_err(stopping)?;
+    if !lacks.is_empty() {
+        let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
+        let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));
+        let help = "merge the parts that have them into the same folder, or let `syntable run` with the recipe and --out make them";
+        log.warn(&Error::new(message).help(help));
+    }
     let before: u32 = begun.entries.values().map(JournalEntry::views).sum();
     reporter.event(&Event::Finished {
         out: out.display().to_string(),

@@ -104,6 +104,13 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     // Nothing is deleted for a run whose assets cannot be found.
     let mut assets = options.overwrite.then(|| AssetStore::open(recipe, &log)).transpose()?;
     let folder = Folder::open(&options.out)?;
+    if options.repair {
+        let lines = folder.mend_journal()?;
+        if lines > 0 {
+            let message = format!("{} of the journal cannot be read, and taken out", count(lines as u32, "line"));
+            reporter.event(&Event::Note { message });
+        }
+    }
     if options.overwrite {
         tell_foreign(reporter, &folder.discard()?);
     } else {
@@ -118,7 +125,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     if options.retry_failed {
         journal.forget_failed()?;
     }
-    let damaged = if options.repair { repairs(&folder, &pool, reporter)? } else { BTreeSet::new() };
+    let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
     let todo = Todo::of(recipe, &journal, wanted.clone(), damaged);
     reporter.event(&Event::Started {
@@ -128,8 +135,6 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         resumed: wanted.filter(|scene| !todo.scenes.contains_key(scene)).count() as u32,
         threads: options.threads,
     });
-    let images = |journal: &Journal| -> u32 { journal.entries().values().map(JournalEntry::views).sum() };
-    let images_before = images(&journal);
     let journal = Mutex::new(journal);
     if !todo.scenes.is_empty() {
         let store = assets.take().map_or_else(|| AssetStore::open(recipe, &log), Ok)?;
@@ -138,13 +143,16 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
         make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo)?;
     }
-    let outcome = finish(recipe, &log, &pool, &folder, journal.into_inner(), &resolved)?;
+    let journal = journal.into_inner();
+    let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none()).map(|(scene, _)| scene);
+    let made = whole.filter_map(|scene| journal.entries().get(scene)).map(JournalEntry::views).sum();
+    let outcome = finish(recipe, &log, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),
         scenes: outcome.scenes,
         failed: outcome.failed,
         images: outcome.images,
-        made: outcome.images.saturating_sub(images_before),
+        made,
         seconds: start.elapsed().as_secs_f64(),
     });
     Ok(outcome)
@@ -216,9 +224,20 @@ fn lock_pools(
     Ok(resolved)
 }
 
-/// Scenes whose files are missing or damaged.
-fn repairs(folder: &Folder, workers: &dyn Workers, reporter: &dyn Reporter) -> Result<BTreeSet<u32>> {
-    let found = verify::compare(folder.root(), workers)?;
+/// Scenes whose files are missing or damaged, or whose lines of the journal are lost.
+fn repairs(
+    folder: &Folder,
+    journal: &Journal,
+    workers: &dyn Workers,
+    reporter: &dyn Reporter,
+) -> Result<BTreeSet<u32>> {
+    let mut found = verify::compare(folder.root(), workers)?;
+    let lost = folder.without_line(journal);
+    if !lost.is_empty() {
+        let lines = count(lost.len() as u32, "line");
+        let message = format!("{lines} of the journal lost; made again: scenes {}", ranges(lost.iter().copied()));
+        reporter.event(&Event::Note { message });
+    }
     let wrong = found.missing.len() + found.damaged.len();
     let message = match wrong {
         0 => format!("{} compared, all as they were written", count(found.files as u32, "file")),
@@ -233,7 +252,21 @@ fn repairs(folder: &Folder, workers: &dyn Workers, reporter: &dyn Reporter) -> R
         ),
     };
     reporter.event(&Event::Note { message });
+    found.bad_scenes.extend(lost);
     Ok(found.bad_scenes)
+}
+
+/// Ascending numbers of scenes in words: `0..3, 7`, where `0..3` leaves out 3.
+fn ranges(scenes: impl Iterator<Item = u32>) -> String {
+    let mut runs: Vec<Range<u32>> = Vec::new();
+    for scene in scenes {
+        match runs.last_mut() {
+            Some(run) if run.end == scene => run.end += 1,
+            _ => runs.push(scene..scene + 1),
+        }
+    }
+    let text = |run: &Range<u32>| if run.len() == 1 { run.start.to_string() } else { format!("{run:?}") };
+    runs.iter().map(text).collect::<Vec<_>>().join(", ")
 }
 
 /// What there is to do for each scene.
@@ -418,7 +451,7 @@ fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &Mutex<BTreeSet<Notice>
 
 /// An error that ends the run. One of the file system can be mended from outside.
 fn stopping(error: Error) -> Error {
-    if error.is_io() {
+    if error.is_io() && error.help_text().is_none() {
         error.help("the dataset so far is whole: make room, or mend the disk or folder, then run the same command")
     } else {
         error
@@ -433,6 +466,7 @@ fn finish(
     folder: &Folder,
     mut journal: Journal,
     resolved: &str,
+    repair: bool,
 ) -> Result<Outcome> {
     let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
     let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
@@ -442,7 +476,7 @@ fn finish(
     let failure = ended.into_iter().find_map(|(_, ended)| ended.err());
     let assets = entries.iter().flat_map(|entry| entry.assets.clone()).collect();
     let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
-    let published = folder.publish_finish(&resolved, &mut journal, failure.is_none());
+    let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
     failure.map_or(published, Err)?;
     for notice in [Notice::Black, Notice::Unlit, Notice::Unlabeled] {
         let odd = made.iter().filter(|entry| entry.notices.contains(&notice)).count();

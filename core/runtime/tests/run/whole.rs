@@ -264,3 +264,133 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet).expect("written again");
     assert!(verify(folder.path(), 1).expect("a dataset").whole());
 }
+
+/// What a call tells.
+#[derive(Default)]
+struct Told(std::sync::Mutex<Vec<Event>>);
+
+impl Reporter for Told {
+    fn event(&self, event: &Event) {
+        self.0.lock().expect("events").push(event.clone());
+    }
+}
+
+impl Told {
+    fn text(&self) -> String {
+        format!("{:?}", self.0.lock().expect("events"))
+    }
+}
+
+#[test]
+fn growth_that_did_not_end_is_no_damage() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    let [few, more] = ["scenes = 2", "scenes = 4"].map(|scenes| RECIPE.replace("scenes = 4", scenes));
+    run(&few, &data, 2).expect("begun");
+    let call = |stop: &Stop, reporter: &dyn Reporter| {
+        run_with(&more, RunOptions { stop: stop.clone(), ..options(&data, 1) }, reporter)
+    };
+    let check = || {
+        let found = verify(&data, 1).expect("a dataset");
+        assert!(found.unfinished && found.missing.is_empty() && found.damaged.is_empty(), "{found:?}");
+        // The recipe of the growth is vouched for, too.
+        let recipe = fs::read_to_string(data.join("recipe.toml")).expect("there");
+        fs::write(data.join("recipe.toml"), recipe.replace("scenes = 4", "scenes = 5")).expect("writable");
+        assert_eq!(verify(&data, 1).expect("a dataset").damaged, ["recipe.toml"]);
+        fs::write(data.join("recipe.toml"), recipe).expect("writable");
+    };
+    assert!(stopped_anywhere(&call, &check) > 2);
+    run(&more, &whole, 2).expect("whole");
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn a_lost_list_of_what_the_end_wrote_is_had_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    let repair = |recipe: &str| run_with(recipe, RunOptions { repair: true, ..options(&data, 1) }, &Quiet);
+    let [list, end] = [".syntable/finished.json", "lines/dataset.json"].map(|name| data.join(name));
+    run(RECIPE, &whole, 2).expect("whole");
+    run(RECIPE, &data, 2).expect("whole");
+    // What was lost and is made with the same bytes is the dataset's.
+    for damage in [None, Some("{\"journal\"")] {
+        match damage {
+            None => fs::remove_file(&list).expect("there"),
+            Some(text) => fs::write(&list, text).expect("writable"),
+        }
+        run(RECIPE, &data, 1).expect("the same end");
+        assert_same(&whole, &data);
+    }
+    // Where the end is another one, the list and the file are both lost; only who asks for it has the file replaced.
+    fs::remove_file(&list).expect("there");
+    fs::write(&end, "cut sho").expect("writable");
+    for _ in 0..2 {
+        let error = run(RECIPE, &data, 1).expect_err("whose is it?").to_string();
+        assert!(error.contains("`lines/dataset.json` is there already") && error.contains("--repair"), "{error}");
+        assert_eq!(fs::read_to_string(&end).ok().as_deref(), Some("cut sho"));
+    }
+    repair(RECIPE).expect("taken for the dataset's");
+    assert_same(&whole, &data);
+    // With a list, a file that it has not is somebody else's, whatever is asked for.
+    let other = RECIPE.replace("[write.lines]", "[write.lines]\nend = \"mine.json\"");
+    fs::write(data.join("lines/mine.json"), "mine").expect("writable");
+    for _ in 0..2 {
+        let error = repair(&other).expect_err("not the dataset's").to_string();
+        assert!(error.contains("`lines/mine.json` is there already") && !error.contains("--repair"), "{error}");
+    }
+    assert_eq!(fs::read_to_string(data.join("lines/mine.json")).ok().as_deref(), Some("mine"));
+}
+
+#[test]
+fn a_damaged_journal_is_mended_by_making_its_scenes_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    run(RECIPE, &whole, 2).expect("whole");
+    run(RECIPE, &data, 2).expect("whole");
+    let journal = data.join(".syntable/journal.jsonl");
+    let bytes = fs::read(&journal).expect("there");
+    let starts: Vec<usize> = (0..bytes.len()).filter(|&at| at == 0 || bytes[at - 1] == b'\n').collect();
+    for (scene, &start) in starts.iter().enumerate() {
+        let mut broken = bytes.clone();
+        broken[start + 4] ^= 1 << (scene + 1);
+        fs::write(&journal, broken).expect("writable");
+        let error = run(RECIPE, &data, 1).expect_err("damaged").to_string();
+        assert!(error.contains(&format!("journal.jsonl:{}", scene + 1)) && error.contains("--repair"), "{error}");
+        assert!(verify(&data, 1).expect_err("damaged").to_string().contains("--repair"));
+        // Also where another scene was asked for.
+        let told = Told::default();
+        let some = Some(if scene == 0 { 1..2 } else { 0..1 });
+        run_with(RECIPE, RunOptions { repair: true, scenes: some, ..options(&data, 1) }, &told).expect("repaired");
+        assert!(told.text().contains(&format!("made again: scenes {scene}\"")), "{}", told.text());
+        assert!(told.text().contains("made: 2,"), "a scene has two views: {}", told.text());
+        assert_same(&whole, &data);
+    }
+    // The journal of a former edition, without manifests, stays.
+    fs::rename(data.join(".syntable/scenes"), folder.path().join("scenes")).expect("movable");
+    fs::write(&journal, "{\"scene\":0,\"attempt\":0,\"views\":2}\n").expect("writable");
+    run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect_err("another version");
+    assert_eq!(fs::read_to_string(&journal).expect("there").lines().count(), 1);
+}
+
+#[test]
+fn forgotten_parts_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = RECIPE.replace("scenes = 4", "scenes = 9");
+    let part = |name: &str, scenes: std::ops::Range<u32>| {
+        let path = folder.path().join(name);
+        run_scenes(&recipe, &path, 1, Some(scenes)).expect("a part");
+        path
+    };
+    let parts = [part("a", 1..3), part("b", 6..7)];
+    let out = folder.path().join("merged");
+    let merged = |parts: &[PathBuf]| {
+        let told = Told::default();
+        merge(&registry(), &out, parts, 1, &Stop::default(), &told).expect("merged");
+        told.text()
+    };
+    let text = merged(&parts);
+    assert!(text.contains("6 of 9 scenes of the recipe are in no part: 0, 3..6, 7..9"), "{text}");
+    assert!(text.contains("merge the parts that have them"), "{text}");
+    assert!(merged(&[part("c", 0..1), part("d", 3..6)]).contains("in no part: 7..9\""));
+    assert!(!merged(&[part("e", 7..9)]).contains("in no part"));
+}

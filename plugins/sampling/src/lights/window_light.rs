@@ -11,7 +11,7 @@ use std::sync::Arc;
 use syntable_model::geometry::Aabb;
 use syntable_model::photometry::{blackbody, level_irradiance, luminance, polygon_illuminance};
 use syntable_model::prelude::*;
-use syntable_model::scene::{self, Camera, EnvironmentLight, EnvironmentMap, Light, RectLight};
+use syntable_model::scene::{self, Body, Camera, EnvironmentLight, EnvironmentMap, Light, RectLight, Role};
 
 /// Gap between a window and its wall, meters.
 const BEFORE_WALL_M: f64 = 0.01;
@@ -43,7 +43,7 @@ const CELLS: f64 = 48.0;
 pub struct WindowLight {
     /// Whether windows are sampled per `view` or once per `scene`.
     per: Per,
-    /// Number of walls with windows, from 0 to 4, chosen at random.
+    /// Number of walls with windows, from 0 to 4, chosen at random. With 0 there is no window, and a room is not needed.
     #[schemars(extend("minimum" = WALLS[0], "maximum" = WALLS[1]))]
     walls: IntDist,
     /// Number of windows in a wall, sampled per wall, from 1 to 100.
@@ -187,14 +187,20 @@ impl LightSampler for WindowLight {
     fn lights(&self, scene: &Scene, _: &Camera, _: &Shell, context: &Context) -> Result<Vec<Light>> {
         let stream = &context.stream;
         let draw = |name: &str, dist: &Dist| dist.draw(&mut stream.child(name));
-        let room = inside(scene);
-        let mut walls = Wall::all(&room);
+        let wanted = self.walls.draw(&mut stream.child("walls")).max(0) as usize;
+        let (lux, nits) = match &self.brightness {
+            WindowBrightness::IlluminanceLx(lux) => (draw("brightness", lux), None),
+            WindowBrightness::LuminanceNits(nits) => (0.0, Some(draw("brightness", nits))),
+        };
+        if wanted == 0 || nits.unwrap_or(lux) <= 0.0 {
+            return Ok(Vec::new());
+        }
+        let mut walls = Wall::all(&inside(scene));
         if walls.is_empty() {
-            return Err(Error::new("the scene has no wall for a window")
-                .help("place a room, or use the light `environment` instead of `window_light`"));
+            return Err(no_wall(scene));
         }
         stream.child("which").shuffle(&mut walls);
-        walls.truncate(self.walls.draw(&mut stream.child("walls")).max(0) as usize);
+        walls.truncate(wanted);
         let size = [draw("width", &self.width_m), draw("height", &self.height_m)];
         let (sill, spacing) = (draw("sill", &self.sill_m), draw("spacing", &self.spacing_m));
         let mut windows = Vec::new();
@@ -206,13 +212,6 @@ impl LightSampler for WindowLight {
         let tabletop = scene.tabletop.center();
         let per_nit: f64 =
             windows.iter().map(|window| polygon_illuminance(&window.corners(), tabletop, Vector3::z())).sum();
-        let (lux, nits) = match &self.brightness {
-            WindowBrightness::IlluminanceLx(lux) => (draw("brightness", lux), None),
-            WindowBrightness::LuminanceNits(nits) => (0.0, Some(draw("brightness", nits))),
-        };
-        if windows.is_empty() || nits.unwrap_or(lux) <= 0.0 {
-            return Ok(Vec::new());
-        }
         if nits.is_none() && per_nit <= 0.0 {
             let message = format!("no window reaches above the tabletop at {:.2} m", tabletop.z);
             return Err(Error::new(message).help("make `sill_m` or `height_m` larger"));
@@ -310,6 +309,31 @@ fn illuminance_of_panes(window: &scene::WindowLight, point: Point3<f64>) -> f64 
         }
     }
     sum
+}
+
+/// Why the tabletop has no wall beside it. Without walls no other draw of the scene has one either.
+fn no_wall(scene: &Scene) -> Error {
+    let bounds = |body: &Body| Aabb::of(body.object.mesh.bounds().corners().map(|p| body.world_from_body * p));
+    // A floor or ceiling is thinner than it is wide; a wall stands.
+    let stands = |part: &Aabb| {
+        let size = part.max - part.min;
+        size.z > size.x.min(size.y)
+    };
+    let room = || scene.bodies().iter().filter(|body| body.role == Role::Room).map(bounds);
+    let help = "place a room with walls, or use the light `environment` instead of `window_light`";
+    let Some(walls) =
+        room().filter(stands).reduce(|all, wall| Aabb { min: all.min.inf(&wall.min), max: all.max.sup(&wall.max) })
+    else {
+        let what = if room().next().is_none() { "there is no room" } else { "the room is a floor without walls" };
+        return Error::new(format!("the scene has no wall for a window: {what}")).help(help).permanent();
+    };
+    let center = scene.tabletop.center();
+    Error::new(format!(
+        "no wall is beside the tabletop: its center is at ({:.2}, {:.2}, {:.2}) m, and the walls of the room span \
+         ({:.2}, {:.2}, {:.2}) m to ({:.2}, {:.2}, {:.2}) m",
+        center.x, center.y, center.z, walls.min.x, walls.min.y, walls.min.z, walls.max.x, walls.max.y, walls.max.z
+    ))
+    .help("make the table smaller or the room larger, so that the tabletop is inside")
 }
 
 /// The inner face of a wall.

@@ -96,9 +96,14 @@ fn a_resolved_recipe_shows_the_brightness_and_the_source() {
 
 /// The scene of the other tests in a room with these inner dimensions, built of slabs.
 fn room(size: [f32; 3]) -> Scene {
+    room_around(size, [0.0, 0.0, 0.75])
+}
+
+/// The same with the center of the tabletop elsewhere.
+fn room_around(size: [f32; 3], center: [f64; 3]) -> Scene {
     let [x, y, z] = size.map(f64::from);
     let mut scene = SceneBuilder::default();
-    scene.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    scene.tabletop = Some(Tabletop { center, size: [1.4, 0.8] });
     let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
     scene.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
     for (at, edges) in [
@@ -150,6 +155,37 @@ fn windows_are_in_the_walls_and_give_the_requested_illuminance() {
     let none = draw(&*lights("window_light", ""), &super::scene(None), 1).expect_err("no wall").to_string();
     assert!(none.contains("no wall") && none.contains("environment"), "{none}");
     assert!(draw(&*lights("window_light", "walls = 0"), &scene, 1).expect("none").is_empty());
+}
+
+#[test]
+fn windows_need_a_wall_only_where_one_is_wanted() {
+    let mut open = SceneBuilder::default();
+    open.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.75], size: [1.4, 0.8] });
+    let object = scenes::object("box", scenes::box_mesh([0.1; 3]), [0.5; 3]);
+    open.add(scenes::body(object, [0.0, 0.0, 0.8], Role::Object));
+    let open = open.freeze(SceneId(0), 0, SettleReport::default()).expect("frozen");
+    let floor = super::scene(None);
+    let outside = room_around([6.0, 4.0, 2.6], [0.0, 0.0, 5.25]);
+    for scene in [&open, &floor, &outside] {
+        for options in ["walls = 0", "brightness = { illuminance_lx = 0 }", "brightness = { luminance_nits = 0 }"] {
+            assert!(draw(&*lights("window_light", options), scene, 1).expect(options).is_empty());
+        }
+    }
+    // Every draw of 0 walls ends well, every other one says that there is no room.
+    let sometimes = lights("window_light", "walls = { integers = [0, 1] }");
+    let drawn: Vec<_> = (0..40).map(|seed| draw(&*sometimes, &open, seed)).collect();
+    assert!(drawn.iter().filter(|lights| lights.is_ok()).count() > 8);
+    let errors: Vec<_> = drawn.into_iter().filter_map(Result::err).collect();
+    assert!(errors.len() > 8);
+    assert!(errors.iter().all(|error| error.is_permanent() && error.to_string().contains("there is no room")));
+    // A floor is no wall, whatever is drawn; a table that stands out of its room may be another one next time.
+    let floor = draw(&*lights("window_light", ""), &floor, 1).expect_err("a floor only");
+    assert!(floor.is_permanent() && floor.to_string().contains("a floor without walls"), "{floor}");
+    let error = draw(&*lights("window_light", ""), &outside, 1).expect_err("above the room");
+    let text = error.to_string();
+    assert!(!error.is_permanent() && !text.contains("place a room"), "{text}");
+    assert!(text.contains("its center is at (0.00, 0.00, 5.25) m") && text.contains("(3.10, 2.10, 2.60) m"), "{text}");
+    assert!(text.contains("make the table smaller or the room larger"), "{text}");
 }
 
 #[test]
