@@ -7,7 +7,7 @@ dataset to compare with:
     [write.npy]
     include = ["radiance", "instance"]
 
-    python tests/compare_with_blender.py DATASET [--scene 0] [--samples 128]
+    python tests/compare_with_blender.py DATASET [--scene 0] [--samples 128] [--filter-glossy 0]
 
 Prints the mean luminance of every body that covers at least 60 pixels of the first view, and of the whole image: ours,
 theirs, the difference with its standard error, and that of the medians, which a few pixels that mirror the sun cannot
@@ -32,7 +32,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 IMAGES = 4
 
 
-def load(path, width, height):
+def load(path, width, height, filter_glossy=0.0):
     """Opens the first view for path tracing without clamping or denoising, with a box filter."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     import_in_blender.load(path)
@@ -40,6 +40,8 @@ def load(path, width, height):
     cycles = scene.cycles
     cycles.use_denoising, cycles.use_adaptive_sampling = False, False
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    # Rougher gloss after a bounce, which loses light between glossy walls.
+    cycles.blur_glossy = filter_glossy
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = 8
     cycles.pixel_filter_type = "BOX"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, height, 100
@@ -86,13 +88,14 @@ def main():
     parser.add_argument("dataset", type=pathlib.Path)
     parser.add_argument("--scene", type=int, default=0)
     parser.add_argument("--samples", type=int, default=128)
+    parser.add_argument("--filter-glossy", type=float, default=0.0, help="Blender's own default is 1")
     options = parser.parse_args()
     glb = options.dataset / "gltf" / f"{options.scene:06}.glb"
     name = f"{options.scene:06}_0000.npy"
     ours = np.load(options.dataset / "npy/radiance" / name) @ LUMINANCE
     instance = np.load(options.dataset / "npy/instance" / name)
     height, width = instance.shape
-    load(glb, width, height)
+    load(glb, width, height, options.filter_glossy)
     document = import_in_blender.document(glb)
     off = camera_error(document)
     images = [image(max(options.samples // IMAGES, 1), seed) @ LUMINANCE for seed in range(IMAGES)]

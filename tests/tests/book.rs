@@ -130,6 +130,12 @@ fn whole(block: &str) -> String {
     match (table.contains_key("extends"), table.contains_key("dataset")) {
         (true, _) => block.replace("recipes/quickstart.toml", &base),
         (false, true) => block.to_owned(),
+        // Steps of its own replace those of the base: a table and objects go on.
+        (false, false) if table.contains_key("place") && !block.contains("drop_box") => {
+            let step = |kind: &str, pool: &str| format!("[[place]]\nkind = \"{kind}\"\nfrom = [\"{pool}\"]\n\n");
+            let steps = [step("table", "tables"), step("drop_box", "objects")].concat();
+            format!("extends = \"{base}\"\n\n{block}\n{steps}")
+        }
         (false, false) => format!("extends = \"{base}\"\n\n{block}"),
     }
 }
