@@ -43,6 +43,16 @@ impl Bounds {
         x * y + y * z + z * x
     }
 
+    /// The box around its corners, moved by the rows of a 3×4 matrix, translation last.
+    pub fn transformed(&self, m: &[[f32; 4]; 3]) -> Self {
+        let mut out = Self::EMPTY;
+        for corner in 0..8 {
+            let p = [0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { self.lo[axis] } else { self.hi[axis] });
+            out.include([0, 1, 2].map(|r| m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3]));
+        }
+        out
+    }
+
     /// Whether it holds nothing.
     pub fn is_empty(&self) -> bool {
         (0..3).any(|axis| self.lo[axis] > self.hi[axis])

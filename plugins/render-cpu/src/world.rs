@@ -4,7 +4,7 @@ use crate::bvh::{Hit, Instance, MeshBvh, Ray, SceneBvh};
 use std::cell::Cell;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
-use syntable_model::error::{Error, Result};
+use syntable_model::error::Result;
 use syntable_model::scene::Scene;
 use syntable_model::stage::Bodies;
 use syntable_prepare::labels::{BlendedLabels, instance_id};
@@ -77,13 +77,10 @@ impl World {
 
     /// The world with some of its bodies. They keep their indices.
     pub fn with_bodies(&self, bodies: &Bodies) -> Result<Self> {
-        let (Bodies::Only(ids) | Bodies::Seen(ids)) = *bodies else { return Ok(self.clone()) };
-        let mut chosen = vec![false; self.scene.bodies.len()];
-        for id in ids {
-            let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
-            let unknown = || Error::new(format!("there is no body {} to render", id.0)).permanent();
-            *body.ok_or_else(unknown)? = true;
+        if let Bodies::All = bodies {
+            return Ok(self.clone());
         }
+        let chosen = bodies.chosen(self.scene.bodies.len())?;
         let bvh = top_level(&self.scene, &self.trees, |body| chosen[body]);
         let mut world = self.clone();
         if let Bodies::Only(_) = bodies {

@@ -19,13 +19,13 @@ use syntable_prepare::{
     AssetCache, Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, PreparedScene,
     ProjectedEnvironment, SampleOrder, SceneCache,
 };
-use syntable_transport::film::{Film, Statistics, Task, Tracer, guide_seed, place};
+use syntable_transport::film::{Film, GUIDE_SAMPLES, Statistics, Task, Tracer, guide_seed, place};
 use syntable_transport::{Dielectrics, PartSums, PathTracing, PixelFilter, PixelSums, RayCamera, Settings};
 
 /// Bytes of trees that are kept on this side though no scene uses them.
 const CAPACITY: u64 = 256 << 20;
 
-/// Paths that are in flight at most.
+/// Paths that are in flight at most; another number changes no image.
 const MOST_PATHS: u64 = 1 << 21;
 
 /// Planes of a path's state in `path.wgsl`, without guides and with them.
@@ -158,6 +158,8 @@ pub struct GpuSession {
     shading: Arena,
     images: Arena,
     buffers: Buffers,
+    /// Paths that are in flight at most.
+    most_paths: u64,
 }
 
 impl GpuSession {
@@ -176,7 +178,7 @@ impl GpuSession {
         };
         let (geometry, shading) = (Arena::new(&device, "trees", 16)?, Arena::new(&device, "triangles", 16)?);
         let images = Arena::new(&device, "textures", 4)?;
-        Ok(Self { device, options, caches, world: None, geometry, shading, images, buffers })
+        Ok(Self { device, options, caches, world: None, geometry, shading, images, buffers, most_paths: MOST_PATHS })
     }
 
     /// Makes a scene ready.
@@ -241,10 +243,10 @@ impl GpuSession {
     }
 
     fn render_world(&mut self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
-        let chosen = chosen(&request.bodies, world.bodies.len())?;
+        let chosen = request.bodies.chosen(world.bodies.len())?;
         let camera = RayCamera::new(&request.view.camera, request.window);
         let lights = LightTable::new(&request.view.lights, &self.caches.scene)?;
-        let view = self.upload(world, request, &camera, &lights, &chosen)?;
+        let [view, guide_view] = self.upload(world, request, &camera, &lights, &chosen)?;
         let wants = |key: syntable_model::product::KeyId| request.wants.contains(&key);
         let labels =
             [DEPTH.id(), INSTANCE.id(), NORMAL.id(), ALBEDO.id(), COVERAGE.id(), COVERAGE.before_support().id()];
@@ -257,14 +259,14 @@ impl GpuSession {
         let guides = Film::wants_guides(request.wants);
         let settings = self.options.settings();
         self.make_room(request.window.pixels(), settings.samples, guides)?;
-        let view = View { capacity: self.capacity(guides), ..view };
+        let capacity = self.capacity(guides);
         let tracer = GpuTracer {
             session: self,
             world,
             window: request.window,
-            view,
+            view: View { capacity, ..view },
+            guide_view: View { capacity, ..guide_view },
             guides,
-            guide_view: self.guide_view(view, request, &settings, &camera),
             counted: Mutex::new(Statistics::default()),
         };
         let film = Film::trace(&tracer, request.window, &tracer.session.options.budget(), request.workers)?;
@@ -272,15 +274,15 @@ impl GpuSession {
         Ok(film.statistics)
     }
 
-    /// Writes the tables of a view.
+    /// Writes the tables of a view; gives the uniforms of its paths, and of those that are traced for guides alone.
     fn upload(
         &mut self,
         world: &World,
         request: &RenderRequest,
         camera: &RayCamera,
         lights: &LightTable,
-        chosen: &Chosen,
-    ) -> Result<View> {
+        chosen: &[bool],
+    ) -> Result<[View; 2]> {
         let scene = &world.scene;
         let texture = |texture: &Arc<syntable_prepare::MipTexture>| {
             let texture = texture.clone();
@@ -314,10 +316,12 @@ impl GpuSession {
             self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&nodes));
             if nodes.is_empty() { NONE } else { place }
         };
-        let lit = boxes(&|body| chosen.lit(body));
+        // Bodies that only camera rays do not meet are lit, and light others.
+        let is_lit = |body: usize| chosen[body] || matches!(request.bodies, Bodies::Seen(_));
+        let lit = boxes(&is_lit);
         let top = write_level(0, &lit);
-        let seen = match chosen {
-            Chosen::Seen(_) => write_level(room, &boxes(&|body| chosen.seen(body))),
+        let seen = match request.bodies {
+            Bodies::Seen(_) => write_level(room, &boxes(&|body| chosen[body])),
             _ => top,
         };
         let reach = lit.iter().map(Bounds::reach).fold(0.0, f32::max);
@@ -347,7 +351,7 @@ impl GpuSession {
         let places = Environments(&self.images);
         let [area_lights, windows] = tables.area_lights(lights, &places);
         let emitters: Vec<EmissiveBody> =
-            scene.emitters.iter().filter(|emitter| chosen.lit(emitter.instance as usize)).cloned().collect();
+            scene.emitters.iter().filter(|emitter| is_lit(emitter.instance as usize)).cloned().collect();
         let emitter_count = emitters.len() as u32;
         let emitters =
             tables.emitters(&emitters, |emitter| scene.mesh(&scene.bodies[emitter.instance as usize]).triangles.len());
@@ -360,10 +364,8 @@ impl GpuSession {
         let settings = self.options.settings();
         let order = SampleOrder::new(request.stream.seed(), settings.samples);
         let [blocks, block_columns] = tables.blocks(&order, request.window);
-        let guide_order = guide_order(request);
-        let guide_blocks = tables.blocks(&guide_order, request.window);
-        // Both orders have blocks of their own; a view's guides find theirs after the light's.
-        debug_assert!(guide_blocks[0] >= blocks);
+        let guide_order = SampleOrder::new(guide_seed(request.stream.seed()), GUIDE_SAMPLES);
+        let [guide_blocks, guide_block_columns] = tables.blocks(&guide_order, request.window);
         let warp = tables.warp(camera, request.window);
         self.buffers.tables = self.grown(&self.buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
         self.device.write(&self.buffers.tables, 0, bytemuck::cast_slice(tables.entries()));
@@ -376,14 +378,14 @@ impl GpuSession {
             |of: fn(&syntable_transport::Lens) -> syntable_simd::Vec3| lens.map_or(syntable_simd::Vec3::ZERO, of);
         let limit = settings.max_indirect_luminance_nits.min(FAR);
         let flag = |bit: u32, on: bool| if on { bit } else { 0 };
-        Ok(View {
+        let view = View {
             window: [x, y, width as i32, height as i32],
             origin: vector(camera.origin(), camera.pixel_angle),
             corner: vector(camera.corner(0, 0), settings.spread(camera.pixel_angle)),
             along_u: vector(along_u, lens.map_or(0.0, |lens| lens.focus)),
             along_v: vector(along_v, settings.regularize),
             right: vector(side(|lens| lens.right), limit),
-            down: vector(side(|lens| lens.down), f32::from_bits(guide_blocks[0])),
+            down: vector(side(|lens| lens.down), 0.0),
             rows: camera.rows().map(|row| vector(row, 0.0)),
             bodies,
             materials,
@@ -416,23 +418,18 @@ impl GpuSession {
             roulette_from: settings.roulette_from,
             words: 2 * scene.objects.div_ceil(64).max(1) as u32,
             ..View::default()
-        })
-    }
-
-    /// The view of paths that are traced for guides alone.
-    fn guide_view(&self, view: View, request: &RenderRequest, settings: &Settings, camera: &RayCamera) -> View {
-        let order = guide_order(request);
-        let settings = Settings { samples: syntable_transport::film::GUIDE_SAMPLES, ..*settings };
-        let [x, y, z, _] = view.corner;
-        View {
-            corner: [x, y, z, settings.spread(camera.pixel_angle)],
-            blocks: view.down[3].to_bits(),
-            block_columns: columns(&order, request.window),
-            sample_bits: order.sample_bits(),
-            block_bits: order.block_bits(),
+        };
+        let [a, b, c, _] = view.corner;
+        let guide_view = View {
+            corner: [a, b, c, Settings { samples: GUIDE_SAMPLES, ..settings }.spread(camera.pixel_angle)],
+            blocks: guide_blocks,
+            block_columns: guide_block_columns,
+            sample_bits: guide_order.sample_bits(),
+            block_bits: guide_order.block_bits(),
             flags: view.flags | ONLY_GUIDES,
             ..view
-        }
+        };
+        Ok([view, guide_view])
     }
 
     /// A buffer of at least a size: the same one if it is large enough.
@@ -445,14 +442,14 @@ impl GpuSession {
 
     /// Paths that the buffers have room for.
     fn capacity(&self, guides: bool) -> u32 {
-        (self.buffers.paths.size() / (16 * STATE_PLANES[usize::from(guides)])) as u32
+        (self.buffers.paths.size() / (16 * STATE_PLANES[usize::from(guides)])).min(self.most_paths) as u32
     }
 
     /// Makes room for the paths of an image.
     fn make_room(&mut self, pixels: u64, samples: u32, guides: bool) -> Result<()> {
         let planes = STATE_PLANES[usize::from(guides)];
-        let most = (self.device.max_buffer() / (16 * planes)).min(MOST_PATHS);
-        let paths = (pixels * u64::from(samples.max(syntable_transport::film::GUIDE_SAMPLES))).clamp(GROUP, most);
+        let most = (self.device.max_buffer() / (16 * planes)).min(self.most_paths);
+        let paths = (pixels * u64::from(samples.max(GUIDE_SAMPLES))).clamp(GROUP, most);
         self.buffers.paths = self.grown(&self.buffers.paths, "paths", paths * 16 * planes)?;
         let capacity = u64::from(self.capacity(guides));
         self.buffers.queues = self.grown(&self.buffers.queues, "queues", 4 * (3 * capacity + pixels))?;
@@ -763,53 +760,6 @@ fn pixel_sums(numbers: &[f32], only_guides: bool) -> PixelSums {
     sums
 }
 
-/// Bodies that take part in a rendering.
-enum Chosen {
-    All,
-    Only(Vec<bool>),
-    Seen(Vec<bool>),
-}
-
-impl Chosen {
-    /// Whether light meets a body.
-    fn lit(&self, body: usize) -> bool {
-        match self {
-            Self::All | Self::Seen(_) => true,
-            Self::Only(chosen) => chosen[body],
-        }
-    }
-
-    /// Whether camera rays meet a body.
-    fn seen(&self, body: usize) -> bool {
-        match self {
-            Self::All => true,
-            Self::Only(chosen) | Self::Seen(chosen) => chosen[body],
-        }
-    }
-}
-
-fn chosen(bodies: &Bodies, count: usize) -> Result<Chosen> {
-    let (Bodies::Only(ids) | Bodies::Seen(ids)) = *bodies else { return Ok(Chosen::All) };
-    let mut chosen = vec![false; count];
-    for id in ids {
-        let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
-        let unknown = || Error::new(format!("there is no body {} to render", id.0)).permanent();
-        *body.ok_or_else(unknown)? = true;
-    }
-    Ok(if matches!(bodies, Bodies::Only(_)) { Chosen::Only(chosen) } else { Chosen::Seen(chosen) })
-}
-
-fn guide_order(request: &RenderRequest) -> SampleOrder {
-    SampleOrder::new(guide_seed(request.stream.seed()), syntable_transport::film::GUIDE_SAMPLES)
-}
-
-/// Number of blocks of an order side by side in a window.
-fn columns(order: &SampleOrder, window: Window) -> u32 {
-    let wrap = u32::MAX >> order.block_bits();
-    let block = |x: i32| (x as u32) >> order.block_bits();
-    (block(window.right() - 1).wrapping_sub(block(window.x)) & wrap) + 1
-}
-
 /// Environments among the images of an arena.
 struct Environments<'a>(&'a Arena);
 
@@ -857,20 +807,11 @@ fn top_level_room(bodies: usize) -> u64 {
     4 * (bodies.max(2) as u64 - 1)
 }
 
-/// The box around placed boxes.
+/// The box around placed boxes; empty if it is not finite.
 fn placed_bounds(world_from_body: &[[f32; 4]; 3], outline: &[Bounds]) -> Bounds {
-    let mut bounds = Bounds::EMPTY;
-    for part in outline.iter().filter(|part| !part.is_empty()) {
-        for corner in 0..8 {
-            let p = [0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { part.lo[axis] } else { part.hi[axis] });
-            bounds.include([0, 1, 2].map(|r| {
-                let m = world_from_body[r];
-                m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3]
-            }));
-        }
-    }
-    let finite = bounds.lo.iter().chain(&bounds.hi).all(|x| x.is_finite());
-    if finite { bounds } else { Bounds::EMPTY }
+    let parts = outline.iter().filter(|part| !part.is_empty());
+    let bounds = parts.fold(Bounds::EMPTY, |all, part| all.union(&part.transformed(world_from_body)));
+    if bounds.lo.iter().chain(&bounds.hi).all(|x| x.is_finite()) { bounds } else { Bounds::EMPTY }
 }
 
 /// Triangles, tangents and colors of a mesh, as `scene.wgsl` and `material.wgsl` read them.
@@ -892,4 +833,56 @@ fn shading_words(mesh: &syntable_prepare::ShadingMesh) -> Vec<[u32; 4]> {
         words.push([c(8), 0, 0, 0]);
     }
     words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Adapters;
+    use syntable_model::prelude::*;
+    use syntable_model::product::standard::{DENOISE_ALBEDO, RADIANCE, RADIANCE_SPECULAR, RADIANCE_VARIANCE};
+    use syntable_testing::room::{self, Look};
+    use syntable_testing::workers::Threads;
+
+    #[test]
+    fn neither_passes_nor_windows_nor_what_came_before_change_an_image() {
+        let adapters = Adapters::find();
+        if adapters.list().is_empty() {
+            assert!(std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"), "no adapter");
+            return eprintln!("there is no graphics adapter: passes are not tested");
+        }
+        let device = Arc::new(Device::open(&adapters, 0).expect("opens"));
+        let options = PathTracing { samples_per_pixel: 24, max_bounces: 4, ..PathTracing::default() };
+        let (scene, view) = (room::scene_of(Look::Glass), room::view(24, 20));
+        let wants = [RADIANCE.id(), RADIANCE_VARIANCE.id(), RADIANCE_SPECULAR.id(), DENOISE_ALBEDO.id()];
+        let all = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
+        let render = |session: &mut GpuSession, request: &RenderRequest| {
+            let mut frame = Products::new();
+            session.render(request, &mut frame).expect("renders");
+            frame
+        };
+        let open = |most_paths: u64| {
+            let mut session = GpuSession::new(device.clone(), options.clone(), Arc::default()).expect("opens");
+            session.most_paths = most_paths;
+            session.load(&scene, &Threads(2)).expect("loads");
+            session
+        };
+        let mut one_pass = open(MOST_PATHS);
+        let whole = render(&mut one_pass, &all);
+        // A part of the samples of all pixels a pass; then fewer paths than pixels.
+        for most_paths in [7 * 24 * 20, 200] {
+            let parts = render(&mut open(most_paths), &all);
+            assert_eq!(parts.get(RADIANCE), whole.get(RADIANCE), "{most_paths} paths");
+            assert_eq!(parts.get(RADIANCE_VARIANCE), whole.get(RADIANCE_VARIANCE), "{most_paths} paths");
+            assert_eq!(parts.get(RADIANCE_SPECULAR), whole.get(RADIANCE_SPECULAR), "{most_paths} paths");
+            assert_eq!(parts.get(DENOISE_ALBEDO), whole.get(DENOISE_ALBEDO), "{most_paths} paths");
+        }
+        // A pixel is the same in a window that reaches beyond the image, rendered after another one without guides.
+        let window = Window { x: -5, y: 3, width: 20, height: 30 };
+        let part = render(&mut one_pass, &RenderRequest { window, wants: &[RADIANCE.id()], ..all.clone() });
+        let (part, whole) = (part.get(RADIANCE).expect("made"), whole.get(RADIANCE).expect("made"));
+        for (x, y) in (0..15).flat_map(|x| (3..20).map(move |y| (x, y))) {
+            assert_eq!(part.at(x + 5, y - 3), whole.at(x, y), "pixel {x}, {y}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Renders images and per-pixel labels.
 
 use crate::context::Workers;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::product::{KeyId, Products};
 use crate::random::Stream;
 use crate::scene::{InstanceId, Intrinsics, Scene, View};
@@ -105,6 +105,23 @@ impl Window {
     /// Row past the bottom edge.
     pub fn bottom(&self) -> i32 {
         self.y + self.height as i32
+    }
+}
+
+impl Bodies<'_> {
+    /// For every body of a scene of `count`, whether it is one of these.
+    ///
+    /// # Errors
+    /// If there is no body of an id; permanent.
+    pub fn chosen(&self, count: usize) -> Result<Vec<bool>> {
+        let (Self::Only(ids) | Self::Seen(ids)) = *self else { return Ok(vec![true; count]) };
+        let mut chosen = vec![false; count];
+        for id in ids {
+            let body = usize::from(id.0).checked_sub(1).and_then(|index| chosen.get_mut(index));
+            let unknown = || Error::new(format!("there is no body {} to render", id.0)).permanent();
+            *body.ok_or_else(unknown)? = true;
+        }
+        Ok(chosen)
     }
 }
 

@@ -1,7 +1,6 @@
 //! What a walk precomputes about a ray, once per frame of reference.
 
 use super::{Ray, walk::each_axis, wide::Column};
-use syntable_prepare::Bounds;
 use syntable_simd::Wide;
 
 /// Half-width of the error band put around every box, as a multiple of the largest coordinate in
@@ -131,26 +130,12 @@ pub type Affine = [[f32; 4]; 3];
 /// The identity placement.
 pub const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-pub(super) fn transform_point(m: &Affine, p: [f32; 3]) -> [f32; 3] {
-    each_axis!(r => m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3])
-}
-
 /// The columns of a matrix, as [`Line::seen_from`] wants them.
 pub(super) fn columns(m: &Affine) -> [Column; 4] {
     [0, 1, 2, 3].map(|c| {
         let [x, y, z] = [m[0][c], m[1][c], m[2][c]];
         Column([x, y, z, 0.0, x, y, z, 0.0])
     })
-}
-
-/// The box of a transformed box.
-pub(super) fn transform_bounds(m: &Affine, b: &Bounds) -> Bounds {
-    let mut out = Bounds::EMPTY;
-    for corner in 0..8 {
-        let pick = |a: usize| if corner >> a & 1 == 0 { b.lo[a] } else { b.hi[a] };
-        out.include(transform_point(m, [pick(0), pick(1), pick(2)]));
-    }
-    out
 }
 
 /// Inverse in `f64`, rounded once; `None` if singular or not finite.

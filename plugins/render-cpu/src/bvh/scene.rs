@@ -9,7 +9,7 @@ use super::{
     build::build,
     mesh::MeshBvh,
     query::{All, Any, Closest, Tile},
-    ray::{Affine, IDENTITY, columns, invert, transform_bounds},
+    ray::{Affine, IDENTITY, columns, invert},
     wide::{Column, Nodes},
 };
 
@@ -148,7 +148,7 @@ fn forward(from: f32) -> f32 {
 fn place(instance: Instance) -> Placed {
     let Instance { world_from_object, mesh, id } = instance;
     let outline = mesh.outline();
-    let boxes = outline.iter().map(|b| transform_bounds(&world_from_object, b));
+    let boxes = outline.iter().map(|b| b.transformed(&world_from_object));
     let bounds = boxes.fold(Bounds::EMPTY, |all, b| all.union(&b));
     match invert(&world_from_object) {
         Some(object_from_world) if bounds.lo.iter().chain(&bounds.hi).all(|x| x.is_finite()) => {

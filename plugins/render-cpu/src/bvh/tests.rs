@@ -181,6 +181,11 @@ fn shifted(x: f32, y: f32, z: f32) -> Affine {
 
 const CORNER: [[f32; 3]; 3] = [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]];
 
+/// A point moved by the rows of a 3×4 matrix.
+fn moved(m: &super::Affine, p: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|r| m[r][0] * p[0] + m[r][1] * p[1] + m[r][2] * p[2] + m[r][3])
+}
+
 #[test]
 fn one_triangle_on_paper() {
     let scene = one(CORNER).scene();
@@ -360,7 +365,7 @@ fn no_ray_passes_through_a_closed_ball() {
     for case in 0..6 {
         let place = if case == 0 { IDENTITY } else { random.affine() };
         let scene = scene(&[(ball.clone(), place)]);
-        let world: Vec<[f32; 3]> = ball.positions.iter().map(|&p| super::ray::transform_point(&place, p)).collect();
+        let world: Vec<[f32; 3]> = ball.positions.iter().map(|&p| moved(&place, p)).collect();
         let center = [0, 1, 2].map(|r| place[r][3]);
         for inside in [center, [0, 1, 2].map(|r| center[r] + 0.1 * random.signed())] {
             let check = |target: [f32; 3]| {

@@ -19,7 +19,6 @@ const SHEEN_ROUGHNESS: u32 = 12u;
 const TRANSMISSION: u32 = 15u;
 
 const ALPHA_OPAQUE: u32 = 0u;
-const ALPHA_MASK: u32 = 1u;
 const ALPHA_BLEND: u32 = 2u;
 
 const FINEST: f32 = -100.0;
@@ -259,39 +258,41 @@ fn weights_of(hit: Hit) -> vec3<f32> {
     return vec3(1.0 - hit.u - hit.v, hit.u, hit.v);
 }
 
-// Whether there is a surface at a hit, or a hole; where it covers in part, `u` decides.
-fn is_solid(hit: Hit, position: vec3<f32>, u: f32) -> bool {
+// Alpha at a hit by the finest texels, and what it means.
+struct Alpha {
+    mode: u32,
+    texel: f32,
+    value: f32,
+}
+
+fn alpha_at(hit: Hit, position: vec3<f32>) -> Alpha {
     let body = body_at(hit.instance);
     let triangle = triangle_at(body, hit.primitive);
     let material = material_of(body, triangle.slot);
     if material.alpha == ALPHA_OPAQUE {
-        return true;
+        return Alpha(ALPHA_OPAQUE, 1.0, 1.0);
     }
     let at = coordinates_at(material, body, triangle, weights_of(hit), position, 0.0);
-    let alpha = alpha_of_texel(material, at.uv);
-    if material.alpha == ALPHA_MASK {
-        return alpha >= material.alpha_value;
+    return Alpha(material.alpha, alpha_of_texel(material, at.uv), material.alpha_value);
+}
+
+// Whether there is a surface at a hit, or a hole; where it covers in part, `u` decides.
+fn is_solid(hit: Hit, position: vec3<f32>, u: f32) -> bool {
+    let alpha = alpha_at(hit, position);
+    if alpha.mode == ALPHA_BLEND {
+        return alpha.texel * alpha.value > u;
     }
-    return alpha * material.alpha_value > u;
+    return alpha.mode == ALPHA_OPAQUE || alpha.texel >= alpha.value;
 }
 
 // The same for labels.
 fn is_labeled(hit: Hit, position: vec3<f32>) -> bool {
-    let body = body_at(hit.instance);
-    let triangle = triangle_at(body, hit.primitive);
-    let material = material_of(body, triangle.slot);
-    if material.alpha == ALPHA_OPAQUE {
-        return true;
+    let alpha = alpha_at(hit, position);
+    if alpha.mode == ALPHA_BLEND {
+        let by_coverage = (view.flags & BLENDED_BY_COVERAGE) != 0u;
+        return alpha.texel * select(1.0, alpha.value, by_coverage) >= 0.5;
     }
-    let at = coordinates_at(material, body, triangle, weights_of(hit), position, 0.0);
-    let alpha = alpha_of_texel(material, at.uv);
-    if material.alpha == ALPHA_MASK {
-        return alpha >= material.alpha_value;
-    }
-    if (view.flags & BLENDED_BY_COVERAGE) != 0u {
-        return alpha * material.alpha_value >= 0.5;
-    }
-    return alpha >= 0.5;
+    return alpha.mode == ALPHA_OPAQUE || alpha.texel >= alpha.value;
 }
 
 // A random number for a surface that covers in part: one for every ray and triangle.

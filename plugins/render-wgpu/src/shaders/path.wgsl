@@ -538,22 +538,16 @@ fn sum_at(number: u32, entry: u32) -> u32 {
     return entry * select(9u, 24u, GUIDES) + number;
 }
 
-fn add_to(number: u32, entry: u32, value: f32) {
-    let at = sum_at(number, entry);
-    output[at] = bits(bitcast<f32>(output[at]) + value);
+fn read_sum(number: u32, entry: u32) -> f32 {
+    return bitcast<f32>(output[sum_at(number, entry)]);
 }
 
-// Adds with the rounding error kept four numbers further on (Kahan).
-fn add_exactly(number: u32, entry: u32, value: f32) {
-    let at = sum_at(number, entry);
-    let error_at = sum_at(number + 4u, entry);
-    let sum = bitcast<f32>(output[at]);
-    let y = value - bitcast<f32>(output[error_at]);
-    let t = sum + y;
-    output[error_at] = bits((t - sum) - y);
-    output[at] = bits(t);
+fn write_sum(number: u32, entry: u32, value: f32) {
+    output[sum_at(number, entry)] = bits(value);
 }
 
+// Adds one sample after the other to what earlier passes found, so that it does not matter how samples are divided among
+// passes. Radiance and its square keep their rounding errors (Kahan).
 @compute @workgroup_size(64)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = id.x + id.y * groups.x * 64u;
@@ -561,19 +555,39 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
         return;
     }
     let entry = pass_.first_pixel + number;
-    var radiance = vec3(0.0);
-    var square = 0.0;
+    let gathers_light = !gathers_guides_alone();
+    var light_sum = vec4(0.0);
+    var light_error = vec4(0.0);
     var guides = 0.0;
     var albedo = vec3(0.0);
     var normal = vec3(0.0);
     var specular = vec4(0.0);
     var demodulated = vec4(0.0);
+    for (var c = 0u; c < 4u; c++) {
+        light_sum[c] = read_sum(c, entry);
+        light_error[c] = read_sum(c + 4u, entry);
+        if GUIDES {
+            specular[c] = read_sum(SUM_SPECULAR + c, entry);
+            demodulated[c] = read_sum(SUM_DEMODULATED + c, entry);
+        }
+    }
+    if GUIDES {
+        guides = read_sum(SUM_GUIDES, entry);
+        for (var c = 0u; c < 3u; c++) {
+            albedo[c] = read_sum(SUM_GUIDES + 1u + c, entry);
+            normal[c] = read_sum(SUM_GUIDES + 4u + c, entry);
+        }
+    }
     for (var i = 0u; i < pass_.samples; i++) {
         let path = number * pass_.samples + i;
         let light = state(RADIANCE, path).xyz;
-        let y = luminance(light);
-        radiance += light;
-        square += y * y;
+        if gathers_light {
+            let y = luminance(light);
+            let value = vec4(light, y * y) - light_error;
+            let sum = light_sum + value;
+            light_error = (sum - light_sum) - value;
+            light_sum = sum;
+        }
         if GUIDES {
             let a = state(GUIDE_ALBEDO, path);
             let reflected = (bits(a.w) & REFLECTED) != 0u;
@@ -582,7 +596,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
                 albedo += a.xyz;
                 normal += state(GUIDE_NORMAL, path).xyz;
             }
-            if !gathers_guides_alone() {
+            if gathers_light {
                 var part = light;
                 if !reflected {
                     let first = state(FIRST_RADIANCE, path).xyz;
@@ -597,24 +611,22 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
             }
         }
     }
-    if !gathers_guides_alone() {
-        add_exactly(0u, entry, radiance.x);
-        add_exactly(1u, entry, radiance.y);
-        add_exactly(2u, entry, radiance.z);
-        add_exactly(3u, entry, square);
-        add_to(SUM_SAMPLES, entry, f32(pass_.samples));
+    for (var c = 0u; c < 4u; c++) {
+        write_sum(c, entry, light_sum[c]);
+        write_sum(c + 4u, entry, light_error[c]);
+        if GUIDES {
+            write_sum(SUM_SPECULAR + c, entry, specular[c]);
+            write_sum(SUM_DEMODULATED + c, entry, demodulated[c]);
+        }
+    }
+    if gathers_light {
+        write_sum(SUM_SAMPLES, entry, read_sum(SUM_SAMPLES, entry) + f32(pass_.samples));
     }
     if GUIDES {
-        add_to(SUM_GUIDES, entry, guides);
+        write_sum(SUM_GUIDES, entry, guides);
         for (var c = 0u; c < 3u; c++) {
-            add_to(SUM_GUIDES + 1u + c, entry, albedo[c]);
-            add_to(SUM_GUIDES + 4u + c, entry, normal[c]);
-        }
-        if !gathers_guides_alone() {
-            for (var c = 0u; c < 4u; c++) {
-                add_to(SUM_SPECULAR + c, entry, specular[c]);
-                add_to(SUM_DEMODULATED + c, entry, demodulated[c]);
-            }
+            write_sum(SUM_GUIDES + 1u + c, entry, albedo[c]);
+            write_sum(SUM_GUIDES + 4u + c, entry, normal[c]);
         }
     }
     if number == 0u {
