@@ -121,6 +121,55 @@ fn an_image_without_noise_stays() {
 }
 
 #[test]
+fn a_horizon_is_as_bright_as_what_it_shows() {
+    // Dark ground under a sky that is as bright. Pixels of the horizon show both, in parts that vary.
+    let (sky, ground, samples) = (10.0, 0.01, 16);
+    let mut stream = Stream::root(11);
+    let mut quotients = Stream::root(12);
+    let products = image(64, 48, |_, y| match y {
+        0..20 => Pixel {
+            radiance: [sky; 3],
+            variance: 0.0,
+            albedo: [1.0; 3],
+            normal: [0.0; 3],
+            depth: f32::INFINITY,
+            id: 0,
+            demodulated: None,
+        },
+        20 => {
+            let part = stream.uniform(0.1, 0.6) as f32;
+            let albedo = [part + (1.0 - part) * ground; 3];
+            let light =
+                part * sky / (1.0 + DEMODULATION_EPSILON) + (1.0 - part) * sky / (ground + DEMODULATION_EPSILON);
+            let spread = sky / (ground + DEMODULATION_EPSILON) * part;
+            let variance = (spread * luminance(albedo)).powi(2) / samples as f32;
+            let normal = [0.0, part - 1.0, 0.0];
+            Pixel {
+                radiance: [sky * noise(&mut quotients, 0.02); 3],
+                variance,
+                albedo,
+                normal,
+                demodulated: Some([light; 3]),
+                ..WALL
+            }
+        }
+        _ => Pixel {
+            radiance: [sky * noise(&mut quotients, 0.1); 3],
+            variance: 1.0,
+            albedo: [ground; 3],
+            normal: [0.0, -1.0, 0.0],
+            ..WALL
+        },
+    });
+    let image = filtered(&products);
+    for (row, tolerance) in [(20, 0.05), (21, 0.1), (22, 0.1), (30, 0.06)] {
+        for pixel in &image[row * 64..(row + 1) * 64] {
+            assert!((luminance(*pixel) / sky - 1.0).abs() < tolerance, "row {row}: {pixel:?}");
+        }
+    }
+}
+
+#[test]
 fn error_on_a_wall_falls_as_a_mean_of_its_neighbors() {
     for (variance_known, deviation) in [(false, 0.5), (true, 0.5), (true, 0.1)] {
         let mut stream = Stream::root(7);

@@ -33,6 +33,10 @@ use tuning::Tuning;
 /// Maximum radiance, nits, so that its square is finite.
 const MOST: f32 = 1e12;
 
+/// Length of the mean normal of a pixel beside the sky or a light from which on it shows a surface alone. Samples without a
+/// surface have no normal.
+const WHOLE: f32 = 0.99;
+
 /// Assumed difference between the radiance of a pixel and the product of mean albedo and mean light, as a fraction of it.
 const RESIDUAL: f32 = 0.2;
 
@@ -197,12 +201,31 @@ impl Input<'_> {
         Size { width: self.radiance.width() as usize, height: self.radiance.height() as usize }
     }
 
-    /// Whether there is a surface and sound light at a pixel. Lights, the sky and broken pixels pass as they are, and
-    /// nothing is taken from them.
+    /// Whether a pixel shows surfaces alone, and sound light. Others pass as they are, and nothing is taken from them: lights,
+    /// the sky, broken pixels, and those that show a surface in part. The latter have the color and the light of both
+    /// ([`WHOLE`]); what they have of each is known no better than their own light is.
     fn surface(&self, pixel: usize) -> bool {
-        let depth = self.depth.data()[pixel];
         let lit = self.radiance.data()[pixel].iter().all(|nits| nits.is_finite());
-        lit && self.instance.data()[pixel].0 != 0 && depth.is_finite() && depth > 1e-6
+        lit && self.meets_surface(pixel) && (self.is_covered(pixel) || !self.is_beside_nothing(pixel))
+    }
+
+    /// Whether the ray through the center meets a surface.
+    fn meets_surface(&self, pixel: usize) -> bool {
+        let depth = self.depth.data()[pixel];
+        self.instance.data()[pixel].0 != 0 && depth.is_finite() && depth > 1e-6
+    }
+
+    /// Whether all rays through a pixel meet surfaces that look the same way.
+    fn is_covered(&self, pixel: usize) -> bool {
+        self.normal.data()[pixel].iter().map(|n| n * n).sum::<f32>() >= WHOLE * WHOLE
+    }
+
+    /// Whether there is no surface at one of the eight pixels around.
+    fn is_beside_nothing(&self, pixel: usize) -> bool {
+        let Size { width, height } = self.size();
+        let (x, y) = (pixel % width, pixel / width);
+        let mut rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.any(|y| (x.saturating_sub(1)..(x + 2).min(width)).any(|x| !self.meets_surface(y * width + x)))
     }
 
     /// Divisor of the diffuse part.
