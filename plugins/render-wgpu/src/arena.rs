@@ -20,14 +20,14 @@ pub struct Arena {
     buffer: wgpu::Buffer,
 }
 
-/// An asset to keep: its digest, its number of elements, and a function that writes its bytes, given its place.
+/// An asset to keep: its digest, its number of elements, and a function that makes its bytes.
 pub struct Asset<'a> {
     /// Of what is written.
     pub digest: Digest,
     /// Elements.
     pub count: u64,
-    /// Writes the elements.
-    pub bytes: Box<dyn Fn(Place) -> Vec<u8> + 'a>,
+    /// Makes the elements.
+    pub bytes: Box<dyn Fn() -> Vec<u8> + 'a>,
 }
 
 impl Arena {
@@ -81,7 +81,7 @@ impl Arena {
         }
         for asset in wanted {
             let place = self.used as Place;
-            let bytes = (asset.bytes)(place);
+            let bytes = (asset.bytes)();
             debug_assert_eq!(bytes.len() as u64, asset.count * self.element);
             device.write(&self.buffer, self.used * self.element, &bytes);
             self.places.insert(asset.digest, place);

@@ -3,7 +3,7 @@
 use crate::arena::{Arena, Asset, Place};
 use crate::device::{Bindings, Device, Kernel, PASS_STRIDE, Variant};
 use crate::tables::{BodyPlace, EnvironmentPlaces, FAR, NONE, Tables};
-use crate::trees::{MeshTree, top_level};
+use crate::trees::{MeshTree, TopLevel};
 use bytemuck::{Pod, Zeroable};
 use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
@@ -86,7 +86,9 @@ struct View {
     objects: u32,
     foreground: u32,
     top_level: u32,
+    top_items: u32,
     seen: u32,
+    seen_items: u32,
     reach: f32,
     sample_bits: u32,
     block_bits: u32,
@@ -102,7 +104,7 @@ struct View {
     albedo_at: u32,
     coverage_at: u32,
     before_at: u32,
-    unused: u32,
+    unused: [u32; 3],
 }
 
 /// `Pass` in `scene.wgsl`.
@@ -204,15 +206,14 @@ impl GpuSession {
         let bodies: Vec<_> = trees.into_iter().enumerate().map(placed).collect();
 
         // Room for two top levels: that of all bodies, and that of those which camera rays meet.
-        let reserved = 2 * top_level_room(bodies.len());
+        let reserved = 2 * TopLevel::room(bodies.len()) as u64;
         let tree_of = |(digest, tree, _): &(Digest, Arc<MeshTree>, Bounds)| {
             let tree = tree.clone();
             Asset {
                 digest: *digest,
                 count: (tree.nodes.len() + tree.triangles.len()) as u64,
-                bytes: Box::new(move |place| {
-                    let nodes: Vec<[f32; 4]> = tree.nodes_at(place).collect();
-                    [bytemuck::cast_slice(&nodes), bytemuck::cast_slice(&tree.triangles)].concat()
+                bytes: Box::new(move || {
+                    [bytemuck::cast_slice(&tree.nodes), bytemuck::cast_slice(&tree.triangles)].concat()
                 }),
             }
         };
@@ -223,7 +224,7 @@ impl GpuSession {
             Asset {
                 digest: *digest,
                 count: (4 * triangles + tangents + 2 * colors) as u64,
-                bytes: Box::new(move |_| bytemuck::cast_slice(&shading_words(mesh)).to_vec()),
+                bytes: Box::new(move || bytemuck::cast_slice(&shading_words(mesh)).to_vec()),
             }
         };
         let assets: Vec<_> = bodies.iter().enumerate().map(triangles_of).collect();
@@ -289,7 +290,7 @@ impl GpuSession {
             Asset {
                 digest: texture.digest(),
                 count: texture.levels().iter().map(|level| u64::from(level.width) * u64::from(level.height)).sum(),
-                bytes: Box::new(move |_| {
+                bytes: Box::new(move || {
                     let texels = |level: &syntable_prepare::MipLevel| {
                         let count = level.width as usize * level.height as usize;
                         texture.texels(*level)[..count].as_flattened().to_vec()
@@ -304,7 +305,7 @@ impl GpuSession {
         drop(images);
 
         // The top level, and that of what camera rays meet.
-        let room = top_level_room(world.bodies.len()) as u32;
+        let room = TopLevel::room(world.bodies.len()) as u32;
         let boxes = |keep: &dyn Fn(usize) -> bool| -> Vec<Bounds> {
             let of = |(number, (_, _, bounds)): (usize, &(Digest, Arc<MeshTree>, Bounds))| {
                 if keep(number) { *bounds } else { Bounds::EMPTY }
@@ -312,9 +313,11 @@ impl GpuSession {
             world.bodies.iter().enumerate().map(of).collect()
         };
         let write_level = |place: u32, boxes: &[Bounds]| {
-            let nodes = top_level(boxes, place);
-            self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&nodes));
-            if nodes.is_empty() { NONE } else { place }
+            let TopLevel { nodes, bodies } = TopLevel::build(boxes);
+            let items = place + nodes.len() as u32;
+            let vectors = [nodes, bodies].concat();
+            self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&vectors));
+            if vectors.is_empty() { [NONE; 2] } else { [place, items] }
         };
         // Bodies that only camera rays do not meet are lit, and light others.
         let is_lit = |body: usize| chosen[body] || matches!(request.bodies, Bodies::Seen(_));
@@ -405,8 +408,10 @@ impl GpuSession {
             distant_count: lights.distant.len() as u32,
             objects: scene.objects as u32,
             foreground: scene.foreground as u32,
-            top_level: top,
-            seen,
+            top_level: top[0],
+            top_items: top[1],
+            seen: seen[0],
+            seen_items: seen[1],
             reach,
             sample_bits: order.sample_bits(),
             block_bits: order.block_bits(),
@@ -784,7 +789,7 @@ fn environment_assets(lights: &LightTable) -> Vec<Asset<'static>> {
     let radiance = |map: &Arc<EnvironmentMap>| {
         let map = map.clone();
         let (digest, count) = (map.digest, 3 * map.texels().len() as u64);
-        Asset { digest, count, bytes: Box::new(move |_| bytemuck::cast_slice(map.texels().as_flattened()).to_vec()) }
+        Asset { digest, count, bytes: Box::new(move || bytemuck::cast_slice(map.texels().as_flattened()).to_vec()) }
     };
     for light in &lights.distant {
         let DistantLight::Environment(light) = light else { continue };
@@ -793,18 +798,13 @@ fn environment_assets(lights: &LightTable) -> Vec<Asset<'static>> {
         assets.push(Asset {
             digest: of_distribution(&distribution),
             count: (distribution.rows().len() + distribution.texels().len()) as u64,
-            bytes: Box::new(move |_| {
+            bytes: Box::new(move || {
                 [distribution.rows(), distribution.texels()].map(bytemuck::cast_slice::<f32, u8>).concat()
             }),
         });
     }
     assets.extend(lights.windows.iter().map(|window| radiance(&window.view.map)));
     assets
-}
-
-/// Vectors that the top level over a number of bodies needs at most.
-fn top_level_room(bodies: usize) -> u64 {
-    4 * (bodies.max(2) as u64 - 1)
 }
 
 /// The box around placed boxes; empty if it is not finite.

@@ -1,23 +1,27 @@
-//! Trees as `bvh.wgsl` walks them: nodes of two boxes, leaves of a few triangles.
+//! Trees as `bvh.wgsl` walks them: nodes of up to eight boxes in 80 bytes, leaves of up to three triangles, as in Ylitie,
+//! Karras and Laine, "Efficient incoherent ray traversal on GPUs through compressed wide BVHs" (High Performance Graphics
+//! 2017).
 //!
-//! A node is four vectors: the planes of both boxes along x, y and z (lower, upper, lower, upper), and the links of the
-//! children. A link is the index of a node's first vector, or has its highest bit set and is a leaf: of a mesh, the number
-//! of its triangles (four bits) and the first of them; of the top level, the index of a body. A triangle is three vectors:
-//! its corners, and its number with the first.
+//! A node is five vectors: its lower corner, and a word of three exponents and the set of slots with nodes; the index of its
+//! first child, that of its first item, and a byte per slot; and the planes of the boxes, a byte per slot, as multiples of
+//! powers of two from the lower corner: lower x, y, z, upper x, y, z. The byte of a slot is 0 if it is empty; of a node
+//! `1 << 5 | 24 + slot`; of a leaf the number of its items in unary, over five bits with the offset of the first. Items are
+//! triangles, three vectors each, of a mesh: its corners, and its number with the first; of the top level, bodies: their
+//! number in a vector. Indices count nodes and items of the tree.
 
 use syntable_prepare::{BinaryTree, Bounds, TreeNode};
 
+/// Children of a node.
+const WIDTH: usize = 8;
+
 /// Maximum triangles of a leaf.
-const LEAF_SIZE: usize = 4;
+const LEAF_SIZE: usize = 3;
 
-/// Cost of testing a triangle, in units of testing a node's two boxes.
-const TRIANGLE_COST: f64 = 0.6;
+/// Cost of testing a triangle, in units of testing a node.
+const TRIANGLE_COST: f64 = 0.3;
 
-/// Levels from which on a tree is built anew by halves: with a top level, a walk keeps at most 64 links.
-const MAX_DEPTH: usize = 40;
-
-/// Bit of links to leaves.
-const LEAF: u32 = 1 << 31;
+/// Levels from which on a tree is built anew by halves: the walk of a top level and a mesh keeps at most 48 groups.
+const MAX_DEPTH: usize = 22;
 
 /// Largest finite box; `bvh.wgsl` counts larger numbers as infinite.
 const FAR: f32 = 3.0e38;
@@ -25,15 +29,18 @@ const FAR: f32 = 3.0e38;
 /// A vector of a tree.
 pub type Vector = [f32; 4];
 
-/// The tree of a mesh. Links count from its first node.
+/// Vectors of a node.
+pub const NODE_SIZE: usize = 5;
+
+/// The tree of a mesh.
 #[derive(Debug)]
 pub struct MeshTree {
-    /// Four per node; the root is the first.
+    /// [`NODE_SIZE`] per node; the root is the first.
     pub nodes: Vec<Vector>,
     /// Three per triangle, leaf by leaf.
     pub triangles: Vec<Vector>,
     /// Boxes that together hold the mesh: those of the root's children.
-    pub outline: [Bounds; 2],
+    pub outline: Vec<Bounds>,
     /// Largest absolute coordinate.
     pub reach: f32,
 }
@@ -51,139 +58,285 @@ impl MeshTree {
                 kept.push((number as u32, corners));
             }
         }
-        let mut ordered = Vec::with_capacity(3 * kept.len());
-        let nodes = nodes(&boxes, LEAF_SIZE, |items| {
-            let first = ordered.len() / 3;
-            for &item in items {
-                let (number, corners) = kept[item as usize];
-                for (corner, [x, y, z]) in corners.into_iter().enumerate() {
-                    ordered.push([x, y, z, if corner == 0 { f32::from_bits(number) } else { 0.0 }]);
-                }
-            }
-            LEAF | (items.len() as u32) << 27 | first as u32
-        });
+        let tree = WideTree::build(&boxes, LEAF_SIZE);
+        let vectors = |item: u32| {
+            let (number, corners) = kept[item as usize];
+            let mut vectors = corners.map(|[x, y, z]| [x, y, z, 0.0]);
+            vectors[0][3] = f32::from_bits(number);
+            vectors
+        };
         let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
-        Self { outline: children(&nodes), nodes, triangles: ordered, reach: bounds.reach() }
+        Self {
+            nodes: tree.nodes,
+            triangles: tree.items.into_iter().flat_map(vectors).collect(),
+            outline: tree.outline,
+            reach: bounds.reach(),
+        }
     }
 
     /// Bytes held.
     pub fn size(&self) -> usize {
         size_of_val(&self.nodes[..]) + size_of_val(&self.triangles[..])
     }
+}
 
-    /// The nodes with links that count from elsewhere.
-    pub fn nodes_at(&self, first: u32) -> impl Iterator<Item = Vector> {
-        let moved = move |link: f32| match link.to_bits() {
-            leaf if leaf & LEAF != 0 => link,
-            node => f32::from_bits(node + first),
-        };
-        self.nodes.iter().enumerate().map(move |(number, &[a, b, c, d])| match number % 4 {
-            3 => [moved(a), moved(b), c, d],
-            _ => [a, b, c, d],
-        })
+/// The tree of a top level.
+#[derive(Debug)]
+pub struct TopLevel {
+    /// [`NODE_SIZE`] per node; none without bodies.
+    pub nodes: Vec<Vector>,
+    /// One per body.
+    pub bodies: Vec<Vector>,
+}
+
+impl TopLevel {
+    /// Builds the tree over the boxes of bodies. Bodies with an empty box are left out.
+    pub fn build(boxes: &[Bounds]) -> Self {
+        let kept: Vec<u32> = (0..boxes.len() as u32).filter(|&body| !boxes[body as usize].is_empty()).collect();
+        if kept.is_empty() {
+            return Self { nodes: Vec::new(), bodies: Vec::new() };
+        }
+        let boxes: Vec<Bounds> = kept.iter().map(|&body| boxes[body as usize]).collect();
+        let tree = WideTree::build(&boxes, 1);
+        let body = |item: u32| [f32::from_bits(kept[item as usize]), 0.0, 0.0, 0.0];
+        Self { nodes: tree.nodes, bodies: tree.items.into_iter().map(body).collect() }
+    }
+
+    /// Vectors that the tree of a number of bodies has at most.
+    pub fn room(bodies: usize) -> usize {
+        NODE_SIZE * bodies.max(1) + bodies
     }
 }
 
-/// The top level over the boxes of bodies; links count from `first`. Bodies with an empty box are left out.
-pub fn top_level(bodies: &[Bounds], first: u32) -> Vec<Vector> {
-    let kept: Vec<u32> = (0..bodies.len() as u32).filter(|&body| !bodies[body as usize].is_empty()).collect();
-    if kept.is_empty() {
-        return Vec::new();
-    }
-    let boxes: Vec<Bounds> = kept.iter().map(|&body| bodies[body as usize]).collect();
-    let nodes = nodes(&boxes, 1, |items| LEAF | kept[items[0] as usize]);
-    let tree = MeshTree { nodes, triangles: Vec::new(), outline: [Bounds::EMPTY; 2], reach: 0.0 };
-    tree.nodes_at(first).collect()
+/// A tree over boxes.
+struct WideTree {
+    nodes: Vec<Vector>,
+    /// Numbers of the boxes, leaf by leaf.
+    items: Vec<u32>,
+    /// Boxes of the root's children.
+    outline: Vec<Bounds>,
+    /// Levels of nodes.
+    depth: usize,
 }
 
-/// Nodes over boxes; `emit` takes the items of a leaf, and gives its link.
-fn nodes(boxes: &[Bounds], leaf_size: usize, mut emit: impl FnMut(&[u32]) -> u32) -> Vec<Vector> {
-    if boxes.len() <= leaf_size {
-        let all: Vec<u32> = (0..boxes.len() as u32).collect();
-        let bounds = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
-        let link = if all.is_empty() { LEAF } else { emit(&all) };
-        return node([(bounds, link), (Bounds::EMPTY, LEAF)]).to_vec();
-    }
-    let mut plan = Plan::new(BinaryTree::by_area(boxes), leaf_size);
-    if plan.depth() > MAX_DEPTH {
-        plan = Plan::new(BinaryTree::by_halves(boxes), leaf_size);
-    }
-    let mut nodes: Vec<Vector> = vec![[0.0; 4]; 4];
-    // Depth first, so that near nodes are close in memory.
-    let mut pending = vec![(0, 0)];
-    while let Some((number, place)) = pending.pop() {
-        let TreeNode::Pair(a, b) = plan.tree.nodes[number].kind else { continue };
-        let mut child = |number: usize, nodes: &mut Vec<Vector>| {
-            let bounds = plan.tree.nodes[number].bounds;
-            if plan.leaf[number] {
-                return (bounds, emit(&plan.items(number)));
+impl WideTree {
+    fn build(boxes: &[Bounds], leaf_size: usize) -> Self {
+        match boxes {
+            [] => {
+                let nodes = vec![[0.0; 4]; NODE_SIZE];
+                Self { nodes, items: Vec::new(), outline: Vec::new(), depth: 1 }
             }
-            let below = nodes.len();
-            nodes.extend([[0.0; 4]; 4]);
-            pending.push((number, below));
-            (bounds, below as u32)
-        };
-        let pair = [child(a, &mut nodes), child(b, &mut nodes)];
-        nodes[place..place + 4].copy_from_slice(&node(pair));
+            [only] => {
+                let mut tree = Self { nodes: Vec::new(), items: vec![0], outline: vec![*only], depth: 1 };
+                let children = [Child { bounds: *only, items: 1 }];
+                tree.nodes.extend(node(&slots(&children), 0, 0));
+                tree
+            }
+            _ => {
+                let tree = Self::from_plan(&Plan::new(BinaryTree::by_area(boxes), leaf_size));
+                match tree.depth > MAX_DEPTH {
+                    true => Self::from_plan(&Plan::new(BinaryTree::by_halves(boxes), leaf_size)),
+                    false => tree,
+                }
+            }
+        }
     }
-    nodes
+
+    fn from_plan(plan: &Plan) -> Self {
+        let mut tree = Self { nodes: vec![[0.0; 4]; NODE_SIZE], items: Vec::new(), outline: Vec::new(), depth: 0 };
+        // Depth first, so that near nodes are close in memory.
+        let mut pending = vec![(0, 0, 1)];
+        while let Some((number, place, depth)) = pending.pop() {
+            let children = plan.children(number);
+            let items = |&child: &usize| if plan.is_leaf(child) { plan.below[child] } else { 0 };
+            let boxes: Vec<Child> = (children.iter())
+                .map(|child| Child { bounds: plan.tree.nodes[*child].bounds, items: items(child) })
+                .collect();
+            if number == 0 {
+                tree.outline = boxes.iter().map(|child| child.bounds).collect();
+            }
+            let slots = slots(&boxes);
+            let (first_child, first_item) = (tree.nodes.len() / NODE_SIZE, tree.items.len());
+            let packed = node(&slots, first_child as u32, first_item as u32);
+            tree.nodes[place..place + NODE_SIZE].copy_from_slice(&packed);
+            tree.depth = tree.depth.max(depth);
+            for (index, _) in slots.iter().flatten() {
+                let child = children[*index];
+                if plan.is_leaf(child) {
+                    tree.items.extend(plan.items(child));
+                } else {
+                    pending.push((child, tree.nodes.len(), depth + 1));
+                    tree.nodes.extend([[0.0; 4]; NODE_SIZE]);
+                }
+            }
+        }
+        tree
+    }
+}
+
+/// A child of a node.
+#[derive(Clone, Copy)]
+struct Child {
+    bounds: Bounds,
+    /// Items, if it is a leaf; else 0.
+    items: usize,
+}
+
+/// The slot of every child, with its index. A ray visits slots in the order of the number of the slot, exclusive-or the
+/// signs of its direction; so a child goes where it comes first for rays that meet it first.
+fn slots(children: &[Child]) -> [Option<(usize, Child)>; WIDTH] {
+    let middle = |b: &Bounds| [0, 1, 2].map(|axis| f64::from(b.lo[axis]) * 0.5 + f64::from(b.hi[axis]) * 0.5);
+    let all = children.iter().fold(Bounds::EMPTY, |all, child| all.union(&child.bounds));
+    let center = middle(&all);
+    let mut slots = [None; WIDTH];
+    let mut free: Vec<usize> = (0..children.len()).collect();
+    while !free.is_empty() {
+        let mut best = (f64::INFINITY, 0, 0);
+        for (at, &index) in free.iter().enumerate() {
+            let here = middle(&children[index].bounds);
+            for slot in (0..WIDTH).filter(|&slot| slots[slot].is_none()) {
+                let along = |axis: usize| {
+                    let offset = here[axis] - center[axis];
+                    if slot >> (2 - axis) & 1 == 0 { offset } else { -offset }
+                };
+                let cost = along(0) + along(1) + along(2);
+                if cost < best.0 {
+                    best = (cost, at, slot);
+                }
+            }
+        }
+        let (_, at, slot) = best;
+        // Without a number that is less, the next free slot will do.
+        let slot = if slots[slot].is_none() { slot } else { slots.iter().position(Option::is_none).unwrap_or(0) };
+        let index = free.remove(at);
+        slots[slot] = Some((index, children[index]));
+    }
+    slots
 }
 
 /// The vectors of a node.
-fn node([(a, link_a), (b, link_b)]: [(Bounds, u32); 2]) -> [Vector; 4] {
+fn node(slots: &[Option<(usize, Child)>; WIDTH], first_child: u32, first_item: u32) -> [Vector; NODE_SIZE] {
     let bound = |x: f32| x.clamp(-FAR, FAR);
-    let planes = |axis: usize| [a.lo[axis], a.hi[axis], b.lo[axis], b.hi[axis]].map(bound);
-    [planes(0), planes(1), planes(2), [f32::from_bits(link_a), f32::from_bits(link_b), 0.0, 0.0]]
+    let children = || slots.iter().flatten().map(|(_, child)| child);
+    let all = children().fold(Bounds::EMPTY, |all, child| all.union(&child.bounds));
+    let (lower, upper) = (all.lo.map(bound), all.hi.map(bound));
+    let exponents = [0, 1, 2].map(|axis| exponent(f64::from(upper[axis]) - f64::from(lower[axis])));
+    let (mut bytes, mut slots_with_nodes, mut offset) = ([0_u8; WIDTH], 0_u8, 0_usize);
+    let mut planes = [[[0_u8; WIDTH]; 3]; 2];
+    for (slot, child) in slots.iter().enumerate().filter_map(|(slot, child)| child.map(|(_, child)| (slot, child))) {
+        if child.items == 0 {
+            slots_with_nodes |= 1 << slot;
+            bytes[slot] = 1 << 5 | (24 + slot as u8);
+        } else {
+            bytes[slot] = ((1_u8 << child.items) - 1) << 5 | offset as u8;
+            offset += child.items;
+        }
+        for axis in 0..3 {
+            let steps = |x: f32| (f64::from(bound(x)) - f64::from(lower[axis])) / f64::from(exponents[axis]).exp2();
+            planes[0][axis][slot] = steps(child.bounds.lo[axis]).floor() as u8;
+            planes[1][axis][slot] = steps(child.bounds.hi[axis]).ceil() as u8;
+        }
+    }
+    let words = |bytes: [u8; WIDTH]| {
+        let [a, b, c, d, e, f, g, h] = bytes;
+        [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])].map(f32::from_bits)
+    };
+    let [ex, ey, ez] = exponents.map(|exponent| (exponent + 127) as u8);
+    let form = f32::from_bits(u32::from_le_bytes([ex, ey, ez, slots_with_nodes]));
+    let [links, [lx, ly, lz], [ux, uy, uz]] = [
+        [words(bytes), [first_child, first_item].map(f32::from_bits), [0.0; 2]],
+        planes[0].map(words),
+        planes[1].map(words),
+    ];
+    let pair = |a: [f32; 2], b: [f32; 2]| [a[0], a[1], b[0], b[1]];
+    [[lower[0], lower[1], lower[2], form], pair(links[1], links[0]), pair(lx, ly), pair(lz, ux), pair(uy, uz)]
 }
 
-/// Boxes of the root's children.
-fn children(nodes: &[Vector]) -> [Bounds; 2] {
-    [0, 2].map(|at| {
-        let plane = |high: usize| [0, 1, 2].map(|axis| nodes[axis][at + high]);
-        Bounds { lo: plane(0), hi: plane(1) }
-    })
+/// The least exponent of two with which an extent has at most 255 steps.
+fn exponent(extent: f64) -> i32 {
+    let mut exponent = (extent / 255.0).log2().ceil().clamp(-126.0, 127.0) as i32;
+    while (extent / f64::from(exponent).exp2()).ceil() > 255.0 {
+        exponent += 1;
+    }
+    exponent
 }
 
-/// Which subtrees become leaves.
+/// What becomes a node, and what a leaf, by the surface-area heuristic (section 3.1 of the paper).
 struct Plan {
     tree: BinaryTree,
-    leaf: Vec<bool>,
+    leaf_size: usize,
+    /// By node of the binary tree: items below.
+    below: Vec<usize>,
+    /// Cost of what is below as at most 1, 2, … 7 nodes or leaves.
+    cost: Vec<[f64; WIDTH - 1]>,
 }
 
 impl Plan {
-    /// Leaves where testing their triangles costs less than walking on, by the surface-area heuristic.
     fn new(tree: BinaryTree, leaf_size: usize) -> Self {
         let count = tree.nodes.len();
-        let (mut leaf, mut items, mut cost) = (vec![true; count], vec![1_usize; count], vec![0.0; count]);
-        for (number, node) in tree.nodes.iter().enumerate().rev() {
-            let area = node.bounds.half_area();
-            if let TreeNode::Pair(a, b) = node.kind {
-                items[number] = items[a] + items[b];
-                let walked = area + cost[a] + cost[b];
-                let tested = area * TRIANGLE_COST * items[number] as f64;
-                leaf[number] = items[number] <= leaf_size && tested <= walked;
-                cost[number] = if leaf[number] { tested } else { walked };
-            } else {
-                cost[number] = area * TRIANGLE_COST;
+        let mut plan = Self { tree, leaf_size, below: vec![1; count], cost: vec![[0.0; WIDTH - 1]; count] };
+        for number in (0..count).rev() {
+            let TreeNode::Pair(a, b) = plan.tree.nodes[number].kind else {
+                plan.cost[number] = [plan.cost_of_leaf(number); WIDTH - 1];
+                continue;
+            };
+            plan.below[number] = plan.below[a] + plan.below[b];
+            let mut least = plan.cost_of_leaf(number).min(plan.cost_of_node(number));
+            for roots in 1..WIDTH {
+                if roots > 1 {
+                    least = least.min(plan.division(number, roots).1);
+                }
+                plan.cost[number][roots - 1] = least;
             }
         }
-        leaf[0] = false;
-        Self { tree, leaf }
+        plan
     }
 
-    /// Levels of nodes, the root being one.
-    fn depth(&self) -> usize {
-        let (mut deepest, mut pending) = (0, vec![(0, 1)]);
-        while let Some((number, depth)) = pending.pop() {
-            deepest = deepest.max(depth);
-            if let TreeNode::Pair(a, b) = self.tree.nodes[number].kind {
-                pending.extend([a, b].into_iter().filter(|&child| !self.leaf[child]).map(|child| (child, depth + 1)));
+    fn cost_of_leaf(&self, number: usize) -> f64 {
+        match self.below[number] <= self.leaf_size {
+            true => self.tree.nodes[number].bounds.half_area() * TRIANGLE_COST * self.below[number] as f64,
+            false => f64::INFINITY,
+        }
+    }
+
+    fn cost_of_node(&self, number: usize) -> f64 {
+        self.tree.nodes[number].bounds.half_area() + self.division(number, WIDTH).1
+    }
+
+    /// How many of the roots are best left to the first half of a node, and what that costs.
+    fn division(&self, number: usize, roots: usize) -> (usize, f64) {
+        let TreeNode::Pair(a, b) = self.tree.nodes[number].kind else { return (0, f64::INFINITY) };
+        let divided = |first: usize| (first, self.cost[a][first - 1] + self.cost[b][roots - first - 1]);
+        (1..roots).map(divided).fold((1, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
+    }
+
+    fn is_leaf(&self, number: usize) -> bool {
+        matches!(self.tree.nodes[number].kind, TreeNode::Item(_))
+            || number != 0 && self.cost_of_leaf(number) <= self.cost_of_node(number)
+    }
+
+    /// The children of a node.
+    fn children(&self, number: usize) -> Vec<usize> {
+        let mut children = Vec::with_capacity(WIDTH);
+        let TreeNode::Pair(a, b) = self.tree.nodes[number].kind else { return children };
+        let (first, _) = self.division(number, WIDTH);
+        let mut pending = vec![(b, WIDTH - first), (a, first)];
+        while let Some((number, mut roots)) = pending.pop() {
+            while roots > 1 && self.cost[number][roots - 1] == self.cost[number][roots - 2] {
+                roots -= 1;
+            }
+            match self.tree.nodes[number].kind {
+                TreeNode::Pair(a, b) if roots > 1 => {
+                    let (first, _) = self.division(number, roots);
+                    pending.extend([(b, roots - first), (a, first)]);
+                }
+                _ => children.push(number),
             }
         }
-        deepest
+        children
     }
 
-    /// Items below a subtree, ascending.
+    /// Items below a node, ascending.
     fn items(&self, number: usize) -> Vec<u32> {
         let (mut items, mut pending) = (Vec::with_capacity(LEAF_SIZE), vec![number]);
         while let Some(number) = pending.pop() {
@@ -214,27 +367,41 @@ mod tests {
         ((0..edge * edge).map(position).collect(), (0..(edge - 1) * (edge - 1)).flat_map(quad).collect())
     }
 
-    /// Visits every leaf, checking that boxes hold what is below them; gives the triangles found.
-    fn walk(tree: &MeshTree, node: usize, within: &Bounds, found: &mut Vec<u32>) {
-        let links = tree.nodes[node + 3];
-        for (bounds, link) in children(&tree.nodes[node..node + 4]).into_iter().zip(links).take(2) {
-            if bounds.is_empty() {
-                continue;
+    /// Visits every leaf below a node, checking that decoded boxes hold the items below them; lists the items, and gives the
+    /// box around them.
+    fn walk(nodes: &[Vector], number: usize, item_box: &dyn Fn(usize) -> Bounds, found: &mut Vec<usize>) -> Bounds {
+        let vectors = &nodes[number * NODE_SIZE..(number + 1) * NODE_SIZE];
+        let byte = |vector: usize, at: usize| vectors[vector][at / 4].to_bits().to_le_bytes()[at % 4];
+        let [ex, ey, ez, with_nodes] = vectors[0][3].to_bits().to_le_bytes();
+        let step = [ex, ey, ez].map(|e| f64::from(i32::from(e) - 127).exp2());
+        let [first_child, first_item] = [0, 1].map(|i| vectors[1][i].to_bits() as usize);
+        let mut all = Bounds::EMPTY;
+        for slot in 0..WIDTH {
+            let meta = byte(1, 8 + slot);
+            let mut inside = Bounds::EMPTY;
+            if with_nodes >> slot & 1 == 1 {
+                assert_eq!(meta, 1 << 5 | (24 + slot as u8));
+                let child = first_child + (with_nodes & ((1 << slot) - 1)).count_ones() as usize;
+                inside = walk(nodes, child, item_box, found);
+            } else {
+                for item in 0..(meta >> 5).count_ones() as usize {
+                    let item = first_item + usize::from(meta & 31) + item;
+                    found.push(item);
+                    inside = inside.union(&item_box(item));
+                }
             }
-            assert!(within.contains(&bounds), "{bounds:?} is not in {within:?}");
-            let link = link.to_bits();
-            if link & LEAF == 0 {
-                walk(tree, link as usize, &bounds, found);
-                continue;
+            let plane = |axis: usize, at: usize| {
+                f64::from(vectors[0][axis]) + f64::from(byte(2 + at / 2, 8 * (at % 2) + slot)) * step[axis]
+            };
+            for axis in (0..3).filter(|_| meta != 0) {
+                let (lower, upper) = (plane(axis, axis), plane(axis, 3 + axis));
+                let [lo, hi] = [inside.lo[axis], inside.hi[axis]].map(f64::from);
+                assert!(lower <= lo && hi <= upper, "{lower} to {upper} does not hold {lo} to {hi}");
+                assert!(upper - hi < 2.0 * step[axis] && lo - lower < 2.0 * step[axis], "the box is too large");
             }
-            let (count, first) = ((link >> 27 & 15) as usize, (link & 0x07ff_ffff) as usize);
-            for triangle in tree.triangles[3 * first..3 * (first + count)].chunks(3) {
-                found.push(triangle[0][3].to_bits());
-                let mut own = Bounds::EMPTY;
-                triangle.iter().for_each(|&[x, y, z, _]| own.include([x, y, z]));
-                assert!(bounds.contains(&own));
-            }
+            all = all.union(&inside);
         }
+        all
     }
 
     #[test]
@@ -242,8 +409,14 @@ mod tests {
         for edge in [2, 3, 30] {
             let (positions, triangles) = sheet(edge);
             let tree = MeshTree::build(&positions, &triangles);
-            let mut found = Vec::new();
-            walk(&tree, 0, &Bounds { lo: [-FAR; 3], hi: [FAR; 3] }, &mut found);
+            let item_box = |item: usize| {
+                let mut own = Bounds::EMPTY;
+                tree.triangles[3 * item..3 * item + 3].iter().for_each(|&[x, y, z, _]| own.include([x, y, z]));
+                own
+            };
+            let mut items = Vec::new();
+            walk(&tree.nodes, 0, &item_box, &mut items);
+            let mut found: Vec<u32> = items.iter().map(|&item| tree.triangles[3 * item][3].to_bits()).collect();
             found.sort_unstable();
             assert_eq!(found, (0..triangles.len() as u32).collect::<Vec<_>>());
         }
@@ -256,12 +429,14 @@ mod tests {
     #[test]
     fn the_top_level_leads_to_bodies_that_have_a_box() {
         let cube = |x: f32| Bounds { lo: [x, 0.0, 0.0], hi: [x + 1.0, 1.0, 1.0] };
-        let nodes = top_level(&[cube(0.0), Bounds::EMPTY, cube(2.0), cube(9.0)], 100);
-        let links = nodes.iter().skip(3).step_by(4).flat_map(|&[a, b, ..]| [a.to_bits(), b.to_bits()]);
-        let mut bodies: Vec<u32> = links.clone().filter(|link| link & LEAF != 0).map(|link| link & !LEAF).collect();
+        let boxes = [cube(0.0), Bounds::EMPTY, cube(2.0), cube(9.0)];
+        let tree = TopLevel::build(&boxes);
+        let body = |item: usize| tree.bodies[item][0].to_bits();
+        let mut found = Vec::new();
+        walk(&tree.nodes, 0, &|item| boxes[body(item) as usize], &mut found);
+        let mut bodies: Vec<u32> = found.into_iter().map(body).collect();
         bodies.sort_unstable();
         assert_eq!(bodies, [0, 2, 3]);
-        assert!(links.filter(|link| link & LEAF == 0).all(|link| link == 104), "moved to their place");
-        assert!(top_level(&[Bounds::EMPTY], 0).is_empty());
+        assert!(TopLevel::build(&[Bounds::EMPTY]).nodes.is_empty());
     }
 }

@@ -1,11 +1,9 @@
-// Rays through trees of two levels: boxes of two children a node, triangles in the ray's sheared frame (Woop, Benthin and
-// Wald, 2013), as in plugins/render-cpu's walk.rs. Of hits at equal distance the lower body's wins, within it the lower
-// triangle's. Trees are written by trees.rs.
+// Rays through trees of two levels: compressed nodes of eight boxes (trees.rs says how they are written), triangles in the
+// ray's sheared frame (Woop, Benthin and Wald, 2013), as in plugins/render-cpu's walk.rs. Of hits at equal distance the lower
+// body's wins, within it the lower triangle's.
 
-const LEAF: u32 = 0x80000000u;
-const EMPTY: u32 = 0xffffffffu;
-const BACK: u32 = 0xfffffffeu;
-const STACK: u32 = 64u;
+const STACK: u32 = 48u;
+const NODE_SIZE: u32 = 5u;
 const BAND: f32 = 4.76837158203125e-7;
 const PLACED_BAND: f32 = 1.9073486328125e-6;
 
@@ -16,9 +14,12 @@ struct Ray {
 
 // A ray ready for boxes.
 struct Slabs {
+    origin: vec3<f32>,
     inverse: vec3<f32>,
-    near_shift: vec3<f32>,
-    far_shift: vec3<f32>,
+    // What distances to planes may be off by rounding.
+    band: vec3<f32>,
+    // Exclusive-or of a slot's number and this is the order in which the ray visits it, highest first.
+    order: u32,
 }
 
 fn slabs_of(ray: Ray, reach: f32, band: f32) -> Slabs {
@@ -27,8 +28,8 @@ fn slabs_of(ray: Ray, reach: f32, band: f32) -> Slabs {
     let steepness = 1.0 / max(size, vec3(flattest));
     let inverse = select(steepness, -steepness, ray.direction < vec3(0.0));
     let widened = (max_component(abs(ray.origin)) + reach) * band * steepness;
-    let shift = -ray.origin * inverse;
-    return Slabs(inverse, shift - widened, shift + widened);
+    let order = select(vec3(4u, 2u, 1u), vec3(0u), inverse < vec3(0.0));
+    return Slabs(ray.origin, inverse, widened, order.x | order.y | order.z);
 }
 
 // A ray ready for triangles: runs along z of a permuted, sheared frame.
@@ -106,27 +107,65 @@ fn placed(ray: Ray, instance: u32) -> Placement {
     return Placement(Ray(origin, direction), tree.x, tree.y, bitcast<f32>(tree.z));
 }
 
-struct Entry {
-    // Distances at which the ray enters the boxes of the two children; FAR if it misses one.
-    near: vec2<f32>,
-    links: vec2<u32>,
+// What a ray meets of a node: children, with their slots in the highest byte and the set of all in the lowest; and items.
+struct Met {
+    nodes: vec2<u32>,
+    items: vec2<u32>,
 }
 
-fn test_node(node: u32, s: Slabs, from_: f32, to: f32) -> Entry {
-    let x = geometry[node] * s.inverse.x;
-    let y = geometry[node + 1u] * s.inverse.y;
-    let z = geometry[node + 2u] * s.inverse.z;
-    let links = bitcast<vec4<u32>>(geometry[node + 3u]).xy;
-    // Lower and upper planes of both children by turns.
-    let enter_x = select(x.xz, x.yw, vec2(s.inverse.x < 0.0)) + s.near_shift.x;
-    let leave_x = select(x.yw, x.xz, vec2(s.inverse.x < 0.0)) + s.far_shift.x;
-    let enter_y = select(y.xz, y.yw, vec2(s.inverse.y < 0.0)) + s.near_shift.y;
-    let leave_y = select(y.yw, y.xz, vec2(s.inverse.y < 0.0)) + s.far_shift.y;
-    let enter_z = select(z.xz, z.yw, vec2(s.inverse.z < 0.0)) + s.near_shift.z;
-    let leave_z = select(z.yw, z.xz, vec2(s.inverse.z < 0.0)) + s.far_shift.z;
-    let enter = max(max(enter_x, enter_y), max(enter_z, vec2(from_)));
-    let leave = min(min(leave_x, leave_y), min(leave_z, vec2(to)));
-    return Entry(select(vec2(FAR), enter, enter <= leave), links);
+// Bits of the slots of four children whose boxes a ray meets; planes are bytes of words.
+fn meet_four(
+    meta_: u32,
+    lower: vec3<u32>,
+    upper: vec3<u32>,
+    scale: vec3<f32>,
+    near: vec3<f32>,
+    far: vec3<f32>,
+    order: u32,
+    from_: f32,
+    to: f32,
+) -> u32 {
+    let enter_x = vec4<f32>(unpack4xU8(lower.x)) * scale.x + near.x;
+    let enter_y = vec4<f32>(unpack4xU8(lower.y)) * scale.y + near.y;
+    let enter_z = vec4<f32>(unpack4xU8(lower.z)) * scale.z + near.z;
+    let leave_x = vec4<f32>(unpack4xU8(upper.x)) * scale.x + far.x;
+    let leave_y = vec4<f32>(unpack4xU8(upper.y)) * scale.y + far.y;
+    let leave_z = vec4<f32>(unpack4xU8(upper.z)) * scale.z + far.z;
+    let enter = max(max(enter_x, enter_y), max(enter_z, vec4(from_)));
+    let leave = min(min(leave_x, leave_y), min(leave_z, vec4(to)));
+    // Of nodes the order of the visit instead of the slot, of all the number of bits.
+    let is_node = ((meta_ & (meta_ << 1u)) & 0x10101010u) >> 4u;
+    let at = unpack4xU8((meta_ ^ (order * is_node)) & 0x1f1f1f1fu);
+    let bits_ = unpack4xU8((meta_ >> 5u) & 0x07070707u) << at;
+    let met = select(vec4(0u), bits_, enter <= leave);
+    return met.x | met.y | met.z | met.w;
+}
+
+fn meet_node(node: u32, s: Slabs, from_: f32, to: f32) -> Met {
+    let n0 = geometry[node];
+    let n1 = bitcast<vec4<u32>>(geometry[node + 1u]);
+    let n2 = bitcast<vec4<u32>>(geometry[node + 2u]);
+    let n3 = bitcast<vec4<u32>>(geometry[node + 3u]);
+    let n4 = bitcast<vec4<u32>>(geometry[node + 4u]);
+    let form = bits(n0.w);
+    let step = bitcast<vec3<f32>>(vec3(form & 0xffu, (form >> 8u) & 0xffu, (form >> 16u) & 0xffu) << vec3(23u));
+    let scale = step * s.inverse;
+    let shift = (n0.xyz - s.origin) * s.inverse;
+    let near = shift - s.band;
+    let far = shift + s.band;
+    let negative = s.inverse < vec3(0.0);
+    let lower_a = vec3(n2.x, n2.z, n3.x);
+    let upper_a = vec3(n3.z, n4.x, n4.z);
+    let lower_b = vec3(n2.y, n2.w, n3.y);
+    let upper_b = vec3(n3.w, n4.y, n4.w);
+    let a = meet_four(
+        n1.z, select(lower_a, upper_a, negative), select(upper_a, lower_a, negative), scale, near, far, s.order, from_, to
+    );
+    let b = meet_four(
+        n1.w, select(lower_b, upper_b, negative), select(upper_b, lower_b, negative), scale, near, far, s.order, from_, to
+    );
+    let met = a | b;
+    return Met(vec2(n1.x, (met & 0xff000000u) | (form >> 24u)), vec2(n1.y, met & 0x00ffffffu));
 }
 
 // Whether a hit is nearer than the best so far.
@@ -137,176 +176,186 @@ fn is_nearer(t: f32, instance: u32, primitive: u32, best: Hit) -> bool {
     return instance < best.instance || (instance == best.instance && primitive < best.primitive);
 }
 
-// The first hit of a ray beyond `from_` and before `to`. `seed` decides where surfaces cover in part.
-fn closest(top_level: u32, world_ray: Ray, from_: f32, to: f32, seed: u32) -> Hit {
-    var best = no_hit();
-    best.t = to;
-    let size = max_component(abs(world_ray.direction));
-    if top_level == NONE || !(size > 1e-24 && size < FAR) {
-        return no_hit();
-    }
-    var stack: array<u32, STACK>;
-    var height = 0u;
-    var link = top_level;
-    var instance = NONE;
-    var ray = world_ray;
-    let world_slabs = slabs_of(world_ray, view.reach, PLACED_BAND);
-    var slabs = world_slabs;
-    var shear = Shear(vec3(0.0), vec3(0.0), 0u);
-    var triangles = 0u;
-    loop {
-        if (link & LEAF) == 0u {
-            let entry = test_node(link, slabs, from_, best.t);
-            let first = entry.near.x < FAR;
-            let second = entry.near.y < FAR;
-            if first && second {
-                let swap = entry.near.y < entry.near.x;
-                stack[min(height, STACK - 1u)] = select(entry.links.y, entry.links.x, swap);
-                height += 1u;
-                link = select(entry.links.x, entry.links.y, swap);
-                continue;
-            }
-            if first || second {
-                link = select(entry.links.y, entry.links.x, first);
-                continue;
-            }
-        } else if link == BACK {
-            instance = NONE;
-            slabs = world_slabs;
-        } else if instance == NONE {
-            // A body: on with its tree, and back when that is done.
-            instance = link & ~LEAF;
-            let p = placed(world_ray, instance);
-            ray = p.ray;
-            slabs = slabs_of(ray, p.reach, BAND);
-            shear = shear_of(ray);
-            triangles = p.triangles;
-            stack[min(height, STACK - 1u)] = BACK;
-            height += 1u;
-            link = p.root;
-            continue;
-        } else {
-            let count = (link >> 27u) & 15u;
-            let start = triangles + (link & 0x07ffffffu) * 3u;
-            for (var i = 0u; i < count; i++) {
-                let a = geometry[start + 3u * i];
-                let b = geometry[start + 3u * i + 1u];
-                let c = geometry[start + 3u * i + 2u];
-                let found = test_triangle(shear, a.xyz, b.xyz, c.xyz);
-                let primitive = bitcast<u32>(a.w);
-                if found.hit && found.t >= from_ && is_nearer(found.t, instance, primitive, best) {
-                    let hit = Hit(found.t, found.u, found.v, primitive, instance);
-                    var solid = true;
-                    if CUTOUTS && (body_flags(instance) & BODY_CUTOUTS) != 0u {
-                        let position = world_ray.origin + world_ray.direction * hit.t;
-                        solid = is_solid(hit, position, alpha_random(seed, hit));
-                    }
-                    if solid {
-                        best = hit;
-                    }
-                }
-            }
-        }
-        if height == 0u {
-            break;
-        }
-        height -= 1u;
-        link = stack[height];
-    }
-    if best.instance == NONE {
-        return no_hit();
-    }
-    return best;
-}
+// What a walk looks for: the first hit of all bodies; what light passes; the first hit in every body, or in every object.
+const FIRST: u32 = 0u;
+const PASSAGE_OF_LIGHT: u32 = 1u;
+const EVERY_BODY: u32 = 2u;
+const EVERY_OBJECT: u32 = 3u;
 
-struct Passed {
+struct Walked {
+    // First hit of all that were looked for.
+    hit: Hit,
+    // What passes of light, and through how many panes; black if a surface occludes it.
     transmittance: vec3<f32>,
     panes: u32,
-    occluded: bool,
+    // Nearest hit of a body from `view.foreground` on, in a walk for every body.
+    support: f32,
 }
 
-// What light passes from a point on a straight way up to a distance: nothing if a surface occludes it.
-fn visibility(world_ray: Ray, to: f32, seed: u32) -> Passed {
-    var passed = Passed(vec3(1.0), 0u, false);
-    if view.top_level == NONE {
-        return passed;
+// A tree of two levels.
+struct TopLevel {
+    root: u32,
+    // The first entry of its bodies.
+    items: u32,
+}
+
+fn top_level_of_all() -> TopLevel {
+    return TopLevel(view.top_level, view.top_items);
+}
+
+fn top_level_of_seen() -> TopLevel {
+    return TopLevel(view.seen, view.seen_items);
+}
+
+// Adds the first hit in a body to what a walk found.
+fn add_body(walked: ptr<function, Walked>, hit: Hit, members: u32) {
+    if hit.instance == NONE {
+        return;
     }
-    var stack: array<u32, STACK>;
+    if is_nearer(hit.t, hit.instance, 0u, (*walked).hit) {
+        (*walked).hit = hit;
+    }
+    if hit.instance >= view.foreground {
+        (*walked).support = min((*walked).support, hit.t);
+    }
+    if hit.instance < view.objects && members != NONE {
+        output[members + hit.instance / 32u] |= 1u << (hit.instance % 32u);
+    }
+}
+
+// Walks a ray through what is between two distances. `seed` decides where surfaces cover in part. In a walk for
+// every body or object `members` is the first word of a set to which the objects that are hit are added, or NONE.
+fn walk(look_for: u32, top: TopLevel, world_ray: Ray, from_: f32, to: f32, seed: u32, members: u32) -> Walked {
+    var walked = Walked(no_hit(), vec3(1.0), 0u, FAR);
+    let size = max_component(abs(world_ray.direction));
+    if top.root == NONE || !(size > 1e-24 && size < FAR) {
+        return walked;
+    }
+    var best = no_hit();
+    best.t = to;
+    var stack: array<vec2<u32>, STACK>;
     var height = 0u;
-    var link = view.top_level;
+    // Height at which the walk of a body ends.
+    var floor_ = 0u;
+    // Nodes to visit: index of the first child; order of visits in the highest byte, slots with nodes in the lowest. Below
+    // 1 << 24 it is items: index of the first, and the set of those to test.
+    var group = vec2(0u, 0x80000000u);
+    var root = top.root;
     var instance = NONE;
     var flags = 0u;
-    var ray = world_ray;
     let world_slabs = slabs_of(world_ray, view.reach, PLACED_BAND);
     var slabs = world_slabs;
     var shear = Shear(vec3(0.0), vec3(0.0), 0u);
     var triangles = 0u;
     loop {
-        if (link & LEAF) == 0u {
-            let entry = test_node(link, slabs, 0.0, to);
-            let first = entry.near.x < FAR;
-            let second = entry.near.y < FAR;
-            if first && second {
-                let swap = entry.near.y < entry.near.x;
-                stack[min(height, STACK - 1u)] = select(entry.links.y, entry.links.x, swap);
+        var items = group;
+        if group.y > 0x00ffffffu {
+            let place = firstLeadingBit(group.y);
+            let slot = (place - 24u) ^ (slabs.order & 7u);
+            let node = group.x + countOneBits(group.y & 0xffu & ~(0xffffffffu << slot));
+            group.y &= ~(1u << place);
+            if group.y > 0x00ffffffu {
+                stack[min(height, STACK - 1u)] = group;
                 height += 1u;
-                link = select(entry.links.x, entry.links.y, swap);
-                continue;
             }
-            if first || second {
-                link = select(entry.links.y, entry.links.x, first);
-                continue;
-            }
-        } else if link == BACK {
-            instance = NONE;
-            slabs = world_slabs;
-        } else if instance == NONE {
-            instance = link & ~LEAF;
-            flags = body_flags(instance);
-            let p = placed(world_ray, instance);
-            ray = p.ray;
-            slabs = slabs_of(ray, p.reach, BAND);
-            shear = shear_of(ray);
-            triangles = p.triangles;
-            stack[min(height, STACK - 1u)] = BACK;
-            height += 1u;
-            link = p.root;
-            continue;
+            let met = meet_node(root + node * NODE_SIZE, slabs, from_, best.t);
+            group = met.nodes;
+            items = met.items;
         } else {
-            let count = (link >> 27u) & 15u;
-            let start = triangles + (link & 0x07ffffffu) * 3u;
-            for (var i = 0u; i < count; i++) {
-                let a = geometry[start + 3u * i];
-                let b = geometry[start + 3u * i + 1u];
-                let c = geometry[start + 3u * i + 2u];
-                let found = test_triangle(shear, a.xyz, b.xyz, c.xyz);
-                if !found.hit || found.t < 0.0 || found.t > to {
+            group = vec2(0u);
+        }
+        while items.y != 0u {
+            let item = items.x + firstTrailingBit(items.y);
+            items.y &= items.y - 1u;
+            if instance == NONE {
+                let body = bits(geometry[top.items + item].x);
+                if look_for == EVERY_OBJECT && body >= view.objects {
                     continue;
                 }
-                let hit = Hit(found.t, found.u, found.v, bitcast<u32>(a.w), instance);
-                if CUTOUTS && (flags & BODY_CUTOUTS) != 0u {
-                    let position = world_ray.origin + world_ray.direction * hit.t;
-                    if !is_solid(hit, position, alpha_random(seed, hit)) {
-                        continue;
-                    }
+                // On with its tree; the rest comes later.
+                if items.y != 0u {
+                    stack[min(height, STACK - 1u)] = items;
+                    height += 1u;
                 }
+                if group.y > 0x00ffffffu {
+                    stack[min(height, STACK - 1u)] = group;
+                    height += 1u;
+                }
+                instance = body;
+                flags = body_flags(instance);
+                floor_ = height;
+                let p = placed(world_ray, instance);
+                slabs = slabs_of(p.ray, p.reach, BAND);
+                shear = shear_of(p.ray);
+                root = p.root;
+                triangles = p.triangles;
+                group = vec2(0u, 0x80000000u);
+                break;
+            }
+            let at = triangles + 3u * item;
+            let a = geometry[at];
+            let b = geometry[at + 1u];
+            let c = geometry[at + 2u];
+            let found = test_triangle(shear, a.xyz, b.xyz, c.xyz);
+            if !found.hit || found.t < from_ {
+                continue;
+            }
+            let hit = Hit(found.t, found.u, found.v, bits(a.w), instance);
+            if look_for == PASSAGE_OF_LIGHT {
+                if found.t > to {
+                    continue;
+                }
+            } else if !is_nearer(hit.t, instance, hit.primitive, best) {
+                continue;
+            }
+            if CUTOUTS && (flags & BODY_CUTOUTS) != 0u {
+                let position = world_ray.origin + world_ray.direction * hit.t;
+                var solid = true;
+                if look_for >= EVERY_BODY {
+                    solid = is_labeled(hit, position);
+                } else {
+                    solid = is_solid(hit, position, alpha_random(seed, hit));
+                }
+                if !solid {
+                    continue;
+                }
+            }
+            if look_for == PASSAGE_OF_LIGHT {
                 var transmittance = vec3(0.0);
                 if PANES && (flags & BODY_PANES) != 0u {
                     transmittance = transmittance_of_pane(hit, world_ray.origin, world_ray.direction);
                 }
-                passed.transmittance *= transmittance;
-                passed.panes += 1u;
+                walked.transmittance *= transmittance;
+                walked.panes += 1u;
                 if is_black(transmittance) {
-                    passed.occluded = true;
-                    return passed;
+                    walked.transmittance = vec3(0.0);
+                    return walked;
                 }
+            } else {
+                best = hit;
             }
         }
-        if height == 0u {
-            break;
+        if group.y <= 0x00ffffffu {
+            if instance != NONE && height == floor_ {
+                // Done with a body.
+                if look_for >= EVERY_BODY {
+                    add_body(&walked, best, members);
+                    best = no_hit();
+                    best.t = to;
+                }
+                instance = NONE;
+                slabs = world_slabs;
+                root = top.root;
+            }
+            if height == 0u {
+                break;
+            }
+            height -= 1u;
+            group = stack[height];
         }
-        height -= 1u;
-        link = stack[height];
     }
-    return passed;
+    if look_for == FIRST && best.instance != NONE {
+        walked.hit = best;
+    }
+    return walked;
 }

@@ -46,9 +46,11 @@ struct View {
     // Of the scene.
     objects: u32,
     foreground: u32,
+    // Root of the top level, and the first of its bodies; the same of what camera rays meet.
     top_level: u32,
-    // Of what camera rays meet.
+    top_items: u32,
     seen: u32,
+    seen_items: u32,
     // Largest absolute coordinate of the top level.
     reach: f32,
     // Of the sampler.
@@ -70,7 +72,9 @@ struct View {
     albedo_at: u32,
     coverage_at: u32,
     before_at: u32,
-    unused: u32,
+    unused_0: u32,
+    unused_1: u32,
+    unused_2: u32,
 }
 
 const WARPED: u32 = 1u;
