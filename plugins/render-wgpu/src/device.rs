@@ -371,8 +371,8 @@ impl Device {
     }
 
     /// Starts work.
-    pub fn submit(&self, encoder: wgpu::CommandEncoder) {
-        self.queue.submit([encoder.finish()]);
+    pub fn submit(&self, encoder: wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
+        self.queue.submit([encoder.finish()])
     }
 
     /// Starts work that ends by copying the first elements of a buffer to a readable one, waits for it, and gives them to
@@ -387,11 +387,12 @@ impl Device {
     ) -> Result<R> {
         let bytes = count * size_of::<T>() as u64;
         encoder.copy_buffer_to_buffer(from, 0, through, 0, bytes);
-        self.submit(encoder);
+        // Other sessions of the device go on meanwhile.
+        let submission_index = Some(self.submit(encoder));
         let mapped = Arc::new(Mutex::new(None));
         let answer = mapped.clone();
         through.map_async(wgpu::MapMode::Read, 0..bytes, move |result| *answer.lock() = Some(result));
-        let waited = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
+        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
         self.check()?;
         let hung = |error: wgpu::PollError| {
             self.lost.store(true, Ordering::Relaxed);
