@@ -90,6 +90,6 @@ impl Tuning {
     /// The levels of a filter that has `levels` of them: how far apart taps are, px, and how unlike their light may be, in
     /// standard deviations, for a strength of 1.
     pub fn levels(&self, levels: u32) -> impl Iterator<Item = (u32, f32)> {
-        self.levels.iter().copied().take_while(move |(step, _)| *step < 1 << levels)
+        self.levels.iter().copied().take_while(move |(step, _)| step.checked_shr(levels).unwrap_or(0) == 0)
     }
 }
