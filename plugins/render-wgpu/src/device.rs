@@ -1,12 +1,13 @@
 //! A device: its limits, its kernels, and how its errors reach the caller.
 
+use crate::guided;
 use bytemuck::Pod;
 use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::fmt;
 use std::num::NonZeroU64;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
 
@@ -117,6 +118,7 @@ pub struct Device {
     /// First error since it was last asked for.
     failure: Arc<Mutex<Option<String>>>,
     lost: Arc<AtomicBool>,
+    guided: OnceLock<Arc<guided::Kernels>>,
 }
 
 /// The buffers of a bind group, in the order of their bindings.
@@ -252,6 +254,7 @@ impl Device {
             pipelines: Mutex::default(),
             failure,
             lost,
+            guided: OnceLock::new(),
         };
         opened.check()?;
         Ok(opened)
@@ -411,5 +414,15 @@ impl Device {
         };
         through.unmap();
         Ok(result)
+    }
+
+    /// The device itself.
+    pub(crate) fn wgpu(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// The kernels of the denoiser, compiled at first use.
+    pub(crate) fn guided(&self) -> Arc<guided::Kernels> {
+        self.guided.get_or_init(|| Arc::new(guided::Kernels::new(&self.device))).clone()
     }
 }

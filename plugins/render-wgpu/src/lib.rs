@@ -3,7 +3,7 @@
 //! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
 //! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `tables`
 //! and `arena`, how scenes lie in buffers; `device`, kernels and errors; `session`, the rendering of views; `gpu_path`, the
-//! stage. The shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
+//! stage; and `guided`, the denoiser of that name on the images that it renders. The shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
 //!
 //! **Invariants.** The same device makes the same bytes: paths are numbered, each is computed by itself, and the samples of
 //! a pixel are added in their order. The CPU's numbers are found up to rounding.
@@ -11,9 +11,11 @@
 mod arena;
 mod device;
 mod gpu_path;
+mod guided;
 mod session;
 mod tables;
 mod trees;
 
-pub use device::{AdapterInfo, adapters};
+pub use device::{AdapterInfo, Adapters, Device, adapters};
 pub use gpu_path::{GpuPath, GpuPathRenderer};
+pub use guided::{GuidedFilter, Sections};

@@ -5,15 +5,10 @@
 //! the mean of the noisy image is right, and the filtered one is scaled to it.
 
 use super::luminance;
+use super::tuning::{CELL_WEIGHTS, LEAST_RESTORED, MOST_RESTORED};
 
 /// Edge of the squares over which light is added up, px. Neighboring squares are averaged with a deviation of one square.
-const CELL: usize = 32;
-
-/// Light of a pixel that counts at most, as a multiple of what it is after the filter.
-const MOST: f32 = 30.0;
-
-/// What a dark pixel counts as in that, as a fraction of the mean.
-const LEAST: f32 = 0.05;
+const CELL: usize = super::tuning::CELL as usize;
 
 /// Light in squares, before and after.
 struct Cells {
@@ -28,11 +23,11 @@ pub(super) fn restore(width: usize, before: &[[f32; 3]], after: &mut [[f32; 3]],
     let is_surface: Vec<bool> = (0..after.len()).map(surface).collect();
     let lit = after.iter().zip(&is_surface).filter(|(_, surface)| **surface);
     let (sum, count) = lit.fold((0.0, 0_u32), |(sum, n), (light, _)| (sum + f64::from(luminance(*light)), n + 1));
-    let least = LEAST * (sum / f64::from(count.max(1))) as f32;
+    let least = LEAST_RESTORED * (sum / f64::from(count.max(1))) as f32;
     let mut cells = Cells::new(width, after.len() / width.max(1));
     for (pixel, (before, after)) in before.iter().zip(&*after).enumerate().filter(|(pixel, _)| is_surface[*pixel]) {
         let (before, after) = (luminance(*before), luminance(*after));
-        cells.add(pixel % width, pixel / width, before.min(MOST * after.max(least)), after);
+        cells.add(pixel % width, pixel / width, before.min(MOST_RESTORED * after.max(least)), after);
     }
     let factors = cells.factors();
     for (pixel, light) in after.iter_mut().enumerate().filter(|(pixel, _)| is_surface[*pixel]) {
@@ -78,13 +73,12 @@ impl Cells {
     }
 }
 
-/// Sums over neighbors along one axis, whose squares are `stride` apart and `count` in number, with the weights of a
-/// binomial of variance 1.
+/// Sums over neighbors along one axis, whose squares are `stride` apart and `count` in number.
 fn blurred(sums: &[[f64; 2]], count: usize, stride: usize) -> Vec<[f64; 2]> {
     let sum = |at: usize| {
         let place = at / stride % count;
         let mut total = [0.0; 2];
-        for (offset, weight) in (-2_isize..).zip([1.0, 4.0, 6.0, 4.0, 1.0]) {
+        for (offset, weight) in (-2_isize..).zip(CELL_WEIGHTS.map(f64::from)) {
             let Some(there) = place.checked_add_signed(offset).filter(|there| *there < count) else { continue };
             let light = sums[at + there * stride - place * stride];
             total = [total[0] + weight * light[0], total[1] + weight * light[1]];

@@ -1,6 +1,7 @@
 //! Guides: normals, the planes of pixels, ids, and albedo where bodies are mixed.
 
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
+use super::tuning::{BORDER_COLOR, BORDER_NORMAL, END, PLANE};
 use syntable_model::context::Workers;
 
 /// Id of the margin; no tap takes anything from what has a negative id.
@@ -8,15 +9,6 @@ pub(super) const NOTHING: f32 = -1.0;
 
 /// Id of pixels that show a light, the sky or nothing.
 pub(super) const NO_SURFACE: f32 = -2.0;
-
-/// Relative distance from a pixel's plane that costs one e-fold.
-const PLANE: f32 = 0.055;
-
-/// At the border of bodies: what a squared difference of normals costs, as a fraction of what it costs elsewhere.
-const BORDER_NORMAL: f32 = 0.37;
-
-/// At the border of bodies: e-folds for each squared difference of the colors' luminance.
-const BORDER_COLOR: f32 = 17.0;
 
 /// The guides of an image.
 pub(super) struct Guides {
@@ -59,7 +51,7 @@ impl Guides {
     }
 
     /// For the taps at an offset of `(dx, dy)` px from a chunk: minus the logarithm of how much they are worth, before any
-    /// light is looked at; from 8 on they are worth nothing. `per_normal` is what a squared difference of normals costs.
+    /// light is looked at; from [`END`] on they are worth nothing. `per_normal` is what a squared difference of normals costs.
     ///
     /// Inside a body, taps must be of that body and near its plane. At its border a pixel shows two bodies, and its depth
     /// and id are of one of them: there the mean normal and color alone decide.
@@ -81,8 +73,8 @@ impl Guides {
             let inside = turned + off / (PLANE * pw[i] + 1e-9);
             let color = pc[i] - qc[i];
             let mixed = turned * BORDER_NORMAL + color * color * BORDER_COLOR;
-            let inside = if pi[i] == qi[i] { inside } else { 8.0 };
-            let mixed = if qi[i] >= 0.0 { mixed } else { 8.0 };
+            let inside = if pi[i] == qi[i] { inside } else { END };
+            let mixed = if qi[i] >= 0.0 { mixed } else { END };
             out[i] = if border[i] > 0.0 { mixed } else { inside };
         }
         out
@@ -113,10 +105,10 @@ fn slope(disparity: &Padded, id: &Padded, at: usize, step: usize) -> Chunk {
     })
 }
 
-/// About exp(−x) for x ≥ 0, and exactly 0 from 8 on.
+/// About exp(−x) for x ≥ 0, and exactly 0 from [`END`] on.
 #[inline(always)]
 pub(super) fn falloff(x: f32) -> f32 {
-    let t = 1.0 - x * 0.125;
+    let t = 1.0 - x * (1.0 / END);
     let t = if t > 0.0 { t } else { 0.0 };
     let t2 = t * t;
     let t4 = t2 * t2;

@@ -17,7 +17,7 @@ mod guides;
 mod noise;
 mod planes;
 mod smooth;
-mod tuning;
+pub mod tuning;
 
 use guides::{Guides, NO_SURFACE, NOTHING};
 use planes::{CHUNK, ChunkPosition, Padded, Size, fill};
@@ -28,17 +28,7 @@ use syntable_model::product::standard::{
     DEMODULATION_EPSILON, DENOISE_ALBEDO, DENOISE_NORMAL, DENOISER, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED,
     RADIANCE_DEMODULATED_VARIANCE, RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
 };
-use tuning::Tuning;
-
-/// Maximum radiance, nits, so that its square is finite.
-const MOST: f32 = 1e12;
-
-/// Length of the mean normal of a pixel beside the sky or a light from which on it shows a surface alone. Samples without a
-/// surface have no normal.
-const WHOLE: f32 = 0.99;
-
-/// Assumed difference between the radiance of a pixel and the product of mean albedo and mean light, as a fraction of it.
-const RESIDUAL: f32 = 0.2;
+use tuning::{MOST_NITS, NEAREST, RESIDUAL, Tuning, WHOLE};
 
 /// Removes noise from images of few samples by averaging over similar neighbors, guided by albedo, normals, depth and ids.
 /// Runs on the CPU, gives the same image on every machine, and needs nothing installed.
@@ -122,14 +112,13 @@ impl Guided {
         // A guess from the neighbors is good enough for the filter, but no reason to trust a pixel's own light.
         let noise_before = if known { noise.signal.variance.clone() } else { Padded::new(size, f32::INFINITY) };
         let (mut now, mut next) = (noise.signal, signal);
-        let levels = tuning.levels.iter().take_while(|(step, _)| *step < 1 << self.levels);
-        for (number, &(step, sigmas)) in levels.enumerate() {
+        for (number, (step, sigmas)) in tuning.levels(self.levels).enumerate() {
             let level = Level {
                 guides,
                 tuning,
                 from: &now,
                 pilot: (number == 0).then_some(&noise.pilot),
-                step,
+                step: step as usize,
                 sigmas: sigmas * strength,
                 pilot_sigmas: tuning.pilot_sigmas * strength,
             };
@@ -212,7 +201,7 @@ impl Input<'_> {
     /// Whether the ray through the center meets a surface.
     fn meets_surface(&self, pixel: usize) -> bool {
         let depth = self.depth.data()[pixel];
-        self.instance.data()[pixel].0 != 0 && depth.is_finite() && depth > 1e-6
+        self.instance.data()[pixel].0 != 0 && depth.is_finite() && depth > NEAREST
     }
 
     /// Whether all rays through a pixel meet surfaces that look the same way.
@@ -246,7 +235,7 @@ impl Input<'_> {
             }
             Part::Diffuse => self.parts[Part::Diffuse as usize].data()[pixel],
         };
-        light.map(|nits| if nits.is_finite() { nits.clamp(0.0, MOST) } else { 0.0 })
+        light.map(|nits| if nits.is_finite() { nits.clamp(0.0, MOST_NITS) } else { 0.0 })
     }
 
     /// A part of the radiance.
@@ -264,7 +253,7 @@ impl Input<'_> {
                 let bright = luminance(light);
                 let variance = self.variances[part as usize].data()[pixel];
                 let variance = if variance.is_finite() && variance >= 0.0 { variance } else { bright * bright };
-                let pixel = [light[0], light[1], light[2], bright, variance.min(MOST * MOST)];
+                let pixel = [light[0], light[1], light[2], bright, variance.min(MOST_NITS * MOST_NITS)];
                 out.iter_mut().zip(pixel).for_each(|(chunk, number)| chunk[i] = number);
             }
             out
@@ -311,7 +300,7 @@ impl Input<'_> {
             // What it is instead is known as well as the pixel's own light is.
             let (own, scale) = (self.radiance.data()[pixel], luminance(factor));
             let noise = diffuse.noise_before.at(at) * scale * scale + specular.noise_before.at(at);
-            let error = (RESIDUAL * luminance(own)).powi(2);
+            let error = (RESIDUAL * luminance(own).min(MOST_NITS)).powi(2);
             let trust = (error / (error + noise + 1e-30)).powi(2);
             let border = guides.border.at(at) > 0.0;
             let [demodulated, mirrored] =

@@ -3,18 +3,12 @@
 use super::Signal;
 use super::guides::{Guides, falloff};
 use super::planes::{CHUNK, Chunk, Padded, Size, fill};
-use super::tuning::Tuning;
+use super::tuning::{FEWEST, PRIOR, SURE, Tuning};
 use syntable_model::context::Workers;
 use syntable_simd::{Processor, Simd, Task};
 
 /// Radius of the window, px.
-const REACH: isize = 3;
-
-/// Number of standard deviations below a pixel's own estimate up to which its light is never clamped.
-const SURE: f32 = 3.0;
-
-/// Weight, in taps, of the window without guides, so that a pixel without similar neighbors does not count as noise-free.
-const PRIOR: f32 = 0.7;
+const REACH: isize = super::tuning::REACH as isize;
 
 /// Estimates from the window.
 pub(super) struct Noise {
@@ -107,7 +101,7 @@ fn look(guides: &Guides, from: &Signal, known: bool, tuning: &Tuning, at: usize,
         // Light that the pixel's own samples agree on is not clamped.
         let sure = if known { l[i] - SURE * v[i].sqrt() } else { 0.0 };
         let limit = if usual > sure { usual } else { sure };
-        let kept = if w1[i] > 3.0 && l[i] > limit { limit } else { l[i] };
+        let kept = if w1[i] > FEWEST && l[i] > limit { limit } else { l[i] };
         let factor = kept / (l[i] + 1e-30);
         let factor = if kept < l[i] { factor } else { 1.0 };
         let loose = all_l[i] / (all[i] + 1e-6);

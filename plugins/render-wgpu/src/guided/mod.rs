@@ -1,0 +1,287 @@
+//! The filter `guided` of `syntable-denoise` on a device: the same steps with the same numbers.
+//!
+//! Kernels, from first to last: `surfaces` and `borders` write guides and light, `noise` estimates noise and clamps
+//! fireflies, `level` filters one part at one distance, `join` adds the parts up, and `average`, `brightness`, `factors` and
+//! `restore` give the image its energy back. Sums are added in one order, so that the same device makes the same bytes.
+
+mod kernels;
+
+use crate::device::Device;
+use bytemuck::{Pod, Zeroable};
+pub(crate) use kernels::Kernels;
+use std::sync::Arc;
+use syntable_denoise::guided::Guided;
+use syntable_denoise::guided::tuning::{CELL, DIFFUSE, SPECULAR, Tuning};
+use syntable_model::error::{Error, Result};
+
+/// Bytes between the uniforms of two dispatches.
+const STRIDE: usize = 256;
+
+/// Edge of the workgroups of most kernels, px.
+const GROUP: u32 = 8;
+
+/// A plane that is not there.
+const NONE: u32 = u32::MAX;
+
+/// Where the planes of an image are in a buffer of 32-bit words: the first word of each.
+///
+/// Planes are row-major, without gaps, and of floats unless another type is said; colors and normals are interleaved, three
+/// words per pixel. Infinite numbers are written as 3.0e38, which is also what larger ones count as; no number is NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sections {
+    /// Radiance, linear Rec. 709, nits: three words per pixel.
+    pub radiance: u32,
+    /// What of it was reflected specularly at the first surface: three words per pixel.
+    pub specular: u32,
+    /// Variance of the luminance of the specular radiance; 3.0e38 where it is not known. `None` if it is known of no pixel,
+    /// as where all have one sample.
+    pub specular_variance: Option<u32>,
+    /// The rest, sample by sample divided by base color + `DEMODULATION_EPSILON`: three words per pixel.
+    pub demodulated: u32,
+    /// Variance of its luminance, as that of the specular radiance.
+    pub demodulated_variance: Option<u32>,
+    /// Mean base color, 0 to 1: three words per pixel.
+    pub albedo: u32,
+    /// Mean normal, camera frame, shorter than 1 where samples differ or have none: three words per pixel.
+    pub normal: u32,
+    /// Depth of the ray through the center, m; 3.0e38 where it meets nothing.
+    pub depth: u32,
+    /// Id of the body that it meets, an integer below 2²⁴; 0 for the background and lights.
+    pub instance: u32,
+}
+
+impl Sections {
+    /// First words of the planes that are there, and how many words a pixel has.
+    fn planes(&self) -> impl Iterator<Item = (u32, u64)> {
+        let colors = [self.radiance, self.specular, self.demodulated, self.albedo, self.normal];
+        let numbers = [self.depth, self.instance];
+        let variances = [self.specular_variance, self.demodulated_variance].into_iter().flatten();
+        let numbers = numbers.into_iter().chain(variances).map(|first| (first, 1));
+        colors.into_iter().map(|first| (first, 3)).chain(numbers)
+    }
+}
+
+/// The filter on a device, and buffers that grow with its images.
+pub struct GuidedFilter {
+    device: Arc<Device>,
+    kernels: Arc<Kernels>,
+    shapes: wgpu::Buffer,
+    bodies: wgpu::Buffer,
+    places: wgpu::Buffer,
+    /// Light of both parts, before a level and after it.
+    lights: [wgpu::Buffer; 2],
+    cells: wgpu::Buffer,
+}
+
+/// Planes of four floats per pixel in the two buffers of light: both parts, and pilots in the second.
+const LIGHT_PLANES: [u64; 2] = [2, 3];
+
+/// `Work` in `bindings.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Work {
+    size: [u32; 2],
+    cells: [u32; 2],
+    radiance: u32,
+    specular: u32,
+    specular_variance: u32,
+    demodulated: u32,
+    demodulated_variance: u32,
+    albedo: u32,
+    normal: u32,
+    depth: u32,
+    instance: u32,
+    output: u32,
+    ends_in: [u32; 2],
+    part: u32,
+    step: u32,
+    per_light: f32,
+    per_pilot: f32,
+    kernel: [f32; 4],
+    normal_scale: f32,
+    normal_least: f32,
+    normal_most: f32,
+    unused: f32,
+}
+
+impl GuidedFilter {
+    /// Compiles the kernels, unless the device has them.
+    pub fn new(device: Arc<Device>) -> Result<Self> {
+        let kernels = device.guided();
+        let empty = |label| device.storage(label, 0);
+        let (shapes, bodies, places) = (empty("shapes")?, empty("bodies")?, empty("places")?);
+        let (lights, cells) = ([empty("lights")?, empty("lights and pilots")?], empty("cells")?);
+        Ok(Self { device, kernels, shapes, bodies, places, lights, cells })
+    }
+
+    /// Records the filtering of an image of `width × height`. When the encoder's work is done, `output` has the radiance from
+    /// the given word on, three words per pixel; other words stay.
+    ///
+    /// The buffers are two, for kernels (`STORAGE`). Images may be recorded one after the other: the device keeps their
+    /// order. A plane that reaches beyond its buffer, and an image that is too large for the device, are errors.
+    pub fn record(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        size: [u32; 2],
+        input: &wgpu::Buffer,
+        sections: Sections,
+        options: &Guided,
+        output: (&wgpu::Buffer, u32),
+    ) -> Result<()> {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        if pixels == 0 {
+            return Ok(());
+        }
+        let fits = |buffer: &wgpu::Buffer, (first, words): (u32, u64)| {
+            let end = u64::from(first) + words * pixels;
+            end <= u64::from(NONE).min(buffer.size() / 4)
+        };
+        if !sections.planes().all(|plane| fits(input, plane)) || !fits(output.0, (output.1, 3)) {
+            let [width, height] = size;
+            return Err(Error::new(format!("planes of {width} × {height} px reach beyond their buffers")));
+        }
+        let cells = size.map(|edge| edge.div_ceil(CELL));
+        self.make_room(pixels, u64::from(cells[0]) * u64::from(cells[1]) + 1)?;
+
+        let all = image(size, sections, output.1);
+        let parts = [levels(options, &DIFFUSE, 0), levels(options, &SPECULAR, 1)];
+        // The noise kernel writes the second buffer; levels go back and forth.
+        let ends_in = parts.each_ref().map(|levels| (levels.len() % 2) as u32);
+        let levels: Vec<(usize, Level)> = parts.into_iter().flat_map(|levels| levels.into_iter().enumerate()).collect();
+        let works = std::iter::once(Work { ends_in, ..all }).chain(levels.iter().map(|(_, level)| level.of(all)));
+        let uniforms = self.uniforms(&works.collect::<Vec<_>>())?;
+        let bind = |[from, to]: [usize; 2]| {
+            let storage = [
+                input,
+                output.0,
+                &self.shapes,
+                &self.bodies,
+                &self.places,
+                &self.lights[from],
+                &self.lights[to],
+                &self.cells,
+            ];
+            self.kernels.bind(self.device.wgpu(), storage, &uniforms, size_of::<Work>() as u64)
+        };
+        let [forth, back] = [bind([0, 1]), bind([1, 0])];
+
+        let kernels = &self.kernels;
+        let groups = size.map(|edge| edge.div_ceil(GROUP));
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let mut dispatch = |kernel, group, work: usize, [x, y]: [u32; 2]| {
+            pass.set_pipeline(kernel);
+            pass.set_bind_group(0, group, &[(work * STRIDE) as u32]);
+            pass.dispatch_workgroups(x, y, 1);
+        };
+        dispatch(&kernels.surfaces, &back, 0, groups);
+        dispatch(&kernels.borders, &back, 0, groups);
+        dispatch(&kernels.noise, &forth, 0, groups);
+        for (work, (number, _)) in levels.iter().enumerate() {
+            dispatch(&kernels.level, if number % 2 == 0 { &back } else { &forth }, work + 1, groups);
+        }
+        dispatch(&kernels.join, &forth, 0, cells);
+        dispatch(&kernels.average, &forth, 0, [1; 2]);
+        dispatch(&kernels.brightness, &forth, 0, cells);
+        dispatch(&kernels.factors, &forth, 0, cells.map(|count| count.div_ceil(GROUP)));
+        dispatch(&kernels.restore, &forth, 0, groups);
+        drop(pass);
+        self.device.check()
+    }
+
+    /// Makes room for an image.
+    fn make_room(&mut self, pixels: u64, cells: u64) -> Result<()> {
+        let Self { device, shapes, bodies, places, lights: [first, second], cells: of_cells, .. } = self;
+        let sizes = [
+            (shapes, "shapes", 16 * pixels),
+            (bodies, "bodies", 8 * pixels),
+            (places, "places", 16 * pixels),
+            (first, "lights", 16 * LIGHT_PLANES[0] * pixels),
+            (second, "lights and pilots", 16 * LIGHT_PLANES[1] * pixels),
+            (of_cells, "cells", 16 * cells),
+        ];
+        for (buffer, label, bytes) in sizes {
+            if bytes > device.max_buffer() {
+                let (name, mib) = (device.name(), bytes >> 20);
+                return Err(Error::new(format!("the filter needs {mib} MiB, which a buffer of {name} does not hold"))
+                    .help("lower the resolution, or render with `cpu_path`")
+                    .permanent());
+            }
+            if buffer.size() < bytes {
+                *buffer = device.storage(label, bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A buffer of the uniforms of dispatches. It is a new one per image, since those before may not be filtered yet.
+    fn uniforms(&self, works: &[Work]) -> Result<wgpu::Buffer> {
+        let mut bytes = vec![0; works.len() * STRIDE];
+        for (bytes, work) in bytes.chunks_exact_mut(STRIDE).zip(works) {
+            bytes[..size_of::<Work>()].copy_from_slice(bytemuck::bytes_of(work));
+        }
+        let uniforms = self.device.uniforms("guided", bytes.len() as u64)?;
+        self.device.write(&uniforms, 0, &bytes);
+        Ok(uniforms)
+    }
+}
+
+/// A level of a part.
+struct Level {
+    part: u32,
+    tuning: &'static Tuning,
+    step: u32,
+    /// Differences of light, and of means where they count, that cost one e-fold, in standard deviations.
+    sigmas: f32,
+    pilot_sigmas: Option<f32>,
+}
+
+impl Level {
+    /// The work of the level on an image.
+    fn of(&self, image: Work) -> Work {
+        let [one, two, three] = self.tuning.kernel;
+        let (normal_scale, normal_least, normal_most) = self.tuning.normal;
+        Work {
+            part: self.part,
+            step: self.step,
+            per_light: 1.0 / (self.sigmas * self.sigmas),
+            per_pilot: self.pilot_sigmas.map_or(0.0, |sigmas| 1.0 / (sigmas * sigmas)),
+            kernel: [one, two, three, 0.0],
+            normal_scale,
+            normal_least,
+            normal_most,
+            ..image
+        }
+    }
+}
+
+/// The levels of a part. The first also compares means.
+fn levels(options: &Guided, tuning: &'static Tuning, part: u32) -> Vec<Level> {
+    let strength = options.strength as f32;
+    let level = |(number, (step, sigmas))| Level {
+        part,
+        tuning,
+        step,
+        sigmas: sigmas * strength,
+        pilot_sigmas: (number == 0).then_some(tuning.pilot_sigmas * strength),
+    };
+    tuning.levels(options.levels).enumerate().map(level).collect()
+}
+
+/// What all dispatches of an image know.
+fn image(size: [u32; 2], sections: Sections, output: u32) -> Work {
+    Work {
+        size,
+        cells: size.map(|edge| edge.div_ceil(CELL)),
+        radiance: sections.radiance,
+        specular: sections.specular,
+        specular_variance: sections.specular_variance.unwrap_or(NONE),
+        demodulated: sections.demodulated,
+        demodulated_variance: sections.demodulated_variance.unwrap_or(NONE),
+        albedo: sections.albedo,
+        normal: sections.normal,
+        depth: sections.depth,
+        instance: sections.instance,
+        output,
+        ..Work::default()
+    }
+}
