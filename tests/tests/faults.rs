@@ -421,9 +421,55 @@ fn scenes_whose_objects_nobody_sees_are_told() {
     assert!(said.contains(&format!("2 of 2 scenes: {says}")) && said.contains("look at [views]"), "{said}");
     assert_eq!(journal.matches(r#""unlabeled""#).count(), 2, "{journal}");
     assert!(!said.contains("black") && !said.contains("no light"), "{said}");
-    // One view of a scene is enough.
+    assert!(!journal.contains("odd_views"), "{journal}");
+    // One view of a scene is enough for the scene; the view is told at the end, and loudly if there are many.
     let (said, journal) = run("both", &[past, at]);
-    assert!(!said.contains(says) && !journal.contains("unlabeled"), "{said}\n{journal}");
+    assert!(!said.contains(says) && !journal.contains("notices"), "{said}\n{journal}");
+    assert_eq!(journal.matches(r#""odd_views":{"unlabeled":[0]}"#).count(), 2, "{journal}");
+    let says = "2 of 4 views, such as view 0 of scene 0: no object has a visible pixel";
+    assert!(said.contains(&format!("warning: {says}")) && said.contains("[views]"), "{said}");
+    assert_eq!(said.matches("visible pixel").count(), 1, "{said}");
+    let mut few = vec![at; 11];
+    few[10] = past;
+    let (said, _) = run("few", &few);
+    let says = "2 of 22 views, such as view 10 of scene 0: no object has a visible pixel";
+    assert!(said.contains(&format!("note: {says}")) && !said.contains("warning"), "{said}");
+}
+
+#[test]
+fn views_that_are_black_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // From above the table, and from below the floor of the room, which hides everything.
+    let at = "{ look_at = { eye_m = [0.1, 0.0, 2.2], target_m = [0.0, 0.0, 0.0] } }";
+    let below = "{ look_at = { eye_m = [0.1, 0.0, -3.0], target_m = [0.0, 0.0, -9.0] } }";
+    let views = format!("views={{ kind = \"fixed_poses\", poses = [{at}, {below}] }}");
+    let out = folder.path().join("data");
+    let set = ["--set", &views, "--set", "dataset.views_per_scene=2", "--threads", "1"];
+    let output = small_run(&out, &set).output().expect("starts");
+    let said = text(&output);
+    assert!(output.status.success(), "{said}");
+    for says in [
+        "warning: scene 0, view 1: the image is black (the camera may be outside of the room",
+        "warning: 2 of 4 views, such as view 1 of scene 0: the image is black",
+    ] {
+        assert!(said.contains(says), "{says} is not in\n{said}");
+    }
+    assert!(!said.contains("scene 1, view 1") && !said.contains("images are black"), "{said}");
+    let journal = fs::read_to_string(out.join(".syntable/journal.jsonl")).expect("written");
+    assert_eq!(journal.matches(r#""black":[1]"#).count(), 2, "{journal}");
+}
+
+#[test]
+fn what_is_odd_about_a_pool_is_told_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = ["--set", "assets.objects.classes={ nothing = [\"no such*\"] }"];
+    for repair in [&[][..], &["--repair"]] {
+        let output = small_run(folder.path(), &[&set[..], repair].concat()).output().expect("starts");
+        let said = text(&output);
+        assert!(output.status.success(), "{said}");
+        assert_eq!(said.matches("no asset is of one of the classes").count(), 1, "{said}");
+        fs::remove_file(folder.path().join(".syntable/scenes/000001.json")).expect("there");
+    }
 }
 
 #[test]
