@@ -138,17 +138,18 @@ fn needs(dataset: Option<&DatasetTable>, built: &Built, plan: Option<&Plan>) -> 
         .collect();
     let mut mistakes: Vec<(String, Error)> =
         plan.into_iter().flat_map(Plan::missing).map(|(stage, error)| (stage.to_owned(), error)).collect();
-    let info = dataset.map(|table| DatasetInfo {
-        name: table.name.clone(),
-        seed: table.seed,
-        scenes: table.scenes,
-        views_per_scene: table.views_per_scene.unwrap_or(1),
+    // A mistake in [dataset] is none of paths.
+    let info = DatasetInfo {
+        name: dataset.map_or("dataset", |table| &table.name).to_owned(),
+        seed: dataset.map_or(0, |table| table.seed),
+        scenes: dataset.map_or(1, |table| table.scenes),
+        views_per_scene: dataset.and_then(|table| table.views_per_scene).unwrap_or(1),
         recipe: String::new(),
         program: String::new(),
         classes: Vec::new(),
-    });
+    };
     let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
-        .chain(info.iter().flat_map(|info| bad_paths(info, &writers)))
+        .chain(bad_paths(&info, &writers))
         .map(|(id, error)| (format!("write.{id}"), error));
     mistakes.extend(of_writers);
     let diagnostic = |(stage, error): (String, Error)| {
