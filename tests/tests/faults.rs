@@ -421,9 +421,78 @@ fn scenes_whose_objects_nobody_sees_are_told() {
     assert!(said.contains(&format!("2 of 2 scenes: {says}")) && said.contains("look at [views]"), "{said}");
     assert_eq!(journal.matches(r#""unlabeled""#).count(), 2, "{journal}");
     assert!(!said.contains("black") && !said.contains("no light"), "{said}");
-    // One view of a scene is enough.
+    assert!(!journal.contains("odd_views"), "{journal}");
+    // One view of a scene is enough for the scene; the view is told at the end, and loudly if there are many.
     let (said, journal) = run("both", &[past, at]);
-    assert!(!said.contains(says) && !journal.contains("unlabeled"), "{said}\n{journal}");
+    assert!(!said.contains(says) && !journal.contains("notices"), "{said}\n{journal}");
+    assert_eq!(journal.matches(r#""odd_views":{"unlabeled":[0]}"#).count(), 2, "{journal}");
+    let says = "2 of 4 views, such as view 0 of scene 0: no object has a visible pixel";
+    assert!(said.contains(&format!("warning: {says}")) && said.contains("[views]"), "{said}");
+    assert_eq!(said.matches("visible pixel").count(), 1, "{said}");
+    let mut few = vec![at; 11];
+    few[10] = past;
+    let (said, _) = run("few", &few);
+    let says = "2 of 22 views, such as view 10 of scene 0: no object has a visible pixel";
+    assert!(said.contains(&format!("note: {says}")) && !said.contains("warning"), "{said}");
+}
+
+#[test]
+fn views_that_are_black_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // From above the table, and from below the floor of the room, which hides everything.
+    let at = "{ look_at = { eye_m = [0.1, 0.0, 2.2], target_m = [0.0, 0.0, 0.0] } }";
+    let below = "{ look_at = { eye_m = [0.1, 0.0, -3.0], target_m = [0.0, 0.0, -9.0] } }";
+    let views = format!("views={{ kind = \"fixed_poses\", poses = [{at}, {below}] }}");
+    let out = folder.path().join("data");
+    let set = ["--set", &views, "--set", "dataset.views_per_scene=2", "--threads", "1"];
+    let output = small_run(&out, &set).output().expect("starts");
+    let said = text(&output);
+    assert!(output.status.success(), "{said}");
+    for says in [
+        "warning: scene 0, view 1: the image is black (the camera may be outside of the room",
+        "warning: 2 of 4 views, such as view 1 of scene 0: the image is black",
+    ] {
+        assert!(said.contains(says), "{says} is not in\n{said}");
+    }
+    assert!(!said.contains("scene 1, view 1") && !said.contains("images are black"), "{said}");
+    let journal = fs::read_to_string(out.join(".syntable/journal.jsonl")).expect("written");
+    assert_eq!(journal.matches(r#""black":[1]"#).count(), 2, "{journal}");
+}
+
+#[test]
+fn files_of_a_lost_manifest_are_listed_with_their_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    ok(&mut small_run(folder.path(), &[]));
+    let inside = |name: &&String| !name.starts_with(".syntable/");
+    let of_scene = files(folder.path())
+        .keys()
+        .filter(inside)
+        .filter(|name| name.contains("/1_") || name.contains("/000001_"))
+        .count();
+    fs::remove_file(folder.path().join(".syntable/scenes/000001.json")).expect("there");
+    let output = syntable().arg("verify").arg(folder.path()).output().expect("starts");
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(of_scene > 0 && said.contains(&format!("1 missing, 0 damaged, 0 foreign, {of_scene} unlisted")), "{said}");
+    assert_eq!(said.matches("(of scene 1, whose manifest is lost)").count(), of_scene, "{said}");
+    assert!(said.contains("--repair"), "{said}");
+    let said = text(&small_run(folder.path(), &["--repair"]).output().expect("starts"));
+    assert!(said.contains("1 file missing"), "{said}");
+    let output = syntable().arg("verify").arg(folder.path()).output().expect("starts");
+    assert!(text(&output).contains("0 missing, 0 damaged, 0 foreign\n"), "{}", text(&output));
+}
+
+#[test]
+fn what_is_odd_about_a_pool_is_told_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = ["--set", "assets.objects.classes={ nothing = [\"no such*\"] }"];
+    for repair in [&[][..], &["--repair"]] {
+        let output = small_run(folder.path(), &[&set[..], repair].concat()).output().expect("starts");
+        let said = text(&output);
+        assert!(output.status.success(), "{said}");
+        assert_eq!(said.matches("no asset is of one of the classes").count(), 1, "{said}");
+        fs::remove_file(folder.path().join(".syntable/scenes/000001.json")).expect("there");
+    }
 }
 
 #[test]
@@ -461,6 +530,36 @@ fn steps_that_do_not_go_together_are_found_at_their_lines() {
             assert_eq!(error.matches("[D0026]").count(), code, "{error}");
         }
     }
+}
+
+#[test]
+fn check_finds_all_mistakes_that_do_not_follow_from_one_another() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::create_dir(folder.path().join("empty")).expect("made");
+    let recipe = folder.path().join("recipe.toml");
+    let text = "extends = \"builtin:quickstart\"\n[dataset]\nscens = 3\n\
+        [assets.nothing]\nkind = \"mesh_folder\"\nroot = \"empty\"\n\
+        [assets.gone]\nkind = \"mesh_folder\"\nroot = \"gone\"\n\
+        [denoise]\nkind = \"oidn\"\nlibrary = \"/no/such.so\"\n\
+        [write.a]\nkind = \"template\"\npath = \"/a\"\ntemplate = \"x\"\n\
+        [write.b]\nkind = \"template\"\ntemplate = { file = \"no.tera\" }\n";
+    fs::write(&recipe, text).expect("writable");
+    let says = [
+        "[D0003]: `dataset` has no option `scens`",
+        "[D0011]: there is no file or folder",
+        "[D0011]: denoise: /no/such.so",
+        "[D0011]: write.a, the file of view 0 of scene 0: `/a` is not a path inside",
+        "error: assets.nothing:",
+        "error: 6 errors; nothing was rendered",
+    ];
+    let error = fails(syntable().arg("check").arg(&recipe), 2);
+    assert!(says.iter().all(|word| error.contains(word)), "{error}");
+    for (file, times) in [("empty", 1), ("gone", 1), ("no.tera", 1)] {
+        let path = format!("/{file}");
+        assert_eq!(error.matches(&path).count(), times, "{file}:\n{error}");
+    }
+    let json = fails(syntable().args(["check", "--log-format", "json"]).arg(&recipe), 2);
+    assert_eq!(json.matches(r#""level":"error""#).count(), 6, "nobody counts for a program: {json}");
 }
 
 #[test]

@@ -225,6 +225,28 @@ pub trait Workers: Send + Sync {
 pub trait Log: Send + Sync {
     /// Something is not as it should be, but work goes on.
     fn warn(&self, warning: &Error);
+
+    /// Calls `work` once. While that takes longer than a second, whoever waits for the run is told the step that it is at.
+    fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
+        let _ = steps;
+        work();
+    }
+}
+
+/// The steps of work that may take long, for those who wait. Nothing that is computed may depend on them.
+#[derive(Debug, Default)]
+pub struct Steps(std::sync::Mutex<Option<String>>);
+
+impl Steps {
+    /// A step begins: what is done to what, such as "decomposing `mug` into convex parts (3 of 12)".
+    pub fn begin(&self, step: String) {
+        *self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(step);
+    }
+
+    /// The step that began last; none before the first.
+    pub fn latest(&self) -> Option<String> {
+        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).clone()
+    }
 }
 
 /// A cache that keeps nothing.

@@ -290,14 +290,13 @@ impl Plan {
         self.before_views.iter().chain(&self.per_view).chain(&self.after_views).chain(&self.per_dataset)
     }
 
-    /// Asks the stages whether the files that they need are there, without running any of them.
-    pub fn found(&self) -> Result<(), Error> {
-        for stage in &self.per_view {
-            if let Producer::Denoiser(denoiser) = &*stage.producer {
-                denoiser.found().map_err(|error| error.context(&stage.stage))?;
-            }
-        }
-        Ok(())
+    /// The stages that lack a file that they need, without running any of them.
+    pub fn missing(&self) -> Vec<(&str, Error)> {
+        let missing = |stage: &'_ PlannedStage| match &*stage.producer {
+            Producer::Denoiser(denoiser) => denoiser.found().err().map(|error| error.context(&stage.stage)),
+            _ => None,
+        };
+        self.per_view.iter().filter_map(|stage| Some((stage.stage.as_str(), missing(stage)?))).collect()
     }
 
     /// Asks the stages whether what they need from outside the program is there. Loads native libraries.

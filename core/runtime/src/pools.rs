@@ -1,6 +1,6 @@
 //! The pools of a recipe: selection, scale, centering and mass are the same for every source of assets.
 
-use crate::recipe::{Center, Mass, ObjectProperties, OnBadAsset, PoolOptions, Recipe};
+use crate::recipe::{self, Center, Mass, ObjectProperties, OnBadAsset, PoolOptions, Recipe};
 use crate::run::panics::unwound;
 use parking_lot::Mutex;
 use quick_cache::sync::{Cache, DefaultLifecycle};
@@ -57,7 +57,7 @@ impl Log for OfPool<'_> {
     }
 }
 
-struct Pool<'a> {
+pub(crate) struct Pool<'a> {
     source: &'a dyn AssetSource,
     options: &'a PoolOptions,
     entries: Vec<CatalogEntry>,
@@ -133,47 +133,7 @@ impl<'a> AssetStore<'a> {
     /// Opens all pools: finds and selects their entries, and loads nothing yet.
     /// The error names all pools that cannot be opened.
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
-        let mut pools = BTreeMap::new();
-        let mut errors = Vec::new();
-        for (id, pool) in &recipe.assets {
-            let open = || -> Result<Pool<'a>> {
-                let catalog = patiently(log, |log| pool.source.catalog(log))?;
-                let found = catalog.entries.len();
-                let of_pool = OfPool { id, log };
-                let properties = pool.options.properties(&catalog.entries, &of_pool)?;
-                pool.options.warn_of_unmatched(&catalog.entries, &of_pool)?;
-                let entries = pool.options.select(catalog.entries)?;
-                if entries.is_empty() {
-                    let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
-                    return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
-                }
-                let classes = &pool.options.classes;
-                if !classes.is_empty() && !entries.iter().any(|entry| classes.contains_key(&entry.category)) {
-                    let message = format!("assets.{id}: no asset is of one of the classes");
-                    log.warn(
-                        &Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"),
-                    );
-                }
-                Ok(Pool { source: &*pool.source, options: &pool.options, entries, properties })
-            };
-            match open() {
-                Ok(pool) => drop(pools.insert(id.as_str(), pool)),
-                Err(error) => errors.push(error.context(format!("assets.{id}"))),
-            }
-        }
-        if let Some(failed) = errors.iter().position(Error::is_transient) {
-            return Err(errors.remove(failed));
-        }
-        match errors.len() {
-            0 => {}
-            1 => return Err(errors.remove(0).of_request()),
-            count => {
-                let all: Vec<String> = errors.iter().map(Error::without_help).collect();
-                let error = Error::new(format!("{count} pools cannot be opened: {}", all.join("; ")));
-                let help = errors.iter().find_map(Error::help_text).unwrap_or("check their folders").to_owned();
-                return Err(error.help(help).of_request());
-            }
-        }
+        let pools = open(&recipe.assets, log)?;
         Ok(Self { locked: recipe.lock.assets.clone(), ..Self::new(pools, recipe.dataset.on_bad_asset, log) })
     }
 
@@ -266,6 +226,55 @@ impl<'a> AssetStore<'a> {
         self.refuse(error.clone());
         Err(error)
     }
+}
+
+/// Opens pools. The error names all that cannot be opened.
+pub(crate) fn open<'a>(
+    assets: &'a BTreeMap<String, recipe::Pool>,
+    log: &dyn Log,
+) -> Result<BTreeMap<&'a str, Pool<'a>>> {
+    let mut pools = BTreeMap::new();
+    let mut errors = Vec::new();
+    for (id, pool) in assets {
+        let open = || -> Result<Pool<'a>> {
+            let catalog = patiently(log, |log| pool.source.catalog(log))?;
+            let found = catalog.entries.len();
+            let of_pool = OfPool { id, log };
+            let properties = pool.options.properties(&catalog.entries, &of_pool)?;
+            pool.options.warn_of_unmatched(&catalog.entries, &of_pool)?;
+            let entries = pool.options.select(catalog.entries)?;
+            if entries.is_empty() {
+                let hint = if found == 0 { "check its root folder" } else { "check include, exclude and split" };
+                return Err(Error::new(format!("no assets: {found} found, none selected")).help(hint));
+            }
+            let classes = &pool.options.classes;
+            if !classes.is_empty() && !entries.iter().any(|entry| classes.contains_key(&entry.category)) {
+                let message = format!("assets.{id}: no asset is of one of the classes");
+                log.warn(
+                    &Error::new(message).help("patterns match whole names: `*mug*` matches all that contain `mug`"),
+                );
+            }
+            Ok(Pool { source: &*pool.source, options: &pool.options, entries, properties })
+        };
+        match open() {
+            Ok(pool) => drop(pools.insert(id.as_str(), pool)),
+            Err(error) => errors.push(error.context(format!("assets.{id}"))),
+        }
+    }
+    if let Some(failed) = errors.iter().position(Error::is_transient) {
+        return Err(errors.remove(failed));
+    }
+    match errors.len() {
+        0 => {}
+        1 => return Err(errors.remove(0).of_request()),
+        count => {
+            let all: Vec<String> = errors.iter().map(Error::without_help).collect();
+            let error = Error::new(format!("{count} pools cannot be opened: {}", all.join("; ")));
+            let help = errors.iter().find_map(Error::help_text).unwrap_or("check their folders").to_owned();
+            return Err(error.help(help).of_request());
+        }
+    }
+    Ok(pools)
 }
 
 /// Calls a source again, after a pause, if the file system failed it. Warnings of a call that failed so are dropped.

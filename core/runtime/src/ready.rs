@@ -5,7 +5,7 @@ use crate::recipe::Recipe;
 use std::collections::BTreeMap;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::{SceneId, ViewId};
-use syntable_model::stage::{FileOf, check_path};
+use syntable_model::stage::{DatasetInfo, FileOf, Writer, check_path};
 
 /// Scenes and views whose paths are compared: none, the dataset's own; two scenes of two views.
 const SAMPLES: [(Option<u32>, Option<u32>); 7] = [
@@ -26,55 +26,58 @@ impl Recipe {
         self.checked()
     }
 
-    /// The same without loading any library that the recipe names.
-    pub fn found(&self) -> Result<()> {
-        self.plan.found()?;
-        self.checked()
-    }
-
     fn checked(&self) -> Result<()> {
-        for (id, writer) in &self.write {
-            writer.ready().map_err(|error| error.context(format!("write.{id}")).permanent())?;
-        }
-        self.paths().map_err(Error::permanent)
+        let writers: Vec<(&str, &dyn Writer)> =
+            self.write.iter().map(|(id, writer)| (id.as_str(), &**writer)).collect();
+        let mistakes = writers.iter().filter_map(|writer| unready(*writer));
+        let mut mistakes = mistakes.chain(bad_paths(&crate::run::dataset_info(self), &writers));
+        mistakes.next().map_or(Ok(()), |(_, error)| Err(error.permanent()))
     }
+}
 
-    /// Every path is inside the dataset, and has one scene and one writer.
-    fn paths(&self) -> Result<()> {
-        let dataset = crate::run::dataset_info(self);
-        let mut seen: BTreeMap<String, (&str, String)> = BTreeMap::new();
-        for (id, writer) in &self.write {
-            for (scene, view) in SAMPLES {
-                let (scene, view) = (scene.map(SceneId), view.map(ViewId));
-                let of = FileOf { dataset: &dataset, id, scene, view };
-                let whose = match (scene, view) {
-                    (Some(scene), Some(view)) => format!("view {} of scene {}", view.0, scene.0),
-                    (Some(scene), None) => format!("scene {}", scene.0),
-                    _ => "the dataset".to_owned(),
-                };
-                let paths = writer.paths(&of).map_err(|error| error.context(format!("write.{id}")))?;
-                for path in paths {
-                    check_path("path", &path).map_err(|invalid| {
-                        Error::new(invalid.message)
-                            .help(invalid.help.unwrap_or_default())
-                            .context(format!("write.{id}, the file of {whose}"))
-                    })?;
-                    if let Some((other, others)) = seen.insert(path.clone(), (id, whose.clone())) {
-                        let message = if other == id {
-                            format!("`write.{id}` writes {others} and {whose} to one path, `{path}`")
-                        } else {
-                            format!("`write.{other}` and `write.{id}` write to one path, `{path}`")
-                        };
-                        let help = if other == id {
-                            "put the scene into the path, as in {{ scene.id | pad(width=6) }}, and the view if each has a file"
-                        } else {
-                            "give one of them another id, folder or file name"
-                        };
-                        return Err(Error::new(message).help(help));
-                    }
-                }
-            }
+/// What a writer lacks beside its options, with its id.
+pub(crate) fn unready<'w>((id, writer): (&'w str, &dyn Writer)) -> Option<(&'w str, Error)> {
+    writer.ready().err().map(|error| (id, error.context(format!("write.{id}"))))
+}
+
+/// The writers of which a path is outside of the dataset, or is that of another file: at most one mistake of each.
+pub(crate) fn bad_paths<'w>(dataset: &DatasetInfo, writers: &[(&'w str, &dyn Writer)]) -> Vec<(&'w str, Error)> {
+    let mut seen = BTreeMap::new();
+    let bad = |&(id, writer): &(&'w str, &dyn Writer)| Some((id, paths_of(dataset, id, writer, &mut seen).err()?));
+    writers.iter().filter_map(bad).collect()
+}
+
+/// Adds the paths of a writer to those that were `seen`, with whose they are.
+fn paths_of<'w>(
+    dataset: &DatasetInfo,
+    id: &'w str,
+    writer: &dyn Writer,
+    seen: &mut BTreeMap<String, (&'w str, String)>,
+) -> Result<()> {
+    for (scene, view) in SAMPLES {
+        let (scene, view) = (scene.map(SceneId), view.map(ViewId));
+        let of = FileOf { dataset, id, scene, view };
+        let whose = match (scene, view) {
+            (Some(scene), Some(view)) => format!("view {} of scene {}", view.0, scene.0),
+            (Some(scene), None) => format!("scene {}", scene.0),
+            _ => "the dataset".to_owned(),
+        };
+        for path in writer.paths(&of).map_err(|error| error.context(format!("write.{id}")))? {
+            check_path("path", &path).map_err(|invalid| {
+                Error::new(invalid.message)
+                    .help(invalid.help.unwrap_or_default())
+                    .context(format!("write.{id}, the file of {whose}"))
+            })?;
+            let Some((other, others)) = seen.insert(path.clone(), (id, whose.clone())) else { continue };
+            return Err(if other == id {
+                Error::new(format!("`write.{id}` writes {others} and {whose} to one path, `{path}`")).help(
+                    "put the scene into the path, as in {{ scene.id | pad(width=6) }}, and the view if each has a file",
+                )
+            } else {
+                Error::new(format!("`write.{other}` and `write.{id}` write to one path, `{path}`"))
+                    .help("give one of them another id, folder or file name")
+            });
         }
-        Ok(())
     }
+    Ok(())
 }

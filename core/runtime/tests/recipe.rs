@@ -342,6 +342,78 @@ fn one_bad_table_hides_no_other() {
 }
 
 #[test]
+fn one_bad_option_hides_no_other_of_its_table() {
+    let with = |table: &str| messages(&format!("{GOOD}\n{table}"), &[]);
+    let (near, long) = (
+        "D0011 the far distance 1 is not beyond the near one 5",
+        "D0011 `duration_s` beyond 30 needs `steps_per_second` of at least 300",
+    );
+    let camera = "[camera]\nkind = \"pinhole\"\n";
+    assert_eq!(with(&format!("{camera}clip_m = [5, 1]\n")), [near]);
+    assert_eq!(
+        with(&format!("{camera}develop = 1\nclip_m = [5, 1]\nfocal = 3\n")),
+        ["D0007 `develop` must be a boolean", near, "D0003 `pinhole` has no option `focal`"]
+    );
+    let settle = "[settle]\nkind = \"rapier\"\nduration_s = 40\n";
+    assert_eq!(with(settle), [long]);
+    // The default of an option that is wrong says nothing of the others.
+    let steps = "D0007 `steps_per_second` must be an integer";
+    assert_eq!(with(&format!("{settle}steps_per_second = \"400\"\n")), [steps]);
+}
+
+#[test]
+fn another_kind_keeps_what_both_have() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let base = format!(
+        "{GOOD}\n[views]\nkind = \"hemisphere_shell\"\nradius_m = 2\n\
+         [write.out]\nkind = \"png\"\ninclude = [\"radiance\"]\ndepth = \"sixteen\"\n\
+         [assets.more]\nkind = \"pbr_folder\"\nroot = \"/data/more\"\n"
+    );
+    let base = base.replace("${ASSETS}", "/assets");
+    fs::write(folder.path().join("base.toml"), base).expect("written");
+    let load = |text: &str, set: &[(&str, &str)]| {
+        let child = Source::file(folder.path().join("child.toml"), format!("extends = \"base.toml\"\n{text}"));
+        load(child, set).map(|(recipe, _)| recipe.resolved).map_err(|report| {
+            report.iter().map(|it| format!("{} {}", it.code, it.message)).collect::<Vec<_>>().join("\n")
+        })
+    };
+    let eyes = "[[1, 0, 1], [0, 1, 1], [1, 1, 1]]";
+    let table = load(&format!("[views]\nkind = \"listed\"\neyes_m = {eyes}\n[write.out]\nkind = \"npy\"\n"), &[]);
+    let table = table.expect("no mistake");
+    assert!(table.contains("kind = \"listed\"") && !table.contains("radius_m"), "{table}");
+    assert!(table.contains("[write.out]\nkind = \"npy\"\ninclude = [\"radiance\"]\n"), "{table}");
+    // In any order.
+    let set = [("write.out.kind", "npy"), ("views.eyes_m", eyes), ("views.kind", "listed")];
+    for order in [[0, 1, 2], [2, 1, 0]] {
+        let set: Vec<(&str, &str)> = order.into_iter().map(|i| set[i]).collect();
+        let lines: String = set
+            .iter()
+            .map(|(path, value)| match *path {
+                "views.eyes_m" => format!("{path} = {value}\n"),
+                _ => format!("\"{path}\" = \"{value}\"\n"),
+            })
+            .collect();
+        assert_eq!(load("", &set).as_ref(), Ok(&table), "--set");
+        assert_eq!(load(&format!("[set]\n{lines}"), &[]).as_ref(), Ok(&table), "[set]");
+    }
+    // What is written beside the new kind is no inheritance.
+    let unknown = Err("D0003 `listed` has no option `radius_m`".to_owned());
+    let own = format!("[views]\nkind = \"listed\"\neyes_m = {eyes}\nradius_m = 3\n");
+    assert_eq!(load(&own, &[]), unknown);
+    let own = format!("[views]\nradius_m = 3\n[set.views]\neyes_m = {eyes}\nkind = \"listed\"\n");
+    assert_eq!(load(&own, &[]), unknown);
+    assert_eq!(load("", &[("views.radius_m", "3"), ("views.kind", "listed"), ("views.eyes_m", eyes)]), unknown);
+    // The same kind once more changes nothing.
+    let same = load("[views]\nkind = \"hemisphere_shell\"\n", &[("views.kind", "hemisphere_shell")]);
+    assert!(same.as_ref().is_ok_and(|text| text.contains("radius_m = 2")), "{same:?}");
+    // A pool of another kind is another pool.
+    let root = Err("D0009 `mesh_folder` needs `root`".to_owned());
+    assert_eq!(load("[assets.more]\nkind = \"mesh_folder\"\n", &[]), root);
+    assert_eq!(load("set.assets.more.kind = \"mesh_folder\"\n", &[]), root);
+    assert_eq!(load("", &[("assets.more.kind", "mesh_folder")]), root);
+}
+
+#[test]
 fn views_are_counted() {
     let listed = format!("{GOOD}\n[views]\nkind = \"listed\"\neyes_m = [[1, 0, 1], [0, 1, 1]]\n");
     assert_eq!(messages(&listed, &[]), ["D0011 `views_per_scene` is 3, but `[views]` has 2"]);

@@ -5,10 +5,12 @@ use crate::decompose::{DECOMPOSITION_VERSION, Method, Parts, convex_parts};
 use crate::rapier::{Collision, Rapier};
 use crate::{hull_codec, units};
 use quick_cache::sync::Cache as MemoryCache;
+use std::collections::BTreeSet;
 use std::convert::Infallible;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use syntable_convex::{ConvexHull, HULL_VERSION};
-use syntable_model::context::{Cache, Workers};
+use syntable_model::context::{Cache, Log, Steps, Workers};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
 use syntable_model::scene::{Mesh, Object};
@@ -71,54 +73,74 @@ impl HullCache {
         }
     }
 
-    /// The shapes of some objects, in their order. Missing ones are computed on all workers.
+    /// The shapes of some objects, in their order. Missing ones are computed on all workers; who waits is told which.
     pub fn shapes(
         &self,
         objects: &[(&Object, Purpose)],
         cache: &dyn Cache,
         workers: &dyn Workers,
+        log: &dyn Log,
     ) -> Vec<Result<Arc<CollisionShape>>> {
-        let shapes: Vec<OnceLock<Result<Arc<CollisionShape>>>> = objects.iter().map(|_| OnceLock::new()).collect();
-        workers.run(objects.len(), &|i| {
-            shapes[i].get_or_init(|| self.shape(objects[i], cache));
-        });
-        let shape = |(shape, object): (OnceLock<_>, &(&Object, Purpose))| {
-            shape.into_inner().unwrap_or_else(|| self.shape(*object, cache))
+        let keys: Vec<Digest> = objects.iter().map(|&(object, purpose)| object_key(object, purpose)).collect();
+        let missing: BTreeSet<Digest> = keys.iter().copied().filter(|key| self.shapes.peek(key).is_none()).collect();
+        let (steps, begun) = (Steps::default(), AtomicUsize::new(0));
+        let tell = |object: &Object, number: usize| {
+            let (name, all) = (&object.name, missing.len());
+            steps.begin(format!("decomposing `{name}` into convex parts ({} of {all})", number.min(all)));
         };
-        shapes.into_iter().zip(objects).map(shape).collect()
+        let shape = |i: usize| {
+            let (object, purpose) = objects[i];
+            let compute = || {
+                let number = begun.fetch_add(1, Ordering::Relaxed) + 1;
+                Ok::<_, Infallible>(self.compute(object, purpose, cache, &|| tell(object, number)))
+            };
+            let Ok(shape) = self.shapes.get_or_insert_with(&keys[i], compute);
+            shape
+        };
+        let shapes: Vec<OnceLock<Result<Arc<CollisionShape>>>> = objects.iter().map(|_| OnceLock::new()).collect();
+        let mut all = || workers.run(objects.len(), &|i| _ = shapes[i].get_or_init(|| shape(i)));
+        if missing.is_empty() {
+            all()
+        } else {
+            log.during(&steps, &mut all)
+        }
+        shapes.into_iter().enumerate().map(|(i, found)| found.into_inner().unwrap_or_else(|| shape(i))).collect()
     }
 
-    fn shape(&self, (object, purpose): (&Object, Purpose), cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
-        let compute = || Ok::<_, Infallible>(self.compute(object, purpose, cache));
-        let Ok(shape) = self.shapes.get_or_insert_with(&object_key(object, purpose), compute);
-        shape
-    }
-
-    fn compute(&self, object: &Object, purpose: Purpose, cache: &dyn Cache) -> Result<Arc<CollisionShape>> {
+    /// Computes a shape; calls `tell` before its mesh is decomposed.
+    fn compute(
+        &self,
+        object: &Object,
+        purpose: Purpose,
+        cache: &dyn Cache,
+        tell: &dyn Fn(),
+    ) -> Result<Arc<CollisionShape>> {
         let hulls: Vec<ConvexHull> = match (self.config.collision, &object.collision) {
             (Collision::Decomposition, Some(parts)) => parts.iter().filter_map(|part| units::hull(part)).collect(),
             _ => Vec::new(),
         };
         let parts = if hulls.is_empty() {
-            self.cached_parts(&object.mesh, self.method(purpose), cache)
+            cached_parts(&object.mesh, self.method(purpose), cache, tell)
         } else {
             // The source vouches for them.
             Parts { hulls, deviation_m: 0.0 }
         };
         CollisionShape::new(&parts).map(Arc::new)
     }
+}
 
-    fn cached_parts(&self, mesh: &Mesh, method: Method, cache: &dyn Cache) -> Parts {
-        let key = mesh_key(mesh, method);
-        // Cached and computed parts are the same to the bit, since both have gone through the codec.
-        cache.get("convex-parts", key).and_then(|bytes| hull_codec::decode(&bytes)).unwrap_or_else(|| {
-            let parts = convex_parts(mesh, method);
-            let bytes = hull_codec::encode(&parts);
-            let parts = hull_codec::decode(&bytes).unwrap_or(parts);
-            cache.put("convex-parts", key, &bytes);
-            parts
-        })
-    }
+/// The convex parts of a mesh, from the cache or computed; calls `tell` before the latter.
+fn cached_parts(mesh: &Mesh, method: Method, cache: &dyn Cache, tell: &dyn Fn()) -> Parts {
+    let key = mesh_key(mesh, method);
+    // Cached and computed parts are the same to the bit, since both have gone through the codec.
+    cache.get("convex-parts", key).and_then(|bytes| hull_codec::decode(&bytes)).unwrap_or_else(|| {
+        tell();
+        let parts = convex_parts(mesh, method);
+        let bytes = hull_codec::encode(&parts);
+        let parts = hull_codec::decode(&bytes).unwrap_or(parts);
+        cache.put("convex-parts", key, &bytes);
+        parts
+    })
 }
 
 fn mesh_key(mesh: &Mesh, method: Method) -> Digest {
@@ -161,7 +183,21 @@ fn object_key(object: &Object, purpose: Purpose) -> Digest {
 mod tests {
     use super::*;
     use crate::kit;
-    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::sync::Mutex;
+    use syntable_model::context::{NoCache, Serial};
+    use syntable_model::error::Error;
+
+    /// What it is told of the steps of each piece of work, when that is done.
+    #[derive(Default)]
+    struct Told(Mutex<Vec<Option<String>>>);
+    impl Log for Told {
+        fn warn(&self, _: &Error) {}
+        fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
+            assert_eq!(steps.latest(), None);
+            work();
+            self.0.lock().expect("no panic").push(steps.latest());
+        }
+    }
 
     /// Counts look-ups on disk: one per computed shape.
     #[derive(Default)]
@@ -193,10 +229,30 @@ mod tests {
         let objects: Vec<(&Object, Purpose)> =
             (0..8).map(|i| (if i % 2 == 0 { &*cube } else { &*slab }, Purpose::Body)).collect();
         let (shapes, disk) = (HullCache::new(&Rapier::default()), Counting::default());
-        let found: Vec<_> = shapes.shapes(&objects, &disk, &Threads).into_iter().map(|s| s.expect("a shape")).collect();
+        let found: Vec<_> = shapes
+            .shapes(&objects, &disk, &Threads, &Told::default())
+            .into_iter()
+            .map(|s| s.expect("a shape"))
+            .collect();
         assert_eq!(disk.0.load(Ordering::Relaxed), 2);
         for (i, shape) in found.iter().enumerate() {
             assert!(Arc::ptr_eq(shape, &found[i % 2]) && !Arc::ptr_eq(shape, &found[(i + 1) % 2]));
         }
+    }
+
+    #[test]
+    fn who_waits_is_told_what_is_decomposed() {
+        let cube = kit::object("cube", kit::cuboid([0.0; 3], [0.1; 3]), 1.0);
+        let slab = kit::object("slab", kit::cuboid([0.0; 3], [0.1, 0.1, 0.02]), 1.0);
+        let (shapes, told) = (HullCache::new(&Rapier::default()), Told::default());
+        let one: [(&Object, Purpose); 2] = [(&cube, Purpose::Body), (&cube, Purpose::Body)];
+        let two: [(&Object, Purpose); 3] = [(&slab, Purpose::Flat), (&cube, Purpose::Body), (&slab, Purpose::Body)];
+        for objects in [&one[..], &two, &two] {
+            shapes.shapes(objects, &NoCache, &Serial, &told);
+        }
+        // The last shapes are all known: there is nothing to wait for.
+        let told = told.0.into_inner().expect("no panic");
+        let steps = ["decomposing `cube` into convex parts (1 of 1)", "decomposing `slab` into convex parts (2 of 2)"];
+        assert_eq!(told, steps.map(|step| Some(step.to_owned())));
     }
 }

@@ -59,7 +59,7 @@ impl Settler for Settle {
         let objects: Vec<(&Object, Purpose)> = shaped.iter().map(|(_, body)| (&*body.object, purpose(body))).collect();
         let surface =
             SupportSurface::new(shaped.iter().map(|(_, body)| body).filter(|body| body.role == Role::Support));
-        let shapes = self.hull_cache.shapes(&objects, context.cache, context.workers);
+        let shapes = self.hull_cache.shapes(&objects, context.cache, context.workers, context.log);
 
         // Positions of objects: no wall may be between them and the table.
         let inside: Vec<Point3<f64>> = bodies

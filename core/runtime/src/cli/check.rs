@@ -1,8 +1,8 @@
 //! `syntable check`.
 
 use super::{Console, Exit, Message, RecipeArgs};
-use crate::pools::AssetStore;
-use crate::recipe::Overrides;
+use crate::pools::{self, AssetStore};
+use crate::recipe::{self, Checked};
 use clap::Args;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::path::PathBuf;
@@ -39,9 +39,10 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<()
             self.0.say(&Message::Warning(warning.clone()));
         }
     }
-    let recipe = console.load_with(registry, &args.recipe, Overrides::with_existing_paths)?;
-    recipe.found().map_err(Exit::wrong)?;
     let log = Print(console);
+    let (source, overrides) = args.recipe.read()?;
+    let Checked { recipe, pools } = recipe::checked(registry, source, &overrides.with_existing_paths());
+    let recipe = console.loaded(recipe, || pools::open(&pools, &log).err())?;
     let assets = AssetStore::open(&recipe, &log).map_err(Exit::wrong)?;
     let mut out =
         format!("{}: no mistake found; {} products are computed\n", recipe.dataset.name, recipe.plan.entries.len());

@@ -14,7 +14,7 @@ pub use list::products;
 pub use verb::Verb;
 
 use crate::message::Record;
-use crate::recipe::{self, Overrides, Recipe, Source};
+use crate::recipe::{self, Diagnostic, Overrides, Recipe, Report, Source};
 use crate::run::progress::{Event, Human, JsonLines, Reporter};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use std::io::{IsTerminal, Write};
@@ -288,44 +288,51 @@ impl Console {
 
     /// Loads and plans a recipe with its changes; warnings are printed, errors come back.
     fn load(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
-        self.load_with(registry, args, |overrides| overrides)
+        let (source, overrides) = args.read()?;
+        self.loaded(recipe::load(registry, source, &overrides), || None)
     }
 
-    /// As [`load`](Self::load), with other inputs.
-    fn load_with(
+    /// Prints the warnings of a recipe that was loaded. Of one with mistakes come those back, and what `more` finds.
+    fn loaded(
         &self,
-        registry: &Registry,
-        args: &RecipeArgs,
-        change: impl FnOnce(Overrides<'static>) -> Overrides<'static>,
+        loaded: Result<(Recipe, Vec<Diagnostic>), Report>,
+        more: impl FnOnce() -> Option<Error>,
     ) -> Result<Recipe, Exit> {
-        let source = match &args.recipe {
+        match loaded {
+            Ok((recipe, warnings)) => {
+                warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
+                Ok(recipe)
+            }
+            Err(report) => {
+                let mut messages = report.messages_with(more());
+                if self.format == LogFormat::Json {
+                    // Every line is about one mistake: nobody counts for a program.
+                    messages.pop();
+                }
+                Err(Exit { code: 2, messages })
+            }
+        }
+    }
+}
+
+impl RecipeArgs {
+    /// The recipe's text, and the changes to it.
+    fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
+        let source = match &self.recipe {
             Some(path) => Source::read(path).map_err(Exit::wrong)?,
             None => recipe::Builtin::find("quickstart").map_err(Exit::wrong)?.source(),
         };
         let mut set = Vec::new();
-        for text in &args.set {
+        for text in &self.set {
             let Some((key, value)) = text.split_once('=') else {
                 let error = Error::new(format!("--set {text}: there is no value"));
                 return Err(Exit::wrong(error.help("write KEY=VALUE, such as dataset.scenes=3")));
             };
             set.push((key.trim().to_owned(), value.trim().to_owned()));
         }
-        set.extend(args.seed.map(|seed| ("dataset.seed".to_owned(), seed.to_string())));
-        set.extend(args.views.map(|views| ("dataset.views_per_scene".to_owned(), views.to_string())));
-        match recipe::load(registry, source, &change(Overrides::of_process(set))) {
-            Ok((recipe, warnings)) => {
-                warnings.into_iter().for_each(|warning| self.say(&Message::Diagnostic(warning)));
-                Ok(recipe)
-            }
-            Err(report) => {
-                let mut messages = report.messages();
-                if self.format == LogFormat::Json {
-                    // Every line is about one mistake: nobody counts for a program.
-                    messages.retain(|message| matches!(message, Message::Diagnostic(_)));
-                }
-                Err(Exit { code: 2, messages })
-            }
-        }
+        set.extend(self.seed.map(|seed| ("dataset.seed".to_owned(), seed.to_string())));
+        set.extend(self.views.map(|views| ("dataset.views_per_scene".to_owned(), views.to_string())));
+        Ok((source, Overrides::of_process(set)))
     }
 }
 

@@ -19,9 +19,16 @@ pub(super) fn verify(console: &Console, args: &VerifyArgs) -> Result<(), Exit> {
     for (what, paths) in [("missing", &found.missing), ("damaged", &found.damaged), ("foreign", &found.foreign)] {
         paths.iter().for_each(|path| out += &format!("{what}  {path}\n"));
     }
+    for (scene, paths) in &found.unlisted {
+        paths.iter().for_each(|path| out += &format!("unlisted  {path}  (of scene {scene}, whose manifest is lost)\n"));
+    }
     let (scenes, files) = (count(found.scenes, "scene"), count(found.files as u32, "file"));
+    let unlisted = match found.unlisted.values().map(Vec::len).sum::<usize>() {
+        0 => String::new(),
+        unlisted => format!(", {unlisted} unlisted"),
+    };
     out += &format!(
-        "{scenes}, {files} compared: {} missing, {} damaged, {} foreign\n",
+        "{scenes}, {files} compared: {} missing, {} damaged, {} foreign{unlisted}\n",
         found.missing.len(),
         found.damaged.len(),
         found.foreign.len()

@@ -18,6 +18,8 @@ pub(crate) type Renamed<'r> = &'r [(&'r str, &'r str)];
 pub(crate) struct Checked {
     pub diagnostics: Vec<DiagnosticBuilder>,
     pub references: Vec<Reference>,
+    /// Options of the table that are wrong, or inside of which something is.
+    pub wrong: BTreeSet<String>,
 }
 
 /// Checks a table of options. `owner` names it in messages; `header` is where missing keys are reported.
@@ -30,6 +32,11 @@ pub(crate) fn options(
     renamed: &[Renamed],
 ) -> Checked {
     let Outcome { findings, references } = validator.table(owner, spanned_members(table), header.clone(), schema);
+    let wrong = findings.iter().filter_map(|finding| match finding.path.first() {
+        Some(Step::Key(key)) => Some(key.clone()),
+        _ => None,
+    });
+    let wrong = wrong.collect();
     let new_name = |path: &[Step]| {
         let old = dotted(path);
         renamed.iter().flat_map(|table| table.iter()).find(|(from, _)| *from == old).map(|(_, to)| *to)
@@ -59,7 +66,7 @@ pub(crate) fn options(
             _ => diagnostic(finding),
         })
         .collect();
-    Checked { diagnostics, references }
+    Checked { diagnostics, references, wrong }
 }
 
 /// The diagnostic for a key that has another name now.

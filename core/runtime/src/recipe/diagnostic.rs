@@ -98,8 +98,14 @@ pub struct Report {
 impl Report {
     /// What the command line prints: the diagnostics, then an error that counts them.
     pub fn messages(&self) -> Vec<Message> {
-        let summary = Error::new(format!("{}; nothing was rendered", self.count()));
-        self.diagnostics.iter().cloned().map(Message::Diagnostic).chain([Message::Error(summary)]).collect()
+        self.messages_with(None)
+    }
+
+    /// The same with an error that is not of the recipe's text.
+    pub(crate) fn messages_with(&self, other: Option<Error>) -> Vec<Message> {
+        let summary = Error::new(format!("{}; nothing was rendered", self.count(usize::from(other.is_some()))));
+        let mistakes = self.diagnostics.iter().cloned().map(Message::Diagnostic).chain(other.map(Message::Error));
+        mistakes.chain([Message::Error(summary)]).collect()
     }
 
     /// The diagnostics, in reading order.
@@ -107,11 +113,11 @@ impl Report {
         self.diagnostics.iter()
     }
 
-    /// `2 errors, 1 warning`.
-    fn count(&self) -> String {
+    /// `2 errors, 1 warning`, with `more` errors.
+    fn count(&self, more: usize) -> String {
         let of = |severity| self.diagnostics.iter().filter(|diagnostic| diagnostic.severity == severity).count();
         let say = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-        match (of(Severity::Error), of(Severity::Warning)) {
+        match (of(Severity::Error) + more, of(Severity::Warning)) {
             (errors, 0) => say(errors, "error"),
             (errors, warnings) => format!("{}, {}", say(errors, "error"), say(warnings, "warning")),
         }

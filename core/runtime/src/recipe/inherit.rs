@@ -4,7 +4,8 @@
 //!
 //! - `[dataset]` and stage tables: option by option. A table or array *inside* an option is replaced as a whole, so that
 //!   `{ choice = [..] }` never mixes with an inherited `{ uniform = [..] }`;
-//! - a stage table to which the child gives another `kind` is replaced as a whole, since its options are others;
+//! - a stage to which the child gives another `kind`, in its table or by `[set]` or `--set`, keeps those inherited options
+//!   that the new kind has, too. A pool keeps none: they say what is in other assets;
 //! - `[[place]]` and `[[lights]]` are replaced as a whole when the child gives any;
 //! - `remove = ["write.npy"]` removes inherited values, before the child's own are added;
 //! - `[set]` reaches anywhere, by paths as in `--set`: `place.objects.count = 5` or `"lights[0].count" = 5`.
@@ -16,6 +17,7 @@ use super::diagnostic::DiagnosticBuilder;
 use super::key_path;
 use super::overrides::Overrides;
 use super::parse;
+use super::schema::{KindSchema, Schemas};
 use super::source::{SourceFile, Sources, Span};
 use super::suggest::{did_you_mean, listing};
 use super::variables::{self, PathRules};
@@ -41,6 +43,8 @@ pub(crate) struct Graph<'a> {
     /// Errors of syntax.
     syntax: Vec<DiagnosticBuilder>,
     damage: Damage,
+    sources: &'a Sources,
+    schemas: &'a Schemas,
 }
 
 /// Extent of the damage by syntax errors.
@@ -75,6 +79,7 @@ pub(crate) fn gather<'a>(
     source: Source,
     overrides: &Overrides,
     sources: &'a Sources,
+    schemas: &'a Schemas,
     diagnostics: &mut Vec<DiagnosticBuilder>,
 ) -> Graph<'a> {
     let name = source.path.as_ref().map_or_else(|| source.name.clone(), |path| path.display().to_string());
@@ -87,7 +92,7 @@ pub(crate) fn gather<'a>(
     let mut reader = Reader { overrides, sources, nodes: Vec::new(), syntax: Vec::new(), damage: Damage::default() };
     let root = reader.visit(file, identity, &mut Vec::new(), diagnostics);
     let Reader { nodes, syntax, damage, .. } = reader;
-    Graph { nodes, root, overrides: read_overrides(overrides, sources), syntax, damage }
+    Graph { nodes, root, overrides: read_overrides(overrides, sources), syntax, damage, sources, schemas }
 }
 
 /// Adds the overrides as a pseudo-file of lines `path=value`.
@@ -247,7 +252,7 @@ impl<'a> Graph<'a> {
                     format!("`{}` cannot be set from the command line", line.path),
                 )
                 .help(help)),
-                None => read_path(line.path, line.path_at).and_then(|steps| set(&mut tree, &steps, value)),
+                None => read_path(line.path, line.path_at).and_then(|steps| self.set(&mut tree, &steps, value)),
             };
             diagnostics.extend(result.err());
         }
@@ -268,12 +273,13 @@ impl<'a> Graph<'a> {
         let mut own = self.nodes[index].table.clone();
         let (removals, sets) = (own.remove("remove"), own.remove("set"));
         let bases = &self.nodes[index].bases;
-        let mut tree = bases.iter().map(|&base| self.node(base, merged, diagnostics)).reduce(merge).unwrap_or_default();
+        let bases = bases.iter().map(|&base| self.node(base, merged, diagnostics));
+        let mut tree = bases.reduce(|one, other| self.merge_trees(one, other)).unwrap_or_default();
         let removals = removals.map_or_else(Vec::new, |value| strings(&value, "remove", diagnostics));
         for (path, span) in removals {
             diagnostics.extend(remove(&mut tree, &path, &span).err());
         }
-        tree = merge(tree, own);
+        tree = self.merge_trees(tree, own);
         match sets.map(|sets| (sets.span(), sets.into_inner())) {
             Some((_, DeValue::Table(sets))) => self.put(&mut tree, index, &[], sets, diagnostics),
             Some((span, _)) => diagnostics.push(wrong_type(span, "set", "a table of paths and values")),
@@ -309,9 +315,93 @@ impl<'a> Graph<'a> {
             let inline = file.text()[value_span.start - file.start()..].starts_with('{');
             match value.into_inner() {
                 DeValue::Table(inner) if !inline => self.put(tree, node, &steps, inner, diagnostics),
-                other => diagnostics.extend(set(tree, &steps, Spanned::new(value_span, other)).err()),
+                other => diagnostics.extend(self.set(tree, &steps, Spanned::new(value_span, other)).err()),
             }
         }
+    }
+
+    /// Puts a value at a path. A stage that gets another kind so loses what it has of the old one.
+    fn set(
+        &self,
+        tree: &mut DeTable<'a>,
+        steps: &[(Step, Span)],
+        value: RecipeValue<'a>,
+    ) -> Result<(), DiagnosticBuilder> {
+        let kind = value.get_ref().as_str().map(str::to_owned);
+        if let (Some(kind), Some((slot, id))) = (kind, stage_of_kind(steps))
+            && let Ok(Cursor::Value(stage)) = enter_all(tree, &steps[..steps.len() - 1])
+            && kind_of(stage, &id).is_none_or(|old| old != kind)
+            && let DeValue::Table(options) = stage.get_mut()
+        {
+            let file = |span: &Span| self.sources.file_of(span).map(|file| file.start());
+            let given = file(&value.span());
+            // What is written beside the new kind is a mistake if the kind has no such option.
+            let beside = |name: &Span| file(name) == given;
+            let keeps = |name: &str| ["id", "kind"].contains(&name) || self.carries(slot, &kind, name);
+            let old = std::mem::replace(options, DeTable::new());
+            *options = old.into_iter().filter(|(name, _)| beside(&name.span()) || keeps(name.get_ref())).collect();
+        }
+        set(tree, steps, value)
+    }
+
+    /// Whether a stage that gets this kind keeps an option of the kind that it had.
+    fn carries(&self, slot: Slot, kind: &str, option: &str) -> bool {
+        let has = |kind: &KindSchema| kind.options["properties"].get(option).is_some();
+        slot != Slot::Assets && self.schemas.kind(slot, kind).is_some_and(has)
+    }
+
+    /// Merges a child's tables over its base's.
+    fn merge_trees(&self, mut base: DeTable<'a>, child: DeTable<'a>) -> DeTable<'a> {
+        for (key, value) in child {
+            let merged = match base.remove(key.get_ref().as_ref()) {
+                None => value,
+                Some(old) => {
+                    let slot = Slot::ALL.into_iter().find(|slot| slot.name() == key.get_ref().as_ref());
+                    match slot.map(|slot| (slot, slot.shape())) {
+                        Some((slot, Shape::Keyed)) => {
+                            merge_tables(old, value, &|id, old, new| self.merge_stages(slot, id, old, new))
+                        }
+                        Some((slot, Shape::One)) => self.merge_stages(slot, "", old, value),
+                        Some((_, Shape::List)) => value,
+                        None if key.get_ref() == "dataset" => merge_tables(old, value, &|_, _, new| new),
+                        None => value,
+                    }
+                }
+            };
+            base.insert(key, merged);
+        }
+        base
+    }
+
+    /// Merges two stage tables. Of another kind the new one gets those options that it has, too.
+    fn merge_stages(&self, slot: Slot, id: &str, mut old: RecipeValue<'a>, new: RecipeValue<'a>) -> RecipeValue<'a> {
+        let own_kind = new.get_ref().as_table().and_then(|table| table.get("kind"));
+        if let Some(kind) = own_kind.and_then(|kind| kind.get_ref().as_str())
+            && kind_of(&old, id).is_none_or(|old| old != kind)
+            && let DeValue::Table(options) = old.get_mut()
+        {
+            let all = std::mem::replace(options, DeTable::new());
+            *options = all.into_iter().filter(|(name, _)| self.carries(slot, kind, name.get_ref())).collect();
+        }
+        merge_tables(old, new, &|_, _, new| new)
+    }
+}
+
+/// The kind that a stage table has: what it says, or its id.
+fn kind_of(stage: &RecipeValue, id: &str) -> Option<String> {
+    let table = stage.get_ref().as_table()?;
+    let said = table.get("kind").and_then(|kind| kind.get_ref().as_str());
+    said.or_else(|| Some(id).filter(|id| !id.is_empty())).map(str::to_owned)
+}
+
+/// The slot of the stage whose `kind` is at a path, and its id if a table's key gives that.
+fn stage_of_kind(steps: &[(Step, Span)]) -> Option<(Slot, String)> {
+    let ((Step::Key(first), _), (Step::Key(last), _)) = (steps.first()?, steps.last()?) else { return None };
+    let slot = Slot::ALL.into_iter().find(|slot| slot.name() == first).filter(|_| last == "kind")?;
+    match (slot.shape(), steps) {
+        (Shape::One, [_, _]) | (Shape::List, [_, _, _]) => Some((slot, String::new())),
+        (Shape::Keyed, [_, (Step::Key(id), _), _]) => Some((slot, id.clone())),
+        _ => None,
     }
 }
 
@@ -363,40 +453,6 @@ fn identity(path: &Path) -> PathBuf {
         }
     }
     out
-}
-
-/// Merges a child's tables over its base's.
-fn merge<'a>(mut base: DeTable<'a>, child: DeTable<'a>) -> DeTable<'a> {
-    for (key, value) in child {
-        let merged = match base.remove(key.get_ref().as_ref()) {
-            None => value,
-            Some(old) => {
-                let slot = Slot::ALL.into_iter().find(|slot| slot.name() == key.get_ref().as_ref());
-                match slot.map(Slot::shape) {
-                    Some(Shape::Keyed) => merge_tables(old, value, &merge_stage),
-                    Some(Shape::One) => merge_stage("", old, value),
-                    Some(Shape::List) => value,
-                    None if key.get_ref() == "dataset" => merge_tables(old, value, &|_, _, new| new),
-                    None => value,
-                }
-            }
-        };
-        base.insert(key, merged);
-    }
-    base
-}
-
-/// Merges two stage tables, or replaces the old one by the new if it is of another kind.
-fn merge_stage<'a>(id: &str, old: RecipeValue<'a>, new: RecipeValue<'a>) -> RecipeValue<'a> {
-    let kind = |value: &RecipeValue<'a>| {
-        let kind = value.get_ref().as_table().and_then(|table| table.get("kind"));
-        kind.and_then(|kind| kind.get_ref().as_str().map(str::to_owned))
-    };
-    let old_kind = kind(&old).unwrap_or_else(|| id.to_owned());
-    if kind(&new).is_some_and(|new| new != old_kind) {
-        return new;
-    }
-    merge_tables(old, new, &|_, _, new| new)
 }
 
 /// Merges two tables key by key; `both` decides where both have a key. The result has the span of the new one.
@@ -471,11 +527,7 @@ fn remove(root: &mut DeTable, path: &str, span: &Span) -> Result<(), DiagnosticB
     let steps: Vec<(Step, Span)> =
         read_path(path, span.start)?.into_iter().map(|(step, _)| (step, span.clone())).collect();
     let (last, parents) = steps.split_last().expect("a path has a step");
-    let mut cursor = Cursor::Root(root);
-    for (done, (step, span)) in parents.iter().enumerate() {
-        cursor = cursor.enter(step, span, &steps[..done], false)?;
-    }
-    match (cursor.table(), &last.0) {
+    match (enter_all(root, parents)?.table(), &last.0) {
         (Ok(table), Step::Key(key)) => {
             if table.remove(key.as_str()).is_none() {
                 return Err(absent(span, &steps, key, table));
@@ -492,6 +544,15 @@ fn remove(root: &mut DeTable, path: &str, span: &Span) -> Result<(), DiagnosticB
         }
         (Err(Cursor::Root(_)), _) => unreachable!("the root is a table"),
     }
+}
+
+/// The position at the end of a path that is there.
+fn enter_all<'t, 'a>(root: &'t mut DeTable<'a>, steps: &[(Step, Span)]) -> Result<Cursor<'t, 'a>, DiagnosticBuilder> {
+    let mut cursor = Cursor::Root(root);
+    for (done, (step, span)) in steps.iter().enumerate() {
+        cursor = cursor.enter(step, span, &steps[..done], false)?;
+    }
+    Ok(cursor)
 }
 
 fn read_path(path: &str, at: usize) -> Result<Vec<(Step, Span)>, DiagnosticBuilder> {

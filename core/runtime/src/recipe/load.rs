@@ -7,20 +7,24 @@ use super::diagnostic::{Diagnostic, DiagnosticBuilder, Report, Severity};
 use super::inherit::{self, Damage};
 use super::overrides::Overrides;
 use super::placers;
-use super::plan::plan;
+use super::plan::{part, plan};
+use super::pool::PoolOptions;
 use super::renamed::{RENAMED, RenamedNames};
 use super::resolved::{self, ResolvedStage};
 use super::schema::Schemas;
 use super::source::{NOWHERE, Sources, Span};
-use super::stages::{Built, Loader};
+use super::stages::{Built, BuiltStage, Loader};
 use super::suggest::{did_you_mean, listing, synonym};
 use super::variables::{self, PathRules};
 use super::{Recipe, Source};
 use crate::plan::{Implied, Plan};
+use crate::ready::{bad_paths, unready};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Shape, Slot, Stage};
+use syntable_model::stage::{AssetSource, DatasetInfo, Writer};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
@@ -34,6 +38,21 @@ pub fn load(registry: &Registry, source: Source, overrides: &Overrides) -> Resul
     load_with(registry, source, overrides, &RENAMED)
 }
 
+/// A recipe that was checked.
+pub(crate) struct Checked {
+    /// The recipe and its warnings, or all its mistakes.
+    pub recipe: Result<(Recipe, Vec<Diagnostic>), Report>,
+    /// The pools of a recipe with mistakes, as far as they have none themselves.
+    pub pools: BTreeMap<String, super::Pool>,
+}
+
+/// Loads a recipe, and asks its stages for mistakes that only a run would find: files that they need, and their paths.
+pub(crate) fn checked(registry: &Registry, source: Source, overrides: &Overrides) -> Checked {
+    let mut pools = BTreeMap::new();
+    let recipe = load_parts(registry, source, overrides, &RENAMED, Some(&mut pools));
+    Checked { recipe, pools }
+}
+
 /// Loads a recipe, given the names that have changed.
 pub(crate) fn load_with(
     registry: &Registry,
@@ -41,15 +60,26 @@ pub(crate) fn load_with(
     overrides: &Overrides,
     renamed: &RenamedNames,
 ) -> Result<(Recipe, Vec<Diagnostic>), Report> {
+    load_parts(registry, source, overrides, renamed, None)
+}
+
+/// Loads a recipe. With a place for the pools of one with mistakes, stages are asked for what they need.
+fn load_parts(
+    registry: &Registry,
+    source: Source,
+    overrides: &Overrides,
+    renamed: &RenamedNames,
+    pools: Option<&mut BTreeMap<String, super::Pool>>,
+) -> Result<(Recipe, Vec<Diagnostic>), Report> {
     let sources = Sources::default();
     let mut diagnostics = Vec::new();
     let folder = source.path.as_deref().and_then(Path::parent).map(Path::to_owned);
-    let graph = inherit::gather(source, overrides, &sources, &mut diagnostics);
+    let schemas = Schemas::of(registry);
+    let graph = inherit::gather(source, overrides, &sources, &schemas, &mut diagnostics);
     let incomplete = !diagnostics.is_empty();
     let (mut tree, mut damage) = graph.merge(&mut diagnostics);
     damage.keys_lost |= incomplete;
 
-    let schemas = Schemas::of(registry);
     diagnostics.extend(schemas.faults.iter().map(|fault| {
         DiagnosticBuilder::error(Code::Plugin, NOWHERE, fault.as_str())
             .help("ask the plugin's authors to mend it, or leave the plugin out of your binary")
@@ -70,8 +100,20 @@ pub(crate) fn load_with(
     }
     let views = views_per_scene(dataset.as_ref(), &built, &mut diagnostics);
 
+    if pools.is_some() {
+        diagnostics.extend(needs(dataset.as_ref().map(|(_, table)| table), &built, plan.as_ref()));
+    }
     let diagnostics = finish(&sources, diagnostics, &damage);
     if diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error) {
+        if let Some(pools) = pools {
+            for mut stage in built.stages.into_iter().filter(|stage| stage.found) {
+                if let Some(Stage::Assets(source)) = stage.stage.take()
+                    && let Some(pool) = pool(&stage, source, &mut built.pools)
+                {
+                    pools.insert(stage.id, pool);
+                }
+            }
+        }
         return Err(Report { diagnostics });
     }
     let dataset = dataset.map(|(_, table)| DatasetTable { views_per_scene: views, ..table });
@@ -83,6 +125,50 @@ pub(crate) fn load_with(
             Err(Report { diagnostics: vec![sources.diagnostic(diagnostic)] })
         }
     }
+}
+
+/// What the stages that were built need and is not there, and paths of files that do not go together.
+fn needs(dataset: Option<&DatasetTable>, built: &Built, plan: Option<&Plan>) -> Vec<DiagnosticBuilder> {
+    let sound: Vec<&BuiltStage> = built.stages.iter().filter(|stage| stage.found).collect();
+    let writers: Vec<(&str, &dyn Writer)> = (sound.iter())
+        .filter_map(|stage| match &stage.stage {
+            Some(Stage::Write(writer)) => Some((stage.id.as_str(), &**writer)),
+            _ => None,
+        })
+        .collect();
+    let mut mistakes: Vec<(String, Error)> =
+        plan.into_iter().flat_map(Plan::missing).map(|(stage, error)| (stage.to_owned(), error)).collect();
+    // A mistake in [dataset] is none of paths.
+    let info = DatasetInfo {
+        name: dataset.map_or("dataset", |table| &table.name).to_owned(),
+        seed: dataset.map_or(0, |table| table.seed),
+        scenes: dataset.map_or(1, |table| table.scenes),
+        views_per_scene: dataset.and_then(|table| table.views_per_scene).unwrap_or(1),
+        recipe: String::new(),
+        program: String::new(),
+        classes: Vec::new(),
+    };
+    let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
+        .chain(bad_paths(&info, &writers))
+        .map(|(id, error)| (format!("write.{id}"), error));
+    mistakes.extend(of_writers);
+    let diagnostic = |(stage, error): (String, Error)| {
+        let header = sound.iter().find(|other| part(other) == stage).map_or(NOWHERE, |stage| stage.header.clone());
+        let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, header, error.without_help());
+        error.help_text().into_iter().fold(diagnostic, |diagnostic, help| diagnostic.help(help))
+    };
+    mistakes.into_iter().map(diagnostic).collect()
+}
+
+/// The pool of a source of assets that was built.
+fn pool(
+    stage: &BuiltStage,
+    mut source: Box<dyn AssetSource>,
+    options: &mut BTreeMap<String, PoolOptions>,
+) -> Option<super::Pool> {
+    let options = options.remove(&stage.id)?;
+    source.limit(options.limits);
+    Some(super::Pool { kind: stage.entry.kind.to_owned(), source, options })
 }
 
 fn unknown_sections(tree: &DeTable, schemas: &Schemas, diagnostics: &mut Vec<DiagnosticBuilder>) {
@@ -304,12 +390,10 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let mut pools = built.pools;
     let (files, libraries) = (built.files, built.libraries);
     let lock = Lock::from(lock);
-    for stage in built.stages {
-        match stage.stage {
-            Some(Stage::Assets(mut source)) => {
-                let options = pools.remove(&stage.id)?;
-                source.limit(options.limits);
-                assets.insert(stage.id.clone(), super::Pool { kind: stage.entry.kind.to_owned(), source, options });
+    for mut stage in built.stages {
+        match stage.stage.take() {
+            Some(Stage::Assets(source)) => {
+                assets.insert(stage.id.clone(), pool(&stage, source, &mut pools)?);
             }
             Some(Stage::Place(placer)) => place.push((stage.id.clone(), placer)),
             Some(Stage::Settle(settler)) => settle = Some(settler),

@@ -46,6 +46,7 @@ pub use diagnostic::{Diagnostic, Label, Report, Severity};
 pub use editor::{editor_schema, schema_text};
 pub use lints::lints;
 pub use load::load;
+pub(crate) use load::{Checked, checked};
 pub use overrides::Overrides;
 pub use pool::{Center, Mass, ObjectProperties, Part, Pool, PoolOptions, Scale, Split};
 pub use resolved::{lock_of, with_lock, without_lock};

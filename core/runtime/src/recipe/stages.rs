@@ -45,6 +45,8 @@ pub(crate) struct BuiltStage<'l> {
     pub header: Span,
     /// Products that it names, with their bytes.
     pub products: Vec<(String, Span)>,
+    /// Whether there is something at every path that it names.
+    pub found: bool,
 }
 
 /// All stages that could be built.
@@ -299,7 +301,7 @@ impl<'l> Loader<'l> {
         let renamed = [entry.renamed, pool_renamed];
         let checked =
             check::options(self.schemas.validator(), entry.kind, &given.table, &given.header, &kind.options, &renamed);
-        let mut ok = checked.diagnostics.is_empty();
+        let (mut ok, mut found) = (checked.diagnostics.is_empty(), true);
         diagnostics
             .extend(checked.diagnostics.into_iter().map(|diagnostic| self.of_another_kind(diagnostic, &given, kind)));
         let said: Vec<(Vec<Step>, String)> =
@@ -318,6 +320,7 @@ impl<'l> Loader<'l> {
                         // Whether a library is there is for the stage to say, which knows where to get it.
                         if !libraries.contains(&reference.path) && !(self.overrides.exists)(&path.path) {
                             diagnostics.push(absent(&reference, &path.path));
+                            found = false;
                         }
                         paths.push((reference.path, path));
                     }
@@ -347,7 +350,13 @@ impl<'l> Loader<'l> {
                 }
             }
         }
-        let constructed = if ok { self.construct(entry, &given, built, diagnostics) } else { None };
+        let constructed = if ok {
+            self.construct(entry, &given, built, diagnostics)
+        } else {
+            // Mistakes among the other options do not wait until these are mended.
+            refusals(entry, &given, self.split(&given, true), checked.wrong, diagnostics);
+            None
+        };
         if slot == Slot::Assets
             && let Some((class, _)) = names.pools.get_mut(&given.id)
         {
@@ -379,7 +388,7 @@ impl<'l> Loader<'l> {
             }
         }
         let (id, header) = (given.id, given.header);
-        built.stages.push(BuiltStage { slot, id, entry, stage: Some(stage), options, header, products });
+        built.stages.push(BuiltStage { slot, id, entry, stage: Some(stage), options, header, products, found });
         ok
     }
 
@@ -534,12 +543,7 @@ impl<'l> Loader<'l> {
     ) -> Option<Constructed> {
         let header = &given.header;
         let mut ok = true;
-        let (mut pool, mut own) = (DeTable::new(), DeTable::new());
-        for (key, value) in given.table.clone() {
-            let of_pool = given.slot == Slot::Assets && self.schemas.is_pool_option(key.get_ref());
-            let table = if of_pool { &mut pool } else { &mut own };
-            table.insert(key, value);
-        }
+        let [pool, own] = [false, true].map(|own| self.split(given, own));
         if given.slot == Slot::Assets {
             match PoolOptions::deserialize(ValueDeserializer::from(Spanned::new(header.clone(), DeValue::Table(pool))))
             {
@@ -556,33 +560,30 @@ impl<'l> Loader<'l> {
                 }
             }
         }
-        let mut rest = own.clone();
-        match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(own))) {
+        match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(own.clone()))) {
             Ok(constructed) => Some(constructed).filter(|_| ok),
             Err(ConstructError::Form(error)) => {
                 diagnostics.push(malformed(&error, header));
                 None
             }
             Err(ConstructError::Invalid(invalid)) => {
-                let mut key = invalid.key.clone();
+                let first = key_path::steps(&invalid.key).into_iter().next();
                 diagnostics.push(refused(invalid, given));
                 // Without the option that was refused, the stage may refuse another one.
-                while let Some(Step::Key(option)) = key_path::steps(&key).into_iter().next()
-                    && rest.remove(option.as_str()).is_some()
+                if let Some(Step::Key(option)) = first
+                    && own.contains_key(option.as_str())
                 {
-                    match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(rest.clone()))) {
-                        Err(ConstructError::Invalid(invalid))
-                            if place(&rest, &key_path::steps(&invalid.key)).is_some() =>
-                        {
-                            key = invalid.key.clone();
-                            diagnostics.push(refused(invalid, given));
-                        }
-                        _ => break,
-                    }
+                    refusals(entry, given, own, [option].into(), diagnostics);
                 }
                 None
             }
         }
+    }
+
+    /// The options of the stage itself, or those of its pool.
+    fn split<'a>(&self, given: &StageTable<'a>, own: bool) -> DeTable<'a> {
+        let of_pool = |name: &str| given.slot == Slot::Assets && self.schemas.is_pool_option(name);
+        given.table.clone().into_iter().filter(|(key, _)| of_pool(key.get_ref()) != own).collect()
     }
 
     /// Every pool that a stage names must be there and give the right class; every pool should be named.
@@ -634,6 +635,30 @@ impl<'l> Loader<'l> {
                     .label("never named"),
                 );
             }
+        }
+    }
+}
+
+/// Reports what a stage refuses of its options beside those that are known to be wrong, one after the other. What is about
+/// an option that is not given, or speaks of a wrong one, may follow from the wrong ones and is left out.
+fn refusals(
+    entry: &Entry,
+    given: &StageTable,
+    mut rest: DeTable,
+    wrong: BTreeSet<String>,
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) {
+    wrong.iter().for_each(|option| drop(rest.remove(option.as_str())));
+    while let Err(ConstructError::Invalid(invalid)) =
+        entry.construct_validated(Spanned::new(given.header.clone(), DeValue::Table(rest.clone())))
+    {
+        let Some(Step::Key(option)) = key_path::steps(&invalid.key).into_iter().next() else { break };
+        if rest.remove(option.as_str()).is_none() {
+            break;
+        }
+        let said = format!("{} {}", invalid.message, invalid.help.as_deref().unwrap_or_default());
+        if !wrong.iter().any(|wrong| said.contains(wrong.as_str())) {
+            diagnostics.push(refused(invalid, given));
         }
     }
 }

@@ -650,8 +650,8 @@ mod tests {
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], String::new());
         let outcome = SceneOutcome::Made { views: 1, objects: 1, writers, recorded: Vec::new(), manifest };
-        let (notices, errors, assets) = Default::default();
-        JournalEntry { scene, attempt: 0, outcome, notices, errors, assets }
+        let (notices, odd_views, errors, assets) = Default::default();
+        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, errors, assets }
     }
 
     fn staged(open: &Folder, scene: u32, files: &[(&str, &str)]) -> PathBuf {

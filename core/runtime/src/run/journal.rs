@@ -17,9 +17,12 @@ pub struct JournalEntry {
     /// What came of the scene.
     #[serde(flatten)]
     pub outcome: SceneOutcome,
-    /// What is odd about the scene.
+    /// What is odd about the scene as a whole.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub notices: BTreeSet<Notice>,
+    /// What is odd about some of its views and not about all: their numbers, ascending.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub odd_views: BTreeMap<Notice, Vec<u32>>,
     /// Messages of the attempts that failed, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<String>,
@@ -70,6 +73,35 @@ impl Notice {
             Self::Unlit => "there is no light: no view has a light, and no material emits any",
             Self::Unlabeled => "no object has a visible pixel in any view",
         }
+    }
+
+    /// What it says of one of several views.
+    pub fn text_of_view(self) -> &'static str {
+        match self {
+            Self::Black => "the image is black",
+            Self::Unlit => "there is no light",
+            Self::Unlabeled => "no object has a visible pixel",
+        }
+    }
+
+    /// Where to look if it is about some views.
+    pub fn help_of_view(self) -> &'static str {
+        match self {
+            Self::Black | Self::Unlit => {
+                "the camera may be outside of the room or inside of something: look at [views], at the sizes in [[place]] and \
+                 at [[lights]]"
+            }
+            Self::Unlabeled => {
+                "the camera may be outside of the room, look past the objects or stand behind something: look at [views] and \
+                 at the sizes in [[place]]"
+            }
+        }
+    }
+
+    /// Whether a view like that among others may be meant: a camera may look past all objects, but no image is black for
+    /// nothing.
+    pub fn may_be_meant(self) -> bool {
+        self == Self::Unlabeled
     }
 
     /// Where to look.
@@ -253,8 +285,8 @@ mod tests {
     fn entry(scene: u32) -> JournalEntry {
         let (writers, manifest) = (vec!["png".to_owned()], "00".to_owned());
         let outcome = SceneOutcome::Made { views: 2, objects: 3, writers, recorded: Vec::new(), manifest };
-        let (notices, errors, assets) = (BTreeSet::new(), Vec::new(), BTreeMap::new());
-        JournalEntry { scene, attempt: 0, outcome, notices, errors, assets }
+        let (notices, odd_views, errors, assets) = Default::default();
+        JournalEntry { scene, attempt: 0, outcome, notices, odd_views, errors, assets }
     }
 
     #[test]

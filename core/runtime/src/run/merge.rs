@@ -80,8 +80,8 @@ pub fn merge(
     let log = Warnings(reporter);
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let outcome =
-        finish(&recipe, &log, &Pool::new(threads)?, &begun.folder, journal, &first.recipe, false).map_err(stopping)?;
+    let outcome = finish(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &first.recipe, false)
+        .map_err(stopping)?;
     if !lacks.is_empty() {
         let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
         let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));

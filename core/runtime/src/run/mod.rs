@@ -101,8 +101,8 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     recipe.ready()?;
     let reporter = &Guarded(reporter);
     let log = Warnings(reporter);
-    // Nothing is deleted for a run whose assets cannot be found.
-    let mut assets = options.overwrite.then(|| AssetStore::open(recipe, &log)).transpose()?;
+    // Nothing is deleted or repaired for a run whose assets cannot be found.
+    let mut assets = (options.overwrite || options.repair).then(|| AssetStore::open(recipe, &log)).transpose()?;
     let folder = Folder::open(&options.out)?;
     if options.repair {
         let lines = folder.mend_journal()?;
@@ -118,7 +118,9 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     }
     let mut journal = Journal::open(&folder.journal())?;
     let pool = Pool::new(options.threads)?;
-    if options.repair && restore_recipe(&folder, recipe, &journal, &log)? {
+    if let Some(assets) = assets.as_ref().filter(|_| options.repair)
+        && restore_recipe(&folder, recipe, &journal, assets)?
+    {
         reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
     }
     let mut resolved = adopt(&folder, recipe, &journal, reporter)?;
@@ -146,7 +148,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let journal = journal.into_inner();
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none()).map(|(scene, _)| scene);
     let made = whole.filter_map(|scene| journal.entries().get(scene)).map(JournalEntry::views).sum();
-    let outcome = finish(recipe, &log, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
+    let outcome = finish(recipe, reporter, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),
         scenes: outcome.scenes,
@@ -168,8 +170,8 @@ fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
 }
 
 /// Writes the recipe of the folder again if it is lost, and this is certainly the one.
-fn restore_recipe(folder: &Folder, recipe: &Recipe, journal: &Journal, log: &dyn Log) -> Result<bool> {
-    let names = AssetStore::open(recipe, log)?.catalogs();
+fn restore_recipe(folder: &Folder, recipe: &Recipe, journal: &Journal, store: &AssetStore) -> Result<bool> {
+    let names = store.catalogs();
     let assets = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
     let lock = Lock { catalogs: inputs::catalogs(&names), files: inputs::files(recipe)?, assets };
     folder.restore_recipe(&with_lock(&recipe.resolved, &lock))
@@ -361,7 +363,7 @@ fn make_scenes(
     let (next, made) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
     let failure: Mutex<Option<Error>> = Mutex::new(None);
-    let odd = Mutex::new(BTreeSet::new());
+    let odd = ToldOdd::default();
     let maker = scene::SceneMaker {
         recipe,
         assets,
@@ -429,11 +431,24 @@ fn make_scenes(
     failure.into_inner().map_or(Ok(()), Err)
 }
 
+/// What was told of scenes and of single views.
+#[derive(Default)]
+struct ToldOdd {
+    scenes: Mutex<BTreeSet<Notice>>,
+    views: Mutex<BTreeSet<Notice>>,
+}
+
 /// Tells what is odd about a scene, once of each sort, and whether a scene that was made again is what it was.
-fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &Mutex<BTreeSet<Notice>>, log: &dyn Log) {
+fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ToldOdd, log: &dyn Log) {
     for &notice in &entry.notices {
-        if odd.lock().insert(notice) {
+        if odd.scenes.lock().insert(notice) {
             log.warn(&Error::new(notice.text()).help(notice.help()).context(format!("scene {}", entry.scene)));
+        }
+    }
+    for (&notice, views) in entry.odd_views.iter().filter(|(notice, _)| !notice.may_be_meant()) {
+        if odd.views.lock().insert(notice) {
+            let of = format!("scene {}, view {}", entry.scene, views[0]);
+            log.warn(&Error::new(notice.text_of_view()).help(notice.help_of_view()).context(of));
         }
     }
     let job = &todo.scenes[&entry.scene];
@@ -461,13 +476,14 @@ fn stopping(error: Error) -> Error {
 /// Annotates the dataset and lets every writer finish; the first error is reported when all had their turn.
 fn finish(
     recipe: &Recipe,
-    log: &dyn Log,
+    reporter: &dyn Reporter,
     workers: &dyn Workers,
     folder: &Folder,
     mut journal: Journal,
     resolved: &str,
     repair: bool,
 ) -> Result<Outcome> {
+    let log = &Warnings(reporter);
     let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
     let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
     check_shards(folder, workers, &made)?;
@@ -478,18 +494,42 @@ fn finish(
     let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
     let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
     failure.map_or(published, Err)?;
-    for notice in [Notice::Black, Notice::Unlit, Notice::Unlabeled] {
-        let odd = made.iter().filter(|entry| entry.notices.contains(&notice)).count();
-        if odd > 0 {
-            let of = format!("{odd} of {}", count(made.len() as u32, "scene"));
-            log.warn(&Error::new(notice.text()).help(notice.help()).context(of));
-        }
-    }
+    tell_at_the_end(&made, reporter);
     Ok(Outcome {
         scenes: made.len() as u32,
         failed: (entries.len() - made.len()) as u32,
         images: entries.iter().map(JournalEntry::views).sum(),
     })
+}
+
+/// Views like that are few if they are less than one in as many.
+const FEW: u32 = 10;
+
+/// Counts the scenes and the views that are odd. A few views that may be meant are no reason for a warning.
+fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
+    let log = Warnings(reporter);
+    let all: u32 = made.iter().map(JournalEntry::views).sum();
+    for notice in [Notice::Black, Notice::Unlit, Notice::Unlabeled] {
+        let whole = || made.iter().filter(|entry| entry.notices.contains(&notice));
+        let scenes = whole().count();
+        if scenes > 0 {
+            let of = format!("{scenes} of {}", count(made.len() as u32, "scene"));
+            log.warn(&Error::new(notice.text()).help(notice.help()).context(of));
+        }
+        let some = || made.iter().filter_map(|entry| Some((entry.scene, entry.odd_views.get(&notice)?)));
+        let Some((scene, &[view, ..])) = some().next().map(|(scene, views)| (scene, views.as_slice())) else {
+            continue;
+        };
+        let views =
+            whole().map(JournalEntry::views).sum::<u32>() + some().map(|(_, views)| views.len() as u32).sum::<u32>();
+        let of = format!("{views} of {}, such as view {view} of scene {scene}", count(all, "view"));
+        let warning = Error::new(notice.text_of_view()).help(notice.help_of_view()).context(of);
+        if notice.may_be_meant() && views.saturating_mul(FEW) < all {
+            reporter.event(&Event::Note { message: warning.to_string() });
+        } else {
+            log.warn(&warning);
+        }
+    }
 }
 
 /// Compares what the end of a run reads of the scenes with what was written: lines that are gone would be missed by nobody.

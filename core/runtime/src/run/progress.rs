@@ -6,7 +6,9 @@ use parking_lot::Mutex;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use syntable_model::context::{Log, Steps};
 use syntable_model::error::Error;
 
 /// Something that happened: one line of `--log-format json`.
@@ -32,6 +34,12 @@ pub enum Event {
         scene: u32,
         /// Its view.
         view: u32,
+    },
+    /// A part of a scene takes longer than a second, such as the convex decomposition of a pool's meshes when they are first
+    /// used. At most one a second.
+    Working {
+        /// The step that it is at.
+        step: String,
     },
     /// A scene is done.
     Scene {
@@ -143,6 +151,8 @@ pub struct Human {
 struct State {
     start: Instant,
     said: Instant,
+    /// When a step of long work was said.
+    worked: Option<Instant>,
     images: u64,
     total: u64,
     scenes: u32,
@@ -167,6 +177,7 @@ impl Human {
         let state = State {
             start: now,
             said: now,
+            worked: None,
             images: 0,
             total: 0,
             scenes: 0,
@@ -248,6 +259,14 @@ impl Reporter for Human {
                     print_line(&format!("{}/{} images  {pace}", state.images, state.total));
                 }
             }
+            Event::Working { step } => match &self.bar {
+                Some(bar) => bar.set_message(step.clone()),
+                None if state.worked.is_none_or(|worked| worked.elapsed() > Duration::from_secs(10)) => {
+                    state.worked = Some(Instant::now());
+                    print_line(step);
+                }
+                None => {}
+            },
             Event::Scene { scene, .. } => {
                 state.scenes += 1;
                 state.unfinished.remove(scene);
@@ -278,11 +297,75 @@ impl Reporter for Human {
     }
 }
 
-/// A log that turns warnings into events.
+/// A log that turns warnings into events, and steps of work that takes long.
 pub struct Warnings<'a>(pub &'a dyn Reporter);
 
-impl syntable_model::context::Log for Warnings<'_> {
+/// How long work may take before it is told, and how often.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+impl Log for Warnings<'_> {
     fn warn(&self, warning: &Error) {
         self.0.event(&Event::Message(Record::of(Level::Warning, warning)));
+    }
+
+    fn during(&self, steps: &Steps, work: &mut dyn FnMut()) {
+        let (done, waiting) = channel::<()>();
+        std::thread::scope(|threads| {
+            threads.spawn(move || {
+                let mut told = None;
+                while waiting.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                    let latest = steps.latest();
+                    if latest != told
+                        && let Some(step) = latest.clone()
+                    {
+                        self.0.event(&Event::Working { step });
+                    }
+                    told = latest;
+                }
+            });
+            // A panic of the work drops it, too.
+            let _done = done;
+            work();
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Default)]
+    struct Heard(Mutex<Vec<String>>);
+    impl Reporter for Heard {
+        fn event(&self, event: &Event) {
+            if let Event::Working { step } = event {
+                self.0.lock().push(step.clone());
+            }
+        }
+    }
+
+    #[test]
+    fn work_is_told_when_it_takes_long() {
+        let heard = Heard::default();
+        let work = |all: &[(&str, f64)]| {
+            let steps = Steps::default();
+            Warnings(&heard).during(&steps, &mut || {
+                for (step, seconds) in all {
+                    steps.begin((*step).to_owned());
+                    std::thread::sleep(PATIENCE.mul_f64(*seconds));
+                }
+            });
+        };
+        work(&[("quick", 0.1)]);
+        assert!(heard.0.lock().is_empty());
+        // Each is told once, however long it takes.
+        work(&[("first", 0.3), ("second", 2.2), ("third", 1.0)]);
+        assert_eq!(*heard.0.lock(), ["second", "third"]);
+    }
+
+    #[test]
+    fn a_panic_of_work_is_passed_on() {
+        let panics = || Warnings(&Quiet).during(&Steps::default(), &mut || panic!("inside"));
+        assert!(crate::run::panics::quiet(|| std::panic::catch_unwind(std::panic::AssertUnwindSafe(panics))).is_err());
     }
 }

@@ -5,13 +5,13 @@
 //! attempt is that of its first failing view, so nothing depends on the scheduling.
 
 use super::folder::Folder;
-use super::journal::{JournalEntry, Notice, SceneOutcome};
+use super::journal::{JournalEntry, SceneOutcome};
 use super::manifest::Manifest;
 use super::panics::caught;
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
 use super::records::{self, Records};
-use super::seen::Seen;
+use super::seen::{Odd, Seen};
 use super::sessions::Sessions;
 use super::settled;
 use super::stop::{self, Stop};
@@ -19,7 +19,7 @@ use crate::plan::{Plan, PlannedStage, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::recipe::Recipe;
 use parking_lot::{Condvar, Mutex};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
@@ -90,17 +90,20 @@ impl<'a> SceneMaker<'a> {
         }
         let kept = Manifest::default();
         for number in first..self.recipe.dataset.max_attempts {
-            if let Some((Attempted { views, objects, notices }, assets)) =
+            if let Some((Attempted { views, objects, odd }, assets)) =
                 self.attempt(task.scene, number, task.whole, false, queue, &mut errors)?
             {
                 let outcome = outcome(views, objects, task.whole);
-                let entry = JournalEntry { scene: task.scene, attempt: number, outcome, notices, errors, assets };
+                let Odd { scene: notices, views: odd_views } = odd;
+                let (scene, attempt) = (task.scene, number);
+                let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
                 return Ok(Made { entry, kept });
             }
         }
         let attempt = self.recipe.dataset.max_attempts.saturating_sub(1);
-        let (outcome, notices, assets) = (SceneOutcome::Failed, BTreeSet::new(), BTreeMap::new());
-        Ok(Made { entry: JournalEntry { scene: task.scene, attempt, outcome, notices, errors, assets }, kept })
+        let (outcome, (notices, odd_views, assets)) = (SceneOutcome::Failed, Default::default());
+        let entry = JournalEntry { scene: task.scene, attempt, outcome, notices, odd_views, errors, assets };
+        Ok(Made { entry, kept })
     }
 
     /// One attempt: what it gave with the digests of the assets that it drew, or nothing if others may do better.
@@ -152,13 +155,14 @@ fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
 /// The line of a scene that got what it lacked: that of a scene that had it from the start.
 fn extended(
     present: &JournalEntry,
-    Attempted { views, objects, notices }: Attempted,
+    Attempted { views, objects, odd }: Attempted,
     assets: BTreeMap<String, String>,
     whole: &Work,
 ) -> JournalEntry {
     let mut entry = present.clone();
     entry.outcome = outcome(views, objects, whole);
-    entry.notices.extend(notices);
+    entry.notices.extend(odd.scene);
+    entry.odd_views.extend(odd.views);
     entry.assets.extend(assets);
     entry
 }
@@ -167,7 +171,7 @@ fn extended(
 struct Attempted {
     views: u32,
     objects: u32,
-    notices: BTreeSet<Notice>,
+    odd: Odd,
 }
 
 /// One attempt at a scene, with random numbers of its own.
@@ -228,7 +232,7 @@ impl<'m> Attempt<'m, '_> {
         caught("records", || views.records.write(&work.plan, &products, &Output::new(staged, "@records", self.scene)))?;
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
-        Ok(Attempted { views: work.dataset.views_per_scene, objects, notices: views.seen.notices(&scene) })
+        Ok(Attempted { views: work.dataset.views_per_scene, objects, odd: views.seen.odd(&scene) })
     }
 
     /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.

@@ -5,7 +5,7 @@ use super::journal::Journal;
 use super::manifest::{Manifest, Stamp, State};
 use crate::workers::Pool;
 use parking_lot::Mutex;
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::Path;
 use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
@@ -23,7 +23,9 @@ pub struct Verified {
     pub missing: Vec<String>,
     /// Files of another size or content, sorted.
     pub damaged: Vec<String>,
-    /// Files that no manifest lists, sorted.
+    /// Files of scenes whose manifests are lost, by scene, as far as the paths of another scene tell; sorted.
+    pub unlisted: BTreeMap<u32, Vec<String>>,
+    /// Other files that no manifest lists, sorted.
     pub foreign: Vec<String>,
     /// Scenes that have a missing or damaged file.
     pub bad_scenes: BTreeSet<u32>,
@@ -54,14 +56,15 @@ pub fn verify(root: &Path, threads: usize) -> Result<Verified> {
 pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
     let entries = Journal::entries_of(&journal_path(root))?;
     let made: Vec<(u32, &str)> = entries.values().filter_map(|entry| Some((entry.scene, entry.manifest()?))).collect();
-    let found = Mutex::new((Verified::default(), Owned::default()));
+    let found = Mutex::new((Verified::default(), Owned::default(), Known::default()));
     let failure = Mutex::new(None);
     workers.run(made.len(), &|index| {
         let (scene, digest) = made[index];
         let mut wrong = Verified::default();
         let done = scene_files(root, scene, digest, &mut wrong).map(|manifest| {
             let mut found = found.lock();
-            found.1.extend(&manifest);
+            found.2.add(scene, manifest.as_ref());
+            found.1.extend(&manifest.unwrap_or_default());
             if !wrong.whole() {
                 found.0.bad_scenes.insert(scene);
             }
@@ -74,7 +77,7 @@ pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
     if let Some(error) = failure.into_inner() {
         return Err(error);
     }
-    let (mut found, mut owned) = found.into_inner();
+    let (mut found, mut owned, known) = found.into_inner();
     found.scenes = made.len() as u32;
     let end = finished(root)?;
     owned.extend(&end.manifest);
@@ -90,21 +93,23 @@ pub(super) fn compare(root: &Path, workers: &dyn Workers) -> Result<Verified> {
         // Before its first end a run has written the recipe, which is listed at the end.
         owned.0.insert(key(RESERVED[1]));
     }
-    let mut foreign = Vec::new();
+    let patterns = Patterns::of(root, known)?;
     each_file(root, "", &mut |path| {
         if !owned.0.contains(&key(path)) {
-            foreign.push(path.to_owned());
+            match patterns.scene_of(path) {
+                Some(scene) => found.unlisted.entry(scene).or_default().push(path.to_owned()),
+                None => found.foreign.push(path.to_owned()),
+            }
         }
     })?;
-    found.foreign = foreign;
-    for list in [&mut found.missing, &mut found.damaged, &mut found.foreign] {
-        list.sort_unstable();
-    }
+    let lists = [&mut found.missing, &mut found.damaged, &mut found.foreign];
+    lists.into_iter().chain(found.unlisted.values_mut()).for_each(|list| list.sort_unstable());
     Ok(found)
 }
 
 /// Compares the files of a scene, and returns what its manifest lists as far as that can be known.
-fn scene_files(root: &Path, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Manifest> {
+/// None if its manifest is lost.
+fn scene_files(root: &Path, scene: u32, digest: &str, wrong: &mut Verified) -> Result<Option<Manifest>> {
     let path = manifest_path(root, scene);
     let name = || format!("{}/scenes/{scene:06}.json", RESERVED[0]);
     wrong.files += 1;
@@ -117,13 +122,13 @@ fn scene_files(root: &Path, scene: u32, digest: &str, wrong: &mut Verified) -> R
         }
         None => {
             if path.exists() { &mut wrong.damaged } else { &mut wrong.missing }.push(name());
-            Manifest::default()
+            return Ok(None);
         }
     };
     for (path, stamp) in &manifest.files {
         wrong.look(root, path, stamp)?;
     }
-    Ok(manifest)
+    Ok(Some(manifest))
 }
 
 impl Verified {
@@ -154,6 +159,112 @@ impl Owned {
     }
 }
 
+/// Which scenes have a manifest.
+#[derive(Default)]
+struct Known {
+    /// Scenes whose manifests are lost.
+    lost: BTreeSet<u32>,
+    /// Number of files of the scene that has most, and that scene; the first of several.
+    example: Option<(usize, std::cmp::Reverse<u32>)>,
+}
+
+impl Known {
+    fn add(&mut self, scene: u32, manifest: Option<&Manifest>) {
+        match manifest {
+            Some(manifest) => self.example = self.example.max(Some((manifest.files.len(), std::cmp::Reverse(scene)))),
+            None => drop(self.lost.insert(scene)),
+        }
+    }
+}
+
+/// Tells of which scene a file is that no manifest lists, by the paths of the files of another scene: its number stands
+/// where theirs has that of their scene. Without another scene, any number in the path counts.
+struct Patterns {
+    lost: BTreeSet<u32>,
+    /// The scene whose files are the examples.
+    example: u32,
+    /// Numbers in the paths of its files, by the path without its numbers; none if there is no such scene.
+    numbers: Option<HashMap<String, Vec<Vec<u32>>>>,
+}
+
+impl Patterns {
+    fn of(root: &Path, known: Known) -> Result<Self> {
+        let Known { lost, example } = known;
+        let Some((_, std::cmp::Reverse(example))) = example.filter(|_| !lost.is_empty()) else {
+            return Ok(Self { lost, example: 0, numbers: None });
+        };
+        let manifest = Manifest::read(&manifest_path(root, example))?.map(|(manifest, _)| manifest).unwrap_or_default();
+        let mut all: HashMap<String, Vec<Vec<u32>>> = HashMap::new();
+        for path in manifest.files.keys() {
+            let (shape, numbers) = split(path);
+            all.entry(shape).or_default().push(numbers);
+        }
+        Ok(Self { lost, example, numbers: Some(all) })
+    }
+
+    fn scene_of(&self, path: &str) -> Option<u32> {
+        if self.lost.is_empty() {
+            return None;
+        }
+        let (shape, numbers) = split(path);
+        let Some(all) = &self.numbers else {
+            return numbers.into_iter().find(|number| self.lost.contains(number));
+        };
+        all.get(&shape)?.iter().find_map(|theirs| {
+            let mut other = theirs.iter().zip(&numbers).filter(|(theirs, ours)| theirs != ours);
+            let (first, &scene) = other.next()?;
+            let same = *first == self.example && other.all(|(theirs, ours)| (theirs, *ours) == (first, scene));
+            (same && self.lost.contains(&scene)).then_some(scene)
+        })
+    }
+}
+
+/// A path with `#` for each number, and the numbers; one beyond 32 bits counts as the largest.
+fn split(path: &str) -> (String, Vec<u32>) {
+    let (mut shape, mut numbers) = (String::new(), Vec::new());
+    let mut rest = path;
+    while let Some(at) = rest.find(|letter: char| letter.is_ascii_digit()) {
+        let (before, from) = rest.split_at(at);
+        let digits = from.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(from.len());
+        shape += before;
+        shape.push('#');
+        numbers.push(from[..digits].parse().unwrap_or(u32::MAX));
+        rest = &from[digits..];
+    }
+    (shape + rest, numbers)
+}
+
 fn key(path: &str) -> u64 {
     Digest::of(path.as_bytes()).short()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_told_by_the_paths_of_another_scene() {
+        let theirs = ["png/rgb/3_1.png", "png/rgb/3_3.png", "v2/000003.json", "3/a/3.txt"];
+        let mut numbers: HashMap<String, Vec<Vec<u32>>> = HashMap::new();
+        for (shape, found) in theirs.map(split) {
+            numbers.entry(shape).or_default().push(found);
+        }
+        let patterns = Patterns { lost: [5, 7].into(), example: 3, numbers: Some(numbers) };
+        for (path, scene) in [
+            ("png/rgb/5_1.png", Some(5)),
+            ("png/rgb/7_3.png", Some(7)),
+            ("png/rgb/6_1.png", None),
+            ("png/rgb/5_2.png", None),
+            ("v2/000005.json", Some(5)),
+            ("v5/000003.json", None),
+            ("5/a/5.txt", Some(5)),
+            ("5/a/7.txt", None),
+            ("notes 5.txt", None),
+        ] {
+            assert_eq!(patterns.scene_of(path), scene, "{path}");
+        }
+        let alone = Patterns { numbers: None, ..patterns };
+        assert_eq!(alone.scene_of("notes 5.txt"), Some(5));
+        assert_eq!(alone.scene_of("notes.txt"), None);
+    }
 }

@@ -228,6 +228,10 @@ impl Default for Rapier {
 }
 impl Rapier {
     fn validate(&self) -> Result<(), ConfigError> {
+        if self.duration_s > 30.0 && self.steps_per_second < 300 {
+            let message = "`duration_s` beyond 30 needs `steps_per_second` of at least 300";
+            return Err(ConfigError::new("duration_s", message));
+        }
         Ok(())
     }
 }

@@ -82,6 +82,36 @@ fn lines_that_are_gone_are_missed() {
 }
 
 #[test]
+fn files_of_a_scene_without_its_manifest_are_told_from_others() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    run(RECIPE, &whole, 2).expect("whole");
+    run(RECIPE, &data, 2).expect("whole");
+    fs::write(data.join("lines/notes 1.txt"), "mine").expect("writable");
+    let files_of = |scene: u32| -> Vec<String> {
+        let number = format!("{scene:06}");
+        let all = files(&data).into_keys().filter(|name| !name.starts_with(".syntable/"));
+        all.filter(|name| name.split(['/', '_', '.']).nth(1) == Some(&number)).collect()
+    };
+    for lost in [vec![1], vec![0, 3], vec![0, 1, 2]] {
+        for scene in &lost {
+            fs::remove_file(data.join(format!(".syntable/scenes/{scene:06}.json"))).expect("there");
+        }
+        let found = verify(&data, 2).expect("a dataset");
+        let want: BTreeMap<u32, Vec<String>> = lost.iter().map(|&scene| (scene, files_of(scene))).collect();
+        assert!(want.values().all(|files| files.len() == 6), "{want:?}");
+        assert_eq!(found.unlisted, want);
+        assert_eq!(found.foreign, ["lines/notes 1.txt"]);
+        assert!(!found.whole() && found.missing.len() == lost.len());
+        run_with(RECIPE, RunOptions { repair: true, ..options(&data, 1) }, &Quiet).expect("repaired");
+        let found = verify(&data, 2).expect("a dataset");
+        assert!(found.whole() && found.unlisted.is_empty() && found.foreign.len() == 1, "{found:?}");
+    }
+    fs::remove_file(data.join("lines/notes 1.txt")).expect("still there");
+    assert_same(&whole, &data);
+}
+
+#[test]
 fn only_damaged_scenes_are_made_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let recipe = RECIPE

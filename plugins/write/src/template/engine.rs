@@ -3,6 +3,7 @@
 use serde_json::Value as Json;
 use std::collections::HashMap;
 use std::error::Error as _;
+use std::io::{self, Write};
 use syntable_model::error::{Error, Result};
 use tera::{Context, Tera};
 
@@ -33,6 +34,7 @@ impl Template {
         tera.register_function("get_env", |_: &HashMap<String, Json>| {
             Err(tera::Error::msg("templates do not read the environment: there is no function `get_env`"))
         });
+        tera.register_function("range", range);
         tera.autoescape_on(Vec::new());
         tera.register_filter("pad", pad);
         tera.add_raw_template(NAME, text).map_err(|error| Fault::of(&error, text))?;
@@ -41,8 +43,65 @@ impl Template {
 
     /// Renders the template with the fields of an object.
     pub fn render(&self, context: &Json) -> Result<String, Fault> {
+        self.render_at_most(context, LARGEST_TEXT)
+    }
+
+    fn render_at_most(&self, context: &Json, most: usize) -> Result<String, Fault> {
         let context = Context::from_value(context.clone()).map_err(|error| Fault::of(&error, &self.text))?;
-        self.tera.render(NAME, &context).map_err(|error| Fault::of(&error, &self.text))
+        let mut text = Bounded { bytes: Vec::new(), most };
+        self.tera.render_to(NAME, &context, &mut text).map_err(|error| Fault::of(&error, &self.text))?;
+        String::from_utf8(text.bytes).map_err(|error| Fault { line: None, message: error.to_string() })
+    }
+}
+
+/// Maximum count of the numbers that `range` gives: Tera holds all of them in memory.
+const LONGEST_RANGE: u64 = 1_000_000;
+
+/// Maximum size of the text of a file, bytes: it is made in memory.
+const LARGEST_TEXT: usize = 1 << 30;
+
+/// `range(end = 5, start = 0, step_by = 1)`: the numbers from `start` to `end`, without `end`.
+fn range(arguments: &HashMap<String, Json>) -> tera::Result<Json> {
+    let number = |name: &str, default: Option<u64>| match (arguments.get(name), default) {
+        (Some(value), _) => value.as_u64().ok_or_else(|| {
+            tera::Error::msg(format!("`range` takes an integer of at least 0 for `{name}`, not {value}"))
+        }),
+        (None, Some(default)) => Ok(default),
+        (None, None) => Err(tera::Error::msg(format!("`range` needs `{name}`"))),
+    };
+    let (start, end, step) = (number("start", Some(0))?, number("end", None)?, number("step_by", Some(1))?);
+    if step == 0 {
+        return Err(tera::Error::msg("`range` takes a `step_by` of at least 1"));
+    }
+    if start > end {
+        return Err(tera::Error::msg(format!("`range` counts upwards: `start` is {start}, and `end` is {end}")));
+    }
+    let count = (end - start).div_ceil(step);
+    if count > LONGEST_RANGE {
+        let message =
+            format!("`range` up to {end} gives {count} numbers, more than {LONGEST_RANGE}: count in nested loops");
+        return Err(tera::Error::msg(message));
+    }
+    Ok((0..count).map(|i| start + i * step).collect())
+}
+
+/// Text of at most a size, bytes.
+struct Bounded {
+    bytes: Vec<u8>,
+    most: usize,
+}
+
+impl Write for Bounded {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.bytes.len() + bytes.len() > self.most {
+            let message = format!("the text is longer than {} bytes: write more and smaller files", self.most);
+            return Err(io::Error::other(message));
+        }
+        self.bytes.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -138,5 +197,43 @@ mod tests {
     fn numbers_are_padded_and_nothing_is_escaped() {
         let template = Template::new("{{ a | pad(width=6) }} {{ a | pad }} {{ t }}").expect("parses");
         assert_eq!(template.render(&json!({ "a": 42, "t": "<&>" })).expect("renders"), "000042 0042 <&>");
+    }
+
+    #[test]
+    fn ranges_are_as_teras_up_to_a_limit() {
+        let ours = |text: &str| Template::new(text).expect("parses").render(&json!({})).expect("renders");
+        for arguments in
+            ["end=4", "start=2, end=9", "end=10, step_by=3", "start=1, end=10, step_by=3", "start=5, end=5"]
+        {
+            let text = format!("{{% for i in range({arguments}) %}}{{{{ i }}}} {{% endfor %}}");
+            let theirs = Tera::one_off(&text, &Context::new(), false).expect("renders");
+            assert_eq!(ours(&text), theirs, "{arguments}");
+        }
+        assert_eq!(ours("{{ range(end=1000000) | length }}"), "1000000");
+        assert_eq!(ours("{{ range(end=9223372036854775807, step_by=4611686018427387904) | length }}"), "2");
+    }
+
+    #[test]
+    fn endless_ranges_are_refused() {
+        for (arguments, says) in [
+            ("end=100000000000", "`range` up to 100000000000 gives 100000000000 numbers, more than 1000000"),
+            ("start=1, end=1000002", "gives 1000001 numbers, more than 1000000"),
+            ("end=3, step_by=0", "`step_by` of at least 1"),
+            ("start=3, end=2", "`start` is 3, and `end` is 2"),
+            ("end=f", "an integer of at least 0 for `end`, not 0.5"),
+            ("start=1", "`range` needs `end`"),
+        ] {
+            let fault = fault(&format!("one\n{{% for i in range({arguments}) %}}{{% endfor %}}"));
+            assert!(fault.line == Some(2) && fault.message.contains(says), "{arguments}: {fault:?}");
+        }
+    }
+
+    #[test]
+    fn text_is_bounded() {
+        let template = Template::new("one\n{% for i in range(end=9) %}ab{% endfor %}").expect("parses");
+        let render = |most| template.render_at_most(&json!({}), most);
+        assert_eq!(render(22).expect("fits"), format!("one\n{}", "ab".repeat(9)));
+        let fault = render(21).expect_err("too long");
+        assert!(fault.message.contains("longer than 21 bytes"), "{fault:?}");
     }
 }

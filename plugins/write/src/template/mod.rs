@@ -28,7 +28,8 @@ use syntable_model::product::Scope;
 /// - `dataset`: `name`, `seed`, `scenes`, `views_per_scene` and `program`;
 /// - `writer`: the id of this writer.
 ///
-/// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`.
+/// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`. The function `range` gives at most 1000000 numbers,
+/// and the text of a file has at most 1 GiB.
 ///
 /// # Output
 ///
