@@ -1,6 +1,7 @@
 //! Datasets of the stock program that grow by a writer: each writer writes what it would have written from the start.
 
 mod support;
+use std::path::Path;
 use support::{assert_same, fails, ok, small_run, syntable, text};
 use syntable_testing::folder::files;
 
@@ -89,4 +90,37 @@ fn what_a_run_reports_of_growth_and_of_another_recipe() {
     }
     let error = fails(&mut small_run(folder.path(), &["--set", "dataset.scenes=3", "--seed", "8"]), 2);
     assert!(error.contains("dataset.seed: 7 -> 8") && error.contains("another recipe"), "{error}");
+}
+
+/// Ids of the images of an annotation file, each with the file of the image.
+fn image_ids(file: &Path) -> Vec<(u64, String)> {
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(file).expect("there")).expect("JSON");
+    let images = json["images"].as_array().expect("a list").iter();
+    images.map(|it| (it["id"].as_u64().expect("an id"), it["file_name"].as_str().expect("a name").to_owned())).collect()
+}
+
+#[test]
+fn image_ids_are_unique_however_the_dataset_grew() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let old = "write.old={ kind = \"syntable\", compat = \"syntable_1\", folder = \"old\" }";
+    let run = |out: &Path, more: &[&str]| ok(&mut small_run(out, &[&["--set", old], more].concat()));
+    // Scene 1 has two views, and scene 0 gets three later: because it comes later, or because it is made again.
+    let later = folder.path().join("later");
+    run(&later, &["--scenes", "1..2"]);
+    run(&later, &["--views", "3"]);
+    let again = folder.path().join("again");
+    run(&again, &[]);
+    let journal = again.join(".syntable/journal.jsonl");
+    let lines = std::fs::read_to_string(&journal).expect("there");
+    let (_, rest) = lines.split_once('\n').expect("two lines");
+    std::fs::write(&journal, rest).expect("writable");
+    run(&again, &["--views", "3", "--repair"]);
+    for out in [later, again] {
+        let of = |view: &[u32], scene: u32| -> Vec<(u64, String)> {
+            view.iter().map(|v| (u64::from(scene * 3 + v + 1), format!("data/mono/rgb/{scene}_{v}.png"))).collect()
+        };
+        assert_eq!(image_ids(&out.join("annotation_final.json")), [of(&[0, 1, 2], 0), of(&[0, 1], 1)].concat());
+        support::check_dataset(&out, &[]);
+        support::check_dataset(&out.join("old"), &["--compat", "syntable_1"]);
+    }
 }
