@@ -124,3 +124,49 @@ fn image_ids_are_unique_however_the_dataset_grew() {
         support::check_dataset(&out.join("old"), &["--compat", "syntable_1"]);
     }
 }
+
+#[test]
+fn files_that_the_end_reads_are_compared_before_anything_changes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [home, elsewhere, whole, merged] =
+        ["home", "elsewhere", "whole", "merged"].map(|name| folder.path().join(name));
+    let template = home.join("labels.tera");
+    for folder in [&home, &elsewhere] {
+        std::fs::create_dir(folder).expect("writable");
+    }
+    std::fs::write(&template, "{{ dataset.name }} {{ scenes | length }}\n").expect("writable");
+    let recipe = home.join("recipe.toml");
+    let text = "extends = \"builtin:quickstart\"\n[write.labels]\nkind = \"template\"\nper = \"dataset\"\n\
+                include = [\"visible_box\"]\ntemplate = { file = \"labels.tera\" }\n";
+    std::fs::write(&recipe, text).expect("writable");
+    let made = |out: &Path, scenes: &str| {
+        ok(run(&recipe, out, &[]).args(["--scenes", scenes]));
+        out.to_owned()
+    };
+    let parts = [made(&folder.path().join("a"), "0..1"), made(&folder.path().join("b"), "1..2")];
+    made(&whole, "0..2");
+    let merge = |from: &Path| {
+        let mut command = syntable();
+        command.current_dir(from).arg("merge").arg(&merged).args(&parts);
+        command
+    };
+    // The path of the template counts from the folder that the command is given in.
+    std::fs::write(elsewhere.join("labels.tera"), "another").expect("writable");
+    for (from, says) in [(&elsewhere, "not what it was"), (&folder.path().to_owned(), "labels.tera")] {
+        let error = fails(&mut merge(from), 2);
+        for word in ["write.labels.template.file", says, "folder of the recipe"] {
+            assert!(error.contains(word), "{word} is not in\n{error}");
+        }
+        assert!(!merged.exists(), "something was merged");
+    }
+    ok(&mut merge(&home));
+    assert_same(&whole, &merged);
+    // What a resolved recipe locks is compared before a dataset is deleted.
+    let locked = home.join("locked.toml");
+    std::fs::copy(whole.join("recipe.toml"), &locked).expect("there");
+    let before = files(&whole);
+    std::fs::write(&template, "another").expect("writable");
+    let error = fails(run(&locked, &whole, &[]).arg("--overwrite"), 2);
+    assert!(error.contains("the file of `write.labels.template.file` is not what it was"), "{error}");
+    assert!(files(&whole) == before, "something was deleted");
+}
