@@ -1,20 +1,7 @@
 //! Whole datasets, read back by an independent reader (`check_dataset.py`: pycocotools, NumPy, Pillow).
 
 mod support;
-use std::path::Path;
-use std::process::Command;
-use support::{assets, ok, root, skip, small_run, syntable, text};
-
-fn python() -> Option<Command> {
-    let works = |command: &mut Command| command.output().is_ok_and(|output| output.status.success());
-    works(Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"])).then(|| Command::new("python3"))
-}
-
-fn check(dataset: &Path, more: &[&str]) {
-    let Some(mut python) = python() else { return skip("python3 with numpy, pycocotools and pillow") };
-    let output = python.arg(root().join("tests/check_dataset.py")).arg(dataset).args(more).output().expect("starts");
-    assert!(output.status.success(), "{}", text(&output));
-}
+use support::{assets, check_dataset as check, ok, small_run, syntable};
 
 #[test]
 fn the_quickstart_dataset_is_right() {

@@ -1,6 +1,7 @@
 //! Datasets of the stock program that grow by a writer: each writer writes what it would have written from the start.
 
 mod support;
+use std::path::Path;
 use support::{assert_same, fails, ok, small_run, syntable, text};
 use syntable_testing::folder::files;
 
@@ -89,4 +90,83 @@ fn what_a_run_reports_of_growth_and_of_another_recipe() {
     }
     let error = fails(&mut small_run(folder.path(), &["--set", "dataset.scenes=3", "--seed", "8"]), 2);
     assert!(error.contains("dataset.seed: 7 -> 8") && error.contains("another recipe"), "{error}");
+}
+
+/// Ids of the images of an annotation file, each with the file of the image.
+fn image_ids(file: &Path) -> Vec<(u64, String)> {
+    let json: serde_json::Value = serde_json::from_slice(&std::fs::read(file).expect("there")).expect("JSON");
+    let images = json["images"].as_array().expect("a list").iter();
+    images.map(|it| (it["id"].as_u64().expect("an id"), it["file_name"].as_str().expect("a name").to_owned())).collect()
+}
+
+#[test]
+fn image_ids_are_unique_however_the_dataset_grew() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let old = "write.old={ kind = \"syntable\", compat = \"syntable_1\", folder = \"old\" }";
+    let run = |out: &Path, more: &[&str]| ok(&mut small_run(out, &[&["--set", old], more].concat()));
+    // Scene 1 has two views, and scene 0 gets three later: because it comes later, or because it is made again.
+    let later = folder.path().join("later");
+    run(&later, &["--scenes", "1..2"]);
+    run(&later, &["--views", "3"]);
+    let again = folder.path().join("again");
+    run(&again, &[]);
+    let journal = again.join(".syntable/journal.jsonl");
+    let lines = std::fs::read_to_string(&journal).expect("there");
+    let (_, rest) = lines.split_once('\n').expect("two lines");
+    std::fs::write(&journal, rest).expect("writable");
+    run(&again, &["--views", "3", "--repair"]);
+    for out in [later, again] {
+        let of = |view: &[u32], scene: u32| -> Vec<(u64, String)> {
+            view.iter().map(|v| (u64::from(scene * 3 + v + 1), format!("data/mono/rgb/{scene}_{v}.png"))).collect()
+        };
+        assert_eq!(image_ids(&out.join("annotation_final.json")), [of(&[0, 1, 2], 0), of(&[0, 1], 1)].concat());
+        support::check_dataset(&out, &[]);
+        support::check_dataset(&out.join("old"), &["--compat", "syntable_1"]);
+    }
+}
+
+#[test]
+fn files_that_the_end_reads_are_compared_before_anything_changes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [home, elsewhere, whole, merged] =
+        ["home", "elsewhere", "whole", "merged"].map(|name| folder.path().join(name));
+    let template = home.join("labels.tera");
+    for folder in [&home, &elsewhere] {
+        std::fs::create_dir(folder).expect("writable");
+    }
+    std::fs::write(&template, "{{ dataset.name }} {{ scenes | length }}\n").expect("writable");
+    let recipe = home.join("recipe.toml");
+    let text = "extends = \"builtin:quickstart\"\n[write.labels]\nkind = \"template\"\nper = \"dataset\"\n\
+                include = [\"visible_box\"]\ntemplate = { file = \"labels.tera\" }\n";
+    std::fs::write(&recipe, text).expect("writable");
+    let made = |out: &Path, scenes: &str| {
+        ok(run(&recipe, out, &[]).args(["--scenes", scenes]));
+        out.to_owned()
+    };
+    let parts = [made(&folder.path().join("a"), "0..1"), made(&folder.path().join("b"), "1..2")];
+    made(&whole, "0..2");
+    let merge = |from: &Path| {
+        let mut command = syntable();
+        command.current_dir(from).arg("merge").arg(&merged).args(&parts);
+        command
+    };
+    // The path of the template counts from the folder that the command is given in.
+    std::fs::write(elsewhere.join("labels.tera"), "another").expect("writable");
+    for (from, says) in [(&elsewhere, "not what it was"), (&folder.path().to_owned(), "labels.tera")] {
+        let error = fails(&mut merge(from), 2);
+        for word in ["write.labels.template.file", says, "folder of the recipe"] {
+            assert!(error.contains(word), "{word} is not in\n{error}");
+        }
+        assert!(!merged.exists(), "something was merged");
+    }
+    ok(&mut merge(&home));
+    assert_same(&whole, &merged);
+    // What a resolved recipe locks is compared before a dataset is deleted.
+    let locked = home.join("locked.toml");
+    std::fs::copy(whole.join("recipe.toml"), &locked).expect("there");
+    let before = files(&whole);
+    std::fs::write(&template, "another").expect("writable");
+    let error = fails(run(&locked, &whole, &[]).arg("--overwrite"), 2);
+    assert!(error.contains("the file of `write.labels.template.file` is not what it was"), "{error}");
+    assert!(files(&whole) == before, "something was deleted");
 }

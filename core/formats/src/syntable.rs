@@ -42,7 +42,8 @@ pub fn occlusion_order_path(scene: u32, view: u32) -> String {
 /// An image. The fields from `scene_id` on are those of the coco form.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Image {
-    /// `scene · views_per_scene + view + 1`.
+    /// From 1, unique in the file: `scene · views_per_scene + view + 1` with the recipe's `dataset.views_per_scene`, which the
+    /// images of scenes that failed or have fewer views leave gaps in. 0 in a scene's shard, before the file is merged.
     pub id: u64,
     /// Path of the 8-bit RGB image, relative to the dataset.
     pub file_name: String,
@@ -111,7 +112,7 @@ impl Image {
 pub struct Annotation {
     /// From 1, unique in the file. 0 in a scene's shard, before the file is merged.
     pub id: u64,
-    /// The image's id.
+    /// The image's id. 0 in a scene's shard, before the file is merged.
     pub image_id: u64,
     /// The object's class, or [`OBJECT_CATEGORY`]; 0 marks the background in SynTable's own files.
     pub category_id: u64,
@@ -190,7 +191,7 @@ pub mod syntable_1 {
     pub struct Annotation {
         /// From 1, unique in the file. 0 in a scene's shard, before the file is merged.
         pub id: u64,
-        /// The image's id.
+        /// The image's id. 0 in a scene's shard, before the file is merged.
         pub image_id: u64,
         /// 1 for an object; 0 marks the background.
         pub category_id: u64,

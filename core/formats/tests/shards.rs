@@ -7,29 +7,29 @@ use syntable_formats::shard::{Line, push_annotation, push_image};
 #[test]
 fn records_keep_their_bytes_and_get_ids() {
     let mut shard = Vec::new();
-    push_image(&mut shard, 2, &json!({ "id": 4, "name": "a]\n\"" })).expect("memory");
-    push_annotation(&mut shard, &json!({ "id": 0, "rate": 0.1 })).expect("memory");
-    push_annotation(&mut shard, &json!({ "id": 0, "rate": 1e-7 })).expect("memory");
+    push_image(&mut shard, 2, &json!({ "id": 0, "name": "a]\n\"" })).expect("memory");
+    push_annotation(&mut shard, &json!({ "id": 0, "image_id": 0, "rate": 0.1 })).expect("memory");
+    push_annotation(&mut shard, &json!({ "id": 0, "image_id": 0, "rate": 1e-7 })).expect("memory");
     let text = String::from_utf8(shard).expect("UTF-8");
     assert_eq!(text.lines().count(), 3, "line breaks inside strings are escaped");
     let mut out = Vec::new();
     let mut file = DatasetWriter::new(&mut out, "a.json", Layout::Lines).expect("memory");
     let lines: Vec<Line> = text.lines().map(|line| Line::parse(line).expect("a line")).collect();
     file.images(|images| match lines[0] {
-        Line::Image { annotations: 2, record } => images.raw(record),
+        Line::Image { annotations: 2, record } => images.raw(&record.numbered(4)),
         other => panic!("{other:?}"),
     })
     .expect("memory");
     file.annotations(|annotations| {
         (10..).zip(&lines[1..]).try_for_each(|(id, line)| match line {
-            Line::Annotation(record) => annotations.raw(&record.numbered(id)),
+            Line::Annotation(record) => annotations.raw(&record.numbered(id, 4)),
             other => panic!("{other:?}"),
         })
     })
     .expect("memory");
     file.finish().expect("memory");
     let want = "{\n    \"images\": [\n{\"id\":4,\"name\":\"a]\\n\\\"\"}\n    ],\n    \"annotations\": [\n\
-                {\"id\":10,\"rate\":0.1},\n{\"id\":11,\"rate\":1e-7}\n    ]\n}\n";
+                {\"id\":10,\"image_id\":4,\"rate\":0.1},\n{\"id\":11,\"image_id\":4,\"rate\":1e-7}\n    ]\n}\n";
     assert_eq!(String::from_utf8(out).expect("UTF-8"), want);
 }
 
@@ -40,7 +40,9 @@ fn other_lines_are_not_taken_for_records() {
         "[]",
         "[\"image\",x,{}]",
         "[\"image\",1]",
+        "[\"image\",1,{\"id\":4,\"name\":\"a\"}]",
         "[\"annotation\",{\"image_id\":1}]",
+        "[\"annotation\",{\"id\":0,\"image_id\":1,\"rate\":0.1}]",
         "[\"annotation\",{\"id\":5,",
     ] {
         assert_eq!(Line::parse(line), None, "{line}");

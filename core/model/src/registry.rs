@@ -211,7 +211,28 @@ pub struct Entry {
     construct: fn(RecipeValue<'_>) -> Result<Constructed, ConstructError>,
 }
 
+/// Crates whose kinds are those of the program as it ships: the plugins of this workspace.
+pub const STOCK_CRATES: [&str; 11] = [
+    "syntable-annotate",
+    "syntable-assets",
+    "syntable-denoise",
+    "syntable-household",
+    "syntable-physics",
+    "syntable-placement",
+    "syntable-render-cpu",
+    "syntable-render-wgpu",
+    "syntable-sampling",
+    "syntable-sensor",
+    "syntable-write",
+];
+
 impl Entry {
+    /// Whether a plugin of this workspace registers the kind, by the whole name of its crate: a recipe that does not
+    /// mention a kind of another crate means the same whether that crate is linked or not.
+    pub fn is_stock(&self) -> bool {
+        STOCK_CRATES.contains(&self.crate_name)
+    }
+
     /// The entry of a configuration type; used by [`register!`](crate::register).
     pub const fn of<C: Config>(crate_name: &'static str, crate_version: &'static str) -> Self {
         Self {

@@ -465,10 +465,7 @@ impl Resolver {
                 scope: candidate.producer.scope(),
                 after_views: false,
                 explicit: candidate.implied.is_none(),
-                stock: candidate
-                    .implied
-                    .as_ref()
-                    .is_some_and(|implied| implied.entry.crate_name.starts_with("syntable-")),
+                stock: candidate.implied.as_ref().is_some_and(|implied| implied.entry.is_stock()),
             })
             .collect();
         let active = candidates.iter().enumerate().filter(|(_, candidate)| candidate.implied.is_none());

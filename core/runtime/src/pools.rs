@@ -238,6 +238,7 @@ pub(crate) fn open<'a>(
     for (id, pool) in assets {
         let open = || -> Result<Pool<'a>> {
             let catalog = patiently(log, |log| pool.source.catalog(log))?;
+            check_order(&catalog.entries)?;
             let found = catalog.entries.len();
             let of_pool = OfPool { id, log };
             let properties = pool.options.properties(&catalog.entries, &of_pool)?;
@@ -275,6 +276,18 @@ pub(crate) fn open<'a>(
         }
     }
     Ok(pools)
+}
+
+/// Refuses a catalog that is not what sources promise: entries in ascending order of unique names. Scenes draw entries by
+/// their number, and one that is found by its name must be the one that was drawn.
+fn check_order(entries: &[CatalogEntry]) -> Result<()> {
+    let Some(pair) = entries.windows(2).find(|pair| pair[0].name >= pair[1].name) else { return Ok(()) };
+    let [one, other] = [&pair[0].name, &pair[1].name];
+    let message = match one == other {
+        true => format!("the source lists `{one}` twice"),
+        false => format!("the source lists `{one}` before `{other}`, out of order"),
+    };
+    Err(Error::new(message).help("this is a bug of the plugin that has this kind: a catalog is sorted by unique names"))
 }
 
 /// Calls a source again, after a pause, if the file system failed it. Warnings of a call that failed so are dropped.

@@ -10,7 +10,7 @@ use syntable_model::scene::{Role, SettleReport, Tabletop};
 /// A respawned body starts this far above whatever is below it, meters.
 const RESPAWN_CLEARANCE_M: f64 = 0.03;
 
-/// After this many times `duration_s` of simulated time, no body is respawned any more.
+/// After this many times `duration_s` of simulated time since all bodies have started, no body is respawned any more.
 const MAX_DURATIONS: f64 = 10.0;
 
 /// Name of the random stream of respawn poses. It is part of the output: another name gives other datasets.
@@ -75,6 +75,7 @@ pub struct Acceptance<'a> {
     /// Whether a body had more time since it was last respawned.
     waited: Vec<bool>,
     removed: Vec<(usize, String)>,
+    /// Simulated time since all bodies have started, seconds.
     simulated_s: f64,
     report: SettleReport,
 }
@@ -98,6 +99,7 @@ impl<'a> Acceptance<'a> {
     /// Simulates and checks, again and again, until no body violates a limit.
     pub fn run(mut self, stream: &Stream) -> Outcome {
         let mut off = self.pour();
+        self.simulated_s = 0.0;
         off.extend(self.simulate(self.config.duration_s));
         loop {
             off.extend(self.off_tabletop());
@@ -122,11 +124,11 @@ impl<'a> Acceptance<'a> {
         }
     }
 
-    /// Lets the bodies start one after another, if they are poured. Returns those that fell off meanwhile.
+    /// Lets the bodies start one after another in the order in which they were placed, if they are poured. Returns those
+    /// that fell off meanwhile.
     fn pour(&mut self) -> Vec<Fallen> {
         let Some(interval_s) = self.config.pour_interval_s else { return Vec::new() };
-        let mut order: Vec<usize> = self.engine.present().collect();
-        order.sort_by_key(|&body| (self.infos[body].spawn, body));
+        let order: Vec<usize> = self.engine.present().collect();
         order.iter().for_each(|&body| self.engine.take(body));
         let mut off = Vec::new();
         for body in order {

@@ -44,8 +44,8 @@ pub struct Rapier {
     /// objects on wood have about 0.01, on cloth more. It slows the rotation of every body below 0.5 m/s.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) rolling_resistance: f64,
-    /// Pours the bodies: they start one after another in spawn order, this many seconds apart, above what is already
-    /// there. Without it all start at once.
+    /// Pours the bodies: they start one after another in the order in which they were placed, this many seconds apart, above
+    /// what is already there. Without it all start at once.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.01, max = 10.0))]
     pub(crate) pour_interval_s: Option<f64>,

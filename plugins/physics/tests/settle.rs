@@ -278,6 +278,43 @@ fn poured_bodies_start_one_after_another() {
 }
 
 #[test]
+fn pouring_takes_no_time_from_respawns() {
+    // Twelve bodies are poured for 2.4 s, and respawns end 2 s after.
+    let mut scene = table_scene();
+    for i in 0..11 {
+        scene.add(dynamic(&cube(), at(0.1 * f64::from(i) - 0.5, 0.0, TABLE_HEIGHT + 0.04)));
+    }
+    scene.add(dynamic(&cube(), at(1.0, 0.0, TABLE_HEIGHT + 0.04)));
+    let report = settle("pour_interval_s = 0.2\nduration_s = 0.2\nrespawn_fallen = true", &mut scene);
+    assert!(report.removed.is_empty() && report.respawned >= 1, "{report:?}");
+    assert_eq!(objects(&scene).count(), 12);
+}
+
+#[test]
+fn bodies_are_poured_in_the_order_in_which_they_were_placed() {
+    for roles in [[Role::Object, Role::Distractor], [Role::Distractor, Role::Object]] {
+        let mut scene = table_scene();
+        // Objects have numbers of their own, of which distractors have none.
+        scene.add(dynamic(&cube(), at(0.3, 0.0, TABLE_HEIGHT + 0.1)));
+        for role in roles {
+            scene.add(draft(&cube(), at(0.0, 0.0, TABLE_HEIGHT + 0.1), role, Motion::Dynamic));
+        }
+        settle("pour_interval_s = 0.5\nremove = \"keep\"", &mut scene);
+        let height = |role: Role| {
+            let at_start = |body: &BodyDraft| body.role == role && body.world_from_body.translation.x < 0.2;
+            let (_, body) = scene.bodies().find(|(_, body)| at_start(body)).expect("it stays");
+            body.world_from_body.translation.z - TABLE_HEIGHT
+        };
+        let [first, second] = roles.map(height);
+        let edge = f64::from(CUBE);
+        assert!(
+            (first - 0.5 * edge).abs() < 0.002 && (second - 1.5 * edge).abs() < 0.002,
+            "{roles:?}: {first} {second}"
+        );
+    }
+}
+
+#[test]
 fn nothing_rests_on_the_ceiling() {
     let mut scene = table_scene();
     let ceiling = object("ceiling", cuboid([0.0; 3], [4.0, 4.0, 0.1]), 1.0);

@@ -5,6 +5,7 @@ mod common;
 use common::{Crowd, Take, dataset, files, finish, finish_with, take, takes, write_all, write_scenes, writer};
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
+use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::prelude::*;
@@ -166,6 +167,51 @@ fn syntable_writes_one_record_per_image() {
         std::fs::read_to_string(folder.path().join("parameters/recipe.toml")).expect("there"),
         dataset(3, 3).recipe
     );
+}
+
+/// A dataset that has grown has scenes of fewer views, which were written when the recipe had fewer.
+#[test]
+fn image_ids_are_unique_in_a_dataset_that_has_grown() {
+    for compat in ["coco", "syntable_1"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let writer = writer("syntable", &format!("compat = \"{compat}\"")).expect("good options");
+        let take = |scene: u32, views: usize| take(scene, 9, &vec![Crowd::Random; views]);
+        write_scenes(folder.path(), "w", &*writer, &dataset(3, 2), &[take(1, 2)]).expect("written");
+        let grown = dataset(3, 3);
+        write_scenes(folder.path(), "w", &*writer, &grown, &[take(0, 3), take(2, 3)]).expect("written");
+        finish(folder.path(), "w", &*writer, &grown, &[0, 1, 2]).expect("finished");
+        let json = read_json(&folder.path().join("annotation_final.json"));
+        let of = |list: &str, key: &str| -> Vec<u64> {
+            let records = json[list].as_array().expect("a list").iter();
+            records.map(|record| record[key].as_u64().expect("an id")).collect()
+        };
+        let names: BTreeMap<u64, &str> = json["images"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|image| (image["id"].as_u64().expect("an id"), image["file_name"].as_str().expect("a name")))
+            .collect();
+        let want = [(1, "0_0"), (2, "0_1"), (3, "0_2"), (4, "1_0"), (5, "1_1"), (7, "2_0"), (8, "2_1"), (9, "2_2")];
+        let want: Vec<_> = want.map(|(id, name)| (id, format!("data/mono/rgb/{name}.png"))).into();
+        assert_eq!(names.into_iter().map(|(id, name)| (id, name.to_owned())).collect::<Vec<_>>(), want, "{compat}");
+        let (images, annotations) = (of("images", "id"), of("annotations", "image_id"));
+        if compat == "coco" {
+            assert_eq!(images.len(), 8, "every id is of one image");
+            // Instances of each image as its own record lists them.
+            let listed: Vec<u64> = json["images"]
+                .as_array()
+                .expect("a list")
+                .iter()
+                .flat_map(|image| vec![image["id"].as_u64().expect("an id"); len(&image["instance_ids"])])
+                .collect();
+            assert_eq!(annotations, listed);
+        } else {
+            assert_eq!(annotations, images);
+        }
+        // A scene of more views than the recipe has is not given the ids of the next scene.
+        let error = finish(folder.path(), "w", &*writer, &dataset(3, 2), &[0, 1, 2]).expect_err("too many").to_string();
+        assert!(error.contains("scene 0") && error.contains("2 views per scene"), "{error}");
+    }
 }
 
 #[test]

@@ -33,6 +33,17 @@ pub fn skip(what: &str) {
     eprintln!("skipped: {what} is missing");
 }
 
+/// Lets an independent reader check a dataset of the writer `syntable`.
+pub fn check_dataset(dataset: &Path, more: &[&str]) {
+    let works = |command: &mut Command| command.output().is_ok_and(|output| output.status.success());
+    if !works(Command::new("python3").args(["-c", "import numpy, pycocotools, PIL"])) {
+        return skip("python3 with numpy, pycocotools and pillow");
+    }
+    let script = root().join("tests/check_dataset.py");
+    let output = Command::new("python3").arg(script).arg(dataset).args(more).output().expect("starts");
+    assert!(output.status.success(), "{}", text(&output));
+}
+
 /// The program, ready to be given arguments. Cached results go to a folder that all tests share.
 pub fn syntable() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_syntable-under-test"));

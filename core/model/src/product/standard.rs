@@ -131,7 +131,7 @@ products! {
     /// order of their names.
     pub const CATEGORY_ID: Key<PerInstance<u32>> = view("category_id");
 
-    /// Asset, pool, category, role, spawn number, poses in world and camera, and mass of each annotated object.
+    /// Asset, pool, category, spawn number, mass, license, digest, and poses in world and camera of each annotated object.
     pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info").form(|| Form::PerInstance(Box::new(Form::Record)));
 
     /// Intrinsics and pose of the view's camera.

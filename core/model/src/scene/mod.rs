@@ -88,7 +88,7 @@ pub struct Removal {
 /// How a scene came to rest.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SettleReport {
-    /// Simulated time, s, of the longest attempt.
+    /// Longest simulated time between two starts of bodies, s: of the first fall, or of one after respawns.
     pub simulated_s: f64,
     /// Largest speed of a body that stayed, m/s.
     pub residual_speed_m_s: f64,

@@ -43,21 +43,28 @@ pub struct Folder {
 
 const MARK: &str = RESERVED[0];
 const RECIPE: &str = RESERVED[1];
+/// Name of the manifest of what the end of a run wrote.
+const FINISHED: &str = "finished.json";
+/// Name of the folder of the manifests of scenes.
+const SCENES: &str = "scenes";
 /// What the end of a run reads of the scenes.
 const SHARDS: &str = ".syntable/shards/";
 /// What is known of a staged scene, among files that no writer can write.
 const RECORD: &str = ".syntable/staged.json";
-/// What `--overwrite` takes away, in this order: without a journal there is no dataset.
-const STATE: [&str; 8] = [
-    ".syntable/journal.jsonl",
-    RECIPE,
-    ".syntable/finished.json",
-    ".syntable/scenes",
-    ".syntable/settled",
-    ".syntable/shards",
-    ".syntable/catalogs",
-    ".syntable/staging",
-];
+/// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
+/// journal there is no dataset.
+fn state(root: &Path) -> [PathBuf; 8] {
+    [
+        journal_path(root),
+        root.join(RECIPE),
+        finished_path(root),
+        scenes_folder(root),
+        settled_folder(root),
+        root.join(SHARDS),
+        catalogs_folder(root),
+        staging_folder(root),
+    ]
+}
 
 /// A staged scene: its line of the journal, and files of the scene that it no longer has.
 #[derive(Serialize, Deserialize)]
@@ -209,7 +216,7 @@ impl Folder {
     /// Takes lines that cannot be read out of the journal, and returns how many. A journal without manifests of scenes is
     /// that of another version and stays.
     pub fn mend_journal(&self) -> Result<usize> {
-        if self.root.join(MARK).join("scenes").exists() { Journal::mend(&self.journal()) } else { Ok(0) }
+        if scenes_folder(&self.root).exists() { Journal::mend(&self.journal()) } else { Ok(0) }
     }
 
     /// Scenes that have a manifest and no line of the journal: their lines are lost.
@@ -221,7 +228,7 @@ impl Folder {
 
     /// Scenes that have a manifest, ascending.
     fn listed_scenes(&self) -> Vec<u32> {
-        let entries = fs::read_dir(self.root.join(MARK).join("scenes")).into_iter().flatten().flatten();
+        let entries = fs::read_dir(scenes_folder(&self.root)).into_iter().flatten().flatten();
         let mut scenes: Vec<u32> =
             entries.filter_map(|entry| entry.path().file_stem()?.to_str()?.parse().ok()).collect();
         scenes.sort_unstable();
@@ -407,7 +414,7 @@ impl Folder {
     pub fn discard(&self) -> Result<Vec<PathBuf>> {
         // A scene that is being moved into place is the dataset's, too; a damaged journal says nothing of it.
         let _ = self.recover();
-        if self.journal().exists() && !self.root.join(MARK).join("scenes").exists() && self.has_lines()? {
+        if self.journal().exists() && !scenes_folder(&self.root).exists() && self.has_lines()? {
             return Err(Error::new("another version began the dataset, and there is no list of its files")
                 .in_file(&self.root)
                 .help("delete the folder yourself, or choose another one with --out; nothing was touched")
@@ -429,14 +436,14 @@ impl Folder {
 
     fn empty_bin(&self) -> Result<()> {
         let bin = self.bin();
-        for name in STATE {
-            let (from, to) = (self.root.join(name), bin.join(name.rsplit('/').next().unwrap_or(name)));
+        for from in state(&self.root) {
+            let to = bin.join(from.file_name().expect("a name"));
             if from.exists() && !to.exists() {
                 fs::rename(&from, &to).map_err(|error| Error::io(&from, &error))?;
             }
         }
-        let mut manifests: Vec<PathBuf> = vec![bin.join("finished.json")];
-        let scenes = fs::read_dir(bin.join("scenes")).into_iter().flatten();
+        let mut manifests: Vec<PathBuf> = vec![bin.join(FINISHED)];
+        let scenes = fs::read_dir(bin.join(SCENES)).into_iter().flatten();
         manifests.extend(scenes.flatten().map(|entry| entry.path()));
         for path in manifests {
             let Some((manifest, _)) = Manifest::read(&path)? else { continue };
@@ -466,7 +473,7 @@ impl Folder {
     }
 
     fn staging(&self) -> PathBuf {
-        self.root.join(MARK).join("staging")
+        staging_folder(&self.root)
     }
 
     /// The record is the last to go, so that an interrupted move can be taken up again.
@@ -538,21 +545,37 @@ pub fn journal_path(root: &Path) -> PathBuf {
 
 /// Path of the manifest of a scene.
 pub fn manifest_path(root: &Path, scene: u32) -> PathBuf {
-    root.join(MARK).join("scenes").join(format!("{scene:06}.json"))
+    scenes_folder(root).join(format!("{scene:06}.json"))
 }
 
 /// Path of what settling did to a scene.
 pub fn settled_path(root: &Path, scene: u32) -> PathBuf {
-    root.join(MARK).join("settled").join(format!("{scene:06}.toml"))
+    settled_folder(root).join(format!("{scene:06}.toml"))
 }
 
 /// Path of the names of a pool's assets.
 pub fn catalog_path(root: &Path, pool: &str) -> PathBuf {
-    root.join(MARK).join("catalogs").join(format!("{pool}.json"))
+    catalogs_folder(root).join(format!("{pool}.json"))
 }
 
 fn finished_path(root: &Path) -> PathBuf {
-    root.join(MARK).join("finished.json")
+    root.join(MARK).join(FINISHED)
+}
+
+fn scenes_folder(root: &Path) -> PathBuf {
+    root.join(MARK).join(SCENES)
+}
+
+fn settled_folder(root: &Path) -> PathBuf {
+    root.join(MARK).join("settled")
+}
+
+fn catalogs_folder(root: &Path) -> PathBuf {
+    root.join(MARK).join("catalogs")
+}
+
+fn staging_folder(root: &Path) -> PathBuf {
+    root.join(MARK).join("staging")
 }
 
 /// What the end of the last run in a dataset wrote; nothing if the list cannot be read.
@@ -753,7 +776,7 @@ mod tests {
     #[test]
     fn a_deletion_takes_the_dataset_and_nothing_else_however_often_it_is_interrupted() {
         // Interrupted before the n-th of the moves into the bin, and at last not at all.
-        for moves in 0..=STATE.len() {
+        for moves in 0..=state(Path::new("")).len() {
             let folder = tempfile::tempdir().expect("a folder");
             let root = folder.path().join("data");
             let open = Folder::open(&root).expect("new");
@@ -763,10 +786,9 @@ mod tests {
             open.publish_finish("a = 1\n", &mut journal, true, false).expect("published");
             fs::write(root.join("both/notes.txt"), "mine").expect("writable");
             fs::create_dir_all(open.bin()).expect("writable");
-            for name in &STATE[..moves] {
-                let to = open.bin().join(name.rsplit('/').next().expect("a name"));
+            for from in &state(&root)[..moves] {
                 // There is no staging folder any more.
-                let _ = fs::rename(root.join(name), to);
+                let _ = fs::rename(from, open.bin().join(from.file_name().expect("a name")));
             }
             drop(open);
             // The next run deletes the rest, whether it is told to or not.

@@ -224,10 +224,9 @@ impl Journal {
         Ok(())
     }
 
-    /// Forgets the scenes that failed, so that they are tried again.
-    pub fn forget_failed(&mut self) -> Result<()> {
+    /// Forgets the scenes that failed, so that they are tried again; for good once the file is written.
+    pub fn forget_failed(&mut self) {
         self.entries.retain(|_, entry| !entry.failed());
-        self.rewrite()
     }
 
     /// Rewrites the file in scene order, whole or not at all, so that it does not tell in which order scenes ended.

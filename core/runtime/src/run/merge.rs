@@ -2,7 +2,7 @@
 
 use super::folder::{Folder, journal_path, manifest_path};
 use super::journal::{Journal, JournalEntry};
-use super::manifest::{Manifest, State};
+use super::manifest::{Manifest, Stamp, State};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
 use super::{Outcome, change, finish, ranges, stopping};
@@ -38,6 +38,7 @@ pub fn merge(
 ) -> Result<Outcome> {
     let start = Instant::now();
     let reporter = &Guarded(reporter);
+    is_none_of(out, parts)?;
     let parts: Vec<Part> = parts.iter().map(|part| open(part)).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
         return Err(Error::new("there is no part to merge").permanent());
@@ -45,6 +46,8 @@ pub fn merge(
     for part in &parts[1..] {
         same_recipe(first, part)?;
     }
+    let recipe = load(registry, &first.recipe)?;
+    ready(&recipe)?;
     let folder = Folder::open(out)?;
     folder.recover()?;
     let journal = Journal::open(&folder.journal())?;
@@ -55,7 +58,6 @@ pub fn merge(
         same_recipe(&begun, first)?;
     }
     let chosen = choose(&begun, &parts)?;
-    let recipe = load(registry, &first.recipe)?;
     reporter.event(&Event::Started {
         out: out.display().to_string(),
         scenes: (begun.entries.len() + chosen.len()) as u32,
@@ -98,6 +100,21 @@ pub fn merge(
         seconds: start.elapsed().as_secs_f64(),
     });
     Ok(outcome)
+}
+
+/// Refuses a dataset that is also named as a part: it would be opened twice.
+fn is_none_of(out: &Path, parts: &[PathBuf]) -> Result<()> {
+    let Ok(whole) = out.canonicalize() else { return Ok(()) };
+    match parts.iter().find(|part| part.canonicalize().is_ok_and(|part| part == whole)) {
+        Some(part) => Err(Error::new("it is named as the dataset to make, and as one of its parts")
+            .in_file(part)
+            .help(format!(
+                "leave out the part `{}` to put the others into it, which keeps its scenes, or name another folder first",
+                part.display()
+            ))
+            .of_request()),
+        None => Ok(()),
+    }
 }
 
 fn open(path: &Path) -> Result<Part> {
@@ -209,7 +226,35 @@ fn catalogs(folder: &Folder, part: &Folder) -> Result<()> {
     folder.set_catalogs(&pools.filter_map(read).collect())
 }
 
-/// The recipe of the parts. Its assets are not needed, and neither is what the environment says of them.
+/// Refuses files that the end of a run reads and that are not what they were when the parts were made, and writers that
+/// lack something. What only the scenes read may be elsewhere.
+fn ready(recipe: &Recipe) -> Result<()> {
+    let then = lock_of(&recipe.resolved).files;
+    let (of_end, of_scenes): (Vec<_>, Vec<_>) =
+        recipe.files.iter().partition(|(option, _)| change::only_finish(recipe, option));
+    for (option, path) in of_end {
+        let help =
+            "relative paths count from the current folder: merge in the folder of the recipe that made the parts";
+        let found = Stamp::of(path).map_err(|error| error.help(help).context(option).of_request())?;
+        if then.get(option).is_some_and(|digest| *digest != found.1.to_string()) {
+            return Err(Error::new("it is not what it was when the parts were made")
+                .in_file(path)
+                .help(help)
+                .context(option)
+                .of_request());
+        }
+    }
+    for (id, writer) in &recipe.write {
+        let table = format!("write.{id}.");
+        if !of_scenes.iter().any(|(option, _)| option.starts_with(&table)) {
+            writer.ready().map_err(|error| error.context(format!("write.{id}")).permanent())?;
+        }
+    }
+    Ok(())
+}
+
+/// The recipe of the parts. Its assets are not needed, and neither is what the environment says of them; files that writers
+/// read at the end count from the current folder.
 fn load(registry: &Registry, text: &str) -> Result<Recipe> {
     let named =
         |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty()).or_else(|| Some(name.to_owned()));

@@ -101,8 +101,11 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     recipe.ready()?;
     let reporter = &Guarded(reporter);
     let log = Warnings(reporter);
-    // Nothing is deleted or repaired for a run whose assets cannot be found.
-    let mut assets = (options.overwrite || options.repair).then(|| AssetStore::open(recipe, &log)).transpose()?;
+    let files = inputs::files(recipe)?;
+    let now = Lock { files: files.clone(), ..Lock::default() };
+    inputs::unchanged(&recipe.lock, &now, &BTreeMap::new(), None)?;
+    // Nothing is deleted or repaired for a run whose assets cannot be found, or are not those that the recipe was resolved with.
+    let mut assets = (options.overwrite || options.repair).then(|| open_pools(recipe, &log)).transpose()?;
     let folder = Folder::open(&options.out)?;
     if options.repair {
         let lines = folder.mend_journal()?;
@@ -119,13 +122,13 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let mut journal = Journal::open(&folder.journal())?;
     let pool = Pool::new(options.threads)?;
     if let Some(assets) = assets.as_ref().filter(|_| options.repair)
-        && restore_recipe(&folder, recipe, &journal, assets)?
+        && restore_recipe(&folder, recipe, &files, &journal, assets)?
     {
         reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
     }
-    let mut resolved = adopt(&folder, recipe, &journal, reporter)?;
+    let mut resolved = adopt(&folder, recipe, files, &journal, reporter)?;
     if options.retry_failed {
-        journal.forget_failed()?;
+        journal.forget_failed();
     }
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
@@ -137,10 +140,23 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         resumed: wanted.filter(|scene| !todo.scenes.contains_key(scene)).count() as u32,
         threads: options.threads,
     });
+    if !todo.scenes.is_empty() && assets.is_none() {
+        assets = Some(open_pools(recipe, &log)?);
+    }
+    let names = assets.as_ref().map(AssetStore::catalogs);
+    if let Some(names) = &names {
+        resolved = lock_pools(&folder, names, &resolved, journal.entries())?;
+    }
+    // All is compared: from here on the dataset changes.
+    if options.retry_failed {
+        journal.rewrite()?;
+    }
+    if let Some(names) = &names {
+        folder.set_catalogs(names)?;
+    }
+    folder.set_recipe(&resolved)?;
     let journal = Mutex::new(journal);
-    if !todo.scenes.is_empty() {
-        let store = assets.take().map_or_else(|| AssetStore::open(recipe, &log), Ok)?;
-        resolved = lock_pools(&folder, recipe, &store, &resolved, journal.lock().entries())?;
+    if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
         make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo)?;
@@ -170,18 +186,38 @@ fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
 }
 
 /// Writes the recipe of the folder again if it is lost, and this is certainly the one.
-fn restore_recipe(folder: &Folder, recipe: &Recipe, journal: &Journal, store: &AssetStore) -> Result<bool> {
+fn restore_recipe(
+    folder: &Folder,
+    recipe: &Recipe,
+    files: &BTreeMap<String, String>,
+    journal: &Journal,
+    store: &AssetStore,
+) -> Result<bool> {
     let names = store.catalogs();
     let assets = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
-    let lock = Lock { catalogs: inputs::catalogs(&names), files: inputs::files(recipe)?, assets };
+    let lock = Lock { catalogs: inputs::catalogs(&names), files: files.clone(), assets };
     folder.restore_recipe(&with_lock(&recipe.resolved, &lock))
 }
 
+/// Opens the pools of a recipe, which must offer what they offered when the recipe was resolved.
+fn open_pools<'a>(recipe: &'a Recipe, log: &'a dyn Log) -> Result<AssetStore<'a>> {
+    let store = AssetStore::open(recipe, log)?;
+    let names = store.catalogs();
+    let now = Lock { catalogs: inputs::catalogs(&names), ..Lock::default() };
+    inputs::unchanged(&recipe.lock, &now, &names, recipe.folder.as_deref())?;
+    Ok(store)
+}
+
 /// Compares the recipe of the folder with that of the run, and the files that options name. Returns the recipe with the
-/// inputs that are locked so far.
-fn adopt(folder: &Folder, recipe: &Recipe, journal: &Journal, reporter: &dyn Reporter) -> Result<String> {
-    let now = Lock { files: inputs::files(recipe)?, ..Lock::default() };
-    inputs::unchanged(&Lock { files: recipe.lock.files.clone(), ..Lock::default() }, &now, &BTreeMap::new(), None)?;
+/// inputs that are locked so far, and changes nothing.
+fn adopt(
+    folder: &Folder,
+    recipe: &Recipe,
+    files: BTreeMap<String, String>,
+    journal: &Journal,
+    reporter: &dyn Reporter,
+) -> Result<String> {
+    let now = Lock { files, ..Lock::default() };
     let Some(before) = folder.recipe()? else {
         if !journal.entries().is_empty() {
             return Err(Error::new("the dataset has lost its recipe.toml")
@@ -189,9 +225,7 @@ fn adopt(folder: &Folder, recipe: &Recipe, journal: &Journal, reporter: &dyn Rep
                 .help("bring it back, or run with its recipe and --repair")
                 .permanent());
         }
-        let resolved = with_lock(&recipe.resolved, &now);
-        folder.set_recipe(&resolved)?;
-        return Ok(resolved);
+        return Ok(with_lock(&recipe.resolved, &now));
     };
     let growth = change::growth(folder.root(), &before, recipe)?;
     let mut then = lock_of(&before);
@@ -201,29 +235,22 @@ fn adopt(folder: &Folder, recipe: &Recipe, journal: &Journal, reporter: &dyn Rep
         reporter.event(&Event::Note { message: growth.text() });
     }
     // What a resolved recipe locks stays locked.
-    let resolved = with_lock(&recipe.resolved, &Lock { files: now.files, ..then });
-    folder.set_recipe(&resolved)?;
-    Ok(resolved)
+    Ok(with_lock(&recipe.resolved, &Lock { files: now.files, ..then }))
 }
 
-/// Compares the pools with those of the dataset and those that the recipe was resolved with, and locks them.
+/// Compares what the pools offer with what they offered when the dataset was begun. Returns the recipe with that locked,
+/// and changes nothing.
 fn lock_pools(
     folder: &Folder,
-    recipe: &Recipe,
-    store: &AssetStore,
+    names: &BTreeMap<String, BTreeMap<String, String>>,
     resolved: &str,
     entries: &BTreeMap<u32, JournalEntry>,
 ) -> Result<String> {
-    let names = store.catalogs();
-    let now = Lock { catalogs: inputs::catalogs(&names), ..lock_of(resolved) };
-    inputs::unchanged(&recipe.lock, &now, &names, recipe.folder.as_deref())?;
+    let now = Lock { catalogs: inputs::catalogs(names), ..lock_of(resolved) };
     if !entries.is_empty() {
-        inputs::unchanged(&lock_of(resolved), &now, &names, Some(folder.root()))?;
+        inputs::unchanged(&lock_of(resolved), &now, names, Some(folder.root()))?;
     }
-    let resolved = with_lock(resolved, &now);
-    folder.set_catalogs(&names)?;
-    folder.set_recipe(&resolved)?;
-    Ok(resolved)
+    Ok(with_lock(resolved, &now))
 }
 
 /// Scenes whose files are missing or damaged, or whose lines of the journal are lost.
@@ -381,22 +408,19 @@ fn make_scenes(
         // A mistake that shows at the end of a run shows after its first scene.
         if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
             let trial = folder.stage_trial()?;
-            let ended = match end(recipe, &log, pool, folder, &[entry], &trial) {
-                Ok(ended) => ended,
-                // An annotator of the dataset may need more scenes than one.
-                Err(error) if !error.is_permanent() && !error.is_io() => Vec::new(),
-                Err(error) => return Err(error),
-            };
+            let Ended { writers, annotators } = end(recipe, &log, pool, folder, &[entry], &trial);
             folder.drop_trial()?;
-            ended.into_iter().try_for_each(|(id, ended)| {
-                ended.map_err(|error| {
-                    let help = "nothing is lost: mend it, then run the same command";
-                    let error = if error.help_text().is_some() { error } else { error.help(help) };
-                    error
-                        .context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
-                        .permanent()
-                })
-            })?;
+            // An annotator of the dataset may need more scenes than one.
+            if let Some(error) = annotators.filter(|error| error.is_permanent() || error.is_io()) {
+                return Err(error);
+            }
+            if let Some((id, error)) = writers {
+                let help = "nothing is lost: mend it, then run the same command";
+                let error = if error.help_text().is_some() { error } else { error.help(help) };
+                return Err(error
+                    .context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
+                    .permanent());
+            }
         }
         Ok(())
     };
@@ -410,7 +434,7 @@ fn make_scenes(
                 threads.spawn(move || {
                     while !stop.load(Ordering::Relaxed) && maker.stop.requested().is_none() {
                         let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                        match maker.make(task, &queue).and_then(|made| one(task, made)) {
+                        match panics::unwound(|| maker.make(task, &queue).and_then(|made| one(task, made))) {
                             Ok(()) => drop(made.fetch_add(1, Ordering::Relaxed)),
                             Err(error) => {
                                 stop.store(true, Ordering::Relaxed);
@@ -473,7 +497,7 @@ fn stopping(error: Error) -> Error {
     }
 }
 
-/// Annotates the dataset and lets every writer finish; the first error is reported when all had their turn.
+/// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn.
 fn finish(
     recipe: &Recipe,
     reporter: &dyn Reporter,
@@ -488,8 +512,8 @@ fn finish(
     let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
     check_shards(folder, workers, &made)?;
     let staged = folder.stage_finish()?;
-    let ended = end(recipe, log, workers, folder, &made, &staged)?;
-    let failure = ended.into_iter().find_map(|(_, ended)| ended.err());
+    let Ended { writers, annotators } = end(recipe, log, workers, folder, &made, &staged);
+    let failure = writers.map(|(_, error)| error).or(annotators);
     let assets = entries.iter().flat_map(|entry| entry.assets.clone()).collect();
     let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
     let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
@@ -543,7 +567,15 @@ fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -
     failure.into_inner().map_or(Ok(()), Err)
 }
 
-/// Annotates the dataset of some scenes and lets every writer finish into a staging folder. Returns how each ended.
+/// What went wrong at the end of a run.
+struct Ended {
+    /// The first writer that could not finish, and why.
+    writers: Option<(String, Error)>,
+    /// Why the first annotator of the dataset failed. Writers that read its products were not asked to finish.
+    annotators: Option<Error>,
+}
+
+/// Annotates the dataset of some scenes and lets every writer finish into a staging folder whose products are there.
 fn end(
     recipe: &Recipe,
     log: &dyn Log,
@@ -551,7 +583,7 @@ fn end(
     folder: &Folder,
     made: &[JournalEntry],
     staged: &Path,
-) -> Result<Vec<(String, Result<()>)>> {
+) -> Ended {
     let dataset = dataset_info(recipe);
     let cx = DatasetContext::new(&dataset, workers, log);
     let recorded = records::names(&recipe.plan);
@@ -559,28 +591,45 @@ fn end(
         made.iter().filter(|entry| has(entry)).map(|entry| SceneId(entry.scene)).collect()
     };
     let of_dataset = scenes(&|entry| entry.recorded() == recorded);
-    let products = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset))?;
+    let (products, failed) = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset));
     let one = |(id, writer): &(String, Box<dyn syntable_model::stage::Writer>)| {
-        let stage = format!("write.{id}");
+        let (stage, reads) = (format!("write.{id}"), names(&writer.reads()));
+        if failed.iter().any(|(name, _)| reads.contains(name)) {
+            return None;
+        }
         let done = scenes(&|entry| entry.writers().contains(id));
         let finish = Finish::new(folder.root(), id, done).staged(staged);
-        let read = products.only(&names(&writer.reads()));
+        let read = products.only(&reads);
         let ended = panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish)));
-        (id.clone(), ended)
+        ended.err().map(|error| (id.clone(), error))
     };
-    Ok(recipe.write.iter().map(one).collect())
+    // Every writer has its turn, whatever becomes of the others.
+    let writers: Vec<(String, Error)> = recipe.write.iter().filter_map(one).collect();
+    Ended { writers: writers.into_iter().next(), annotators: failed.into_iter().next().map(|(_, error)| error) }
 }
 
-/// Runs the annotators of the dataset on the records of the scenes that are done.
-fn annotate_dataset(recipe: &Recipe, cx: &DatasetContext, folder: &Folder, done: &[SceneId]) -> Result<Products> {
-    let mut products = Products::new();
+/// Runs the annotators of the dataset on the records of the scenes that are done. Returns what they made, and in the order
+/// of the plan the products that could not be made, each with the reason.
+fn annotate_dataset(
+    recipe: &Recipe,
+    cx: &DatasetContext,
+    folder: &Folder,
+    done: &[SceneId],
+) -> (Products, Vec<(String, Error)>) {
+    let (mut products, mut failed) = (Products::new(), Vec::<(String, Error)>::new());
     for stage in &recipe.plan.per_dataset {
         let Producer::Dataset(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
         let mut scenes = done.iter().map(|&scene| Records::read(folder.root(), scene));
-        let made = lend(stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent))?;
-        products.extend(made)?;
+        let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.name == **name));
+        let made = match lacks {
+            Some((_, error)) => Err(error.clone()),
+            None => lend(stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent)),
+        };
+        if let Err(error) = made.and_then(|made| products.extend(made)) {
+            failed.extend(stage.provides.iter().map(|key| (key.name.to_string(), error.clone())));
+        }
     }
-    Ok(products)
+    (products, failed)
 }
 
 /// What stages may know of the dataset of a recipe.

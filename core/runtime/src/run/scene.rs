@@ -7,7 +7,7 @@
 use super::folder::Folder;
 use super::journal::{JournalEntry, SceneOutcome};
 use super::manifest::Manifest;
-use super::panics::caught;
+use super::panics::{caught, unwound};
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
 use super::records::{self, Records};
@@ -120,7 +120,7 @@ impl<'a> SceneMaker<'a> {
         let staged = self.folder.stage(scene)?;
         let assets = RecordingAssets::new(self.assets);
         let attempt = Attempt { maker: self, work, scene: SceneId(scene), number, assets };
-        let error = match attempt.run(&staged, stored, queue) {
+        let error = match unwound(|| attempt.run(&staged, stored, queue)) {
             Ok(made) => return Ok(Some((made, attempt.assets.into_digests()))),
             Err(error) => error,
         };
@@ -268,7 +268,7 @@ impl<'m> Attempt<'m, '_> {
                 recipe.camera.optics(scene, &world_from_camera, context)
             })?;
         let camera = Camera { intrinsics, distortion, lens, world_from_camera };
-        let shell = recipe.views.shell(scene);
+        let shell = caught("views", || Ok(recipe.views.shell(scene)))?;
         let mut lights = scene.lights.clone();
         for (light, sampler) in &recipe.lights {
             let stage = format!("lights.{light}");
@@ -296,15 +296,16 @@ impl<'m> Attempt<'m, '_> {
             queue.add(move || line.follow((maker, work), &scene, view, products, &sensing));
         };
         let next = || if line.has_failed() { Ok(false) } else { self.maker.running().map(|()| true) };
-        let rendered = if work.plan.rendered.is_empty() {
-            // Nothing of it needs an image: neither does it need a session.
-            views.iter().try_for_each(|view| {
-                if next()? {
-                    follow(view, of_scene.clone());
-                }
-                Ok(())
-            })
-        } else {
+        let render = || {
+            if work.plan.rendered.is_empty() {
+                // Nothing of it needs an image: neither does it need a session.
+                return views.iter().try_for_each(|view| {
+                    if next()? {
+                        follow(view, of_scene.clone());
+                    }
+                    Ok(())
+                });
+            }
             self.maker.sessions.with(|session| {
                 caught("render", || session.load(scene, self.maker.workers))?;
                 for view in views {
@@ -318,6 +319,8 @@ impl<'m> Attempt<'m, '_> {
                 Ok(())
             })
         };
+        // Whatever becomes of it, views that were handed over are waited for: they write into the attempt's folder.
+        let rendered = unwound(render);
         // The first failing view speaks for the attempt; the renderer's own error is of a later one.
         let views = line.join()?;
         rendered.map(|()| views)
@@ -400,24 +403,22 @@ impl<'m> Line<'m> {
     ) {
         let cx = maker.scene_context(work, scene).view(&view);
         let plan = &work.plan;
-        let made = if self.has_failed() { Ok(()) } else { annotate(plan, &cx, sensing, &mut products) };
+        let made = if self.has_failed() { Ok(()) } else { unwound(|| annotate(plan, &cx, sensing, &mut products)) };
         let mut state = self.state.lock();
         while state.next != view.id.0 {
             self.moved.wait(&mut state);
         }
         if state.failure.is_none() {
-            let written = made.and_then(|()| {
+            let written = unwound(|| {
+                made?;
                 state.views.writers.view(&cx, &products)?;
-                caught("records", || state.views.records.view(plan, &products))
+                caught("records", || state.views.records.view(plan, &products))?;
+                state.views.seen.look(&view, &products);
+                state.views.keep(plan, &view, &products);
+                maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
+                Ok(())
             });
-            match written {
-                Ok(()) => {
-                    state.views.seen.look(&view, &products);
-                    state.views.keep(plan, &view, &products);
-                    maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
-                }
-                Err(error) => state.failure = Some(error),
-            }
+            state.failure = written.err();
         }
         state.next += 1;
         self.moved.notify_all();

@@ -1,7 +1,9 @@
 //! Datasets that grow: more scenes, more views, more writers. In the end they are what one run would have made.
 
-use crate::kit::{Counters, registry, run, run_scenes};
+use crate::kit::{Counters, options, registry, run, run_scenes, run_with};
 use std::path::Path;
+use syntable_runtime::run::RunOptions;
+use syntable_runtime::run::progress::Quiet;
 use syntable_testing::folder::files;
 
 fn recipe(scenes: u32, views: u32, tally: usize, rest: &str) -> String {
@@ -136,6 +138,55 @@ fn every_writer_ends_though_another_fails() {
     assert!(found.foreign.is_empty(), "{found:?}");
     run(&recipe(3, 1, 0, &rest.replace("breaks_at = 2", "breaks_at = 9")), folder.path(), 1).expect("mended");
     assert!(syntable_runtime::run::verify(folder.path(), 1).expect("a dataset").whole());
+}
+
+#[test]
+fn every_writer_ends_that_needs_no_product_of_an_annotator_that_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rest = "[annotate.summer]\nfails_at = 2\n[write.labels]\nkind = \"lines\"\ninclude = [\"thought\"]\n"
+        .to_owned()
+        + &THOUGHT.replace("write.more", "write.a");
+    let error = run(&recipe(3, 1, 0, &rest), folder.path(), 1).expect_err("fails").to_string();
+    assert!(error.contains("annotate.summer") && error.contains("the sum is too large"), "{error}");
+    assert!(folder.path().join("labels/dataset.json").exists() && !folder.path().join("a/dataset.json").exists());
+    let found = syntable_runtime::run::verify(folder.path(), 1).expect("a dataset");
+    assert!(found.unfinished && found.missing.is_empty() && found.damaged.is_empty(), "{found:?}");
+}
+
+#[test]
+fn growth_that_is_refused_changes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, list) = (folder.path().join("data"), folder.path().join("names.txt"));
+    // Scene 1 fails.
+    let rest = format!(
+        "[assets.things]\nkind = \"names\"\nlist = \"{}\"\n[annotate.thinker]\nstumbles = true\n{THOUGHT}",
+        list.display()
+    );
+    let of = |scenes: u32| recipe(scenes, 1, 0, &rest).replace("scenes =", "max_attempts = 1\nscenes =");
+    std::fs::write(&list, "a\nb\n").expect("writable");
+    assert_eq!(run(&of(2), &data, 1).map(|outcome| (outcome.scenes, outcome.failed)), Ok((1, 1)));
+    let before = files(&data);
+    std::fs::write(&list, "a\nb\nc\n").expect("writable");
+    for retry_failed in [false, true] {
+        let error =
+            run_with(&of(4), RunOptions { retry_failed, ..options(&data, 1) }, &Quiet).expect_err("another pool");
+        assert!(error.to_string().contains("`assets.things` is not what it was") && error.is_permanent(), "{error}");
+        assert!(files(&data) == before, "something was changed");
+    }
+    std::fs::write(&list, "a\nb\n").expect("writable");
+    assert_eq!(run(&of(3), &data, 1).map(|outcome| (outcome.scenes, outcome.failed)), Ok((2, 1)));
+}
+
+#[test]
+fn a_source_lists_its_assets_once_and_in_order() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, list) = (folder.path().join("data"), folder.path().join("names.txt"));
+    let rest = format!("[assets.things]\nkind = \"names\"\nlist = \"{}\"\n{LIGHT}", list.display());
+    for (names, says) in [("a\nc\nb\n", "`c` before `b`"), ("a\nb\nb\n", "`b` twice")] {
+        std::fs::write(&list, names).expect("writable");
+        let error = run(&recipe(1, 1, 0, &rest), &data, 1).expect_err("not sorted").to_string();
+        assert!(error.contains("assets.things") && error.contains(says) && error.contains("plugin"), "{error}");
+    }
 }
 
 #[test]

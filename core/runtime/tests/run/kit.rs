@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Entry, Registry};
-use syntable_model::scene::{Optics, Role, SettleReport};
+use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Optics, Role, SettleReport};
 use syntable_model::stage::{
     Accepts, DatasetAnnotator, Finish, Input, Output, RecordedScene, RenderRequest, RenderSession, Replacement,
     SceneAnnotator, SceneWriter, ViewProducts,
@@ -62,13 +62,15 @@ macro_rules! kind {
 kind!(/** Places two boxes on a table. */ Boxes, Placer, "boxes", sleep_ms: u32);
 kind!(/** Lifts everything by a third of a millimeter. */ Lift, Settler, "rapier", tally: usize);
 kind!(/** A small camera. */ Small, CameraModel, "pinhole");
-kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell");
+kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell", bends: bool);
 kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
     sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, stumbles: bool);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
-kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer");
+kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
+kind!(/** Thinks as [`Thinker`] does. */ Echo, Annotator, "echo");
+kind!(/** Offers the names that a file lists, one per line. */ Names, AssetSource, "names", list: String);
 kind!(/** Writes products as JSON. */ Lines, Writer, "lines",
     include: Vec<ProductName>, end: String, breaks_at: usize, one_path: bool, said_path: String);
 
@@ -110,6 +112,7 @@ impl ViewSampler for Fixed {
         Ok(view().camera.world_from_camera)
     }
     fn shell(&self, scene: &Scene) -> Shell {
+        assert!(!self.bends, "the shell is bent");
         Shell { center: scene.tabletop.center(), radius: [1.0, 2.0] }
     }
 }
@@ -201,6 +204,32 @@ impl Annotator for Thinker {
     }
 }
 
+impl Annotator for Echo {
+    fn reads(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
+    fn provides(&self) -> Vec<KeyId> {
+        keys![THOUGHT]
+    }
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        products.put(THOUGHT, Value::Int(-1))
+    }
+}
+
+impl AssetSource for Names {
+    fn class(&self) -> AssetClass {
+        AssetClass::Object
+    }
+    fn catalog(&self, _: &dyn Log) -> Result<Catalog> {
+        let text = std::fs::read_to_string(&self.list).map_err(|error| Error::new(error.to_string()))?;
+        let entry = |name: &str| CatalogEntry { name: name.to_owned(), category: "thing".to_owned() };
+        Ok(Catalog { entries: text.lines().map(entry).collect() })
+    }
+    fn load(&self, name: &str, _: &dyn Log) -> Result<Asset> {
+        Err(Error::new(format!("nobody draws `{name}`")))
+    }
+}
+
 impl SceneAnnotator for Tracker {
     fn reads(&self) -> Vec<KeyId> {
         keys![THOUGHT]
@@ -231,6 +260,9 @@ impl DatasetAnnotator for Summer {
         for scene in scenes {
             count += 1;
             sum += scene?.view_values.iter().filter_map(|view| view["thought"].as_i64()).sum::<i64>();
+        }
+        if self.fails_at > 0 && count >= self.fails_at {
+            return Err(Error::new("the sum is too large"));
         }
         products.put(TOTAL, Value::record([("scenes", count.into()), ("sum", sum.into())]))
     }
@@ -300,8 +332,16 @@ pub fn registry() -> Registry {
     macro_rules! entries {
         ($($name:ident),*) => { [$(Entry::of::<$name>("kit", "0.0.0")),*] };
     }
-    let entries = entries![Boxes, Lift, Small, Fixed, Sleeper, Doubler, Thinker, Tracker, Summer, Lines];
+    let entries = entries![Boxes, Lift, Small, Fixed, Sleeper, Doubler, Thinker, Tracker, Summer, Lines, Names];
     Registry::new(entries).expect("no clash")
+}
+
+/// The same kinds, with [`Thinker`] and [`Echo`] as two crates register them.
+pub fn rivals(thinker: &'static str, echo: &'static str) -> Registry {
+    let own = registry();
+    let others = own.entries().iter().filter(|entry| entry.kind != Thinker::KIND).copied();
+    let rivals = [Entry::of::<Thinker>(thinker, "0.0.0"), Entry::of::<Echo>(echo, "0.0.0")];
+    Registry::new(others.chain(rivals)).expect("no clash")
 }
 
 /// Runs a recipe of these kinds.

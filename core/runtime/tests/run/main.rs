@@ -7,6 +7,8 @@ mod whole;
 
 use kit::{Counters, run};
 use std::time::{Duration, Instant};
+use syntable_model::registry::Registry;
+use syntable_runtime::recipe::{self, Overrides, Source};
 use syntable_testing::folder::files;
 
 /// Scenes and views of each, and how long a scene takes to compose, a view to render and a view to annotate, ms.
@@ -91,6 +93,36 @@ fn a_stage_replaces_a_product_for_all_others() {
     assert_eq!(replaced, r#"{"light":2,"light_raw":1,"thought":0}"#);
     // A registered stage that is not in the recipe replaces nothing.
     assert_eq!(line("", "\"light\", \"thought\""), r#"{"light":1,"thought":0}"#);
+}
+
+#[test]
+fn of_two_providers_the_stock_one_is_taken() {
+    let recipe = "[dataset]\nscenes = 1\nviews_per_scene = 1\nname = \"rivals\"\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[write.lines]\ninclude = [\"thought\"]\n";
+    let load = |registry: &Registry| {
+        let source = Source::embedded("test.toml", recipe);
+        recipe::load(registry, source, &Overrides::of_process(Vec::new())).map(|(recipe, _)| {
+            let of = recipe.plan.entries.iter().find(|entry| entry.key.name == "thought").expect("planned");
+            of.provider.clone()
+        })
+    };
+    // A crate is stock by its whole name, not because it is called like one.
+    assert_eq!(load(&kit::rivals("syntable-annotate", "syntable-extra")).as_deref(), Ok("annotate.thinker"));
+    assert_eq!(load(&kit::rivals("syntable-extra", "syntable-annotate")).as_deref(), Ok("annotate.echo"));
+    let both = load(&kit::rivals("syntable-extra", "syntable-annotate-more")).expect_err("nobody's").to_string();
+    assert!(both.contains("has several providers"), "{both}");
+}
+
+#[test]
+fn a_panic_anywhere_fails_the_scene_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = "[dataset]\nscenes = 2\nviews_per_scene = 2\nname = \"bent\"\nmax_attempts = 2\n\
+         [[place]]\nkind = \"boxes\"\n[render]\nkind = \"sleeper\"\n[views]\nkind = \"hemisphere_shell\"\nbends = true\n\
+         [write.lines]\ninclude = [\"light\"]\n";
+    let outcome = run(recipe, folder.path(), 2).expect("the run ends well");
+    assert_eq!((outcome.scenes, outcome.failed), (0, 2));
+    let journal = String::from_utf8(files(folder.path())[".syntable/journal.jsonl"].clone()).expect("text");
+    assert!(journal.contains("views: panicked at") && journal.contains("the shell is bent"), "{journal}");
 }
 
 #[test]

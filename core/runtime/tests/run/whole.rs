@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use syntable_model::error::Result;
+use syntable_runtime::run::folder::Folder;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{Outcome, RunOptions, merge, verify};
@@ -230,6 +231,14 @@ fn parts_that_do_not_belong_together_are_refused() {
     assert!(error.contains("different recipes") && error.contains("dataset.name: \"whole\" -> \"other\""), "{error}");
     let nothing = folder.path().join("nothing");
     assert!(merge(&[&ours[0], &nothing]).contains("there is no dataset"));
+    // The dataset as one of its parts, by another name.
+    let again = ours[0].join("../part-0");
+    let error =
+        syntable_runtime::run::merge(&registry(), &ours[0], &[ours[1].clone(), again], 1, &Stop::default(), &Quiet)
+            .expect_err("named twice")
+            .to_string();
+    assert!(error.contains("as one of its parts") && error.contains("leave out the part"), "{error}");
+    assert_eq!(verify(&ours[0], 1).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
     // The same scene with another byte, and a journal that says so.
     let journal = ours[1].join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");
@@ -277,6 +286,39 @@ fn overwriting_takes_what_is_the_datasets() {
     fs::remove_file(data.join("lines/notes.txt")).expect("still there");
     run(RECIPE, &whole, 2).expect("whole");
     assert_same(&whole, &data);
+}
+
+#[test]
+fn nothing_is_deleted_for_a_recipe_that_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, list) = (folder.path().join("data"), folder.path().join("names.txt"));
+    let recipe = format!("{RECIPE}[assets.things]\nkind = \"names\"\nlist = \"{}\"\n", list.display());
+    fs::write(&list, "a\nb\n").expect("writable");
+    run(&recipe, &data, 2).expect("a dataset");
+    let (locked, before) = (fs::read_to_string(data.join("recipe.toml")).expect("there"), files(&data));
+    fs::write(&list, "a\n").expect("writable");
+    let anew = |recipe: &str| run_with(recipe, RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet);
+    let error = anew(&locked).expect_err("another pool").to_string();
+    assert!(error.contains("`assets.things` is not what it was"), "{error}");
+    assert!(files(&data) == before, "something was deleted");
+    anew(&recipe).expect("a recipe that locks nothing");
+}
+
+#[test]
+fn a_deleted_dataset_leaves_nothing_but_its_lock() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, list) = (folder.path().join("data"), folder.path().join("names.txt"));
+    fs::write(&list, "a\n").expect("writable");
+    let recipe = format!("{RECIPE}[assets.things]\nkind = \"names\"\nlist = \"{}\"\n", list.display());
+    run(&recipe, &data, 2).expect("a dataset");
+    let names = |folder: &Path| -> Vec<String> {
+        let entries = fs::read_dir(folder).expect("there").map(|entry| entry.expect("readable").file_name());
+        entries.map(|name| name.to_string_lossy().into_owned()).collect()
+    };
+    assert!(names(&data.join(".syntable")).len() > 5);
+    let left = Folder::open(&data).and_then(|folder| folder.discard()).expect("deleted");
+    assert!(left.is_empty(), "{left:?}");
+    assert_eq!((names(&data), names(&data.join(".syntable"))), (vec![".syntable".to_owned()], vec!["lock".to_owned()]));
 }
 
 #[test]

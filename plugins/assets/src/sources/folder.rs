@@ -115,10 +115,15 @@ pub fn leave_out_collision_parts(meshes: &mut BTreeMap<PathBuf, Vec<PathBuf>>, r
     }
 }
 
-/// Adds an asset whose name is `path`, with the first of its files; warns about the others.
+/// Adds an asset whose name is `path`, with the first of its files; warns about the others, and about an asset that cannot be
+/// added because another one has its name.
 pub fn add_asset(assets: &mut Files, path: &Path, files: &[PathBuf], root: &AssetRoot, log: &dyn Log) {
     let name = path.to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/");
     let [first, others @ ..] = files else { return };
+    if let Some(other) = assets.get(&name) {
+        let message = format!("it is left out: `{}` has the name `{name}`, too", other.display());
+        return log.warn(&Error::new(message).in_file(root.folder().join(first)).help("rename one of them"));
+    }
     for other in others {
         let message = format!("`{name}` has several files; `{}` is read", first.display());
         log.warn(&Error::new(message).in_file(root.folder().join(other)));

@@ -95,15 +95,23 @@ fn find(root: &AssetRoot, formats: &MeshFormats, log: &dyn Log) -> Result<Files>
         Some(folder) if folder != Path::new("") && in_folder.get(folder) == Some(&1) => folder.to_owned(),
         _ => stem.to_owned(),
     };
-    // Where a short name is also another mesh's name, both keep their whole path.
-    let mut uses: BTreeMap<PathBuf, usize> = BTreeMap::new();
-    for stem in meshes.keys() {
-        *uses.entry(short(stem)).or_default() += 1;
+    let mut names: Vec<PathBuf> = meshes.keys().map(|stem| short(stem)).collect();
+    // Where a name is also another mesh's name, both keep their whole path, which may in turn be the short name of a third.
+    loop {
+        let mut uses: BTreeMap<&Path, usize> = BTreeMap::new();
+        for name in &names {
+            *uses.entry(name).or_default() += 1;
+        }
+        let shared: Vec<bool> = names.iter().map(|name| uses[name.as_path()] > 1).collect();
+        if !shared.contains(&true) {
+            break;
+        }
+        for ((name, stem), _) in names.iter_mut().zip(meshes.keys()).zip(shared).filter(|(_, shared)| *shared) {
+            name.clone_from(stem);
+        }
     }
     let mut assets = Files::new();
-    for (stem, files) in &meshes {
-        let name = short(stem);
-        let name = if uses.get(&name) == Some(&1) { &name } else { stem };
+    for (name, files) in names.iter().zip(meshes.values()) {
         add_asset(&mut assets, name, files, root, log);
     }
     Ok(assets)
@@ -136,6 +144,9 @@ mod tests {
             "jar/collision/part.obj",
             "cola_can.obj",
             "collie.obj",
+            "nest.obj",
+            "nest/egg.obj",
+            "nest/egg/yolk.obj",
         ] {
             let path = folder.path().join(path);
             std::fs::create_dir_all(path.parent().expect("a folder")).expect("folder");
@@ -156,6 +167,10 @@ mod tests {
             ("jar/visual", "jar/visual/jar.obj"),
             ("mug", "mug.obj"),
             ("mug/model", "mug/model.obj"),
+            // `nest` is wanted by two, and the path of one of them by a third.
+            ("nest", "nest.obj"),
+            ("nest/egg", "nest/egg.obj"),
+            ("nest/egg/yolk", "nest/egg/yolk.obj"),
             ("x/y", "x/y/z.ply"),
         ];
         assert_eq!(got, want);

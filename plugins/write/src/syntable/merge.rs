@@ -23,27 +23,27 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
         };
         file.header(&info(dataset, syntable_1), &[license()], &categories)?;
         file.images(|images| {
-            lines(finish, |line| match line {
+            lines(dataset, finish, |image_id, line| match line {
                 Line::Image { annotations, record } => {
                     let copies = if syntable_1 { annotations } else { usize::from(annotations > 0 || !skip_empty) };
-                    (0..copies).try_for_each(|_| images.raw(record))
+                    (0..copies).try_for_each(|_| images.raw(&record.numbered(image_id)))
                 }
                 Line::Annotation(_) | Line::Scene(_) => Ok(()),
             })
         })?;
         let mut id = 0;
         file.annotations(|annotations| {
-            lines(finish, |line| match line {
+            lines(dataset, finish, |image_id, line| match line {
                 Line::Image { .. } | Line::Scene(_) => Ok(()),
                 Line::Annotation(record) => {
                     id += 1;
-                    annotations.raw(&record.numbered(id))
+                    annotations.raw(&record.numbered(id, image_id))
                 }
             })
         })?;
         if !syntable_1 {
             file.list(SCENES, |scenes| {
-                lines(finish, |line| match line {
+                lines(dataset, finish, |_, line| match line {
                     Line::Scene(record) => scenes.raw(record),
                     Line::Image { .. } | Line::Annotation(_) => Ok(()),
                 })
@@ -73,13 +73,29 @@ fn category((id, name): (u32, &str)) -> Category {
     Category { id: id.into(), name: name.into(), supercategory: "shape".into(), ..Category::default() }
 }
 
-/// Calls `each` with every line of the shards.
-fn lines(finish: &Finish, mut each: impl FnMut(Line) -> Result<()>) -> Result<()> {
+/// Calls `each` with every line of the shards, and with the id of its image.
+///
+/// Image ids are given here, and not when a scene is written: the number of views per scene grows with the dataset, and a
+/// scene never has more views than the recipe that the dataset has grown to.
+fn lines(dataset: &DatasetInfo, finish: &Finish, mut each: impl FnMut(u64, Line) -> Result<()>) -> Result<()> {
+    let views_per_scene = u64::from(dataset.views_per_scene);
+    let (mut of, mut views, mut image_id) = (None, 0, 0);
     json_shard::for_each_line(finish, |scene, line| {
-        let line = Line::parse(line).ok_or_else(|| {
-            Error::new(format!("the shard of scene {} has a line that is not a record", scene.0))
+        let damaged = |what: String| {
+            Error::new(format!("the shard of scene {} has {what}", scene.0))
                 .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
-        })?;
-        each(line)
+        };
+        let line = Line::parse(line).ok_or_else(|| damaged("a line that is not a record".to_owned()))?;
+        if of.replace(scene) != Some(scene) {
+            (views, image_id) = (0, 0);
+        }
+        if let Line::Image { .. } = line {
+            if views == views_per_scene {
+                return Err(damaged(format!("more than the {views_per_scene} views per scene of the recipe")));
+            }
+            views += 1;
+            image_id = u64::from(scene.0) * views_per_scene + views;
+        }
+        each(image_id, line)
     })
 }

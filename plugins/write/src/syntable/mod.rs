@@ -26,7 +26,8 @@ const RECIPE: &str = "parameters/recipe.toml";
 ///
 /// The annotation file has COCO's structure. `segmentation` is the amodal mask of an object; `visible_mask`,
 /// `occluded_mask`, `occluded_rate` and boxes are fields beside it. Image ids are
-/// `scene · views_per_scene + view + 1`. Categories are `object` (id 1) and, from 2, the classes of the recipe's pools in
+/// `scene · views_per_scene + view + 1`, so that they are the same whichever scenes are done; they change once the recipe of a
+/// dataset that grows has more views per scene. Categories are `object` (id 1) and, from 2, the classes of the recipe's pools in
 /// the order of their names. `scenes` has a record per scene, whose `bodies` say what each id in the product `instance`
 /// stands for: role, asset, category, materials and pose of objects, distractors, table and room. Row and column n of the occlusion order belong to the n-th annotation of the
 /// image, which is `instance_ids[n]` of the image's record. Dates are constant.

@@ -102,7 +102,7 @@ impl<'a> Labels<'a> {
     }
 }
 
-/// The record of an image in the coco form.
+/// The record of an image in the coco form, without its id.
 pub fn image(cx: &ViewContext, products: &Products, labels: &Labels) -> Result<Image> {
     Ok(Image {
         scene_id: Some(cx.scene.id.0),
@@ -117,12 +117,12 @@ pub fn image(cx: &ViewContext, products: &Products, labels: &Labels) -> Result<I
     })
 }
 
-/// The record of an image in the syntable_1 form.
+/// The record of an image in the syntable_1 form, without its id.
 pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
     let rgb = products.get(RGB)?;
     let (scene, view) = (cx.scene.id.0, cx.view.id.0);
     Ok(Image {
-        id: image_id(cx)?,
+        id: 0,
         file_name: rgb_path(scene, view),
         depth_file_name: Some(depth_path(scene, view)),
         occlusion_order_file_name: Some(occlusion_order_path(scene, view)),
@@ -143,7 +143,7 @@ pub fn scene(cx: &SceneContext, products: &Products) -> Result<Scene> {
     Ok(Scene { id: cx.scene.id.0, bodies, extra: Default::default() })
 }
 
-/// The record of an annotation in the coco form, without its id.
+/// The record of an annotation in the coco form, without its id and that of its image.
 pub fn annotation(
     cx: &ViewContext,
     products: &Products,
@@ -155,7 +155,7 @@ pub fn annotation(
     let info = products.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
     Ok(Annotation {
         id: 0,
-        image_id: image_id(cx)?,
+        image_id: 0,
         category_id: cx
             .scene
             .body(id)
@@ -181,7 +181,7 @@ pub fn annotation(
     })
 }
 
-/// The record of an annotation in the syntable_1 form, without its id.
+/// The record of an annotation in the syntable_1 form, without its id and that of its image.
 pub fn annotation_1(
     cx: &ViewContext,
     labels: &Labels,
@@ -192,7 +192,7 @@ pub fn annotation_1(
     let with_area = |mask: &Mask, factor: u64| Rle { area: Some(factor * u64::from(mask.area())), ..Rle::encode(mask) };
     Ok(syntable_1::Annotation {
         id: 0,
-        image_id: image_id(cx)?,
+        image_id: 0,
         category_id: OBJECT_CATEGORY,
         bbox: object.bbox(bbox),
         width: object.amodal.width(),
@@ -217,12 +217,6 @@ impl ObjectLabels<'_> {
             BoxSource::Visible | BoxSource::Amodal => self.amodal_box.into(),
         }
     }
-}
-
-/// From 1; a function of scene and view alone.
-fn image_id(cx: &ViewContext) -> Result<u64> {
-    let (scene, view) = (u64::from(cx.scene.id.0), u64::from(cx.view.id.0));
-    Ok(scene * u64::from(cx.dataset.views_per_scene) + view + 1)
 }
 
 /// The asset's name; not unique within an image.
