@@ -133,6 +133,8 @@ pub struct Plan {
     pub rendered: Vec<KeyId>,
     /// Products that a stage replaces: what others make under `product` is kept under `original`.
     pub replaced: Vec<Replacement>,
+    /// The denoiser, if the renderer runs it.
+    pub denoiser: Option<PlannedStage>,
     /// Annotators of the scene that run before the views.
     pub before_views: Vec<PlannedStage>,
     /// Producers that run once per view.
@@ -338,6 +340,7 @@ impl Plan {
         };
         Self {
             rendered: self.rendered.iter().filter(rendered).copied().collect(),
+            denoiser: None,
             replaced: self.replaced.iter().filter(|it| needed.contains(&it.original.name)).copied().collect(),
             before_views: running(&self.before_views),
             per_view: running(&self.per_view),
@@ -347,6 +350,25 @@ impl Plan {
             idle: Vec::new(),
             entries,
         }
+    }
+
+    /// The plan where the renderer runs the denoiser, if it can: then it is asked for what the denoiser provides, and for
+    /// what others read of what the denoiser reads.
+    pub fn on(mut self, renderer: &dyn Renderer) -> Self {
+        let runs = |stage: &PlannedStage| match &*stage.producer {
+            Producer::Denoiser(denoiser) => renderer.denoises(&**denoiser),
+            _ => false,
+        };
+        let Some(at) = self.per_view.iter().position(runs) else { return self };
+        let denoiser = self.per_view.remove(at);
+        let is_asked = |entry: &&PlanEntry| {
+            let others = entry.wanted_by.iter().any(|stage| *stage != denoiser.stage);
+            entry.provider == denoiser.stage || entry.provider == "render" && others
+        };
+        self.rendered = self.entries.iter().filter(is_asked).map(|entry| entry.key).collect();
+        self.replaced.retain(|it| !denoiser.provides.iter().any(|key| key.name == it.product.name));
+        self.denoiser = Some(denoiser);
+        self
     }
 
     /// The rendered products by the canvas that they are wanted on, each as a product of the image: the renderer is asked

@@ -46,6 +46,13 @@ pub struct Budget {
     pub seconds: Option<f64>,
 }
 
+impl Budget {
+    /// Whether all pixels get the same number of samples.
+    pub fn is_fixed(&self) -> bool {
+        self.noise.is_none() && self.seconds.is_none()
+    }
+}
+
 /// Samples to add to pixels of a tile.
 pub struct Task<'a> {
     /// Left, top, right, bottom of the tile, px from the corner of the image.
@@ -196,7 +203,7 @@ impl Film {
         let tiles = rows.flat_map(|top| columns().map(move |left| (left, top)));
         let tiles = tiles.map(|(left, top)| tile(left, top)).collect();
         let mut film = Self { window, tiles, statistics: Statistics::default() };
-        let whole = budget.noise.is_none() && budget.seconds.is_none();
+        let whole = budget.is_fixed();
         let (started, mut from) = (Instant::now(), 0);
         while from < budget.samples {
             let to = match (whole, from) {
@@ -328,26 +335,41 @@ impl Film {
 
     /// Counts of rays, samples and fireflies, and the relative error.
     pub fn report(&self, workers: &dyn Workers) -> Value {
-        let radiance = self.radiance(workers);
         let samples = self.plane(workers, 0_u32, |sums| sums.samples);
-        let Statistics { paths, rays, shadow_rays } = self.statistics;
-        let error = self.plane(workers, 0.0_f64, |sums| sums.variance().sqrt());
-        let total: f64 = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).sum();
-        let relative = if total > 0.0 { error.data().iter().sum::<f64>() / total } else { 0.0 };
-        let mut record = vec![
-            ("paths", (paths as i64).into()),
-            ("rays", (rays as i64).into()),
-            ("shadow_rays", (shadow_rays as i64).into()),
-            ("samples_min", samples.data().iter().copied().min().unwrap_or(0).into()),
-            ("samples_max", samples.data().iter().copied().max().unwrap_or(0).into()),
-            ("fireflies", fireflies(&radiance, &error).into()),
-        ];
-        // A single sample says nothing of its error.
-        if relative.is_finite() {
-            record.push(("relative_error", relative.into()));
-        }
-        Value::record(record)
+        let count = |least: bool| {
+            let all = samples.data().iter().copied();
+            if least { all.min() } else { all.max() }.unwrap_or(0)
+        };
+        let variance = self.plane(workers, 0.0, |sums| sums.variance() as f32);
+        report(&self.radiance(workers), &variance, [count(true), count(false)], self.statistics)
     }
+}
+
+/// The product [`RENDER_REPORT`] of an image: counts of rays, fewest and most samples of a pixel, fireflies, and the
+/// relative error.
+pub fn report(
+    radiance: &Plane<[f32; 3]>,
+    variance: &Plane<f32>,
+    [samples_min, samples_max]: [u32; 2],
+    statistics: Statistics,
+) -> Value {
+    let Statistics { paths, rays, shadow_rays } = statistics;
+    let error = variance.map(|&variance| f64::from(variance).sqrt());
+    let total: f64 = radiance.data().iter().map(|pixel| luminance(pixel.map(f64::from))).sum();
+    let relative = if total > 0.0 { error.data().iter().sum::<f64>() / total } else { 0.0 };
+    let mut record = vec![
+        ("paths", (paths as i64).into()),
+        ("rays", (rays as i64).into()),
+        ("shadow_rays", (shadow_rays as i64).into()),
+        ("samples_min", samples_min.into()),
+        ("samples_max", samples_max.into()),
+        ("fireflies", fireflies(radiance, &error).into()),
+    ];
+    // A single sample says nothing of its error.
+    if relative.is_finite() {
+        record.push(("relative_error", relative.into()));
+    }
+    Value::record(record)
 }
 
 /// Whether a pixel's guide differs from one of the eight around it.

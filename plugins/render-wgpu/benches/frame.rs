@@ -5,6 +5,7 @@
 //! frame by samples, rays per second, what labels cost, and what guides add.
 
 use std::time::Instant;
+use syntable_denoise::guided::Guided;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
@@ -34,23 +35,26 @@ fn main() {
             let mut session = renderer.open(adapter).expect("opens");
             session.load(&scene, &workers).expect("loads");
             let loaded = started.elapsed().as_secs_f64();
-            let mut best = |wants: &[KeyId]| {
+            let guided = Guided::default();
+            let mut best = |wants: &[KeyId], denoiser: Option<&dyn Denoiser>| {
                 let (mut fastest, mut frame) = (f64::INFINITY, Products::new());
                 for _ in 0..FRAMES {
                     let started = Instant::now();
                     frame = Products::new();
-                    let request = RenderRequest::new(&view, wants, Stream::root(1), &workers);
+                    let request =
+                        RenderRequest { denoiser, ..RenderRequest::new(&view, wants, Stream::root(1), &workers) };
                     session.render(&request, &mut frame).expect("renders");
                     fastest = fastest.min(started.elapsed().as_secs_f64());
                 }
                 (fastest, frame)
             };
             let first = Instant::now();
-            best(&[RADIANCE.id()]);
+            best(&[RADIANCE.id()], None);
             let first = first.elapsed().as_secs_f64();
-            let (light, _) = best(&[RADIANCE.id()]);
-            let (_, report) = best(&[RADIANCE.id(), RENDER_REPORT.id()]);
-            let (guides, _) = best(&[RADIANCE.id(), DENOISE_ALBEDO.id()]);
+            let (light, _) = best(&[RADIANCE.id()], None);
+            let (denoised, _) = best(&[RADIANCE.id()], Some(&guided));
+            let (_, report) = best(&[RADIANCE.id(), RENDER_REPORT.id()], None);
+            let (guides, _) = best(&[RADIANCE.id(), DENOISE_ALBEDO.id()], None);
             let count = |name: &str| match report.get(RENDER_REPORT) {
                 Ok(Value::Record(fields)) => {
                     fields.iter().find(|(field, _)| field == name).map_or(f64::NAN, |(_, count)| {
@@ -62,17 +66,18 @@ fn main() {
             let (rays, shadows) = (count("rays"), count("shadow_rays"));
             println!(
                 "{look:?}, {samples} samples: {:.1} ms; {:.2} + {:.2} rays and shadow rays a path, {:.2} Grays/s; with guides {:.1} \
-                 ms; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
+                 ms, denoised {:.1} ms; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
                 1e3 * light,
                 rays / count("paths"),
                 shadows / count("paths"),
                 (rays + shadows) / light / 1e9,
                 1e3 * guides,
+                1e3 * denoised,
             );
             if samples == 1 {
                 let masks = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
-                let (labels, _) = best(&masks);
-                let (shaded, _) = best(&[NORMAL.id(), ALBEDO.id()]);
+                let (labels, _) = best(&masks, None);
+                let (shaded, _) = best(&[NORMAL.id(), ALBEDO.id()], None);
                 println!("{look:?}, labels: {:.2} ms; normals and albedo {:.2} ms", 1e3 * labels, 1e3 * shaded);
             }
         }

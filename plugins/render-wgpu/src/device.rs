@@ -57,6 +57,10 @@ pub enum Kernel {
     Accumulate,
     /// Labels.
     Labels,
+    /// Pixels that need more samples of the guides.
+    Choose,
+    /// Planes of an image.
+    Resolve,
 }
 
 /// What kernels are compiled for: what a scene has not costs nothing.
@@ -72,6 +76,13 @@ pub struct Variant {
     pub guides: bool,
     /// Dielectrics are glTF's plain mix.
     pub plain_dielectrics: bool,
+}
+
+impl Variant {
+    /// The kernels for labels do not depend on guides.
+    pub fn of_labels(self) -> Self {
+        Self { guides: false, ..self }
+    }
 }
 
 /// What a graphics adapter is, for people.
@@ -137,7 +148,10 @@ pub struct Adapters(Vec<wgpu::Adapter>);
 impl Adapters {
     /// Looks for adapters.
     pub fn find() -> Self {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        // Numbers of groups are counted by the shaders, which need no check of them.
+        let flags = wgpu::InstanceFlags::default() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
+        let descriptor = wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() };
+        let instance = wgpu::Instance::new(descriptor);
         let usable = |adapter: &wgpu::Adapter| {
             let limits = adapter.limits();
             limits.max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
@@ -307,6 +321,11 @@ impl Device {
         self.buffer(label, size, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST)
     }
 
+    /// A buffer of numbers of groups.
+    pub fn indirect(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
+        self.buffer(label, size, wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST)
+    }
+
     /// A buffer that is read on this side.
     pub fn readable(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
@@ -345,6 +364,8 @@ impl Device {
                 Kernel::Shadow => "shadow",
                 Kernel::Accumulate => "accumulate",
                 Kernel::Labels => "labels",
+                Kernel::Choose => "choose",
+                Kernel::Resolve => "resolve",
             };
             let constants = [
                 ("LAYERED", on(variant.layered)),
@@ -378,18 +399,15 @@ impl Device {
         self.queue.submit([encoder.finish()])
     }
 
-    /// Starts work that ends by copying the first elements of a buffer to a readable one, waits for it, and gives them to
-    /// `read`.
+    /// Starts work that ends by copying to a readable buffer, waits for it, and gives the first elements to `read`.
     pub fn read<T: Pod, R>(
         &self,
-        mut encoder: wgpu::CommandEncoder,
-        from: &wgpu::Buffer,
+        encoder: wgpu::CommandEncoder,
         through: &wgpu::Buffer,
         count: u64,
         read: impl FnOnce(&[T]) -> R,
     ) -> Result<R> {
         let bytes = count * size_of::<T>() as u64;
-        encoder.copy_buffer_to_buffer(from, 0, through, 0, bytes);
         // Other sessions of the device go on meanwhile.
         let submission_index = Some(self.submit(encoder));
         let mapped = Arc::new(Mutex::new(None));

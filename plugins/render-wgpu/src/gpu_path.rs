@@ -1,6 +1,7 @@
 //! `gpu_path`: the path tracer of a graphics card as a stage.
 
 use crate::device::{Adapters, Device, none};
+use crate::frame::guided_of;
 use crate::session::{Caches, GpuSession};
 use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
@@ -87,6 +88,11 @@ impl Renderer for GpuPathRenderer {
             return Err(none());
         }
         Ok(found.iter().take(self.adapters().used()).map(ToString::to_string).collect())
+    }
+
+    fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
+        // Rounds of samples end on this side.
+        self.options.budget().is_fixed() && guided_of(Some(denoiser)).is_some()
     }
 
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {

@@ -2,19 +2,26 @@
 //!
 //! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
 //! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `tables`
-//! and `arena`, how scenes lie in buffers; `device`, kernels and errors; `session`, the rendering of views; `gpu_path`, the
-//! stage; and `guided`, the denoiser of that name on the images that it renders. The shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
+//! and `arena`, how scenes lie in buffers; `device`, kernels and errors; `view`, the tables of a view; `passes`, paths over the
+//! pixels of an image; `planes`, what becomes of them; `frame` and `rounds`, images in one go and in rounds; `session`, a
+//! scene on a device; `gpu_path`, the stage; and `guided`, the denoiser of that name on the images that it renders. The
+//! shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
 //!
 //! **Invariants.** The same device makes the same bytes: paths are numbered, each is computed by itself, and the samples of
 //! a pixel are added in their order. The CPU's numbers are found up to rounding.
 
 mod arena;
 mod device;
+mod frame;
 mod gpu_path;
 mod guided;
+mod passes;
+mod planes;
+mod rounds;
 mod session;
 mod tables;
 mod trees;
+mod view;
 
 pub use device::{AdapterInfo, Adapters, Device, adapters};
 pub use gpu_path::{GpuPath, GpuPathRenderer};

@@ -5,6 +5,7 @@ use crate::context::ViewContext;
 use crate::error::Result;
 use crate::product::standard::{DENOISER, RADIANCE, RADIANCE_NOISY};
 use crate::product::{KeyId, Products};
+use std::any::Any;
 
 /// Makes an image of few samples look like one of many. Runs once per view, before sensors and annotators.
 pub trait Denoiser: Send + Sync {
@@ -26,6 +27,10 @@ pub trait Denoiser: Send + Sync {
     /// the first scene.
     fn ready(&self) -> Result<()> {
         Ok(())
+    }
+    /// The denoiser with its options, so that a renderer knows one that it runs itself; `None` if no renderer does.
+    fn as_any(&self) -> Option<&dyn Any> {
+        None
     }
     /// Denoises one view: puts what it provides into `products`, which holds what it reads. The result must not depend on
     /// the number of threads.

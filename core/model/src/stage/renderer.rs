@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::product::{KeyId, Products};
 use crate::random::Stream;
 use crate::scene::{InstanceId, Intrinsics, Scene, View};
+use crate::stage::Denoiser;
 use std::sync::Arc;
 
 /// A way of rendering. It offers products; the plan asks for those that somebody wants.
@@ -21,6 +22,12 @@ pub trait Renderer: Send + Sync {
     /// If it cannot render on this machine.
     fn devices(&self) -> Result<Vec<String>> {
         Ok(vec!["the processor".into()])
+    }
+    /// Whether its sessions run a denoiser themselves, where the image is. Then a request names it, and may want what it
+    /// provides and reads.
+    fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
+        let _ = denoiser;
+        false
     }
     /// Opens a session. `index` counts from 0 and chooses the device.
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>>;
@@ -51,13 +58,15 @@ pub struct RenderRequest<'a> {
     pub stream: Stream,
     /// Threads to spread the pixels over.
     pub workers: &'a dyn Workers,
+    /// A denoiser that the renderer runs itself, [`Renderer::denoises`].
+    pub denoiser: Option<&'a dyn Denoiser>,
 }
 
 impl<'a> RenderRequest<'a> {
     /// The image of the whole scene.
     pub fn new(view: &'a View, wants: &'a [KeyId], stream: Stream, workers: &'a dyn Workers) -> Self {
         let window = Window::of(&view.camera.intrinsics);
-        Self { view, wants, window, bodies: Bodies::All, stream, workers }
+        Self { view, wants, window, bodies: Bodies::All, stream, workers, denoiser: None }
     }
 }
 

@@ -366,11 +366,12 @@ impl<'a> Works<'a> {
 fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
     let dataset = DatasetInfo { views_per_scene: views, ..dataset_info(recipe) };
     let Some((lacks, records)) = lacks else {
-        return Work { dataset, plan: recipe.plan.clone(), writers: recipe.write.iter().collect() };
+        return Work { dataset, plan: recipe.plan.clone().on(&*recipe.render), writers: recipe.write.iter().collect() };
     };
     let writers: Vec<_> = recipe.write.iter().filter(|(id, _)| lacks.contains(id)).collect();
     let reads: Vec<String> = writers.iter().flat_map(|(_, writer)| names(&writer.reads())).collect();
-    Work { dataset, plan: recipe.plan.part(reads.iter().map(String::as_str), *records), writers }
+    let part = recipe.plan.part(reads.iter().map(String::as_str), *records);
+    Work { dataset, plan: part.on(&*recipe.render), writers }
 }
 
 fn make_scenes(

@@ -340,7 +340,11 @@ impl<'m> Attempt<'m, '_> {
             let request = RenderRequest::new(view, &wants, stream, self.maker.workers);
             let window = Window::canvas(&view.camera.intrinsics, canvas);
             check_pixels(window, canvas)?;
-            let request = RenderRequest { window, ..request };
+            let denoiser = plan.denoiser.as_ref().filter(|_| canvas == 1).and_then(|stage| match &*stage.producer {
+                Producer::Denoiser(denoiser) => Some(&**denoiser),
+                _ => None,
+            });
+            let request = RenderRequest { window, denoiser, ..request };
             let mut of_canvas = Products::new();
             caught("render", || session.render(&request, &mut of_canvas))?;
             provided(&wants, &of_canvas).map_err(|error| error.context("render"))?;

@@ -22,6 +22,7 @@ pub mod tuning;
 use guides::{Guides, NO_SURFACE, NOTHING};
 use planes::{CHUNK, ChunkPosition, Padded, Size, fill};
 use smooth::Level;
+use std::any::Any;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -77,6 +78,10 @@ impl Denoiser for Guided {
         ]
     }
 
+    fn as_any(&self) -> Option<&dyn Any> {
+        Some(self)
+    }
+
     fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (rendered, workers) = (&*products, cx.workers);
         let input = Input {
@@ -91,18 +96,18 @@ impl Denoiser for Guided {
         let size = input.size();
         let guides = input.surfaces(size, workers);
         let parts = [Part::Diffuse, Part::Specular].map(|part| self.filter(&input, part, &guides, workers));
-        let report = Value::record([
-            ("name", Self::KIND.into()),
-            ("strength", self.strength.into()),
-            ("levels", self.levels.into()),
-        ]);
         let radiance = input.join(size, &guides, &parts);
         products.put(RADIANCE, radiance)?;
-        products.put(DENOISER, report)
+        products.put(DENOISER, self.report())
     }
 }
 
 impl Guided {
+    /// What the product [`DENOISER`] says of an image of this filter.
+    pub fn report(&self) -> Value {
+        Value::record([("name", Self::KIND.into()), ("strength", self.strength.into()), ("levels", self.levels.into())])
+    }
+
     /// Filters one part of the radiance.
     fn filter(&self, input: &Input, part: Part, guides: &Guides, workers: &dyn Workers) -> Filtered {
         let (size, strength, tuning) = (input.size(), self.strength as f32, part.tuning());

@@ -38,6 +38,12 @@ const SHADOW_COUNTERS: u32 = 512u;
 // Counts of rays and shadow rays of all passes: the lower and the upper half.
 const RAYS_COUNTED: u32 = 1024u;
 const SHADOWS_COUNTED: u32 = 1026u;
+// Pixels that were chosen for more samples of the guides.
+const CHOSEN: u32 = 1028u;
+// Numbers of groups after a bounce, six words each: of paths that go on, and of shadow rays. Those along y are counted.
+const GROUPS: u32 = 1032u;
+// Threads of a row of groups.
+const ROW: u32 = 16384u;
 
 fn state(plane: u32, path: u32) -> vec4<f32> {
     return paths[plane * view.capacity + path];
@@ -107,19 +113,29 @@ fn gathers_guides_alone() -> bool {
     return (view.flags & ONLY_GUIDES) != 0u;
 }
 
-// Column and row in the window of an entry of the list of pixels.
-fn listed_pixel(entry: u32) -> vec2<u32> {
-    let packed = queues[3u * view.capacity + entry];
+// Column and row in the window of a pixel of the pass.
+fn listed_pixel(number: u32) -> vec2<u32> {
+    let packed = queues[pass_.list + pass_.first_pixel + number];
     return vec2(packed & 0xffffu, packed >> 16u);
+}
+
+// Number of pixels of the pass.
+fn pixel_count() -> u32 {
+    if pass_.is_chosen == 0u {
+        return pass_.pixels;
+    }
+    let chosen = atomicLoad(&counters[CHOSEN]);
+    return min(pass_.pixels, max(chosen, pass_.first_pixel) - pass_.first_pixel);
 }
 
 @compute @workgroup_size(128)
 fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let path = id.x + id.y * groups.x * 128u;
-    if path >= pass_.pixels * pass_.samples {
+    let count = pixel_count() * pass_.samples;
+    if path >= count {
         return;
     }
-    let pixel = listed_pixel(pass_.first_pixel + path / pass_.samples);
+    let pixel = listed_pixel(path / pass_.samples);
     let s = sampler_of(pixel.x, pixel.y, pass_.first_sample + path % pass_.samples);
     var place = sample_pair(s, 0u);
     if (view.flags & TENT) != 0u {
@@ -157,7 +173,7 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     }
     queues[path] = path;
     if path == 0u {
-        atomicStore(&counters[0], pass_.pixels * pass_.samples);
+        atomicStore(&counters[0], count);
     }
 }
 
@@ -224,8 +240,16 @@ fn shade(
     }
     workgroupBarrier();
     if local == 0u {
-        going_from = atomicAdd(&counters[pass_.bounce + 1u], atomicLoad(&going_here));
-        shadows_from = atomicAdd(&counters[SHADOW_COUNTERS + pass_.bounce], atomicLoad(&shadows_here));
+        let going = atomicLoad(&going_here);
+        let shadows = atomicLoad(&shadows_here);
+        if going > 0u {
+            going_from = atomicAdd(&counters[pass_.bounce + 1u], going);
+            atomicMax(&counters[GROUPS + 6u * pass_.bounce + 1u], (going_from + going + ROW - 1u) / ROW);
+        }
+        if shadows > 0u {
+            shadows_from = atomicAdd(&counters[SHADOW_COUNTERS + pass_.bounce], shadows);
+            atomicMax(&counters[GROUPS + 6u * pass_.bounce + 4u], (shadows_from + shadows + ROW - 1u) / ROW);
+        }
     }
     workgroupBarrier();
     if step.going {
@@ -535,8 +559,13 @@ const SUM_SPECULAR: u32 = 16u;
 const SUM_DEMODULATED: u32 = 20u;
 const DEMODULATION_EPSILON: f32 = 0.01;
 
+fn pixels_of_window() -> u32 {
+    return u32(view.window.z) * u32(view.window.w);
+}
+
+// Place of a number of a pixel, counted row by row.
 fn sum_at(number: u32, entry: u32) -> u32 {
-    return entry * select(9u, 24u, GUIDES) + number;
+    return view.sums_at + number * pixels_of_window() + entry;
 }
 
 fn read_sum(number: u32, entry: u32) -> f32 {
@@ -552,10 +581,14 @@ fn write_sum(number: u32, entry: u32, value: f32) {
 @compute @workgroup_size(64)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let number = id.x + id.y * groups.x * 64u;
-    if number >= pass_.pixels {
+    if number == 0u {
+        count_rays();
+    }
+    if number >= pixel_count() {
         return;
     }
-    let entry = pass_.first_pixel + number;
+    let pixel = listed_pixel(number);
+    let entry = pixel.y * u32(view.window.z) + pixel.x;
     let gathers_light = !gathers_guides_alone();
     var light_sum = vec4(0.0);
     var light_error = vec4(0.0);
@@ -630,9 +663,6 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
             write_sum(SUM_GUIDES + 4u + c, entry, normal[c]);
         }
     }
-    if number == 0u {
-        count_rays();
-    }
 }
 
 fn add_wide(at: u32, value: u32) {
@@ -651,5 +681,102 @@ fn count_rays() {
         }
         atomicStore(&counters[bounce], 0u);
         atomicStore(&counters[SHADOW_COUNTERS + bounce], 0u);
+        atomicStore(&counters[GROUPS + 6u * bounce + 1u], 0u);
+        atomicStore(&counters[GROUPS + 6u * bounce + 4u], 0u);
+    }
+}
+
+// More samples of the guides for pixels that have few and are unlike a neighbor, as in film.rs.
+const GUIDE_SAMPLES: f32 = 8.0;
+const DIFFERENT: f32 = 0.1;
+
+fn mean_sum(first: u32, entry: u32) -> vec3<f32> {
+    let per = 1.0 / max(read_sum(SUM_GUIDES, entry), 1.0);
+    return vec3(read_sum(first, entry), read_sum(first + 1u, entry), read_sum(first + 2u, entry)) * per;
+}
+
+@compute @workgroup_size(64)
+fn choose(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let entry = id.x + id.y * groups.x * 64u;
+    let all = pixels_of_window();
+    if entry >= all {
+        return;
+    }
+    let guides = read_sum(SUM_GUIDES, entry);
+    if guides >= GUIDE_SAMPLES {
+        return;
+    }
+    let width = u32(view.window.z);
+    let column = entry % width;
+    let row = entry / width;
+    // Paths that glass reflected tell nothing.
+    var differs = guides < read_sum(SUM_SAMPLES, entry);
+    let albedo = mean_sum(SUM_GUIDES + 1u, entry);
+    let normal = mean_sum(SUM_GUIDES + 4u, entry);
+    for (var y = max(row, 1u) - 1u; y < min(row + 2u, u32(view.window.w)) && !differs; y++) {
+        for (var x = max(column, 1u) - 1u; x < min(column + 2u, width); x++) {
+            let there = y * width + x;
+            let a = abs(albedo - mean_sum(SUM_GUIDES + 1u, there));
+            let b = abs(normal - mean_sum(SUM_GUIDES + 4u, there));
+            differs = differs || max(max_component(a), max_component(b)) > DIFFERENT;
+        }
+    }
+    if differs {
+        queues[3u * view.capacity + all + atomicAdd(&counters[CHOSEN], 1u)] = column | (row << 16u);
+    }
+}
+
+// The planes of an image, from the sums of its pixels, after the paths are done and in their place: radiance and its variance;
+// with guides specular radiance, the demodulated rest, each with its variance, albedo and normal. Colors have three words
+// per pixel.
+fn set_plane(word: u32, value: f32) {
+    paths[word / 4u][word % 4u] = value;
+}
+
+fn set_color(first: u32, entry: u32, color: vec3<f32>) {
+    let word = first * pixels_of_window() + 3u * entry;
+    set_plane(word, color.x);
+    set_plane(word + 1u, color.y);
+    set_plane(word + 2u, color.z);
+}
+
+fn set_part(first: u32, entry: u32, sum: vec3<f32>, square: f32, samples: f32) {
+    set_color(first, entry, sum / samples);
+    set_plane((first + 3u) * pixels_of_window() + entry, variance_of(luminance(sum), square, samples));
+}
+
+// Estimated variance of a mean, from the samples' sum and that of their squares; infinite for a single one.
+fn variance_of(sum: f32, square: f32, samples: f32) -> f32 {
+    let mean = sum / samples;
+    if samples <= 1.0 {
+        return FAR;
+    }
+    return max(square / samples - mean * mean, 0.0) / (samples - 1.0);
+}
+
+@compute @workgroup_size(64)
+fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let entry = id.x + id.y * groups.x * 64u;
+    if entry >= pixels_of_window() {
+        return;
+    }
+    let samples = max(read_sum(SUM_SAMPLES, entry), 1.0);
+    var light = vec4(0.0);
+    var specular = vec4(0.0);
+    var demodulated = vec4(0.0);
+    for (var c = 0u; c < 4u; c++) {
+        // What rounding added was to be subtracted from the next number.
+        light[c] = read_sum(c, entry) - read_sum(c + 4u, entry);
+        if GUIDES {
+            specular[c] = read_sum(SUM_SPECULAR + c, entry);
+            demodulated[c] = read_sum(SUM_DEMODULATED + c, entry);
+        }
+    }
+    set_part(0u, entry, light.xyz, light.w, samples);
+    if GUIDES {
+        set_part(4u, entry, specular.xyz, specular.w, samples);
+        set_part(8u, entry, demodulated.xyz, demodulated.w, samples);
+        set_color(12u, entry, mean_sum(SUM_GUIDES + 1u, entry));
+        set_color(15u, entry, to_camera(mean_sum(SUM_GUIDES + 4u, entry)));
     }
 }

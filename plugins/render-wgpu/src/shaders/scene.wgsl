@@ -72,9 +72,10 @@ struct View {
     albedo_at: u32,
     coverage_at: u32,
     before_at: u32,
+    // Where the sums of pixels start in the output.
+    sums_at: u32,
     unused_0: u32,
     unused_1: u32,
-    unused_2: u32,
 }
 
 const WARPED: u32 = 1u;
@@ -90,9 +91,10 @@ struct Pass {
     first_sample: u32,
     samples: u32,
     bounce: u32,
-    unused_0: u32,
-    unused_1: u32,
-    unused_2: u32,
+    // First word of the list of pixels in the queues; whether the kernel `choose` counted its pixels.
+    list: u32,
+    is_chosen: u32,
+    unused: u32,
 }
 
 // Trees and their triangles, the top level first.
@@ -103,7 +105,7 @@ struct Pass {
 @group(0) @binding(2) var<storage, read> images: array<u32>;
 @group(0) @binding(3) var<storage, read> tables: array<vec4<u32>>;
 @group(0) @binding(4) var<storage, read_write> paths: array<vec4<f32>>;
-// Two queues of paths, the queue of shadow rays, the list of pixels.
+// Two queues of paths, the queue of shadow rays, the lists of pixels.
 @group(0) @binding(5) var<storage, read_write> queues: array<u32>;
 @group(0) @binding(6) var<storage, read_write> counters: array<atomic<u32>>;
 @group(0) @binding(7) var<storage, read_write> output: array<u32>;

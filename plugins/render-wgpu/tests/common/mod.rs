@@ -92,8 +92,9 @@ impl Card {
         device.write(&output, 0, &vec![0x42; 4 * count as usize]);
         let mut encoder = device.encoder();
         self.filter.record(&mut encoder, size, &input, sections, options, (&output, before)).expect("records");
+        encoder.copy_buffer_to_buffer(&output, 0, &through, 0, 4 * count);
         device
-            .read(encoder, &output, &through, count, |words: &[f32]| {
+            .read(encoder, &through, count, |words: &[f32]| {
                 let around = f32::from_bits(0x4242_4242);
                 let (head, image) = words.split_at(before as usize);
                 let (image, tail) = image.split_at(image.len() - 1);

@@ -1,0 +1,187 @@
+//! Passes of paths over the pixels of an image.
+
+use crate::device::{Kernel, PASS_STRIDE};
+use crate::session::{GpuSession, World};
+use crate::view::{ONLY_GUIDES, Pass, View};
+use std::ops::Range;
+use std::sync::Arc;
+use syntable_model::error::Result;
+
+/// Threads of a group of most kernels.
+pub const GROUP: u64 = 64;
+
+/// Bounces of paths that are traced for guides alone.
+pub const GUIDE_BOUNCES: u32 = 8;
+
+/// Bounces that are submitted at once, before the device is asked whether any path is left.
+const BOUNCES_AT_ONCE: u32 = 16;
+
+/// Words of the counters in `path.wgsl`.
+pub const COUNTERS: u64 = 1032 + 6 * 512;
+
+/// Where in them rays are counted: the lower and the upper half of rays, and of shadow rays.
+const RAYS_COUNTED: usize = 1024;
+
+/// Where in them the numbers of groups are, bounce after bounce: three words for paths that go on, three for shadow rays.
+const GROUPS_COUNTED: u64 = 1032;
+
+/// Groups along x of dispatches whose number of groups the device counts.
+const GROUPS_ALONG_X: u32 = 256;
+
+/// Which pixels are traced: those of a list in the queues.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels {
+    /// The first word of the list.
+    pub list: u32,
+    /// Pixels in it at most.
+    pub count: u32,
+    /// Whether the kernel `choose` counted them.
+    pub is_chosen: bool,
+}
+
+/// Counters as a view starts.
+pub fn first_counters() -> Vec<u32> {
+    let mut counters = vec![0; COUNTERS as usize];
+    for groups in counters[GROUPS_COUNTED as usize..].chunks_exact_mut(3) {
+        (groups[0], groups[2]) = (GROUPS_ALONG_X, 1);
+    }
+    counters
+}
+
+/// Rays and shadow rays that were counted.
+pub fn rays_of(counters: &[u32]) -> [u64; 2] {
+    [0, 2].map(|half| {
+        let at = RAYS_COUNTED + half;
+        u64::from(counters[at]) | u64::from(counters[at + 1]) << 32
+    })
+}
+
+/// Records and submits passes.
+pub struct Passes<'a> {
+    session: &'a GpuSession,
+    /// What was recorded and not submitted.
+    pub encoder: wgpu::CommandEncoder,
+    group: wgpu::BindGroup,
+    kernels: [Arc<wgpu::ComputePipeline>; 5],
+}
+
+impl<'a> Passes<'a> {
+    /// Records with the kernels that a scene needs.
+    pub fn new(session: &'a GpuSession, world: &World, guides: bool) -> Self {
+        let variant = session.variant(world, guides);
+        let kernels = [Kernel::Start, Kernel::Extend, Kernel::Shade, Kernel::Shadow, Kernel::Accumulate];
+        let kernels = kernels.map(|kernel| session.device.kernel(kernel, variant));
+        Self { session, encoder: session.device.encoder(), group: session.bind(), kernels }
+    }
+
+    /// Traces samples of pixels, in as many passes as the state of paths needs.
+    pub fn trace(&mut self, view: &View, pixels: Pixels, samples: Range<u32>) -> Result<()> {
+        let only_guides = view.flags & ONLY_GUIDES != 0;
+        let bounces = if only_guides { GUIDE_BOUNCES } else { view.max_bounces };
+        let per_pass = (view.capacity / pixels.count.max(1)).max(1).min(samples.len() as u32);
+        let pixels_per_pass = pixels.count.min(view.capacity / per_pass).max(1);
+        for first_pixel in (0..pixels.count).step_by(pixels_per_pass as usize) {
+            for first_sample in samples.clone().step_by(per_pass as usize) {
+                let pass = Pass {
+                    first_pixel,
+                    pixels: pixels_per_pass.min(pixels.count - first_pixel),
+                    first_sample,
+                    samples: per_pass.min(samples.end - first_sample),
+                    list: pixels.list,
+                    is_chosen: pixels.is_chosen.into(),
+                    ..Pass::default()
+                };
+                self.pass(pass, bounces, !only_guides)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Traces the paths of a pass.
+    fn pass(&mut self, pass: Pass, max_bounces: u32, shadows: bool) -> Result<()> {
+        let session = self.session;
+        let passes: Vec<u8> = (0..=max_bounces)
+            .flat_map(|bounce| {
+                let mut bytes = bytemuck::bytes_of(&Pass { bounce, ..pass }).to_vec();
+                bytes.resize(PASS_STRIDE as usize, 0);
+                bytes
+            })
+            .collect();
+        // What was recorded reads the uniforms of earlier passes.
+        self.submit();
+        session.device.write(&session.buffers.passes, 0, &passes);
+        let paths = u64::from(pass.pixels) * u64::from(pass.samples);
+        self.dispatch(0, 0, groups(paths, 2 * GROUP));
+        for bounce in 0..=max_bounces {
+            for (kernel, is_last) in [(1, false), (2, false), (3, bounce == max_bounces)] {
+                if kernel == 3 {
+                    let from = 4 * (GROUPS_COUNTED + 6 * u64::from(bounce));
+                    self.encoder.copy_buffer_to_buffer(&session.buffers.counters, from, &session.buffers.groups, 0, 24);
+                }
+                match (kernel, bounce) {
+                    (3, _) if !shadows || is_last => {}
+                    (3, _) => self.dispatch_counted(kernel, bounce, 12),
+                    (_, 0) => self.dispatch(kernel, bounce, groups(paths, GROUP)),
+                    _ => self.dispatch_counted(kernel, bounce, 0),
+                }
+            }
+            if bounce % BOUNCES_AT_ONCE == BOUNCES_AT_ONCE - 1 && bounce < max_bounces {
+                let counters = self.counters()?;
+                if counters[bounce as usize + 1] == 0 {
+                    break;
+                }
+            }
+        }
+        self.dispatch(4, 0, groups(pass.pixels.into(), GROUP));
+        Ok(())
+    }
+
+    /// Records a kernel of the view; its uniforms are those that were written last.
+    pub fn once(&mut self, kernel: &wgpu::ComputePipeline, [x, y]: [u32; 2]) {
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(kernel);
+        pass.set_bind_group(0, &self.group, &[0]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+
+    fn dispatch(&mut self, kernel: usize, bounce: u32, [x, y]: [u32; 2]) {
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.kernels[kernel]);
+        pass.set_bind_group(0, &self.group, &[bounce * PASS_STRIDE as u32]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+
+    fn dispatch_counted(&mut self, kernel: usize, bounce: u32, offset: u64) {
+        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.kernels[kernel]);
+        pass.set_bind_group(0, &self.group, &[bounce * PASS_STRIDE as u32]);
+        pass.dispatch_workgroups_indirect(&self.session.buffers.groups, offset);
+    }
+
+    /// Submits what was recorded.
+    pub fn submit(&mut self) {
+        let device = &self.session.device;
+        device.submit(std::mem::replace(&mut self.encoder, device.encoder()));
+    }
+
+    /// What was recorded and not submitted.
+    pub fn into_encoder(self) -> wgpu::CommandEncoder {
+        self.encoder
+    }
+
+    /// Waits for what was recorded, and gives the counters.
+    pub fn counters(&mut self) -> Result<Vec<u32>> {
+        let (device, buffers) = (&self.session.device, &self.session.buffers);
+        let mut encoder = std::mem::replace(&mut self.encoder, device.encoder());
+        encoder.copy_buffer_to_buffer(&buffers.counters, 0, &buffers.readable, 0, 4 * COUNTERS);
+        device.read(encoder, &buffers.readable, COUNTERS, <[u32]>::to_vec)
+    }
+}
+
+/// Groups along x and y for a number of threads.
+pub fn groups(threads: u64, group: u64) -> [u32; 2] {
+    const MOST: u64 = 65_535;
+    let count = threads.div_ceil(group).max(1);
+    let rows = count.div_ceil(MOST);
+    [count.div_ceil(rows) as u32, rows as u32]
+}

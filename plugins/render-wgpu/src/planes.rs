@@ -1,0 +1,155 @@
+//! Where the planes of an image are on the device, and what becomes of them on this side.
+
+use crate::tables::{FAR, NONE};
+use crate::view::View;
+use syntable_model::error::Result;
+use syntable_model::product::standard::{
+    ALBEDO, COVERAGE, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, RADIANCE, RADIANCE_DEMODULATED,
+    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE,
+};
+use syntable_model::product::{BitPlane, Key, KeyId, Plane, Products};
+use syntable_model::scene::InstanceId;
+use syntable_model::stage::Window;
+use syntable_prepare::labels::instance_id;
+
+/// Words of a pixel in the planes of light, without guides and with them; then depth and instance are copied to them.
+pub const PLANE_WORDS: [u64; 2] = [4, 20];
+
+/// Where a plane of light is: its first word is this number times the number of pixels, `resolve` in `path.wgsl`.
+pub const AT_RADIANCE: u32 = 0;
+pub const AT_VARIANCE: u32 = 3;
+pub const AT_SPECULAR: u32 = 4;
+pub const AT_SPECULAR_VARIANCE: u32 = 7;
+pub const AT_DEMODULATED: u32 = 8;
+pub const AT_DEMODULATED_VARIANCE: u32 = 11;
+pub const AT_ALBEDO: u32 = 12;
+pub const AT_NORMAL: u32 = 15;
+pub const AT_DEPTH: u32 = 18;
+pub const AT_INSTANCE: u32 = 19;
+
+/// Colors among the planes of light, and numbers.
+pub const COLORS: [(Key<Plane<[f32; 3]>>, u32); 5] = [
+    (RADIANCE, AT_RADIANCE),
+    (RADIANCE_SPECULAR, AT_SPECULAR),
+    (RADIANCE_DEMODULATED, AT_DEMODULATED),
+    (DENOISE_ALBEDO, AT_ALBEDO),
+    (DENOISE_NORMAL, AT_NORMAL),
+];
+pub const NUMBERS: [(Key<Plane<f32>>, u32); 3] = [
+    (RADIANCE_VARIANCE, AT_VARIANCE),
+    (RADIANCE_SPECULAR_VARIANCE, AT_SPECULAR_VARIANCE),
+    (RADIANCE_DEMODULATED_VARIANCE, AT_DEMODULATED_VARIANCE),
+];
+
+/// First words of the labels that a view wants, in the output; [`NONE`] for others.
+#[derive(Clone, Copy, Debug)]
+pub struct LabelSections {
+    pub depth: u32,
+    pub instance: u32,
+    pub normal: u32,
+    pub albedo: u32,
+    pub coverage: u32,
+    pub before: u32,
+    /// Words of a pixel's set of objects.
+    set: usize,
+    /// Words of all sections.
+    pub end: u64,
+}
+
+impl LabelSections {
+    /// Sections of the wanted labels of an image; `set` is the number of words of a pixel's set of objects.
+    pub fn new(wants: &[KeyId], pixels: u64, set: usize) -> Self {
+        let mut end = 0;
+        let mut section = |key: KeyId, words: usize| match wants.contains(&key) {
+            true => {
+                let start = end;
+                end += pixels * words as u64;
+                start as u32
+            }
+            false => NONE,
+        };
+        // Sets first: their words are read in pairs.
+        Self {
+            coverage: section(COVERAGE.id(), set),
+            before: section(COVERAGE.before_support().id(), set),
+            depth: section(DEPTH.id(), 1),
+            instance: section(INSTANCE.id(), 1),
+            normal: section(NORMAL.id(), 3),
+            albedo: section(ALBEDO.id(), 3),
+            set,
+            end,
+        }
+    }
+
+    /// A view that writes these.
+    pub fn placed_in(&self, view: View) -> View {
+        View {
+            coverage_at: self.coverage,
+            before_at: self.before,
+            depth_at: self.depth,
+            instance_at: self.instance,
+            normal_at: self.normal,
+            albedo_at: self.albedo,
+            ..view
+        }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.end == 0
+    }
+
+    /// Puts those of the wanted labels that are not there.
+    pub fn put(
+        &self,
+        wants: &[KeyId],
+        objects: usize,
+        window: Window,
+        output: &[u32],
+        frame: &mut Products,
+    ) -> Result<()> {
+        let Window { width, height, .. } = window;
+        let pixels = window.pixels() as usize;
+        let section = |key: KeyId, start: u32, words: usize| {
+            (start != NONE && wants.contains(&key)).then(|| &output[start as usize..][..pixels * words])
+        };
+        for (key, start) in [(COVERAGE, self.coverage), (COVERAGE.before_support(), self.before)] {
+            if let Some(words) = section(key.id(), start, self.set) {
+                let pairs = words.as_chunks().0.iter().map(|&[low, high]| u64::from(low) | u64::from(high) << 32);
+                frame.put(key, BitPlane::from_words(width, height, objects, pairs.collect()))?;
+            }
+        }
+        if let Some(words) = section(DEPTH.id(), self.depth, 1) {
+            let depth = |&word: &u32| finite_or_infinite(word);
+            frame.put(DEPTH, Plane::from_vec(width, height, words.iter().map(depth).collect()))?;
+        }
+        if let Some(words) = section(INSTANCE.id(), self.instance, 1) {
+            // Numbers count from 0, and the background is beyond the last.
+            let id = |&word: &u32| if word == 0 { InstanceId::BACKGROUND } else { instance_id(word - 1) };
+            frame.put(INSTANCE, Plane::from_vec(width, height, words.iter().map(id).collect()))?;
+        }
+        for (key, start) in [(NORMAL, self.normal), (ALBEDO, self.albedo)] {
+            if let Some(words) = section(key.id(), start, 3) {
+                frame.put(key, color(window, words))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A plane of colors or directions.
+pub fn color(Window { width, height, .. }: Window, words: &[u32]) -> Plane<[f32; 3]> {
+    let vector = |vector: &[u32; 3]| vector.map(f32::from_bits);
+    Plane::from_vec(width, height, words.as_chunks().0.iter().map(vector).collect())
+}
+
+/// A plane of numbers.
+pub fn number(Window { width, height, .. }: Window, words: &[u32]) -> Plane<f32> {
+    Plane::from_vec(width, height, words.iter().map(|&word| finite_or_infinite(word)).collect())
+}
+
+/// A number of a device, on which what is large counts as infinite.
+fn finite_or_infinite(word: u32) -> f32 {
+    let x = f32::from_bits(word);
+    if x < FAR { x } else { f32::INFINITY }
+}

@@ -1,0 +1,142 @@
+//! Frames in rounds, where noise or time decides on samples: sums go to this side after every round.
+
+use crate::frame::SUMS;
+use crate::passes::{COUNTERS, Passes, Pixels, first_counters, rays_of};
+use crate::session::{GpuSession, World};
+use crate::view::{ONLY_GUIDES, View};
+use parking_lot::Mutex;
+use syntable_model::context::Workers;
+use syntable_model::error::Result;
+use syntable_model::product::{KeyId, Products};
+use syntable_model::stage::{RenderRequest, Window};
+use syntable_transport::film::{Film, Statistics, Task, Tracer, place};
+use syntable_transport::{PartSums, PixelSums, RayCamera};
+
+impl GpuSession {
+    /// Renders the wanted products of a view.
+    pub fn rounds(
+        &mut self,
+        world: &World,
+        request: &RenderRequest,
+        views: [View; 2],
+        camera: &RayCamera,
+        frame: &mut Products,
+    ) -> Result<Statistics> {
+        let of_light = Film::offers();
+        let (light, labels): (Vec<KeyId>, Vec<KeyId>) = request.wants.iter().partition(|want| of_light.contains(want));
+        if !labels.is_empty() {
+            self.frame(world, &RenderRequest { wants: &labels, ..request.clone() }, views, frame)?;
+        }
+        if light.is_empty() {
+            return Ok(Statistics::default());
+        }
+        let (guides, pixels) = (Film::wants_guides(&light), request.window.pixels());
+        let capacity = self.make_room(pixels, self.options.settings().samples, guides)?;
+        let sums = 4 * SUMS[usize::from(guides)] * pixels;
+        self.make_output(sums)?;
+        self.make_readable(sums.max(4 * COUNTERS))?;
+        self.listed = None;
+        let [view, guide_view] = views.map(|view| View { capacity, ..view });
+        let counted = Mutex::new(Statistics::default());
+        let tracer = GpuTracer { session: self, world, window: request.window, view, guide_view, guides, counted };
+        let film = Film::trace(&tracer, request.window, &tracer.session.options.budget(), request.workers)?;
+        film.put(&light, camera, request.workers, frame)?;
+        Ok(film.statistics)
+    }
+}
+
+/// Traces paths of a view.
+struct GpuTracer<'a> {
+    session: &'a GpuSession,
+    world: &'a World,
+    window: Window,
+    view: View,
+    guide_view: View,
+    guides: bool,
+    /// Rays counted so far.
+    counted: Mutex<Statistics>,
+}
+
+impl Tracer for GpuTracer<'_> {
+    fn has_guides(&self) -> bool {
+        self.guides
+    }
+
+    fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
+        let paths = tasks.iter().map(|task| (task.pixels.len() * task.samples.len()) as u64).sum();
+        let [rays, shadow_rays] = self.run(&self.view, tasks, workers)?;
+        let counted = std::mem::replace(&mut *self.counted.lock(), Statistics { paths: 0, rays, shadow_rays });
+        Ok(Statistics { paths, rays: rays - counted.rays, shadow_rays: shadow_rays - counted.shadow_rays })
+    }
+
+    fn trace_guides(&self, _: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
+        self.run(&self.guide_view, tasks, workers).map(|_| ())
+    }
+}
+
+impl GpuTracer<'_> {
+    /// Traces the samples of tasks and adds their sums; gives the numbers of rays and of shadow rays of the view so far.
+    fn run(&self, view: &View, tasks: Vec<Task>, workers: &dyn Workers) -> Result<[u64; 2]> {
+        let Self { session, window, .. } = self;
+        let (device, buffers) = (&session.device, &session.buffers);
+        let Some(samples) = tasks.first().map(|task| task.samples.clone()) else { return Ok([0; 2]) };
+        let at = |area: [i32; 4], pixel: u16| {
+            let (x, y) = place(area, pixel);
+            [(x - window.x) as u32, (y - window.y) as u32]
+        };
+        let mut list = Vec::new();
+        for task in &tasks {
+            list.extend(task.pixels.iter().map(|&pixel| at(task.area, pixel)).map(|[x, y]| x | y << 16));
+        }
+        let only_guides = view.flags & ONLY_GUIDES != 0;
+        let all = Pixels { list: 3 * view.capacity, count: list.len() as u32, is_chosen: false };
+        device.write(&buffers.queues, 4 * u64::from(all.list), bytemuck::cast_slice(&list));
+        device.write(&buffers.view, 0, bytemuck::bytes_of(view));
+        let numbers = SUMS[usize::from(self.guides)] as usize;
+        let pixels = window.pixels() as usize;
+        let words = (numbers * pixels) as u64;
+        let mut passes = Passes::new(session, self.world, self.guides);
+        passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * words));
+        if !only_guides && *self.counted.lock() == Statistics::default() {
+            device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
+        }
+        passes.trace(view, all, samples)?;
+        let rays = rays_of(&passes.counters()?);
+        passes.encoder.copy_buffer_to_buffer(&buffers.output, 0, &buffers.readable, 0, 4 * words);
+        device.read(passes.into_encoder(), &buffers.readable, words, |sums: &[f32]| {
+            let jobs: Vec<_> = tasks.into_iter().map(Mutex::new).collect();
+            workers.run(jobs.len(), &|job| {
+                let task = &mut *jobs[job].lock();
+                for &pixel in task.pixels {
+                    let [x, y] = at(task.area, pixel);
+                    let entry = (y * window.width + x) as usize;
+                    let number = |number: usize| sums[number * pixels + entry];
+                    task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.guides, only_guides));
+                }
+            });
+        })?;
+        Ok(rays)
+    }
+}
+
+/// Sums of a pixel from the numbers of `path.wgsl`.
+fn pixel_sums(number: impl Fn(usize) -> f32, guides: bool, only_guides: bool) -> PixelSums {
+    let three = |first: usize| [0, 1, 2].map(|c| number(first + c));
+    let mut sums = PixelSums::default();
+    if !only_guides {
+        // What rounding added was to be subtracted from the next number.
+        let exact = |at: usize| f64::from(number(at)) - f64::from(number(at + 4));
+        sums.samples = number(8) as u32;
+        sums.radiance = [0, 1, 2].map(exact);
+        sums.square = exact(3);
+        if guides {
+            sums.specular = PartSums::new(three(16), number(19));
+            sums.demodulated = PartSums::new(three(20), number(23));
+        }
+    }
+    if guides {
+        sums.guide_samples = number(9) as u32;
+        (sums.albedo, sums.normal) = (three(10), three(13));
+    }
+    sums
+}
