@@ -39,15 +39,15 @@ fn luminance(path: &Path) -> Vec<f64> {
     numbers.chunks(3).map(|c| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]).collect()
 }
 
-fn run(recipe: &Path, out: &Path, kind: &str) {
+fn run(recipe: &Path, out: &Path, kind: &str, denoiser: &str, include: &[&str]) {
     let mut command = syntable();
     command.arg("run").arg(recipe).arg("--out").arg(out).args(["--views", "1"]);
     for set in [
         "dataset.scenes=1",
         "camera.resolution=[80, 60]",
         "render.samples_per_pixel=8",
-        "denoise.kind=\"none\"",
-        "write={ npy = { include = [\"radiance\", \"instance\", \"albedo\"] } }",
+        &format!("denoise.kind=\"{denoiser}\""),
+        &format!("write={{ npy = {{ include = {include:?} }} }}"),
         &format!("render.kind=\"{kind}\""),
     ] {
         command.args(["--set", set]);
@@ -55,14 +55,19 @@ fn run(recipe: &Path, out: &Path, kind: &str) {
     ok(&mut command);
 }
 
-#[test]
-fn recipes_look_as_on_the_processor() {
+/// Whether there is an adapter; it is named.
+fn has_adapter() -> bool {
     let doctor = ok(syntable().arg("doctor"));
     let line = doctor.lines().find(|line| line.trim().starts_with("gpu_path")).expect("the stock program has it");
-    if line.contains("no graphics adapter") {
+    println!("{}", line.trim());
+    !line.contains("no graphics adapter")
+}
+
+#[test]
+fn recipes_look_as_on_the_processor() {
+    if !has_adapter() {
         return skip("a graphics adapter, such as mesa-vulkan-drivers,");
     }
-    println!("{}", line.trim());
     let folder = tempfile::tempdir().expect("a folder");
     let ground = folder.path().join("ground.toml");
     std::fs::write(&ground, GROUND).expect("writable");
@@ -74,7 +79,7 @@ fn recipes_look_as_on_the_processor() {
         let name = recipe.file_stem().expect("named").to_string_lossy().into_owned();
         let outs: [PathBuf; 2] = ["cpu_path", "gpu_path"].map(|kind| {
             let out = folder.path().join(format!("{name}.{kind}"));
-            run(recipe, &out, kind);
+            run(recipe, &out, kind, "none", &["radiance", "instance", "albedo"]);
             out
         });
         let of = |product: &str| outs.each_ref().map(|out| out.join(format!("npy/{product}/000000_0000.npy")));
@@ -89,6 +94,33 @@ fn recipes_look_as_on_the_processor() {
         assert!(other <= 1 && albedo * 200 <= a.len() && far * 20 <= a.len(), "{name}: {other} {albedo} {far}");
         assert!((ratio - 1.0).abs() < 5e-3, "{name}: ratio of means {ratio}");
     }
+}
+
+#[test]
+fn images_are_denoised_where_they_are_rendered() {
+    if !has_adapter() {
+        return skip("a graphics adapter, such as mesa-vulkan-drivers,");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let recipe = root().join("recipes/window-room.toml");
+    let radiance = |name: &str, kind: &str, include: &[&str]| {
+        let out = folder.path().join(name);
+        run(&recipe, &out, kind, "guided", include);
+        luminance(&out.join("npy/radiance/000000_0000.npy"))
+    };
+    let on_card = radiance("card", "gpu_path", &["radiance"]);
+    // Whatever else is wanted of the image, and where depth is not.
+    let with_guides =
+        radiance("guides", "gpu_path", &["radiance", "radiance_noisy", "denoise_normal", "depth", "radiance_variance"]);
+    assert_eq!(on_card, with_guides);
+    let noisy = luminance(&folder.path().join("guides/npy/radiance_noisy/000000_0000.npy"));
+    let changed = on_card.iter().zip(&noisy).filter(|(a, b)| (**a - **b).abs() > 0.02 * **b).count();
+    assert!(changed * 2 > noisy.len(), "{changed} pixels were denoised");
+    let on_processor = radiance("processor", "cpu_path", &["radiance"]);
+    let far = on_card.iter().zip(&on_processor).filter(|(a, b)| (**a - **b).abs() > 0.02 * **b).count();
+    let ratio = on_card.iter().sum::<f64>() / on_processor.iter().sum::<f64>();
+    println!("{far} radiances of {} differ by more than 2 %; {ratio:.5}", on_card.len());
+    assert!(far * 50 <= on_card.len() && (ratio - 1.0).abs() < 2e-3, "{far}, {ratio}");
 }
 
 #[test]

@@ -69,6 +69,9 @@ impl GpuSession {
             of_labels.extend([DEPTH.id(), INSTANCE.id()]);
         }
         let labels = LabelSections::new(&of_labels, pixels, views[0].words as usize);
+        if labels.is_empty() && !light {
+            return Ok(Statistics::default());
+        }
         let sums_at = labels.end + if guided.is_some() { 3 * pixels } else { 0 };
         let sums = if light { SUMS[usize::from(guides)] * pixels } else { 0 };
         self.make_output(4 * (sums_at + sums))?;

@@ -39,6 +39,23 @@ pub struct Pixels {
     pub is_chosen: bool,
 }
 
+/// Kernels of a pass, in the order of their first use.
+const KERNELS: [Kernel; 5] = [Kernel::Start, Kernel::Extend, Kernel::Shade, Kernel::Shadow, Kernel::Accumulate];
+const START: usize = 0;
+const EXTEND: usize = 1;
+const SHADE: usize = 2;
+const SHADOW: usize = 3;
+const ACCUMULATE: usize = 4;
+
+/// Groups of a dispatch.
+#[derive(Clone, Copy)]
+enum Groups {
+    /// Along x and y.
+    Known([u32; 2]),
+    /// Those that the device counted, at an offset in the buffer of groups.
+    Counted(u64),
+}
+
 /// Counters as a view starts.
 pub fn first_counters() -> Vec<u32> {
     let mut counters = vec![0; COUNTERS as usize];
@@ -69,8 +86,7 @@ impl<'a> Passes<'a> {
     /// Records with the kernels that a scene needs.
     pub fn new(session: &'a GpuSession, world: &World, guides: bool) -> Self {
         let variant = session.variant(world, guides);
-        let kernels = [Kernel::Start, Kernel::Extend, Kernel::Shade, Kernel::Shadow, Kernel::Accumulate];
-        let kernels = kernels.map(|kernel| session.device.kernel(kernel, variant));
+        let kernels = KERNELS.map(|kernel| session.device.kernel(kernel, variant));
         Self { session, encoder: session.device.encoder(), group: session.bind(), kernels }
     }
 
@@ -111,19 +127,18 @@ impl<'a> Passes<'a> {
         self.submit();
         session.device.write(&session.buffers.passes, 0, &passes);
         let paths = u64::from(pass.pixels) * u64::from(pass.samples);
-        self.dispatch(0, 0, groups(paths, 2 * GROUP));
+        self.dispatch(START, 0, Groups::Known(groups(paths, 2 * GROUP)));
         for bounce in 0..=max_bounces {
-            for (kernel, is_last) in [(1, false), (2, false), (3, bounce == max_bounces)] {
-                if kernel == 3 {
-                    let from = 4 * (GROUPS_COUNTED + 6 * u64::from(bounce));
-                    self.encoder.copy_buffer_to_buffer(&session.buffers.counters, from, &session.buffers.groups, 0, 24);
-                }
-                match (kernel, bounce) {
-                    (3, _) if !shadows || is_last => {}
-                    (3, _) => self.dispatch_counted(kernel, bounce, 12),
-                    (_, 0) => self.dispatch(kernel, bounce, groups(paths, GROUP)),
-                    _ => self.dispatch_counted(kernel, bounce, 0),
-                }
+            let going = match bounce {
+                0 => Groups::Known(groups(paths, GROUP)),
+                _ => Groups::Counted(0),
+            };
+            self.dispatch(EXTEND, bounce, going);
+            self.dispatch(SHADE, bounce, going);
+            let counted = 4 * (GROUPS_COUNTED + 6 * u64::from(bounce));
+            self.encoder.copy_buffer_to_buffer(&session.buffers.counters, counted, &session.buffers.groups, 0, 24);
+            if shadows && bounce < max_bounces {
+                self.dispatch(SHADOW, bounce, Groups::Counted(12));
             }
             if bounce % BOUNCES_AT_ONCE == BOUNCES_AT_ONCE - 1 && bounce < max_bounces {
                 let counters = self.counters()?;
@@ -132,7 +147,7 @@ impl<'a> Passes<'a> {
                 }
             }
         }
-        self.dispatch(4, 0, groups(pass.pixels.into(), GROUP));
+        self.dispatch(ACCUMULATE, 0, Groups::Known(groups(pass.pixels.into(), GROUP)));
         Ok(())
     }
 
@@ -144,18 +159,14 @@ impl<'a> Passes<'a> {
         pass.dispatch_workgroups(x, y, 1);
     }
 
-    fn dispatch(&mut self, kernel: usize, bounce: u32, [x, y]: [u32; 2]) {
+    fn dispatch(&mut self, kernel: usize, bounce: u32, groups: Groups) {
         let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.kernels[kernel]);
         pass.set_bind_group(0, &self.group, &[bounce * PASS_STRIDE as u32]);
-        pass.dispatch_workgroups(x, y, 1);
-    }
-
-    fn dispatch_counted(&mut self, kernel: usize, bounce: u32, offset: u64) {
-        let mut pass = self.encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&self.kernels[kernel]);
-        pass.set_bind_group(0, &self.group, &[bounce * PASS_STRIDE as u32]);
-        pass.dispatch_workgroups_indirect(&self.session.buffers.groups, offset);
+        match groups {
+            Groups::Known([x, y]) => pass.dispatch_workgroups(x, y, 1),
+            Groups::Counted(offset) => pass.dispatch_workgroups_indirect(&self.session.buffers.groups, offset),
+        }
     }
 
     /// Submits what was recorded.

@@ -105,13 +105,22 @@ pub fn fill(plane: &mut Plane<Color>, mask: &Mask, color: Color, opacity: f64) {
 pub fn outline(mask: &Mask, line: u32) -> Mask {
     let plane = mask.to_plane();
     let (width, height, line) = (mask.width() as i32, mask.height() as i32, line as i32);
-    Mask::from_fn(mask.width(), mask.height(), |x, y| {
-        let (x, y) = (x as i32, y as i32);
-        let inside =
-            |x: i32, y: i32| (!(0..width).contains(&x) || !(0..height).contains(&y)) || *plane.at(x as u32, y as u32);
-        *plane.at(x as u32, y as u32)
-            && (1..=line).any(|d| !inside(x - d, y) || !inside(x + d, y) || !inside(x, y - d) || !inside(x, y + d))
-    })
+    let is_outside =
+        |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y) && !*plane.at(x as u32, y as u32);
+    let is_border = |position: &u32| {
+        let (x, y) = (*position as i32 / height, *position as i32 % height);
+        let beside = |d: i32| [(x - d, y), (x + d, y), (x, y - d), (x, y + d)];
+        (1..=line).flat_map(beside).any(|(x, y)| is_outside(x, y))
+    };
+    // Where the outline begins and ends, along the mask's own pixels.
+    let mut flips: Vec<u32> = Vec::new();
+    for position in mask.runs().flatten().filter(is_border) {
+        match flips.last_mut() {
+            Some(end) if *end == position => *end += 1,
+            _ => flips.extend([position, position + 1]),
+        }
+    }
+    Mask::from_flips(mask.width(), mask.height(), &flips)
 }
 
 /// Scales an image down to a width: each pixel is the mean of the pixels that it covers. A larger width changes nothing.
