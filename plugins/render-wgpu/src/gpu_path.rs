@@ -55,8 +55,8 @@ impl GpuPathRenderer {
         if devices.len() <= number {
             devices.resize(number + 1, None);
         }
-        // One that was lost is given up, and opened anew for the next scene.
-        if let Some(device) = devices[number].as_ref().filter(|device| !device.is_lost()) {
+        // One that failed is given up by all, and opened anew for the next session.
+        if let Some(device) = devices[number].as_ref().filter(|device| !device.has_failed()) {
             return Ok(device.clone());
         }
         let device = Arc::new(Device::open(self.adapters(), number)?);
@@ -109,3 +109,60 @@ impl RenderSession for GpuSession {
 }
 
 register!(GpuPath);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::product::standard::RADIANCE;
+    use syntable_testing::room::{self, Look};
+    use syntable_testing::workers::Threads;
+
+    #[test]
+    fn a_device_that_failed_is_given_up_by_all_sessions_and_opened_anew() {
+        let renderer = GpuPathRenderer::new(PathTracing { samples_per_pixel: 4, ..PathTracing::default() });
+        if renderer.devices().is_err() {
+            assert!(std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"), "no adapter");
+            return eprintln!("there is no graphics adapter: lost devices are not tested");
+        }
+        let (scene, view, wants) = (room::scene_of(Look::Mixed), room::view(24, 20), [RADIANCE.id()]);
+        let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
+        let open = || {
+            let mut session = renderer.open(0).expect("opens");
+            session.load(&scene, &Threads(2)).expect("loads");
+            session
+        };
+        let render = |session: &mut Box<dyn RenderSession>| {
+            let mut products = Products::new();
+            session.render(&request, &mut products).and_then(|()| products.get(RADIANCE).cloned())
+        };
+        let image = render(&mut open()).expect("renders");
+        let too_large = |device: &Device| {
+            let (size, usage) = (u64::MAX / 512 * 256, wgpu::BufferUsages::STORAGE);
+            let label = Some("too large");
+            drop(device.wgpu().create_buffer(&wgpu::BufferDescriptor {
+                label,
+                size,
+                usage,
+                mapped_at_creation: false,
+            }));
+        };
+        let destroyed = |device: &Device| device.wgpu().destroy();
+        let breaks: [(&dyn Fn(&Device), &str); 2] = [(&destroyed, "invalid"), (&too_large, "greater than the maximum")];
+        for (breaks, says) in breaks {
+            let mut sessions = [open(), open()];
+            let device = renderer.device(0).expect("open");
+            breaks(&device);
+            // Twice, as an error that one session was told is still that of the other.
+            let mut errors = Vec::new();
+            for number in [0, 1, 0, 1] {
+                errors.push(render(&mut sessions[number]).expect_err("the device failed"));
+            }
+            assert!(errors.iter().all(|error| error.is_passing() && *error == errors[0]), "{errors:?}");
+            assert!(errors[0].to_string().contains(says), "{}", errors[0]);
+            assert!(device.has_failed());
+            let mut fresh = open();
+            assert!(render(&mut fresh).expect("renders").data() == image.data(), "another image");
+            assert!(!Arc::ptr_eq(&device, &renderer.device(0).expect("open")));
+        }
+    }
+}

@@ -359,7 +359,8 @@ impl<'a> Works<'a> {
     fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
         let of = |lacks: &Lacks| &self.works[&(self.views(job), lacks.clone())];
         let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
-        Task { scene, whole: of(&None), extend }
+        let is_present = job.present.as_ref().is_some_and(|present| !present.failed());
+        Task { scene, is_present, whole: of(&None), extend }
     }
 }
 
@@ -488,10 +489,13 @@ fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ToldOdd, log: &dyn Log
     }
 }
 
-/// An error that ends the run. One of the file system can be mended from outside.
+/// An error that ends the run. One of the file system or of a device can be mended from outside.
 fn stopping(error: Error) -> Error {
     if error.is_io() && error.help_text().is_none() {
         error.help("the dataset so far is whole: make room, or mend the disk or folder, then run the same command")
+    } else if error.is_device() {
+        let own = error.help_text().map_or_else(String::new, |help| format!("; {help}"));
+        error.help(format!("the dataset keeps all that it had, and the same command goes on from there{own}"))
     } else {
         error
     }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use syntable_model::prelude::*;
 use syntable_model::registry::{Entry, Registry};
@@ -121,7 +121,20 @@ impl ViewSampler for Fixed {
 static RENDERED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
 /// Scenes settled, likewise.
 static SETTLED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
-const TALLIES: usize = 16;
+const TALLIES: usize = 24;
+
+/// Renderings of a scene that are to fail with an error, by tally and scene.
+static FAULTS: Mutex<BTreeMap<(usize, u32), (u32, Error)>> = Mutex::new(BTreeMap::new());
+
+/// Lets the next renderings of a scene fail.
+pub fn fail_next(tally: usize, scene: u32, times: u32, error: Error) {
+    FAULTS.lock().expect("faults").insert((tally, scene), (times, error));
+}
+
+/// Number of failures that have not come yet.
+pub fn failures_left(tally: usize, scene: u32) -> u32 {
+    FAULTS.lock().expect("faults").get(&(tally, scene)).map_or(0, |(times, _)| *times)
+}
 
 pub struct Counters;
 impl Counters {
@@ -143,19 +156,27 @@ impl Renderer for Sleeper {
     }
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
         assert_eq!(index, 0, "there is one device");
-        Ok(Box::new(Asleep(self.clone())))
+        Ok(Box::new(Asleep(self.clone(), None)))
     }
     fn cost(&self) -> String {
         format!("{} ms", self.sleep_ms)
     }
 }
 
-struct Asleep(Sleeper);
+struct Asleep(Sleeper, Option<Arc<Scene>>);
 impl RenderSession for Asleep {
-    fn load(&mut self, _: &Arc<Scene>, _: &dyn syntable_model::context::Workers) -> Result<()> {
+    fn load(&mut self, scene: &Arc<Scene>, _: &dyn syntable_model::context::Workers) -> Result<()> {
+        self.1 = Some(scene.clone());
         Ok(())
     }
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()> {
+        let scene = self.1.as_ref().expect("loaded").id.0;
+        if let Some((times, error)) = FAULTS.lock().expect("faults").get_mut(&(self.0.tally, scene))
+            && *times > 0
+        {
+            *times -= 1;
+            return Err(error.clone());
+        }
         RENDERED[self.0.tally].fetch_add(1, Ordering::SeqCst);
         sleep(self.0.sleep_ms);
         if request.wants.is_empty() { Ok(()) } else { products.put(LIGHT, Value::Int(1)) }
