@@ -1,12 +1,13 @@
 //! `gpu_path`: the path tracer of a graphics card as a stage.
 
-use crate::device::{Adapters, Device, none};
+use crate::device::{AdapterInfo, Adapters, Device, none};
 use crate::session::{Caches, GpuSession};
 use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
+use syntable_model::stage::{DeviceClass, RenderDevice};
 use syntable_transport::film::Film;
 use syntable_transport::{PathTracing, path_tracing_kind};
 
@@ -81,12 +82,16 @@ impl Renderer for GpuPathRenderer {
         Some(self.adapters().used() * SESSIONS_PER_ADAPTER)
     }
 
-    fn devices(&self) -> Result<Vec<String>> {
+    fn devices(&self) -> Result<Vec<RenderDevice>> {
         let found = self.adapters().list();
         if found.is_empty() {
             return Err(none());
         }
-        Ok(found.iter().take(self.adapters().used()).map(ToString::to_string).collect())
+        let device = |info: &AdapterInfo| RenderDevice {
+            name: info.to_string(),
+            class: if info.is_hardware { DeviceClass::Card } else { DeviceClass::Emulated },
+        };
+        Ok(found.iter().take(self.adapters().used()).map(device).collect())
     }
 
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
@@ -136,22 +141,16 @@ mod tests {
             session.render(&request, &mut products).and_then(|()| products.get(RADIANCE).cloned())
         };
         let image = render(&mut open()).expect("renders");
-        let too_large = |device: &Device| {
-            let (size, usage) = (u64::MAX / 512 * 256, wgpu::BufferUsages::STORAGE);
-            let label = Some("too large");
-            drop(device.wgpu().create_buffer(&wgpu::BufferDescriptor {
-                label,
-                size,
-                usage,
-                mapped_at_creation: false,
-            }));
-        };
-        let destroyed = |device: &Device| device.wgpu().destroy();
-        let breaks: [(&dyn Fn(&Device), &str); 2] = [(&destroyed, "invalid"), (&too_large, "greater than the maximum")];
-        for (breaks, says) in breaks {
+        for says in ["invalid", "greater than the maximum"] {
             let mut sessions = [open(), open()];
             let device = renderer.device(0).expect("open");
-            breaks(&device);
+            if says == "invalid" {
+                device.wgpu().destroy();
+            } else {
+                let (label, size, usage) = (None, u64::MAX / 512 * 256, wgpu::BufferUsages::STORAGE);
+                let descriptor = wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false };
+                drop(device.wgpu().create_buffer(&descriptor));
+            }
             // Twice, as an error that one session was told is still that of the other.
             let mut errors = Vec::new();
             for number in [0, 1, 0, 1] {
