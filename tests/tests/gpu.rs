@@ -111,7 +111,9 @@ fn a_run_without_an_adapter_stops_at_once() {
 fn without_card(out: &Path, set: &[&str], library: Option<&str>) -> (std::process::Command, PathBuf) {
     let mut command = syntable();
     command.args(["run", "builtin:quickstart", "--scenes", "0"]).args(SMALL).arg("--out").arg(out);
-    set.iter().for_each(|set| drop(command.args(["--set", set])));
+    for set in set {
+        command.args(["--set", set]);
+    }
     command.env("VK_DRIVER_FILES", "/nowhere.json").env("VK_ICD_FILENAMES", "/nowhere.json");
     match library {
         Some(library) => command.env("OIDN_LIBRARY", library),
