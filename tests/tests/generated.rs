@@ -662,6 +662,7 @@ fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
         variable: &|name| (name == "HOME").then(|| "/home/me".to_owned()),
         read: &|path: &Path| fs::read_to_string(root().join(path)),
         current_folder: "".into(),
+        choose: false,
     };
     let found = match recipe::load(registry, Source::file("my.toml", text), &overrides) {
         Ok((_, warnings)) => warnings,

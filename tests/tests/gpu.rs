@@ -3,7 +3,7 @@
 
 mod support;
 use std::path::{Path, PathBuf};
-use support::{fails, ok, root, skip, syntable};
+use support::{SMALL, fails, ok, root, skip, syntable};
 
 /// What the shipped recipes have that none of the gallery has.
 const GROUND: &str = r#"
@@ -136,4 +136,45 @@ fn a_run_without_an_adapter_stops_at_once() {
     let text = fails(&mut command, 2);
     assert!(text.contains("no graphics adapter") && text.contains("cpu_path"), "{text}");
     assert!(!folder.path().join("out").exists(), "nothing was begun");
+}
+
+/// A small run without a card, with settings, and the dataset's recipe.
+#[cfg(target_os = "linux")]
+fn without_card(out: &Path, set: &[&str], library: Option<&str>) -> (std::process::Command, PathBuf) {
+    let mut command = syntable();
+    command.args(["run", "builtin:quickstart", "--scenes", "0"]).args(SMALL).arg("--out").arg(out);
+    for set in set {
+        command.args(["--set", set]);
+    }
+    command.env("VK_DRIVER_FILES", "/nowhere.json").env("VK_ICD_FILENAMES", "/nowhere.json");
+    match library {
+        Some(library) => command.env("OIDN_LIBRARY", library),
+        None => command.env_remove("OIDN_LIBRARY"),
+    };
+    (command, out.join("recipe.toml"))
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn what_auto_chose_is_named_by_the_dataset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [auto, named] = [("auto", "auto"), ("named", "cpu_path")].map(|(name, kind)| {
+        let (mut command, recipe) =
+            without_card(&folder.path().join(name), &[&format!("render.kind=\"{kind}\"")], None);
+        let said = support::text(&command.output().expect("it starts"));
+        assert_eq!(said.contains("[render] `auto` is `cpu_path` here: no graphics adapter"), kind == "auto", "{said}");
+        std::fs::read_to_string(recipe).unwrap_or_else(|error| panic!("{error}: {said}"))
+    });
+    assert_eq!(auto, named);
+    let denoise = ["denoise.kind=\"auto\""];
+    let (mut command, recipe) = without_card(&folder.path().join("found"), &denoise, None);
+    ok(&mut command);
+    let recipe: toml::Table = std::fs::read_to_string(recipe).expect("there").parse().expect("TOML");
+    let kind = recipe["denoise"]["kind"].as_str().expect("named");
+    assert!(["guided", "oidn"].contains(&kind), "{kind}");
+    // What the user asked for by name is not replaced.
+    let (mut command, recipe) = without_card(&folder.path().join("lost"), &denoise, Some("/nowhere/library.so"));
+    let said = fails(&mut command, 2);
+    assert!(said.contains("`auto`: /nowhere/library.so") && said.contains("OIDN_LIBRARY"), "{said}");
+    assert!(!recipe.exists(), "something was begun");
 }

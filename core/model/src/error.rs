@@ -36,6 +36,12 @@ enum Cause {
     Permanent,
     /// The file system failed: the run stops, and the same command may succeed later.
     Io(ErrorKind),
+    /// A device failed, such as a graphics card: it says nothing about the scene, so no attempt with other random numbers
+    /// follows.
+    Device {
+        /// Whether the same attempt may succeed on a device that is opened anew.
+        is_passing: bool,
+    },
 }
 
 /// A place inside a file.
@@ -65,6 +71,27 @@ impl Error {
         // Rust has no stable kind for it: a cycle of links.
         let kind = if error.raw_os_error() == Some(ELOOP) { ErrorKind::InvalidInput } else { error.kind() };
         Self { cause: Cause::Io(kind), ..Self::new(error.to_string().to_lowercase()).in_file(file) }
+    }
+
+    /// A failure of a device, such as one that was lost or ran out of memory: the same attempt at the scene is repeated
+    /// on a device that is opened anew.
+    pub fn device(message: impl Into<String>) -> Self {
+        Self { cause: Cause::Device { is_passing: true }, ..Self::new(message) }
+    }
+
+    /// Work that exceeds a limit of a device: the scene fails at once.
+    pub fn exceeds_device(message: impl Into<String>) -> Self {
+        Self { cause: Cause::Device { is_passing: false }, ..Self::new(message) }
+    }
+
+    /// Whether a device failed or is too small, rather than the content.
+    pub fn is_device(&self) -> bool {
+        matches!(self.cause, Cause::Device { .. })
+    }
+
+    /// Whether a device failed on which the same work may succeed once it is opened anew.
+    pub fn is_passing(&self) -> bool {
+        matches!(self.cause, Cause::Device { is_passing: true })
     }
 
     /// Whether the file system failed, rather than the content: the same work may succeed later.
@@ -249,6 +276,18 @@ mod tests {
             assert!(!of(code).is_transient() && of(code).is_io(), "{code}");
         }
         assert!(!Error::new("no faces").is_transient());
+    }
+
+    #[test]
+    fn a_device_is_at_fault_whatever_says_so() {
+        let (lost, small) = (Error::device("lost"), Error::exceeds_device("too large"));
+        for error in [&lost, &small] {
+            let error = error.clone().help("h").context("render").permanent();
+            assert!(error.is_device() && !error.is_permanent() && !error.is_io() && !error.is_transient(), "{error:?}");
+            assert!(error.of_request().is_permanent());
+        }
+        assert!(lost.is_passing() && !small.is_passing());
+        assert!(!Error::new("no faces").is_device());
     }
 
     #[test]

@@ -27,8 +27,24 @@ pub trait Config: Serialize + DeserializeOwned + JsonSchema {
     /// Options that had another name, as (old, new) paths such as `("camera.fov", "camera.fov_deg")`. A recipe
     /// that uses the old name gets an error that names the new one.
     const RENAMED: &'static [(&'static str, &'static str)] = &[];
+    /// For a kind that stands for others of its slot, with the options that all of these have: which of them to take on this
+    /// machine. Asked when a run begins, and never by `check` or `plan`, for which the kind builds a stage like any other;
+    /// the resolved recipe names the kind that was chosen.
+    const CHOOSE: Option<Choose> = None;
     /// Builds the stage. Checks what ranges cannot say. Does no input or output, so that `check` is quick.
     fn build(self) -> Result<Box<Self::Stage>, ConfigError>;
+}
+
+/// Chooses a kind among those of a registry; see [`Config::CHOOSE`]. An error says what the user asked for and is not there.
+pub type Choose = fn(&Registry) -> crate::error::Result<Choice>;
+
+/// A kind that another one stands for on this machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choice {
+    /// The kind, of the same slot.
+    pub kind: &'static str,
+    /// Why, for people: what was found, or what is missing.
+    pub reason: String,
 }
 
 /// How often a slot occurs in a recipe.
@@ -207,6 +223,8 @@ pub struct Entry {
     pub example: &'static str,
     /// Options that had another name: (old, new).
     pub renamed: &'static [(&'static str, &'static str)],
+    /// Chooses the kind that it stands for.
+    pub choose: Option<Choose>,
     schema: fn(&mut SchemaGenerator) -> Schema,
     construct: fn(RecipeValue<'_>) -> Result<Constructed, ConstructError>,
 }
@@ -242,6 +260,7 @@ impl Entry {
             crate_version,
             example: C::EXAMPLE,
             renamed: C::RENAMED,
+            choose: C::CHOOSE,
             schema: C::json_schema,
             construct: construct::<C>,
         }

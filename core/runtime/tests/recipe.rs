@@ -183,7 +183,7 @@ kind = "npy"
         let digests = BTreeMap::from([("mm/a b".to_owned(), "0123456789abcdef0123456789abcdef".to_owned())]);
         let catalogs = BTreeMap::from([("mm".to_owned(), CatalogLock { assets: 3, digest: "01".into() })]);
         let files = BTreeMap::from([("write.first.file".to_owned(), "02".to_owned())]);
-        let lock = Lock { catalogs, files, assets: digests };
+        let lock = Lock { devices: ["X1 (driver 2)".to_owned()].into(), catalogs, files, assets: digests };
         let locked = good(&recipe::with_lock(&recipe.resolved, &lock));
         assert_eq!(locked.lock, lock);
         assert_eq!(locked.resolved, recipe::with_lock(&recipe.resolved, &lock));

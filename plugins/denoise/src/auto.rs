@@ -1,28 +1,15 @@
 //! `auto`: the best denoiser that is found.
 
 use crate::guided::Guided;
-use crate::oidn::{Oidn, OidnDenoiser};
-use std::path::PathBuf;
-use std::sync::OnceLock;
+use crate::oidn::{self, Library, Oidn};
 use syntable_model::prelude::*;
+use syntable_model::registry::{Choice, Choose};
 
-/// Environment variable that names the library.
-const LIBRARY: &str = "OIDN_LIBRARY";
-
-/// Names by which the system's loader finds an installed library.
-const INSTALLED: &[&str] = if cfg!(windows) {
-    &["OpenImageDenoise.dll"]
-} else if cfg!(target_os = "macos") {
-    &["libOpenImageDenoise.2.dylib", "libOpenImageDenoise.dylib"]
-} else {
-    &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
-};
-
-/// `oidn` where Open Image Denoise is found, else `guided`. It is looked for where the
-/// environment variable `OIDN_LIBRARY` says, and where the system's loader finds installed libraries.
+/// `oidn` where Open Image Denoise is found, else `guided`. It is looked for where the environment variable `OIDN_LIBRARY`
+/// says, or else where the system's loader finds installed libraries; one that the variable names must open.
 ///
-/// Images then depend on what a machine has; `denoiser` in the output names what was taken. Where the same images are
-/// needed everywhere, name `guided` or `oidn`.
+/// It is chosen when a dataset is begun: the dataset's recipe names the kind, and goes on with no other. Where the same
+/// images are needed everywhere, name `guided` or `oidn`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Auto {}
@@ -31,52 +18,33 @@ impl Config for Auto {
     type Stage = dyn Denoiser;
     const KIND: &'static str = "auto";
     const EXAMPLE: &'static str = "";
+    const CHOOSE: Option<Choose> = Some(|_| choose(&Library::of_machine()));
     fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
-        let named = std::env::var_os(LIBRARY).filter(|path| !path.is_empty()).map(PathBuf::from);
-        Ok(Box::new(Finder {
-            candidates: named.into_iter().chain(INSTALLED.iter().map(PathBuf::from)).collect(),
-            ..Finder::default()
-        }))
+        Ok(Box::new(Undecided::default()))
     }
 }
 
-/// The denoiser of [`Auto`].
+fn choose(library: &Library) -> Result<Choice> {
+    match (library.version(), library) {
+        (Ok(version), _) => Ok(Choice { kind: Oidn::KIND, reason: format!("Open Image Denoise {version}") }),
+        (Err(error), Library::Named(_)) => Err(error),
+        (Err(error), Library::Installed(_)) => Ok(Choice { kind: Guided::KIND, reason: error.message().to_owned() }),
+    }
+}
+
+/// The denoiser of [`Auto`] in a plan: what either of the two would do.
 #[derive(Default)]
-struct Finder {
-    candidates: Vec<PathBuf>,
-    guided: Guided,
-    /// The denoiser that was found, if any; looked for once.
-    found: OnceLock<Option<OidnDenoiser>>,
-}
+struct Undecided(Guided);
 
-impl Finder {
-    fn taken(&self) -> &dyn Denoiser {
-        let find = || {
-            let made = self.candidates.iter().map(|library| OidnDenoiser::new(Oidn::with_library(library.clone())));
-            made.into_iter().find(|denoiser| denoiser.ready().is_ok())
-        };
-        match self.found.get_or_init(find) {
-            Some(oidn) => oidn,
-            None => &self.guided,
-        }
-    }
-}
-
-impl Denoiser for Finder {
+impl Denoiser for Undecided {
     fn reads(&self) -> Vec<KeyId> {
-        // Those of both: `check` and `plan` open no library.
-        let mut keys = self.guided.reads();
-        let others = OidnDenoiser::new(Oidn::with_library(PathBuf::new())).reads();
-        keys.extend(others.into_iter().filter(|key| !self.guided.reads().contains(key)));
+        let mut keys = self.0.reads();
+        keys.extend(oidn::reads().into_iter().filter(|key| !self.0.reads().contains(key)));
         keys
     }
 
-    fn ready(&self) -> Result<()> {
-        self.taken().ready()
-    }
-
     fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        self.taken().denoise(cx, products)
+        self.0.denoise(cx, products)
     }
 }
 
@@ -85,15 +53,20 @@ register!(Auto);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::product::standard::DENOISER;
 
     #[test]
-    fn without_a_library_it_is_guided() {
-        let finder = Finder { candidates: vec!["/nowhere/library.so".into(), file!().into()], ..Finder::default() };
-        assert!(finder.ready().is_ok());
-        assert!(finder.found.get().is_some_and(Option::is_none));
-        assert_eq!(finder.provides(), finder.guided.provides());
-        assert!(finder.provides().contains(&DENOISER.id()));
+    fn without_a_library_it_is_guided_and_says_why() {
+        let Choice { kind, reason } = choose(&Library::Installed(vec!["libnowhere.so.7"])).expect("guided");
+        assert_eq!(kind, "guided");
+        assert!(reason.contains("not installed") && reason.contains("libnowhere.so.7"), "{reason}");
+    }
+
+    #[test]
+    fn a_library_that_is_named_must_open() {
+        for path in ["/nowhere/library.so", file!()] {
+            let error = choose(&Library::Named(path.into())).expect_err("named").to_string();
+            assert!(error.contains(path) && error.contains("OIDN_LIBRARY"), "{error}");
+        }
     }
 
     #[test]
@@ -102,9 +75,7 @@ mod tests {
             assert!(std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"), "SYNTABLE_OIDN must be set");
             return eprintln!("SYNTABLE_OIDN is not set: `auto` is not tested with Open Image Denoise");
         };
-        let candidates = vec!["/nowhere/library.so".into(), PathBuf::from(library)];
-        let finder = Finder { candidates, ..Finder::default() };
-        assert!(finder.ready().is_ok());
-        assert!(finder.found.get().is_some_and(Option::is_some));
+        let Choice { kind, reason } = choose(&Library::Named(library.into())).expect("it opens");
+        assert!(kind == "oidn" && reason.starts_with("Open Image Denoise "), "{kind}: {reason}");
     }
 }

@@ -64,7 +64,7 @@ impl Arena {
             let limit = device.max_buffer() / self.element;
             if elements > limit {
                 let mib = |elements: u64| (elements * self.element) >> 20;
-                return Err(Error::new(format!(
+                return Err(Error::exceeds_device(format!(
                     "the scene's {} need {} MiB, and a buffer of {} holds {}",
                     self.label,
                     mib(elements),

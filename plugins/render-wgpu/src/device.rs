@@ -6,7 +6,6 @@ use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::fmt;
 use std::num::NonZeroU64;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
@@ -126,9 +125,8 @@ pub struct Device {
     pipeline_layout: wgpu::PipelineLayout,
     module: wgpu::ShaderModule,
     pipelines: Mutex<HashMap<(Kernel, Variant), Arc<wgpu::ComputePipeline>>>,
-    /// First error since it was last asked for.
-    failure: Arc<Mutex<Option<String>>>,
-    lost: Arc<AtomicBool>,
+    /// The first error. It stays: what buffers hold since then is not known.
+    failure: Arc<OnceLock<String>>,
     guided: OnceLock<Arc<guided::Kernels>>,
 }
 
@@ -207,22 +205,18 @@ impl Device {
             ..wgpu::DeviceDescriptor::default()
         };
         let info = info(adapter);
-        let failed = |error: wgpu::RequestDeviceError| Error::new(format!("{} cannot be opened: {error}", info.name));
+        let failed =
+            |error: wgpu::RequestDeviceError| Error::device(format!("{} cannot be opened: {error}", info.name));
         let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(failed)?;
-        let failure = Arc::new(Mutex::new(None));
-        let note = |failure: Arc<Mutex<Option<String>>>| {
-            move |message: String| {
-                failure.lock().get_or_insert(message);
-            }
-        };
-        let (noted, uncaptured) = (note(failure.clone()), note(failure.clone()));
-        let lost = Arc::new(AtomicBool::new(false));
-        let is_lost = lost.clone();
+        let failure = Arc::new(OnceLock::new());
+        let (of_loss, of_error) = (failure.clone(), failure.clone());
         device.set_device_lost_callback(move |reason, message| {
-            is_lost.store(true, Ordering::Relaxed);
-            noted(format!("the device was lost ({reason:?}): {message}"));
+            let _ = of_loss.set(format!("the device was lost ({reason:?}): {message}"));
         });
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| uncaptured(error.to_string())));
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let one_line = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+            let _ = of_error.set(one_line);
+        }));
 
         let storage = |binding: u32, read_only: bool| wgpu::BindGroupLayoutEntry {
             binding,
@@ -267,7 +261,6 @@ impl Device {
             module,
             pipelines: Mutex::default(),
             failure,
-            lost,
             guided: OnceLock::new(),
         };
         opened.check()?;
@@ -279,27 +272,46 @@ impl Device {
         &self.info.name
     }
 
-    /// Whether it can do nothing any more: its driver gave it up, or it did not finish in time.
-    pub fn is_lost(&self) -> bool {
-        self.lost.load(Ordering::Relaxed)
+    /// Whether it failed: its driver gave it up, it ran out of memory, or it did not finish in time. It is of no use any
+    /// more, to any session.
+    pub fn has_failed(&self) -> bool {
+        self.failure.get().is_some()
     }
 
     /// Bytes of the largest buffer that kernels can read.
     pub fn max_buffer(&self) -> u64 {
-        self.limits.max_buffer_size.min(self.limits.max_storage_buffer_binding_size)
+        self.limits.max_buffer_size.min(self.limits.max_storage_buffer_binding_size) / 256 * 256
     }
 
-    /// What went wrong since the last call.
+    /// The first thing that went wrong, for every caller from then on.
+    ///
+    /// # Errors
+    /// If the device failed; one of [devices](Error::is_device).
     pub fn check(&self) -> Result<()> {
-        match self.failure.lock().take() {
+        match self.failure.get() {
             None => Ok(()),
-            Some(message) => Err(Error::new(format!("{}: {message}", self.info.name))
+            Some(message) => Err(Error::device(format!("{}: {message}", self.info.name))
                 .help("if it stays so, update the driver, or render with `cpu_path`")),
         }
     }
 
+    /// Gives the device up, unless it failed before. Returns the error.
+    fn fail(&self, message: impl Into<String>) -> Error {
+        let _ = self.failure.set(message.into());
+        self.check().expect_err("it failed")
+    }
+
     fn buffer(&self, label: &str, size: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let size = size.max(256).next_multiple_of(256);
+        let limit =
+            if usage.contains(wgpu::BufferUsages::STORAGE) { self.max_buffer() } else { self.limits.max_buffer_size };
+        if size > limit {
+            let (name, mib, most) = (&self.info.name, size >> 20, limit >> 20);
+            return Err(Error::exceeds_device(format!(
+                "the buffer `{label}` needs {mib} MiB, and one of {name} holds {most} MiB"
+            ))
+            .help("use fewer or smaller assets or a lower resolution, or render with `cpu_path`"));
+        }
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size,
@@ -415,12 +427,8 @@ impl Device {
         through.map_async(wgpu::MapMode::Read, 0..bytes, move |result| *answer.lock() = Some(result));
         let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
         self.check()?;
-        let hung = |error: wgpu::PollError| {
-            self.lost.store(true, Ordering::Relaxed);
-            Error::new(format!("{} did not finish within {} s: {error}", self.info.name, PATIENCE.as_secs()))
-        };
-        waited.map_err(hung)?;
-        let unreadable = |error: String| Error::new(format!("{}: results cannot be read: {error}", self.info.name));
+        waited.map_err(|error| self.fail(format!("it did not finish within {} s: {error}", PATIENCE.as_secs())))?;
+        let unreadable = |error: String| self.fail(format!("results cannot be read: {error}"));
         match mapped.lock().take() {
             Some(Ok(())) => {}
             Some(Err(error)) => return Err(unreadable(error.to_string())),

@@ -1,6 +1,6 @@
 //! `gpu_path`: the path tracer of a graphics card as a stage.
 
-use crate::device::{Adapters, Device, none};
+use crate::device::{AdapterInfo, Adapters, Device, none};
 use crate::frame::guided_of;
 use crate::session::{Caches, GpuSession};
 use parking_lot::Mutex;
@@ -8,6 +8,7 @@ use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
+use syntable_model::stage::{DeviceClass, RenderDevice};
 use syntable_transport::film::Film;
 use syntable_transport::{PathTracing, path_tracing_kind};
 
@@ -56,8 +57,8 @@ impl GpuPathRenderer {
         if devices.len() <= number {
             devices.resize(number + 1, None);
         }
-        // One that was lost is given up, and opened anew for the next scene.
-        if let Some(device) = devices[number].as_ref().filter(|device| !device.is_lost()) {
+        // One that failed is given up by all, and opened anew for the next session.
+        if let Some(device) = devices[number].as_ref().filter(|device| !device.has_failed()) {
             return Ok(device.clone());
         }
         let device = Arc::new(Device::open(self.adapters(), number)?);
@@ -82,12 +83,16 @@ impl Renderer for GpuPathRenderer {
         Some(self.adapters().used() * SESSIONS_PER_ADAPTER)
     }
 
-    fn devices(&self) -> Result<Vec<String>> {
+    fn devices(&self) -> Result<Vec<RenderDevice>> {
         let found = self.adapters().list();
         if found.is_empty() {
             return Err(none());
         }
-        Ok(found.iter().take(self.adapters().used()).map(ToString::to_string).collect())
+        let device = |info: &AdapterInfo| RenderDevice {
+            name: info.to_string(),
+            class: if info.is_hardware { DeviceClass::Card } else { DeviceClass::Emulated },
+        };
+        Ok(found.iter().take(self.adapters().used()).map(device).collect())
     }
 
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
@@ -115,3 +120,54 @@ impl RenderSession for GpuSession {
 }
 
 register!(GpuPath);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::product::standard::RADIANCE;
+    use syntable_testing::room::{self, Look};
+    use syntable_testing::workers::Threads;
+
+    #[test]
+    fn a_device_that_failed_is_given_up_by_all_sessions_and_opened_anew() {
+        let renderer = GpuPathRenderer::new(PathTracing { samples_per_pixel: 4, ..PathTracing::default() });
+        if renderer.devices().is_err() {
+            assert!(std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"), "no adapter");
+            return eprintln!("there is no graphics adapter: lost devices are not tested");
+        }
+        let (scene, view, wants) = (room::scene_of(Look::Mixed), room::view(24, 20), [RADIANCE.id()]);
+        let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
+        let open = || {
+            let mut session = renderer.open(0).expect("opens");
+            session.load(&scene, &Threads(2)).expect("loads");
+            session
+        };
+        let render = |session: &mut Box<dyn RenderSession>| {
+            let mut products = Products::new();
+            session.render(&request, &mut products).and_then(|()| products.get(RADIANCE).cloned())
+        };
+        let image = render(&mut open()).expect("renders");
+        for says in ["invalid", "greater than the maximum"] {
+            let mut sessions = [open(), open()];
+            let device = renderer.device(0).expect("open");
+            if says == "invalid" {
+                device.wgpu().destroy();
+            } else {
+                let (label, size, usage) = (None, u64::MAX / 512 * 256, wgpu::BufferUsages::STORAGE);
+                let descriptor = wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false };
+                drop(device.wgpu().create_buffer(&descriptor));
+            }
+            // Twice, as an error that one session was told is still that of the other.
+            let mut errors = Vec::new();
+            for number in [0, 1, 0, 1] {
+                errors.push(render(&mut sessions[number]).expect_err("the device failed"));
+            }
+            assert!(errors.iter().all(|error| error.is_passing() && *error == errors[0]), "{errors:?}");
+            assert!(errors[0].to_string().contains(says), "{}", errors[0]);
+            assert!(device.has_failed());
+            let mut fresh = open();
+            assert!(render(&mut fresh).expect("renders").data() == image.data(), "another image");
+            assert!(!Arc::ptr_eq(&device, &renderer.device(0).expect("open")));
+        }
+    }
+}

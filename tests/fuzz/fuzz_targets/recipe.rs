@@ -19,6 +19,7 @@ fuzz_target!(|text: &str| {
         read: &|_| Err(std::io::ErrorKind::NotFound.into()),
         exists: &|_| true,
         current_folder: "/".into(),
+        choose: false,
     };
     let _ = recipe::load(&registry, recipe::Source::embedded("fuzz", text), &overrides);
 });

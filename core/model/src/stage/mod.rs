@@ -24,7 +24,7 @@ pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
 pub use placer::{PartUse, Placer};
-pub use renderer::{Bodies, RenderRequest, RenderSession, Renderer, Window};
+pub use renderer::{Bodies, DeviceClass, RenderDevice, RenderRequest, RenderSession, Renderer, Window};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};

@@ -16,12 +16,12 @@ pub trait Renderer: Send + Sync {
     fn max_sessions(&self) -> Option<usize> {
         None
     }
-    /// The devices that it renders on, for people: one line each, such as the name of a card with its driver.
+    /// The devices that it renders on.
     ///
     /// # Errors
     /// If it cannot render on this machine.
-    fn devices(&self) -> Result<Vec<String>> {
-        Ok(vec!["the processor".into()])
+    fn devices(&self) -> Result<Vec<RenderDevice>> {
+        Ok(vec![RenderDevice { name: "the processor".into(), class: DeviceClass::Processor }])
     }
     /// Whether its sessions run a denoiser themselves, where the image is. Then a request names it, and may want what it
     /// provides and reads.
@@ -33,6 +33,33 @@ pub trait Renderer: Send + Sync {
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>>;
     /// One line on what a view costs, for `syntable plan`.
     fn cost(&self) -> String;
+}
+
+/// A device that renders.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RenderDevice {
+    /// One line for people and for the dataset: what it is, its driver with the version, and the interface.
+    pub name: String,
+    /// What sort it is of.
+    pub class: DeviceClass,
+}
+
+/// A sort of devices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceClass {
+    /// The processor: the bytes of images are the same on every machine.
+    Processor,
+    /// A card: images of another card or driver may differ by rounding.
+    Card,
+    /// A program in place of a card, for tests.
+    Emulated,
+}
+
+impl DeviceClass {
+    /// Whether images of different devices of the class may differ by rounding.
+    pub fn rounds(self) -> bool {
+        self != Self::Processor
+    }
 }
 
 /// A renderer at work; used by one thread at a time, for one scene after another.

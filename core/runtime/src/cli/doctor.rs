@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use syntable_model::context::Cache;
 use syntable_model::digest::Digest;
 use syntable_model::inspect::inspectors;
-use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::registry::{Choice, Registry, Slot, Stage};
 use syntable_simd::Processor;
 
 pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit> {
@@ -42,12 +42,22 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     crates.sort();
     crates.dedup();
     line("plugins", if crates.is_empty() { "none: name them in main.rs".into() } else { crates.join(", ") });
-    for entry in registry.of_slot(Slot::Render) {
+    for entry in registry.of_slot(Slot::Render).filter(|entry| entry.choose.is_none()) {
         let Ok(Stage::Render(renderer)) = entry.construct_str(entry.example).map(|made| made.stage) else { continue };
         line(
             entry.kind,
             match renderer.devices() {
-                Ok(devices) => devices.join(", "),
+                Ok(devices) => devices.into_iter().map(|device| device.name).collect::<Vec<_>>().join(", "),
+                Err(error) => error.to_string(),
+            },
+        );
+    }
+    for entry in registry.entries() {
+        let Some(choose) = entry.choose else { continue };
+        line(
+            &format!("{}.{}", entry.slot, entry.kind),
+            match choose(registry) {
+                Ok(Choice { kind, reason }) => format!("{kind}: {reason}"),
                 Err(error) => error.to_string(),
             },
         );

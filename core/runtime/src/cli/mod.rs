@@ -292,6 +292,12 @@ impl Console {
         self.loaded(recipe::load(registry, source, &overrides), || None)
     }
 
+    /// The same, with kinds that stand for others replaced by what this machine has.
+    fn load_for_run(&self, registry: &Registry, args: &RecipeArgs) -> Result<Recipe, Exit> {
+        let (source, overrides) = args.read()?;
+        self.loaded(recipe::load(registry, source, &overrides.for_run()), || None)
+    }
+
     /// Prints the warnings of a recipe that was loaded. Of one with mistakes come those back, and what `more` finds.
     fn loaded(
         &self,

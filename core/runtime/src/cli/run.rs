@@ -70,7 +70,7 @@ impl Scenes {
 }
 
 pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
-    let recipe = console.load(registry, &args.recipe)?;
+    let recipe = console.load_for_run(registry, &args.recipe)?;
     if let Some(library) = recipe.libraries.first().filter(|_| !args.allow_libraries) {
         let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
         return Err(Exit::wrong(error.help(

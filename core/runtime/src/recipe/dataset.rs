@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::digest::Hasher;
 
 /// Name, seed and size of the dataset.
@@ -75,6 +75,9 @@ pub enum OnBadAsset {
 pub(crate) struct LockTable {
     /// Version of the program.
     pub syntable: String,
+    /// Graphics cards that rendered scenes, with driver and interface: on another one images may differ by rounding.
+    #[serde(skip_serializing_if = "BTreeSet::is_empty")]
+    pub devices: BTreeSet<String>,
     /// Versions of the plugin crates in use, by name.
     pub plugins: BTreeMap<String, String>,
     /// What each pool offers: a pool with other names or categories is an error.
@@ -108,6 +111,8 @@ impl CatalogLock {
 /// The inputs of a dataset: what may not change while it is made, nor when its resolved recipe runs again.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Lock {
+    /// Devices that rendered scenes and may round otherwise than others do.
+    pub devices: BTreeSet<String>,
     /// What each pool offers.
     pub catalogs: BTreeMap<String, CatalogLock>,
     /// Digests of files that options of stages name, by the option.
@@ -117,7 +122,7 @@ pub struct Lock {
 }
 
 impl From<LockTable> for Lock {
-    fn from(LockTable { catalogs, files, assets, .. }: LockTable) -> Self {
-        Self { catalogs, files, assets }
+    fn from(LockTable { devices, catalogs, files, assets, .. }: LockTable) -> Self {
+        Self { devices, catalogs, files, assets }
     }
 }

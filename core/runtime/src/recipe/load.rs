@@ -389,6 +389,7 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
     let mut stages: Vec<ResolvedStage> = plan.implied.iter().map(implied).collect();
     let mut pools = built.pools;
     let (files, libraries) = (built.files, built.libraries);
+    let (choices, undecided) = (built.choices, built.undecided);
     let lock = Lock::from(lock);
     for mut stage in built.stages {
         match stage.stage.take() {
@@ -436,6 +437,8 @@ fn assemble(dataset: DatasetTable, built: Built, plan: Plan, lock: LockTable) ->
         lock,
         files,
         folder: None,
+        choices,
+        undecided,
         libraries,
     })
 }

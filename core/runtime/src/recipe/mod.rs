@@ -49,7 +49,7 @@ pub use load::load;
 pub(crate) use load::{Checked, checked};
 pub use overrides::Overrides;
 pub use pool::{Center, Mass, ObjectProperties, Part, Pool, PoolOptions, Scale, Split};
-pub use resolved::{lock_of, with_lock, without_lock};
+pub use resolved::{lock_of, with_devices, with_lock, without_lock};
 pub use schema::schema;
 pub use source::SourceFile;
 pub(crate) use suggest::nearest;
@@ -142,6 +142,10 @@ pub struct Recipe {
     pub files: Vec<(String, PathBuf)>,
     /// The folder of the recipe's file, if it has one.
     pub folder: Option<PathBuf>,
+    /// Kinds that were chosen for this machine, for people: one line each.
+    pub choices: Vec<String>,
+    /// Tables whose kind stands for others and was not chosen yet: such a recipe can be planned, not run.
+    pub undecided: Vec<String>,
     /// Native libraries that the recipe names by a path beside itself: code of whoever wrote the recipe.
     pub libraries: Vec<String>,
 }

@@ -15,6 +15,8 @@ pub struct Overrides<'a> {
     pub exists: &'a dyn Fn(&Path) -> bool,
     /// Base of relative paths in overrides and embedded recipes.
     pub current_folder: PathBuf,
+    /// Whether kinds that stand for others are replaced by what this machine has, as a run needs it.
+    pub choose: bool,
 }
 
 impl Overrides<'static> {
@@ -29,7 +31,13 @@ impl Overrides<'static> {
             },
             exists: &|_| true,
             current_folder: std::env::current_dir().unwrap_or_default(),
+            choose: false,
         }
+    }
+
+    /// The same, with kinds that stand for others replaced by what this machine has.
+    pub fn for_run(self) -> Self {
+        Self { choose: true, ..self }
     }
 
     /// The same, with a mistake for every path at which there is nothing.

@@ -1,7 +1,7 @@
 //! The resolved recipe: every default filled in, nothing inherited, and the versions that made it.
 
 use super::dataset::{CatalogLock, Lock, LockTable};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::registry::{Shape, Slot};
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value};
 
@@ -63,7 +63,7 @@ pub(crate) fn write(dataset: &toml::Table, stages: &[ResolvedStage], inputs: &Lo
 }
 
 /// Returns a resolved recipe with its inputs locked. Assets that it already locks stay, unless their digests are replaced;
-/// catalogs and files are replaced if there are any. A text that is no TOML is returned as it is.
+/// devices, catalogs and files are replaced if there are any. A text that is no TOML is returned as it is.
 pub fn with_lock(resolved: &str, lock: &Lock) -> String {
     match resolved.parse::<DocumentMut>() {
         Ok(mut document) => {
@@ -74,12 +74,23 @@ pub fn with_lock(resolved: &str, lock: &Lock) -> String {
     }
 }
 
+/// Returns a resolved recipe with the devices that rendered its dataset, and no others. A text that is no TOML is returned as
+/// it is.
+pub fn with_devices(resolved: &str, devices: &BTreeSet<String>) -> String {
+    let Ok(mut document) = resolved.parse::<DocumentMut>() else { return resolved.to_owned() };
+    if let Some(lock) = document.get_mut("lock").and_then(Item::as_table_mut) {
+        lock.remove("devices");
+    }
+    insert_lock(&mut document, &Lock { devices: devices.clone(), ..Lock::default() });
+    document.to_string()
+}
+
 /// Returns a resolved recipe without the lock of its inputs; versions stay. A text that is no TOML is returned as it is.
 pub fn without_lock(resolved: &str) -> String {
     match resolved.parse::<DocumentMut>() {
         Ok(mut document) => {
             if let Some(lock) = document.get_mut("lock").and_then(Item::as_table_mut) {
-                for inputs in ["catalogs", "files", "assets"] {
+                for inputs in ["devices", "catalogs", "files", "assets"] {
                     lock.remove(inputs);
                 }
                 if lock.is_empty() && lock.is_implicit() {
@@ -104,6 +115,11 @@ fn insert_lock(document: &mut DocumentMut, new: &Lock) {
         return;
     }
     let lock = parent(document, "lock");
+    if !new.devices.is_empty() {
+        lock.remove("devices");
+        let names = new.devices.iter().map(String::as_str);
+        lock.insert("devices", Item::Value(Value::Array(names.collect())));
+    }
     let old = lock.remove("assets");
     if !new.catalogs.is_empty() {
         let mut catalogs = Table::new();
@@ -242,5 +258,19 @@ mod tests {
             assert_eq!(lock_of(&want), Lock { assets: map(&[("p/b", "22")]), ..inputs });
         }
         assert_eq!(without_lock("a = ["), "a = [");
+    }
+
+    #[test]
+    fn devices_are_those_that_rendered() {
+        let devices = |names: &[&str]| -> BTreeSet<String> { names.iter().map(|name| (*name).to_owned()).collect() };
+        let start = "[dataset]\n\n[lock]\nsyntable = \"1\"\n\n[lock.plugins]\na = \"2\"\n";
+        let one = with_devices(start, &devices(&["b", "a"]));
+        assert_eq!(one, start.replace("\"1\"\n", "\"1\"\ndevices = [\"a\", \"b\"]\n"));
+        assert_eq!(lock_of(&one).devices, devices(&["a", "b"]));
+        assert_eq!(with_lock(&one, &Lock { assets: BTreeMap::new(), ..Lock::default() }), one);
+        assert_eq!(lock_of(&with_devices(&one, &devices(&["c"]))).devices, devices(&["c"]));
+        for text in [with_devices(&one, &devices(&[])), without_lock(&one), with_devices(start, &devices(&[]))] {
+            assert_eq!(text, start);
+        }
     }
 }

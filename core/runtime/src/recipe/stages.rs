@@ -15,9 +15,9 @@ use super::variables::{self, PathRules};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use syntable_model::error::ConfigError;
+use syntable_model::error::{ConfigError, Error};
 use syntable_model::options::{DisplayPath, Reference, Step, is_bare, plain_members};
-use syntable_model::registry::{ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
+use syntable_model::registry::{Choice, ConstructError, Constructed, Entry, RecipeValue, Registry, Shape, Slot, Stage};
 use syntable_model::scene::AssetClass;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
@@ -58,6 +58,10 @@ pub(crate) struct Built<'l> {
     pub files: Vec<(String, PathBuf)>,
     /// Native libraries that the recipe names by a path beside itself, such as `denoise: library = "oidn.so"`.
     pub libraries: Vec<String>,
+    /// Kinds that were chosen, for people.
+    pub choices: Vec<String>,
+    /// Tables whose kind was not chosen yet.
+    pub undecided: Vec<String>,
     /// Slots with a table that could not be built.
     pub failed: BTreeSet<Slot>,
 }
@@ -102,6 +106,8 @@ impl<'l> Loader<'l> {
             pools: BTreeMap::new(),
             files: Vec::new(),
             libraries: Vec::new(),
+            choices: Vec::new(),
+            undecided: Vec::new(),
             failed: BTreeSet::new(),
         };
         let mut names = Names::default();
@@ -296,6 +302,7 @@ impl<'l> Loader<'l> {
             names.unread = true;
             return false;
         };
+        let Some(entry) = self.chosen(entry, &given, built, diagnostics) else { return false };
         let Some(kind) = self.schemas.kind(slot, entry.kind) else { return false };
         let pool_renamed = if slot == Slot::Assets { self.renamed.pool } else { &[] };
         let renamed = [entry.renamed, pool_renamed];
@@ -390,6 +397,34 @@ impl<'l> Loader<'l> {
         let (id, header) = (given.id, given.header);
         built.stages.push(BuiltStage { slot, id, entry, stage: Some(stage), options, header, products, found });
         ok
+    }
+
+    /// The kind that another one stands for on this machine.
+    fn chosen(
+        &self,
+        entry: &'l Entry,
+        given: &StageTable,
+        built: &mut Built<'l>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) -> Option<&'l Entry> {
+        let Some(choose) = entry.choose else { return Some(entry) };
+        let slot = given.slot;
+        let table = if slot.shape() == Shape::One { slot.to_string() } else { format!("{slot}.{}", given.id) };
+        if !self.overrides.choose {
+            built.undecided.push(table);
+            return Some(entry);
+        }
+        let unknown = |kind: &str| Error::new(format!("it stands for `{kind}`, which no plugin registers"));
+        let chosen = choose(self.registry).and_then(|Choice { kind, reason }| {
+            built.choices.push(format!("[{table}] `{}` is `{kind}` here: {reason}", entry.kind));
+            self.registry.find(slot, kind).ok_or_else(|| unknown(kind))
+        });
+        let refused = |error: Error| {
+            let message = format!("`{}`: {}", entry.kind, error.without_help());
+            let diagnostic = DiagnosticBuilder::error(Code::InvalidValue, given.header.clone(), message);
+            error.help_text().into_iter().fold(diagnostic, |diagnostic, help| diagnostic.help(help))
+        };
+        chosen.map_err(|error| diagnostics.push(refused(error))).ok()
     }
 
     /// Explains an unknown option that another kind of the slot has, or that pools of another class have.

@@ -3,8 +3,9 @@
 use super::folder::catalog_path;
 use super::manifest::Stamp;
 use crate::recipe::{CatalogLock, Lock, Recipe};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 
 /// Number of names that an error lists of each sort.
@@ -21,6 +22,26 @@ pub fn files(recipe: &Recipe) -> Result<BTreeMap<String, String>> {
             Ok((option.clone(), digest.to_string()))
         })
         .collect()
+}
+
+/// The devices that render what a recipe wants, if others may round otherwise.
+pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {
+    if recipe.plan.rendered.is_empty() {
+        return Ok(BTreeSet::new());
+    }
+    let devices = recipe.render.devices()?.into_iter();
+    Ok(devices.filter(|device| device.class.rounds()).map(|device| device.name).collect())
+}
+
+/// Warns if scenes are to be rendered on other devices than those of then.
+pub fn tell_of_devices(then: [&BTreeSet<String>; 2], now: &BTreeSet<String>, log: &dyn Log) {
+    let list = |names: &BTreeSet<String>| names.iter().cloned().collect::<Vec<_>>().join(", ");
+    if let Some(then) = then.into_iter().find(|then| !then.is_empty() && !now.is_empty() && !now.is_subset(then)) {
+        log.warn(
+            &Error::new(format!("the dataset was begun on {}, and goes on on {}", list(then), list(now)))
+                .help("images may differ by rounding; `cpu_path` gives the same bytes on every machine"),
+        );
+    }
 }
 
 /// What pools offer.

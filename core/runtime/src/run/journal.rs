@@ -12,7 +12,7 @@ use syntable_model::error::{Error, Result};
 pub struct JournalEntry {
     /// Number of the scene.
     pub scene: u32,
-    /// The attempt that counts, from 0; the last one if all failed.
+    /// The attempt that counts, from 0; the last one if the scene failed.
     pub attempt: u32,
     /// What came of the scene.
     #[serde(flatten)]
@@ -49,7 +49,7 @@ pub enum SceneOutcome {
         /// Digest of the list of its files, `.syntable/scenes/<scene>.json`.
         manifest: String,
     },
-    /// All attempts failed; the dataset has no file of the scene.
+    /// All attempts failed, or a device did; the dataset has no file of the scene.
     Failed,
 }
 

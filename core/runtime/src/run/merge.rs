@@ -6,10 +6,10 @@ use super::manifest::{Manifest, Stamp, State};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
 use super::{Outcome, change, finish, ranges, stopping};
-use crate::recipe::{self, Overrides, Recipe, Source, lock_of, without_lock};
+use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 use crate::workers::Pool;
 use parking_lot::Mutex;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -48,15 +48,17 @@ pub fn merge(
     }
     let recipe = load(registry, &first.recipe)?;
     ready(&recipe)?;
+    let log = Warnings(reporter);
     let folder = Folder::open(out)?;
     folder.recover()?;
     let journal = Journal::open(&folder.journal())?;
     let begun = Part { entries: journal.entries().clone(), recipe: folder.recipe()?.unwrap_or_default(), folder };
-    if begun.recipe.is_empty() {
-        begun.folder.set_recipe(&first.recipe)?;
-    } else {
+    if !begun.recipe.is_empty() {
         same_recipe(&begun, first)?;
     }
+    let devices = devices(std::iter::once(&begun).chain(&parts), &log);
+    let resolved = with_devices(&first.recipe, &devices);
+    begun.folder.set_recipe(&resolved)?;
     let chosen = choose(&begun, &parts)?;
     reporter.event(&Event::Started {
         out: out.display().to_string(),
@@ -79,11 +81,10 @@ pub fn merge(
             .map_err(|error| stopping(error).context(format!("scene {}", entry.scene)))?;
     }
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
-    let log = Warnings(reporter);
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let outcome = finish(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &first.recipe, false)
-        .map_err(stopping)?;
+    let outcome =
+        finish(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, false).map_err(stopping)?;
     if !lacks.is_empty() {
         let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
         let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));
@@ -154,6 +155,21 @@ fn same_recipe(one: &Part, other: &Part) -> Result<()> {
         Some(first) => refuse(format!("{first} was not the same when {} were made", folders())),
         None => Ok(()),
     }
+}
+
+/// The devices that rendered any part. Warns if parts were rendered on different ones.
+fn devices<'p>(parts: impl Iterator<Item = &'p Part>, log: &dyn Log) -> BTreeSet<String> {
+    let mut all: Vec<BTreeSet<String>> = parts.map(|part| lock_of(&part.recipe).devices).collect();
+    all.retain(|devices| !devices.is_empty());
+    if all.windows(2).any(|pair| pair[0] != pair[1]) {
+        let names: BTreeSet<&str> = all.iter().flatten().map(String::as_str).collect();
+        let names: Vec<&str> = names.into_iter().collect();
+        log.warn(
+            &Error::new(format!("the parts were not rendered on the same devices, but on {}", names.join(", ")))
+                .help("images may differ by rounding; `cpu_path` gives the same bytes on every machine"),
+        );
+    }
+    all.into_iter().flatten().collect()
 }
 
 /// Keys that both have, with different values.

@@ -34,7 +34,7 @@ pub use verify::{Verified, verify};
 use crate::cache::DiskCache;
 use crate::plan::Producer;
 use crate::pools::AssetStore;
-use crate::recipe::{Lock, Recipe, lock_of, with_lock, without_lock};
+use crate::recipe::{Lock, Recipe, lock_of, with_devices, with_lock, without_lock};
 use crate::workers::Pool;
 use folder::Folder;
 use journal::{Journal, JournalEntry, Notice};
@@ -98,9 +98,15 @@ pub struct Outcome {
 /// Runs a recipe. An error means that the run stopped early; what was done stays, and the same call goes on from there.
 pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Result<Outcome> {
     let start = Instant::now();
+    if let Some(table) = recipe.undecided.first() {
+        return Err(Error::new(format!("the kind of [{table}] stands for others, and none was chosen"))
+            .help("name a kind, or load the recipe with `Overrides::for_run`")
+            .permanent());
+    }
     recipe.ready()?;
     let reporter = &Guarded(reporter);
     let log = Warnings(reporter);
+    let devices = inputs::devices(recipe)?;
     let files = inputs::files(recipe)?;
     let now = Lock { files: files.clone(), ..Lock::default() };
     inputs::unchanged(&recipe.lock, &now, &BTreeMap::new(), None)?;
@@ -122,7 +128,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let mut journal = Journal::open(&folder.journal())?;
     let pool = Pool::new(options.threads)?;
     if let Some(assets) = assets.as_ref().filter(|_| options.repair)
-        && restore_recipe(&folder, recipe, &files, &journal, assets)?
+        && restore_recipe(&folder, recipe, (&files, &devices), &journal, assets)?
     {
         reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
     }
@@ -133,6 +139,9 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
     let todo = Todo::of(recipe, &journal, wanted.clone(), damaged);
+    for message in recipe.choices.clone() {
+        reporter.event(&Event::Note { message });
+    }
     reporter.event(&Event::Started {
         out: options.out.display().to_string(),
         scenes: wanted.len() as u32,
@@ -146,6 +155,11 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let names = assets.as_ref().map(AssetStore::catalogs);
     if let Some(names) = &names {
         resolved = lock_pools(&folder, names, &resolved, journal.entries())?;
+    }
+    if !todo.scenes.is_empty() {
+        let before = if journal.entries().is_empty() { BTreeSet::new() } else { lock_of(&resolved).devices };
+        inputs::tell_of_devices([&recipe.lock.devices, &before], &devices, &log);
+        resolved = with_devices(&resolved, &before.union(&devices).cloned().collect());
     }
     // All is compared: from here on the dataset changes.
     if options.retry_failed {
@@ -189,14 +203,14 @@ fn tell_foreign(reporter: &dyn Reporter, left: &[PathBuf]) {
 fn restore_recipe(
     folder: &Folder,
     recipe: &Recipe,
-    files: &BTreeMap<String, String>,
+    (files, devices): (&BTreeMap<String, String>, &BTreeSet<String>),
     journal: &Journal,
     store: &AssetStore,
 ) -> Result<bool> {
     let names = store.catalogs();
     let assets = journal.entries().values().flat_map(|entry| entry.assets.clone()).collect();
-    let lock = Lock { catalogs: inputs::catalogs(&names), files: files.clone(), assets };
-    folder.restore_recipe(&with_lock(&recipe.resolved, &lock))
+    let lock = Lock { catalogs: inputs::catalogs(&names), files: files.clone(), assets, ..Lock::default() };
+    folder.restore_recipe(&with_devices(&with_lock(&recipe.resolved, &lock), devices))
 }
 
 /// Opens the pools of a recipe, which must offer what they offered when the recipe was resolved.
@@ -359,7 +373,8 @@ impl<'a> Works<'a> {
     fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
         let of = |lacks: &Lacks| &self.works[&(self.views(job), lacks.clone())];
         let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
-        Task { scene, whole: of(&None), extend }
+        let is_present = job.present.as_ref().is_some_and(|present| !present.failed());
+        Task { scene, is_present, whole: of(&None), extend }
     }
 }
 
@@ -489,10 +504,13 @@ fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ToldOdd, log: &dyn Log
     }
 }
 
-/// An error that ends the run. One of the file system can be mended from outside.
+/// An error that ends the run. One of the file system or of a device can be mended from outside.
 fn stopping(error: Error) -> Error {
     if error.is_io() && error.help_text().is_none() {
         error.help("the dataset so far is whole: make room, or mend the disk or folder, then run the same command")
+    } else if error.is_device() {
+        let own = error.help_text().map_or_else(String::new, |help| format!("; {help}"));
+        error.help(format!("the dataset keeps all that it had, and the same command goes on from there{own}"))
     } else {
         error
     }

@@ -50,7 +50,7 @@ pub enum Event {
         /// Objects that were removed while the scene settled.
         removed: u32,
     },
-    /// An attempt at a scene failed.
+    /// An attempt at a scene failed. It comes again, with the same number, if its device failed.
     Attempt {
         /// The scene.
         scene: u32,

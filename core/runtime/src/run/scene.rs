@@ -31,6 +31,9 @@ use syntable_model::stage::{
     DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts, Window, Writer,
 };
 
+/// How often an attempt is repeated whose device failed.
+const DEVICE_REPEATS: u32 = 2;
+
 /// Makes scenes.
 pub struct SceneMaker<'a> {
     pub recipe: &'a Recipe,
@@ -58,6 +61,8 @@ pub struct Work<'a> {
 pub struct Task<'a> {
     /// The scene.
     pub scene: u32,
+    /// Whether the dataset has it.
+    pub is_present: bool,
     /// What is made of a new scene, or of one that is made again.
     pub whole: &'a Work<'a>,
     /// The scene as it is in the dataset, if it only gets what it lacks, and what that is.
@@ -75,65 +80,83 @@ impl<'a> SceneMaker<'a> {
     ///
     /// A scene that only gets what it lacks is had from its stored outcome of settling. If what is new fails, the attempt
     /// would have failed with it from the start: the scene is made again, by the attempts that follow.
+    ///
+    /// A device that fails says nothing about the scene: no attempt with other random numbers follows. A new scene fails
+    /// with the error; one that the dataset has keeps its files, and the run stops.
     pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Made> {
         let (mut errors, mut first) = (Vec::new(), 0);
+        let mut last = self.recipe.dataset.max_attempts.saturating_sub(1);
         if let Some((present, work)) = task.extend {
             first = present.attempt;
             errors.clone_from(&present.errors);
-            if let Some((outcome, assets)) = self.attempt(task.scene, first, work, true, queue, &mut errors)? {
-                return Ok(Made {
-                    entry: extended(present, outcome, assets, task.whole),
-                    kept: self.folder.manifest(task.scene)?.unwrap_or_default(),
-                });
+            match self.attempt(task, first, (work, true), queue)? {
+                Tried::Made(outcome, assets) => {
+                    return Ok(Made {
+                        entry: extended(present, outcome, assets, task.whole),
+                        kept: self.folder.manifest(task.scene)?.unwrap_or_default(),
+                    });
+                }
+                Tried::Failed(error) => errors.push(error.to_string()),
             }
             first += 1;
         }
         let kept = Manifest::default();
         for number in first..self.recipe.dataset.max_attempts {
-            if let Some((Attempted { views, objects, odd }, assets)) =
-                self.attempt(task.scene, number, task.whole, false, queue, &mut errors)?
-            {
-                let outcome = outcome(views, objects, task.whole);
-                let Odd { scene: notices, views: odd_views } = odd;
-                let (scene, attempt) = (task.scene, number);
-                let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
-                return Ok(Made { entry, kept });
+            match self.attempt(task, number, (task.whole, false), queue)? {
+                Tried::Made(Attempted { views, objects, odd }, assets) => {
+                    let outcome = outcome(views, objects, task.whole);
+                    let Odd { scene: notices, views: odd_views } = odd;
+                    let (scene, attempt) = (task.scene, number);
+                    let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
+                    return Ok(Made { entry, kept });
+                }
+                Tried::Failed(error) => {
+                    errors.push(error.to_string());
+                    if error.is_device() {
+                        last = number;
+                        break;
+                    }
+                }
             }
         }
-        let attempt = self.recipe.dataset.max_attempts.saturating_sub(1);
         let (outcome, (notices, odd_views, assets)) = (SceneOutcome::Failed, Default::default());
-        let entry = JournalEntry { scene: task.scene, attempt, outcome, notices, odd_views, errors, assets };
+        let entry = JournalEntry { scene: task.scene, attempt: last, outcome, notices, odd_views, errors, assets };
         Ok(Made { entry, kept })
     }
 
-    /// One attempt: what it gave with the digests of the assets that it drew, or nothing if others may do better.
+    /// One attempt at some work, from the `stored` outcome of settling if there is one. While a device fails, the same
+    /// attempt is repeated. An error stops the run.
     fn attempt<'env>(
         &'env self,
-        scene: u32,
+        task: &Task<'env>,
         number: u32,
-        work: &'env Work<'env>,
-        stored: bool,
+        (work, stored): (&'env Work<'env>, bool),
         queue: &Queue<'env>,
-        errors: &mut Vec<String>,
-    ) -> Result<Option<(Attempted, BTreeMap<String, String>)>> {
-        self.running()?;
-        let staged = self.folder.stage(scene)?;
-        let assets = RecordingAssets::new(self.assets);
-        let attempt = Attempt { maker: self, work, scene: SceneId(scene), number, assets };
-        let error = match unwound(|| attempt.run(&staged, stored, queue)) {
-            Ok(made) => return Ok(Some((made, attempt.assets.into_digests()))),
-            Err(error) => error,
-        };
-        self.running()?;
-        // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
-        self.assets.refused()?;
-        if error.is_permanent() || error.is_io() {
-            return Err(error);
+    ) -> Result<Tried> {
+        let scene = task.scene;
+        for repeat in 0..=DEVICE_REPEATS {
+            self.running()?;
+            let staged = self.folder.stage(scene)?;
+            let assets = RecordingAssets::new(self.assets);
+            let attempt = Attempt { maker: self, work, scene: SceneId(scene), number, assets };
+            let error = match unwound(|| attempt.run(&staged, stored, queue)) {
+                Ok(made) => return Ok(Tried::Made(made, attempt.assets.into_digests())),
+                Err(error) => error,
+            };
+            self.running()?;
+            // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
+            self.assets.refused()?;
+            let again = error.is_passing() && repeat < DEVICE_REPEATS;
+            if !again && (error.is_permanent() || error.is_io() || (error.is_device() && task.is_present)) {
+                return Err(error);
+            }
+            let last = !again && (error.is_device() || number + 1 == self.recipe.dataset.max_attempts);
+            self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
+            if !again {
+                return Ok(Tried::Failed(error));
+            }
         }
-        let last = number + 1 == self.recipe.dataset.max_attempts;
-        self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
-        errors.push(error.to_string());
-        Ok(None)
+        unreachable!("the last repetition returns")
     }
 
     /// An error once the run shall end.
@@ -165,6 +188,14 @@ fn extended(
     entry.odd_views.extend(odd.views);
     entry.assets.extend(assets);
     entry
+}
+
+/// What came of an attempt.
+enum Tried {
+    /// What it gave, with the digests of the assets that it drew.
+    Made(Attempted, BTreeMap<String, String>),
+    /// Why it failed.
+    Failed(Error),
 }
 
 /// What an attempt gave.

@@ -3,7 +3,7 @@
 use super::panics::caught;
 use crate::recipe::Recipe;
 use parking_lot::{Condvar, Mutex};
-use syntable_model::error::Result;
+use syntable_model::error::{Error, Result};
 use syntable_model::stage::{RenderSession, Renderer};
 
 /// As many sessions as there are scenes in flight, or fewer if there are fewer devices.
@@ -35,8 +35,8 @@ impl<'a> Sessions<'a> {
         Ok(Self { renderer, free: Mutex::new(free), returned: Condvar::new() })
     }
 
-    /// Waits for a session and lends it. One that fails is closed, and opened anew for the next scene: its device may
-    /// have been lost.
+    /// Waits for a session and lends it. One that fails is closed, and opened anew for the next scene. If its device
+    /// failed, so are those that nobody uses: they may share it.
     pub fn with<T>(&self, work: impl FnOnce(&mut dyn RenderSession) -> Result<T>) -> Result<T> {
         let Device { index, session } = {
             let mut free = self.free.lock();
@@ -54,7 +54,12 @@ impl<'a> Sessions<'a> {
             }
             Err(error) => (None, Err(error)),
         };
-        self.free.lock().push(Device { index, session });
+        let mut free = self.free.lock();
+        if result.as_ref().is_err_and(Error::is_passing) {
+            free.iter_mut().for_each(|device| device.session = None);
+        }
+        free.push(Device { index, session });
+        drop(free);
         self.returned.notify_one();
         result
     }
@@ -70,7 +75,6 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicUsize, Ordering};
     use syntable_model::context::Workers;
-    use syntable_model::error::Error;
     use syntable_model::product::{KeyId, Products};
     use syntable_model::scene::Scene;
     use syntable_model::stage::RenderRequest;
@@ -123,5 +127,12 @@ mod tests {
         assert_eq!(still_lost, "render: the device is not back yet");
         sessions.with(|_| Ok(())).expect("works again");
         assert_eq!(opened(), [1, 3]);
+        // A device that failed may be that of the other session, too.
+        let hung = sessions.with(|_| -> Result<()> { Err(Error::device("hung")) }).expect_err("hung");
+        assert!(hung.is_passing());
+        let both = || sessions.with(|_| sessions.with(|_| Ok(())));
+        both().expect_err("the device of the other is not back yet");
+        both().expect("works again");
+        assert_eq!(opened(), [3, 5]);
     }
 }

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use syntable_model::prelude::*;
-use syntable_model::registry::{Entry, Registry};
+use syntable_model::registry::{Choice, Choose, Entry, Registry};
 use syntable_model::scene::{Asset, AssetClass, Catalog, CatalogEntry, Optics, Role, SettleReport};
 use syntable_model::stage::{
-    Accepts, DatasetAnnotator, Finish, Input, Output, RecordedScene, RenderRequest, RenderSession, Replacement,
-    SceneAnnotator, SceneWriter, ViewProducts,
+    Accepts, DatasetAnnotator, DeviceClass, Finish, Input, Output, RecordedScene, RenderDevice, RenderRequest,
+    RenderSession, Replacement, SceneAnnotator, SceneWriter, ViewProducts,
 };
 use syntable_runtime::cache::DiskCache;
 use syntable_runtime::recipe::{self, Overrides, Source};
@@ -64,6 +64,7 @@ kind!(/** Lifts everything by a third of a millimeter. */ Lift, Settler, "rapier
 kind!(/** A small camera. */ Small, CameraModel, "pinhole");
 kind!(/** One pose. */ Fixed, ViewSampler, "hemisphere_shell", bends: bool);
 kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper", sleep_ms: u32, tally: usize);
+kind!(/** Renders as `sleeper` does. */ Drowsy, Renderer, "drowsy", tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
     sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, stumbles: bool);
@@ -121,7 +122,20 @@ impl ViewSampler for Fixed {
 static RENDERED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
 /// Scenes settled, likewise.
 static SETTLED: [AtomicU32; TALLIES] = [const { AtomicU32::new(0) }; TALLIES];
-const TALLIES: usize = 16;
+const TALLIES: usize = 24;
+
+/// Renderings of a scene that are to fail with an error, by tally and scene.
+static FAULTS: Mutex<BTreeMap<(usize, u32), (u32, Error)>> = Mutex::new(BTreeMap::new());
+
+/// Lets the next renderings of a scene fail.
+pub fn fail_next(tally: usize, scene: u32, times: u32, error: Error) {
+    FAULTS.lock().expect("faults").insert((tally, scene), (times, error));
+}
+
+/// Number of failures that have not come yet.
+pub fn failures_left(tally: usize, scene: u32) -> u32 {
+    FAULTS.lock().expect("faults").get(&(tally, scene)).map_or(0, |(times, _)| *times)
+}
 
 pub struct Counters;
 impl Counters {
@@ -141,21 +155,82 @@ impl Renderer for Sleeper {
     fn max_sessions(&self) -> Option<usize> {
         Some(1)
     }
+    fn devices(&self) -> Result<Vec<RenderDevice>> {
+        let card = CARDS.lock().expect("cards").get(&self.tally).cloned();
+        let class = if card.is_some() { DeviceClass::Card } else { DeviceClass::Processor };
+        Ok(vec![RenderDevice { name: card.unwrap_or_else(|| "the processor".into()), class }])
+    }
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
         assert_eq!(index, 0, "there is one device");
-        Ok(Box::new(Asleep(self.clone())))
+        Ok(Box::new(Asleep(self.clone(), None)))
     }
     fn cost(&self) -> String {
         format!("{} ms", self.sleep_ms)
     }
 }
 
-struct Asleep(Sleeper);
+impl Renderer for Drowsy {
+    fn offers(&self) -> Vec<KeyId> {
+        keys![LIGHT]
+    }
+    fn open(&self, _: usize) -> Result<Box<dyn RenderSession>> {
+        Ok(Box::new(Asleep(Sleeper { sleep_ms: 0, tally: self.tally }, None)))
+    }
+    fn cost(&self) -> String {
+        "0 ms".to_owned()
+    }
+}
+
+/// Stands for `sleeper` or `drowsy`.
+#[derive(Debug, Default, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Either {
+    /// An option.
+    tally: usize,
+}
+
+/// What [`Either`] chooses.
+pub static CHOSEN: Mutex<Result<&str, &str>> = Mutex::new(Ok("sleeper"));
+
+impl Config for Either {
+    type Stage = dyn Renderer;
+    const KIND: &'static str = "either";
+    const EXAMPLE: &'static str = "";
+    const CHOOSE: Option<Choose> = Some(|_| match *CHOSEN.lock().expect("chosen") {
+        Ok(kind) => Ok(Choice { kind, reason: "it slept well".to_owned() }),
+        Err(message) => Err(Error::new(message).help("wake up")),
+    });
+    fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
+        Ok(Box::new(Drowsy { tally: self.tally }))
+    }
+}
+
+/// Cards that renderers have, by tally.
+static CARDS: Mutex<BTreeMap<usize, String>> = Mutex::new(BTreeMap::new());
+
+/// Gives a renderer a card, or takes it away.
+pub fn put_card(tally: usize, name: Option<&str>) {
+    let mut cards = CARDS.lock().expect("cards");
+    match name {
+        Some(name) => drop(cards.insert(tally, name.to_owned())),
+        None => drop(cards.remove(&tally)),
+    }
+}
+
+struct Asleep(Sleeper, Option<Arc<Scene>>);
 impl RenderSession for Asleep {
-    fn load(&mut self, _: &Arc<Scene>, _: &dyn syntable_model::context::Workers) -> Result<()> {
+    fn load(&mut self, scene: &Arc<Scene>, _: &dyn syntable_model::context::Workers) -> Result<()> {
+        self.1 = Some(scene.clone());
         Ok(())
     }
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()> {
+        let scene = self.1.as_ref().expect("loaded").id.0;
+        if let Some((times, error)) = FAULTS.lock().expect("faults").get_mut(&(self.0.tally, scene))
+            && *times > 0
+        {
+            *times -= 1;
+            return Err(error.clone());
+        }
         RENDERED[self.0.tally].fetch_add(1, Ordering::SeqCst);
         sleep(self.0.sleep_ms);
         if request.wants.is_empty() { Ok(()) } else { products.put(LIGHT, Value::Int(1)) }
@@ -332,7 +407,8 @@ pub fn registry() -> Registry {
     macro_rules! entries {
         ($($name:ident),*) => { [$(Entry::of::<$name>("kit", "0.0.0")),*] };
     }
-    let entries = entries![Boxes, Lift, Small, Fixed, Sleeper, Doubler, Thinker, Tracker, Summer, Lines, Names];
+    let entries =
+        entries![Boxes, Lift, Small, Fixed, Sleeper, Drowsy, Either, Doubler, Thinker, Tracker, Summer, Lines, Names];
     Registry::new(entries).expect("no clash")
 }
 

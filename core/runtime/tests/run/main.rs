@@ -1,6 +1,7 @@
 //! Runs of stages made for the purpose: scheduling, scopes, replacement, errors that end a run at once, and datasets that
 //! grow, are compared, repaired and merged.
 
+mod devices;
 mod growth;
 mod kit;
 mod whole;

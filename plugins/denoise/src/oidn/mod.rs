@@ -4,7 +4,7 @@ mod library;
 
 use library::{Device, Job};
 use parking_lot::Mutex;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use syntable_model::photometry::luminance;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DENOISE_ALBEDO, DENOISE_NORMAL, DENOISER, RADIANCE, RADIANCE_NOISY};
@@ -47,9 +47,11 @@ impl Quality {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Oidn {
-    /// The library: `libOpenImageDenoise.so.2`, `OpenImageDenoise.dll` or `libOpenImageDenoise.dylib`, with its path.
+    /// The library: `libOpenImageDenoise.so.2`, `OpenImageDenoise.dll` or `libOpenImageDenoise.dylib`, with its path. Without
+    /// it, the one that the environment variable `OIDN_LIBRARY` names, or else the one that the system has installed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-syntable-ref" = "library"))]
-    library: AssetPath,
+    library: Option<AssetPath>,
     /// Time against quality. Versions before 2.0 have `high` only.
     #[serde(default)]
     quality: Quality,
@@ -68,23 +70,88 @@ impl Config for Oidn {
     const KIND: &'static str = "oidn";
     const EXAMPLE: &'static str = "library = \"${OIDN_LIBRARY}\"\nquality = \"high\"";
     fn build(self) -> Result<Box<dyn Denoiser>, ConfigError> {
-        Ok(Box::new(OidnDenoiser::new(self)))
+        let library = self.library.as_ref().map(|library| Library::Named(library.path().to_owned()));
+        let library = library.unwrap_or_else(Library::of_machine);
+        Ok(Box::new(OidnDenoiser { options: self, library, device: Mutex::new(None) }))
+    }
+}
+
+/// Environment variable that names the library.
+const VARIABLE: &str = "OIDN_LIBRARY";
+
+/// Names by which the system's loader finds an installed library.
+const INSTALLED: &[&str] = if cfg!(windows) {
+    &["OpenImageDenoise.dll"]
+} else if cfg!(target_os = "macos") {
+    &["libOpenImageDenoise.2.dylib", "libOpenImageDenoise.dylib"]
+} else {
+    &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
+};
+
+/// Where the library is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Library {
+    /// In a file that the user named.
+    Named(PathBuf),
+    /// Where the system's loader finds it, under one of these names.
+    Installed(Vec<&'static str>),
+}
+
+impl Library {
+    /// The library of this machine: what the environment names, else what is installed.
+    pub(crate) fn of_machine() -> Self {
+        match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
+            Some(path) => Self::Named(path.into()),
+            None => Self::Installed(INSTALLED.to_vec()),
+        }
+    }
+
+    /// Opens a device of so many threads.
+    fn open(&self, threads: usize) -> Result<Device> {
+        match self {
+            Self::Named(path) => Device::open(path, threads).map_err(|error| self.blamed(error).help(ADVICE)),
+            Self::Installed(names) => {
+                let mut reasons = Vec::new();
+                for name in names {
+                    match Device::open(Path::new(name), threads) {
+                        Ok(device) => return Ok(device),
+                        Err(error) => reasons.push(error.message().to_owned()),
+                    }
+                }
+                let message = format!("open image denoise is not installed here: {}", reasons.join("; "));
+                Err(Error::new(message).help(ADVICE))
+            }
+        }
+    }
+
+    /// The version of the library, which must open.
+    pub(crate) fn version(&self) -> Result<String> {
+        self.open(1).map(|device| device.version())
+    }
+
+    /// Names the file of an error.
+    fn blamed(&self, error: Error) -> Error {
+        match self {
+            Self::Named(path) => error.in_file(path),
+            Self::Installed(_) => error,
+        }
     }
 }
 
 /// The denoiser of [`Oidn`]: one device, opened when the first image comes.
-pub(crate) struct OidnDenoiser {
+struct OidnDenoiser {
     options: Oidn,
+    library: Library,
     device: Mutex<Option<Device>>,
 }
 
 impl Denoiser for OidnDenoiser {
     fn reads(&self) -> Vec<KeyId> {
-        keys![RADIANCE_NOISY, DENOISE_ALBEDO, DENOISE_NORMAL]
+        reads()
     }
 
     fn found(&self) -> Result<()> {
-        let library = self.options.library.path();
+        let Library::Named(library) = &self.library else { return Ok(()) };
         match std::fs::metadata(library) {
             Ok(found) if found.is_file() => Ok(()),
             Ok(_) => Err(Error::new("it is not a file").in_file(library).help(ADVICE)),
@@ -93,11 +160,11 @@ impl Denoiser for OidnDenoiser {
     }
 
     fn ready(&self) -> Result<()> {
-        self.open(1).map(drop)
+        self.library.open(1).map(drop)
     }
 
     fn denoise(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let Oidn { library, quality, clean_guides } = &self.options;
+        let Oidn { quality, clean_guides, .. } = &self.options;
         let mut radiance = products.get(RADIANCE_NOISY)?.map(|pixel| pixel.map(finite));
         let mut albedo = products.get(DENOISE_ALBEDO)?.map(|pixel| pixel.map(|x| finite(x).min(1.0)));
         let mut normal = products.get(DENOISE_NORMAL)?.map(|pixel| pixel.map(|x| if x.is_finite() { x } else { 0.0 }));
@@ -105,7 +172,7 @@ impl Denoiser for OidnDenoiser {
         let mut held = self.device.lock();
         let device = match &mut *held {
             Some(device) => device,
-            none => none.insert(self.open(cx.workers.threads())?),
+            none => none.insert(self.library.open(cx.workers.threads())?),
         };
         let code = quality.code(device);
         let (width, height) = (radiance.width() as usize, radiance.height() as usize);
@@ -119,10 +186,10 @@ impl Denoiser for OidnDenoiser {
             quality: code,
             scale,
         };
-        device.filter(job).map_err(|error| error.in_file(library.path()))?;
+        device.filter(job).map_err(|error| self.library.blamed(error))?;
         let quality = if device.at_least(2, 0) { *quality } else { Quality::High };
         let report = Value::record([
-            ("name", Self::NAME.into()),
+            ("name", Oidn::KIND.into()),
             ("version", device.version().into()),
             ("quality", quality.name().into()),
             ("clean_guides", (*clean_guides).into()),
@@ -132,29 +199,13 @@ impl Denoiser for OidnDenoiser {
     }
 }
 
-impl Oidn {
-    /// With defaults for the rest.
-    pub(crate) fn with_library(library: PathBuf) -> Self {
-        Self { library: AssetPath(library), quality: Quality::default(), clean_guides: yes() }
-    }
-}
-
-impl OidnDenoiser {
-    const NAME: &'static str = Oidn::KIND;
-
-    pub(crate) fn new(options: Oidn) -> Self {
-        Self { options, device: Mutex::new(None) }
-    }
-
-    /// Opens a device of so many threads.
-    fn open(&self, threads: usize) -> Result<Device> {
-        let library = self.options.library.path();
-        Device::open(library, threads).map_err(|error| error.in_file(library).help(ADVICE))
-    }
+/// What it reads.
+pub(crate) fn reads() -> Vec<KeyId> {
+    keys![RADIANCE_NOISY, DENOISE_ALBEDO, DENOISE_NORMAL]
 }
 
 /// Where a library is to be had.
-const ADVICE: &str = "`library` must name Open Image Denoise for this system: `pip install pyoidn` puts one into \
+const ADVICE: &str = "`library`, or the environment variable `OIDN_LIBRARY`, must name Open Image Denoise for this system: `pip install pyoidn` puts one into \
                       site-packages/pyoidn/oidn/lib, and the archives of its releases have one in lib; or denoise with \
                       `kind = \"guided\"`";
 

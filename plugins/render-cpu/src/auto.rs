@@ -1,0 +1,115 @@
+//! `auto`: the path tracer of a graphics card where there is one.
+
+use crate::cpu_path::{CpuPath, CpuPathRenderer};
+use syntable_model::prelude::*;
+use syntable_model::registry::{Choice, Choose, Registry, Slot, Stage};
+use syntable_model::stage::DeviceClass;
+use syntable_transport::path_tracing_kind;
+
+path_tracing_kind! {
+    /// `gpu_path` where there is a graphics card that can run it, else `cpu_path`. A program in place of a card does not count.
+    ///
+    /// It is chosen when a dataset is begun: the dataset's recipe names the kind, and goes on with no other. Where the same
+    /// bytes are needed everywhere, name `cpu_path`.
+    AutoPath
+}
+
+/// The kind for cards. It is looked up by name: a program need not have it.
+const ON_CARDS: &str = "gpu_path";
+
+impl Config for AutoPath {
+    type Stage = dyn Renderer;
+    const KIND: &'static str = "auto";
+    const EXAMPLE: &'static str = CpuPath::EXAMPLE;
+    const CHOOSE: Option<Choose> = Some(choose);
+
+    fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
+        // Both have the same products and costs.
+        Ok(Box::new(CpuPathRenderer::new(self.0)))
+    }
+}
+
+fn choose(registry: &Registry) -> Result<Choice> {
+    let made = registry.find(Slot::Render, ON_CARDS).map(|entry| entry.construct_str(""));
+    let Some(Ok(Stage::Render(renderer))) = made.map(|made| made.map(|made| made.stage)) else {
+        return Ok(on_processor(format!("this program has no `{ON_CARDS}`")));
+    };
+    Ok(match renderer.devices() {
+        Err(error) => on_processor(error.message().to_owned()),
+        Ok(devices) => {
+            let names = |class: DeviceClass| {
+                let of_class = devices.iter().filter(|device| device.class == class);
+                of_class.map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ")
+            };
+            match (names(DeviceClass::Card), names(DeviceClass::Emulated)) {
+                (cards, _) if !cards.is_empty() => Choice { kind: ON_CARDS, reason: cards },
+                (_, emulated) => on_processor(format!("there is no graphics card, only {emulated}")),
+            }
+        }
+    })
+}
+
+fn on_processor(reason: String) -> Choice {
+    Choice { kind: CpuPath::KIND, reason }
+}
+
+register!(AutoPath);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::registry::Entry;
+    use syntable_model::stage::RenderDevice;
+
+    /// A renderer of the name of the one for cards, with devices of a class; none is an error.
+    macro_rules! gpu_path {
+        ($name:ident, $class:expr) => {
+            #[derive(Default, Serialize, Deserialize, JsonSchema)]
+            #[serde(deny_unknown_fields)]
+            struct $name {}
+
+            impl Config for $name {
+                type Stage = dyn Renderer;
+                const KIND: &'static str = "gpu_path";
+                const EXAMPLE: &'static str = "";
+                fn build(self) -> Result<Box<dyn Renderer>, ConfigError> {
+                    Ok(Box::new(self))
+                }
+            }
+
+            impl Renderer for $name {
+                fn offers(&self) -> Vec<KeyId> {
+                    Vec::new()
+                }
+                fn devices(&self) -> Result<Vec<RenderDevice>> {
+                    let class: Option<DeviceClass> = $class;
+                    let none = || Error::new("no graphics adapter was found");
+                    Ok(vec![RenderDevice { name: "X1 (driver 2)".into(), class: class.ok_or_else(none)? }])
+                }
+                fn open(&self, _: usize) -> Result<Box<dyn RenderSession>> {
+                    Err(Error::new("choosing opens no session"))
+                }
+                fn cost(&self) -> String {
+                    String::new()
+                }
+            }
+        };
+    }
+    gpu_path!(WithCard, Some(DeviceClass::Card));
+    gpu_path!(WithProgram, Some(DeviceClass::Emulated));
+    gpu_path!(Without, None);
+
+    #[test]
+    fn a_card_is_taken_where_there_is_one() {
+        let of = |entries: &[Entry]| {
+            let registry = Registry::new(entries.iter().copied()).expect("no clash");
+            let Choice { kind, reason } = choose(&registry).expect("there is always the processor");
+            (kind, reason)
+        };
+        assert_eq!(of(&[Entry::of::<WithCard>("a", "1")]), ("gpu_path", "X1 (driver 2)".into()));
+        let only = "there is no graphics card, only X1 (driver 2)";
+        assert_eq!(of(&[Entry::of::<WithProgram>("a", "1")]), ("cpu_path", only.into()));
+        assert_eq!(of(&[Entry::of::<Without>("a", "1")]), ("cpu_path", "no graphics adapter was found".into()));
+        assert_eq!(of(&[]), ("cpu_path", "this program has no `gpu_path`".into()));
+    }
+}
