@@ -23,7 +23,7 @@ mod light;
 mod mapping;
 mod material;
 mod mesh;
-mod sampler;
+pub mod sampler;
 mod scene;
 mod texture;
 mod tree;

@@ -101,14 +101,15 @@ impl<I: Int> Sampler<I> {
     }
 }
 
+/// A number in [0, 1) of the upper 24 bits.
 #[inline(always)]
-fn unit<I: Int>(bits: I) -> I::Real {
+pub fn unit<I: Int>(bits: I) -> I::Real {
     (bits >> 8).signed_to_real() * (1.0_f32 / (1 << 24) as f32)
 }
 
 /// A bijection that scatters bits (Wellons' search, "lowbias32").
 #[inline(always)]
-fn hash<I: Int>(x: I) -> I {
+pub fn hash<I: Int>(x: I) -> I {
     let x = (x ^ x >> 16).times(I::splat(0x7feb_352d));
     let x = (x ^ x >> 15).times(I::splat(0x846c_a68b));
     x ^ x >> 16
@@ -117,7 +118,7 @@ fn hash<I: Int>(x: I) -> I {
 /// Owen scrambling of a bit-reversed number: every bit is flipped or not by the bits below it alone
 /// (Laine and Karras 2011, with Vegdahl's constants).
 #[inline(always)]
-fn scramble_reversed<I: Int>(x: I, seed: I) -> I {
+pub fn scramble_reversed<I: Int>(x: I, seed: I) -> I {
     let x = x ^ x.times(I::splat(0x3d20_adea));
     let x = x.plus(seed);
     let x = x.times(seed >> 16 | I::splat(1));
@@ -127,7 +128,7 @@ fn scramble_reversed<I: Int>(x: I, seed: I) -> I {
 
 /// The second Sobol' dimension, bit-reversed, of an index: Pascal's triangle modulo two, by doubling.
 #[inline(always)]
-fn pascal<I: Int>(index: I) -> I {
+pub fn pascal<I: Int>(index: I) -> I {
     let mut b = index;
     b = b ^ (b >> 16 & I::splat(0x0000_ffff));
     b = b ^ (b >> 8 & I::splat(0x00ff_00ff));

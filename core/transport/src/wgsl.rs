@@ -24,3 +24,6 @@ pub const TRANSMISSION: &str = include_str!("bsdf/transmission.wgsl");
 pub const LAYERED: &str = include_str!("bsdf/layered.wgsl");
 /// Lights with a shape.
 pub const SHAPES: &str = include_str!("light/shapes.wgsl");
+
+/// All modules; their order means nothing.
+pub const MODULES: &[&str] = &[FUNCTIONS, SAMPLER, GGX, ALBEDO, BSDF, SHEEN, COATING, TRANSMISSION, LAYERED, SHAPES];

@@ -10,26 +10,19 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
 
-/// The WGSL of all kernels, module after module.
-const SHADERS: &[&str] = &[
-    include_str!("shaders/scene.wgsl"),
-    syntable_transport::wgsl::FUNCTIONS,
-    syntable_transport::wgsl::SAMPLER,
-    syntable_transport::wgsl::GGX,
-    syntable_transport::wgsl::ALBEDO,
-    syntable_transport::wgsl::BSDF,
-    syntable_transport::wgsl::SHEEN,
-    syntable_transport::wgsl::COATING,
-    syntable_transport::wgsl::TRANSMISSION,
-    syntable_transport::wgsl::LAYERED,
-    syntable_transport::wgsl::SHAPES,
-    include_str!("shaders/material.wgsl"),
-    include_str!("shaders/surface.wgsl"),
-    include_str!("shaders/lights.wgsl"),
-    include_str!("shaders/bvh.wgsl"),
-    include_str!("shaders/camera.wgsl"),
-    include_str!("shaders/path.wgsl"),
-    include_str!("shaders/labels.wgsl"),
+/// The WGSL of all kernels, module after module: those of the renderer, between them those that mirror its reference.
+const SHADERS: &[&[&str]] = &[
+    &[include_str!("shaders/scene.wgsl")],
+    syntable_transport::wgsl::MODULES,
+    &[
+        include_str!("shaders/material.wgsl"),
+        include_str!("shaders/surface.wgsl"),
+        include_str!("shaders/lights.wgsl"),
+        include_str!("shaders/bvh.wgsl"),
+        include_str!("shaders/camera.wgsl"),
+        include_str!("shaders/path.wgsl"),
+        include_str!("shaders/labels.wgsl"),
+    ],
 ];
 
 /// Longest time that a submission may take.
@@ -247,7 +240,7 @@ impl Device {
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let source = wgpu::ShaderSource::Wgsl(SHADERS.join("\n").into());
+        let source = wgpu::ShaderSource::Wgsl(SHADERS.concat().join("\n").into());
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some("syntable"), source };
         // SAFETY: loops of the shaders end, and their indices follow from tables and counts that this crate writes.
         let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };

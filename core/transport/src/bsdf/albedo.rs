@@ -10,14 +10,14 @@ use syntable_simd::vec3;
 use syntable_simd::{Int, Real, at_least, at_most};
 
 /// Cells along the cosine and along the roughness; few, so that the table leaves room in the nearest cache.
-pub(super) const CELLS: usize = 20;
+pub const CELLS: usize = 20;
 
 /// Samples of every table entry.
 const SAMPLES: u32 = 512;
 
 /// Albedo of the single-scattering lobe, split by Fresnel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Albedo<T = f32> {
+pub struct Albedo<T = f32> {
     /// Multiplies the reflectance at normal incidence.
     pub facing: T,
     /// Added.
@@ -42,19 +42,21 @@ impl<T: Real> Albedo<T> {
 
 /// The albedo at one roughness, by cosine.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row<T: Real> {
+pub struct Row<T: Real> {
     /// Number of the cell's row.
     row: T::Int,
     weight: T,
 }
 
 impl<T: Real> Row<T> {
+    /// Of a perceptual roughness in [0, 1].
     #[inline(always)]
     pub fn new(roughness: T) -> Self {
         let (row, weight) = cell(roughness);
         Self { row, weight }
     }
 
+    /// At a cosine in [0, 1].
     #[inline(always)]
     pub fn at(&self, table: &Table, mu: T) -> Albedo<T> {
         let (column, weight) = cell(mu);
@@ -90,7 +92,7 @@ pub fn table() -> &'static Table {
 
 /// Number of the cell and place in it, of a number in [0, 1].
 #[inline(always)]
-pub(super) fn cell<T: Real>(x: T) -> (T::Int, T) {
+pub fn cell<T: Real>(x: T) -> (T::Int, T) {
     let x = at_most(at_least(x, 0.0), 1.0) * CELLS as f32;
     // The last cell holds the end too.
     let i = at_most(x, (CELLS - 1) as f32).truncate();

@@ -38,6 +38,7 @@ pub struct CoatingAttenuation<T: Real = f32> {
 }
 
 impl<T: Real> CoatingAttenuation<T> {
+    /// `mu_o` is the cosine of the outgoing direction, above 0.
     #[inline(always)]
     pub fn new(parameters: CoatingParameters<T>, mu_o: T, table: &'static Table) -> Self {
         let coat_row = Row::new(parameters.clearcoat_roughness);

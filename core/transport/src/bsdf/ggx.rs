@@ -7,14 +7,14 @@ use syntable_simd::{Real, at_least, complement, inverse};
 use syntable_simd::{Vec3, vec3};
 
 /// Smallest α: rougher than a mirror by an angle too small to see, but within the range of `f32`.
-pub(super) const MIN_ALPHA: f32 = 1e-3;
+pub const MIN_ALPHA: f32 = 1e-3;
 
 /// Quotients' divisors below this count as this.
 const SMALL: f32 = 1e-6;
 
 /// The distribution at one roughness, with what all incoming directions share for one outgoing direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ggx<T> {
+pub struct Ggx<T> {
     wo: Vec3<T>,
     alpha: T,
     alpha2: T,
@@ -81,13 +81,13 @@ impl<T: Real> Ggx<T> {
 
 /// √(α² + (1 − α²) μ²).
 #[inline(always)]
-fn stretch<T: Real>(alpha2: T, mu: T) -> T {
+pub fn stretch<T: Real>(alpha2: T, mu: T) -> T {
     (alpha2 + complement(alpha2) * mu * mu).sqrt()
 }
 
 /// Schlick's rise towards grazing angles, (1 − cos)⁵.
 #[inline(always)]
-pub(super) fn schlick<T: Real>(cosine: T) -> T {
+pub fn schlick<T: Real>(cosine: T) -> T {
     let m = complement(cosine);
     let m2 = m * m;
     m2 * m2 * m

@@ -15,14 +15,14 @@
 //! rises to one at grazing angles, as Schlick has it, unless it is below 2 % at normal incidence: no real surface is,
 //! so it then fades with it (Lagarde and de Rousiers, 2014), and a dielectric with index 1 is purely diffuse.
 
-mod albedo;
-mod coating;
-mod ggx;
+pub mod albedo;
+pub mod coating;
+pub mod ggx;
 mod layered;
-mod sheen;
+pub mod sheen;
 #[cfg(test)]
 mod tests;
-mod transmission;
+pub mod transmission;
 
 use crate::options::Dielectrics;
 pub use albedo::{Table, table};
@@ -98,25 +98,28 @@ pub struct BsdfSample<T: Real> {
     pub reflected: T::Mask,
 }
 
-/// Reflection at a dielectric's surface: at normal incidence, at grazing incidence, after more than one bounce.
+/// Reflection at a dielectric's surface.
 #[derive(Clone, Copy, Debug)]
-struct Interface<T> {
-    f0: T,
-    f90: T,
-    multiple: T,
+pub struct Interface<T> {
+    /// Reflectance at normal incidence.
+    pub f0: T,
+    /// Reflectance at grazing incidence.
+    pub f90: T,
+    /// Reflectance of what is reflected more than once.
+    pub multiple: T,
 }
 
 impl<T: Real> Interface<T> {
     /// Albedo, multiple scattering included.
     #[inline(always)]
-    fn albedo(&self, lobe: Albedo<T>) -> T {
+    pub fn albedo(&self, lobe: Albedo<T>) -> T {
         self.f0 * lobe.facing + self.f90 * lobe.grazing + self.multiple * at_least(complement(lobe.white()), 0.0)
     }
 }
 
 /// Fraction of the light that leaves after more than one bounce, of that which Smith's model loses (Kulla and Conty).
 #[inline(always)]
-fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
+pub fn multiple_reflectance<T: Real>(f0: T, f90: T, mean_albedo: T) -> T {
     let fresnel_mean = f0 + (f90 - f0) * SCHLICK_MEAN;
     fresnel_mean * fresnel_mean * mean_albedo / at_least(complement(fresnel_mean * complement(mean_albedo)), 1e-6)
 }

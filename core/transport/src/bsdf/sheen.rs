@@ -48,14 +48,15 @@ impl<T: Real> Sheen<T> {
     }
 }
 
+/// 1/α of a perceptual roughness.
 #[inline(always)]
-fn per_alpha<T: Real>(roughness: T) -> T {
+pub fn per_alpha<T: Real>(roughness: T) -> T {
     inverse(at_least(roughness * roughness, MIN_ALPHA))
 }
 
 /// D · V as published.
 #[inline(always)]
-fn lobe<T: Real>(wo: Vec3<T>, wi: Vec3<T>, per_alpha: T) -> T {
+pub fn lobe<T: Real>(wo: Vec3<T>, wi: Vec3<T>, per_alpha: T) -> T {
     let h = wo + wi;
     let h = h * inverse(at_least(h.dot(h), 1e-20).sqrt());
     let sin2 = at_least(complement(h.z * h.z), 1e-12);
@@ -71,6 +72,7 @@ pub struct SheenRow<T: Real> {
 }
 
 impl<T: Real> SheenRow<T> {
+    /// Of a perceptual roughness in [0, 1].
     #[inline(always)]
     pub fn new(roughness: T) -> Self {
         let (row, weight) = cell(roughness);
@@ -79,7 +81,7 @@ impl<T: Real> SheenRow<T> {
 
     /// As published: may exceed one.
     #[inline(always)]
-    fn raw(&self, mu: T) -> T {
+    pub fn raw(&self, mu: T) -> T {
         let (column, weight) = cell(mu);
         let index = self.row.times(T::Int::splat(CELLS as u32)).plus(column);
         let [a, b, c, d, ..] = T::lookup(&TABLE, index);

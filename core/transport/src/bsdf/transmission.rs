@@ -29,7 +29,9 @@ pub struct Transmission<T: Real = f32> {
 /// A sampled direction, on either side.
 #[derive(Clone, Copy, Debug)]
 pub struct TransmissionSample<T: Real> {
+    /// Whether there is one.
     pub valid: T::Mask,
+    /// Where it goes, local.
     pub wi: Vec3<T>,
     /// BSDF times cosine over density.
     pub weight: Rgb<T>,
@@ -84,7 +86,7 @@ impl<T: Real> Transmission<T> {
 
 /// Reflectance of a thin sheet, whose two faces reflect light between them for ever: F + (1 − F)² F / (1 − F²).
 #[inline(always)]
-fn of_two_faces<T: Real>(fresnel: T) -> T {
+pub fn of_two_faces<T: Real>(fresnel: T) -> T {
     fresnel * 2.0_f32 / (fresnel + 1.0_f32)
 }
 
@@ -96,7 +98,7 @@ pub fn pane_transmittance(cosine: f32, ior: f32) -> f32 {
 
 /// Fresnel's reflectance of unpolarized light at a dielectric, and the cosine beyond; 1 and 0 for total reflection.
 #[inline(always)]
-pub(super) fn dielectric<T: Real>(cos_i: T, eta: T) -> (T, T) {
+pub fn dielectric<T: Real>(cos_i: T, eta: T) -> (T, T) {
     let per_eta = inverse(eta);
     let sin2_t = complement(cos_i * cos_i) * per_eta * per_eta;
     let total = sin2_t.ge(T::splat(1.0));

@@ -53,7 +53,7 @@ pub struct LightHit<T: Real> {
 
 /// A light with a shape.
 #[derive(Clone, Copy, Debug)]
-struct Shape<'a>(&'a AreaLight);
+pub struct Shape<'a>(pub &'a AreaLight);
 
 /// All lights of a view.
 #[derive(Default)]
@@ -338,8 +338,9 @@ impl Lights<'_> {
 }
 
 impl Shape<'_> {
+    /// An upper estimate of the irradiance at a point with unit normal `n`, unshadowed, up to a factor.
     #[inline(always)]
-    fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
+    pub fn importance<T: Real>(&self, p: Vec3<T>, n: Vec3<T>) -> T {
         match self.0 {
             AreaLight::Sphere(sphere) => Sphere(sphere).importance(p, n),
             AreaLight::Rect(rect) => Rect(rect).importance(p, n),
@@ -347,8 +348,9 @@ impl Shape<'_> {
         }
     }
 
+    /// Samples a direction from a point.
     #[inline(always)]
-    fn sample<T: Real>(&self, p: Vec3<T>, uv: [T; 2]) -> LightSample<T> {
+    pub fn sample<T: Real>(&self, p: Vec3<T>, uv: [T; 2]) -> LightSample<T> {
         match self.0 {
             AreaLight::Sphere(sphere) => Sphere(sphere).sample(p, uv),
             AreaLight::Rect(rect) => Rect(rect).sample(p, uv),
@@ -356,8 +358,9 @@ impl Shape<'_> {
         }
     }
 
+    /// Density of [`Self::sample`] for a direction that hits the light at a distance.
     #[inline(always)]
-    fn pdf<T: Real>(&self, p: Vec3<T>, distance: T) -> T {
+    pub fn pdf<T: Real>(&self, p: Vec3<T>, distance: T) -> T {
         match self.0 {
             AreaLight::Sphere(sphere) => Sphere(sphere).pdf(p),
             AreaLight::Rect(rect) => Rect(rect).pdf(p, distance),
@@ -367,7 +370,7 @@ impl Shape<'_> {
 
     /// Distance to the lit surface; infinite if the ray misses it.
     #[inline(always)]
-    fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
+    pub fn intersect<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>) -> T {
         match self.0 {
             AreaLight::Sphere(sphere) => Sphere(sphere).intersect(origin, direction),
             AreaLight::Rect(rect) => Rect(rect).intersect(origin, direction),
