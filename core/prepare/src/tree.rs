@@ -21,11 +21,12 @@ impl Bounds {
         }
     }
 
-    /// The smallest box holding both.
-    pub fn union(mut self, other: &Self) -> Self {
-        self.include(other.lo);
-        self.include(other.hi);
-        self
+    /// The smallest box holding both; either may be empty.
+    pub fn union(&self, other: &Self) -> Self {
+        Self {
+            lo: [0, 1, 2].map(|axis| self.lo[axis].min(other.lo[axis])),
+            hi: [0, 1, 2].map(|axis| self.hi[axis].max(other.hi[axis])),
+        }
     }
 
     /// Largest absolute coordinate; 0 for the empty box.

@@ -232,7 +232,7 @@ fn node(slots: &[Option<(usize, Child)>; WIDTH], first_child: u32, first_item: u
             offset += child.items;
         }
         for axis in 0..3 {
-            let steps = |x: f32| (f64::from(bound(x)) - f64::from(lower[axis])) / f64::from(exponents[axis]).exp2();
+            let steps = |x: f32| (f64::from(bound(x)) - f64::from(lower[axis])) / power_of_two(exponents[axis]);
             planes[0][axis][slot] = steps(child.bounds.lo[axis]).floor() as u8;
             planes[1][axis][slot] = steps(child.bounds.hi[axis]).ceil() as u8;
         }
@@ -252,10 +252,17 @@ fn node(slots: &[Option<(usize, Child)>; WIDTH], first_child: u32, first_item: u
     [[lower[0], lower[1], lower[2], form], pair(links[1], links[0]), pair(lx, ly), pair(lz, ux), pair(uy, uz)]
 }
 
+/// 2 to the power of an exponent between those of single precision.
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}
+
 /// The least exponent of two with which an extent has at most 255 steps.
 fn exponent(extent: f64) -> i32 {
-    let mut exponent = (extent / 255.0).log2().ceil().clamp(-126.0, 127.0) as i32;
-    while (extent / f64::from(exponent).exp2()).ceil() > 255.0 {
+    // The exponent of the number of a step, rounded down.
+    let least = ((extent / 255.0).to_bits() >> 52) as i32 - 1023;
+    let mut exponent = least.max(-126);
+    while (extent / power_of_two(exponent)).ceil() > 255.0 {
         exponent += 1;
     }
     exponent
@@ -373,7 +380,7 @@ mod tests {
         let vectors = &nodes[number * NODE_SIZE..(number + 1) * NODE_SIZE];
         let byte = |vector: usize, at: usize| vectors[vector][at / 4].to_bits().to_le_bytes()[at % 4];
         let [ex, ey, ez, with_nodes] = vectors[0][3].to_bits().to_le_bytes();
-        let step = [ex, ey, ez].map(|e| f64::from(i32::from(e) - 127).exp2());
+        let step = [ex, ey, ez].map(|e| power_of_two(i32::from(e) - 127));
         let [first_child, first_item] = [0, 1].map(|i| vectors[1][i].to_bits() as usize);
         let mut all = Bounds::EMPTY;
         for slot in 0..WIDTH {

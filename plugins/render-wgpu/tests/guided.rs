@@ -11,10 +11,11 @@ use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{EnvironmentLight, EnvironmentMap, Light};
-use syntable_render_wgpu::{Sections, adapters};
+use syntable_render_wgpu::{GpuPathRenderer, Sections, adapters};
 use syntable_testing::room::{self, Look};
 use syntable_testing::scenes;
 use syntable_testing::workers::Threads;
+use syntable_transport::PathTracing;
 
 /// The filter on the first adapter; a test without one says so and ends, unless tools are required.
 fn find_card() -> Option<Card> {
@@ -200,4 +201,50 @@ fn planes_beyond_their_buffer_are_an_error() {
     assert!(record(sections, 14 * 64 + 1).is_err());
     assert!(record(Sections { demodulated_variance: Some(16 * 64 + 1), ..sections }, 0).is_err());
     assert!(record(Sections { normal: u32::MAX - 3, ..sections }, 0).is_err());
+}
+
+#[test]
+fn the_denoiser_sees_what_was_rendered() {
+    if find_card().is_none() {
+        return;
+    }
+    // The same image, denoised on the device and from its products on the processor; and denoised alone.
+    let (view, guided) = (room::view(60, 44), Guided::default());
+    let (mut wants, provides) = (guided.reads(), guided.provides());
+    wants.extend(provides.iter().copied());
+    for (samples, look) in [(1, Look::Mixed), (4, Look::Glass)] {
+        let renderer = GpuPathRenderer::new(PathTracing { samples_per_pixel: samples, ..PathTracing::default() });
+        assert!(renderer.denoises(&guided));
+        let mut session = renderer.open(0).expect("opens");
+        session.load(&room::scene_of(look), &Threads(2)).expect("loads");
+        let mut render = |wants: &[KeyId]| {
+            let request = RenderRequest::new(&view, wants, Stream::root(5), &Threads(2));
+            let mut frame = Products::new();
+            session.render(&RenderRequest { denoiser: Some(&guided), ..request }, &mut frame).expect("renders");
+            frame
+        };
+        let (all, alone) = (render(&wants), render(&[RADIANCE.id()]));
+        let on_device = all.get(RADIANCE).expect("made");
+        assert_eq!(alone.get(RADIANCE).expect("made"), on_device);
+        assert!(!alone.contains(&RADIANCE_NOISY.id().name) && all.contains(&DENOISER.id().name));
+        let read: Vec<_> = guided.reads().iter().map(|key| key.name).collect();
+        let on_processor = reference(&guided, &all.only(&read));
+        let differ = |a: [f32; 3], b: [f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3 * (b[c] + 1e-3));
+        let count = on_device.data().iter().zip(&on_processor).filter(|&(&a, &b)| differ(a, b)).count();
+        if count > 2 {
+            for i in [0usize, 700, 1500] {
+                eprintln!(
+                    "{i} device {:?} cpu {:?} noisy {:?} id {:?}",
+                    on_device.data()[i],
+                    on_processor[i],
+                    all.get(RADIANCE_NOISY).expect("x").data()[i],
+                    all.get(INSTANCE).expect("x").data()[i]
+                );
+            }
+        }
+        assert!(count <= 2, "{count} pixels of {samples} samples of {look:?} differ");
+        assert!(on_device != all.get(RADIANCE_NOISY).expect("made"), "it was denoised");
+    }
+    let adaptive = GpuPathRenderer::new(PathTracing { noise: Some(0.1), ..PathTracing::default() });
+    assert!(!adaptive.denoises(&guided), "rounds of samples end on the processor");
 }
