@@ -1,4 +1,5 @@
-//! The same functions for GPUs, in WGSL. Each file lies beside the Rust that it mirrors.
+//! The same functions for GPUs, in WGSL. Each file lies beside the Rust that it mirrors, and each function is tested against it
+//! (`plugins/render-wgpu/tests/functions`).
 //!
 //! They refer to each other, and to two things of the renderer: a function `lobe_table(at: u32) -> vec4<f32>` gives entries of
 //! [`table`](crate::bsdf::table) and [`sheen_table`](crate::bsdf::sheen_table), the cells by halves, then the halves of the

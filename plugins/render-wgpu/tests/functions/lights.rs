@@ -32,7 +32,9 @@ fn light(row: &mut Row) -> Placed {
     row.below(3);
     let center = row.vector(2.0);
     let axes = Basis::around(row.axis());
-    (row.given(axes.x), row.given(axes.y), row.given(axes.z));
+    row.given(axes.x);
+    row.given(axes.y);
+    row.given(axes.z);
     let half = [row.within(0.02, 2.0, &[0.5, 0.1]), row.within(0.02, 2.0, &[0.5, 0.1])];
     let radius = row.within(0.02, 2.0, &[0.5, 0.1]);
     row.positive(4.0);
@@ -73,7 +75,8 @@ pub fn functions() -> Vec<Function> {
             Within(1e-5, 1e-5),
             |row| {
                 light(row).point(row);
-                (row.unit(), row.unit());
+                row.unit();
+                row.unit();
             },
             "let s = shape_sample(shape(), v3(), v2()); put_b(s.valid);
              put3(select(vec3(0.0), s.direction, s.valid));

@@ -5,7 +5,9 @@ use syntable_prepare::sampler::{SOBOL_PAIRS, Sampler, hash, pascal, scramble_rev
 
 /// A sampler and the number of a dimension.
 fn dimension(row: &mut Row) {
-    (row.bits(), row.bits(), row.below(2 * SOBOL_PAIRS));
+    row.bits();
+    row.bits();
+    row.below(2 * SOBOL_PAIRS);
 }
 
 pub fn functions() -> Vec<Function> {
