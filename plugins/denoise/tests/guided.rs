@@ -106,6 +106,28 @@ fn without_a_denoiser_the_image_stays_and_says_so() {
 }
 
 #[test]
+fn a_speck_does_not_become_black() {
+    // One sample was bright, where the surface is darker than on average: the mean of quotients is far above the quotient.
+    for (radiance, quotient) in [(1_600.0_f32, 16_000.0_f32), (400.0, 900.0), (5e4, 4e6)] {
+        let products = image(40, 30, |x, y| match (x, y) {
+            (20, 15) => {
+                let demodulated = Some([quotient; 3]);
+                Pixel {
+                    radiance: [radiance; 3],
+                    variance: (quotient * 0.5).powi(2),
+                    albedo: [0.5; 3],
+                    demodulated,
+                    ..WALL
+                }
+            }
+            _ => Pixel { albedo: [0.5; 3], variance: 0.1, ..WALL },
+        });
+        let pixel = luminance(filtered(&products)[15 * 40 + 20]);
+        assert!((9.0..30.0).contains(&pixel), "{radiance} nits became {pixel}, where all around is 10");
+    }
+}
+
+#[test]
 fn an_image_without_noise_stays() {
     let textured = |x: u32, y: u32| {
         let shade = 0.5 + 0.4 * ((x / 7 + y / 5) % 2) as f32;

@@ -311,9 +311,12 @@ impl Input<'_> {
             let [demodulated, mirrored] =
                 [self.light(pixel, Part::Diffuse, border), self.light(pixel, Part::Specular, border)];
             std::array::from_fn(|c| {
-                let residual = own[c] - (demodulated[c] * factor[c] + mirrored[c]);
-                let residual = if residual.is_finite() { trust * residual } else { 0.0 };
-                (diffuse.color[c].at(at) * factor[c] + specular.color[c].at(at) + residual).max(0.0)
+                let product = demodulated[c] * factor[c] + mirrored[c];
+                let filtered = diffuse.color[c].at(at) * factor[c] + specular.color[c].at(at);
+                // What the filter took from a firefly it took from the difference, too.
+                let kept = if filtered < product { filtered / product } else { 1.0 };
+                let residual = kept * trust * (own[c] - product);
+                (filtered + if residual.is_finite() { residual } else { 0.0 }).max(0.0)
             })
         });
         balance::restore(size.width, self.radiance.data(), joined.data_mut(), |pixel| self.surface(pixel));

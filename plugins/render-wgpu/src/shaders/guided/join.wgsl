@@ -61,10 +61,12 @@ fn joined(pixel: u32) -> vec3<f32> {
         let fraction = error / (error + place.w + 1e-30);
         trust = fraction * fraction;
     }
-    let residual = radiance - (diffuse_light(pixel, border) * factor + specular_light(pixel));
+    let product = diffuse_light(pixel, border) * factor + specular_light(pixel);
     let diffuse = filtered(0u, work.diffuse_ends_in, pixel) * factor;
-    let specular = filtered(pixels(), work.specular_ends_in, pixel);
-    return max(diffuse + specular + trust * residual, vec3(0.0));
+    let light = diffuse + filtered(pixels(), work.specular_ends_in, pixel);
+    // What the filter took from a firefly it took from the difference, too.
+    let kept = select(vec3(1.0), light / max(product, vec3(1e-37)), light < product);
+    return max(light + kept * trust * (radiance - product), vec3(0.0));
 }
 
 @compute @workgroup_size(LANES)
