@@ -3,12 +3,10 @@
 #![allow(dead_code)]
 
 use std::sync::Arc;
+use syntable_denoise::guided::Guided;
 use syntable_model::context::{Collected, DatasetContext, Workers};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{
-    DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
-    RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
-};
+use syntable_model::product::standard::{RADIANCE, RADIANCE_NOISY};
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::workers::Threads;
 use syntable_testing::{room, scenes};
@@ -49,17 +47,9 @@ impl Room {
 
     /// The noisy image with all guides.
     pub fn render(&self, samples_per_pixel: u32, seed: u64) -> Products {
-        let wants: [KeyId; 9] = [
-            RADIANCE.id(),
-            DENOISE_ALBEDO.id(),
-            DENOISE_NORMAL.id(),
-            DEPTH.id(),
-            INSTANCE.id(),
-            RADIANCE_SPECULAR.id(),
-            RADIANCE_SPECULAR_VARIANCE.id(),
-            RADIANCE_DEMODULATED.id(),
-            RADIANCE_DEMODULATED_VARIANCE.id(),
-        ];
+        // What the filter reads, under the renderer's names.
+        let of_renderer = |key: KeyId| if key.name == RADIANCE_NOISY.id().name { RADIANCE.id() } else { key };
+        let wants: Vec<KeyId> = Guided::default().reads().into_iter().map(of_renderer).collect();
         // As recipes have it: caustics converge too slowly for a reference.
         let options = PathTracing { samples_per_pixel, regularize: 0.3, ..PathTracing::default() };
         let mut session = CpuPathRenderer::new(options).session();
