@@ -100,9 +100,9 @@ fn a_panic_costs_one_scene_and_shifts_none() {
     let folder = tempfile::tempdir().expect("a folder");
     let (good, bad) = (folder.path().join("good"), folder.path().join("bad"));
     let (outcome, _) = small(&good, &[]);
-    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, images: 8 });
+    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, lacking: 0, images: 8 });
     let (outcome, events) = small(&bad, &[("annotate.fragile.panics_in", "[1]")]);
-    assert_eq!(outcome, Outcome { scenes: 3, failed: 1, images: 6 });
+    assert_eq!(outcome, Outcome { scenes: 3, failed: 1, lacking: 0, images: 6 });
     let attempts: Vec<&String> =
         events.iter().filter_map(|e| if let Event::Attempt { error, .. } = e { Some(error) } else { None }).collect();
     assert_eq!(attempts.len(), 3);
@@ -125,7 +125,7 @@ fn a_panic_costs_one_scene_and_shifts_none() {
 fn the_next_attempt_may_do_better() {
     let folder = tempfile::tempdir().expect("a folder");
     let (outcome, events) = small(folder.path(), &[("annotate.fragile.stumbles_in", "[2]")]);
-    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, images: 8 });
+    assert_eq!(outcome, Outcome { scenes: 4, failed: 0, lacking: 0, images: 8 });
     let attempts = events.iter().filter(|event| matches!(event, Event::Attempt { last: false, scene: 2, .. })).count();
     assert_eq!(attempts, 1);
 }

@@ -93,13 +93,21 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         )
     };
     let outcome = run_recipe(&recipe, &options, console.reporter()).map_err(|error| ended(&stop, error))?;
-    if outcome.failed == 0 {
-        return Ok(());
-    }
-    let error = Error::new(format!("{} failed", count(outcome.failed, "scene")))
-        .in_file(options.out.join(".syntable/journal.jsonl"))
-        .help("the journal says why; --retry-failed tries them again");
-    Err(Exit { code: 3, messages: vec![Message::Error(error)] })
+    let failed = (outcome.failed > 0).then(|| {
+        Error::new(format!("{} failed", count(outcome.failed, "scene")))
+            .in_file(options.out.join(".syntable/journal.jsonl"))
+            .help("the journal says why; --retry-failed tries them again")
+    });
+    let lacking = (outcome.lacking > 0).then(|| {
+        Error::new(format!(
+            "{} could not be given what the recipe adds, and stay as they were",
+            count(outcome.lacking, "scene")
+        ))
+        .in_file(&options.out)
+        .help("the warnings above say why; the same command tries them again")
+    });
+    let messages: Vec<Message> = [failed, lacking].into_iter().flatten().map(Message::Error).collect();
+    if messages.is_empty() { Ok(()) } else { Err(Exit { code: 3, messages }) }
 }
 
 /// Lets signals stop what a verb does.

@@ -38,6 +38,8 @@ use syntable_model::stage::RESERVED;
 /// An open dataset folder. No other run can open it meanwhile.
 pub struct Folder {
     root: PathBuf,
+    /// The recipe that becomes the dataset's with the first scene that is made by it.
+    proposed: Mutex<Option<String>>,
     _lock: Option<File>,
 }
 
@@ -104,7 +106,7 @@ impl Folder {
         let lock_path = root.join(MARK).join("lock");
         let lock = File::create(&lock_path).map_err(|error| Error::io(&lock_path, &error))?;
         lock_now(&lock, &lock_path, root, File::try_lock)?;
-        let folder = Self { root: root.to_owned(), _lock: Some(lock) };
+        let folder = Self { root: root.to_owned(), proposed: Mutex::default(), _lock: Some(lock) };
         if folder.bin().exists() {
             folder.empty_bin()?;
         }
@@ -113,7 +115,7 @@ impl Folder {
 
     /// Opens a dataset to read it. It may lie where nothing can be written, unless there is something to recover.
     pub fn read(root: &Path) -> Result<Self> {
-        let folder = Self { root: root.to_owned(), _lock: lock_shared(root)? };
+        let folder = Self { root: root.to_owned(), proposed: Mutex::default(), _lock: lock_shared(root)? };
         if folder.bin().exists() || folder.staging().exists() {
             drop(folder);
             let folder = Self::open(root)?;
@@ -143,15 +145,30 @@ impl Folder {
         }
     }
 
-    /// Writes the resolved recipe. If the end of a run has listed another one, the dataset is unfinished from then on:
-    /// a run that is killed later leaves a recipe that is listed, or not listed, but never one that looks damaged.
+    /// Makes a resolved recipe that of the dataset as soon as a scene is made by it or fails with it. Until then the
+    /// dataset is that of the recipe before, and a run that comes to nothing changes nothing.
+    pub fn propose_recipe(&self, text: &str) -> Result<()> {
+        let has = self.recipe()?.as_deref() == Some(text);
+        *self.proposed.lock() = (!has).then(|| text.to_owned());
+        Ok(())
+    }
+
+    /// Whether the recipe that was proposed is not the dataset's yet.
+    pub fn is_proposed(&self) -> bool {
+        self.proposed.lock().is_some()
+    }
+
+    /// Writes the resolved recipe and lists it, so that it can be told when it is damaged. If another one was listed, the
+    /// dataset is unfinished from then on: a run that is killed later leaves a recipe that is listed, or not listed, but
+    /// never one that looks damaged.
     pub fn set_recipe(&self, text: &str) -> Result<()> {
         if self.recipe()?.as_deref() == Some(text) {
             return Ok(());
         }
         let path = self.root.join(RECIPE);
         let mut listed = self.finished()?.manifest;
-        if listed.files.remove(RECIPE).is_none() {
+        // A list that was lost while there are scenes is not begun anew: it would seem to be whole.
+        if listed.files.remove(RECIPE).is_none() && scenes_folder(&self.root).exists() {
             return self.write(&path, text);
         }
         self.set_finished(&Finished { journal: None, manifest: listed.clone() })?;
@@ -160,7 +177,7 @@ impl Folder {
         self.set_finished(&Finished { journal: None, manifest: listed })
     }
 
-    /// Writes the resolved recipe again if it is missing or damaged, and `text` is what it was when the last run ended.
+    /// Writes the resolved recipe again if it is missing or damaged, and `text` is what it was when it was listed.
     /// Returns whether it did.
     pub fn restore_recipe(&self, text: &str) -> Result<bool> {
         let path = self.root.join(RECIPE);
@@ -306,6 +323,12 @@ impl Folder {
                 return Err(taken(path, owners.get(*path), LEAVE));
             }
         }
+        // A scene that is ready is published even by the next run, so its recipe comes first.
+        let mut proposed = self.proposed.lock();
+        if let Some(recipe) = proposed.as_deref() {
+            self.set_recipe(recipe)?;
+        }
+        *proposed = None;
         remove(&ready)?;
         fs::rename(&part, &ready).map_err(|error| Error::io(&part, &error))?;
         self.publish(&ready, staged, &mut journal)?;

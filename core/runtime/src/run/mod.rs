@@ -47,7 +47,7 @@ use sessions::{Sessions, scenes_in_flight};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::time::Instant;
 use stop::Stop;
 use syntable_model::context::{DatasetContext, Log, Workers};
@@ -91,6 +91,8 @@ pub struct Outcome {
     pub scenes: u32,
     /// Scenes that failed.
     pub failed: u32,
+    /// Scenes in the dataset that could not be given what a grown recipe adds: they are as they were.
+    pub lacking: u32,
     /// Images in the dataset.
     pub images: u32,
 }
@@ -132,8 +134,9 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     {
         reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
     }
-    let mut resolved = adopt(&folder, recipe, files, &journal, reporter)?;
-    if options.retry_failed {
+    let Adopted { mut resolved, anew } = adopt(&folder, recipe, files, &journal, options.repair, reporter)?;
+    let forgets = options.retry_failed || anew;
+    if forgets {
         journal.forget_failed();
     }
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
@@ -162,23 +165,37 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         resolved = with_devices(&resolved, &before.union(&devices).cloned().collect());
     }
     // All is compared: from here on the dataset changes.
-    if options.retry_failed {
+    if forgets {
         journal.rewrite()?;
     }
     if let Some(names) = &names {
         folder.set_catalogs(names)?;
     }
-    folder.set_recipe(&resolved)?;
+    if journal.entries().is_empty() {
+        folder.set_recipe(&resolved)?;
+    } else {
+        folder.propose_recipe(&resolved)?;
+    }
     let journal = Mutex::new(journal);
+    let mut lacking = 0;
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
-        make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo)?;
+        lacking = make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo)?;
+    }
+    if lacking > 0 && folder.is_proposed() {
+        let message =
+            format!("{} could not be given what the recipe adds: the dataset is as it was", count(lacking, "scene"));
+        return Err(Error::new(message)
+            .in_file(folder.root())
+            .help("the warnings above say why; mend the recipe, or leave out what it adds")
+            .permanent());
     }
     let journal = journal.into_inner();
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none()).map(|(scene, _)| scene);
     let made = whole.filter_map(|scene| journal.entries().get(scene)).map(JournalEntry::views).sum();
-    let outcome = finish(recipe, reporter, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
+    let done = finish(recipe, reporter, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
+    let outcome = Outcome { lacking, ..done };
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),
         scenes: outcome.scenes,
@@ -222,25 +239,45 @@ fn open_pools<'a>(recipe: &'a Recipe, log: &'a dyn Log) -> Result<AssetStore<'a>
     Ok(store)
 }
 
-/// Compares the recipe of the folder with that of the run, and the files that options name. Returns the recipe with the
-/// inputs that are locked so far, and changes nothing.
+/// The recipe of a run that may go on with a dataset.
+struct Adopted {
+    /// It with the inputs that are locked so far.
+    resolved: String,
+    /// Whether it replaces another recipe, by which no scene was made.
+    anew: bool,
+}
+
+/// Compares the recipe of the folder with that of the run, and the files that options name. Changes nothing.
 fn adopt(
     folder: &Folder,
     recipe: &Recipe,
     files: BTreeMap<String, String>,
     journal: &Journal,
+    repair: bool,
     reporter: &dyn Reporter,
-) -> Result<String> {
+) -> Result<Adopted> {
     let now = Lock { files, ..Lock::default() };
-    let Some(before) = folder.recipe()? else {
-        if !journal.entries().is_empty() {
-            return Err(Error::new("the dataset has lost its recipe.toml")
-                .in_file(folder.root())
-                .help("bring it back, or run with its recipe and --repair")
-                .permanent());
+    let anew = || Adopted { resolved: with_lock(&recipe.resolved, &now), anew: true };
+    let none_made = journal.entries().values().all(JournalEntry::failed);
+    let before = match folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable) {
+        Ok(before) => before,
+        Err(_) if none_made => return Ok(anew()),
+        Err(what) => {
+            let help = match repair {
+                false => "bring it back, or run with its recipe and --repair",
+                true => {
+                    "this recipe is not certainly the one that it was begun with: bring recipe.toml back, choose another folder \
+                     with --out, or begin anew with --overwrite"
+                }
+            };
+            return Err(Error::new(format!("the dataset {what}")).in_file(folder.root()).help(help).permanent());
         }
-        return Ok(with_lock(&recipe.resolved, &now));
     };
+    if none_made && !change::differences(&before, &recipe.resolved).is_empty() {
+        let message = "no scene was made by the recipe of the folder; it is replaced".to_owned();
+        reporter.event(&Event::Note { message });
+        return Ok(anew());
+    }
     let growth = change::growth(folder.root(), &before, recipe)?;
     let mut then = lock_of(&before);
     then.files.retain(|option, _| !change::only_finish(recipe, option));
@@ -249,7 +286,7 @@ fn adopt(
         reporter.event(&Event::Note { message: growth.text() });
     }
     // What a resolved recipe locks stays locked.
-    Ok(with_lock(&recipe.resolved, &Lock { files: now.files, ..then }))
+    Ok(Adopted { resolved: with_lock(&recipe.resolved, &Lock { files: now.files, ..then }), anew: false })
 }
 
 /// Compares what the pools offer with what they offered when the dataset was begun. Returns the recipe with that locked,
@@ -397,13 +434,13 @@ fn make_scenes(
     pool: &Pool,
     (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &Todo,
-) -> Result<()> {
+) -> Result<u32> {
     let log = Warnings(reporter);
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
     let works = Works::new(recipe, todo);
     let tasks: Vec<Task> = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
     let sessions = Sessions::open(&*recipe.render, in_flight)?;
-    let (next, made) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let (next, made, lacking) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicU32::new(0));
     let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
     let failure: Mutex<Option<Error>> = Mutex::new(None);
     let odd = ToldOdd::default();
@@ -418,7 +455,11 @@ fn make_scenes(
         sessions: &sessions,
         stop: &options.stop,
     };
-    let one = |task: &Task, made: scene::Made| -> Result<()> {
+    let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
+        let Some(made) = made else {
+            lacking.fetch_add(1, Ordering::Relaxed);
+            return Ok(());
+        };
         let entry = folder.commit(made.entry, made.kept, journal)?;
         tell_of_scene(todo, &entry, &odd, &log);
         // A mistake that shows at the end of a run shows after its first scene.
@@ -468,7 +509,7 @@ fn make_scenes(
         return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))
             .help("the same command goes on from there"));
     }
-    failure.into_inner().map_or(Ok(()), Err)
+    failure.into_inner().map_or(Ok(lacking.into_inner()), Err)
 }
 
 /// What was told of scenes and of single views.
@@ -541,6 +582,7 @@ fn finish(
     Ok(Outcome {
         scenes: made.len() as u32,
         failed: (entries.len() - made.len()) as u32,
+        lacking: 0,
         images: entries.iter().map(JournalEntry::views).sum(),
     })
 }

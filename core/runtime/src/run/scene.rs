@@ -79,11 +79,12 @@ impl<'a> SceneMaker<'a> {
     /// Makes a scene in its staging folder, with as many attempts as the recipe allows. An error stops the run.
     ///
     /// A scene that only gets what it lacks is had from its stored outcome of settling. If what is new fails, the attempt
-    /// would have failed with it from the start: the scene is made again, by the attempts that follow.
+    /// would have failed with it from the start: the scene is made again, by the attempts that follow. If they fail, too,
+    /// the scene stays as it is in the dataset, and there is nothing to commit.
     ///
     /// A device that fails says nothing about the scene: no attempt with other random numbers follows. A new scene fails
     /// with the error; one that the dataset has keeps its files, and the run stops.
-    pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Made> {
+    pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Option<Made>> {
         let (mut errors, mut first) = (Vec::new(), 0);
         let mut last = self.recipe.dataset.max_attempts.saturating_sub(1);
         if let Some((present, work)) = task.extend {
@@ -91,10 +92,10 @@ impl<'a> SceneMaker<'a> {
             errors.clone_from(&present.errors);
             match self.attempt(task, first, (work, true), queue)? {
                 Tried::Made(outcome, assets) => {
-                    return Ok(Made {
+                    return Ok(Some(Made {
                         entry: extended(present, outcome, assets, task.whole),
                         kept: self.folder.manifest(task.scene)?.unwrap_or_default(),
-                    });
+                    }));
                 }
                 Tried::Failed(error) => errors.push(error.to_string()),
             }
@@ -108,7 +109,7 @@ impl<'a> SceneMaker<'a> {
                     let Odd { scene: notices, views: odd_views } = odd;
                     let (scene, attempt) = (task.scene, number);
                     let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
-                    return Ok(Made { entry, kept });
+                    return Ok(Some(Made { entry, kept }));
                 }
                 Tried::Failed(error) => {
                     errors.push(error.to_string());
@@ -119,9 +120,12 @@ impl<'a> SceneMaker<'a> {
                 }
             }
         }
+        if task.extend.is_some() {
+            return self.folder.abandon(task.scene).map(|()| None);
+        }
         let (outcome, (notices, odd_views, assets)) = (SceneOutcome::Failed, Default::default());
         let entry = JournalEntry { scene: task.scene, attempt: last, outcome, notices, odd_views, errors, assets };
-        Ok(Made { entry, kept })
+        Ok(Some(Made { entry, kept }))
     }
 
     /// One attempt at some work, from the `stored` outcome of settling if there is one. While a device fails, the same

@@ -2,8 +2,8 @@
 
 use crate::kit::{Counters, options, registry, run, run_scenes, run_with};
 use std::path::Path;
-use syntable_runtime::run::RunOptions;
 use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::run::{RunOptions, verify};
 use syntable_testing::folder::files;
 
 fn recipe(scenes: u32, views: u32, tally: usize, rest: &str) -> String {
@@ -86,14 +86,74 @@ fn a_scene_that_fails_by_what_comes_later_is_made_again() {
     assert_eq!(Counters::both(8)[0], 4 + 2);
     run(&recipe(4, 2, 8, &both), &whole, 2).expect("whole");
     assert_same(&grown, &whole);
-    let never = both.replace("stumbles", "panics");
-    let (grown, whole) = (folder.path().join("grown2"), folder.path().join("whole2"));
-    run(&recipe(2, 1, 8, LIGHT), &grown, 1).expect("begun");
-    let outcome = run(&recipe(2, 1, 8, &never), &grown, 1).expect("grown");
-    assert_eq!((outcome.scenes, outcome.failed), (0, 2));
-    run(&recipe(2, 1, 8, &never), &whole, 1).expect("whole");
-    // What an attempt panicked at is the same, so the journals are, too.
-    assert_same(&grown, &whole);
+}
+
+#[test]
+fn growth_of_which_nothing_was_made_can_be_taken_back_or_mended() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
+    let (few, mended) = (recipe(2, 1, 0, LIGHT), recipe(3, 1, 0, &format!("{LIGHT}{THOUGHT}")));
+    run(&few, &data, 1).expect("begun");
+    let dataset =
+        || files(&data).into_iter().filter(|(name, _)| !name.starts_with(".syntable/staging")).collect::<Vec<_>>();
+    let before = dataset();
+    // The annotator fails by chance in every attempt, or it cannot ever work.
+    for (mistake, says) in [("panics", "could not be given"), ("missing", "the library is not there")] {
+        let wrong = recipe(2, 1, 0, &format!("{LIGHT}{THOUGHT}[annotate.thinker]\n{mistake} = true\n"));
+        let error = run(&wrong, &data, 1).expect_err("nothing was made");
+        assert!(error.is_permanent() && error.to_string().contains(says), "{error}");
+        assert!(dataset() == before, "{mistake}: something was changed");
+        assert!(verify(&data, 1).expect("a dataset").whole());
+    }
+    run(&few, &data, 1).expect("taken back");
+    assert!(dataset() == before, "something was changed");
+    run(&mended, &data, 1).expect("mended, and it grows");
+    run(&mended, &whole, 1).expect("whole");
+    assert_same(&data, &whole);
+}
+
+#[test]
+fn a_scene_that_cannot_have_what_comes_later_stays_as_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
+    let once = |rest: &str| recipe(3, 1, 0, rest).replace("scenes =", "max_attempts = 1\nscenes =");
+    let both = once(&format!("{LIGHT}{THOUGHT}[annotate.thinker]\nstumbles = true\n"));
+    run(&once(LIGHT), &data, 1).expect("begun");
+    let before = files(&data);
+    // Scene 1 fails, and is tried again by every run.
+    for _ in 0..2 {
+        let outcome = run(&both, &data, 1).expect("scenes 0 and 2 grow");
+        assert_eq!((outcome.scenes, outcome.failed, outcome.lacking, outcome.images), (3, 0, 1, 3));
+        let now = files(&data);
+        for name in ["lines/000001_0000.json", ".syntable/scenes/000001.json"] {
+            assert!(now[name] == before[name], "{name} was changed");
+        }
+        let more: Vec<&String> = now.keys().filter(|name| name.starts_with("more/00")).collect();
+        assert!(more.len() == 4 && !more.iter().any(|name| name.contains("000001")), "{more:?}");
+        assert!(verify(&data, 1).expect("a dataset").whole());
+    }
+    let outcome = run(&both, &whole, 1).expect("whole");
+    assert_eq!(
+        (outcome.scenes, outcome.failed, outcome.lacking),
+        (2, 1, 0),
+        "without a scene there is nothing to keep"
+    );
+}
+
+#[test]
+fn a_dataset_without_scenes_is_that_of_any_recipe() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, whole) = (folder.path().join("data"), folder.path().join("whole"));
+    for mistake in ["panics", "missing"] {
+        let wrong = recipe(2, 1, 0, &format!("{THOUGHT}[annotate.thinker]\n{mistake} = true\n"));
+        let outcome = run(&wrong, &data, 1).map(|outcome| (outcome.scenes, outcome.failed));
+        assert!(outcome.is_err() || outcome == Ok((0, 2)), "{outcome:?}");
+        assert!(data.join("recipe.toml").exists());
+    }
+    let mended = recipe(2, 1, 0, &LIGHT.replace("lines]", "more]\nkind = \"lines\""));
+    run(&mended, &data, 1).expect("mended");
+    run(&mended, &whole, 1).expect("whole");
+    assert_same(&data, &whole);
 }
 
 #[test]

@@ -328,13 +328,32 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     fs::remove_file(folder.path().join("recipe.toml")).expect("there");
     let error = run(&RECIPE.replace("whole", "other"), folder.path(), 1).expect_err("no recipe").to_string();
     assert!(error.contains("lost its recipe.toml"), "{error}");
-    for damaged in [&b"[dataset\n"[..], &[0xff, 0xfe]] {
+    for damaged in [&b"[dataset\n"[..], b"", &[0xff, 0xfe]] {
         fs::write(folder.path().join("recipe.toml"), damaged).expect("writable");
         let error = run(RECIPE, folder.path(), 1).expect_err("damaged").to_string();
-        assert!(error.contains("recipe.toml is damaged") && error.contains("--repair"), "{error}");
+        assert!(error.contains("damaged recipe.toml") && error.contains("--repair"), "{error}");
     }
-    run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet).expect("written again");
+    let repair = || run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet);
+    repair().expect("written again");
     assert!(verify(folder.path(), 1).expect("a dataset").whole());
+    // Without the list that has its digest, no recipe is certainly the one.
+    fs::remove_file(folder.path().join(".syntable/finished.json")).expect("there");
+    fs::remove_file(folder.path().join("recipe.toml")).expect("there");
+    let error = repair().expect_err("not certain").to_string();
+    assert!(error.contains("not certainly the one") && error.contains("--overwrite"), "{error}");
+}
+
+#[test]
+fn the_recipe_of_a_run_that_was_stopped_is_had_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
+    run(RECIPE, &whole, 2).expect("whole");
+    let call = |stop: &Stop, reporter: &dyn Reporter| {
+        run_with(RECIPE, RunOptions { stop: stop.clone(), repair: true, ..options(&data, 1) }, reporter)
+    };
+    let lose = || fs::remove_file(data.join("recipe.toml")).expect("there");
+    assert!(stopped_anywhere(&call, &lose) > 2);
+    assert_same(&whole, &data);
 }
 
 /// What a call tells.
@@ -364,7 +383,12 @@ fn growth_that_did_not_end_is_no_damage() {
     };
     let check = || {
         let found = verify(&data, 1).expect("a dataset");
-        assert!(found.unfinished && found.missing.is_empty() && found.damaged.is_empty(), "{found:?}");
+        assert!(found.missing.is_empty() && found.damaged.is_empty(), "{found:?}");
+        // Without a new scene it is the dataset that it was.
+        assert_eq!(found.unfinished, found.scenes > 2);
+        if !found.unfinished {
+            return;
+        }
         // The recipe of the growth is vouched for, too.
         let recipe = fs::read_to_string(data.join("recipe.toml")).expect("there");
         fs::write(data.join("recipe.toml"), recipe.replace("scenes = 4", "scenes = 5")).expect("writable");
