@@ -460,6 +460,19 @@ fn views_that_are_black_are_told() {
 }
 
 #[test]
+fn views_that_are_white_are_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let said = text(
+        &small_run(folder.path(), &["--threads", "1", "--set", "camera.exposure={ ev100 = -10 }"])
+            .output()
+            .expect("starts"),
+    );
+    for says in ["warning: scene 0: all images are white (lower the intensity", "2 of 2 scenes: all images are white"] {
+        assert!(said.contains(says), "{says} is not in\n{said}");
+    }
+}
+
+#[test]
 fn files_of_a_lost_manifest_are_listed_with_their_scene() {
     let folder = tempfile::tempdir().expect("a folder");
     ok(&mut small_run(folder.path(), &[]));

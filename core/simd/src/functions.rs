@@ -6,6 +6,9 @@
 use crate::{Int, Real, at_least, at_most};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
+/// Stands for infinity on graphics cards: shaders count larger numbers as infinite.
+pub const FAR: f32 = 3.0e38;
+
 /// The same in WGSL, with what shaders need of vectors.
 pub const WGSL: &str = include_str!("functions.wgsl");
 
@@ -120,6 +123,13 @@ pub fn log2_rough(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shaders_know_the_same_infinity() {
+        let (_, rest) = WGSL.split_once("const FAR: f32 = ").expect("it is there");
+        let (number, _) = rest.split_once(';').expect("it ends");
+        assert_eq!(number.parse(), Ok(FAR));
+    }
 
     #[test]
     fn agree_with_f64() {

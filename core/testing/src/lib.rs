@@ -15,4 +15,5 @@ pub mod folder;
 pub mod room;
 pub mod scenes;
 pub mod stats;
+pub mod tools;
 pub mod workers;

@@ -26,7 +26,7 @@ const FIRST_ROUND: u32 = 16;
 pub const GUIDE_SAMPLES: u32 = 8;
 
 /// Neighbors differ from this difference of base color or normal on.
-const DIFFERENT: f32 = 0.1;
+pub const DIFFERENT: f32 = 0.1;
 
 /// A firefly is brighter than the median of the 5 × 5 pixels around it by this factor, as one sees it in an image.
 const FIREFLY: f64 = 3.0;

@@ -1,6 +1,7 @@
 //! The room: floor, four walls and a ceiling.
 
 use crate::material::{TEXTURE_SCALE, any_angle_deg, check_scale, draw_material, real_size};
+use crate::table::rotated_bounds;
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3};
@@ -17,7 +18,7 @@ const THICKNESS_M: f64 = 0.1;
 /// Each of the six surfaces draws its own material from its pool; without a pool it is plain gray. `floor_only` leaves
 /// out walls and ceiling, for outdoor scenes lit by `environment` and `sun`; the kind `ground` is, in its place, a floor
 /// that looks like the environment. Cameras and lights are not constrained to the room; with the default size and tables
-/// below 2 m they are always inside.
+/// below 2 m they are always inside. A table that reaches through a wall or the ceiling fails the attempt.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Room {
@@ -135,7 +136,7 @@ impl Placer for Room {
             );
             scene.add(body.with_material_override(surface));
         }
-        Ok(())
+        refuse_table_through_wall(scene)
     }
 }
 
@@ -144,6 +145,36 @@ pub fn refuse_second_floor(scene: &SceneBuilder) -> Result<()> {
     if scene.bodies().any(|(_, body)| body.role == Role::Room && body.asset.name == "floor") {
         let help = "keep one [[place]] of the kinds `room` and `ground`";
         return Err(Error::new("there is a floor already").help(help).permanent());
+    }
+    Ok(())
+}
+
+/// How far a table may reach into a wall, meters: real tables and rooms of one size touch.
+const INTO_WALL_M: f64 = 1e-3;
+
+/// A table that is larger than its room would stand in several rooms at once. Another attempt may draw a smaller one.
+pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
+    let of = |role| scene.bodies().map(|(_, body)| body).filter(move |body| body.role == role);
+    for table in of(Role::Support) {
+        let (mesh, pose) = (&table.object.mesh, &table.world_from_body);
+        let bounds = rotated_bounds(mesh, &pose.rotation);
+        let [low, high] = [bounds.min, bounds.max].map(|corner| corner + pose.translation.vector);
+        let depth = |wall: &Aabb, k: usize| high[k].min(wall.max[k]) - low[k].max(wall.min[k]);
+        let through = |wall: &Aabb| (0..3).all(|k| depth(wall, k) > INTO_WALL_M);
+        // The table stands on the floor.
+        let mut walls = of(Role::Room).filter(|part| part.asset.name != "floor");
+        if let Some(wall) = walls.find(|part| through(&part.world_bounds())) {
+            let [x, y, z] = [0, 1, 2].map(|k| high[k] - low[k]);
+            let table = &table.asset;
+            let message = format!(
+                "the table {table} of {x:.2} m × {y:.2} m × {z:.2} m reaches through the {} of the room",
+                wall.asset.name
+            );
+            return Err(Error::new(message).help(
+                "give the room a larger `size_m` or `height_m`, or the table a `longer_side_m`; if all tables of the pool are too \
+                 large, look at the unit of their meshes",
+            ));
+        }
     }
     Ok(())
 }

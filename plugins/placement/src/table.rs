@@ -1,6 +1,7 @@
 //! The table that objects are dropped on.
 
 use crate::material::{TEXTURE_SCALE, always, any_angle_deg, check_scale, draw_material, real_size};
+use crate::room::refuse_table_through_wall;
 use std::sync::Arc;
 use syntable_model::digest::Hasher;
 use syntable_model::geometry::{Aabb, Point3, UnitQuaternion, Vector3};
@@ -100,7 +101,7 @@ impl Placer for Table {
         };
         scene.tabletop = Some(Tabletop { center: [0.0, 0.0, size.z], size: [size.x, size.y] });
         scene.add(BodyDraft::new(asset, object, pose, Role::Support, Motion::Fixed).with_material_override(material));
-        Ok(())
+        refuse_table_through_wall(scene)
     }
 }
 

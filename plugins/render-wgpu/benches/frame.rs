@@ -10,7 +10,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
 };
-use syntable_render_wgpu::{GpuPathRenderer, adapters};
+use syntable_render_wgpu::{Adapters, GpuPathRenderer};
 use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
@@ -21,9 +21,9 @@ const FRAMES: usize = 5;
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let adapter = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(0);
-    let found = adapters();
+    let found = Adapters::find().used().unwrap_or_default();
     let Some(info) = found.get(adapter) else { return println!("there is no adapter {adapter}") };
-    println!("{} ({}, {})", info.name, info.driver, info.backend);
+    println!("{info}");
     let workers = Threads(std::thread::available_parallelism().map_or(2, usize::from));
     let view = room::view(640, 480);
     for look in [Look::Mixed, Look::Plastic, Look::Glass] {

@@ -10,17 +10,17 @@ mod common;
 use common::{Card, reference, render};
 use std::time::Instant;
 use syntable_denoise::guided::Guided;
-use syntable_render_wgpu::adapters;
+use syntable_render_wgpu::Adapters;
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let adapter = arguments.first().and_then(|a| a.parse().ok()).unwrap_or(0);
-    let found = adapters();
+    let found = Adapters::find().used().unwrap_or_default();
     let Some(info) = found.get(adapter) else { return println!("there is no adapter {adapter}") };
     let workers = Threads(std::thread::available_parallelism().map_or(2, usize::from));
-    let images = if info.is_hardware { 100 } else { 2 };
+    let images = if info.is_hardware() { 100 } else { 2 };
     let mut card = Card::open(adapter);
     println!("{info}, and {} threads", workers.0);
     let options = Guided::default();

@@ -1,14 +1,18 @@
 //! A device: its limits, its kernels, and how its errors reach the caller.
 
-use crate::guided;
+use crate::adapters::{AdapterInfo, Adapters};
+use crate::constants::declared;
+use crate::tables::{BODY_SIZE, NONE};
+use crate::{guided, passes, planes, view};
 use bytemuck::Pod;
 use parking_lot::Mutex;
 use std::collections::HashMap;
-use std::fmt;
 use std::num::NonZeroU64;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::DEMODULATION_EPSILON;
+use syntable_transport::film;
 
 /// The WGSL of all kernels, module after module: those of the renderer, between them those that mirror its reference.
 const SHADERS: &[&[&str]] = &[
@@ -29,7 +33,7 @@ const SHADERS: &[&[&str]] = &[
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Storage buffers of the bind group; WebGPU promises eight.
-const STORAGE_BUFFERS: u32 = 8;
+pub const STORAGE_BUFFERS: u32 = 8;
 
 /// Bytes between two uniforms of a pass in their buffer.
 pub const PASS_STRIDE: u64 = 256;
@@ -77,37 +81,6 @@ impl Variant {
     }
 }
 
-/// What a graphics adapter is, for people.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct AdapterInfo {
-    /// Name of the card.
-    pub name: String,
-    /// Driver and its version.
-    pub driver: String,
-    /// Vulkan, Metal or DirectX 12.
-    pub backend: String,
-    /// Whether it is a card rather than a program.
-    pub is_hardware: bool,
-}
-
-impl fmt::Display for AdapterInfo {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { name, driver, backend, is_hardware } = self;
-        let kind = if *is_hardware { "" } else { ", a program that runs on the processor" };
-        write!(f, "{name} ({driver}, {backend}{kind})")
-    }
-}
-
-/// The error of a machine without an adapter.
-pub fn none() -> Error {
-    Error::new("no graphics adapter was found")
-        .help(
-            "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or render with `cpu_path`; \
-             `mesa-vulkan-drivers` has a program in place of a card, for tests",
-        )
-        .permanent()
-}
-
 /// A device and its kernels; shared by sessions.
 pub struct Device {
     device: wgpu::Device,
@@ -123,6 +96,37 @@ pub struct Device {
     guided: OnceLock<Arc<guided::Kernels>>,
 }
 
+/// What the shaders know by name, in WGSL.
+fn constants() -> String {
+    declared(&[
+        ("NONE", NONE.into()),
+        ("BODY_SIZE", BODY_SIZE.into()),
+        ("WARPED", view::WARPED.into()),
+        ("TENT", view::TENT.into()),
+        ("BLENDED_BY_COVERAGE", view::BLENDED_BY_COVERAGE.into()),
+        ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
+        ("GUIDE_BOUNCES", passes::GUIDE_BOUNCES.into()),
+        ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
+        ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),
+        ("SHADOWS_COUNTED", passes::SHADOWS_COUNTED.into()),
+        ("CHOSEN", passes::CHOSEN.into()),
+        ("GROUPS", passes::GROUPS_COUNTED.into()),
+        ("ROW", (passes::GROUPS_ALONG_X * passes::GROUP as u32).into()),
+        ("SUM_SAMPLES", planes::SUM_SAMPLES.into()),
+        ("SUM_GUIDES", planes::SUM_GUIDES.into()),
+        ("SUM_SPECULAR", planes::SUM_SPECULAR.into()),
+        ("SUM_DEMODULATED", planes::SUM_DEMODULATED.into()),
+        ("AT_RADIANCE", planes::AT_RADIANCE.into()),
+        ("AT_SPECULAR", planes::AT_SPECULAR.into()),
+        ("AT_DEMODULATED", planes::AT_DEMODULATED.into()),
+        ("AT_ALBEDO", planes::AT_ALBEDO.into()),
+        ("AT_NORMAL", planes::AT_NORMAL.into()),
+        ("GUIDE_SAMPLES", (film::GUIDE_SAMPLES as f32).into()),
+        ("DIFFERENT", film::DIFFERENT.into()),
+        ("DEMODULATION_EPSILON", DEMODULATION_EPSILON.into()),
+    ])
+}
+
 /// The buffers of a bind group, in the order of their bindings.
 pub struct Bindings<'a> {
     /// Storage buffers.
@@ -133,57 +137,10 @@ pub struct Bindings<'a> {
     pub passes: &'a wgpu::Buffer,
 }
 
-/// The adapters of this machine that can run the kernels: cards first.
-pub struct Adapters(Vec<wgpu::Adapter>);
-
-impl Adapters {
-    /// Looks for adapters.
-    pub fn find() -> Self {
-        // Numbers of groups are counted by the shaders, which need no check of them.
-        let flags = wgpu::InstanceFlags::default() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
-        let descriptor = wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() };
-        let instance = wgpu::Instance::new(descriptor);
-        let usable = |adapter: &wgpu::Adapter| {
-            let limits = adapter.limits();
-            limits.max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
-                && limits.max_compute_invocations_per_workgroup >= 128
-        };
-        let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        let mut adapters: Vec<_> = found.into_iter().filter(usable).collect();
-        adapters.sort_by_key(|adapter| !info(adapter).is_hardware);
-        Self(adapters)
-    }
-
-    /// What they are.
-    pub fn list(&self) -> Vec<AdapterInfo> {
-        self.0.iter().map(info).collect()
-    }
-
-    /// Those to use: all cards, or one program where there is no card.
-    pub fn used(&self) -> usize {
-        self.0.iter().filter(|adapter| info(adapter).is_hardware).count().max(1)
-    }
-}
-
-fn info(adapter: &wgpu::Adapter) -> AdapterInfo {
-    let info = adapter.get_info();
-    AdapterInfo {
-        name: info.name,
-        driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
-        backend: info.backend.to_string(),
-        is_hardware: !matches!(info.device_type, wgpu::DeviceType::Cpu),
-    }
-}
-
-/// The adapters of this machine that can run the kernels: cards first.
-pub fn adapters() -> Vec<AdapterInfo> {
-    Adapters::find().list()
-}
-
 impl Device {
-    /// Opens an adapter by its number in the list.
+    /// Opens one of the adapters that render, by its number among them.
     pub fn open(adapters: &Adapters, number: usize) -> Result<Self> {
-        let adapter = adapters.0.get(number).ok_or_else(none)?;
+        let (adapter, info) = adapters.get(number)?;
         let offered = adapter.limits();
         let limits = wgpu::Limits {
             max_storage_buffers_per_shader_stage: STORAGE_BUFFERS,
@@ -197,7 +154,6 @@ impl Device {
             memory_hints: wgpu::MemoryHints::Performance,
             ..wgpu::DeviceDescriptor::default()
         };
-        let info = info(adapter);
         let failed =
             |error: wgpu::RequestDeviceError| Error::device(format!("{} cannot be opened: {error}", info.name));
         let (device, queue) = pollster::block_on(adapter.request_device(&request)).map_err(failed)?;
@@ -240,7 +196,7 @@ impl Device {
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let source = wgpu::ShaderSource::Wgsl(SHADERS.concat().join("\n").into());
+        let source = wgpu::ShaderSource::Wgsl((constants() + &SHADERS.concat().join("\n")).into());
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some("syntable"), source };
         // SAFETY: loops of the shaders end, and their indices follow from tables and counts that this crate writes.
         let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };

@@ -5,9 +5,9 @@ use crate::guided::{GuidedFilter, Sections};
 use crate::passes::{COUNTERS, GROUP, Passes, Pixels, first_counters, groups, rays_of};
 use crate::planes::{
     AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_RADIANCE, AT_SPECULAR,
-    AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, color, number,
+    AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, SUMS, color, number,
 };
-use crate::session::{GpuSession, World};
+use crate::session::{Buffers, GpuSession, World};
 use crate::view::View;
 use std::ops::Range;
 use syntable_denoise::guided::Guided;
@@ -15,35 +15,135 @@ use syntable_model::error::Result;
 use syntable_model::product::standard::{
     DENOISER, DEPTH, INSTANCE, RADIANCE, RADIANCE_NOISY, RADIANCE_VARIANCE, RENDER_REPORT,
 };
-use syntable_model::product::{KeyId, Products};
+use syntable_model::product::{Key, KeyId, Plane, Products};
 use syntable_model::stage::{Denoiser, RenderRequest, Window};
 use syntable_transport::film::{self, Film, GUIDE_SAMPLES, Statistics};
 
-/// Numbers of a pixel's sums in `path.wgsl`, without guides and with them.
-pub const SUMS: [u64; 2] = [9, 24];
+/// What a frame consists of, and where it lies on the device.
+struct Layout<'a> {
+    wants: &'a [KeyId],
+    window: Window,
+    pixels: u64,
+    samples: u32,
+    /// The denoiser that runs here.
+    guided: Option<&'a Guided>,
+    /// Whether light is wanted, and whether guides are gathered with it.
+    light: bool,
+    guides: bool,
+    labels: LabelSections,
+    /// The first word of the sums in the output, after the labels and the denoised image, and their number.
+    sums_at: u64,
+    sums: u64,
+}
 
-/// Words of the device's buffers that are read on this side, one after the other.
-#[derive(Default)]
-struct Reading {
+impl<'a> Layout<'a> {
+    /// The frame of a request; `set` is the number of words of a pixel's set of objects.
+    fn new(request: &RenderRequest<'a>, samples: u32, set: usize) -> Self {
+        let (window, pixels, wants) = (request.window, request.window.pixels(), request.wants);
+        let guided = guided_of(request.denoiser);
+        let light = guided.is_some() || Film::offers().into_iter().any(|key| wants.contains(&key));
+        let guides = guided.is_some() || Film::wants_guides(wants);
+        let mut of_labels = wants.to_vec();
+        if guided.is_some() {
+            of_labels.extend([DEPTH.id(), INSTANCE.id()]);
+        }
+        let labels = LabelSections::new(&of_labels, pixels, set);
+        let sums_at = labels.end + if guided.is_some() { 3 * pixels } else { 0 };
+        let sums = if light { SUMS[usize::from(guides)] * pixels } else { 0 };
+        Self { wants, window, pixels, samples, guided, light, guides, labels, sums_at, sums }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.labels.is_empty() && !self.light
+    }
+
+    fn wants(&self, key: KeyId) -> bool {
+        self.wants.contains(&key)
+    }
+
+    /// Whether a plane of light is read: a report needs the radiance and its variance.
+    fn reads(&self, key: KeyId) -> bool {
+        let for_report = key == self.rendered() || key == RADIANCE_VARIANCE.id();
+        self.wants(key) || (for_report && self.wants(RENDER_REPORT.id()))
+    }
+
+    /// What the rendered radiance is called.
+    fn rendered(&self) -> KeyId {
+        if self.guided.is_some() { RADIANCE_NOISY.id() } else { RADIANCE.id() }
+    }
+}
+
+/// Where the parts of a frame are among the words that are read.
+struct Places {
+    /// Labels and the denoised image.
+    output: Range<usize>,
+    /// Colors and numbers of the planes of light, none for those that are not read.
+    colors: [(Key<Plane<[f32; 3]>>, Option<Range<usize>>); COLORS.len()],
+    numbers: [(Key<Plane<f32>>, Option<Range<usize>>); NUMBERS.len()],
+    counters: Range<usize>,
+    /// Words of all.
     words: u64,
 }
 
-impl Reading {
-    /// Copies words of a buffer; gives where they will be.
-    fn copy(
-        &mut self,
-        passes: &mut Passes,
-        from: &wgpu::Buffer,
-        to: &wgpu::Buffer,
-        first: u64,
-        words: u64,
-    ) -> Range<usize> {
-        let at = self.words;
-        if words > 0 {
-            passes.encoder.copy_buffer_to_buffer(from, 4 * first, to, 4 * at, 4 * words);
+impl Places {
+    /// Copies what is read of a frame to the readable buffer.
+    fn copied(layout: &Layout, buffers: &Buffers, encoder: &mut wgpu::CommandEncoder) -> Self {
+        let mut read = 0;
+        let mut copy = |from: &wgpu::Buffer, first: u64, words: u64| {
+            let at = read;
+            if words > 0 {
+                encoder.copy_buffer_to_buffer(from, 4 * first, &buffers.readable, 4 * at, 4 * words);
+            }
+            read += words;
+            at as usize..read as usize
+        };
+        let output = copy(&buffers.output, 0, layout.sums_at);
+        let mut plane = |key: KeyId, at: u32, words: u64| {
+            layout.reads(key).then(|| copy(&buffers.paths, u64::from(at) * layout.pixels, words * layout.pixels))
+        };
+        let colors = COLORS.map(|(key, at)| {
+            let key = match at {
+                AT_RADIANCE if layout.guided.is_some() => RADIANCE_NOISY,
+                _ => key,
+            };
+            (key, plane(key.id(), at, 3))
+        });
+        let numbers = NUMBERS.map(|(key, at)| (key, plane(key.id(), at, 1)));
+        let counters = copy(&buffers.counters, 0, if layout.light { COUNTERS } else { 0 });
+        Self { output, colors, numbers, counters, words: read }
+    }
+
+    /// Makes products of the words that were read.
+    fn put(self, layout: &Layout, objects: usize, words: &[u32], frame: &mut Products) -> Result<Statistics> {
+        let window = layout.window;
+        let output = &words[self.output];
+        layout.labels.put(layout.wants, objects, window, output, frame)?;
+        let mut statistics = Statistics::default();
+        if layout.light {
+            let [rays, shadow_rays] = rays_of(&words[self.counters]);
+            statistics = Statistics { paths: layout.pixels * u64::from(layout.samples), rays, shadow_rays };
         }
-        self.words += words;
-        at as usize..self.words as usize
+        if layout.guided.is_some() && layout.wants(RADIANCE.id()) {
+            frame.put(RADIANCE, color(window, &output[layout.labels.end as usize..]))?;
+        }
+        let colors = self.colors.map(|(key, part)| (key, part.map(|part| color(window, &words[part]))));
+        let numbers = self.numbers.map(|(key, part)| (key, part.map(|part| number(window, &words[part]))));
+        if layout.wants(RENDER_REPORT.id())
+            && let ((_, Some(radiance)), (_, Some(variance))) = (&colors[0], &numbers[0])
+        {
+            frame.put(RENDER_REPORT, film::report(radiance, variance, [layout.samples; 2], statistics))?;
+        }
+        for (key, plane) in colors {
+            if let Some(plane) = plane.filter(|_| layout.wants(key.id())) {
+                frame.put(key, plane)?;
+            }
+        }
+        for (key, plane) in numbers {
+            if let Some(plane) = plane.filter(|_| layout.wants(key.id())) {
+                frame.put(key, plane)?;
+            }
+        }
+        Ok(statistics)
     }
 }
 
@@ -56,123 +156,90 @@ impl GpuSession {
         views: [View; 2],
         frame: &mut Products,
     ) -> Result<Statistics> {
-        let (window, pixels) = (request.window, request.window.pixels());
-        let guided = guided_of(request.denoiser);
-        let wants = |key: KeyId| request.wants.contains(&key);
-        let light = guided.is_some() || Film::offers().into_iter().any(wants);
-        let guides = guided.is_some() || Film::wants_guides(request.wants);
-        let samples = self.options.settings().samples;
-
-        // What lies where.
-        let mut of_labels = request.wants.to_vec();
-        if guided.is_some() {
-            of_labels.extend([DEPTH.id(), INSTANCE.id()]);
-        }
-        let labels = LabelSections::new(&of_labels, pixels, views[0].words as usize);
-        if labels.is_empty() && !light {
+        let layout = Layout::new(request, self.options.settings().samples, views[0].words as usize);
+        if layout.is_empty() {
             return Ok(Statistics::default());
         }
-        let sums_at = labels.end + if guided.is_some() { 3 * pixels } else { 0 };
-        let sums = if light { SUMS[usize::from(guides)] * pixels } else { 0 };
-        self.make_output(4 * (sums_at + sums))?;
-        let capacity = if light { self.make_room(pixels, samples, guides)? } else { 0 };
-        self.make_readable(4 * (sums_at + PLANE_WORDS[1] * pixels + COUNTERS))?;
-        let all = self.list_all(window, capacity);
-        let [view, guide_view] = views.map(|view| View { capacity, sums_at: sums_at as u32, ..labels.placed_in(view) });
-        let mut filter = match guided {
+        self.make_output(4 * (layout.sums_at + layout.sums))?;
+        let capacity = if layout.light { self.make_room(layout.pixels, layout.samples, layout.guides)? } else { 0 };
+        self.make_readable(4 * (layout.sums_at + PLANE_WORDS[1] * layout.pixels + COUNTERS))?;
+        let all = self.list_all(layout.window, capacity);
+        let views =
+            views.map(|view| View { capacity, sums_at: layout.sums_at as u32, ..layout.labels.placed_in(view) });
+        let mut filter = match layout.guided {
             Some(_) => Some(self.guided.take().map_or_else(|| GuidedFilter::new(self.device.clone()), Ok)?),
             None => None,
         };
 
-        // What is done.
-        let (device, buffers) = (&self.device, &self.buffers);
-        device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
-        let mut passes = Passes::new(self, world, guides);
-        let variant = self.variant(world, guides);
-        if !labels.is_empty() {
-            let squares = u64::from(window.width.div_ceil(8)) * u64::from(window.height.div_ceil(8));
-            passes.once(&device.kernel(Kernel::Labels, variant.of_labels()), groups(squares * GROUP, GROUP));
+        let mut passes = Passes::new(self, world, layout.guides);
+        self.trace_frame(&mut passes, world, &layout, views, all)?;
+        if let (Some(filter), Some(options)) = (&mut filter, layout.guided) {
+            self.denoise_frame(&mut passes.encoder, &layout, filter, options)?;
         }
-        if light {
-            let each = groups(pixels, GROUP);
-            passes.encoder.clear_buffer(&buffers.output, 4 * sums_at, Some(4 * sums));
-            device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
-            passes.trace(&view, all, 0..samples)?;
-            if guides {
-                passes.once(&device.kernel(Kernel::Choose, variant), each);
-                passes.submit();
-                device.write(&buffers.view, 0, bytemuck::bytes_of(&guide_view));
-                let chosen = Pixels { list: all.list + all.count, count: all.count, is_chosen: true };
-                passes.trace(&guide_view, chosen, 0..GUIDE_SAMPLES)?;
-                passes.submit();
-                device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
-            }
-            passes.once(&device.kernel(Kernel::Resolve, variant), each);
-        }
-        if let (Some(filter), Some(options)) = (&mut filter, guided) {
-            let size = [window.width, window.height];
-            let planes = sections(pixels as u32, samples);
-            for (from, to) in [(labels.depth, planes.depth), (labels.instance, planes.instance)] {
-                let [from, to] = [from, to].map(|first| 4 * u64::from(first));
-                passes.encoder.copy_buffer_to_buffer(&buffers.output, from, &buffers.paths, to, 4 * pixels);
-            }
-            let output = (&buffers.output, labels.end as u32);
-            filter.record(&mut passes.encoder, size, &buffers.paths, planes, options, output)?;
-        }
-
-        // What is read.
-        let mut reading = Reading::default();
-        let mut copy =
-            |passes: &mut Passes, from, first, words| reading.copy(passes, from, &buffers.readable, first, words);
-        let of_output = copy(&mut passes, &buffers.output, 0, sums_at);
-        let reports = wants(RENDER_REPORT.id());
-        let noisy = if guided.is_some() { RADIANCE_NOISY } else { RADIANCE };
-        let mut plane = |key: KeyId, at: u32, words: u64, also: bool| {
-            let is_read = wants(key) || also;
-            is_read.then(|| copy(&mut passes, &buffers.paths, u64::from(at) * pixels, words * pixels))
-        };
-        let colors = COLORS.map(|(key, at)| {
-            let key = if at == AT_RADIANCE { noisy } else { key };
-            (key, plane(key.id(), at, 3, reports && at == AT_RADIANCE))
-        });
-        let numbers =
-            NUMBERS.map(|(key, at)| (key, plane(key.id(), at, 1, reports && key.id() == RADIANCE_VARIANCE.id())));
-        let counters = copy(&mut passes, &buffers.counters, 0, if light { COUNTERS } else { 0 });
-        let (encoder, objects) = (passes.into_encoder(), world.scene.objects);
-        let statistics = device.read(encoder, &buffers.readable, reading.words, |words: &[u32]| {
-            labels.put(request.wants, objects, window, &words[of_output.clone()], frame)?;
-            let mut statistics = Statistics::default();
-            if light {
-                let [rays, shadow_rays] = rays_of(&words[counters]);
-                statistics = Statistics { paths: pixels * u64::from(samples), rays, shadow_rays };
-            }
-            if guided.is_some() && wants(RADIANCE.id()) {
-                frame.put(RADIANCE, color(window, &words[of_output][labels.end as usize..]))?;
-            }
-            let colors = colors.map(|(key, part)| (key, part.map(|part| color(window, &words[part]))));
-            let numbers = numbers.map(|(key, part)| (key, part.map(|part| number(window, &words[part]))));
-            if reports && let ((_, Some(radiance)), (_, Some(variance))) = (&colors[0], &numbers[0]) {
-                frame.put(RENDER_REPORT, film::report(radiance, variance, [samples; 2], statistics))?;
-            }
-            for (key, plane) in colors {
-                if let Some(plane) = plane.filter(|_| wants(key.id())) {
-                    frame.put(key, plane)?;
-                }
-            }
-            for (key, plane) in numbers {
-                if let Some(plane) = plane.filter(|_| wants(key.id())) {
-                    frame.put(key, plane)?;
-                }
-            }
-            Ok::<_, syntable_model::error::Error>(statistics)
+        let places = Places::copied(&layout, &self.buffers, &mut passes.encoder);
+        let (encoder, words, objects) = (passes.into_encoder(), places.words, world.scene.objects);
+        let statistics = self.device.read(encoder, &self.buffers.readable, words, |words: &[u32]| {
+            places.put(&layout, objects, words, frame)
         })??;
-        if let Some(options) = guided
-            && wants(DENOISER.id())
-        {
+        if let Some(options) = layout.guided.filter(|_| layout.wants(DENOISER.id())) {
             frame.put(DENOISER, options.report())?;
         }
         self.guided = filter.or(self.guided.take());
         Ok(statistics)
+    }
+
+    /// Records labels, paths, more samples of the guides where they are unlike their neighbors, and the planes of all.
+    fn trace_frame(
+        &self,
+        passes: &mut Passes,
+        world: &World,
+        layout: &Layout,
+        [view, guide_view]: [View; 2],
+        all: Pixels,
+    ) -> Result<()> {
+        let (device, buffers, window) = (&self.device, &self.buffers, layout.window);
+        device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
+        let variant = self.variant(world, layout.guides);
+        if !layout.labels.is_empty() {
+            let squares = u64::from(window.width.div_ceil(8)) * u64::from(window.height.div_ceil(8));
+            passes.once(&device.kernel(Kernel::Labels, variant.of_labels()), groups(squares * GROUP, GROUP));
+        }
+        if !layout.light {
+            return Ok(());
+        }
+        let each = groups(layout.pixels, GROUP);
+        passes.encoder.clear_buffer(&buffers.output, 4 * layout.sums_at, Some(4 * layout.sums));
+        device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
+        passes.trace(&view, all, 0..layout.samples)?;
+        if layout.guides {
+            passes.once(&device.kernel(Kernel::Choose, variant), each);
+            passes.submit();
+            device.write(&buffers.view, 0, bytemuck::bytes_of(&guide_view));
+            let chosen = Pixels { list: all.list + all.count, count: all.count, is_chosen: true };
+            passes.trace(&guide_view, chosen, 0..GUIDE_SAMPLES)?;
+            passes.submit();
+            device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
+        }
+        passes.once(&device.kernel(Kernel::Resolve, variant), each);
+        Ok(())
+    }
+
+    /// Records the filter. The denoised image comes after the labels.
+    fn denoise_frame(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        layout: &Layout,
+        filter: &mut GuidedFilter,
+        options: &Guided,
+    ) -> Result<()> {
+        let Layout { window, pixels, labels, .. } = layout;
+        let planes = sections(*pixels as u32, layout.samples);
+        for (from, to) in [(labels.depth, planes.depth), (labels.instance, planes.instance)] {
+            let [from, to] = [from, to].map(|first| 4 * u64::from(first));
+            encoder.copy_buffer_to_buffer(&self.buffers.output, from, &self.buffers.paths, to, 4 * pixels);
+        }
+        let (size, output) = ([window.width, window.height], (&self.buffers.output, labels.end as u32));
+        filter.record(encoder, size, &self.buffers.paths, planes, options, output)
     }
 
     /// Lists all pixels of an image, squares of 8 × 8 one after the other, so that neighbors are traced together.

@@ -1,6 +1,7 @@
 //! `gpu_path`: the path tracer of a graphics card as a stage.
 
-use crate::device::{AdapterInfo, Adapters, Device, none};
+use crate::adapters::Adapters;
+use crate::device::Device;
 use crate::frame::guided_of;
 use crate::session::{Caches, GpuSession};
 use parking_lot::Mutex;
@@ -8,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
-use syntable_model::stage::{DeviceClass, RenderDevice};
+use syntable_model::stage::RenderDevice;
 use syntable_transport::film::Film;
 use syntable_transport::{PathTracing, path_tracing_kind};
 
@@ -51,6 +52,11 @@ impl GpuPathRenderer {
         self.adapters.get_or_init(Adapters::find)
     }
 
+    /// Number of the adapters that render; at least one, whose absence shows when it is opened.
+    fn number_of_adapters(&self) -> usize {
+        self.adapters().used().map_or(1, |used| used.len())
+    }
+
     /// The device of an adapter.
     fn device(&self, number: usize) -> Result<Arc<Device>> {
         let mut devices = self.devices.lock();
@@ -80,19 +86,11 @@ impl Renderer for GpuPathRenderer {
     }
 
     fn max_sessions(&self) -> Option<usize> {
-        Some(self.adapters().used() * SESSIONS_PER_ADAPTER)
+        Some(self.number_of_adapters() * SESSIONS_PER_ADAPTER)
     }
 
     fn devices(&self) -> Result<Vec<RenderDevice>> {
-        let found = self.adapters().list();
-        if found.is_empty() {
-            return Err(none());
-        }
-        let device = |info: &AdapterInfo| RenderDevice {
-            name: info.to_string(),
-            class: if info.is_hardware { DeviceClass::Card } else { DeviceClass::Emulated },
-        };
-        Ok(found.iter().take(self.adapters().used()).map(device).collect())
+        self.adapters().devices()
     }
 
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
@@ -101,7 +99,7 @@ impl Renderer for GpuPathRenderer {
     }
 
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
-        Ok(Box::new(self.session(index % self.adapters().used())?))
+        Ok(Box::new(self.session(index % self.number_of_adapters())?))
     }
 
     fn cost(&self) -> String {
@@ -126,14 +124,14 @@ mod tests {
     use super::*;
     use syntable_model::product::standard::RADIANCE;
     use syntable_testing::room::{self, Look};
+    use syntable_testing::tools::is_there;
     use syntable_testing::workers::Threads;
 
     #[test]
     fn a_device_that_failed_is_given_up_by_all_sessions_and_opened_anew() {
         let renderer = GpuPathRenderer::new(PathTracing { samples_per_pixel: 4, ..PathTracing::default() });
-        if renderer.devices().is_err() {
-            assert!(std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"), "no adapter");
-            return eprintln!("there is no graphics adapter: lost devices are not tested");
+        if !is_there(renderer.devices().is_ok(), "a graphics adapter") {
+            return;
         }
         let (scene, view, wants) = (room::scene_of(Look::Mixed), room::view(24, 20), [RADIANCE.id()]);
         let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));

@@ -2,7 +2,7 @@
 //!
 //! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
 //! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `tables`
-//! and `arena`, how scenes lie in buffers; `device`, kernels and errors; `view`, the tables of a view; `passes`, paths over the
+//! and `arena`, how scenes lie in buffers; `constants`, what shaders are told by name; `adapters`, the cards of a machine and those that render; `device`, kernels and errors; `view`, the tables of a view; `passes`, paths over the
 //! pixels of an image; `planes`, what becomes of them; `frame` and `rounds`, images in one go and in rounds; `session`, a
 //! scene on a device; `gpu_path`, the stage; and `guided`, the denoiser of that name on the images that it renders. The
 //! shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
@@ -10,7 +10,9 @@
 //! **Invariants.** The same device makes the same bytes: paths are numbered, each is computed by itself, and the samples of
 //! a pixel are added in their order. The CPU's numbers are found up to rounding.
 
+mod adapters;
 mod arena;
+mod constants;
 mod device;
 mod frame;
 mod gpu_path;
@@ -23,6 +25,7 @@ mod tables;
 mod trees;
 mod view;
 
-pub use device::{AdapterInfo, Adapters, Device, adapters};
+pub use adapters::{AdapterInfo, Adapters};
+pub use device::Device;
 pub use gpu_path::{GpuPath, GpuPathRenderer};
 pub use guided::{GuidedFilter, Sections};

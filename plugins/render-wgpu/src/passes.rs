@@ -16,17 +16,27 @@ pub const GUIDE_BOUNCES: u32 = 8;
 /// Bounces that are submitted at once, before the device is asked whether any path is left.
 const BOUNCES_AT_ONCE: u32 = 16;
 
-/// Words of the counters in `path.wgsl`.
-pub const COUNTERS: u64 = 1032 + 6 * 512;
+/// Bounces that have counters.
+const BOUNCES_COUNTED: u32 = 512;
 
-/// Where in them rays are counted: the lower and the upper half of rays, and of shadow rays.
-const RAYS_COUNTED: usize = 1024;
+/// Where the counters of `path.wgsl` are: paths that are left after each bounce come first, then shadow rays.
+pub const SHADOW_COUNTERS: u32 = BOUNCES_COUNTED;
 
-/// Where in them the numbers of groups are, bounce after bounce: three words for paths that go on, three for shadow rays.
-const GROUPS_COUNTED: u64 = 1032;
+/// Rays of all passes, and shadow rays: the lower and the upper half.
+pub const RAYS_COUNTED: u32 = 2 * BOUNCES_COUNTED;
+pub const SHADOWS_COUNTED: u32 = RAYS_COUNTED + 2;
+
+/// Pixels that were chosen for more samples of the guides.
+pub const CHOSEN: u32 = RAYS_COUNTED + 4;
+
+/// Numbers of groups, bounce after bounce: three words for paths that go on, three for shadow rays.
+pub const GROUPS_COUNTED: u32 = RAYS_COUNTED + 8;
+
+/// Words of all counters.
+pub const COUNTERS: u64 = (GROUPS_COUNTED + 6 * BOUNCES_COUNTED) as u64;
 
 /// Groups along x of dispatches whose number of groups the device counts.
-const GROUPS_ALONG_X: u32 = 256;
+pub const GROUPS_ALONG_X: u32 = 256;
 
 /// Which pixels are traced: those of a list in the queues.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +78,7 @@ pub fn first_counters() -> Vec<u32> {
 /// Rays and shadow rays that were counted.
 pub fn rays_of(counters: &[u32]) -> [u64; 2] {
     [0, 2].map(|half| {
-        let at = RAYS_COUNTED + half;
+        let at = RAYS_COUNTED as usize + half;
         u64::from(counters[at]) | u64::from(counters[at + 1]) << 32
     })
 }
@@ -135,7 +145,7 @@ impl<'a> Passes<'a> {
             };
             self.dispatch(EXTEND, bounce, going);
             self.dispatch(SHADE, bounce, going);
-            let counted = 4 * (GROUPS_COUNTED + 6 * u64::from(bounce));
+            let counted = 4 * u64::from(GROUPS_COUNTED + 6 * bounce);
             self.encoder.copy_buffer_to_buffer(&session.buffers.counters, counted, &session.buffers.groups, 0, 24);
             if shadows && bounce < max_bounces {
                 self.dispatch(SHADOW, bounce, Groups::Counted(12));

@@ -1,6 +1,6 @@
 //! Where the planes of an image are on the device, and what becomes of them on this side.
 
-use crate::tables::{FAR, NONE};
+use crate::tables::NONE;
 use crate::view::View;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
@@ -11,6 +11,18 @@ use syntable_model::product::{BitPlane, Key, KeyId, Plane, Products};
 use syntable_model::scene::InstanceId;
 use syntable_model::stage::Window;
 use syntable_prepare::labels::instance_id;
+use syntable_simd::functions::FAR;
+
+/// Numbers of a pixel's sums in `path.wgsl`, without guides and with them. The first are radiance and the square of its
+/// luminance, then what rounding added to each.
+pub const SUMS: [u64; 2] = [9, 24];
+
+/// Where more of them are: samples; samples of the guides, then their albedo and normal; radiance of a part and the square of its
+/// luminance.
+pub const SUM_SAMPLES: u32 = 8;
+pub const SUM_GUIDES: u32 = 9;
+pub const SUM_SPECULAR: u32 = 16;
+pub const SUM_DEMODULATED: u32 = 20;
 
 /// Words of a pixel in the planes of light, without guides and with them; then depth and instance are copied to them.
 pub const PLANE_WORDS: [u64; 2] = [4, 20];

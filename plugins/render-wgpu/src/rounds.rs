@@ -1,7 +1,7 @@
 //! Frames in rounds, where noise or time decides on samples: sums go to this side after every round.
 
-use crate::frame::SUMS;
 use crate::passes::{COUNTERS, Passes, Pixels, first_counters, rays_of};
+use crate::planes::{SUM_DEMODULATED, SUM_GUIDES, SUM_SAMPLES, SUM_SPECULAR, SUMS};
 use crate::session::{GpuSession, World};
 use crate::view::{ONLY_GUIDES, View};
 use parking_lot::Mutex;
@@ -110,7 +110,7 @@ impl GpuTracer<'_> {
                 for &pixel in task.pixels {
                     let [x, y] = at(task.area, pixel);
                     let entry = (y * window.width + x) as usize;
-                    let number = |number: usize| sums[number * pixels + entry];
+                    let number = |number: u32| sums[number as usize * pixels + entry];
                     task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.guides, only_guides));
                 }
             });
@@ -120,23 +120,23 @@ impl GpuTracer<'_> {
 }
 
 /// Sums of a pixel from the numbers of `path.wgsl`.
-fn pixel_sums(number: impl Fn(usize) -> f32, guides: bool, only_guides: bool) -> PixelSums {
-    let three = |first: usize| [0, 1, 2].map(|c| number(first + c));
+fn pixel_sums(number: impl Fn(u32) -> f32, guides: bool, only_guides: bool) -> PixelSums {
+    let three = |first: u32| [0, 1, 2].map(|c| number(first + c));
     let mut sums = PixelSums::default();
     if !only_guides {
         // What rounding added was to be subtracted from the next number.
-        let exact = |at: usize| f64::from(number(at)) - f64::from(number(at + 4));
-        sums.samples = number(8) as u32;
+        let exact = |at: u32| f64::from(number(at)) - f64::from(number(at + 4));
+        sums.samples = number(SUM_SAMPLES) as u32;
         sums.radiance = [0, 1, 2].map(exact);
         sums.square = exact(3);
         if guides {
-            sums.specular = PartSums::new(three(16), number(19));
-            sums.demodulated = PartSums::new(three(20), number(23));
+            sums.specular = PartSums::new(three(SUM_SPECULAR), number(SUM_SPECULAR + 3));
+            sums.demodulated = PartSums::new(three(SUM_DEMODULATED), number(SUM_DEMODULATED + 3));
         }
     }
     if guides {
-        sums.guide_samples = number(9) as u32;
-        (sums.albedo, sums.normal) = (three(10), three(13));
+        sums.guide_samples = number(SUM_GUIDES) as u32;
+        (sums.albedo, sums.normal) = (three(SUM_GUIDES + 1), three(SUM_GUIDES + 4));
     }
     sums
 }

@@ -10,17 +10,15 @@ use syntable_prepare::{
     ProjectedEnvironment, SampleOrder, ScalarInput, TextureBinding, UvAffine, decoding,
 };
 use syntable_simd::Vec3;
+use syntable_simd::functions::FAR;
 use syntable_transport::RayCamera;
 use syntable_transport::bsdf::{sheen_table, table};
 
 /// Stands for what is not there.
 pub const NONE: u32 = u32::MAX;
 
-/// Stands for infinity, as in `functions.wgsl`.
-pub const FAR: f32 = 3.0e38;
-
 /// Entries of a body in `scene.wgsl`.
-const BODY_SIZE: u32 = 9;
+pub const BODY_SIZE: u32 = 9;
 
 /// Entries, appended section by section.
 #[derive(Clone, Debug, Default)]

@@ -10,6 +10,7 @@
 //! number in a vector. Indices count nodes and items of the tree.
 
 use syntable_prepare::{BinaryTree, Bounds, TreeNode};
+use syntable_simd::functions::FAR;
 
 /// Children of a node.
 const WIDTH: usize = 8;
@@ -22,9 +23,6 @@ const TRIANGLE_COST: f64 = 0.3;
 
 /// Levels from which on a tree is built anew by halves: the walk of a top level and a mesh keeps at most 48 groups.
 const MAX_DEPTH: usize = 22;
-
-/// Largest finite box; `bvh.wgsl` counts larger numbers as infinite.
-const FAR: f32 = 3.0e38;
 
 /// A vector of a tree.
 pub type Vector = [f32; 4];

@@ -2,7 +2,7 @@
 
 use crate::arena::{Arena, Asset, Place};
 use crate::session::{GpuSession, World};
-use crate::tables::{BodyPlace, EnvironmentPlaces, FAR, NONE, Tables};
+use crate::tables::{BodyPlace, EnvironmentPlaces, NONE, Tables};
 use crate::trees::{MeshTree, TopLevel};
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
@@ -14,13 +14,14 @@ use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{
     Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, ProjectedEnvironment, SampleOrder,
 };
+use syntable_simd::functions::FAR;
 use syntable_transport::film::{GUIDE_SAMPLES, guide_seed};
 use syntable_transport::{PixelFilter, RayCamera, Settings};
 
 /// Flags of a view in `scene.wgsl`.
-const WARPED: u32 = 1;
-const TENT: u32 = 2;
-const BLENDED_BY_COVERAGE: u32 = 4;
+pub const WARPED: u32 = 1;
+pub const TENT: u32 = 2;
+pub const BLENDED_BY_COVERAGE: u32 = 4;
 pub const ONLY_GUIDES: u32 = 8;
 
 /// `View` in `scene.wgsl`.

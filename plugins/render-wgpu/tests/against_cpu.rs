@@ -7,24 +7,16 @@ use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::stage::{Bodies, Window};
 use syntable_render_cpu::CpuPathRenderer;
-use syntable_render_wgpu::{GpuPathRenderer, adapters};
+use syntable_render_wgpu::{Adapters, GpuPathRenderer};
 use syntable_testing::room::{self, Look};
+use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
 use syntable_transport::{Dielectrics, PathTracing, PixelFilter};
 
 const LOOKS: [Look; 4] = [Look::Mixed, Look::Glass, Look::Plastic, Look::Metal];
 
-/// Whether there is an adapter; a test without one says so and ends, unless tools are required.
 fn has_adapter() -> bool {
-    let there = !adapters().is_empty();
-    if !there {
-        assert!(
-            std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"),
-            "no adapter; install mesa-vulkan-drivers"
-        );
-        eprintln!("there is no graphics adapter: the GPU renderer is not tested");
-    }
-    there
+    is_there(Adapters::find().used().is_ok(), "a graphics adapter (mesa-vulkan-drivers)")
 }
 
 /// Products of the CPU and of the GPU.

@@ -11,23 +11,16 @@ use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::scene::{EnvironmentLight, EnvironmentMap, Light};
-use syntable_render_wgpu::{GpuPathRenderer, Sections, adapters};
+use syntable_render_wgpu::{Adapters, GpuPathRenderer, Sections};
 use syntable_testing::room::{self, Look};
 use syntable_testing::scenes;
+use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
 
-/// The filter on the first adapter; a test without one says so and ends, unless tools are required.
+/// The filter on the first adapter, if there is one.
 fn find_card() -> Option<Card> {
-    if adapters().is_empty() {
-        assert!(
-            std::env::var("SYNTABLE_REQUIRE_TOOLS").as_deref() != Ok("1"),
-            "no adapter; install mesa-vulkan-drivers"
-        );
-        eprintln!("there is no graphics adapter: the GPU denoiser is not tested");
-        return None;
-    }
-    Some(Card::open(0))
+    is_there(Adapters::find().used().is_ok(), "a graphics adapter (mesa-vulkan-drivers)").then(|| Card::open(0))
 }
 
 fn reference(options: &Guided, products: &Products) -> Vec<Rgb> {

@@ -24,14 +24,7 @@ pub fn assets() -> Vec<PathBuf> {
     folders
 }
 
-/// Whether a tool that a test needs may be missing.
-pub fn skip(what: &str) {
-    assert!(
-        std::env::var_os("SYNTABLE_REQUIRE_TOOLS").is_none(),
-        "{what} is missing, and SYNTABLE_REQUIRE_TOOLS is set"
-    );
-    eprintln!("skipped: {what} is missing");
-}
+pub use syntable_testing::tools::skip;
 
 /// Lets an independent reader check a dataset of the writer `syntable`.
 pub fn check_dataset(dataset: &Path, more: &[&str]) {

@@ -21,7 +21,7 @@ pub trait Renderer: Send + Sync {
     /// # Errors
     /// If it cannot render on this machine.
     fn devices(&self) -> Result<Vec<RenderDevice>> {
-        Ok(vec![RenderDevice { name: "the processor".into(), class: DeviceClass::Processor }])
+        Ok(vec![RenderDevice::new("the processor", DeviceClass::Processor)])
     }
     /// Whether its sessions run a denoiser themselves, where the image is. Then a request names it, and may want what it
     /// provides and reads.
@@ -42,6 +42,17 @@ pub struct RenderDevice {
     pub name: String,
     /// What sort it is of.
     pub class: DeviceClass,
+    /// What it can hold, for people; empty where nothing bounds it.
+    pub limits: String,
+    /// Why no session opens on it; none if it renders.
+    pub unused: Option<String>,
+}
+
+impl RenderDevice {
+    /// A device that renders, without limits.
+    pub fn new(name: impl Into<String>, class: DeviceClass) -> Self {
+        Self { name: name.into(), class, limits: String::new(), unused: None }
+    }
 }
 
 /// A sort of devices.

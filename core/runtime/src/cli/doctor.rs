@@ -9,6 +9,7 @@ use syntable_model::context::Cache;
 use syntable_model::digest::Digest;
 use syntable_model::inspect::inspectors;
 use syntable_model::registry::{Choice, Registry, Slot, Stage};
+use syntable_model::stage::RenderDevice;
 use syntable_simd::Processor;
 
 pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit> {
@@ -44,13 +45,16 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     line("plugins", if crates.is_empty() { "none: name them in main.rs".into() } else { crates.join(", ") });
     for entry in registry.of_slot(Slot::Render).filter(|entry| entry.choose.is_none()) {
         let Ok(Stage::Render(renderer)) = entry.construct_str(entry.example).map(|made| made.stage) else { continue };
-        line(
-            entry.kind,
-            match renderer.devices() {
-                Ok(devices) => devices.into_iter().map(|device| device.name).collect::<Vec<_>>().join(", "),
-                Err(error) => error.to_string(),
-            },
-        );
+        match renderer.devices() {
+            Ok(devices) => devices.into_iter().enumerate().for_each(|(number, device)| {
+                let RenderDevice { name, limits, unused, .. } = device;
+                let unused = unused.map(|why| format!("not used, {why}"));
+                let parts = [name, limits, unused.unwrap_or_default()];
+                let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+                line(if number == 0 { entry.kind } else { "" }, parts.join("; "));
+            }),
+            Err(error) => line(entry.kind, error.to_string()),
+        }
     }
     for entry in registry.entries() {
         let Some(choose) = entry.choose else { continue };

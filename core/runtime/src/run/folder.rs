@@ -91,7 +91,7 @@ impl Folder {
     pub fn open(root: &Path) -> Result<Self> {
         let fail = |error: std::io::Error| {
             let full = matches!(error.kind(), ErrorKind::QuotaExceeded | ErrorKind::StorageFull);
-            let failed = Error::io(root, &error).help("choose a folder that can be written with --out");
+            let failed = Error::io(root, &error).help("choose a folder that can be written");
             if full { failed } else { failed.of_request() }
         };
         fs::create_dir_all(root).map_err(fail)?;
@@ -99,7 +99,7 @@ impl Folder {
         if !empty && !root.join(MARK).is_dir() {
             return Err(Error::new("the folder is not empty and holds no dataset")
                 .in_file(root)
-                .help("choose another folder with --out; nothing was touched")
+                .help("choose another folder; nothing was touched")
                 .permanent());
         }
         fs::create_dir_all(root.join(MARK)).map_err(fail)?;
@@ -523,10 +523,10 @@ impl Folder {
 }
 
 /// What to do about a file that is nobody's.
-const LEAVE: &str = "move it away, or choose another --out";
+const LEAVE: &str = "move it away, or choose another folder";
 /// The same where the list of what the end of a run wrote may be lost.
 const CLAIM: &str = "if an earlier run wrote it, run the same command with --repair, which replaces it; else move it away, or \
-                     choose another --out";
+                     choose another folder";
 
 /// Says whose file is where another one shall be written; `help` is for one that no manifest lists.
 fn taken(path: &str, owner: Option<&String>, help: &str) -> Error {
@@ -556,7 +556,7 @@ fn lock_now(
         Ok(()) => Ok(()),
         Err(fs::TryLockError::WouldBlock) => Err(Error::new("another run is writing this dataset").in_file(root)),
         Err(fs::TryLockError::Error(error)) => Err(Error::io(path, &error)
-            .help("the file system must lock files: choose a folder on another one with --out")
+            .help("the file system must lock files: choose a folder on another one")
             .of_request()),
     }
 }

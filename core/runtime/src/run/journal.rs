@@ -59,6 +59,8 @@ pub enum SceneOutcome {
 pub enum Notice {
     /// All images are black.
     Black,
+    /// All images are white: overexposed but for at most 1 % of their pixels.
+    White,
     /// No view has a light, and no material emits any.
     Unlit,
     /// No object has a visible pixel in any view.
@@ -70,6 +72,7 @@ impl Notice {
     pub fn text(self) -> &'static str {
         match self {
             Self::Black => "all images are black",
+            Self::White => "all images are white",
             Self::Unlit => "there is no light: no view has a light, and no material emits any",
             Self::Unlabeled => "no object has a visible pixel in any view",
         }
@@ -79,6 +82,7 @@ impl Notice {
     pub fn text_of_view(self) -> &'static str {
         match self {
             Self::Black => "the image is black",
+            Self::White => "the image is white",
             Self::Unlit => "there is no light",
             Self::Unlabeled => "no object has a visible pixel",
         }
@@ -90,6 +94,9 @@ impl Notice {
             Self::Black | Self::Unlit => {
                 "the camera may be outside of the room or inside of something: look at [views], at the sizes in [[place]] and \
                  at [[lights]]"
+            }
+            Self::White => {
+                "the view is overexposed: look at the intensity of [[lights]] and at the exposure in [camera]"
             }
             Self::Unlabeled => {
                 "the camera may be outside of the room, look past the objects or stand behind something: look at [views] and \
@@ -108,6 +115,7 @@ impl Notice {
     pub fn help(self) -> &'static str {
         match self {
             Self::Black => "look at [[lights]], at the exposure in [camera], and at what stands before the camera",
+            Self::White => "lower the intensity of [[lights]], or look at the exposure in [camera]",
             Self::Unlit => "add a [[lights]] table",
             Self::Unlabeled => "look at [views], and at what hides the table",
         }

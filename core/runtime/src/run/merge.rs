@@ -38,7 +38,7 @@ pub fn merge(
 ) -> Result<Outcome> {
     let start = Instant::now();
     let reporter = &Guarded(reporter);
-    is_none_of(out, parts)?;
+    is_apart(out, parts)?;
     let parts: Vec<Part> = parts.iter().map(|part| open(part)).collect::<Result<_>>()?;
     let Some(first) = parts.first() else {
         return Err(Error::new("there is no part to merge").permanent());
@@ -65,6 +65,7 @@ pub fn merge(
         scenes: (begun.entries.len() + chosen.len()) as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: begun.entries.len() as u32,
+        images: chosen.iter().map(|(entry, _)| entry.views()).sum(),
         threads,
     });
     let journal = Mutex::new(journal);
@@ -98,14 +99,30 @@ pub fn merge(
         failed: outcome.failed,
         images: outcome.images,
         made: outcome.images.saturating_sub(before),
+        grown: 0,
         seconds: start.elapsed().as_secs_f64(),
     });
     Ok(outcome)
 }
 
-/// Refuses a dataset that is also named as a part: it would be opened twice.
-fn is_none_of(out: &Path, parts: &[PathBuf]) -> Result<()> {
-    let Ok(whole) = out.canonicalize() else { return Ok(()) };
+/// Refuses a dataset that is also named as a part, which would be opened twice, and one inside of a part, to which its files
+/// would be foreign; and the reverse.
+fn is_apart(out: &Path, parts: &[PathBuf]) -> Result<()> {
+    let Some(whole) = out.ancestors().find_map(|folder| {
+        let inside = out.strip_prefix(folder).ok()?;
+        Some(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.canonicalize().ok()?.join(inside))
+    }) else {
+        return Ok(());
+    };
+    let nested = |part: &&PathBuf| {
+        part.canonicalize().is_ok_and(|part| part != whole && (part.starts_with(&whole) || whole.starts_with(&part)))
+    };
+    if let Some(part) = parts.iter().find(nested) {
+        return Err(Error::new("the dataset to make and this part lie one in the other")
+            .in_file(part)
+            .help("name a folder beside the parts")
+            .of_request());
+    }
     match parts.iter().find(|part| part.canonicalize().is_ok_and(|part| part == whole)) {
         Some(part) => Err(Error::new("it is named as the dataset to make, and as one of its parts")
             .in_file(part)
@@ -119,15 +136,16 @@ fn is_none_of(out: &Path, parts: &[PathBuf]) -> Result<()> {
 }
 
 fn open(path: &Path) -> Result<Part> {
-    let missing =
-        || Error::new("there is no dataset").in_file(path).help("name the folder that a run wrote").permanent();
+    let refuse = |message: &str, help: &str| Err(Error::new(message).in_file(path).help(help).permanent());
     if !path.join(RESERVED[0]).is_dir() {
-        return Err(missing());
+        return refuse("there is no dataset", "name the folder that a run wrote");
     }
     let folder = Folder::read(path)?;
     let entries = Journal::entries_of(&journal_path(path))?;
-    let recipe = folder.recipe()?.ok_or_else(missing)?;
-    Ok(Part { folder, entries, recipe })
+    match folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable) {
+        Ok(recipe) => Ok(Part { folder, entries, recipe }),
+        Err(what) => refuse(&format!("the part {what}"), "bring it back, or run with its recipe, --out and --repair"),
+    }
 }
 
 /// Refuses parts of different recipes or of different inputs.

@@ -150,6 +150,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         scenes: wanted.len() as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: wanted.filter(|scene| !todo.scenes.contains_key(scene)).count() as u32,
+        images: todo.scenes.values().map(|job| job.views(recipe)).sum(),
         threads: options.threads,
     });
     if !todo.scenes.is_empty() && assets.is_none() {
@@ -194,6 +195,9 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let journal = journal.into_inner();
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none()).map(|(scene, _)| scene);
     let made = whole.filter_map(|scene| journal.entries().get(scene)).map(JournalEntry::views).sum();
+    let changed =
+        |(scene, job): &(&u32, &Job)| job.lacks.is_some() && journal.entries().get(scene) != job.present.as_ref();
+    let grown = todo.scenes.iter().filter(changed).count() as u32;
     let done = finish(recipe, reporter, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
     let outcome = Outcome { lacking, ..done };
     reporter.event(&Event::Finished {
@@ -202,6 +206,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         failed: outcome.failed,
         images: outcome.images,
         made,
+        grown,
         seconds: start.elapsed().as_secs_f64(),
     });
     Ok(outcome)
@@ -362,6 +367,13 @@ struct Job {
     lacks: Lacks,
 }
 
+impl Job {
+    /// A scene keeps its number of views when the dataset grows.
+    fn views(&self, recipe: &Recipe) -> u32 {
+        self.present.as_ref().map_or(recipe.dataset.views_per_scene, JournalEntry::views)
+    }
+}
+
 impl Todo {
     fn of(recipe: &Recipe, journal: &Journal, wanted: Range<u32>, damaged: BTreeSet<u32>) -> Self {
         let recorded = records::names(&recipe.plan);
@@ -395,20 +407,15 @@ impl<'a> Works<'a> {
         let mut all = Self { recipe, works: BTreeMap::new() };
         for job in todo.scenes.values() {
             for lacks in [None, job.lacks.clone()] {
-                let views = all.views(job);
+                let views = job.views(recipe);
                 all.works.entry((views, lacks.clone())).or_insert_with(|| work(recipe, views, lacks.as_ref()));
             }
         }
         all
     }
 
-    /// A scene keeps its number of views when the dataset grows.
-    fn views(&self, job: &Job) -> u32 {
-        job.present.as_ref().map_or(self.recipe.dataset.views_per_scene, JournalEntry::views)
-    }
-
     fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
-        let of = |lacks: &Lacks| &self.works[&(self.views(job), lacks.clone())];
+        let of = |lacks: &Lacks| &self.works[&(job.views(self.recipe), lacks.clone())];
         let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
         let is_present = job.present.as_ref().is_some_and(|present| !present.failed());
         Task { scene, is_present, whole: of(&None), extend }
@@ -594,7 +601,7 @@ const FEW: u32 = 10;
 fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
     let log = Warnings(reporter);
     let all: u32 = made.iter().map(JournalEntry::views).sum();
-    for notice in [Notice::Black, Notice::Unlit, Notice::Unlabeled] {
+    for notice in [Notice::Black, Notice::White, Notice::Unlit, Notice::Unlabeled] {
         let whole = || made.iter().filter(|entry| entry.notices.contains(&notice));
         let scenes = whole().count();
         if scenes > 0 {

@@ -25,6 +25,8 @@ pub enum Event {
         views_per_scene: u32,
         /// Scenes of this run that were done before.
         resumed: u32,
+        /// Images that this run is to make, or whose files a new writer lacks.
+        images: u32,
         /// Threads.
         threads: usize,
     },
@@ -80,6 +82,8 @@ pub enum Event {
         images: u32,
         /// Images that this run made.
         made: u32,
+        /// Scenes that were there and got the files of new writers.
+        grown: u32,
         /// How long the run took, s.
         seconds: f64,
     },
@@ -236,10 +240,10 @@ impl Reporter for Human {
     fn event(&self, event: &Event) {
         let mut state = self.state.lock();
         match event {
-            Event::Started { out, scenes, views_per_scene, resumed, threads } => {
+            Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
                 state.start = Instant::now();
                 state.scenes_total = scenes - resumed;
-                state.total = u64::from(state.scenes_total) * u64::from(*views_per_scene);
+                state.total = u64::from(*images);
                 let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
                 let (scenes, views) = (count(*scenes, "scene"), count(*views_per_scene, "view"));
                 self.say(&format!("{scenes} × {views}{done}, {} → {out}", count(*threads as u32, "thread")));
@@ -282,13 +286,16 @@ impl Reporter for Human {
             }
             Event::Message(record) => self.say(&record.line()),
             Event::Note { message } => self.say(&format!("note: {message}")),
-            Event::Finished { out, scenes, failed, images, made, seconds } => {
+            Event::Finished { out, scenes, failed, images, made, grown, seconds } => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();
                 }
                 let failures =
                     if *failed > 0 { format!(", {} failed", count(*failed, "scene")) } else { String::new() };
-                let (time, made) = (clock(Duration::from_secs_f64(*seconds)), count(*made, "image"));
+                let (time, mut made) = (clock(Duration::from_secs_f64(*seconds)), count(*made, "image"));
+                if *grown > 0 {
+                    made += &format!(" and more files of {}", count(*grown, "scene"));
+                }
                 let (scenes, images) = (count(*scenes, "scene"), count(*images, "image"));
                 print_line(&format!("made {made} in {time}; the dataset has {scenes}, {images}{failures}"));
                 let _ = writeln!(std::io::stdout(), "{out}");

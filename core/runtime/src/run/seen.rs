@@ -6,12 +6,16 @@ use syntable_model::product::Products;
 use syntable_model::product::standard::{RADIANCE, RGB, VISIBLE_MASK};
 use syntable_model::scene::{Body, Material, Scene, View};
 
+/// Of an overexposed image at most one pixel in as many is darker than white: noise leaves single ones.
+const DARKER: usize = 100;
+
 /// What the views of a scene showed so far.
 #[derive(Debug, Default)]
 pub struct Seen {
-    /// Number of views with an image, and those whose image is black.
+    /// Number of views with an image, and those whose image is black or white.
     images: usize,
     black: Vec<u32>,
+    white: Vec<u32>,
     /// Number of views with masks, and those in which no mask has a pixel.
     masks: usize,
     unlabeled: Vec<u32>,
@@ -33,13 +37,19 @@ impl Seen {
     pub fn look(&mut self, view: &View, products: &Products) {
         self.lights |= !view.lights.is_empty();
         let image = match (products.get(RGB), products.get(RADIANCE)) {
-            (Ok(image), _) => Some(image.data().iter().all(|pixel| *pixel == [0; 3])),
-            (_, Ok(image)) => Some(image.data().iter().all(|pixel| *pixel == [0.0; 3])),
+            (Ok(image), _) => {
+                let of = |value: u8| image.data().iter().filter(|pixel| **pixel == [value; 3]).count();
+                let all = image.data().len();
+                Some([of(0) == all, (all - of(255)) * DARKER <= all])
+            }
+            // Radiance has no white.
+            (_, Ok(image)) => Some([image.data().iter().all(|pixel| *pixel == [0.0; 3]), false]),
             _ => None,
         };
-        if let Some(black) = image {
+        if let Some([black, white]) = image {
             self.images += 1;
             self.black.extend(black.then_some(view.id.0));
+            self.white.extend(white.then_some(view.id.0));
         }
         if let Ok(masks) = products.get(VISIBLE_MASK) {
             self.masks += 1;
@@ -53,7 +63,11 @@ impl Seen {
         if self.images > 0 && !self.lights && !scene.bodies().iter().any(emits) {
             odd.scene.insert(Notice::Unlit);
         }
-        let all = [(self.images, self.black, Notice::Black), (self.masks, self.unlabeled, Notice::Unlabeled)];
+        let all = [
+            (self.images, self.black, Notice::Black),
+            (self.images, self.white, Notice::White),
+            (self.masks, self.unlabeled, Notice::Unlabeled),
+        ];
         for (looked, views, notice) in all {
             if !views.is_empty() && views.len() == looked {
                 odd.scene.insert(notice);

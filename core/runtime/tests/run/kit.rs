@@ -158,7 +158,7 @@ impl Renderer for Sleeper {
     fn devices(&self) -> Result<Vec<RenderDevice>> {
         let card = CARDS.lock().expect("cards").get(&self.tally).cloned();
         let class = if card.is_some() { DeviceClass::Card } else { DeviceClass::Processor };
-        Ok(vec![RenderDevice { name: card.unwrap_or_else(|| "the processor".into()), class }])
+        Ok(vec![RenderDevice::new(card.unwrap_or_else(|| "the processor".into()), class)])
     }
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {
         assert_eq!(index, 0, "there is one device");

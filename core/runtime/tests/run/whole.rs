@@ -239,6 +239,26 @@ fn parts_that_do_not_belong_together_are_refused() {
             .to_string();
     assert!(error.contains("as one of its parts") && error.contains("leave out the part"), "{error}");
     assert_eq!(verify(&ours[0], 1).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
+    // Folders one in the other, whether they are there or not.
+    for (out, part) in [(ours[0].join("new/merged"), &ours[0]), (ours[0].join("../part-0/x"), &ours[0])] {
+        let error = syntable_runtime::run::merge(&registry(), &out, &[part.clone()], 1, &Stop::default(), &Quiet)
+            .expect_err("nested")
+            .to_string();
+        assert!(error.contains("one in the other") && error.contains("beside the parts"), "{error}");
+        assert!(!out.exists());
+    }
+    // A part that lost its recipe.
+    let recipe = ours[1].join("recipe.toml");
+    let text = fs::read_to_string(&recipe).expect("there");
+    for damage in [None, Some("")] {
+        match damage {
+            None => fs::remove_file(&recipe).expect("there"),
+            Some(text) => fs::write(&recipe, text).expect("writable"),
+        }
+        let error = merge(&[&ours[0], &ours[1]]);
+        assert!(error.contains("recipe.toml") && error.contains("--repair") && error.contains("part-1"), "{error}");
+    }
+    fs::write(&recipe, text).expect("writable");
     // The same scene with another byte, and a journal that says so.
     let journal = ours[1].join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");

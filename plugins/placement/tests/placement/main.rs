@@ -181,6 +181,33 @@ fn a_table_stands_on_the_floor_in_the_center() {
 }
 
 #[test]
+fn a_table_that_is_larger_than_the_room_is_refused() {
+    // The table is 1.2 m × 0.8 m, and 0.75 m high; on the diagonal it needs 1.414 m both ways.
+    let of = |table: &str| placer("table", &format!("from = [\"tables\"]\n{table}"));
+    for (room, table, through) in [
+        ("size_m = 1.21\nlength_m = 1.0", "", None),
+        ("size_m = 1.2\nlength_m = 1.0", "", None),
+        ("size_m = 1.19\nlength_m = 1.0", "", Some("wall_east")),
+        ("size_m = 1.0\nlength_m = 1.21", "", Some("wall_east")),
+        ("size_m = 1.0\nlength_m = 1.21", "yaw_deg = 90", None),
+        ("size_m = 1.42", "yaw_deg = 45", None),
+        ("size_m = 1.41", "yaw_deg = 45", Some("wall_east")),
+        ("size_m = 3.0\nheight_m = 1.0", "longer_side_m = 1.5", None),
+        ("size_m = 3.0\nheight_m = 1.0", "longer_side_m = 1.7", Some("ceiling")),
+        ("size_m = 1.0\nfloor_only = true", "", None),
+    ] {
+        let (room, table) = (placer("room", room), of(table));
+        for order in [[&*room, &*table], [&*table, &*room]] {
+            let said = place(&order, 3).err().map(|error| error.to_string());
+            assert_eq!(said.is_some(), through.is_some(), "{said:?}");
+            if let (Some(said), Some(through)) = (said, through) {
+                assert!(said.contains("1200x800x750") && said.contains(through) && said.contains("size_m"), "{said}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_table_gets_a_material_as_often_as_asked() {
     let some = placer("table", "from = [\"tables\"]\nmaterial = \"materials\"\nmaterial_probability = 0.25");
     let drawn = (0..2000)

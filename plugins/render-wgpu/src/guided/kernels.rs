@@ -1,11 +1,11 @@
 //! The kernels of the filter: their source, with the numbers of `syntable-denoise`, and their bindings.
 
-use crate::tables::FAR;
-use std::fmt::Write;
+use crate::constants::{Constant, declared};
 use std::num::NonZeroU64;
 use syntable_denoise::guided::tuning;
 use syntable_model::photometry::luminance;
 use syntable_model::product::standard::DEMODULATION_EPSILON;
+use syntable_simd::functions::FAR;
 
 /// The WGSL below [`constants`].
 const SHADERS: [&str; 5] = [
@@ -109,37 +109,33 @@ impl Kernels {
 /// What the shaders know by name, in WGSL.
 fn constants() -> String {
     let weight = |color| luminance(color) as f32;
-    let numbers = [
-        ("FAR", FAR),
-        ("DEMODULATION_EPSILON", DEMODULATION_EPSILON),
-        ("LUMINANCE_R", weight([1.0, 0.0, 0.0])),
-        ("LUMINANCE_G", weight([0.0, 1.0, 0.0])),
-        ("LUMINANCE_B", weight([0.0, 0.0, 1.0])),
-        ("MOST_NITS", tuning::MOST_NITS),
-        ("NEAREST", tuning::NEAREST),
-        ("WHOLE", tuning::WHOLE),
-        ("RESIDUAL", tuning::RESIDUAL),
-        ("PLANE", tuning::PLANE),
-        ("BORDER_NORMAL", tuning::BORDER_NORMAL),
-        ("BORDER_COLOR", tuning::BORDER_COLOR),
-        ("END", tuning::END),
-        ("FEWEST", tuning::FEWEST),
-        ("SURE", tuning::SURE),
-        ("PRIOR", tuning::PRIOR),
-        ("MOST_RESTORED", tuning::MOST_RESTORED),
-        ("LEAST_RESTORED", tuning::LEAST_RESTORED),
-        ("DIFFUSE_PER_NORMAL", tuning::DIFFUSE.per_normal),
-        ("SPECULAR_PER_NORMAL", tuning::SPECULAR.per_normal),
-        ("DIFFUSE_FIREFLY", tuning::DIFFUSE.firefly),
-        ("SPECULAR_FIREFLY", tuning::SPECULAR.firefly),
+    let numbers: &[(&str, Constant)] = &[
+        ("FAR", FAR.into()),
+        ("DEMODULATION_EPSILON", DEMODULATION_EPSILON.into()),
+        ("LUMINANCE_R", weight([1.0, 0.0, 0.0]).into()),
+        ("LUMINANCE_G", weight([0.0, 1.0, 0.0]).into()),
+        ("LUMINANCE_B", weight([0.0, 0.0, 1.0]).into()),
+        ("MOST_NITS", tuning::MOST_NITS.into()),
+        ("NEAREST", tuning::NEAREST.into()),
+        ("WHOLE", tuning::WHOLE.into()),
+        ("RESIDUAL", tuning::RESIDUAL.into()),
+        ("PLANE", tuning::PLANE.into()),
+        ("BORDER_NORMAL", tuning::BORDER_NORMAL.into()),
+        ("BORDER_COLOR", tuning::BORDER_COLOR.into()),
+        ("END", tuning::END.into()),
+        ("FEWEST", tuning::FEWEST.into()),
+        ("SURE", tuning::SURE.into()),
+        ("PRIOR", tuning::PRIOR.into()),
+        ("MOST_RESTORED", tuning::MOST_RESTORED.into()),
+        ("LEAST_RESTORED", tuning::LEAST_RESTORED.into()),
+        ("DIFFUSE_PER_NORMAL", tuning::DIFFUSE.per_normal.into()),
+        ("SPECULAR_PER_NORMAL", tuning::SPECULAR.per_normal.into()),
+        ("DIFFUSE_FIREFLY", tuning::DIFFUSE.firefly.into()),
+        ("SPECULAR_FIREFLY", tuning::SPECULAR.firefly.into()),
+        ("CELL", tuning::CELL.into()),
+        ("REACH", tuning::REACH.into()),
     ];
-    let mut text = String::new();
-    for (name, number) in numbers {
-        // Exponents keep large numbers short; the digits are those that tell the number from all others.
-        let _ = writeln!(text, "const {name}: f32 = {number:e}f;");
-    }
     let weights = tuning::CELL_WEIGHTS.map(|weight| format!("{weight:e}f")).join(", ");
-    let _ = writeln!(text, "const CELL_WEIGHTS = array<f32, {}>({weights});", tuning::CELL_WEIGHTS.len());
-    let _ = writeln!(text, "const CELL: u32 = {}u;\nconst REACH: i32 = {};", tuning::CELL, tuning::REACH);
-    text
+    let cells = format!("const CELL_WEIGHTS = array<f32, {}>({weights});\n", tuning::CELL_WEIGHTS.len());
+    declared(numbers) + &cells
 }

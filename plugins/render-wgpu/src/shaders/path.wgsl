@@ -29,21 +29,10 @@ const BOUNCE_SHIFT: u32 = 8u;
 const TOUCHING: f32 = 1e-4;
 const LAYER_DIMENSION: u32 = 0x1000u;
 const PASSAGE: u32 = 0x2c1b3c6du;
-const GUIDE_BOUNCES: u32 = 8u;
 const DIFFUSE_SPREAD: f32 = 0.25;
 const PAST: f32 = 1e-5;
 const ROUGH: f32 = 0.1;
 const GLOSS: f32 = 0.04;
-const SHADOW_COUNTERS: u32 = 512u;
-// Counts of rays and shadow rays of all passes: the lower and the upper half.
-const RAYS_COUNTED: u32 = 1024u;
-const SHADOWS_COUNTED: u32 = 1026u;
-// Pixels that were chosen for more samples of the guides.
-const CHOSEN: u32 = 1028u;
-// Numbers of groups after a bounce, six words each: of paths that go on, and of shadow rays. Those along y are counted.
-const GROUPS: u32 = 1032u;
-// Threads of a row of groups.
-const ROW: u32 = 16384u;
 
 fn state(plane: u32, path: u32) -> vec4<f32> {
     return paths[plane * view.capacity + path];
@@ -551,13 +540,9 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     }
 }
 
-// Sums of a pixel, number after number: radiance and its rounding errors, squared luminance and its error, samples;
-// with guides their samples, albedo and normal; specular radiance and its square; the demodulated rest and its square.
-const SUM_SAMPLES: u32 = 8u;
-const SUM_GUIDES: u32 = 9u;
-const SUM_SPECULAR: u32 = 16u;
-const SUM_DEMODULATED: u32 = 20u;
-const DEMODULATION_EPSILON: f32 = 0.01;
+// Sums of a pixel, number after number, as planes.rs says where: radiance and squared luminance, the rounding errors of both,
+// samples; with guides their samples, albedo and normal; specular radiance and its square; the demodulated rest and its
+// square.
 
 fn pixels_of_window() -> u32 {
     return u32(view.window.z) * u32(view.window.w);
@@ -687,9 +672,6 @@ fn count_rays() {
 }
 
 // More samples of the guides for pixels that have few and are unlike a neighbor, as in film.rs.
-const GUIDE_SAMPLES: f32 = 8.0;
-const DIFFERENT: f32 = 0.1;
-
 fn mean_sum(first: u32, entry: u32) -> vec3<f32> {
     let per = 1.0 / max(read_sum(SUM_GUIDES, entry), 1.0);
     return vec3(read_sum(first, entry), read_sum(first + 1u, entry), read_sum(first + 2u, entry)) * per;
@@ -772,11 +754,11 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
             demodulated[c] = read_sum(SUM_DEMODULATED + c, entry);
         }
     }
-    set_part(0u, entry, light.xyz, light.w, samples);
+    set_part(AT_RADIANCE, entry, light.xyz, light.w, samples);
     if GUIDES {
-        set_part(4u, entry, specular.xyz, specular.w, samples);
-        set_part(8u, entry, demodulated.xyz, demodulated.w, samples);
-        set_color(12u, entry, mean_sum(SUM_GUIDES + 1u, entry));
-        set_color(15u, entry, to_camera(mean_sum(SUM_GUIDES + 4u, entry)));
+        set_part(AT_SPECULAR, entry, specular.xyz, specular.w, samples);
+        set_part(AT_DEMODULATED, entry, demodulated.xyz, demodulated.w, samples);
+        set_color(AT_ALBEDO, entry, mean_sum(SUM_GUIDES + 1u, entry));
+        set_color(AT_NORMAL, entry, to_camera(mean_sum(SUM_GUIDES + 4u, entry)));
     }
 }

@@ -6,7 +6,6 @@ override PANES: bool = true;
 override GUIDES: bool = true;
 override PLAIN_DIELECTRICS: bool = false;
 
-const NONE: u32 = 0xffffffffu;
 
 struct View {
     // Left, top, width, height of the window, px from the corner of the image.
@@ -57,7 +56,7 @@ struct View {
     sample_bits: u32,
     block_bits: u32,
     block_columns: u32,
-    // Sum of the flags below.
+    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES.
     flags: u32,
     // Of paths.
     max_bounces: u32,
@@ -77,11 +76,6 @@ struct View {
     unused_0: u32,
     unused_1: u32,
 }
-
-const WARPED: u32 = 1u;
-const TENT: u32 = 2u;
-const BLENDED_BY_COVERAGE: u32 = 4u;
-const ONLY_GUIDES: u32 = 8u;
 
 struct Pass {
     // First entry of the list of pixels, their number.
@@ -137,9 +131,8 @@ fn no_hit() -> Hit {
     return Hit(FAR, 0.0, 0.0, NONE, NONE);
 }
 
-// A body is nine entries: columns of its rotation with where its triangles, tangents and colors are; its position with its
+// A body is BODY_SIZE entries: columns of its rotation with where its triangles, tangents and colors are; its position with its
 // flags; its slots; the matrix object from world; its tree.
-const BODY_SIZE: u32 = 9u;
 const BODY_CUTOUTS: u32 = 1u;
 const BODY_PANES: u32 = 2u;
 

@@ -1,0 +1,206 @@
+//! The graphics adapters of a machine, and which of them render.
+
+use crate::device::STORAGE_BUFFERS;
+use std::fmt;
+use syntable_model::error::{Error, Result};
+use syntable_model::stage::{DeviceClass, RenderDevice};
+
+/// Environment variable with a part of the name of the adapter to use, in upper or lower case; the one that other programs
+/// with wgpu read.
+const WANTED: &str = "WGPU_ADAPTER_NAME";
+
+/// What a graphics adapter is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterInfo {
+    /// Name of the card.
+    pub name: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Vulkan, Metal or DirectX 12.
+    pub backend: String,
+    /// What sort of adapter it is.
+    pub class: wgpu::DeviceType,
+    /// Numbers of its maker and model.
+    pub model: [u32; 2],
+    /// Bytes of the largest buffer that kernels can read.
+    pub max_buffer: u64,
+}
+
+impl fmt::Display for AdapterInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, driver, backend, .. } = self;
+        let kind = if self.is_hardware() { "" } else { ", a program that runs on the processor" };
+        write!(f, "{name} ({driver}, {backend}{kind})")
+    }
+}
+
+impl AdapterInfo {
+    fn of(adapter: &wgpu::Adapter) -> Self {
+        let (info, limits) = (adapter.get_info(), adapter.limits());
+        Self {
+            name: info.name,
+            driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
+            backend: info.backend.to_string(),
+            class: info.device_type,
+            model: [info.vendor, info.device],
+            max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
+        }
+    }
+
+    /// Whether it is a card rather than a program.
+    pub fn is_hardware(&self) -> bool {
+        self.class != wgpu::DeviceType::Cpu
+    }
+
+    /// Cards of their own before those of a processor, and programs last.
+    fn rank(&self) -> u8 {
+        match self.class {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::VirtualGpu => 1,
+            wgpu::DeviceType::IntegratedGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        }
+    }
+
+    /// Whether both round alike: cards of one model, with one driver and interface.
+    fn is_like(&self, other: &Self) -> bool {
+        let what = |info: &Self| (info.model, info.name.clone(), info.driver.clone(), info.backend.clone());
+        what(self) == what(other)
+    }
+}
+
+/// The numbers of the adapters that render, and for the others why they do not. Images must not depend on which adapter
+/// has a free session, so all that render are alike: the best one, or the one that is wanted, and those of its model. A
+/// program takes the place of a card once.
+fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
+    if all.is_empty() {
+        return Err(none());
+    }
+    let is_wanted =
+        |info: &AdapterInfo| wanted.is_none_or(|wanted| info.name.to_lowercase().contains(&wanted.to_lowercase()));
+    // The first of the best.
+    let Some(best) = all.iter().filter(|info| is_wanted(info)).min_by_key(|info| info.rank()) else {
+        let wanted = wanted.unwrap_or_default();
+        let names = all.iter().map(|info| info.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(Error::new(format!("no graphics adapter has `{wanted}` in its name, as {WANTED} says"))
+            .help(format!("there are {names}: set {WANTED} to a part of a name, or unset it"))
+            .permanent());
+    };
+    let alike = (0..all.len()).filter(|&number| all[number].is_like(best));
+    Ok(alike.take(if best.is_hardware() { all.len() } else { 1 }).collect())
+}
+
+/// The error of a machine without an adapter.
+fn none() -> Error {
+    Error::new("no graphics adapter was found")
+        .help(
+            "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or render with `cpu_path`; \
+             `mesa-vulkan-drivers` has a program in place of a card, for tests",
+        )
+        .permanent()
+}
+
+/// The adapters of this machine that can run the kernels.
+pub struct Adapters {
+    all: Vec<wgpu::Adapter>,
+    /// The numbers of those that render, or why none does.
+    used: Result<Vec<usize>>,
+}
+
+impl Adapters {
+    /// Looks for adapters.
+    pub fn find() -> Self {
+        // Numbers of groups are counted by the shaders, which need no check of them.
+        let flags = wgpu::InstanceFlags::default() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
+        let descriptor = wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() };
+        let instance = wgpu::Instance::new(descriptor);
+        let usable = |adapter: &wgpu::Adapter| {
+            let limits = adapter.limits();
+            limits.max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
+                && limits.max_compute_invocations_per_workgroup >= 128
+        };
+        let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let all: Vec<_> = found.into_iter().filter(usable).collect();
+        let infos: Vec<AdapterInfo> = all.iter().map(AdapterInfo::of).collect();
+        let wanted = std::env::var(WANTED).ok().filter(|name| !name.is_empty());
+        let used = chosen(&infos, wanted.as_deref());
+        Self { all, used }
+    }
+
+    /// Those that render.
+    ///
+    /// # Errors
+    /// If there is none, or not the one that is wanted.
+    pub fn used(&self) -> Result<Vec<AdapterInfo>> {
+        let used = self.used.as_ref().map_err(Error::clone)?;
+        Ok(used.iter().map(|&number| AdapterInfo::of(&self.all[number])).collect())
+    }
+
+    /// One of those that render, by its number among them, modulo how many there are.
+    pub(crate) fn get(&self, number: usize) -> Result<(&wgpu::Adapter, AdapterInfo)> {
+        let used = self.used.as_ref().map_err(Error::clone)?;
+        let adapter = &self.all[used[number % used.len()]];
+        Ok((adapter, AdapterInfo::of(adapter)))
+    }
+
+    /// All of them, those that render first.
+    ///
+    /// # Errors
+    /// If none renders.
+    pub fn devices(&self) -> Result<Vec<RenderDevice>> {
+        let used = self.used.as_ref().map_err(Error::clone)?;
+        let best = AdapterInfo::of(&self.all[used[0]]);
+        let mut devices: Vec<RenderDevice> = (self.all.iter().enumerate())
+            .map(|(number, adapter)| {
+                let info = AdapterInfo::of(adapter);
+                let unlike = || format!("unlike {}; {WANTED} chooses another one", best.name);
+                RenderDevice {
+                    name: info.to_string(),
+                    class: if info.is_hardware() { DeviceClass::Card } else { DeviceClass::Emulated },
+                    limits: format!("buffers of up to {} MiB", info.max_buffer >> 20),
+                    unused: (!used.contains(&number)).then(unlike),
+                }
+            })
+            .collect();
+        devices.sort_by_key(|device| device.unused.is_some());
+        Ok(devices)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu};
+
+    fn adapter(name: &str, class: wgpu::DeviceType, backend: &str) -> AdapterInfo {
+        let model = [1, u32::from(name.as_bytes()[0])];
+        let (name, driver, backend) = (name.into(), "driver 1".into(), backend.into());
+        AdapterInfo { name, driver, backend, class, model, max_buffer: 1 << 30 }
+    }
+
+    #[test]
+    fn only_adapters_that_round_alike_render_together() {
+        let laptop = [adapter("Inside", IntegratedGpu, "vulkan"), adapter("Big", DiscreteGpu, "vulkan")];
+        let windows = [laptop.as_slice(), &[adapter("Big", DiscreteGpu, "dx12")]].concat();
+        let node = [adapter("Big", DiscreteGpu, "vulkan"), adapter("lavapipe", Cpu, "vulkan")];
+        let cluster = [node.as_slice(), &node].concat();
+        let programs = [adapter("lavapipe", Cpu, "vulkan"), adapter("lavapipe", Cpu, "vulkan")];
+        for (all, wanted, used) in [
+            (&laptop[..], None, &[1][..]),
+            (&laptop, Some("inside"), &[0]),
+            // One card with two interfaces is one card.
+            (&windows, None, &[1]),
+            (&cluster, None, &[0, 2]),
+            (&cluster, Some("LAVA"), &[1]),
+            (&programs, None, &[0]),
+        ] {
+            assert_eq!(chosen(all, wanted).expect("one is there"), used, "{wanted:?} of {all:?}");
+        }
+        let newer = AdapterInfo { driver: "driver 2".into(), ..laptop[1].clone() };
+        assert_eq!(chosen(&[laptop[1].clone(), newer], None).expect("two"), [0], "another driver rounds otherwise");
+        let error = chosen(&laptop, Some("huge")).expect_err("not there").to_string();
+        assert!(error.contains("`huge`") && error.contains("Inside, Big") && error.contains(WANTED), "{error}");
+        assert!(chosen(&[], Some("huge")).expect_err("nothing").to_string().contains("no graphics adapter"));
+    }
+}
