@@ -73,6 +73,7 @@ pub enum TemplateSource {
 #[serde(deny_unknown_fields)]
 pub struct TemplateFile {
     /// Path of the file, UTF-8 text.
+    #[schemars(extend("x-syntable-ref" = "file"))]
     pub file: AssetPath,
 }
 
