@@ -581,8 +581,43 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
     let broken = folder.path().join("broken.tera");
     fs::write(&broken, "one\n{% if %}\n").expect("writable");
     let broken = format!("write.t={{ kind = \"template\", template = {{ file = \"{}\" }} }}", broken.display());
+    let unknown = folder.path().join("unknown.tera");
+    fs::write(&unknown, "one\n{{ sceen.id }}\n").expect("writable");
+    let unknown = format!("write.t={{ kind = \"template\", template = {{ file = \"{}\" }} }}", unknown.display());
+    let in_folder =
+        format!("write.t={{ kind = \"template\", template = {{ file = \"{}\" }} }}", folder.path().display());
     let path = "write.t={ kind = \"template\", template = \"x\", path = ";
     for (set, says) in [
+        (unknown.as_str(), vec!["write.t", "unknown.tera:2", "there is no variable `sceen`"]),
+        (&in_folder, vec!["`template.file` names a file, but", "is a folder"]),
+        ("write.t={ kind = \"template\", template = \"{{ view.cameraa }}\" }", vec!["line 1", "no `view.cameraa`"]),
+        (
+            "write.l={ kind = \"jsonl\", file = \"data\" }",
+            vec!["`data` is a file of `write.l`, and a folder of `write.syntable`"],
+        ),
+        (
+            "write.data={ kind = \"gltf\" }\u{0}write.l={ kind = \"jsonl\", file = \"data\" }",
+            vec!["`data` is a file of `write.l`"],
+        ),
+        (
+            &format!("{path}\"annotation_final.json/x\", per = \"dataset\" }}"),
+            vec!["`annotation_final.json` is a file of `write.syntable`, and a folder of `write.t`"],
+        ),
+        (&format!("{path}\"data//mono/rgb/0_0.png\", per = \"dataset\" }}"), vec!["`write.syntable` and `write.t`"]),
+        (
+            &format!("{path}\"contact_sheet/000000_00.png\", per = \"dataset\" }}"),
+            vec!["`write.contact_sheet` and `write.t`"],
+        ),
+        (
+            &format!("dataset.scenes=9\u{0}{path}\"contact_sheet/000007_00.png\", per = \"dataset\" }}"),
+            vec!["`write.contact_sheet` and `write.t`"],
+        ),
+        (
+            &format!(
+                "write.n={{ kind = \"npy\", include = [\"amodal_mask\"] }}\u{0}{path}\"n/amodal_mask/000001_0000_ids.npy\", per = \"dataset\" }}"
+            ),
+            vec!["`write.n` and `write.t`"],
+        ),
         ("remove=[\"place.table\"]", vec!["needs a tabletop", "[[place]] kind = \"table\""]),
         ("write.t={ kind = \"template\", template = { file = \"no/such.tera\" } }", vec!["write.t", "no/such.tera"]),
         (&broken, vec!["write.t", "broken.tera:2"]),
@@ -606,9 +641,17 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             command = syntable();
             command.arg("check").arg(recipe);
         } else {
-            command.args(["--set", set]);
+            set.split('\0').for_each(|set| drop(command.args(["--set", set])));
         }
         let error = fails(&mut command, 2);
         assert!(says.iter().all(|word| error.contains(word)), "{set}: {says:?}: {error}");
+    }
+    // Files of several writers may be in one folder, and a number beyond the dataset is that of no scene.
+    for set in [
+        "write.data={ kind = \"png\" }",
+        &format!("{path}\"contact_sheet/labels.txt\", per = \"dataset\" }}"),
+        &format!("{path}\"contact_sheet/000007_00.png\", per = \"dataset\" }}"),
+    ] {
+        ok(syntable().args(["check", "recipes/quickstart.toml", "--set", set]));
     }
 }

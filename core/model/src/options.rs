@@ -881,7 +881,7 @@ impl<'s> Validator<'s> {
         if words.is_empty() {
             return false;
         }
-        let forms: Vec<&str> = trials.iter().filter_map(|(branch, _)| sole_key(branch)).collect();
+        let forms: Vec<&str> = trials.iter().flat_map(|(branch, _)| form_keys(branch)).collect();
         outcome.findings.push(unknown_choice(at.path, &at.name(), text, span, &words, &forms));
         true
     }
@@ -1081,6 +1081,16 @@ fn sole_key(schema: &Json) -> Option<&str> {
     }
 }
 
+/// The keys of a table form of which exactly one is given: the only one, or one of several.
+fn form_keys(schema: &Json) -> Vec<&str> {
+    let one_of_several = schema.get("maxProperties").and_then(Json::as_u64) == Some(1);
+    let properties = schema.get("properties").and_then(Json::as_object).filter(|_| one_of_several);
+    properties.map_or_else(
+        || sole_key(schema).into_iter().collect(),
+        |properties| properties.keys().map(String::as_str).collect(),
+    )
+}
+
 /// A key of a table form whose value is one constant.
 fn constant_key(schema: &Json) -> Option<&str> {
     let properties = schema.get("properties")?.as_object()?;
@@ -1197,9 +1207,14 @@ mod tests {
                 "properties": { "type": { "const": word }, word: { "type": "number" } }
             })
         };
+        let either = json!({
+            "type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": false,
+            "properties": { "auto": { "type": "object" }, "stops": { "type": "number" } }
+        });
         let schema = json!({ "properties": {
             "x": { "oneOf": [{ "enum": ["all"], "type": "string" }, form("fraction"), form("disk")] },
-            "y": { "oneOf": [tagged("below"), tagged("above")] }
+            "y": { "oneOf": [tagged("below"), tagged("above")] },
+            "z": { "oneOf": [{ "enum": ["auto"], "type": "string" }, either] }
         } });
         let check = |text: &str, expected: &[&str]| assert_eq!(messages(&schema, text), expected, "{text}");
         check("x = { fraction = 2 }", &["x.fraction: `x.fraction` cannot be 2"]);
@@ -1220,6 +1235,7 @@ mod tests {
         };
         let choices = "one of `all`, or a table with one of `fraction`, `disk`";
         assert_eq!(help("x = 'every'").as_deref(), Some(choices));
+        assert_eq!(help("z = 'none'").as_deref(), Some("one of `auto`, or a table with one of `auto`, `stops`"));
         assert_eq!(help("x = { fractions = 2 }").as_deref(), Some("one of `fraction`, `disk`"));
         assert_eq!(help("x = {}").as_deref(), Some("one of `fraction`, `disk`"));
         assert_eq!(help("y = { type = 'beside' }").as_deref(), Some("one of `below`, `above`"));

@@ -12,7 +12,7 @@ use syntable_model::error::Error;
 use syntable_model::product::{KeyId, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
-    Annotator, DatasetAnnotator, Denoiser, Input, Renderer, Replacement, SceneAnnotator, Sensor,
+    Annotator, DatasetAnnotator, Denoiser, Input, Renderer, Replacement, SceneAnnotator, Sensor, Writer,
 };
 
 /// A stage that makes products from products.
@@ -290,6 +290,12 @@ impl Plan {
     /// All producers that run.
     pub fn stages(&self) -> impl Iterator<Item = &PlannedStage> {
         self.before_views.iter().chain(&self.per_view).chain(&self.after_views).chain(&self.per_dataset)
+    }
+
+    /// The products that a writer reads.
+    pub fn read_by(&self, writer: &dyn Writer) -> Vec<KeyId> {
+        let key = |input: Input| self.entries.iter().map(|entry| entry.key).find(|key| key.name == *input.product);
+        writer.reads().into_iter().filter_map(key).collect()
     }
 
     /// The stages that lack a file that they need, without running any of them.

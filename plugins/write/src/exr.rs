@@ -62,6 +62,10 @@ impl Writer for Exr {
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(ExrScene { config: self.clone(), output }))
     }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(include::paths(of, "exr", include::IMAGE_ENDS))
+    }
 }
 
 struct ExrScene {

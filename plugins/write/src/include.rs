@@ -1,9 +1,13 @@
 //! The products that a generic writer includes, and their files.
 
 use crate::encode::kind::Kind;
+use crate::encode::{scene_name, view_name};
 use std::collections::BTreeSet;
 use syntable_model::prelude::*;
-use syntable_model::product::{KeyId, Scope};
+use syntable_model::product::{Form, KeyId, Scope};
+
+/// How the name of an image ends in [`paths`]: of a product, and of one per instance.
+pub const IMAGE_ENDS: [&[&str]; 2] = [&[""], &["_0001"]];
 
 /// Refuses a list that names a product twice.
 pub fn check_unique(include: &[ProductName]) -> Result<(), ConfigError> {
@@ -40,6 +44,33 @@ pub fn of_scope<'a>(
     })
 }
 
+/// Scope and name of what a path is asked of: of a view or a scene.
+pub fn scope_and_name(of: &FileOf) -> Option<(Scope, String)> {
+    match (of.scene, of.view) {
+        (Some(scene), Some(view)) => Some((Scope::View, view_name(scene, view))),
+        (Some(scene), None) => Some((Scope::Scene, scene_name(scene))),
+        _ => None,
+    }
+}
+
+/// Paths of the files of the products that a writer reads: `{id}/{product}/{name}{end}.{extension}`. `ends` are those of a
+/// product and of one per instance, which has a file of the first instance at least.
+pub fn paths(of: &FileOf, extension: &str, ends: [&[&str]; 2]) -> Vec<String> {
+    let Some((scope, name)) = scope_and_name(of) else { return Vec::new() };
+    let own = of.products.iter().filter(|key| key.scope == scope);
+    own.flat_map(|key| {
+        let stem = stem(of.id, &key.name.to_string(), &name);
+        let per_instance = matches!(key.form(), Form::PerInstance(_));
+        ends[usize::from(per_instance)].iter().map(move |end| format!("{stem}{end}.{extension}"))
+    })
+    .collect()
+}
+
+/// Path of a product's file without its end.
+pub fn stem(id: &str, product: &str, name: &str) -> String {
+    format!("{id}/{product}/{name}")
+}
+
 /// Writes the included images of a scope: `{id}/{product}/{name}.{extension}`, and for a product per instance
 /// `{id}/{product}/{name}_{instance:04}.{extension}`.
 pub fn write_images(
@@ -52,7 +83,7 @@ pub fn write_images(
 ) -> Result<()> {
     for (product, key) in images {
         let product = product.as_ref();
-        let stem = format!("{}/{product}/{name}", output.id());
+        let stem = stem(output.id(), product, name);
         let write = |value: &Value, end: &str| {
             let bytes = encode(&Kind::of(&key, value), value)
                 .map_err(|error| error.context(format!("product `{product}`")).permanent())?;

@@ -7,6 +7,9 @@ use crate::include;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 
+/// End of the name of a file of instance ids.
+const IDS_END: &str = "_ids";
+
 /// Writes numeric arrays as NumPy files.
 ///
 /// # What it does
@@ -52,6 +55,10 @@ impl Writer for Npy {
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(NpyScene { include: self.include.clone(), output }))
     }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(include::paths(of, "npy", [&[""], &["", IDS_END]]))
+    }
 }
 
 struct NpyScene {
@@ -75,13 +82,13 @@ impl NpyScene {
     /// Writes the products of a scope; `size` is the height and width of an image without instances.
     fn write(&self, scope: Scope, name: &str, products: &Products, size: [usize; 2]) -> Result<()> {
         for (product, key) in include::of_scope(&self.include, products, scope) {
-            let stem = format!("{}/{product}/{name}", self.output.id());
+            let stem = include::stem(self.output.id(), product, name);
             let save = |array: Array, end: &str| self.output.write(&format!("{stem}{end}.npy"), &array.encode());
             match npy::arrays(product, &key, &products.value(product)?, size)? {
                 Arrays::One(array) => save(array, "")?,
                 Arrays::PerInstance { values, ids } => {
                     save(values, "")?;
-                    save(ids, "_ids")?;
+                    save(ids, IDS_END)?;
                 }
             }
         }

@@ -81,6 +81,16 @@ impl Writer for Npz {
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(NpzScene { config: self.clone(), output }))
     }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let scope_and_name = include::scope_and_name(of);
+        let of_any = |(scope, _): &(Scope, String)| of.products.iter().any(|key| key.scope == *scope);
+        Ok(scope_and_name.filter(of_any).map(|(_, name)| archive_path(of.id, &name)).into_iter().collect())
+    }
+}
+
+fn archive_path(id: &str, name: &str) -> String {
+    format!("{id}/{name}.npz")
 }
 
 struct NpzScene {
@@ -127,7 +137,7 @@ impl NpzScene {
         }
         archive.extend(ids.map(|(_, ids)| (IDS, ids)));
         let bytes = npz::encode(archive.iter().map(|(name, array)| (*name, array)), self.config.compress)?;
-        self.output.write(&format!("{}/{name}.npz", self.output.id()), &bytes)
+        self.output.write(&archive_path(self.output.id(), name), &bytes)
     }
 }
 

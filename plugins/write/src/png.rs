@@ -64,6 +64,10 @@ impl Writer for Png {
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         Ok(Box::new(PngScene { config: self.clone(), output }))
     }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(include::paths(of, "png", include::IMAGE_ENDS))
+    }
 }
 
 struct PngScene {

@@ -835,10 +835,95 @@ fn faults_of_templates_name_file_and_line() {
     assert!(write(&options).contains("labels.tera:2: expected"), "{}", write(&options));
     std::fs::write(&file, "one\n\n{{ camera.width }}\n").expect("writable");
     let error = write(&options);
-    assert!(error.contains("labels.tera:3: ") && error.contains("camera.width"), "{error}");
+    assert!(error.contains("labels.tera:3: ") && error.contains("there is no variable `camera`"), "{error}");
     assert!(error.contains("must be listed in `include`"), "{error}");
     let error = write("template = \"x\"\npath = \"../{{ scene.id }}\"");
     assert!(error.contains("`../0` is not a path inside the dataset"), "{error}");
+}
+
+/// What a writer of templates refuses of a template per `per` that includes the visible boxes.
+fn refused(per: &str, template: &str) -> Option<String> {
+    let options = format!("per = {per:?}\ninclude = [\"visible_box\"]\ntemplate = {template:?}");
+    writer("template", &options).err()
+}
+
+#[test]
+fn variables_that_no_context_of_a_template_has_are_refused() {
+    for (per, template, line, says) in [
+        (
+            "view",
+            "a\n{{ sceen.id }}",
+            2,
+            "there is no variable `sceen`: a file per view has `dataset`, `scene`, `view`, ",
+        ),
+        ("view", "{{ views | length }}", 1, "there is no variable `views`"),
+        ("view", "{{ view.cameraa }}", 1, "there is no `view.cameraa`: the fields of `view` are `id`"),
+        ("view", "{{ writer.id }}", 1, "there is no `writer.id`: the fields of `writer` are none"),
+        ("view", "scene.id\n\n{{ scene.id.x }}", 3, "there is no `scene.id.x`"),
+        ("view", "{{ amodal_box | length }}", 1, "products must be listed in `include`"),
+        ("view", "{% for m in masks %}{% endfor %}", 1, "`masks`"),
+        ("scene", "{{ view.id }}", 1, "there is no variable `view`"),
+        (
+            "scene",
+            "{% for v in views %}\n{{ v.pose.id }}{% endfor %}",
+            2,
+            "the fields of `v` are `view`, `visible_box`",
+        ),
+        ("scene", "{% for v in views %}{% endfor %}{{ v.view.id }}", 1, "there is no variable `v`"),
+        ("scene", "{{ views[0].view.nr }}", 1, "there is no `views[0].view.nr`"),
+        ("scene", "{{ views.first }}", 1, "there is no `views.first`"),
+        (
+            "dataset",
+            "{{ scene.id }}",
+            1,
+            "there is no variable `scene`: the file of the dataset has `dataset`, `scenes`, ",
+        ),
+        ("dataset", "{% for s in scenes %}{% for v in s.views %}{{ s.view }}{% endfor %}{% endfor %}", 1, "`s.view`"),
+        ("view", "{{ dataset['size'] }}", 1, "there is no `dataset['size']`"),
+        ("view", "{% if scene.id == n %}{% endif %}", 1, "`n`"),
+        ("view", "{% if visible_box %}{{ 1 + m }}{% endif %}", 1, "`m`"),
+        ("view", "{{ 'a' ~ b }}", 1, "`b`"),
+        ("view", "{{ range(end=n) }}", 1, "`n`"),
+        ("view", "{{ scene.id | pad(width=w) }}", 1, "`w`"),
+        ("view", "{% set x = y %}{{ x }}", 1, "`y`"),
+        ("view", "{{ loop.index }}", 1, "`loop`"),
+        ("scene", "{% for v in views %}{{ loop.count }}{% endfor %}", 1, "`loop.count`"),
+        ("view", "{% macro m(a) %}{{ a }}{{ b }}{% endmacro %}{{ self::m(a=1) }}", 1, "`b`"),
+        ("view", "{% block one %}{{ b }}{% endblock %}", 1, "`b`"),
+        ("view", "{% filter upper %}{{ b }}{% endfilter %}", 1, "`b`"),
+    ] {
+        let error = refused(per, template).unwrap_or_else(|| panic!("{template} is accepted"));
+        let place = format!("template: line {line} of the template: ");
+        assert!(error.starts_with(&place) && error.contains(says), "{template}: {error}");
+    }
+    let path = "template = \"x\"\npath = \"{{ scene.nr }}\"";
+    let error = writer("template", path).err().expect("refused");
+    assert!(error.starts_with("path: line 1 of the template: there is no `scene.nr`"), "{error}");
+}
+
+#[test]
+fn what_data_or_a_template_itself_may_give_is_not_judged() {
+    for (per, template) in [
+        ("view", "{{ visible_box.a.b[0] }} {{ visible_box[scene.id].x }} {{ dataset.name }} {{ dataset['seed'] }}"),
+        ("view", "{% for i, b in visible_box %}{{ i }} {{ b.x }} {{ loop.index }}{% else %}{{ scene.id }}{% endfor %}"),
+        ("scene", "{{ views[7].visible_box.y }} {{ views.0.view.id }} {{ visible_box.3 }}"),
+        ("scene", "{% for v in views | reverse %}{{ v.any }}{% endfor %}"),
+        (
+            "dataset",
+            "{% for s in scenes %}{% for v in s.views %}{{ s.scene.id }} {{ v.view.id }}{% endfor %}{% endfor %}",
+        ),
+        ("view", "{% for n in range(end=3) %}{{ n }}{% endfor %}"),
+        ("view", "{% if masks is defined %}{{ masks.a }}{% endif %}"),
+        ("view", "{% if masks %}{{ masks.a }}{% endif %}{% if not depth %}no{% endif %}"),
+        ("view", "{% if scene.name and scene.id > 1 %}{{ scene.name }}{% endif %}"),
+        ("view", "{{ masks | default(value=1) }} {{ scene.name | default(value='-') }}"),
+        ("view", "{% if 'name' in scene %}{{ scene.name }}{% endif %}"),
+        ("view", "{% if scene.id > 1 %}{% set a = 1 %}{% endif %}{{ a }}{% set view = 3 %}{{ view.x }}"),
+        ("view", "{% macro m(a, b=1) %}{{ a.x }}{{ b }}{{ scene.id }}{% endmacro %}{{ self::m(a=visible_box) }}"),
+        ("view", "{# {{ nothing }} #}{% raw %}{{ nothing }}{% endraw %}{{ __tera_context }}"),
+    ] {
+        assert_eq!(refused(per, template), None, "{template}");
+    }
 }
 
 #[test]

@@ -31,7 +31,8 @@ pub trait Writer: Send + Sync {
         Ok(())
     }
     /// The paths, relative to the dataset, that it will write for a view, for a scene or for the dataset, as far as they
-    /// can be told before a run. `check` refuses those that two scenes, views or writers share.
+    /// can be told before a run. `check` refuses those that two scenes, views or writers share, and those of which one is a
+    /// folder of another.
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         let _ = of;
         Ok(Vec::new())
@@ -54,6 +55,8 @@ pub struct FileOf<'a> {
     pub scene: Option<SceneId>,
     /// The view.
     pub view: Option<ViewId>,
+    /// The products that the writer reads, as far as the recipe can be planned.
+    pub products: &'a [KeyId],
 }
 
 /// A writer at work on one scene.

@@ -56,8 +56,9 @@ codes! {
          inline tables `{ }`, and keys an `=`.";
     /// One key is given twice.
     DuplicateKey = "D0002", "a key is given twice",
-        "TOML allows every key and every `[table]` header once. A second one does not override the first: the program \
-         could not know which of the two was meant, so it refuses both.",
+        "TOML allows every key and every `[table]` header once, and so does `[set]` with every place of a recipe, however \
+         its path is written. A second one does not override the first: the program could not know which of the two was \
+         meant, so it refuses both.",
         "Keep one of the two. To run several stages of one kind, give `[[place]]` and `[[lights]]` one table each, and \
          `[assets.<id>]`, `[annotate.<id>]` and `[write.<id>]` different ids with a `kind`.";
     /// No option or section has this name.
@@ -118,8 +119,8 @@ codes! {
         "Use one of the words that the message lists.";
     /// An id is taken, or misleads.
     BadId = "D0013", "the id cannot be used",
-        "Ids name random streams, folders and pools. They must be unique within their section and consist of letters, \
-         digits, `_` and `-`. In `[assets]`, `[annotate]` and `[write]`, a table whose id is the name of one kind may not \
+        "Ids name random streams, folders and pools. They must be unique within their section and consist of 1 to 100 \
+         letters, digits, `_` and `-`. In `[assets]`, `[annotate]` and `[write]`, a table whose id is the name of one kind may not \
          be of another kind, because a `[write.png]` that writes no PNG would mislead every reader.",
         "Give the table another id.";
     /// A recipe that is extended cannot be used.

@@ -281,7 +281,9 @@ impl<'a> Graph<'a> {
         }
         tree = self.merge_trees(tree, own);
         match sets.map(|sets| (sets.span(), sets.into_inner())) {
-            Some((_, DeValue::Table(sets))) => self.put(&mut tree, index, &[], sets, diagnostics),
+            Some((_, DeValue::Table(sets))) => {
+                self.put(&mut tree, (index, &[]), sets, &mut Vec::new(), diagnostics);
+            }
             Some((span, _)) => diagnostics.push(wrong_type(span, "set", "a table of paths and values")),
             None => {}
         }
@@ -289,13 +291,14 @@ impl<'a> Graph<'a> {
         tree
     }
 
-    /// Puts the values of `[set]` into a tree. Their paths are quoted keys, dotted keys, or both.
+    /// Puts the values of `[set]` into a tree. Their paths are quoted keys, dotted keys, or both, below `parents`; `seen`
+    /// has those that were set before.
     fn put(
         &self,
         tree: &mut DeTable<'a>,
-        node: usize,
-        parents: &[(Step, Span)],
+        (node, parents): (usize, &[(Step, Span)]),
         sets: DeTable<'a>,
+        seen: &mut Vec<(Vec<Step>, Span)>,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) {
         let file = &self.nodes[node].file;
@@ -314,8 +317,13 @@ impl<'a> Graph<'a> {
             let value_span = value.span();
             let inline = file.text()[value_span.start - file.start()..].starts_with('{');
             match value.into_inner() {
-                DeValue::Table(inner) if !inline => self.put(tree, node, &steps, inner, diagnostics),
-                other => diagnostics.extend(self.set(tree, &steps, Spanned::new(value_span, other)).err()),
+                DeValue::Table(inner) if !inline => self.put(tree, (node, &steps), inner, seen, diagnostics),
+                other => {
+                    let place = by_index(tree, &steps);
+                    diagnostics.extend(set_before(&place, &display(&steps), &span, seen));
+                    seen.push((place, span));
+                    diagnostics.extend(self.set(tree, &steps, Spanned::new(value_span, other)).err());
+                }
             }
         }
     }
@@ -496,6 +504,44 @@ pub(crate) fn list_ids(items: &DeArray) -> Vec<String> {
             })
         })
         .collect()
+}
+
+/// A path with the elements of lists by index, so that each place has one.
+fn by_index(tree: &DeTable, steps: &[(Step, Span)]) -> Vec<Step> {
+    let mut place: Vec<Step> = steps.iter().map(|(step, _)| step.clone()).collect();
+    let Some(Step::Key(first)) = place.first() else { return place };
+    let mut value = tree.get(first.as_str());
+    for step in &mut place[1..] {
+        value = match (value.map(Spanned::get_ref), &*step) {
+            (Some(DeValue::Table(table)), Step::Key(key)) => table.get(key.as_str()),
+            (Some(DeValue::Array(items)), Step::Index(index)) => items.get(*index),
+            (Some(DeValue::Array(items)), Step::Key(id)) => {
+                match list_ids(items).iter().position(|other| other == id) {
+                    Some(index) => {
+                        *step = Step::Index(index);
+                        items.get(index)
+                    }
+                    None => None,
+                }
+            }
+            _ => None,
+        };
+    }
+    place
+}
+
+/// The diagnostic for a place that `[set]` sets twice, or sets as a part and then as a whole.
+fn set_before(place: &[Step], path: &str, span: &Span, seen: &[(Vec<Step>, Span)]) -> Option<DiagnosticBuilder> {
+    let (other, other_span) = seen.iter().find(|(other, _)| other.starts_with(place))?;
+    let mut spans = [other_span, span];
+    spans.sort_by_key(|span| span.start);
+    let [first, second] = spans;
+    let message = match other.len() == place.len() {
+        true => format!("`{path}` is set twice"),
+        false => format!("`{}` is set, and `{path}` as a whole", DisplayPath(other)),
+    };
+    let diagnostic = DiagnosticBuilder::error(Code::DuplicateKey, second.clone(), message);
+    Some(diagnostic.label("again here; keep one of them").also(first.clone(), "first set here"))
 }
 
 /// Puts a value at a path; missing tables along it are created.

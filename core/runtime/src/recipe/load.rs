@@ -149,7 +149,7 @@ fn needs(dataset: Option<&DatasetTable>, built: &Built, plan: Option<&Plan>) -> 
         classes: Vec::new(),
     };
     let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
-        .chain(bad_paths(&info, &writers))
+        .chain(bad_paths(&info, &writers, plan))
         .map(|(id, error)| (format!("write.{id}"), error));
     mistakes.extend(of_writers);
     let diagnostic = |(stage, error): (String, Error)| {
@@ -216,19 +216,23 @@ fn dataset(
         return None;
     };
     let span = value.span();
-    let views = value.get_ref().as_table().and_then(|table| table.get("views_per_scene")).map(Spanned::span);
-    let name = value.get_ref().as_table().and_then(|table| table.get("name")).map(Spanned::span);
+    let option = |name: &str| value.get_ref().as_table().and_then(|table| table.get(name));
+    let views = option("views_per_scene").map(Spanned::span);
+    let bad_name = option("name").and_then(|name| bad_name(name.get_ref().as_str()?, name.span()));
+    let is_bad = bad_name.is_some();
+    diagnostics.extend(bad_name);
     let table = plain::<DatasetTable>("dataset", value, &schemas.dataset, schemas, renamed.dataset, diagnostics)?;
-    if matches!(table.name.as_str(), "." | "..") || table.name.contains(['/', '\\', '\0']) {
-        let message = format!("`name` cannot be {:?}", table.name);
-        diagnostics.push(
-            DiagnosticBuilder::error(Code::InvalidValue, name.unwrap_or(span), message)
-                .label("the dataset's folder has this name, unless --out names another")
-                .help("leave out slashes, and choose the folder with --out"),
-        );
-        return None;
-    }
-    Some((DatasetSpans { header: span, views }, table))
+    Some((DatasetSpans { header: span, views }, table)).filter(|_| !is_bad)
+}
+
+/// The diagnostic for the name of a dataset that no folder can have.
+fn bad_name(name: &str, span: Span) -> Option<DiagnosticBuilder> {
+    let bad = matches!(name, "." | "..") || name.contains(['/', '\\', '\0']);
+    bad.then(|| {
+        DiagnosticBuilder::error(Code::InvalidValue, span, format!("`name` cannot be {name:?}"))
+            .label("the dataset's folder has this name, unless --out names another")
+            .help("leave out slashes, and choose the folder with --out")
+    })
 }
 
 struct DatasetSpans {

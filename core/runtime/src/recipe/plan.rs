@@ -39,7 +39,9 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec
     }
     match resolve(offers, explicit, registered(registry), &writers) {
         Ok(plan) => {
-            diagnostics.extend(plan.idle.iter().filter_map(|idle| {
+            // Writers that could not be built may read what the others do not.
+            let idle = plan.idle.iter().filter(|_| !built.failed.contains(&Slot::Write));
+            diagnostics.extend(idle.filter_map(|idle| {
                 let stage = built.stages.iter().find(|stage| part(stage) == idle.stage)?;
                 // A section that the recipe leaves out has its default kind, which need not do anything.
                 if stage.header == NOWHERE {

@@ -35,9 +35,11 @@ pub struct PoolOptions {
     pub exclude: Vec<String>,
     /// Text file of names to keep, one per line; `#` starts a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-syntable-ref" = "file"))]
     pub include_list: Option<AssetPath>,
     /// Text file of names to leave out, one per line; `#` starts a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-syntable-ref" = "file"))]
     pub exclude_list: Option<AssetPath>,
     /// Keeps one part of a random split into training, validation and test assets.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -66,6 +68,7 @@ pub struct PoolOptions {
     /// TOML file of what is known of single objects: a table per name with `mass_kg`, `density_kg_m3` or `friction`, such as
     /// `["024_bowl"]` and below it `mass_kg = 0.147`. It goes before `mass`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-syntable-ref" = "file"))]
     pub properties: Option<AssetPath>,
     /// Leaves out models of several disconnected parts.
     pub single_part_only: bool,

@@ -98,6 +98,14 @@ impl Names {
     }
 }
 
+/// Maximum number of characters of an id, which is a part of file names.
+const LONGEST_ID: usize = 100;
+
+/// Whether a stage can have this id.
+fn is_id(id: &str) -> bool {
+    is_bare(id) && id.len() <= LONGEST_ID
+}
+
 impl<'l> Loader<'l> {
     /// Builds all stages of the tree and reports all mistakes.
     pub fn build(&self, tree: &mut DeTable, diagnostics: &mut Vec<DiagnosticBuilder>) -> Built<'l> {
@@ -291,11 +299,17 @@ impl<'l> Loader<'l> {
             let span = given.id_span.clone().unwrap_or(NOWHERE);
             names.pools.insert(given.id.clone(), (None, span));
         }
-        if slot.shape() != Shape::One && !is_bare(&given.id) && !given.id.is_empty() {
+        // An id that the recipe does not give is made from the kind, which may be missing.
+        let is_kind = given.id_span.is_none() && given.id.is_empty();
+        if slot.shape() != Shape::One && !is_kind && !is_id(&given.id) {
             let span = given.id_span.clone().unwrap_or_else(|| given.header.clone());
+            let message = match given.id.is_empty() {
+                true => "an id cannot be empty".to_owned(),
+                false => format!("\"{}\" cannot be an id", given.id),
+            };
             diagnostics.push(
-                DiagnosticBuilder::error(Code::BadId, span, format!("\"{}\" cannot be an id", given.id))
-                    .label("an id has letters, digits, `_` and `-`"),
+                DiagnosticBuilder::error(Code::BadId, span, message)
+                    .label(format!("an id has letters, digits, `_` and `-`, at most {LONGEST_ID}")),
             );
         }
         let Some(entry) = self.kind(&mut given, diagnostics) else {
@@ -316,10 +330,15 @@ impl<'l> Loader<'l> {
         let header_span = given.header.clone();
         let mut paths = Vec::new();
         let mut products = Vec::new();
-        let libraries: Vec<Vec<Step>> = (checked.references.iter())
-            .filter(|reference| reference.what == "library")
-            .map(|reference| reference.path.clone())
-            .collect();
+        let (mut libraries, mut files) = (Vec::new(), Vec::new());
+        for reference in &checked.references {
+            match reference.what.as_str() {
+                "library" => libraries.push(reference.path.clone()),
+                "file" => files.push(reference.path.clone()),
+                _ => {}
+            }
+        }
+        let mut wrong = checked.wrong;
         for reference in checked.references {
             match reference.what.as_str() {
                 "path" => match self.path(&reference, &mut given.table, diagnostics) {
@@ -328,11 +347,19 @@ impl<'l> Loader<'l> {
                         if !libraries.contains(&reference.path) && !(self.overrides.exists)(&path.path) {
                             diagnostics.push(absent(&reference, &path.path));
                             found = false;
+                        } else if files.contains(&reference.path) && path.path.is_dir() {
+                            diagnostics.push(folder_for_file(&reference, &path.path));
+                            found = false;
                         }
                         paths.push((reference.path, path));
                     }
-                    None => ok = false,
+                    None => {
+                        ok = false;
+                        wrong.extend(first_key(&reference.path));
+                    }
                 },
+                // The path itself is a reference of its own.
+                "file" => {}
                 "library" => {
                     let typed = self.sources.file_of(&reference.span).is_none_or(|file| file.name() == SET);
                     if !typed && !reference.text.starts_with("${") && Path::new(&reference.text).is_relative() {
@@ -346,6 +373,7 @@ impl<'l> Loader<'l> {
                     {
                         diagnostics.push(diagnostic);
                         ok = false;
+                        wrong.extend(first_key(&reference.path));
                         continue;
                     }
                     if what == "product" {
@@ -361,7 +389,7 @@ impl<'l> Loader<'l> {
             self.construct(entry, &given, built, diagnostics)
         } else {
             // Mistakes among the other options do not wait until these are mended.
-            refusals(entry, &given, self.split(&given, true), checked.wrong, diagnostics);
+            self.refusals(entry, &given, &wrong, diagnostics);
             None
         };
         if slot == Slot::Assets
@@ -576,42 +604,37 @@ impl<'l> Loader<'l> {
         built: &mut Built<'l>,
         diagnostics: &mut Vec<DiagnosticBuilder>,
     ) -> Option<Constructed> {
-        let header = &given.header;
-        let mut ok = true;
-        let [pool, own] = [false, true].map(|own| self.split(given, own));
-        if given.slot == Slot::Assets {
-            match PoolOptions::deserialize(ValueDeserializer::from(Spanned::new(header.clone(), DeValue::Table(pool))))
-            {
-                Ok(options) => {
-                    if let Err(invalid) = options.validate() {
-                        ok = false;
-                        diagnostics.push(refused(invalid, given));
-                    }
-                    built.pools.insert(given.id.clone(), options);
-                }
-                Err(error) => {
-                    ok = false;
-                    diagnostics.push(malformed(&error, header));
-                }
+        let table = |own| Spanned::new(given.header.clone(), DeValue::Table(self.split(given, own)));
+        let options = match given.slot {
+            Slot::Assets => pool_options(table(false)).map(Some),
+            _ => Ok(None),
+        };
+        match options.and_then(|options| Ok((options, entry.construct_validated(table(true))?))) {
+            Ok((options, constructed)) => {
+                built.pools.extend(options.map(|options| (given.id.clone(), options)));
+                Some(constructed)
+            }
+            Err(_) => {
+                self.refusals(entry, given, &BTreeSet::new(), diagnostics);
+                None
             }
         }
-        match entry.construct_validated(Spanned::new(header.clone(), DeValue::Table(own.clone()))) {
-            Ok(constructed) => Some(constructed).filter(|_| ok),
-            Err(ConstructError::Form(error)) => {
-                diagnostics.push(malformed(&error, header));
-                None
-            }
-            Err(ConstructError::Invalid(invalid)) => {
-                let first = key_path::steps(&invalid.key).into_iter().next();
-                diagnostics.push(refused(invalid, given));
-                // Without the option that was refused, the stage may refuse another one.
-                if let Some(Step::Key(option)) = first
-                    && own.contains_key(option.as_str())
-                {
-                    refusals(entry, given, own, [option].into(), diagnostics);
-                }
-                None
-            }
+    }
+
+    /// Reports what a stage, and the pool of a source of assets, refuse of their options beside those that are known to be
+    /// wrong.
+    fn refusals(
+        &self,
+        entry: &Entry,
+        given: &StageTable,
+        wrong: &BTreeSet<String>,
+        diagnostics: &mut Vec<DiagnosticBuilder>,
+    ) {
+        let own = self.split(given, true);
+        refusals(&|table| entry.construct_validated(table).map(drop), given, own, wrong.clone(), diagnostics);
+        if given.slot == Slot::Assets {
+            let pool = self.split(given, false);
+            refusals(&|table| pool_options(table).map(drop), given, pool, wrong.clone(), diagnostics);
         }
     }
 
@@ -674,32 +697,68 @@ impl<'l> Loader<'l> {
     }
 }
 
-/// Reports what a stage refuses of its options beside those that are known to be wrong, one after the other. What is about
-/// an option that is not given, or speaks of a wrong one, may follow from the wrong ones and is left out.
+/// Reads and checks the options of a pool.
+fn pool_options(table: RecipeValue) -> Result<PoolOptions, ConstructError> {
+    let options = PoolOptions::deserialize(ValueDeserializer::from(table)).map_err(ConstructError::Form)?;
+    options.validate().map_err(ConstructError::Invalid)?;
+    Ok(options)
+}
+
+/// Reports what a stage refuses of its options beside those that are known to be `wrong`, one after the other. If there are
+/// wrong ones, what is about an option that is not given, or speaks of a wrong one, may follow from them and is left out.
 fn refusals(
-    entry: &Entry,
+    build: &dyn Fn(RecipeValue) -> Result<(), ConstructError>,
     given: &StageTable,
     mut rest: DeTable,
-    wrong: BTreeSet<String>,
+    mut wrong: BTreeSet<String>,
     diagnostics: &mut Vec<DiagnosticBuilder>,
 ) {
     wrong.iter().for_each(|option| drop(rest.remove(option.as_str())));
-    while let Err(ConstructError::Invalid(invalid)) =
-        entry.construct_validated(Spanned::new(given.header.clone(), DeValue::Table(rest.clone())))
-    {
-        let Some(Step::Key(option)) = key_path::steps(&invalid.key).into_iter().next() else { break };
-        if rest.remove(option.as_str()).is_none() {
-            break;
+    while let Err(error) = build(Spanned::new(given.header.clone(), DeValue::Table(rest.clone()))) {
+        let (option, said) = match &error {
+            // A value that cannot be read is wrong whatever the others are.
+            ConstructError::Form(error) => (error.span().and_then(|span| option_at(&rest, &span)), String::new()),
+            ConstructError::Invalid(invalid) => {
+                let said = format!("{} {}", invalid.message, invalid.help.as_deref().unwrap_or_default());
+                (first_key(&key_path::steps(&invalid.key)), said)
+            }
+        };
+        let option = option.filter(|option| rest.remove(option.as_str()).is_some());
+        let follows = !wrong.is_empty() && option.is_none() || wrong.iter().any(|wrong| said.contains(wrong.as_str()));
+        if !follows {
+            diagnostics.push(refusal(error, given));
         }
-        let said = format!("{} {}", invalid.message, invalid.help.as_deref().unwrap_or_default());
-        if !wrong.iter().any(|wrong| said.contains(wrong.as_str())) {
-            diagnostics.push(refused(invalid, given));
+        match option {
+            Some(option) => drop(wrong.insert(option)),
+            None => break,
         }
     }
 }
 
+/// The option that a path leads into.
+fn first_key(path: &[Step]) -> Option<String> {
+    match path.first()? {
+        Step::Key(option) => Some(option.clone()),
+        Step::Index(_) => None,
+    }
+}
+
+/// The option whose value has these bytes.
+fn option_at(table: &DeTable, span: &Span) -> Option<String> {
+    let within = |outer: Span| outer.start <= span.start && span.end <= outer.end;
+    table.iter().find(|(_, value)| within(value.span())).map(|(key, _)| key.get_ref().clone().into_owned())
+}
+
 fn default_of(kind: &str, reference: &Reference) -> String {
     format!("`{kind}` has it as the default of `{}`", DisplayPath(&reference.path))
+}
+
+/// The diagnostic for options that a stage refuses.
+fn refusal(error: ConstructError, given: &StageTable) -> DiagnosticBuilder {
+    match error {
+        ConstructError::Form(error) => malformed(&error, &given.header),
+        ConstructError::Invalid(invalid) => refused(invalid, given),
+    }
 }
 
 /// The diagnostic for a table that passes the schema but cannot be read.
@@ -718,6 +777,12 @@ fn absent(reference: &Reference, path: &Path) -> DiagnosticBuilder {
         }
         None => diagnostic,
     }
+}
+
+/// The diagnostic for a folder in place of a file.
+fn folder_for_file(reference: &Reference, path: &Path) -> DiagnosticBuilder {
+    let message = format!("`{}` names a file, but {} is a folder", DisplayPath(&reference.path), path.display());
+    DiagnosticBuilder::error(Code::InvalidValue, reference.span.clone(), message).label("name a file in it")
 }
 
 /// The diagnostic for a value that a stage refuses.

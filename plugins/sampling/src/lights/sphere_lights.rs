@@ -57,10 +57,10 @@ const SIZE_M: [f64; 2] = [1e-3, 100.0];
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum LightRadius {
-    /// Meters beyond the largest possible distance of a camera; at least 0.
-    BeyondViewsM(#[schemars(inner(range(min = 0.0)))] [f64; 2]),
-    /// Meters; at least 0.001.
-    Meters(#[schemars(inner(range(min = 0.001)))] [f64; 2]),
+    /// Meters beyond the largest possible distance of a camera, from 0 to 1000.
+    BeyondViewsM(#[schemars(inner(range(min = 0.0, max = 1000.0)))] [f64; 2]),
+    /// Meters, from 0.001 to 1000.
+    Meters(#[schemars(inner(range(min = 0.001, max = 1000.0)))] [f64; 2]),
 }
 
 impl LightRadius {

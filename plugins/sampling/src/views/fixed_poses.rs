@@ -39,18 +39,20 @@ enum PoseEntry {
     /// Position, target and up vector.
     LookAt(LookAtPose),
     /// Rigid 4 × 4 matrix, row by row. Its columns are the camera's right, down and forward axes and its position in
-    /// meters.
-    WorldFromCamera([[f64; 4]; 4]),
+    /// meters, from −1000 to 1000.
+    WorldFromCamera(#[schemars(inner(inner(range(min = -1000.0, max = 1000.0))))] [[f64; 4]; 4]),
 }
 
 /// A camera pose from a position and a target.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct LookAtPose {
-    /// Position of the camera, meters.
+    /// Position of the camera, meters, from −1000 to 1000.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     eye_m: [f64; 3],
-    /// Point that the camera looks at, meters; the origin by default.
+    /// Point that the camera looks at, meters, from −1000 to 1000; the origin by default.
     #[serde(default)]
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     target_m: [f64; 3],
     /// Direction that points up in the image; z by default. Must not be parallel to the viewing direction.
     #[serde(default = "z_axis")]

@@ -10,10 +10,10 @@ use syntable_model::scene::Tabletop;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewRadius {
-    /// Multiples of half the tabletop's longer edge, max(w/2, l/2); at least 0.001.
-    OfTable(#[schemars(inner(range(min = 0.001)))] [f64; 2]),
-    /// Meters; at least 0.001.
-    Meters(#[schemars(inner(range(min = 0.001)))] [f64; 2]),
+    /// Multiples of half the tabletop's longer edge, max(w/2, l/2), from 0.001 to 1000.
+    OfTable(#[schemars(inner(range(min = 0.001, max = 1000.0)))] [f64; 2]),
+    /// Meters, from 0.001 to 1000.
+    Meters(#[schemars(inner(range(min = 0.001, max = 1000.0)))] [f64; 2]),
 }
 
 impl ViewRadius {
@@ -38,10 +38,10 @@ impl ViewRadius {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ViewDistance {
-    /// Multiple of half the tabletop's longer edge, max(w/2, l/2); at least 0.001.
-    OfTable(#[schemars(range(min = 0.001))] f64),
-    /// Meters; at least 0.001.
-    Meters(#[schemars(range(min = 0.001))] f64),
+    /// Multiple of half the tabletop's longer edge, max(w/2, l/2), from 0.001 to 1000.
+    OfTable(#[schemars(range(min = 0.001, max = 1000.0))] f64),
+    /// Meters, from 0.001 to 1000.
+    Meters(#[schemars(range(min = 0.001, max = 1000.0))] f64),
 }
 
 impl ViewDistance {

@@ -214,6 +214,8 @@ fn views_follow_their_options() {
     for (options, want) in [
         ("radius = { of_table = [1.7, 1.0] }", "smaller bound first"),
         ("radius = { miles = [1, 2] }", "meters"),
+        ("radius = { meters = [1, 1e30] }", "radius.meters[1]"),
+        ("radius = { of_table = [1, 1001] }", "radius.of_table[1]"),
         ("elevation_deg = [60, 30]", "smaller bound first"),
         ("look_at = \"table\"", "tabletop_center"),
     ] {
@@ -278,6 +280,11 @@ fn listed_poses_are_used_unchanged() {
         ("poses = [{ look_at = { eye_m = [1, 0, 0] } }, { look_at = { eye_m = [0, 0, 1] } }]", "poses[1].look_at"),
         ("poses = [{ look_at = { eye_m = [0, 0, 1] } }]", "parallel"),
         ("poses = [{ look_at = { eye_m = [0, 0, 0] } }]", "same point"),
+        ("poses = [{ look_at = { eye_m = [0, 0, 1e30] } }]", "eye_m[2]"),
+        (
+            "poses = [{ world_from_camera = [[1, 0, 0, -1e30], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
+            "world_from_camera[0][3]",
+        ),
         (
             "poses = [{ world_from_camera = [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] }]",
             "not a rigid transform",
@@ -481,6 +488,8 @@ fn light_options_are_checked_and_examples_build() {
     for (kind, options, want) in [
         ("sphere_lights", "count = -1", "count"),
         ("sphere_lights", "radius = { meters = [2, 1] }", "smaller bound first"),
+        ("sphere_lights", "radius = { meters = [1, 1e30] }", "radius.meters[1]"),
+        ("sphere_lights", "radius = { beyond_views_m = [0, 1e30] }", "radius.beyond_views_m[1]"),
         ("sphere_lights", "temperature_k = 100", "temperature_k"),
         ("sphere_lights", "size_m = 0", "size_m"),
         ("sphere_lights", "brightness = { illuminance_lx = { uniform = [-1, 5] } }", "can become -1"),

@@ -78,6 +78,19 @@ impl Writer for ContactSheet {
         let (config, scene) = (self.clone(), cx.scene.id.0);
         Ok(Box::new(Sheets { config, output, scene, written: 0, rows: Vec::new() }))
     }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let (Some(scene), None) = (of.scene, of.view) else { return Ok(Vec::new()) };
+        let sheets = of.dataset.views_per_scene.div_ceil(self.views_per_sheet).min(MOST_PATHS);
+        Ok((0..sheets).map(|sheet| sheet_path(of.id, scene.0, sheet)).collect())
+    }
+}
+
+/// Maximum number of sheets of a scene whose paths are said before a run.
+const MOST_PATHS: u32 = 100;
+
+fn sheet_path(id: &str, scene: u32, sheet: u32) -> String {
+    format!("{id}/{scene:06}_{sheet:02}.png")
 }
 
 struct Sheets {
@@ -111,7 +124,7 @@ impl SceneWriter for Sheets {
 impl Sheets {
     fn write_sheet(&mut self) -> Result<()> {
         let sheet = Canvas::below(&std::mem::take(&mut self.rows));
-        let path = format!("{}/{:06}_{:02}.png", self.output.id(), self.scene, self.written);
+        let path = sheet_path(self.output.id(), self.scene, self.written);
         self.written += 1;
         let (width, height) = (sheet.width(), sheet.height());
         Image { width, height, samples: Samples::Rgb8(sheet.data().as_flattened().to_vec()) }.write(&self.output, &path)

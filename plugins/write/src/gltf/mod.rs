@@ -22,7 +22,7 @@ mod texture;
 
 pub use light::LightMode;
 
-use crate::encode::view_name;
+use crate::encode::{scene_name, view_name};
 use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
 use geometry::{Geometries, Needs, UvSource};
 use glb::Glb;
@@ -81,6 +81,10 @@ fn script_path(id: &str) -> String {
     format!("{id}/import_in_blender.py")
 }
 
+fn glb_path(id: &str, stem: &str) -> String {
+    format!("{id}/{stem}.glb")
+}
+
 impl Config for Gltf {
     type Stage = dyn Writer;
     const KIND: &'static str = "gltf";
@@ -100,8 +104,12 @@ impl Writer for Gltf {
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        let whole = of.scene.is_none() && of.view.is_none();
-        Ok(if whole { vec![script_path(of.id)] } else { Vec::new() })
+        Ok(match (of.scene, of.view, self.per) {
+            (None, None, _) => vec![script_path(of.id)],
+            (Some(scene), None, FilePer::Scene) => vec![glb_path(of.id, &scene_name(scene))],
+            (Some(scene), Some(view), FilePer::View) => vec![glb_path(of.id, &view_name(scene, view))],
+            _ => Vec::new(),
+        })
     }
 
     fn finish(&self, _: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
@@ -124,7 +132,7 @@ impl SceneWriter for GltfScene {
         match self.config.per {
             FilePer::Scene => {
                 if self.views == 0 {
-                    let stem = format!("{:06}", self.id.0);
+                    let stem = scene_name(self.id);
                     light(&mut self.export, view, self.config.lights, &self.output, &stem)?;
                 }
                 self.export.camera(view);
@@ -134,7 +142,7 @@ impl SceneWriter for GltfScene {
                 let stem = view_name(cx.scene.id, view.id);
                 light(&mut export, view, self.config.lights, &self.output, &stem)?;
                 export.camera(view);
-                let path = format!("{}/{stem}.glb", self.output.id());
+                let path = glb_path(self.output.id(), &stem);
                 self.output.write(&path, &export.into_bytes()?)?;
             }
         }
@@ -146,7 +154,7 @@ impl SceneWriter for GltfScene {
         match self.config.per {
             FilePer::View => Ok(()),
             FilePer::Scene => {
-                let path = format!("{}/{:06}.glb", self.output.id(), self.id.0);
+                let path = glb_path(self.output.id(), &scene_name(self.id));
                 self.output.write(&path, &self.export.into_bytes()?)
             }
         }

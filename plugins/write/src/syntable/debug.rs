@@ -11,6 +11,12 @@ use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{DEPTH, INSTANCE};
 
+/// Paths of the files of the view `name` that are not of single objects: depth, its preview, and the ids.
+pub fn paths(name: &str) -> [String; 3] {
+    [format!("depth/{name}.pfm"), format!("depth/visuals/{name}.png"), format!("instance/{name}.png")]
+        .map(|path| format!("data/mono/{path}"))
+}
+
 /// Writes the files of the view `name`.
 pub fn write(
     config: &SynTable,
@@ -21,12 +27,13 @@ pub fn write(
     name: &str,
 ) -> Result<()> {
     let path = |rest: String| config.path(&format!("data/mono/{rest}"));
+    let [depth_path, preview_path, ids_path] = paths(name).map(|path| config.path(&path));
     let depth = products.get(DEPTH)?;
-    output.write(&path(format!("depth/{name}.pfm")), &pfm::encode(depth))?;
-    Image::gray8(&inverse_depth(depth)).write(output, &path(format!("depth/visuals/{name}.png")))?;
+    output.write(&depth_path, &pfm::encode(depth))?;
+    Image::gray8(&inverse_depth(depth)).write(output, &preview_path)?;
     let objects = cx.scene.objects().len();
     let ids = products.get(INSTANCE)?.map(|id| if usize::from(id.0) <= objects { id.0 as u8 } else { 0 });
-    Image::gray8(&ids).write(output, &path(format!("instance/{name}.png")))?;
+    Image::gray8(&ids).write(output, &ids_path)?;
     for &id in labels.ids() {
         let k = cx.scene.body(id).map_or(0, |body| body.spawn);
         let [visible, amodal, occlusion] = labels.masks(id)?;

@@ -146,7 +146,9 @@ impl Writer for SynTable {
         Ok(match (of.scene, of.view) {
             (Some(scene), Some(view)) => {
                 let paths = [rgb_path, depth_path, occlusion_order_path].map(|path| path(scene.0, view.0));
-                paths.iter().map(|path| self.path(path)).collect()
+                let debug = debug::paths(&view_stem(scene.0, view.0));
+                let debug = debug.into_iter().filter(|_| self.debug_masks);
+                paths.into_iter().chain(debug).map(|path| self.path(&path)).collect()
             }
             (None, None) => vec![self.path(&self.annotation_file), self.path(RECIPE)],
             _ => Vec::new(),
@@ -171,6 +173,11 @@ impl SynTable {
     }
 }
 
+/// Name of a view in the files for debugging.
+fn view_stem(scene: u32, view: u32) -> String {
+    format!("{scene}_{view}")
+}
+
 struct SynTableScene {
     config: SynTable,
     output: Output,
@@ -191,7 +198,7 @@ impl SceneWriter for SynTableScene {
         let labels = Labels::of(products)?.annotated_by(config.compat);
         output.write(&config.path(&occlusion_order_path(scene, view)), &order_matrix(&labels).encode())?;
         if config.debug_masks {
-            debug::write(config, output, cx, products, &labels, &format!("{scene}_{view}"))?;
+            debug::write(config, output, cx, products, &labels, &view_stem(scene, view))?;
         }
 
         let image = match config.compat {

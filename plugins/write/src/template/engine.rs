@@ -1,10 +1,12 @@
 //! Tera, with errors that name the line.
 
+use super::names::{self, Shape, Unknown};
 use serde_json::Value as Json;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::error::Error as _;
 use std::io::{self, Write};
 use syntable_model::error::{Error, Result};
+use syntable_model::options::listing;
 use tera::{Context, Tera};
 
 /// A parsed template.
@@ -39,6 +41,22 @@ impl Template {
         tera.register_filter("pad", pad);
         tera.add_raw_template(NAME, text).map_err(|error| Fault::of(&error, text))?;
         Ok(Self { tera, text: text.to_owned() })
+    }
+
+    /// Parses a template whose contexts have this shape, and refuses variables that none of them has. `of` names them in
+    /// messages: `a file per view`.
+    pub fn checked(text: &str, of: &str, context: &BTreeMap<String, Shape>) -> Result<Self, Fault> {
+        let template = Self::new(text)?;
+        match template.unknown(context) {
+            Some(unknown) => Err(Fault::of_unknown(&unknown, of, text)),
+            None => Ok(template),
+        }
+    }
+
+    fn unknown(&self, context: &BTreeMap<String, Shape>) -> Option<Unknown> {
+        let parsed = self.tera.get_template(NAME).ok()?;
+        let macros: BTreeMap<_, _> = parsed.macros.iter().collect();
+        names::unknown(&parsed.ast, &macros.into_values().collect::<Vec<_>>(), context)
     }
 
     /// Renders the template with the fields of an object.
@@ -132,6 +150,16 @@ impl Fault {
         Self { line, message }
     }
 
+    fn of_unknown(unknown: &Unknown, of: &str, text: &str) -> Self {
+        let Unknown { variable, missing, parent, known } = unknown;
+        let known = listing(known.iter().map(String::as_str));
+        let message = match parent {
+            None => format!("there is no variable `{missing}`: {of} has {known}; products must be listed in `include`"),
+            Some(parent) => format!("there is no `{missing}`: the fields of `{parent}` are {known}"),
+        };
+        Self { line: line_of(variable, text), message }
+    }
+
     /// As an error of a file.
     pub fn into_error(self, file: &str) -> Error {
         let error = Error::new(self.message).in_file(file);
@@ -140,6 +168,16 @@ impl Fault {
             None => error,
         }
     }
+}
+
+/// The first line that has a variable, from 1.
+fn line_of(variable: &str, text: &str) -> Option<usize> {
+    let part = |letter: char| letter.is_ascii_alphanumeric() || matches!(letter, '_' | '.');
+    let whole = |&(at, _): &(usize, &str)| {
+        !text[..at].ends_with(part) && !text[at + variable.len()..].starts_with(|c| part(c) || c == '[')
+    };
+    let (at, _) = text.match_indices(variable).find(whole)?;
+    Some(text[..at].matches('\n').count() + 1)
 }
 
 /// The line that a message of Tera is about, and the message on one line without its drawing of the place. Tera's errors

@@ -2,13 +2,16 @@
 
 mod engine;
 mod guard;
+mod names;
 
 pub use engine::{Fault, Template};
 
 use crate::encode::json_shard;
 use crate::include;
 use crate::jsonl::encoded;
+use names::Shape;
 use serde_json::{Map, Value as Json, json};
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use syntable_model::files::read_small;
 use syntable_model::prelude::*;
@@ -30,6 +33,10 @@ use syntable_model::product::Scope;
 ///
 /// The filter `pad` adds leading zeros: `{{ scene.id | pad(width=6) }}`. The function `range` gives at most 1000000 numbers,
 /// and the text of a file has at most 1 GiB.
+///
+/// `syntable check` finds variables that no file of this kind has, the fields of `scene`, `view`, `views`, `scenes` and
+/// `dataset` among them, unless the template itself asks for them with `if`, `is defined` or `default`. What depends on
+/// data, such as the fields of a product or a filter on its values, shows when the first scene is written.
 ///
 /// # Output
 ///
@@ -66,6 +73,7 @@ pub enum TemplateSource {
 #[serde(deny_unknown_fields)]
 pub struct TemplateFile {
     /// Path of the file, UTF-8 text.
+    #[schemars(extend("x-syntable-ref" = "file"))]
     pub file: AssetPath,
 }
 
@@ -103,11 +111,13 @@ template = """
             let line = fault.line.map_or(String::new(), |line| format!("line {line} of the template: "));
             ConfigError::new(key, format!("{line}{}", fault.message))
         };
-        let path = Template::new(self.path.as_deref().unwrap_or(self.per.default_path()));
+        let (of, shape) = (self.per.words(), self.shape());
+        let path = Template::checked(self.path.as_deref().unwrap_or(self.per.default_path()), of, &shape);
         let path = path.map_err(|fault| invalid("path", fault))?;
         let body = match &self.template {
             TemplateSource::Text(text) => {
-                Template::new(text).map(Ok).map_err(|fault| invalid("template", fault))?.into()
+                let body = Template::checked(text, of, &shape).map_err(|fault| invalid("template", fault))?;
+                OnceLock::from(Ok(body))
             }
             TemplateSource::File(_) => OnceLock::new(),
         };
@@ -115,7 +125,42 @@ template = """
     }
 }
 
+impl TextTemplate {
+    /// What is known of the contexts before a run. A product may be of the view, the scene or the dataset.
+    fn shape(&self) -> BTreeMap<String, Shape> {
+        let products = || self.include.iter().map(|name| (name.as_str().to_owned(), Shape::Any));
+        let own = |fields: Vec<(&str, Shape)>| {
+            let fields = fields.into_iter().map(|(name, shape)| (name.to_owned(), shape));
+            products().chain(fields).collect::<BTreeMap<_, _>>()
+        };
+        let id = || Shape::record([("id", Shape::Scalar)]);
+        let views = || Shape::list(Shape::Record(own(vec![("view", id())])));
+        let mut context = own(match self.per {
+            FilePer::View => vec![("scene", id()), ("view", id())],
+            FilePer::Scene => vec![("scene", id()), ("views", views())],
+            FilePer::Dataset => {
+                vec![("scenes", Shape::list(Shape::Record(own(vec![("scene", id()), ("views", views())]))))]
+            }
+        });
+        let dataset = DATASET_FIELDS.map(|name| (name, Shape::Scalar));
+        context.extend([("dataset".to_owned(), Shape::record(dataset)), ("writer".to_owned(), Shape::Scalar)]);
+        context
+    }
+}
+
+/// The fields of `dataset`.
+const DATASET_FIELDS: [&str; 5] = ["name", "seed", "scenes", "views_per_scene", "program"];
+
 impl FilePer {
+    /// What a context is of, in messages.
+    fn words(self) -> &'static str {
+        match self {
+            Self::View => "a file per view",
+            Self::Scene => "a file per scene",
+            Self::Dataset => "the file of the dataset",
+        }
+    }
+
     fn default_path(self) -> &'static str {
         match self {
             Self::View => "{{ writer }}/{{ scene.id | pad(width=6) }}_{{ view.id | pad(width=4) }}.txt",
@@ -146,7 +191,8 @@ impl Templates {
                     (file.path().display().to_string(), text)
                 }
             };
-            Template::new(&text).map_err(|fault| fault.into_error(&name))
+            let config = &self.config;
+            Template::checked(&text, config.per.words(), &config.shape()).map_err(|fault| fault.into_error(&name))
         });
         body.as_ref().map_err(Clone::clone)
     }
@@ -174,13 +220,15 @@ impl Templates {
 
     /// The fields that every context has.
     fn context(&self, dataset: &DatasetInfo, writer: &str) -> Map<String, Json> {
-        let dataset = json!({
-            "name": dataset.name,
-            "seed": dataset.seed,
-            "scenes": dataset.scenes,
-            "views_per_scene": dataset.views_per_scene,
-            "program": dataset.program,
-        });
+        let values: [Json; DATASET_FIELDS.len()] = [
+            dataset.name.as_str().into(),
+            dataset.seed.into(),
+            dataset.scenes.into(),
+            dataset.views_per_scene.into(),
+            dataset.program.as_str().into(),
+        ];
+        let fields = DATASET_FIELDS.map(str::to_owned).into_iter().zip(values);
+        let dataset = Json::from(fields.collect::<Map<_, _>>());
         Map::from_iter([("dataset".to_owned(), dataset), ("writer".to_owned(), writer.into())])
     }
 }
