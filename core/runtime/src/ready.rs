@@ -60,7 +60,7 @@ fn samples(dataset: &DatasetInfo, writers: &[AskedWriter]) -> Vec<(Option<u32>, 
     let of_dataset = writers.iter().filter_map(|writer| writer.paths(None, None).ok()).flatten();
     let numbers: BTreeSet<u32> = of_dataset.flat_map(|path| numbers(&path)).take(MOST_NUMBERS).collect();
     let with_samples = |below: u32| -> BTreeSet<u32> {
-        SAMPLES.into_iter().chain(numbers.iter().copied().filter(|number| *number < below)).collect()
+        SAMPLES.into_iter().chain(numbers.iter().copied()).filter(|number| *number < below).collect()
     };
     let views = with_samples(dataset.views_per_scene);
     let of_scene =

@@ -1,6 +1,6 @@
 //! The ground of an environment.
 
-use crate::room::{parts, refuse_second_floor, slab};
+use crate::room::{POOL, parts, refuse_second_floor, slab};
 use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::scene::{AssetRef, BodyDraft, Material, Motion, Role, Scalar};
@@ -75,7 +75,7 @@ impl Placer for Ground {
         };
         let center = floor.bounds.center().coords;
         let pose = Pose::translation(center.x, center.y, center.z);
-        let asset = AssetRef { pool: "room".into(), name: floor.name.into() };
+        let asset = AssetRef { pool: POOL.into(), name: floor.name.into() };
         let object = Arc::new(slab(&floor, material.with_digest())?);
         scene.add(BodyDraft::new(asset, object, pose, Role::Room, Motion::Fixed));
         Ok(())

@@ -10,6 +10,9 @@ use syntable_model::scene::{
     AssetRef, BodyDraft, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion, Object, Role,
 };
 
+/// Pool of the parts of a room.
+pub const POOL: &str = "room";
+
 /// Thickness of floor, walls and ceiling, meters. They extend outwards from the inner size.
 const THICKNESS_M: f64 = 0.1;
 
@@ -125,7 +128,7 @@ impl Placer for Room {
                 .map(|pools| draw_material(pools, rotation, scale, context.assets, &context.stream.child(stream)))
                 .transpose()?;
             let center = part.bounds.center().coords;
-            let asset = AssetRef { pool: "room".into(), name: part.name.into() };
+            let asset = AssetRef { pool: POOL.into(), name: part.name.into() };
             let object = Arc::new(slab(&part, Material::plain(part.name, [gray; 3], 0.9))?);
             let body = BodyDraft::new(
                 asset,
@@ -161,8 +164,8 @@ pub fn refuse_table_through_wall(scene: &SceneBuilder) -> Result<()> {
         let [low, high] = [bounds.min, bounds.max].map(|corner| corner + pose.translation.vector);
         let depth = |wall: &Aabb, k: usize| high[k].min(wall.max[k]) - low[k].max(wall.min[k]);
         let through = |wall: &Aabb| (0..3).all(|k| depth(wall, k) > INTO_WALL_M);
-        // The table stands on the floor.
-        let mut walls = of(Role::Room).filter(|part| part.asset.name != "floor");
+        // The table stands on the floor; a room of another placer may be one mesh around it.
+        let mut walls = of(Role::Room).filter(|part| part.asset.pool == POOL && part.asset.name != "floor");
         if let Some(wall) = walls.find(|part| through(&part.world_bounds())) {
             let [x, y, z] = [0, 1, 2].map(|k| high[k] - low[k]);
             let table = &table.asset;

@@ -38,7 +38,7 @@ fn choose(registry: &Registry) -> Result<Choice> {
         Err(error) => on_processor(error.message().to_owned()),
         Ok(devices) => {
             let names = |class: DeviceClass| {
-                let of_class = devices.iter().filter(|device| device.class == class && device.unused.is_none());
+                let of_class = devices.iter().filter(|device| device.class == class);
                 of_class.map(|device| device.name.as_str()).collect::<Vec<_>>().join(", ")
             };
             match (names(DeviceClass::Card), names(DeviceClass::Emulated)) {
@@ -84,9 +84,7 @@ mod tests {
                 fn devices(&self) -> Result<Vec<RenderDevice>> {
                     let class: Option<DeviceClass> = $class;
                     let none = || Error::new("no graphics adapter was found");
-                    let unused =
-                        RenderDevice { unused: Some("unlike X1".into()), ..RenderDevice::new("Y", DeviceClass::Card) };
-                    Ok(vec![RenderDevice::new("X1 (driver 2)", class.ok_or_else(none)?), unused])
+                    Ok(vec![RenderDevice::new("X1 (driver 2)", class.ok_or_else(none)?)])
                 }
                 fn open(&self, _: usize) -> Result<Box<dyn RenderSession>> {
                     Err(Error::new("choosing opens no session"))

@@ -1,6 +1,7 @@
 //! The graphics adapters of a machine, and which of them render.
 
 use crate::device::STORAGE_BUFFERS;
+use std::cmp::Reverse;
 use std::fmt;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{DeviceClass, RenderDevice};
@@ -43,7 +44,7 @@ impl AdapterInfo {
             backend: info.backend.to_string(),
             class: info.device_type,
             model: [info.vendor, info.device],
-            max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
+            max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size) / 256 * 256,
         }
     }
 
@@ -79,8 +80,10 @@ fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
     }
     let is_wanted =
         |info: &AdapterInfo| wanted.is_none_or(|wanted| info.name.to_lowercase().contains(&wanted.to_lowercase()));
+    let alike = |info: &AdapterInfo| all.iter().filter(|other| other.is_like(info)).count();
+    let worth = |info: &&AdapterInfo| (info.rank(), Reverse(info.max_buffer), Reverse(alike(info)));
     // The first of the best.
-    let Some(best) = all.iter().filter(|info| is_wanted(info)).min_by_key(|info| info.rank()) else {
+    let Some(best) = all.iter().filter(|info| is_wanted(info)).min_by_key(worth) else {
         let wanted = wanted.unwrap_or_default();
         let names = all.iter().map(|info| info.name.as_str()).collect::<Vec<_>>().join(", ");
         return Err(Error::new(format!("no graphics adapter has `{wanted}` in its name, as {WANTED} says"))
@@ -137,34 +140,37 @@ impl Adapters {
         Ok(used.iter().map(|&number| AdapterInfo::of(&self.all[number])).collect())
     }
 
-    /// One of those that render, by its number among them, modulo how many there are.
+    /// One of those that render, by its number among them.
     pub(crate) fn get(&self, number: usize) -> Result<(&wgpu::Adapter, AdapterInfo)> {
         let used = self.used.as_ref().map_err(Error::clone)?;
-        let adapter = &self.all[used[number % used.len()]];
+        let adapter = used.get(number).map(|&number| &self.all[number]).ok_or_else(none)?;
         Ok((adapter, AdapterInfo::of(adapter)))
     }
 
-    /// All of them, those that render first.
+    /// Those that render, as devices of a renderer.
     ///
     /// # Errors
-    /// If none renders.
+    /// If there is none.
     pub fn devices(&self) -> Result<Vec<RenderDevice>> {
-        let used = self.used.as_ref().map_err(Error::clone)?;
-        let best = AdapterInfo::of(&self.all[used[0]]);
-        let mut devices: Vec<RenderDevice> = (self.all.iter().enumerate())
-            .map(|(number, adapter)| {
-                let info = AdapterInfo::of(adapter);
-                let unlike = || format!("unlike {}; {WANTED} chooses another one", best.name);
-                RenderDevice {
-                    name: info.to_string(),
-                    class: if info.is_hardware() { DeviceClass::Card } else { DeviceClass::Emulated },
-                    limits: format!("buffers of up to {} MiB", info.max_buffer >> 20),
-                    unused: (!used.contains(&number)).then(unlike),
-                }
-            })
-            .collect();
-        devices.sort_by_key(|device| device.unused.is_some());
-        Ok(devices)
+        let device = |info: AdapterInfo| RenderDevice {
+            name: info.to_string(),
+            class: if info.is_hardware() { DeviceClass::Card } else { DeviceClass::Emulated },
+            limits: format!("buffers of up to {} MiB", info.max_buffer >> 20),
+        };
+        Ok(self.used()?.into_iter().map(device).collect())
+    }
+
+    /// The others, each with the reason.
+    pub fn unused(&self) -> Vec<String> {
+        let used = self.used.as_deref().unwrap_or_default();
+        let best = used.first().map(|&number| AdapterInfo::of(&self.all[number]));
+        let others = (self.all.iter().enumerate()).filter(|(number, _)| !used.contains(number));
+        let why = |info: AdapterInfo| match &best {
+            Some(best) if info.is_like(best) => format!("{info}: one program in place of a card is enough"),
+            Some(best) => format!("{info}: unlike {}; {WANTED} chooses another one", best.name),
+            None => info.to_string(),
+        };
+        others.map(|(_, adapter)| why(AdapterInfo::of(adapter))).collect()
     }
 }
 
@@ -199,6 +205,10 @@ mod tests {
         }
         let newer = AdapterInfo { driver: "driver 2".into(), ..laptop[1].clone() };
         assert_eq!(chosen(&[laptop[1].clone(), newer], None).expect("two"), [0], "another driver rounds otherwise");
+        let small = AdapterInfo { max_buffer: 1 << 20, ..adapter("Display", DiscreteGpu, "vulkan") };
+        assert_eq!(chosen(&[small, laptop[1].clone()], None).expect("two"), [1], "the one that holds more");
+        let pair = [adapter("One", DiscreteGpu, "vulkan"), laptop[1].clone(), laptop[1].clone()];
+        assert_eq!(chosen(&pair, None).expect("three"), [1, 2], "those of which there are more");
         let error = chosen(&laptop, Some("huge")).expect_err("not there").to_string();
         assert!(error.contains("`huge`") && error.contains("Inside, Big") && error.contains(WANTED), "{error}");
         assert!(chosen(&[], Some("huge")).expect_err("nothing").to_string().contains("no graphics adapter"));

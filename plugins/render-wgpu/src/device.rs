@@ -229,7 +229,7 @@ impl Device {
 
     /// Bytes of the largest buffer that kernels can read.
     pub fn max_buffer(&self) -> u64 {
-        self.limits.max_buffer_size.min(self.limits.max_storage_buffer_binding_size) / 256 * 256
+        self.info.max_buffer
     }
 
     /// The first thing that went wrong, for every caller from then on.

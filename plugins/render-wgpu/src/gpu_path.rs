@@ -93,6 +93,10 @@ impl Renderer for GpuPathRenderer {
         self.adapters().devices()
     }
 
+    fn unused_devices(&self) -> Vec<String> {
+        self.adapters().unused()
+    }
+
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
         // Rounds of samples end on this side.
         self.options.budget().is_fixed() && guided_of(Some(denoiser)).is_some()

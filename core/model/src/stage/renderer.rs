@@ -23,6 +23,10 @@ pub trait Renderer: Send + Sync {
     fn devices(&self) -> Result<Vec<RenderDevice>> {
         Ok(vec![RenderDevice::new("the processor", DeviceClass::Processor)])
     }
+    /// Devices of this machine that it does not render on, with the reasons, for people.
+    fn unused_devices(&self) -> Vec<String> {
+        Vec::new()
+    }
     /// Whether its sessions run a denoiser themselves, where the image is. Then a request names it, and may want what it
     /// provides and reads.
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
@@ -44,14 +48,12 @@ pub struct RenderDevice {
     pub class: DeviceClass,
     /// What it can hold, for people; empty where nothing bounds it.
     pub limits: String,
-    /// Why no session opens on it; none if it renders.
-    pub unused: Option<String>,
 }
 
 impl RenderDevice {
     /// A device that renders, without limits.
     pub fn new(name: impl Into<String>, class: DeviceClass) -> Self {
-        Self { name: name.into(), class, limits: String::new(), unused: None }
+        Self { name: name.into(), class, limits: String::new() }
     }
 }
 

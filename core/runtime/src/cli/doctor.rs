@@ -46,15 +46,13 @@ pub(super) fn doctor(console: &Console, registry: &Registry) -> Result<(), Exit>
     for entry in registry.of_slot(Slot::Render).filter(|entry| entry.choose.is_none()) {
         let Ok(Stage::Render(renderer)) = entry.construct_str(entry.example).map(|made| made.stage) else { continue };
         match renderer.devices() {
-            Ok(devices) => devices.into_iter().enumerate().for_each(|(number, device)| {
-                let RenderDevice { name, limits, unused, .. } = device;
-                let unused = unused.map(|why| format!("not used, {why}"));
-                let parts = [name, limits, unused.unwrap_or_default()];
-                let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-                line(if number == 0 { entry.kind } else { "" }, parts.join("; "));
+            Ok(devices) => devices.into_iter().enumerate().for_each(|(number, RenderDevice { name, limits, .. })| {
+                let with = if limits.is_empty() { "" } else { "; " };
+                line(if number == 0 { entry.kind } else { "" }, format!("{name}{with}{limits}"));
             }),
             Err(error) => line(entry.kind, error.to_string()),
         }
+        renderer.unused_devices().into_iter().for_each(|device| line("", format!("not used: {device}")));
     }
     for entry in registry.entries() {
         let Some(choose) = entry.choose else { continue };

@@ -100,7 +100,7 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
     });
     let lacking = (outcome.lacking > 0).then(|| {
         Error::new(format!(
-            "{} could not be given what the recipe adds, and stay as they were",
+            "{} could not be made with what the recipe adds, or again, and stay as they were",
             count(outcome.lacking, "scene")
         ))
         .in_file(&options.out)

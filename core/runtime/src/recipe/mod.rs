@@ -49,7 +49,7 @@ pub use load::load;
 pub(crate) use load::{Checked, checked};
 pub use overrides::Overrides;
 pub use pool::{Center, Mass, ObjectProperties, Part, Pool, PoolOptions, Scale, Split};
-pub use resolved::{lock_of, with_devices, with_lock, without_lock};
+pub use resolved::{lock_of, with_devices, with_lock, without_assets, without_lock};
 pub use schema::schema;
 pub use source::SourceFile;
 pub(crate) use suggest::nearest;

@@ -103,6 +103,15 @@ pub fn without_lock(resolved: &str) -> String {
     }
 }
 
+/// Returns a resolved recipe without the digests of the assets that were drawn, which a run adds at its end.
+pub fn without_assets(resolved: &str) -> String {
+    let Ok(mut document) = resolved.parse::<DocumentMut>() else { return resolved.to_owned() };
+    if let Some(lock) = document.get_mut("lock").and_then(Item::as_table_mut) {
+        lock.remove("assets");
+    }
+    document.to_string()
+}
+
 /// The inputs that a resolved recipe locks; none if the text is no resolved recipe.
 pub fn lock_of(resolved: &str) -> Lock {
     let table = toml::from_str::<toml::Table>(resolved).ok();

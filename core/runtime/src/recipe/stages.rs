@@ -724,7 +724,8 @@ fn refusals(
             }
         };
         let option = option.filter(|option| rest.remove(option.as_str()).is_some());
-        let follows = !wrong.is_empty() && option.is_none() || wrong.iter().any(|wrong| said.contains(wrong.as_str()));
+        let mut words = said.split(|letter: char| !letter.is_alphanumeric() && letter != '_');
+        let follows = !wrong.is_empty() && option.is_none() || words.any(|word| wrong.contains(word));
         if !follows {
             diagnostics.push(refusal(error, given));
         }

@@ -21,6 +21,8 @@ pub struct Growth {
     pub writers: Vec<String>,
     /// Options that only the end of a run reads, and that changed.
     pub finish: Vec<String>,
+    /// Whether any stage was added that makes or writes products.
+    pub adds: bool,
 }
 
 /// A key that differs.
@@ -123,6 +125,7 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
                     if let Some(id) = table.strip_prefix("write.") {
                         growth.writers.push(id.to_owned());
                     }
+                    growth.adds = true;
                     added.insert(table.to_owned());
                 }
                 Some(_) if only_finish(recipe, key) => growth.finish.push(key.to_owned()),

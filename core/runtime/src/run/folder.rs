@@ -25,6 +25,7 @@
 
 use super::journal::{Journal, JournalEntry};
 use super::manifest::{Manifest, Stamp, State};
+use crate::recipe::without_assets;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -81,6 +82,9 @@ pub struct Finished {
     /// Digest of the journal that the files were written for; none if a writer failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub journal: Option<Digest>,
+    /// Digest of the recipe but for the assets that it locks, by which it is known again when the file is lost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recipe: Option<Digest>,
     /// The files.
     #[serde(flatten)]
     pub manifest: Manifest,
@@ -162,30 +166,45 @@ impl Folder {
     /// dataset is unfinished from then on: a run that is killed later leaves a recipe that is listed, or not listed, but
     /// never one that looks damaged.
     pub fn set_recipe(&self, text: &str) -> Result<()> {
-        if self.recipe()?.as_deref() == Some(text) {
-            return Ok(());
-        }
         let path = self.root.join(RECIPE);
         let mut listed = self.finished()?.manifest;
-        // A list that was lost while there are scenes is not begun anew: it would seem to be whole.
-        if listed.files.remove(RECIPE).is_none() && scenes_folder(&self.root).exists() {
+        let is_listed = listed.files.remove(RECIPE) == Some(Stamp::of_text(text));
+        let is_there = self.recipe()?.as_deref() == Some(text);
+        if is_there && (is_listed || self.has_lost_its_list()?) {
+            return Ok(());
+        }
+        // A list that was lost is not begun anew: it would seem to be whole.
+        if self.has_lost_its_list()? {
             return self.write(&path, text);
         }
-        self.set_finished(&Finished { journal: None, manifest: listed.clone() })?;
+        self.set_finished(&Finished { journal: None, recipe: None, manifest: listed.clone() })?;
         self.write(&path, text)?;
         listed.files.insert(RECIPE.to_owned(), Stamp::of_text(text));
-        self.set_finished(&Finished { journal: None, manifest: listed })
+        self.set_finished(&Finished { journal: None, recipe: Some(digest_of_recipe(text)), manifest: listed })
     }
 
-    /// Writes the resolved recipe again if it is missing or damaged, and `text` is what it was when it was listed.
-    /// Returns whether it did.
+    /// Whether there are scenes, and the list of what the end of a run wrote is gone: it has the recipe from the beginning.
+    fn has_lost_its_list(&self) -> Result<bool> {
+        Ok(!self.finished()?.manifest.has(RECIPE) && !self.listed_scenes().is_empty())
+    }
+
+    /// Whether no scene was made, be there failed ones or none.
+    pub fn is_empty(&self, journal: &Journal) -> bool {
+        journal.entries().values().all(JournalEntry::failed) && self.listed_scenes().is_empty()
+    }
+
+    /// Writes the resolved recipe again if it is missing or damaged, and `text` is the one that is listed but for assets that
+    /// it locks. Returns whether it did.
     pub fn restore_recipe(&self, text: &str) -> Result<bool> {
         let path = self.root.join(RECIPE);
-        let Some(stamp) = self.finished()?.manifest.files.get(RECIPE).copied() else { return Ok(false) };
-        if stamp != Stamp::of_text(text) || stamp.check(&path)? == State::Whole {
+        let mut finished = self.finished()?;
+        let Some(stamp) = finished.manifest.files.get(RECIPE).copied() else { return Ok(false) };
+        if finished.recipe != Some(digest_of_recipe(text)) || stamp.check(&path)? == State::Whole {
             return Ok(false);
         }
-        self.write(&path, text).map(|()| true)
+        self.write(&path, text)?;
+        finished.manifest.files.insert(RECIPE.to_owned(), Stamp::of_text(text));
+        self.set_finished(&finished).map(|()| true)
     }
 
     /// Writes names and categories of the assets of each pool.
@@ -335,6 +354,18 @@ impl Folder {
         Ok(entry)
     }
 
+    /// Drops all that is staged but scenes that are ready.
+    pub fn drop_parts(&self) -> Result<()> {
+        let entries = fs::read_dir(self.staging()).into_iter().flatten().flatten();
+        let mut paths = entries.map(|entry| entry.path());
+        paths.try_for_each(
+            |path| if path.extension().is_some_and(|it| it == "ready") { Ok(()) } else { remove(&path) },
+        )?;
+        // It stays if it is not empty.
+        let _ = fs::remove_dir(self.staging());
+        Ok(())
+    }
+
     /// Drops a staged scene.
     pub fn abandon(&self, scene: u32) -> Result<()> {
         remove(&self.staging().join(format!("{scene}.part")))
@@ -391,7 +422,7 @@ impl Folder {
         // Both are listed until all are moved, so that an interrupted move leaves no file that is nobody's.
         let mut both = old.clone();
         both.files.extend(new.files.clone());
-        self.set_finished(&Finished { journal: None, manifest: both })?;
+        self.set_finished(&Finished { journal: None, recipe: self.finished()?.recipe, manifest: both })?;
         self.set_recipe(resolved)?;
         journal.rewrite()?;
         move_tree(&staged, &self.root, None)?;
@@ -401,7 +432,8 @@ impl Folder {
                 self.remove_file_of_dataset(path)?;
             }
             let Stamp(_, digest) = Stamp::of(&self.journal())?;
-            self.set_finished(&Finished { journal: Some(digest), manifest: new })?;
+            let recipe = Some(digest_of_recipe(resolved));
+            self.set_finished(&Finished { journal: Some(digest), recipe, manifest: new })?;
             remove(&self.staging())?;
         }
         refused.map_or(Ok(()), Err)
@@ -520,6 +552,11 @@ impl Folder {
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
+}
+
+/// By what a recipe is known again: all but the assets that it locks.
+fn digest_of_recipe(text: &str) -> Digest {
+    Digest::of(without_assets(text).as_bytes())
 }
 
 /// What to do about a file that is nobody's.

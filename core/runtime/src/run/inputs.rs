@@ -30,7 +30,7 @@ pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {
         return Ok(BTreeSet::new());
     }
     let devices = recipe.render.devices()?.into_iter();
-    Ok(devices.filter(|device| device.unused.is_none() && device.class.rounds()).map(|device| device.name).collect())
+    Ok(devices.filter(|device| device.class.rounds()).map(|device| device.name).collect())
 }
 
 /// Warns if scenes are to be rendered on other devices than those of then.

@@ -52,8 +52,10 @@ pub fn merge(
     let folder = Folder::open(out)?;
     folder.recover()?;
     let journal = Journal::open(&folder.journal())?;
-    let begun = Part { entries: journal.entries().clone(), recipe: folder.recipe()?.unwrap_or_default(), folder };
-    if !begun.recipe.is_empty() {
+    let recipe_of_target = if folder.is_empty(&journal) { None } else { Some(recipe_of(&folder, "dataset")?) };
+    let begun =
+        Part { entries: journal.entries().clone(), recipe: recipe_of_target.clone().unwrap_or_default(), folder };
+    if recipe_of_target.is_some() {
         same_recipe(&begun, first)?;
     }
     let devices = devices(std::iter::once(&begun).chain(&parts), &log);
@@ -65,7 +67,7 @@ pub fn merge(
         scenes: (begun.entries.len() + chosen.len()) as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: begun.entries.len() as u32,
-        images: chosen.iter().map(|(entry, _)| entry.views()).sum(),
+        images: chosen.iter().map(|(entry, _)| u64::from(entry.views())).sum(),
         threads,
     });
     let journal = Mutex::new(journal);
@@ -135,17 +137,27 @@ fn is_apart(out: &Path, parts: &[PathBuf]) -> Result<()> {
     }
 }
 
+/// The recipe of a folder that has scenes.
+fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
+    folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable).map_err(|lost| {
+        Error::new(format!("the {what} {lost}"))
+            .in_file(folder.root())
+            .help("bring it back, or run with its recipe, --out and --repair")
+            .permanent()
+    })
+}
+
 fn open(path: &Path) -> Result<Part> {
-    let refuse = |message: &str, help: &str| Err(Error::new(message).in_file(path).help(help).permanent());
     if !path.join(RESERVED[0]).is_dir() {
-        return refuse("there is no dataset", "name the folder that a run wrote");
+        return Err(Error::new("there is no dataset")
+            .in_file(path)
+            .help("name the folder that a run wrote")
+            .permanent());
     }
     let folder = Folder::read(path)?;
     let entries = Journal::entries_of(&journal_path(path))?;
-    match folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable) {
-        Ok(recipe) => Ok(Part { folder, entries, recipe }),
-        Err(what) => refuse(&format!("the part {what}"), "bring it back, or run with its recipe, --out and --repair"),
-    }
+    let recipe = recipe_of(&folder, "part")?;
+    Ok(Part { folder, entries, recipe })
 }
 
 /// Refuses parts of different recipes or of different inputs.

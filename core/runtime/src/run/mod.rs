@@ -91,7 +91,8 @@ pub struct Outcome {
     pub scenes: u32,
     /// Scenes that failed.
     pub failed: u32,
-    /// Scenes in the dataset that could not be given what a grown recipe adds: they are as they were.
+    /// Scenes in the dataset that could not be given what a grown recipe adds, or could not be repaired: they are as they
+    /// were.
     pub lacking: u32,
     /// Images in the dataset.
     pub images: u32,
@@ -134,9 +135,8 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     {
         reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
     }
-    let Adopted { mut resolved, anew } = adopt(&folder, recipe, files, &journal, options.repair, reporter)?;
-    let forgets = options.retry_failed || anew;
-    if forgets {
+    let Adopted { mut resolved, anew, adds } = adopt(&folder, recipe, files, &journal, options.repair, reporter)?;
+    if options.retry_failed || anew {
         journal.forget_failed();
     }
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
@@ -150,7 +150,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         scenes: wanted.len() as u32,
         views_per_scene: recipe.dataset.views_per_scene,
         resumed: wanted.filter(|scene| !todo.scenes.contains_key(scene)).count() as u32,
-        images: todo.scenes.values().map(|job| job.views(recipe)).sum(),
+        images: todo.scenes.values().map(|job| u64::from(job.views(recipe))).sum(),
         threads: options.threads,
     });
     if !todo.scenes.is_empty() && assets.is_none() {
@@ -166,13 +166,13 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         resolved = with_devices(&resolved, &before.union(&devices).cloned().collect());
     }
     // All is compared: from here on the dataset changes.
-    if forgets {
+    if anew {
         journal.rewrite()?;
     }
     if let Some(names) = &names {
         folder.set_catalogs(names)?;
     }
-    if journal.entries().is_empty() {
+    if folder.is_empty(&journal) {
         folder.set_recipe(&resolved)?;
     } else {
         folder.propose_recipe(&resolved)?;
@@ -182,15 +182,12 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
-        lacking = make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo)?;
-    }
-    if lacking > 0 && folder.is_proposed() {
-        let message =
-            format!("{} could not be given what the recipe adds: the dataset is as it was", count(lacking, "scene"));
-        return Err(Error::new(message)
-            .in_file(folder.root())
-            .help("the warnings above say why; mend the recipe, or leave out what it adds")
-            .permanent());
+        let made =
+            make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo, adds);
+        if made.is_err() {
+            let _ = folder.drop_parts();
+        }
+        lacking = made?;
     }
     let journal = journal.into_inner();
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none()).map(|(scene, _)| scene);
@@ -250,6 +247,8 @@ struct Adopted {
     resolved: String,
     /// Whether it replaces another recipe, by which no scene was made.
     anew: bool,
+    /// Whether it adds stages to those of the dataset.
+    adds: bool,
 }
 
 /// Compares the recipe of the folder with that of the run, and the files that options name. Changes nothing.
@@ -262,8 +261,8 @@ fn adopt(
     reporter: &dyn Reporter,
 ) -> Result<Adopted> {
     let now = Lock { files, ..Lock::default() };
-    let anew = || Adopted { resolved: with_lock(&recipe.resolved, &now), anew: true };
-    let none_made = journal.entries().values().all(JournalEntry::failed);
+    let anew = || Adopted { resolved: with_lock(&recipe.resolved, &now), anew: true, adds: false };
+    let none_made = folder.is_empty(journal);
     let before = match folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable) {
         Ok(before) => before,
         Err(_) if none_made => return Ok(anew()),
@@ -291,7 +290,8 @@ fn adopt(
         reporter.event(&Event::Note { message: growth.text() });
     }
     // What a resolved recipe locks stays locked.
-    Ok(Adopted { resolved: with_lock(&recipe.resolved, &Lock { files: now.files, ..then }), anew: false })
+    let resolved = with_lock(&recipe.resolved, &Lock { files: now.files, ..then });
+    Ok(Adopted { resolved, anew: false, adds: growth.adds })
 }
 
 /// Compares what the pools offer with what they offered when the dataset was begun. Returns the recipe with that locked,
@@ -441,6 +441,7 @@ fn make_scenes(
     pool: &Pool,
     (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &Todo,
+    adds: bool,
 ) -> Result<u32> {
     let log = Warnings(reporter);
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
@@ -451,6 +452,8 @@ fn make_scenes(
     let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
     let failure: Mutex<Option<Error>> = Mutex::new(None);
     let odd = ToldOdd::default();
+    // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
+    let held = Mutex::new(Vec::new());
     let maker = scene::SceneMaker {
         recipe,
         assets,
@@ -467,6 +470,10 @@ fn make_scenes(
             lacking.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         };
+        if made.entry.failed() && adds && folder.is_proposed() {
+            held.lock().push(made);
+            return Ok(());
+        }
         let entry = folder.commit(made.entry, made.kept, journal)?;
         tell_of_scene(todo, &entry, &odd, &log);
         // A mistake that shows at the end of a run shows after its first scene.
@@ -516,7 +523,23 @@ fn make_scenes(
         return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))
             .help("the same command goes on from there"));
     }
-    failure.into_inner().map_or(Ok(lacking.into_inner()), Err)
+    failure.into_inner().map_or(Ok(()), Err)?;
+    let (held, lacking) = (held.into_inner(), lacking.into_inner());
+    let without = lacking + held.len() as u32;
+    if without > 0 && adds && folder.is_proposed() {
+        let message = format!(
+            "{} could not be made with what the recipe adds: the dataset is as it was",
+            count(without, "scene")
+        );
+        return Err(Error::new(message)
+            .in_file(folder.root())
+            .help("the warnings above say why; mend the recipe, or leave out what it adds")
+            .permanent());
+    }
+    for made in held {
+        folder.commit(made.entry, made.kept, journal)?;
+    }
+    Ok(lacking)
 }
 
 /// What was told of scenes and of single views.

@@ -26,7 +26,7 @@ pub enum Event {
         /// Scenes of this run that were done before.
         resumed: u32,
         /// Images that this run is to make, or whose files a new writer lacks.
-        images: u32,
+        images: u64,
         /// Threads.
         threads: usize,
     },
@@ -243,7 +243,7 @@ impl Reporter for Human {
             Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
                 state.start = Instant::now();
                 state.scenes_total = scenes - resumed;
-                state.total = u64::from(*images);
+                state.total = *images;
                 let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
                 let (scenes, views) = (count(*scenes, "scene"), count(*views_per_scene, "view"));
                 self.say(&format!("{scenes} × {views}{done}, {} → {out}", count(*threads as u32, "thread")));

@@ -79,8 +79,8 @@ impl<'a> SceneMaker<'a> {
     /// Makes a scene in its staging folder, with as many attempts as the recipe allows. An error stops the run.
     ///
     /// A scene that only gets what it lacks is had from its stored outcome of settling. If what is new fails, the attempt
-    /// would have failed with it from the start: the scene is made again, by the attempts that follow. If they fail, too,
-    /// the scene stays as it is in the dataset, and there is nothing to commit.
+    /// would have failed with it from the start: the scene is made again, by the attempts that follow. A scene that the
+    /// dataset has stays as it is if all attempts fail, and there is nothing to commit.
     ///
     /// A device that fails says nothing about the scene: no attempt with other random numbers follows. A new scene fails
     /// with the error; one that the dataset has keeps its files, and the run stops.
@@ -120,7 +120,7 @@ impl<'a> SceneMaker<'a> {
                 }
             }
         }
-        if task.extend.is_some() {
+        if task.is_present {
             return self.folder.abandon(task.scene).map(|()| None);
         }
         let (outcome, (notices, odd_views, assets)) = (SceneOutcome::Failed, Default::default());

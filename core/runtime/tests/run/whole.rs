@@ -259,6 +259,15 @@ fn parts_that_do_not_belong_together_are_refused() {
         assert!(error.contains("recipe.toml") && error.contains("--repair") && error.contains("part-1"), "{error}");
     }
     fs::write(&recipe, text).expect("writable");
+    // A dataset that lost its recipe takes no part of another one.
+    let target = ours[0].join("recipe.toml");
+    let text = fs::read_to_string(&target).expect("there");
+    fs::remove_file(&target).expect("there");
+    let error = syntable_runtime::run::merge(&registry(), &ours[0], &[other], 1, &Stop::default(), &Quiet)
+        .expect_err("whose is it?")
+        .to_string();
+    assert!(error.contains("the dataset has lost its recipe.toml") && error.contains("--repair"), "{error}");
+    fs::write(&target, text).expect("writable");
     // The same scene with another byte, and a journal that says so.
     let journal = ours[1].join(".syntable/journal.jsonl");
     let text = fs::read_to_string(&journal).expect("there");
@@ -356,6 +365,15 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     let repair = || run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet);
     repair().expect("written again");
     assert!(verify(folder.path(), 1).expect("a dataset").whole());
+    // A dataset whose journal is lost has scenes, so it is not that of any recipe.
+    let journal = folder.path().join(".syntable/journal.jsonl");
+    let lines = fs::read(&journal).expect("there");
+    fs::remove_file(&journal).expect("there");
+    let before = files(folder.path());
+    let error = run(&RECIPE.replace("whole", "other"), folder.path(), 1).expect_err("another recipe").to_string();
+    assert!(error.contains("another recipe"), "{error}");
+    assert_eq!(files(folder.path()).len(), before.len() + 1, "but for an empty journal");
+    fs::write(&journal, lines).expect("writable");
     // Without the list that has its digest, no recipe is certainly the one.
     fs::remove_file(folder.path().join(".syntable/finished.json")).expect("there");
     fs::remove_file(folder.path().join("recipe.toml")).expect("there");
@@ -366,10 +384,13 @@ fn a_dataset_without_its_recipe_is_nobodys() {
 #[test]
 fn the_recipe_of_a_run_that_was_stopped_is_had_again() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (whole, data) = (folder.path().join("whole"), folder.path().join("data"));
-    run(RECIPE, &whole, 2).expect("whole");
+    let (whole, data, list) =
+        (folder.path().join("whole"), folder.path().join("data"), folder.path().join("names.txt"));
+    fs::write(&list, "a\nb\n").expect("writable");
+    let recipe = &format!("{RECIPE}[assets.things]\nkind = \"names\"\nlist = \"{}\"\n", list.display());
+    run(recipe, &whole, 2).expect("whole");
     let call = |stop: &Stop, reporter: &dyn Reporter| {
-        run_with(RECIPE, RunOptions { stop: stop.clone(), repair: true, ..options(&data, 1) }, reporter)
+        run_with(recipe, RunOptions { stop: stop.clone(), repair: true, ..options(&data, 1) }, reporter)
     };
     let lose = || fs::remove_file(data.join("recipe.toml")).expect("there");
     assert!(stopped_anywhere(&call, &lose) > 2);
