@@ -3,7 +3,9 @@
 //! | kind | provides |
 //! | --- | --- |
 //! | [`masks`] | visible, amodal and occlusion masks, occlusion rate, occlusion order, label policy |
+//! | [`occlusion_graph`] | who occludes whom as a graph: layers, components, cycles, order from front to back |
 //! | [`boxes`] | visible and amodal boxes |
+//! | [`cuboids`] | boxes in space, and their projections |
 //! | [`label_arrays`] | visible ids, amodal bits and categories, for training loops |
 //! | [`object_info`] | asset, category, mass and poses of every object |
 //! | [`camera`] | intrinsics and pose of the view |
@@ -17,9 +19,11 @@
 pub mod bodies;
 pub mod boxes;
 pub mod camera;
+pub mod cuboids;
 pub mod label_arrays;
 pub mod lights;
 pub mod masks;
 mod matrix;
 pub mod object_info;
+pub mod occlusion_graph;
 pub mod settle_report;
