@@ -5,6 +5,8 @@
 //! | [`masks`] | visible, amodal and occlusion masks, occlusion rate, occlusion order, label policy |
 //! | [`occlusion_graph`] | who occludes whom as a graph: layers, components, cycles, order from front to back |
 //! | [`boxes`] | visible and amodal boxes |
+//! | [`rotated_boxes`] | rotated boxes of both |
+//! | [`outlines`] | polygons around both |
 //! | [`cuboids`] | boxes in space, and their projections |
 //! | [`label_arrays`] | visible ids, amodal bits and categories, for training loops |
 //! | [`object_info`] | asset, category, mass and poses of every object |
@@ -26,4 +28,6 @@ pub mod masks;
 mod matrix;
 pub mod object_info;
 pub mod occlusion_graph;
+pub mod outlines;
+pub mod rotated_boxes;
 pub mod settle_report;

@@ -40,6 +40,8 @@ fn every_kind_conforms() {
         "masks",
         "object_info",
         "occlusion_graph",
+        "outlines",
+        "rotated_boxes",
         "settle_report",
     ];
     assert_eq!(kinds, all);

@@ -127,6 +127,22 @@ products! {
     /// Bounding box of the amodal mask: x, y, width, height.
     pub const AMODAL_BOX: Key<PerInstance<BBox>> = view("amodal_box").unit("px");
 
+    /// Rectangle of least area around the visible mask, rotated: center, size, angle and corners.
+    pub const VISIBLE_ROTATED_BOX: Key<PerInstance<Value>> =
+        view("visible_rotated_box").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Rectangle of least area around the amodal mask, rotated: center, size, angle and corners.
+    pub const AMODAL_ROTATED_BOX: Key<PerInstance<Value>> =
+        view("amodal_rotated_box").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Outline of the visible mask: `polygons` and `holes`, lists of x1, y1, x2, y2, … in pixels, as in COCO files.
+    pub const VISIBLE_OUTLINE: Key<PerInstance<Value>> =
+        view("visible_outline").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Outline of the amodal mask: `polygons` and `holes`, lists of x1, y1, x2, y2, … in pixels, as in COCO files.
+    pub const AMODAL_OUTLINE: Key<PerInstance<Value>> =
+        view("amodal_outline").form(|| Form::PerInstance(Box::new(Form::Record)));
+
     /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
 
