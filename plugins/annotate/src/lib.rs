@@ -3,7 +3,11 @@
 //! | kind | provides |
 //! | --- | --- |
 //! | [`masks`] | visible, amodal and occlusion masks, occlusion rate, occlusion order, label policy |
+//! | [`occlusion_graph`] | who occludes whom as a graph: layers, components, cycles, order from front to back |
 //! | [`boxes`] | visible and amodal boxes |
+//! | [`rotated_boxes`] | rotated boxes of both |
+//! | [`outlines`] | polygons around both |
+//! | [`cuboids`] | boxes in space, and their projections |
 //! | [`label_arrays`] | visible ids, amodal bits and categories, for training loops |
 //! | [`object_info`] | asset, category, mass and poses of every object |
 //! | [`camera`] | intrinsics and pose of the view |
@@ -17,9 +21,13 @@
 pub mod bodies;
 pub mod boxes;
 pub mod camera;
+pub mod cuboids;
 pub mod label_arrays;
 pub mod lights;
 pub mod masks;
 mod matrix;
 pub mod object_info;
+pub mod occlusion_graph;
+pub mod outlines;
+pub mod rotated_boxes;
 pub mod settle_report;

@@ -4,6 +4,7 @@ mod common;
 
 use common::{Rays, World, annotator, stage};
 use serde_json::json;
+use syntable_model::geometry::Vector3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{RenderParameters, Scope};
@@ -29,7 +30,21 @@ fn every_kind_conforms() {
     use syntable_testing::conformance;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
-    assert_eq!(kinds, ["bodies", "boxes", "camera", "label_arrays", "lights", "masks", "object_info", "settle_report"]);
+    let all = [
+        "bodies",
+        "boxes",
+        "camera",
+        "cuboids",
+        "label_arrays",
+        "lights",
+        "masks",
+        "object_info",
+        "occlusion_graph",
+        "outlines",
+        "rotated_boxes",
+        "settle_report",
+    ];
+    assert_eq!(kinds, all);
     let world = World::new(2);
     let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
     let mut rendered = Products::new();
@@ -62,6 +77,79 @@ fn values_outside_the_limits_of_the_schema_are_rejected() {
     let masks = registry.entries().iter().find(|entry| entry.kind == "masks").expect("registered");
     assert!(masks.construct_str("max_occlusion_rate = 1.0").is_ok());
     assert!(masks.construct_str("max_occlusion_rate = 1.5").is_err());
+}
+
+#[test]
+fn the_occlusion_graph_names_objects_by_their_ids() {
+    let world = World::new(4);
+    // 1 and 3 occlude each other, 3 occludes 4, and 2 is beside them.
+    let rays = Rays::new([8, 6], [0, 0], 4, |x, y| match (x, y) {
+        (0, 0) => vec![1, 3],
+        (1, 0) => vec![3, 1],
+        (2, 0) => vec![3, 4],
+        (3, 0) => vec![4],
+        (7, 5) => vec![2],
+        _ => vec![],
+    });
+    let mut products = Products::new();
+    products.put(INSTANCE, rays.instance()).expect("first");
+    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    run(&world, "masks", "", &mut products);
+    run(&world, "occlusion_graph", "", &mut products);
+    let layers = json!({ "1": "intermediate", "2": "top", "3": "intermediate", "4": "bottom" });
+    assert_eq!(json(&products, "occlusion_layer"), layers);
+    let graph = json!({
+        "edges": [[1, 3], [3, 1], [3, 4]],
+        "components": [[1, 3, 4], [2]],
+        "cycles": [[1, 3]],
+        "depth_layers": [[1, 2, 3], [4]],
+    });
+    assert_eq!(json(&products, "occlusion_graph"), graph);
+}
+
+#[test]
+fn cuboids_are_projected_as_a_pinhole_does() {
+    let mut world = World::new(2);
+    let rays = Rays::new([8, 6], [0, 0], 2, |_, _| vec![2]);
+    let mut products = Products::new();
+    products.put(INSTANCE, rays.instance()).expect("first");
+    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    run(&world, "masks", "", &mut products);
+    let mut labeled = products.clone();
+    run(&world, "cuboids", "", &mut labeled);
+    let cuboids = json(&labeled, "cuboid");
+    assert!(cuboids.get("1").is_none(), "an object that is not annotated");
+    let cuboid = &cuboids["2"];
+    let close = |found: &serde_json::Value, wanted: &[f64]| {
+        let found: Vec<f64> = found.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect();
+        assert_eq!(found.len(), wanted.len());
+        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}, not {wanted:?}");
+    };
+    close(&cuboid["size_m"], &[0.1; 3]);
+    // The object is the second that is left, at x = 0.02; the camera is at (1, 0, 1.5) and looks at (0, 0, 0.7).
+    let eye = Vector3::new(1.0, 0.0, 1.5);
+    let forward = (Vector3::new(0.0, 0.0, 0.7) - eye).normalize();
+    let right = forward.cross(&Vector3::z()).normalize();
+    let down = forward.cross(&right);
+    for number in 0..8 {
+        let bit = |k: usize| f64::from(number as u32 >> k & 1);
+        let corner = Vector3::new(0.02, 0.0, 0.7) + 0.1 * Vector3::new(bit(0), bit(1), bit(2));
+        let seen = corner - eye;
+        let [x, y, z] = [right, down, forward].map(|axis| axis.dot(&seen));
+        close(&cuboid["corners_world_m"][number], corner.as_slice());
+        close(&cuboid["corners_camera_m"][number], &[x, y, z]);
+        close(&cuboid["corners_px"][number], &[7.0 * x / z + 4.0, 7.5 * y / z + 3.0]);
+    }
+    let center = Vector3::new(0.07, 0.05, 0.75) - eye;
+    for (row, axis) in [right, down, forward].iter().enumerate() {
+        close(&cuboid["camera_from_cuboid"][row], &[axis.x, axis.y, axis.z, axis.dot(&center)]);
+    }
+    // From inside, half of the corners are behind.
+    world.view.camera.world_from_camera = Pose::translation(0.07, 0.05, 0.75);
+    run(&world, "cuboids", "", &mut products);
+    let inside = &json(&products, "cuboid")["2"]["corners_px"];
+    let seen: Vec<bool> = inside.as_array().expect("a list").iter().map(|corner| !corner.is_null()).collect();
+    assert_eq!(seen, [false, false, false, false, true, true, true, true]);
 }
 
 #[test]

@@ -114,11 +114,34 @@ products! {
     /// Occlusion order adjacency matrix (OOAM): entry (i, j) is true if the object of row i occludes that of column j.
     pub const OCCLUSION_ORDER: Key<OcclusionOrder> = view("occlusion_order");
 
+    /// The occlusion order as a directed graph: edges, weakly connected components, cycles, and the objects from front to
+    /// back.
+    pub const OCCLUSION_GRAPH: Key<Value> = view("occlusion_graph").form(|| Form::Record);
+
+    /// Layer in the occlusion graph: `top`, `intermediate` or `bottom`.
+    pub const OCCLUSION_LAYER: Key<PerInstance<&'static str>> = view("occlusion_layer");
+
     /// Bounding box of the visible mask: x, y, width, height.
     pub const VISIBLE_BOX: Key<PerInstance<BBox>> = view("visible_box").unit("px");
 
     /// Bounding box of the amodal mask: x, y, width, height.
     pub const AMODAL_BOX: Key<PerInstance<BBox>> = view("amodal_box").unit("px");
+
+    /// Rectangle of least area around the visible mask, rotated: center, size, angle and corners.
+    pub const VISIBLE_ROTATED_BOX: Key<PerInstance<Value>> =
+        view("visible_rotated_box").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Rectangle of least area around the amodal mask, rotated: center, size, angle and corners.
+    pub const AMODAL_ROTATED_BOX: Key<PerInstance<Value>> =
+        view("amodal_rotated_box").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Outline of the visible mask: `polygons` and `holes`, lists of x1, y1, x2, y2, … in pixels, as in COCO files.
+    pub const VISIBLE_OUTLINE: Key<PerInstance<Value>> =
+        view("visible_outline").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Outline of the amodal mask: `polygons` and `holes`, lists of x1, y1, x2, y2, … in pixels, as in COCO files.
+    pub const AMODAL_OUTLINE: Key<PerInstance<Value>> =
+        view("amodal_outline").form(|| Form::PerInstance(Box::new(Form::Record)));
 
     /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
@@ -133,6 +156,10 @@ products! {
 
     /// Asset, pool, category, spawn number, mass, license, digest, and poses in world and camera of each annotated object.
     pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info").form(|| Form::PerInstance(Box::new(Form::Record)));
+
+    /// Box of each annotated object in space: size, pose, and the eight corners in the world, in the camera frame and
+    /// in the image.
+    pub const CUBOID: Key<PerInstance<Value>> = view("cuboid").form(|| Form::PerInstance(Box::new(Form::Record)));
 
     /// Intrinsics and pose of the view's camera.
     pub const CAMERA: Key<Value> = view("camera").form(|| Form::Record);

@@ -1,0 +1,80 @@
+//! Boxes in space.
+
+use crate::matrix::pose;
+use syntable_model::geometry::Point3;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_MASK, CUBOID};
+use syntable_model::scene::{Body, Camera};
+
+/// The box of every annotated object in space: the smallest one around its mesh that is parallel to the axes of the object
+/// frame, known to users of DOPE and BOP as its cuboid.
+///
+/// `size_m` has the edges along these axes. `camera_from_cuboid` and `world_from_cuboid` are the poses of its center, 4 × 4,
+/// row by row, with the axes of the object; the camera frame is that of OpenCV: x right, y down, z forward. The eight
+/// corners come in meters, `corners_world_m` and `corners_camera_m`, and as (u, v) in pixels, `corners_px`: centers of pixels
+/// are at half-integers, the lens' distortion is included, and a corner may be beyond the image. A corner at or behind the
+/// plane of the camera has no pixel (`null`). Bit 0 of a corner's number, from 0, is set at the upper end of the x axis, bit 1
+/// at that of y, bit 2 at that of z.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cuboids {}
+
+impl Config for Cuboids {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "cuboids";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Cuboids {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![AMODAL_MASK]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![CUBOID]
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let annotated = products.get(AMODAL_MASK)?;
+        let objects = cx.scene.objects().iter().filter(|body| annotated.get(body.id).is_some());
+        let cuboids = objects.map(|body| Ok((body.id, Value::of(&CuboidView::new(body, &cx.view.camera))?)));
+        let cuboids = cuboids.collect::<Result<_>>()?;
+        products.put(CUBOID, cuboids)
+    }
+}
+
+/// An entry of the product `cuboid`.
+#[derive(Serialize)]
+struct CuboidView {
+    size_m: [f64; 3],
+    world_from_cuboid: [[f64; 4]; 4],
+    camera_from_cuboid: [[f64; 4]; 4],
+    corners_world_m: [[f64; 3]; 8],
+    corners_camera_m: [[f64; 3]; 8],
+    corners_px: [Option<[f64; 2]>; 8],
+}
+
+impl CuboidView {
+    fn new(body: &Body, camera: &Camera) -> Self {
+        let bounds = body.object.mesh.bounds();
+        let center = bounds.center();
+        let world_from_cuboid = body.world_from_body * Pose::translation(center.x, center.y, center.z);
+        let camera_from_world = camera.world_from_camera.inverse();
+        let in_world = bounds.corners().map(|corner| body.world_from_body * corner);
+        let in_camera = in_world.map(|corner| camera_from_world * corner);
+        let pixel = |corner: Point3<f64>| (corner.z > 0.0).then(|| camera.project(&corner));
+        Self {
+            size_m: bounds.size().into(),
+            world_from_cuboid: pose(&world_from_cuboid),
+            camera_from_cuboid: pose(&(camera_from_world * world_from_cuboid)),
+            corners_world_m: in_world.map(Into::into),
+            corners_camera_m: in_camera.map(Into::into),
+            corners_px: in_camera.map(pixel),
+        }
+    }
+}
+
+register!(Cuboids);

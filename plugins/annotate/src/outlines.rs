@@ -1,0 +1,263 @@
+//! Outlines of the masks as polygons.
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_MASK, AMODAL_OUTLINE, VISIBLE_MASK, VISIBLE_OUTLINE};
+use syntable_model::product::{BBox, Mask};
+
+/// Outlines of the visible and amodal masks as polygons, as in COCO's `segmentation`: lists of x1, y1, x2, y2, … in pixels,
+/// where pixel (0, 0) is the square from (0, 0) to (1, 1).
+///
+/// `polygons` go around the parts of a mask, clockwise in the image, `holes` around what is left out in them,
+/// counterclockwise. COCO knows no holes: a reader of `polygons` alone fills them. Parts that touch only at corners are
+/// polygons of their own. An empty mask has none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Outlines {
+    /// How far a polygon may be from the edges of the mask's pixels, px. 0.5 (the default) takes out the steps of slanted
+    /// edges; 0 keeps every corner of every pixel, so that the polygons and holes are the mask.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub tolerance_px: f64,
+}
+
+impl Default for Outlines {
+    fn default() -> Self {
+        Self { tolerance_px: 0.5 }
+    }
+}
+
+impl Config for Outlines {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "outlines";
+    const EXAMPLE: &'static str = "tolerance_px = 0.5";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Outlines {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![VISIBLE_OUTLINE, AMODAL_OUTLINE]
+    }
+
+    fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
+        for (mask, outline) in [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)] {
+            let masks = products.get(mask)?;
+            let outlines = masks.iter().map(|(id, mask)| Ok((id, Value::of(&self.outline(mask))?)));
+            let outlines = outlines.collect::<Result<_>>()?;
+            products.put(outline, outlines)?;
+        }
+        Ok(())
+    }
+}
+
+/// An entry of the products.
+#[derive(Serialize)]
+struct OutlineView {
+    polygons: Vec<Vec<f64>>,
+    holes: Vec<Vec<f64>>,
+}
+
+impl Outlines {
+    fn outline(&self, mask: &Mask) -> OutlineView {
+        let flat =
+            |ring: &Ring| simplified(ring, self.tolerance_px).iter().flatten().map(|&at| f64::from(at)).collect();
+        let (parts, holes): (Vec<Ring>, Vec<Ring>) = rings(mask).into_iter().partition(|ring| doubled_area(ring) > 0);
+        OutlineView { polygons: parts.iter().map(flat).collect(), holes: holes.iter().map(flat).collect() }
+    }
+}
+
+/// A closed polygon of corners of pixels; the first corner is not repeated.
+pub type Ring = Vec<[i32; 2]>;
+
+/// Twice the area inside of a ring, px²; negative if it is counterclockwise in the image.
+pub fn doubled_area(ring: &[[i32; 2]]) -> i64 {
+    let next = ring.iter().cycle().skip(1);
+    ring.iter().zip(next).map(|(a, b)| i64::from(a[0]) * i64::from(b[1]) - i64::from(b[0]) * i64::from(a[1])).sum()
+}
+
+/// Right, down, left, up.
+const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+
+/// The edges between a mask's pixels and the others as rings of corners, with the mask to the right of whoever walks along
+/// them. Rings are in the order of their first corners, row by row.
+pub fn rings(mask: &Mask) -> Vec<Ring> {
+    let BBox { x: left, y: top, width, height } = mask.bbox();
+    if mask.is_empty() {
+        return Vec::new();
+    }
+    let mut inside = vec![false; (width * height) as usize];
+    let rows = mask.height() as i32;
+    for run in mask.runs() {
+        for position in run {
+            let (x, y) = (position as i32 / rows - left, position as i32 % rows - top);
+            inside[(y * width + x) as usize] = true;
+        }
+    }
+    let holds =
+        |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y) && inside[(y * width + x) as usize];
+    // The directions, as bits, in which edges leave a corner.
+    let columns = width + 1;
+    let mut leaving = vec![0_u8; (columns * (height + 1)) as usize];
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|&(x, y)| holds(x, y)) {
+        // The upper edge goes right from the pixel's corner, and so on around it.
+        for (direction, (corner, beside)) in
+            [([0, 0], [0, -1]), ([1, 0], [1, 0]), ([1, 1], [0, 1]), ([0, 1], [-1, 0])].into_iter().enumerate()
+        {
+            if !holds(x + beside[0], y + beside[1]) {
+                leaving[((y + corner[1]) * columns + x + corner[0]) as usize] |= 1 << direction;
+            }
+        }
+    }
+    let mut rings = Vec::new();
+    for start in 0..leaving.len() {
+        while leaving[start] != 0 {
+            rings.push(ring_from(start, columns, &mut leaving).into_iter().map(|[x, y]| [x + left, y + top]).collect());
+        }
+    }
+    rings
+}
+
+/// Walks one ring and takes its edges away. Only the corners at which it turns are kept.
+fn ring_from(start: usize, columns: i32, leaving: &mut [u8]) -> Ring {
+    let mut ring = Ring::new();
+    let mut at = [start as i32 % columns, start as i32 / columns];
+    let first = leaving[start].trailing_zeros() as usize;
+    let (mut direction, mut turned) = (first, true);
+    loop {
+        if turned {
+            ring.push(at);
+        }
+        let corner = (at[1] * columns + at[0]) as usize;
+        leaving[corner] &= !(1 << direction);
+        at = [at[0] + STEPS[direction][0], at[1] + STEPS[direction][1]];
+        let corner = (at[1] * columns + at[0]) as usize;
+        // Turning right first stays with the pixel, so that parts that touch at a corner are apart.
+        let next =
+            [1, 0, 3].map(|turn| (direction + turn) % 4).into_iter().find(|next| leaving[corner] >> next & 1 == 1);
+        let Some(next) = next else { break };
+        (direction, turned) = (next, next != direction);
+    }
+    // The start is a corner of the ring only if the last edge turns there.
+    if direction == first {
+        ring.remove(0);
+    }
+    ring
+}
+
+/// A ring with fewer corners, none of whose former ones is farther away than a tolerance (Douglas and Peucker, 1973). The
+/// two corners that are farthest apart of the first one stay.
+fn simplified(ring: &Ring, tolerance: f64) -> Ring {
+    if tolerance <= 0.0 || ring.len() < 4 {
+        return ring.clone();
+    }
+    let square = |a: [i32; 2], b: [i32; 2]| (0..2).map(|k| i64::from(a[k] - b[k]).pow(2)).sum::<i64>();
+    let farthest = |from: usize| (0..ring.len()).max_by_key(|&i| (square(ring[from], ring[i]), ring.len() - i));
+    let one = farthest(0).unwrap_or(0);
+    let other = farthest(one).unwrap_or(0);
+    let (first, second) = (one.min(other), one.max(other));
+    let mut kept = vec![false; ring.len()];
+    (kept[first], kept[second]) = (true, true);
+    let mut open = vec![(first, second), (second, first + ring.len())];
+    while let Some((a, b)) = open.pop() {
+        let at = |i: usize| ring[i % ring.len()];
+        let far = (a + 1..b).map(|i| (distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
+        if let Some((_, i)) = far.filter(|(far, _)| *far > tolerance) {
+            kept[i % ring.len()] = true;
+            open.extend([(a, i), (i, b)]);
+        }
+    }
+    let corners: Ring = ring.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(&corner, _)| corner).collect();
+    // A part that is as thin as the tolerance keeps its shape, and its turning direction.
+    let same = corners.len() > 2 && doubled_area(&corners).signum() == doubled_area(ring).signum();
+    if same { corners } else { ring.clone() }
+}
+
+/// Distance of a point from a segment, px.
+fn distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
+    let [p, a, b] = [p, a, b].map(|q| q.map(f64::from));
+    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+    let length = along[0] * along[0] + along[1] * along[1];
+    let t = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
+    libm::hypot(to[0] - t * along[0], to[1] - t * along[1])
+}
+
+register!(Outlines);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn drawn(rows: &[&str]) -> Mask {
+        let width = rows[0].len() as u32;
+        Mask::from_fn(width, rows.len() as u32, |x, y| rows[y as usize].as_bytes()[x as usize] == b'#')
+    }
+
+    /// Whether a point is in a ring: it is if a ray to the left meets it an odd number of times.
+    fn is_inside(ring: &[[i32; 2]], [x, y]: [f64; 2]) -> bool {
+        let next = ring.iter().cycle().skip(1);
+        let meets = ring.iter().zip(next).filter(|(a, b)| {
+            let [a, b] = [**a, **b].map(|corner| corner.map(f64::from));
+            (a[1] > y) != (b[1] > y) && x > a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
+        });
+        meets.count() % 2 == 1
+    }
+
+    #[test]
+    fn outlines_on_paper() {
+        // A frame with a hole, a pixel that touches it at a corner, and a bar at the edge of the image.
+        let mask = drawn(&["###...#", "#.#...#", "###....", "...#..."]);
+        let found = rings(&mask);
+        let wanted: [&[[i32; 2]]; 4] = [
+            &[[0, 0], [3, 0], [3, 3], [0, 3]],
+            &[[6, 0], [7, 0], [7, 2], [6, 2]],
+            &[[1, 1], [1, 2], [2, 2], [2, 1]],
+            &[[3, 3], [4, 3], [4, 4], [3, 4]],
+        ];
+        assert_eq!(found, wanted);
+        assert_eq!(found.iter().map(|ring| doubled_area(ring)).collect::<Vec<_>>(), [18, 4, -2, 2]);
+        let outline = Outlines::default().outline(&mask);
+        assert_eq!((outline.polygons.len(), outline.holes.len()), (3, 1));
+        assert_eq!(outline.polygons[0], [0.0, 0.0, 3.0, 0.0, 3.0, 3.0, 0.0, 3.0]);
+        assert!(rings(&Mask::empty(4, 4)).is_empty());
+        // Steps of a slanted edge are one line.
+        let stairs = drawn(&["#....", "##...", "###..", "####.", "#####"]);
+        let [ring] = &rings(&stairs)[..] else { panic!("one part") };
+        assert!(ring.len() > 10 && simplified(ring, 0.75).len() <= 5, "{:?}", simplified(ring, 0.75));
+    }
+
+    proptest! {
+        #[test]
+        fn outlines_are_the_mask_and_stay_near_it(
+            bits in prop::collection::vec(0_u8..5, 12 * 9),
+            tolerance in 0.0..2.0_f64,
+        ) {
+            // Blobs rather than noise.
+            let full = |x: i32, y: i32| (0..12).contains(&x) && (0..9).contains(&y) && bits[(y * 12 + x) as usize] > 1;
+            let mask = Mask::from_fn(12, 9, |x, y| {
+                (-1..2).filter(|d| full(x as i32 + d, y as i32)).count() + (-1..2).filter(|d| full(x as i32, y as i32 + d)).count() > 3
+            });
+            let rings = rings(&mask);
+            prop_assert_eq!(rings.iter().map(|ring| doubled_area(ring)).sum::<i64>(), 2 * i64::from(mask.area()));
+            for (x, y) in (0..9).flat_map(|y| (0..12).map(move |x| (x, y))) {
+                let center = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+                let around = rings.iter().filter(|ring| is_inside(ring, center)).count();
+                prop_assert_eq!(around % 2 == 1, *mask.to_plane().at(x, y));
+            }
+            for ring in &rings {
+                prop_assert!(ring.iter().zip(ring.iter().cycle().skip(1)).all(|(a, b)| a != b));
+                let few = simplified(ring, tolerance);
+                prop_assert_eq!(doubled_area(&few).signum(), doubled_area(ring).signum());
+                for corner in ring {
+                    let sides = few.iter().zip(few.iter().cycle().skip(1));
+                    let nearest = sides.map(|(a, b)| distance(*corner, *a, *b)).fold(f64::INFINITY, f64::min);
+                    prop_assert!(nearest <= tolerance + 1e-9, "{nearest}");
+                }
+            }
+        }
+    }
+}
