@@ -97,12 +97,6 @@ pub fn listing(differences: &[Difference]) -> String {
     lines.concat()
 }
 
-/// A resolved recipe, if it has what every recipe has; else what is the matter with it.
-pub fn readable(text: String) -> std::result::Result<String, &'static str> {
-    let table = toml::from_str::<toml::Table>(&text);
-    if table.is_ok_and(|table| table.contains_key("dataset")) { Ok(text) } else { Err("has a damaged recipe.toml") }
-}
-
 /// Compares the recipe of a dataset with that of a run. An error says why the run cannot go on with the dataset.
 pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
     let differences = differences(before, &recipe.resolved);

@@ -149,6 +149,19 @@ impl Folder {
         }
     }
 
+    /// Text of the resolved recipe by which the scenes were made; else what is the matter with it.
+    pub fn recipe_of_scenes(&self) -> Result<std::result::Result<String, &'static str>> {
+        let Some(text) = self.recipe()? else { return Ok(Err("has lost its recipe.toml")) };
+        let listed = self.finished()?.manifest.files.get(RECIPE).copied();
+        let is_recipe = || toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key("dataset"));
+        Ok(match listed {
+            // It would say of the scenes what is not true.
+            Some(stamp) if stamp != Stamp::of_text(&text) => Err("has a recipe.toml that is damaged, or was edited"),
+            None if !is_recipe() => Err("has a damaged recipe.toml"),
+            _ => Ok(text),
+        })
+    }
+
     /// Makes a resolved recipe that of the dataset as soon as a scene is made by it or fails with it. Until then the
     /// dataset is that of the recipe before, and a run that comes to nothing changes nothing.
     pub fn propose_recipe(&self, text: &str) -> Result<()> {

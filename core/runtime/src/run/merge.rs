@@ -139,7 +139,7 @@ fn is_apart(out: &Path, parts: &[PathBuf]) -> Result<()> {
 
 /// The recipe of a folder that has scenes.
 fn recipe_of(folder: &Folder, what: &str) -> Result<String> {
-    folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable).map_err(|lost| {
+    folder.recipe_of_scenes()?.map_err(|lost| {
         Error::new(format!("the {what} {lost}"))
             .in_file(folder.root())
             .help("bring it back, or run with its recipe, --out and --repair")

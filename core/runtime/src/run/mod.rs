@@ -263,7 +263,7 @@ fn adopt(
     let now = Lock { files, ..Lock::default() };
     let anew = || Adopted { resolved: with_lock(&recipe.resolved, &now), anew: true, adds: false };
     let none_made = folder.is_empty(journal);
-    let before = match folder.recipe()?.ok_or("has lost its recipe.toml").and_then(change::readable) {
+    let before = match folder.recipe_of_scenes()? {
         Ok(before) => before,
         Err(_) if none_made => return Ok(anew()),
         Err(what) => {

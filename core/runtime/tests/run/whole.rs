@@ -250,7 +250,8 @@ fn parts_that_do_not_belong_together_are_refused() {
     // A part that lost its recipe.
     let recipe = ours[1].join("recipe.toml");
     let text = fs::read_to_string(&recipe).expect("there");
-    for damage in [None, Some("")] {
+    let edited = text.replace("scenes = ", "scenes = 1");
+    for damage in [None, Some(""), Some(&edited)] {
         match damage {
             None => fs::remove_file(&recipe).expect("there"),
             Some(text) => fs::write(&recipe, text).expect("writable"),
@@ -357,10 +358,16 @@ fn a_dataset_without_its_recipe_is_nobodys() {
     fs::remove_file(folder.path().join("recipe.toml")).expect("there");
     let error = run(&RECIPE.replace("whole", "other"), folder.path(), 1).expect_err("no recipe").to_string();
     assert!(error.contains("lost its recipe.toml"), "{error}");
-    for damaged in [&b"[dataset\n"[..], b"", &[0xff, 0xfe]] {
+    let edited = RECIPE.replace("whole", "other");
+    for damaged in [&b"[dataset\n"[..], b"", &[0xff, 0xfe], edited.as_bytes()] {
         fs::write(folder.path().join("recipe.toml"), damaged).expect("writable");
-        let error = run(RECIPE, folder.path(), 1).expect_err("damaged").to_string();
-        assert!(error.contains("damaged recipe.toml") && error.contains("--repair"), "{error}");
+        for recipe in [RECIPE, &edited] {
+            let error = run(recipe, folder.path(), 1).expect_err("damaged").to_string();
+            assert!(error.contains("recipe.toml that is damaged, or was edited"), "{error}");
+        }
+        let repair = RunOptions { repair: true, ..options(folder.path(), 1) };
+        let error = run_with(&edited, repair, &Quiet).expect_err("another recipe").to_string();
+        assert!(error.contains("not certainly the one"), "{error}");
     }
     let repair = || run_with(RECIPE, RunOptions { repair: true, ..options(folder.path(), 1) }, &Quiet);
     repair().expect("written again");
