@@ -6,9 +6,11 @@ use crate::names::ProductName;
 use crate::product::{Key, KeyId, Product, Products};
 use crate::scene::{SceneId, ViewId};
 use crate::stage::DatasetInfo;
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A file format. The files of a scene appear in the dataset when the whole scene is done; a file that covers many
 /// scenes is written in `finish`, from per-scene shards.
@@ -128,12 +130,14 @@ pub struct Output {
     staging: PathBuf,
     id: String,
     scene: SceneId,
+    /// What was created, shared by all that have this output.
+    files: Arc<Mutex<BTreeSet<String>>>,
 }
 
 impl Output {
     /// Output of the writer `id` for a scene.
     pub fn new(staging: impl Into<PathBuf>, id: impl Into<String>, scene: SceneId) -> Self {
-        Self { staging: staging.into(), id: id.into(), scene }
+        Self { staging: staging.into(), id: id.into(), scene, files: Arc::default() }
     }
 
     /// The writer's id in the recipe; the folder that generic writers write to.
@@ -148,7 +152,14 @@ impl Output {
     }
 
     fn create_at(&self, path: &str) -> Result<BufWriter<File>> {
-        create_new(&self.staging, path, &self.id)
+        let file = create_new(&self.staging, path, &self.id)?;
+        self.files.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_owned());
+        Ok(file)
+    }
+
+    /// Paths of the files that were created so far.
+    pub fn files(&self) -> BTreeSet<String> {
+        self.files.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Writes a whole file at a path relative to the dataset.

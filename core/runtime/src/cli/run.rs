@@ -39,6 +39,10 @@ pub(super) struct RunArgs {
     /// Compare all files with the journal first, and make scenes again whose files are missing or damaged.
     #[arg(long, conflicts_with = "overwrite")]
     repair: bool,
+    /// Write the files of writers anew that have other options than then, or annotators with other options, and take away
+    /// those of writers that the recipe has no more.
+    #[arg(long, conflicts_with = "overwrite")]
+    rewrite: bool,
 }
 
 /// Scenes asked for; open ends are closed by the recipe.
@@ -85,6 +89,7 @@ pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Res
         overwrite: args.overwrite,
         retry_failed: args.retry_failed,
         repair: args.repair,
+        rewrite: args.rewrite,
         stop: stop.clone(),
         ..RunOptions::new(
             args.out.clone().unwrap_or_else(|| PathBuf::from("data").join(&recipe.dataset.name)),

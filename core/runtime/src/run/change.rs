@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::{Shape, Slot};
+use syntable_model::stage::Writer;
 
 /// Number of differing keys that an error lists.
 const SHOWN: usize = 12;
@@ -23,6 +24,10 @@ pub struct Growth {
     pub finish: Vec<String>,
     /// Whether any stage was added that makes or writes products.
     pub adds: bool,
+    /// Ids of writers whose files are written anew, since they or annotators that they read have other options.
+    pub rewritten: BTreeSet<String>,
+    /// Ids of writers that are there no more.
+    pub gone: BTreeSet<String>,
 }
 
 /// A key that differs.
@@ -97,12 +102,13 @@ pub fn listing(differences: &[Difference]) -> String {
     lines.concat()
 }
 
-/// Compares the recipe of a dataset with that of a run. An error says why the run cannot go on with the dataset.
-pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
+/// Compares the recipe of a dataset with that of a run. With `rewrite`, files of writers may be written anew. An error says
+/// why the run cannot go on with the dataset.
+pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Result<Growth> {
     let differences = differences(before, &recipe.resolved);
     let mut growth = Growth::default();
     let mut others = Vec::new();
-    let mut added = BTreeSet::new();
+    let (mut added, mut changed) = (BTreeSet::new(), BTreeSet::new());
     let had: BTreeSet<String> = keys_of(before).keys().filter_map(|key| table_of(key)).map(str::to_owned).collect();
     for difference in differences {
         let Difference { key, values } = &difference;
@@ -123,6 +129,7 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
                     added.insert(table.to_owned());
                 }
                 Some(_) if only_finish(recipe, key) => growth.finish.push(key.to_owned()),
+                Some(table) if rewrite && may_change(table) => drop(changed.insert(table.to_owned())),
                 _ => others.push(difference.clone()),
             },
         }
@@ -133,9 +140,17 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
         Err(Error::new(message).in_file(root).help(help).permanent())
     };
     if !others.is_empty() {
+        let of_writers = others.iter().all(|other| table_of(&other.key).is_some_and(may_change));
+        let help = match of_writers {
+            true => {
+                "to write the files of these writers anew, or to take them away, run with --rewrite; else choose another \
+                 folder with --out"
+            }
+            false => "choose another folder with --out, or delete the old dataset with --overwrite",
+        };
         return Err(Error::new(format!("the folder holds a dataset of another recipe:{}\n ", listing(&others)))
             .in_file(root)
-            .help("choose another folder with --out, or delete the old dataset with --overwrite")
+            .help(help)
             .permanent());
     }
     if let Some(numbers @ [before, now]) = growth.scenes
@@ -149,8 +164,29 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe) -> Result<Growth> {
         let help = "new scenes can have more views, not fewer; make another dataset with --out";
         return fewer("views per scene", numbers, help);
     }
-    undisturbed(root, recipe, &growth.writers, &added)?;
+    growth.rewritten = changed.iter().filter_map(|table| Some(table.strip_prefix("write.")?.to_owned())).collect();
+    added.append(&mut changed);
+    for (id, stage) in disturbed(recipe, &growth, &added) {
+        if !rewrite {
+            return Err(Error::new(format!("[{stage}] was added and changes what `write.{id}` has written already"))
+                .in_file(root)
+                .help("to write its files anew, run with --rewrite; else choose another folder with --out")
+                .permanent());
+        }
+        growth.rewritten.insert(id);
+    }
+    growth.adds |= !growth.rewritten.is_empty();
+    let is_there = |id: &String| recipe.write.iter().any(|(other, _)| other == id);
+    (growth.rewritten, growth.gone) = growth.rewritten.into_iter().partition(is_there);
     Ok(growth)
+}
+
+/// Whether the files of a dataset may be written anew after a change of the table: it is that of a writer, or of what it
+/// may be alone to read.
+fn may_change(table: &str) -> bool {
+    [Slot::Write, Slot::Annotate]
+        .iter()
+        .any(|slot| table.strip_prefix(slot.name()).is_some_and(|id| id.starts_with('.')))
 }
 
 /// The table of a stage that has an id, such as `write.png`.
@@ -177,19 +213,17 @@ pub fn only_finish(recipe: &Recipe, key: &str) -> bool {
     writer.finish_options().contains(&option)
 }
 
-/// The files that are there were written without the stages that were added: none of these may take part in them.
-fn undisturbed(root: &Path, recipe: &Recipe, new: &[String], added: &BTreeSet<String>) -> Result<()> {
-    for (id, writer) in recipe.write.iter().filter(|(id, _)| !new.contains(id)) {
+/// Writers that are neither new nor changed, of which a stage that was added or changed makes a product; with one such stage.
+/// The files that are there were written without it.
+fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Vec<(String, String)> {
+    let stays = |id: &String| !growth.writers.contains(id) && !growth.rewritten.contains(id);
+    let by = |writer: &dyn Writer| {
         let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
         let Plan { entries, .. } = recipe.plan.part(reads.iter().map(String::as_str), false);
-        if let Some(stage) = entries.iter().map(|entry| &entry.provider).find(|provider| added.contains(*provider)) {
-            return Err(Error::new(format!("[{stage}] was added and changes what `write.{id}` has written already"))
-                .in_file(root)
-                .help("choose another folder with --out, or delete the old dataset with --overwrite")
-                .permanent());
-        }
-    }
-    Ok(())
+        entries.into_iter().map(|entry| entry.provider).find(|provider| changed.contains(provider))
+    };
+    let writers = recipe.write.iter().filter(|(id, _)| stays(id));
+    writers.filter_map(|(id, writer)| Some((id.clone(), by(&**writer)?))).collect()
 }
 
 impl Growth {
@@ -212,6 +246,12 @@ impl Growth {
             parts.push(format!("by the files of {}, for scenes that are done, too", names.join(" and ")));
         }
         let mut sentences = Vec::new();
+        for (writers, what) in [(&self.rewritten, "written anew"), (&self.gone, "taken away")] {
+            if !writers.is_empty() {
+                let names: Vec<String> = writers.iter().map(|id| format!("`write.{id}`")).collect();
+                sentences.push(format!("the files of {} are {what}", names.join(" and ")));
+            }
+        }
         if !parts.is_empty() {
             sentences.push(format!("the dataset grows {}", parts.join("; ")));
         }

@@ -23,12 +23,13 @@
 //! taken up again. `finished.json` names the digest of the journal that it was written for: a run that was interrupted is
 //! told apart from one that ended.
 
-use super::journal::{Journal, JournalEntry};
-use super::manifest::{Manifest, Stamp, State};
+use super::journal::{Journal, JournalEntry, SceneOutcome};
+use super::manifest::{Manifest, Stamp, State, Written};
+use super::records::OWNER;
 use crate::recipe::without_assets;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -308,9 +309,16 @@ impl Folder {
     /// Moves the files of a staged scene into place and writes it down. Interrupted anywhere, the next
     /// [`recover`](Self::recover) either finishes the job or finds nothing of the scene.
     ///
-    /// Files that the scene had before are replaced; `kept` stay beside the new ones, all others are deleted. A file that
+    /// Files that the scene had before are replaced; `kept` stay beside the new ones, all others are deleted. `written` says
+    /// whose the new ones are. A file that
     /// is not the scene's is a permanent error. The entry that is returned has the manifest's digest.
-    pub fn commit(&self, mut entry: JournalEntry, kept: Manifest, journal: &Mutex<Journal>) -> Result<JournalEntry> {
+    pub fn commit(
+        &self,
+        mut entry: JournalEntry,
+        kept: Manifest,
+        written: Written,
+        journal: &Mutex<Journal>,
+    ) -> Result<JournalEntry> {
         let scene = entry.scene;
         let part = self.staging().join(format!("{scene}.part"));
         let own = self.manifest(scene)?.unwrap_or_default();
@@ -323,6 +331,7 @@ impl Folder {
             Manifest::of_tree(&part)?
         };
         let mut manifest = kept;
+        manifest.writers.extend(written);
         for (path, stamp) in &new.files {
             if manifest.files.insert(path.clone(), *stamp).is_some() && !path.starts_with(MARK) {
                 return Err(Error::new(format!("`{path}` is written twice"))
@@ -331,7 +340,7 @@ impl Folder {
             }
         }
         stale.files.retain(|path, _| !manifest.has(path));
-        if let super::journal::SceneOutcome::Made { manifest: digest, .. } = &mut entry.outcome {
+        if let SceneOutcome::Made { manifest: digest, .. } = &mut entry.outcome {
             let path = manifest_path(&part, scene);
             create_parent(&path)?;
             let (text, of_text) = manifest.text();
@@ -365,6 +374,25 @@ impl Folder {
         fs::rename(&part, &ready).map_err(|error| Error::io(&part, &error))?;
         self.publish(&ready, staged, &mut journal)?;
         Ok(entry)
+    }
+
+    /// Takes the files of some writers out of a scene that has them, and what was recorded for annotators of the dataset, which
+    /// may be others now.
+    pub fn take_back(&self, entry: &JournalEntry, writers: &BTreeSet<String>, journal: &Mutex<Journal>) -> Result<()> {
+        let mut entry = entry.clone();
+        let SceneOutcome::Made { writers: has, recorded, .. } = &mut entry.outcome else { return Ok(()) };
+        let before = has.len();
+        has.retain(|id| !writers.contains(id));
+        recorded.clear();
+        // A scene without manifest is made again as a whole.
+        let Some(mut kept) = self.manifest(entry.scene)?.filter(|_| has.len() < before) else { return Ok(()) };
+        for id in writers.iter().map(String::as_str).chain([OWNER]) {
+            for path in kept.writers.remove(id).unwrap_or_default() {
+                kept.files.remove(&path);
+            }
+        }
+        self.stage(entry.scene)?;
+        self.commit(entry, kept, Written::new(), journal).map(drop)
     }
 
     /// Drops all that is staged but scenes that are ready.
@@ -762,7 +790,7 @@ mod tests {
     fn commit(open: &Folder, scene: u32, files: &[(&str, &str)]) -> Result<JournalEntry> {
         staged(open, scene, files);
         let journal = Mutex::new(Journal::open(&open.journal()).expect("there"));
-        open.commit(entry(scene), Manifest::default(), &journal)
+        open.commit(entry(scene), Manifest::default(), Written::new(), &journal)
     }
 
     fn text(open: &Folder, path: &str) -> Option<String> {

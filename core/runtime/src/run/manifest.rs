@@ -1,7 +1,7 @@
 //! Lists of files with their sizes and digests.
 
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::{BufReader, ErrorKind};
 use std::path::Path;
@@ -13,7 +13,13 @@ use syntable_model::error::{Error, Result};
 pub struct Manifest {
     /// Size and digest of each file.
     pub files: BTreeMap<String, Stamp>,
+    /// Of a scene, whose they are, but for what settling did.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub writers: Written,
 }
+
+/// Files of a scene by the id of their writer.
+pub type Written = BTreeMap<String, BTreeSet<String>>;
 
 /// Size of a file in bytes, and the digest of its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

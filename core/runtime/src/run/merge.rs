@@ -2,7 +2,7 @@
 
 use super::folder::{Folder, journal_path, manifest_path};
 use super::journal::{Journal, JournalEntry};
-use super::manifest::{Manifest, Stamp, State};
+use super::manifest::{Manifest, Stamp, State, Written};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
 use super::{Outcome, change, finish, ranges, stopping};
@@ -242,6 +242,7 @@ fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<J
             .permanent()
     };
     let staged = folder.stage(entry.scene)?;
+    let mut written = Written::new();
     if let Some(digest) = entry.manifest() {
         let path = manifest_path(part.root(), entry.scene);
         let Some((manifest, found)) = Manifest::read(&path)? else { return Err(damaged(&path)) };
@@ -258,8 +259,9 @@ fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<J
                 fs::copy(&from, &to).map_err(|error| Error::io(&to, &error))?;
             }
         }
+        written = manifest.writers;
     }
-    let merged = folder.commit(entry.clone(), Manifest::default(), journal)?;
+    let merged = folder.commit(entry.clone(), Manifest::default(), written, journal)?;
     if merged == *entry { Ok(()) } else { Err(damaged(part.root())) }
 }
 

@@ -70,6 +70,9 @@ pub struct RunOptions {
     pub retry_failed: bool,
     /// Compare all files with the journal first, and make the scenes again whose files are missing or damaged.
     pub repair: bool,
+    /// Write the files of writers anew that have other options than then, or annotators with other options, and take away
+    /// those of writers that are there no more.
+    pub rewrite: bool,
     /// Results kept between runs.
     pub cache: DiskCache,
     /// Asks the run to end early.
@@ -80,7 +83,17 @@ impl RunOptions {
     /// All scenes into a folder, with as many threads.
     pub fn new(out: impl Into<PathBuf>, threads: usize, cache: DiskCache) -> Self {
         let (out, stop) = (out.into(), Stop::default());
-        Self { out, scenes: None, threads, overwrite: false, retry_failed: false, repair: false, cache, stop }
+        Self {
+            out,
+            scenes: None,
+            threads,
+            overwrite: false,
+            retry_failed: false,
+            repair: false,
+            rewrite: false,
+            cache,
+            stop,
+        }
     }
 }
 
@@ -114,7 +127,8 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let now = Lock { files: files.clone(), ..Lock::default() };
     inputs::unchanged(&recipe.lock, &now, &BTreeMap::new(), None)?;
     // Nothing is deleted or repaired for a run whose assets cannot be found, or are not those that the recipe was resolved with.
-    let mut assets = (options.overwrite || options.repair).then(|| open_pools(recipe, &log)).transpose()?;
+    let mut assets =
+        (options.overwrite || options.repair || options.rewrite).then(|| open_pools(recipe, &log)).transpose()?;
     let folder = Folder::open(&options.out)?;
     if options.repair {
         let lines = folder.mend_journal()?;
@@ -135,7 +149,16 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     {
         reporter.event(&Event::Note { message: "recipe.toml was written again".to_owned() });
     }
-    let Adopted { mut resolved, anew, adds } = adopt(&folder, recipe, files, &journal, options.repair, reporter)?;
+    let Adopted { mut resolved, anew, adds, rewritten } = adopt(&folder, recipe, files, &journal, options, reporter)?;
+    if !rewritten.is_empty() {
+        if let Some(store) = &assets {
+            lock_pools(&folder, &store.catalogs(), &resolved, journal.entries())?;
+        }
+        let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
+        let whole = Mutex::new(journal);
+        entries.iter().try_for_each(|entry| folder.take_back(entry, &rewritten, &whole))?;
+        journal = whole.into_inner();
+    }
     if options.retry_failed || anew {
         journal.forget_failed();
     }
@@ -249,6 +272,8 @@ struct Adopted {
     anew: bool,
     /// Whether it adds stages to those of the dataset.
     adds: bool,
+    /// Writers whose files of scenes that are done are taken away, since they have other options now, or none.
+    rewritten: BTreeSet<String>,
 }
 
 /// Compares the recipe of the folder with that of the run, and the files that options name. Changes nothing.
@@ -257,17 +282,18 @@ fn adopt(
     recipe: &Recipe,
     files: BTreeMap<String, String>,
     journal: &Journal,
-    repair: bool,
+    options: &RunOptions,
     reporter: &dyn Reporter,
 ) -> Result<Adopted> {
     let now = Lock { files, ..Lock::default() };
-    let anew = || Adopted { resolved: with_lock(&recipe.resolved, &now), anew: true, adds: false };
+    let anew =
+        || Adopted { resolved: with_lock(&recipe.resolved, &now), anew: true, adds: false, rewritten: BTreeSet::new() };
     let none_made = folder.is_empty(journal);
     let before = match folder.recipe_of_scenes()? {
         Ok(before) => before,
         Err(_) if none_made => return Ok(anew()),
         Err(what) => {
-            let help = match repair {
+            let help = match options.repair {
                 false => "bring it back, or run with its recipe and --repair",
                 true => {
                     "this recipe is not certainly the one that it was begun with: bring recipe.toml back, choose another folder \
@@ -282,7 +308,7 @@ fn adopt(
         reporter.event(&Event::Note { message });
         return Ok(anew());
     }
-    let growth = change::growth(folder.root(), &before, recipe)?;
+    let growth = change::growth(folder.root(), &before, recipe, options.rewrite)?;
     let mut then = lock_of(&before);
     then.files.retain(|option, _| !change::only_finish(recipe, option));
     inputs::unchanged(&Lock { files: then.files.clone(), ..Lock::default() }, &now, &BTreeMap::new(), None)?;
@@ -291,7 +317,8 @@ fn adopt(
     }
     // What a resolved recipe locks stays locked.
     let resolved = with_lock(&recipe.resolved, &Lock { files: now.files, ..then });
-    Ok(Adopted { resolved, anew: false, adds: growth.adds })
+    let rewritten = growth.rewritten.union(&growth.gone).cloned().collect();
+    Ok(Adopted { resolved, anew: false, adds: growth.adds, rewritten })
 }
 
 /// Compares what the pools offer with what they offered when the dataset was begun. Returns the recipe with that locked,
@@ -474,7 +501,7 @@ fn make_scenes(
             held.lock().push(made);
             return Ok(());
         }
-        let entry = folder.commit(made.entry, made.kept, journal)?;
+        let entry = folder.commit(made.entry, made.kept, made.written, journal)?;
         tell_of_scene(todo, &entry, &odd, &log);
         // A mistake that shows at the end of a run shows after its first scene.
         if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
@@ -537,7 +564,7 @@ fn make_scenes(
             .permanent());
     }
     for made in held {
-        folder.commit(made.entry, made.kept, journal)?;
+        folder.commit(made.entry, made.kept, made.written, journal)?;
     }
     Ok(lacking)
 }

@@ -10,6 +10,9 @@ use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{Output, RecordedScene};
 
+/// Stands in the place of a writer's id.
+pub const OWNER: &str = "@records";
+
 type Values = BTreeMap<String, serde_json::Value>;
 
 /// What is recorded of a scene.
@@ -39,7 +42,7 @@ impl Records {
 
     /// Reads the record of a scene.
     pub fn read(root: &Path, scene: SceneId) -> Result<RecordedScene> {
-        let path = root.join(syntable_model::stage::shard_path("@records", scene));
+        let path = root.join(syntable_model::stage::shard_path(OWNER, scene));
         let help = "the dataset is damaged; `syntable run --repair` makes the scene again";
         let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, &error).help(help))?;
         let Self { scene: scene_values, views: view_values } =

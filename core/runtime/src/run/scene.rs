@@ -6,7 +6,7 @@
 
 use super::folder::Folder;
 use super::journal::{JournalEntry, SceneOutcome};
-use super::manifest::Manifest;
+use super::manifest::{Manifest, Written};
 use super::panics::{caught, unwound};
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
@@ -73,6 +73,7 @@ pub struct Task<'a> {
 pub struct Made {
     pub entry: JournalEntry,
     pub kept: Manifest,
+    pub written: Written,
 }
 
 impl<'a> SceneMaker<'a> {
@@ -91,8 +92,10 @@ impl<'a> SceneMaker<'a> {
             first = present.attempt;
             errors.clone_from(&present.errors);
             match self.attempt(task, first, (work, true), queue)? {
-                Tried::Made(outcome, assets) => {
+                Tried::Made(mut outcome, assets) => {
+                    let written = std::mem::take(&mut outcome.written);
                     return Ok(Some(Made {
+                        written,
                         entry: extended(present, outcome, assets, task.whole),
                         kept: self.folder.manifest(task.scene)?.unwrap_or_default(),
                     }));
@@ -104,12 +107,12 @@ impl<'a> SceneMaker<'a> {
         let kept = Manifest::default();
         for number in first..self.recipe.dataset.max_attempts {
             match self.attempt(task, number, (task.whole, false), queue)? {
-                Tried::Made(Attempted { views, objects, odd }, assets) => {
+                Tried::Made(Attempted { views, objects, odd, written }, assets) => {
                     let outcome = outcome(views, objects, task.whole);
                     let Odd { scene: notices, views: odd_views } = odd;
                     let (scene, attempt) = (task.scene, number);
                     let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
-                    return Ok(Some(Made { entry, kept }));
+                    return Ok(Some(Made { entry, kept, written }));
                 }
                 Tried::Failed(error) => {
                     errors.push(error.to_string());
@@ -125,7 +128,7 @@ impl<'a> SceneMaker<'a> {
         }
         let (outcome, (notices, odd_views, assets)) = (SceneOutcome::Failed, Default::default());
         let entry = JournalEntry { scene: task.scene, attempt: last, outcome, notices, odd_views, errors, assets };
-        Ok(Some(Made { entry, kept }))
+        Ok(Some(Made { entry, kept, written: Written::new() }))
     }
 
     /// One attempt at some work, from the `stored` outcome of settling if there is one. While a device fails, the same
@@ -182,7 +185,7 @@ fn outcome(views: u32, objects: u32, work: &Work) -> SceneOutcome {
 /// The line of a scene that got what it lacked: that of a scene that had it from the start.
 fn extended(
     present: &JournalEntry,
-    Attempted { views, objects, odd }: Attempted,
+    Attempted { views, objects, odd, .. }: Attempted,
     assets: BTreeMap<String, String>,
     whole: &Work,
 ) -> JournalEntry {
@@ -207,6 +210,7 @@ struct Attempted {
     views: u32,
     objects: u32,
     odd: Odd,
+    written: Written,
 }
 
 /// One attempt at a scene, with random numbers of its own.
@@ -263,11 +267,13 @@ impl<'m> Attempt<'m, '_> {
                 .collect();
             run_in_scene(stage, &cx, &lent, &mut products)?;
         }
-        views.writers.close(&cx, &products)?;
-        caught("records", || views.records.write(&work.plan, &products, &Output::new(staged, "@records", self.scene)))?;
+        let mut written = views.writers.close(&cx, &products)?;
+        let output = Output::new(staged, records::OWNER, self.scene);
+        caught("records", || views.records.write(&work.plan, &products, &output))?;
+        written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
-        Ok(Attempted { views: work.dataset.views_per_scene, objects, odd: views.seen.odd(&scene) })
+        Ok(Attempted { views: work.dataset.views_per_scene, objects, odd: views.seen.odd(&scene), written })
     }
 
     /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
@@ -499,28 +505,31 @@ struct Writing<'m> {
     stage: String,
     reads: Vec<String>,
     writer: Box<dyn SceneWriter + 'm>,
+    output: Output,
 }
 
 impl<'m> Writers<'m> {
     fn start(work: &'m Work, cx: &SceneContext, staged: &Path) -> Result<Self> {
         let start = |&(id, writer): &&'m (String, Box<dyn Writer>)| {
             let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene.id));
-            let scene_writer = caught(&stage, || writer.scene(cx, output))?;
-            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer })
+            let scene_writer = caught(&stage, || writer.scene(cx, output.clone()))?;
+            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output })
         };
         work.writers.iter().map(start).collect::<Result<_>>().map(Self)
     }
 
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        self.0
-            .iter_mut()
-            .try_for_each(|Writing { stage, reads, writer }| caught(stage, || writer.view(cx, &products.only(reads))))
+        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, .. }| {
+            caught(stage, || writer.view(cx, &products.only(reads)))
+        })
     }
 
-    fn close(self, cx: &SceneContext, products: &Products) -> Result<()> {
-        self.0.into_iter().try_for_each(|Writing { stage, reads, writer }| {
-            caught(&stage, || writer.close(cx, &products.only(&reads)))
-        })
+    fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
+        let close = |Writing { stage, reads, writer, output }: Writing| {
+            caught(&stage, || writer.close(cx, &products.only(&reads)))?;
+            Ok((output.id().to_owned(), output.files()))
+        };
+        self.0.into_iter().map(close).collect()
     }
 }
 

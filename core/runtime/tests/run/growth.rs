@@ -144,6 +144,54 @@ fn a_scene_that_cannot_have_what_comes_later_stays_as_it_is() {
 }
 
 #[test]
+fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let both = format!("{LIGHT}{THOUGHT}");
+    let other = format!("{LIGHT}{}", THOUGHT.replace("\"track\", ", ""));
+    let rewrite = |text: &str, data: &Path| run_with(text, RunOptions { rewrite: true, ..options(data, 1) }, &Quiet);
+    // Other options, no writer any more with what it alone reads, and the first one again.
+    for (number, to) in (0..).zip([other.as_str(), LIGHT, &both]) {
+        let data = folder.path().join(format!("data {number}"));
+        run(&recipe(3, 2, 12, &both), &data, 1).expect("begun");
+        let (before, simulated) = (files(&data), Counters::both(12)[0]);
+        if to != both {
+            let error = run(&recipe(3, 2, 12, to), &data, 1).expect_err("not asked for").to_string();
+            assert!(error.contains("write.more") && error.contains("run with --rewrite"), "{error}");
+            assert!(files(&data) == before, "something was touched");
+        }
+        rewrite(&recipe(3, 2, 12, to), &data).expect("written anew");
+        assert_eq!(Counters::both(12)[0], simulated, "nothing is simulated again");
+        let whole = folder.path().join(format!("whole {number}"));
+        run(&recipe(3, 2, 12, to), &whole, 1).expect("whole");
+        assert_same(&whole, &data);
+        assert!(verify(&data, 1).expect("a dataset").whole());
+    }
+    // A mistake that shows in a later scene: what it stopped can be mended or taken back.
+    let wrong = format!("{LIGHT}{THOUGHT}[annotate.thinker]\nmissing_later = true\n");
+    for (number, to) in (3..).zip([both.as_str(), LIGHT]) {
+        let [data, whole] = ["data", "whole"].map(|name| folder.path().join(format!("{name} {number}")));
+        run(&recipe(4, 1, 12, LIGHT), &data, 1).expect("begun");
+        let error = run(&recipe(4, 1, 12, &wrong), &data, 1).expect_err("in scene 1").to_string();
+        assert!(error.contains("scene 1") && data.join("more/000000_0000.json").exists(), "{error}");
+        run(&recipe(4, 1, 12, to), &data, 1).expect_err("not asked for");
+        rewrite(&recipe(4, 1, 12, to), &data).expect("mended or taken back");
+        run(&recipe(4, 1, 12, to), &whole, 1).expect("whole");
+        assert_same(&whole, &data);
+    }
+    // An annotator with other options: those that read it are written anew, and the others are not touched.
+    let (data, whole) = (folder.path().join("data 0"), folder.path().join("whole 5"));
+    let before = files(&data);
+    let changed = format!("{other}[annotate.thinker]\nsleep_ms = 1\n");
+    rewrite(&recipe(3, 2, 12, &changed), &data).expect("written anew");
+    run(&recipe(3, 2, 12, &changed), &whole, 1).expect("whole");
+    assert_same(&whole, &data);
+    assert!(files(&data)["lines/000001_0000.json"] == before["lines/000001_0000.json"]);
+    // What light is made of makes another dataset.
+    let error = rewrite(&recipe(3, 2, 13, &changed), &data).expect_err("another renderer").to_string();
+    assert!(error.contains("render.tally") && error.contains("--out"), "{error}");
+}
+
+#[test]
 fn repairing_takes_no_scene_away() {
     let folder = tempfile::tempdir().expect("a folder");
     let data = folder.path().join("data");

@@ -67,7 +67,7 @@ kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper
 kind!(/** Renders as `sleeper` does. */ Drowsy, Renderer, "drowsy", tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
-    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, stumbles: bool);
+    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, missing_later: bool, stumbles: bool);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
 kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
 kind!(/** Thinks as [`Thinker`] does. */ Echo, Annotator, "echo");
@@ -266,7 +266,7 @@ impl Annotator for Thinker {
         if self.undeclared {
             products.get(LIGHT)?;
         }
-        if self.missing {
+        if self.missing || (self.missing_later && cx.scene.id.0 > 0) {
             return Err(Error::new("the library is not there").permanent());
         }
         if self.silent {
