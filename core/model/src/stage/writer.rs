@@ -282,14 +282,22 @@ fn relative(path: &str) -> Result<&Path> {
     inside(path).map_err(|message| Error::new(message).permanent())
 }
 
+/// Bytes of the longest name of a file or folder that file systems take.
+const LONGEST_NAME: usize = 255;
+
 /// A path that stays inside the dataset and is none of the program's own, or what is wrong with it.
 fn inside(path: &str) -> std::result::Result<&Path, String> {
     let relative = Path::new(path);
     let mut parts = relative.components();
     let first = parts.next();
     let is_normal = |part: Component| matches!(part, Component::Normal(_));
+    let too_long = || relative.components().any(|part| part.as_os_str().len() > LONGEST_NAME);
     if !first.is_some_and(is_normal) || !parts.all(is_normal) || path.contains('\\') {
         Err(format!("`{path}` is not a path inside the dataset"))
+    } else if path.ends_with('/') {
+        Err(format!("`{path}` is a folder, not a file"))
+    } else if too_long() {
+        Err(format!("a name in `{path}` is longer than {LONGEST_NAME} bytes, which file systems refuse"))
     } else if RESERVED.iter().any(|name| first == Some(Component::Normal(name.as_ref()))) {
         Err(format!("`{path}` is a path that the program keeps for itself"))
     } else {
@@ -300,6 +308,23 @@ fn inside(path: &str) -> std::result::Result<&Path, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn paths_are_those_of_files_inside() {
+        let long = format!("a/{}.txt", "b".repeat(252));
+        for (path, says) in [
+            ("a/b.txt", None),
+            (&*long, Some("longer than 255 bytes")),
+            ("a/", Some("a folder, not a file")),
+            ("../a", Some("inside the dataset")),
+            ("", Some("inside the dataset")),
+            (".syntable/a", Some("keeps for itself")),
+        ] {
+            let message = check_path("path", path).err().map(|error| error.message);
+            assert_eq!(message.is_some(), says.is_some(), "{path}: {message:?}");
+            assert!(message.is_none_or(|message| message.contains(says.unwrap_or_default())), "{path}");
+        }
+    }
 
     #[test]
     fn a_path_is_written_once_at_the_end_of_a_run() {

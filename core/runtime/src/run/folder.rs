@@ -486,6 +486,7 @@ impl Folder {
 
     /// Finishes the scenes that were being moved into place when a run was killed, and drops half-made ones.
     pub fn recover(&self) -> Result<()> {
+        remove(&part_of(&self.root.join(RECIPE)))?;
         let staging = self.staging();
         let entries = match fs::read_dir(&staging) {
             Ok(entries) => entries,
@@ -585,14 +586,19 @@ impl Folder {
     }
 
     fn write(&self, path: &Path, text: &str) -> Result<()> {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".part");
-        let part = path.with_file_name(name);
+        let part = part_of(path);
         let fail = |error: std::io::Error| Error::io(path, &error);
         fs::write(&part, text).map_err(fail)?;
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
+}
+
+/// A file in the making.
+fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    path.with_file_name(name)
 }
 
 /// By what a recipe is known again: all but the assets that it locks.

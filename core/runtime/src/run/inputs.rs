@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::DeviceClass;
 
 /// Number of names that an error lists of each sort.
 const SHOWN: usize = 8;
@@ -31,6 +32,16 @@ pub fn devices(recipe: &Recipe) -> Result<BTreeSet<String>> {
     }
     let devices = recipe.render.devices()?.into_iter();
     Ok(devices.filter(|device| device.class.rounds()).map(|device| device.name).collect())
+}
+
+/// Says that a program renders in place of a card, if so.
+pub fn emulated(recipe: &Recipe) -> Result<Option<String>> {
+    if recipe.plan.rendered.is_empty() {
+        return Ok(None);
+    }
+    let program = recipe.render.devices()?.into_iter().find(|device| device.class == DeviceClass::Emulated);
+    Ok(program
+        .map(|device| format!("there is no graphics card: {} renders, which is slower than `cpu_path`", device.name)))
 }
 
 /// Warns if scenes are to be rendered on other devices than those of then.

@@ -165,7 +165,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
     let todo = Todo::of(recipe, &journal, wanted.clone(), damaged);
-    for message in recipe.choices.clone() {
+    for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
         reporter.event(&Event::Note { message });
     }
     reporter.event(&Event::Started {
