@@ -641,7 +641,9 @@ fn mistakes_of_steps_files_and_paths_are_found_by_check() {
             command = syntable();
             command.arg("check").arg(recipe);
         } else {
-            set.split('\0').for_each(|set| drop(command.args(["--set", set])));
+            for set in set.split('\0') {
+                command.args(["--set", set]);
+            }
         }
         let error = fails(&mut command, 2);
         assert!(says.iter().all(|word| error.contains(word)), "{set}: {says:?}: {error}");

@@ -73,13 +73,15 @@ impl<'a> Layout<'a> {
     }
 }
 
+/// A plane of light, and where it is among the words that are read; none if it is not read.
+type Place<T> = (Key<Plane<T>>, Option<Range<usize>>);
+
 /// Where the parts of a frame are among the words that are read.
 struct Places {
     /// Labels and the denoised image.
     output: Range<usize>,
-    /// Colors and numbers of the planes of light, none for those that are not read.
-    colors: [(Key<Plane<[f32; 3]>>, Option<Range<usize>>); COLORS.len()],
-    numbers: [(Key<Plane<f32>>, Option<Range<usize>>); NUMBERS.len()],
+    colors: [Place<[f32; 3]>; COLORS.len()],
+    numbers: [Place<f32>; NUMBERS.len()],
     counters: Range<usize>,
     /// Words of all.
     words: u64,

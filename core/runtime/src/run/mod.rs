@@ -164,7 +164,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     }
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
-    let todo = Todo::of(recipe, &journal, wanted.clone(), damaged);
+    let todo = Todo::of(recipe, &journal, wanted.clone(), damaged, adds);
     for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
         reporter.event(&Event::Note { message });
     }
@@ -205,8 +205,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
             journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
-        let made =
-            make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo, adds);
+        let made = make_scenes(recipe, options, reporter, &store.expect(drawn), &pool, (&folder, &journal), &todo);
         if made.is_err() {
             let _ = folder.drop_parts();
         }
@@ -384,6 +383,8 @@ fn ranges(scenes: impl Iterator<Item = u32>) -> String {
 /// What there is to do for each scene.
 struct Todo {
     scenes: BTreeMap<u32, Job>,
+    /// Whether the recipe adds stages to those by which scenes were made.
+    adds: bool,
 }
 
 /// What there is to do for a scene.
@@ -402,7 +403,7 @@ impl Job {
 }
 
 impl Todo {
-    fn of(recipe: &Recipe, journal: &Journal, wanted: Range<u32>, damaged: BTreeSet<u32>) -> Self {
+    fn of(recipe: &Recipe, journal: &Journal, wanted: Range<u32>, damaged: BTreeSet<u32>, adds: bool) -> Self {
         let recorded = records::names(&recipe.plan);
         let job = |scene: u32| {
             let Some(entry) = journal.entries().get(&scene) else { return Some(Job { present: None, lacks: None }) };
@@ -416,7 +417,10 @@ impl Todo {
             let done = entry.failed() || (lacks.is_empty() && !records);
             (!done).then_some(Job { present, lacks: Some((lacks, records)) })
         };
-        Self { scenes: wanted.chain(damaged.iter().copied()).filter_map(|scene| Some((scene, job(scene)?))).collect() }
+        Self {
+            scenes: wanted.chain(damaged.iter().copied()).filter_map(|scene| Some((scene, job(scene)?))).collect(),
+            adds,
+        }
     }
 }
 
@@ -468,7 +472,6 @@ fn make_scenes(
     pool: &Pool,
     (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &Todo,
-    adds: bool,
 ) -> Result<u32> {
     let log = Warnings(reporter);
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
@@ -497,7 +500,7 @@ fn make_scenes(
             lacking.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         };
-        if made.entry.failed() && adds && folder.is_proposed() {
+        if made.entry.failed() && todo.adds && folder.is_proposed() {
             held.lock().push(made);
             return Ok(());
         }
@@ -553,7 +556,7 @@ fn make_scenes(
     failure.into_inner().map_or(Ok(()), Err)?;
     let (held, lacking) = (held.into_inner(), lacking.into_inner());
     let without = lacking + held.len() as u32;
-    if without > 0 && adds && folder.is_proposed() {
+    if without > 0 && todo.adds && folder.is_proposed() {
         let message = format!(
             "{} could not be made with what the recipe adds: the dataset is as it was",
             count(without, "scene")

@@ -241,9 +241,10 @@ fn parts_that_do_not_belong_together_are_refused() {
     assert_eq!(verify(&ours[0], 1).map(|found| (found.whole(), found.scenes)), Ok((true, 2)));
     // Folders one in the other, whether they are there or not.
     for (out, part) in [(ours[0].join("new/merged"), &ours[0]), (ours[0].join("../part-0/x"), &ours[0])] {
-        let error = syntable_runtime::run::merge(&registry(), &out, &[part.clone()], 1, &Stop::default(), &Quiet)
-            .expect_err("nested")
-            .to_string();
+        let error =
+            syntable_runtime::run::merge(&registry(), &out, std::slice::from_ref(part), 1, &Stop::default(), &Quiet)
+                .expect_err("nested")
+                .to_string();
         assert!(error.contains("one in the other") && error.contains("beside the parts"), "{error}");
         assert!(!out.exists());
     }
