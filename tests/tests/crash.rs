@@ -50,7 +50,7 @@ fn a_folder_that_cannot_be_written_is_named() {
     let file = folder.path().join("file");
     std::fs::write(&file, "not a folder").expect("writable");
     let error = fails(&mut small_run(&file.join("data"), &[]), 2);
-    assert!(error.contains("file/data") && error.contains("--out"), "{error}");
+    assert!(error.contains("file/data") && error.contains("choose a folder that can be written"), "{error}");
 }
 
 #[test]

@@ -222,6 +222,7 @@ fn agrees(check: impl Fn(&Path, &Path) -> Verdict) {
         "invalid_values",
         "not_storable",
         "overrides",
+        "set_twice",
         "two_floors",
         "two_providers",
         "unknown_pool",

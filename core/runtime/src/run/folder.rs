@@ -11,6 +11,7 @@
 //! <dataset>/.syntable/shards/<writer>/    what `finish` merges, one file per scene
 //! <dataset>/.syntable/staging/3.part/     a scene in the making
 //! <dataset>/.syntable/staging/3.ready/    a scene whose files are being moved into place
+//! <dataset>/.syntable/ahead/              the first scene of a dataset that shall take the place of this one
 //! <dataset>/.syntable/discard/            what belonged to a dataset that is being deleted
 //! ```
 //!
@@ -199,12 +200,17 @@ impl Folder {
 
     /// Whether there are scenes, and the list of what the end of a run wrote is gone: it has the recipe from the beginning.
     fn has_lost_its_list(&self) -> Result<bool> {
-        Ok(!self.finished()?.manifest.has(RECIPE) && !self.listed_scenes().is_empty())
+        Ok(!self.finished()?.manifest.has(RECIPE) && self.has_scenes())
+    }
+
+    /// Whether a scene has files here.
+    pub fn has_scenes(&self) -> bool {
+        !self.listed_scenes().is_empty()
     }
 
     /// Whether no scene was made, be there failed ones or none.
     pub fn is_empty(&self, journal: &Journal) -> bool {
-        journal.entries().values().all(JournalEntry::failed) && self.listed_scenes().is_empty()
+        journal.entries().values().all(JournalEntry::failed) && !self.has_scenes()
     }
 
     /// Writes the resolved recipe again if it is missing or damaged, and `text` is the one that is listed but for assets that
@@ -565,6 +571,11 @@ impl Folder {
         Ok(())
     }
 
+    /// Where the first scene is made of a dataset that shall take the place of this one.
+    pub fn ahead(&self) -> PathBuf {
+        self.root.join(MARK).join("ahead")
+    }
+
     fn bin(&self) -> PathBuf {
         self.root.join(MARK).join("discard")
     }
@@ -724,7 +735,7 @@ pub fn create_parent(path: &Path) -> Result<()> {
 }
 
 /// Removes a file or folder, if it is there.
-fn remove(path: &Path) -> Result<()> {
+pub fn remove(path: &Path) -> Result<()> {
     let removed = match fs::symlink_metadata(path) {
         Ok(metadata) if metadata.is_dir() => fs::remove_dir_all(path),
         Ok(_) => fs::remove_file(path),

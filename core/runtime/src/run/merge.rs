@@ -234,7 +234,7 @@ fn choose<'p>(begun: &'p Part, parts: &'p [Part]) -> Result<Vec<(&'p JournalEntr
 }
 
 /// Puts a scene of a part into the dataset.
-fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
+pub fn adopt(folder: &Folder, part: &Folder, entry: &JournalEntry, journal: &Mutex<Journal>) -> Result<()> {
     let damaged = |path: &Path| {
         Error::new("the part is damaged here")
             .in_file(path)

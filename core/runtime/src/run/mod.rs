@@ -8,9 +8,10 @@
 //! |---|---|
 //! | [`folder`], [`journal`], `manifest` | the data model of a dataset on disk |
 //! | `change`, `inputs` | whether a run goes on with a dataset, lets it grow, or must not touch it |
-//! | `scene`, `sessions`, `queue`, `records`, `settled` | making scenes |
+//! | `ahead`, `scene`, `sessions`, `queue`, `records`, `settled` | making scenes |
 //! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
 
+mod ahead;
 mod change;
 pub mod folder;
 mod inputs;
@@ -39,7 +40,7 @@ use crate::workers::Pool;
 use folder::Folder;
 use journal::{Journal, JournalEntry, Notice};
 use parking_lot::Mutex;
-use progress::{Event, Guarded, Reporter, Warnings, count};
+use progress::{Event, Guarded, Once, Reporter, Warnings, count};
 use queue::Queue;
 use records::Records;
 use scene::{Task, Work, lend, names};
@@ -73,6 +74,8 @@ pub struct RunOptions {
     /// Write the files of writers anew that have other options than then, or annotators with other options, and take away
     /// those of writers that are there no more.
     pub rewrite: bool,
+    /// Whether the run ends: annotates the dataset and lets the writers finish.
+    pub ends: bool,
     /// Results kept between runs.
     pub cache: DiskCache,
     /// Asks the run to end early.
@@ -91,6 +94,7 @@ impl RunOptions {
             retry_failed: false,
             repair: false,
             rewrite: false,
+            ends: true,
             cache,
             stop,
         }
@@ -120,7 +124,8 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
             .permanent());
     }
     recipe.ready()?;
-    let reporter = &Guarded(reporter);
+    let guarded = Guarded(reporter);
+    let reporter = &Once::new(&guarded);
     let log = Warnings(reporter);
     let devices = inputs::devices(recipe)?;
     let files = inputs::files(recipe)?;
@@ -130,6 +135,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let mut assets =
         (options.overwrite || options.repair || options.rewrite).then(|| open_pools(recipe, &log)).transpose()?;
     let folder = Folder::open(&options.out)?;
+    folder::remove(&folder.ahead())?;
     if options.repair {
         let lines = folder.mend_journal()?;
         if lines > 0 {
@@ -137,6 +143,10 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
             reporter.event(&Event::Note { message });
         }
     }
+    let ahead = match options.overwrite && folder.has_scenes() {
+        true => Some(ahead::make(recipe, options, &folder, reporter)?),
+        false => None,
+    };
     if options.overwrite {
         tell_foreign(reporter, &folder.discard()?);
     } else {
@@ -164,7 +174,10 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     }
     let damaged = if options.repair { repairs(&folder, &journal, &pool, reporter)? } else { BTreeSet::new() };
     let wanted = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes);
-    let todo = Todo::of(recipe, &journal, wanted.clone(), damaged, adds);
+    let mut todo = Todo::of(recipe, &journal, wanted.clone(), damaged, adds);
+    if let Some(ahead) = &ahead {
+        todo.scenes.remove(&ahead.entry.scene);
+    }
     for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
         reporter.event(&Event::Note { message });
     }
@@ -201,6 +214,8 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
         folder.propose_recipe(&resolved)?;
     }
     let journal = Mutex::new(journal);
+    let made_ahead = ahead.as_ref().map_or(0, |ahead| ahead.entry.views());
+    ahead.map_or(Ok(()), |ahead| ahead.adopt(&folder, &journal))?;
     let mut lacking = 0;
     if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
         let drawn =
@@ -213,10 +228,14 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     }
     let journal = journal.into_inner();
     let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none()).map(|(scene, _)| scene);
-    let made = whole.filter_map(|scene| journal.entries().get(scene)).map(JournalEntry::views).sum();
+    let whole = whole.filter_map(|scene| journal.entries().get(scene));
+    let made = made_ahead + whole.map(JournalEntry::views).sum::<u32>();
     let changed =
         |(scene, job): &(&u32, &Job)| job.lacks.is_some() && journal.entries().get(scene) != job.present.as_ref();
     let grown = todo.scenes.iter().filter(changed).count() as u32;
+    if !options.ends {
+        return Ok(Outcome { scenes: 0, failed: 0, lacking, images: 0 });
+    }
     let done = finish(recipe, reporter, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
     let outcome = Outcome { lacking, ..done };
     reporter.event(&Event::Finished {

@@ -4,7 +4,7 @@ use crate::message::{Level, Record};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use parking_lot::Mutex;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
@@ -107,6 +107,34 @@ impl Reporter for Guarded<'_> {
     }
     fn text(&self, text: &str) {
         let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| self.0.text(text)));
+    }
+}
+
+/// Number of messages that are remembered; what comes so late is about single scenes.
+const REMEMBERED: usize = 1000;
+
+/// A reporter that is told each warning and error once.
+pub struct Once<'a>(&'a dyn Reporter, Mutex<BTreeSet<String>>);
+
+impl<'a> Once<'a> {
+    /// Nothing was told yet.
+    pub fn new(reporter: &'a dyn Reporter) -> Self {
+        Self(reporter, Mutex::default())
+    }
+}
+
+impl Reporter for Once<'_> {
+    fn event(&self, event: &Event) {
+        let is_new = |record: &Record| {
+            let mut told = self.1.lock();
+            told.len() >= REMEMBERED || told.insert(record.line())
+        };
+        if !matches!(event, Event::Message(record) if !is_new(record)) {
+            self.0.event(event);
+        }
+    }
+    fn text(&self, text: &str) {
+        self.0.text(text);
     }
 }
 

@@ -300,8 +300,19 @@ fn overwriting_takes_what_is_the_datasets() {
     run(RECIPE, &data, 1).expect_err("another recipe");
     let broken = RECIPE.replace("[write.lines]", "[write.lines]\nsaid_path = \"x\"");
     let before = files(&data);
-    run_with(&broken, RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet).expect_err("cannot run");
+    let overwrite = |text: &str| run_with(text, RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet);
+    overwrite(&broken).expect_err("cannot run");
     assert!(files(&data) == before, "something was deleted");
+    // What shows only when a scene is made, for good or by chance, and at the end of a run.
+    for (wrong, says) in [
+        ("[annotate.thinker]\nmissing = true\n", "the library is not there"),
+        ("[annotate.thinker]\npanics = true\n", "scene 0 failed in"),
+        ("[write.last]\nkind = \"lines\"\ninclude = [\"light\"]\nbreaks_at = 1\n", "too many scenes for me"),
+    ] {
+        let error = overwrite(&format!("{RECIPE}{wrong}")).expect_err("a mistake").to_string();
+        assert!(error.contains(says) && error.contains("the old dataset stays as it was"), "{error}");
+        assert!(files(&data) == before, "{says}: something was deleted");
+    }
     struct Notes(std::sync::Mutex<Vec<String>>);
     impl Reporter for Notes {
         fn event(&self, event: &Event) {

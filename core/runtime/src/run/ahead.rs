@@ -1,0 +1,66 @@
+//! The first scene of a dataset that shall take the place of another one, made before that is deleted: a recipe may have
+//! mistakes that show only when a scene is made.
+
+use super::folder::{Folder, journal_path, remove};
+use super::journal::{Journal, JournalEntry};
+use super::progress::{Event, Reporter, count};
+use super::{RunOptions, merge};
+use crate::recipe::Recipe;
+use parking_lot::Mutex;
+use syntable_model::error::{Error, Result};
+
+/// A scene in a folder of its own.
+pub struct Ahead {
+    folder: Folder,
+    /// Its line of the journal.
+    pub entry: JournalEntry,
+}
+
+/// Makes the first scene of a run aside. An error says that the dataset of the folder stays.
+pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &dyn Reporter) -> Result<Ahead> {
+    let message = "the old dataset is deleted when the first scene of the new one is made".to_owned();
+    reporter.event(&Event::Note { message });
+    let (out, first) = (folder.ahead(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
+    let aside = RunOptions {
+        scenes: Some(first..first + 1),
+        ends: false,
+        stop: options.stop.clone(),
+        ..RunOptions::new(&out, options.threads, options.cache.clone())
+    };
+    remove(&out)?;
+    let made = super::run(recipe, &aside, &Within(reporter)).and_then(|_| {
+        let entry = Journal::entries_of(&journal_path(&out))?.remove(&first);
+        let made = entry.filter(|entry| !entry.failed());
+        made.ok_or_else(|| {
+            Error::new(format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt")))
+        })
+    });
+    match made {
+        Ok(entry) => Ok(Ahead { folder: Folder::read(&out)?, entry }),
+        Err(error) => {
+            remove(&out)?;
+            let stays = "the old dataset stays as it was";
+            let help = error.help_text().map_or_else(|| stays.to_owned(), |help| format!("{stays}; {help}"));
+            Err(error.help(help))
+        }
+    }
+}
+
+impl Ahead {
+    /// Moves it into the dataset.
+    pub fn adopt(self, folder: &Folder, journal: &Mutex<Journal>) -> Result<()> {
+        merge::adopt(folder, &self.folder, &self.entry, journal)?;
+        remove(self.folder.root())
+    }
+}
+
+/// Passes on what is told of attempts.
+struct Within<'r>(&'r dyn Reporter);
+
+impl Reporter for Within<'_> {
+    fn event(&self, event: &Event) {
+        if matches!(event, Event::Attempt { .. } | Event::Message(_) | Event::Working { .. }) {
+            self.0.event(event);
+        }
+    }
+}
