@@ -205,7 +205,7 @@ impl Folder {
 
     /// Whether a scene has files here.
     pub fn has_scenes(&self) -> bool {
-        !self.listed_scenes().is_empty()
+        self.scenes_in_folder().next().is_some()
     }
 
     /// Whether no scene was made, be there failed ones or none.
@@ -284,11 +284,15 @@ impl Folder {
 
     /// Scenes that have a manifest, ascending.
     fn listed_scenes(&self) -> Vec<u32> {
-        let entries = fs::read_dir(scenes_folder(&self.root)).into_iter().flatten().flatten();
-        let mut scenes: Vec<u32> =
-            entries.filter_map(|entry| entry.path().file_stem()?.to_str()?.parse().ok()).collect();
+        let mut scenes: Vec<u32> = self.scenes_in_folder().collect();
         scenes.sort_unstable();
         scenes
+    }
+
+    /// Scenes that have a manifest, in no order.
+    fn scenes_in_folder(&self) -> impl Iterator<Item = u32> {
+        let entries = fs::read_dir(scenes_folder(&self.root)).into_iter().flatten().flatten();
+        entries.filter_map(|entry| entry.path().file_stem()?.to_str()?.parse().ok())
     }
 
     /// Compares the shards of a scene with its manifest, and that with the journal.

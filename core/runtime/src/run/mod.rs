@@ -576,10 +576,8 @@ fn make_scenes(
     let (held, lacking) = (held.into_inner(), lacking.into_inner());
     let without = lacking + held.len() as u32;
     if without > 0 && todo.adds && folder.is_proposed() {
-        let message = format!(
-            "{} could not be made with what the recipe adds: the dataset is as it was",
-            count(without, "scene")
-        );
+        let message =
+            format!("{} could not be made with what the recipe adds; nothing was written", count(without, "scene"));
         return Err(Error::new(message)
             .in_file(folder.root())
             .help("the warnings above say why; mend the recipe, or leave out what it adds")
