@@ -7,6 +7,7 @@
 //! | [`segmentation`] | masks in JSON: run lengths, compressed or not, and polygons |
 //! | [`dataset`] | a whole annotation file: reading, and writing record by record |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
+//! | [`encode`] | image and array files, by kind of value |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
 //! `[x, y, width, height]` in pixels, with `width = last column - first column + 1`.
@@ -20,6 +21,7 @@
 
 pub mod coco;
 pub mod dataset;
+pub mod encode;
 mod polygon;
 pub mod segmentation;
 pub mod shard;

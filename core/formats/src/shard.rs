@@ -6,8 +6,10 @@
 //! gives them: they depend on the whole dataset, which may grow. Merging copies the rest of the records as text: memory is
 //! bounded by one line.
 
+use crate::encode::json_shard;
 use serde::Serialize;
 use syntable_model::error::{Error, Result};
+use syntable_model::stage::{DatasetInfo, Finish};
 
 /// How an image's record starts before it has its id.
 const IMAGE: &str = "{\"id\":0,";
@@ -93,4 +95,35 @@ impl UnnumberedAnnotation<'_> {
     pub fn numbered(&self, id: u64, image_id: u64) -> String {
         format!("{{\"id\":{id},\"image_id\":{image_id},{}", self.rest)
     }
+}
+
+/// Calls `each` with every line of the shards, and with the id of its image.
+///
+/// Image ids are given here, and not when a scene is written: the number of views per scene grows with the dataset, and a
+/// scene never has more views than the recipe that the dataset has grown to.
+pub fn for_each_line(
+    dataset: &DatasetInfo,
+    finish: &Finish,
+    mut each: impl FnMut(u64, Line) -> Result<()>,
+) -> Result<()> {
+    let views_per_scene = u64::from(dataset.views_per_scene);
+    let (mut of, mut views, mut image_id) = (None, 0, 0);
+    json_shard::for_each_line(finish, |scene, line| {
+        let damaged = |what: String| {
+            Error::new(format!("the shard of scene {} has {what}", scene.0))
+                .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
+        };
+        let line = Line::parse(line).ok_or_else(|| damaged("a line that is not a record".to_owned()))?;
+        if of.replace(scene) != Some(scene) {
+            (views, image_id) = (0, 0);
+        }
+        if let Line::Image { .. } = line {
+            if views == views_per_scene {
+                return Err(damaged(format!("more than the {views_per_scene} views per scene of the recipe")));
+            }
+            views += 1;
+            image_id = u64::from(scene.0) * views_per_scene + views;
+        }
+        each(image_id, line)
+    })
 }

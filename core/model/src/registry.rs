@@ -230,11 +230,12 @@ pub struct Entry {
 }
 
 /// Crates whose kinds are those of the program as it ships: the plugins of this workspace.
-pub const STOCK_CRATES: [&str; 11] = [
+pub const STOCK_CRATES: [&str; 12] = [
     "syntable-annotate",
     "syntable-assets",
     "syntable-denoise",
     "syntable-household",
+    "syntable-interchange",
     "syntable-physics",
     "syntable-placement",
     "syntable-render-cpu",

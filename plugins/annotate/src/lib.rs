@@ -14,6 +14,7 @@
 //! | [`lights`] | lights of the view |
 //! | [`settle_report`] | result of the physics simulation |
 //! | [`bodies`] | what the ids of the scene stand for |
+//! | [`visibility`] | how much of every object the image shows, and what lies beyond its edges |
 //!
 //! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
 //! products of a view cover the same instances: those that [`masks`] annotates.
@@ -22,6 +23,7 @@ pub mod bodies;
 pub mod boxes;
 pub mod camera;
 pub mod cuboids;
+mod extent;
 pub mod label_arrays;
 pub mod lights;
 pub mod masks;
@@ -31,3 +33,4 @@ pub mod occlusion_graph;
 pub mod outlines;
 pub mod rotated_boxes;
 pub mod settle_report;
+pub mod visibility;

@@ -4,6 +4,7 @@ use syntable_annotate as _;
 use syntable_assets as _;
 use syntable_denoise as _;
 use syntable_household as _;
+use syntable_interchange as _;
 use syntable_physics as _;
 use syntable_placement as _;
 use syntable_render_cpu as _;

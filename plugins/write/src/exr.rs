@@ -1,9 +1,9 @@
 //! OpenEXR files of float images.
 
-use crate::encode::exr::{Coding, Precision};
-use crate::encode::kind::accepts;
-use crate::encode::{scene_name, view_name};
 use crate::include;
+use syntable_formats::encode::exr::{Coding, Precision};
+use syntable_formats::encode::kind::accepts;
+use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 

@@ -1,9 +1,9 @@
 //! JSON Lines with any product.
 
-use crate::encode::json_shard;
 use crate::include;
 use serde_json::{Map, Value as Json};
 use std::collections::BTreeSet;
+use syntable_formats::encode::json_shard;
 use syntable_model::prelude::*;
 use syntable_model::product::{Name, Scope};
 

@@ -13,14 +13,13 @@
 //! | [`contact_sheet`] | images, masks and occlusion side by side |
 //!
 //! Generic writers put their files into a folder named after the writer's id in the recipe, as
-//! `{product}/{scene:06}_{view:04}`, counted from 0. They know no product by name: [`encode`] decides by kind of value
+//! `{product}/{scene:06}_{view:04}`, counted from 0. They know no product by name: [`syntable_formats::encode`] decides by kind of value
 //! what a file can hold.
 //!
 //! **Invariants.** Files depend on the products alone: no clock, no machine, no order of scenes. Files that cover many
 //! scenes are streamed line by line from the scenes' shards, so that memory does not grow with the dataset.
 
 pub mod contact_sheet;
-pub mod encode;
 pub mod exr;
 pub mod gltf;
 mod include;

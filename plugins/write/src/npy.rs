@@ -1,9 +1,9 @@
 //! NumPy files of numeric arrays.
 
-use crate::encode::kind::accepts;
-use crate::encode::npy::{self, Array, Arrays};
-use crate::encode::{scene_name, view_name};
 use crate::include;
+use syntable_formats::encode::kind::accepts;
+use syntable_formats::encode::npy::{self, Array, Arrays};
+use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 

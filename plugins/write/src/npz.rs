@@ -1,9 +1,9 @@
 //! NumPy archives: all arrays of a view in one file.
 
-use crate::encode::kind::accepts;
-use crate::encode::npy::{self, Array, Arrays};
-use crate::encode::{npz, scene_name, view_name};
 use crate::include;
+use syntable_formats::encode::kind::accepts;
+use syntable_formats::encode::npy::{self, Array, Arrays};
+use syntable_formats::encode::{npz, scene_name, view_name};
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 

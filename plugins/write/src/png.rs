@@ -1,9 +1,9 @@
 //! PNG files of images and masks.
 
-use crate::encode::kind::accepts;
-use crate::encode::png::Coding;
-use crate::encode::{scene_name, view_name};
 use crate::include;
+use syntable_formats::encode::kind::accepts;
+use syntable_formats::encode::png::Coding;
+use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
 

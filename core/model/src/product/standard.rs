@@ -143,6 +143,10 @@ products! {
     pub const AMODAL_OUTLINE: Key<PerInstance<Value>> =
         view("amodal_outline").form(|| Form::PerInstance(Box::new(Form::Record)));
 
+    /// How much of each annotated object the image shows: pixels of its silhouette beyond the image, in it and seen, their
+    /// shares, and the silhouette's box.
+    pub const VISIBILITY: Key<PerInstance<Value>> = view("visibility").form(|| Form::PerInstance(Box::new(Form::Record)));
+
     /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
 

@@ -1,11 +1,12 @@
 //! The first scene of a dataset that shall take the place of another one, made before that is deleted: a recipe may have
 //! mistakes that show only when a scene is made.
 
-use super::folder::{Folder, journal_path, remove};
+use super::folder::{Folder, remove};
 use super::journal::{Journal, JournalEntry};
-use super::progress::{Event, Reporter, count};
-use super::{RunOptions, merge};
+use super::progress::{Event, Reporter, Warnings, count};
+use super::{RunOptions, begin, make, merge};
 use crate::recipe::Recipe;
+use crate::workers::Pool;
 use parking_lot::Mutex;
 use syntable_model::error::{Error, Result};
 
@@ -23,20 +24,21 @@ pub fn make(recipe: &Recipe, options: &RunOptions, folder: &Folder, reporter: &d
     let (out, first) = (folder.ahead(), options.scenes.as_ref().map_or(0, |scenes| scenes.start));
     let aside = RunOptions {
         scenes: Some(first..first + 1),
-        ends: false,
         stop: options.stop.clone(),
         ..RunOptions::new(&out, options.threads, options.cache.clone())
     };
     remove(&out)?;
-    let made = super::run(recipe, &aside, &Within(reporter)).and_then(|_| {
-        let entry = Journal::entries_of(&journal_path(&out))?.remove(&first);
-        let made = entry.filter(|entry| !entry.failed());
-        made.ok_or_else(|| {
-            Error::new(format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt")))
-        })
-    });
+    let (pool, within) = (Pool::new(options.threads)?, Within(reporter));
+    let log = Warnings(&within);
+    let made = begin::begin(recipe, &aside, &pool, &within, &log)
+        .and_then(|begun| make::make(recipe, &aside, &pool, &within, begun))
+        .and_then(|made| {
+            let entry = made.journal.entries().get(&first).filter(|entry| !entry.failed()).cloned();
+            let failed = || format!("scene {first} failed in {}", count(recipe.dataset.max_attempts, "attempt"));
+            entry.map(|entry| Ahead { folder: made.folder, entry }).ok_or_else(|| Error::new(failed()))
+        });
     match made {
-        Ok(entry) => Ok(Ahead { folder: Folder::read(&out)?, entry }),
+        Ok(ahead) => Ok(ahead),
         Err(error) => {
             remove(&out)?;
             let stays = "the old dataset stays as it was";

@@ -227,6 +227,11 @@ fn disturbed(recipe: &Recipe, growth: &Growth, changed: &BTreeSet<String>) -> Ve
 }
 
 impl Growth {
+    /// Ids of writers whose files are written anew or taken away.
+    pub fn replaced(&self) -> BTreeSet<String> {
+        self.rewritten.union(&self.gone).cloned().collect()
+    }
+
     /// Whether the recipe is the same.
     pub fn is_none(&self) -> bool {
         *self == Self::default()

@@ -26,7 +26,6 @@
 
 use super::journal::{Journal, JournalEntry, SceneOutcome};
 use super::manifest::{Manifest, Stamp, State, Written};
-use super::records::OWNER;
 use crate::recipe::without_assets;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
@@ -42,8 +41,15 @@ use syntable_model::stage::RESERVED;
 pub struct Folder {
     root: PathBuf,
     /// The recipe that becomes the dataset's with the first scene that is made by it.
-    proposed: Mutex<Option<String>>,
+    proposed: Mutex<Option<Proposed>>,
     _lock: Option<File>,
+}
+
+/// A recipe that the dataset may grow to.
+struct Proposed {
+    recipe: String,
+    /// Writers whose files are written anew, or taken away.
+    replaced: BTreeSet<String>,
 }
 
 const MARK: &str = RESERVED[0];
@@ -165,10 +171,23 @@ impl Folder {
     }
 
     /// Makes a resolved recipe that of the dataset as soon as a scene is made by it or fails with it. Until then the
-    /// dataset is that of the recipe before, and a run that comes to nothing changes nothing.
-    pub fn propose_recipe(&self, text: &str) -> Result<()> {
+    /// dataset is that of the recipe before, and a run that comes to nothing changes nothing. Files of the writers that are
+    /// `replaced` stay until the scene gets new ones, or the run ends.
+    pub fn propose_recipe(&self, text: &str, replaced: BTreeSet<String>) -> Result<()> {
         let has = self.recipe()?.as_deref() == Some(text);
-        *self.proposed.lock() = (!has).then(|| text.to_owned());
+        *self.proposed.lock() = (!has).then(|| Proposed { recipe: text.to_owned(), replaced });
+        Ok(())
+    }
+
+    /// Makes the recipe that was proposed that of the dataset.
+    pub fn accept_recipe(&self, journal: &mut Journal) -> Result<()> {
+        let mut proposed = self.proposed.lock();
+        if let Some(Proposed { recipe, replaced }) = &*proposed {
+            // Lines come first: interrupted in between, the recipe of before makes again what they lack.
+            journal.forget_writers(replaced)?;
+            self.set_recipe(recipe)?;
+        }
+        *proposed = None;
         Ok(())
     }
 
@@ -295,22 +314,20 @@ impl Folder {
         entries.filter_map(|entry| entry.path().file_stem()?.to_str()?.parse().ok())
     }
 
+    /// The manifest of a scene that is done: the one that the journal names.
+    pub fn manifest_of(&self, entry: &JournalEntry) -> Result<Manifest> {
+        let path = manifest_path(&self.root, entry.scene);
+        let read = Manifest::read(&path)?.filter(|(_, digest)| entry.manifest() == Some(digest));
+        read.map(|(manifest, _)| manifest).ok_or_else(|| damaged(entry, &path))
+    }
+
     /// Compares the shards of a scene with its manifest, and that with the journal.
     pub fn check_shards(&self, entry: &JournalEntry) -> Result<()> {
-        let damaged = |path: &Path| {
-            Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
-                .in_file(path)
-                .help("run the same command with --repair: it makes the scene again")
-                .permanent()
-        };
-        let path = manifest_path(&self.root, entry.scene);
-        let Some((manifest, _)) = Manifest::read(&path)?.filter(|(_, digest)| entry.manifest() == Some(digest)) else {
-            return Err(damaged(&path));
-        };
+        let manifest = self.manifest_of(entry)?;
         for (inside, stamp) in manifest.files.iter().filter(|(inside, _)| inside.starts_with(SHARDS)) {
             let path = self.root.join(inside);
             if stamp.check(&path)? != State::Whole {
-                return Err(damaged(&path));
+                return Err(damaged(entry, &path));
             }
         }
         Ok(())
@@ -375,34 +392,11 @@ impl Folder {
             }
         }
         // A scene that is ready is published even by the next run, so its recipe comes first.
-        let mut proposed = self.proposed.lock();
-        if let Some(recipe) = proposed.as_deref() {
-            self.set_recipe(recipe)?;
-        }
-        *proposed = None;
+        self.accept_recipe(&mut journal)?;
         remove(&ready)?;
         fs::rename(&part, &ready).map_err(|error| Error::io(&part, &error))?;
         self.publish(&ready, staged, &mut journal)?;
         Ok(entry)
-    }
-
-    /// Takes the files of some writers out of a scene that has them, and what was recorded for annotators of the dataset, which
-    /// may be others now.
-    pub fn take_back(&self, entry: &JournalEntry, writers: &BTreeSet<String>, journal: &Mutex<Journal>) -> Result<()> {
-        let mut entry = entry.clone();
-        let SceneOutcome::Made { writers: has, recorded, .. } = &mut entry.outcome else { return Ok(()) };
-        let before = has.len();
-        has.retain(|id| !writers.contains(id));
-        recorded.clear();
-        // A scene without manifest is made again as a whole.
-        let Some(mut kept) = self.manifest(entry.scene)?.filter(|_| has.len() < before) else { return Ok(()) };
-        for id in writers.iter().map(String::as_str).chain([OWNER]) {
-            for path in kept.writers.remove(id).unwrap_or_default() {
-                kept.files.remove(&path);
-            }
-        }
-        self.stage(entry.scene)?;
-        self.commit(entry, kept, Written::new(), journal).map(drop)
     }
 
     /// Drops all that is staged but scenes that are ready.
@@ -614,6 +608,13 @@ fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     path.with_file_name(name)
+}
+
+fn damaged(entry: &JournalEntry, path: &Path) -> Error {
+    Error::new(format!("a file of scene {} is missing or damaged", entry.scene))
+        .in_file(path)
+        .help("run the same command with --repair: it makes the scene again")
+        .permanent()
 }
 
 /// By what a recipe is known again: all but the assets that it locks.

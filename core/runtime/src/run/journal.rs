@@ -144,6 +144,19 @@ impl JournalEntry {
         }
     }
 
+    /// The line of a scene whose files of some writers are written anew, or taken away. What was recorded for annotators of
+    /// the dataset is recorded anew: they may be others now.
+    pub fn without(&self, anew: &BTreeSet<String>) -> Self {
+        let mut entry = self.clone();
+        if let SceneOutcome::Made { writers, recorded, .. } = &mut entry.outcome
+            && writers.iter().any(|id| anew.contains(id))
+        {
+            writers.retain(|id| !anew.contains(id));
+            recorded.clear();
+        }
+        entry
+    }
+
     /// Products that were recorded of the scene.
     pub fn recorded(&self) -> &[String] {
         match &self.outcome {
@@ -235,6 +248,15 @@ impl Journal {
     /// Forgets the scenes that failed, so that they are tried again; for good once the file is written.
     pub fn forget_failed(&mut self) {
         self.entries.retain(|_, entry| !entry.failed());
+    }
+
+    /// Takes writers out of the lines of all scenes, whole or not at all.
+    pub fn forget_writers(&mut self, writers: &BTreeSet<String>) -> Result<()> {
+        if writers.is_empty() {
+            return Ok(());
+        }
+        self.entries.values_mut().for_each(|entry| *entry = entry.without(writers));
+        self.rewrite()
     }
 
     /// Rewrites the file in scene order, whole or not at all, so that it does not tell in which order scenes ended.

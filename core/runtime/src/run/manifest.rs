@@ -116,6 +116,16 @@ impl Manifest {
         Ok(manifest.map(|manifest| (manifest, digest.to_string())))
     }
 
+    /// Without the files of writers that do not stay.
+    pub fn only(&self, stays: impl Fn(&str) -> bool) -> Self {
+        let mut kept = self.clone();
+        kept.writers.retain(|id, _| stays(id));
+        for path in self.writers.iter().filter(|(id, _)| !stays(id)).flat_map(|(_, files)| files) {
+            kept.files.remove(path);
+        }
+        kept
+    }
+
     /// Whether it lists a file.
     pub fn has(&self, path: &str) -> bool {
         self.files.contains_key(path)

@@ -5,7 +5,7 @@ use super::journal::{Journal, JournalEntry};
 use super::manifest::{Manifest, Stamp, State, Written};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
-use super::{Outcome, change, finish, ranges, stopping};
+use super::{Outcome, change, end, ranges, stopping};
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 use crate::workers::Pool;
 use parking_lot::Mutex;
@@ -86,8 +86,8 @@ pub fn merge(
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let outcome =
-        finish(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, false).map_err(stopping)?;
+    let outcome = end::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, false)
+        .map_err(stopping)?;
     if !lacks.is_empty() {
         let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
         let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));

@@ -15,6 +15,7 @@ use super::seen::{Odd, Seen};
 use super::sessions::Sessions;
 use super::settled;
 use super::stop::{self, Stop};
+use super::todo;
 use crate::plan::{Plan, PlannedStage, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
 use crate::recipe::Recipe;
@@ -97,7 +98,7 @@ impl<'a> SceneMaker<'a> {
                     return Ok(Some(Made {
                         written,
                         entry: extended(present, outcome, assets, task.whole),
-                        kept: self.folder.manifest(task.scene)?.unwrap_or_default(),
+                        kept: todo::kept(&self.folder.manifest_of(present)?, present, &task.whole.plan),
                     }));
                 }
                 Tried::Failed(error) => errors.push(error.to_string()),

@@ -192,6 +192,44 @@ fn files_of_a_writer_are_written_anew_by_who_asks_for_it() {
 }
 
 #[test]
+fn files_stay_until_there_are_new_ones() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [data, whole] = ["data", "whole"].map(|name| folder.path().join(name));
+    let both = format!("{LIGHT}{THOUGHT}");
+    let other = format!("{LIGHT}{}", THOUGHT.replace("\"track\", ", ""));
+    let rewrite =
+        |text: &str| run_with(&recipe(3, 1, 0, text), RunOptions { rewrite: true, ..options(&data, 1) }, &Quiet);
+    run(&recipe(3, 1, 0, &both), &data, 1).expect("begun");
+    let before = files(&data);
+    // Nothing can be made with the new options: nothing changes.
+    rewrite(&format!("{other}[annotate.thinker]\npanics = true\n")).expect_err("in scene 0");
+    assert!(files(&data) == before, "something was touched");
+    // Scene 1 cannot: the files of scenes 1 and 2 are those of before, and all are listed.
+    rewrite(&format!("{other}[annotate.thinker]\nmissing_later = true\n")).expect_err("in scene 1");
+    let now = files(&data);
+    for (name, stays) in [("000000", false), ("000001", true), ("000002", true)] {
+        let name = format!("more/{name}.json");
+        assert_eq!(now[&name] == before[&name], stays, "{name}");
+    }
+    let found = verify(&data, 1).expect("a dataset");
+    assert!(found.unfinished && found.missing.is_empty() && found.damaged.is_empty() && found.foreign.is_empty());
+    // They are not taken for those of the recipe that the dataset has now.
+    rewrite(&both).expect("taken back");
+    run(&recipe(3, 1, 0, &both), &whole, 1).expect("whole");
+    assert_same(&whole, &data);
+    // A scene that cannot have new files in any attempt has none that are of other options.
+    let wrong = format!("{other}[annotate.thinker]\nstumbles = true\n");
+    let once = recipe(3, 1, 0, &wrong).replace("scenes =", "max_attempts = 1\nscenes =");
+    let data = folder.path().join("once");
+    run(&recipe(3, 1, 0, &both).replace("scenes =", "max_attempts = 1\nscenes ="), &data, 1).expect("begun");
+    let outcome = run_with(&once, RunOptions { rewrite: true, ..options(&data, 1) }, &Quiet).expect("scenes 0 and 2");
+    assert_eq!((outcome.scenes, outcome.lacking), (3, 1));
+    let of_more: Vec<bool> = (0..3).map(|scene| data.join(format!("more/{scene:06}.json")).exists()).collect();
+    assert_eq!(of_more, [true, false, true]);
+    assert!(verify(&data, 1).expect("a dataset").whole());
+}
+
+#[test]
 fn repairing_takes_no_scene_away() {
     let folder = tempfile::tempdir().expect("a folder");
     let data = folder.path().join("data");

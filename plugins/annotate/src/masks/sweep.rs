@@ -10,6 +10,7 @@
 //! the columns and notes, for every object, the positions at which its bit flips. Columns are gathered in strips, one
 //! cache line of every row at a time.
 
+use crate::extent::extents;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{BitPlane, Mask, Plane};
 use syntable_model::scene::InstanceId;
@@ -152,31 +153,6 @@ fn occluded_sets(first: &Plane<InstanceId>, coverage: &BitPlane) -> Vec<u64> {
 /// For every object, the number of pixels that it covers outside the image: those on a canvas around the image less
 /// those in it.
 pub fn area_outside(image: &BitPlane, canvas: &BitPlane) -> Vec<u64> {
-    let (mut inside, mut all) = (vec![0; canvas.objects()], vec![0; canvas.objects()]);
-    add_areas(image, &mut inside);
-    add_areas(canvas, &mut all);
-    all.into_iter().zip(inside).map(|(all, inside): (u64, u64)| all.saturating_sub(inside)).collect()
-}
-
-/// Adds the number of pixels that each object covers, run by run of equal sets.
-fn add_areas(plane: &BitPlane, areas: &mut [u64]) {
-    let (sets, words) = (plane.data(), plane.words());
-    for word in 0..words {
-        let mut add = |mut set: u64, run: u64| {
-            while set != 0 {
-                areas[word * 64 + set.trailing_zeros() as usize] += run;
-                set &= set - 1;
-            }
-        };
-        let (mut last, mut run) = (0, 0);
-        for &set in sets.iter().skip(word).step_by(words) {
-            if set == last {
-                run += 1;
-            } else {
-                add(last, run);
-                (last, run) = (set, 1);
-            }
-        }
-        add(last, run);
-    }
+    let areas = |plane: &BitPlane| extents(plane).into_iter().map(|extent| extent.area);
+    areas(canvas).zip(areas(image)).map(|(all, inside)| all.saturating_sub(inside)).collect()
 }

@@ -2,8 +2,8 @@
 
 mod panel;
 
-use crate::encode::png::{Image, Samples};
 use panel::Canvas;
+use syntable_formats::encode::png::{Image, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};

@@ -22,7 +22,6 @@ mod texture;
 
 pub use light::LightMode;
 
-use crate::encode::{scene_name, view_name};
 use document::{Asset, Index, Mesh, Node, Primitive, Scene as JsonScene};
 use geometry::{Geometries, Needs, UvSource};
 use glb::Glb;
@@ -30,6 +29,7 @@ use light::Lights;
 use material::Materials;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
+use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::digest::Digest;
 use syntable_model::prelude::*;
 use syntable_model::scene::Body;

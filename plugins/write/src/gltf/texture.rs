@@ -4,9 +4,9 @@ use super::document::{
     Image, Index, Sampler, Texture as JsonTexture, TextureInfo, TextureInfoExtensions, TextureTransform,
 };
 use super::glb::Glb;
-use crate::encode::png::{self, Samples};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use syntable_formats::encode::png::{self, Samples};
 use syntable_model::color::{linear_to_srgb, srgb_to_linear};
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;

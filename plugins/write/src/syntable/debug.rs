@@ -6,7 +6,7 @@
 
 use super::SynTable;
 use super::record::Labels;
-use crate::encode::{pfm, png::Image};
+use syntable_formats::encode::{pfm, png::Image};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::{DEPTH, INSTANCE};

@@ -2,10 +2,9 @@
 
 use super::record::DATE;
 use super::{Compat, SynTable};
-use crate::encode::json_shard;
 use syntable_formats::coco::{Category, Info, License};
 use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::shard::Line;
+use syntable_formats::shard::{Line, for_each_line};
 use syntable_formats::syntable::SCENES;
 use syntable_model::prelude::*;
 
@@ -23,7 +22,7 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
         };
         file.header(&info(dataset, syntable_1), &[license()], &categories)?;
         file.images(|images| {
-            lines(dataset, finish, |image_id, line| match line {
+            for_each_line(dataset, finish, |image_id, line| match line {
                 Line::Image { annotations, record } => {
                     let copies = if syntable_1 { annotations } else { usize::from(annotations > 0 || !skip_empty) };
                     (0..copies).try_for_each(|_| images.raw(&record.numbered(image_id)))
@@ -33,7 +32,7 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
         })?;
         let mut id = 0;
         file.annotations(|annotations| {
-            lines(dataset, finish, |image_id, line| match line {
+            for_each_line(dataset, finish, |image_id, line| match line {
                 Line::Image { .. } | Line::Scene(_) => Ok(()),
                 Line::Annotation(record) => {
                     id += 1;
@@ -43,7 +42,7 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
         })?;
         if !syntable_1 {
             file.list(SCENES, |scenes| {
-                lines(dataset, finish, |_, line| match line {
+                for_each_line(dataset, finish, |_, line| match line {
                     Line::Scene(record) => scenes.raw(record),
                     Line::Image { .. } | Line::Annotation(_) => Ok(()),
                 })
@@ -71,31 +70,4 @@ fn license() -> License {
 
 fn category((id, name): (u32, &str)) -> Category {
     Category { id: id.into(), name: name.into(), supercategory: "shape".into(), ..Category::default() }
-}
-
-/// Calls `each` with every line of the shards, and with the id of its image.
-///
-/// Image ids are given here, and not when a scene is written: the number of views per scene grows with the dataset, and a
-/// scene never has more views than the recipe that the dataset has grown to.
-fn lines(dataset: &DatasetInfo, finish: &Finish, mut each: impl FnMut(u64, Line) -> Result<()>) -> Result<()> {
-    let views_per_scene = u64::from(dataset.views_per_scene);
-    let (mut of, mut views, mut image_id) = (None, 0, 0);
-    json_shard::for_each_line(finish, |scene, line| {
-        let damaged = |what: String| {
-            Error::new(format!("the shard of scene {} has {what}", scene.0))
-                .help("the dataset is damaged, or of another version; `syntable run --repair` makes the scene again")
-        };
-        let line = Line::parse(line).ok_or_else(|| damaged("a line that is not a record".to_owned()))?;
-        if of.replace(scene) != Some(scene) {
-            (views, image_id) = (0, 0);
-        }
-        if let Line::Image { .. } = line {
-            if views == views_per_scene {
-                return Err(damaged(format!("more than the {views_per_scene} views per scene of the recipe")));
-            }
-            views += 1;
-            image_id = u64::from(scene.0) * views_per_scene + views;
-        }
-        each(image_id, line)
-    })
 }

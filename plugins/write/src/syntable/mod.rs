@@ -6,9 +6,9 @@ mod record;
 
 pub(crate) use debug::inverse_depth;
 
-use crate::encode::npy::Array;
-use crate::encode::png::{Image, Rounding, depth_units};
 use record::Labels;
+use syntable_formats::encode::npy::Array;
+use syntable_formats::encode::png::{Image, Rounding, depth_units};
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
 use syntable_model::prelude::*;

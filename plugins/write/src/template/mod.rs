@@ -6,13 +6,13 @@ mod names;
 
 pub use engine::{Fault, Template};
 
-use crate::encode::json_shard;
 use crate::include;
 use crate::jsonl::encoded;
 use names::Shape;
 use serde_json::{Map, Value as Json, json};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
+use syntable_formats::encode::json_shard;
 use syntable_model::files::read_small;
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;

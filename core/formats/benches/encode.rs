@@ -1,10 +1,10 @@
 //! Time to encode the files of a 640 × 480 view.
 
 use divan::{Bencher, black_box};
+use syntable_formats::encode::npy::Array;
+use syntable_formats::encode::png::Image;
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
-use syntable_write::encode::npy::Array;
-use syntable_write::encode::png::Image;
 
 const SIZE: [u32; 2] = [640, 480];
 

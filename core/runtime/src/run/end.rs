@@ -1,0 +1,186 @@
+//! The end of a run: annotators of the dataset, and writers that finish.
+
+use super::folder::Folder;
+use super::journal::{Journal, JournalEntry, Notice};
+use super::manifest::Written;
+use super::progress::{Event, Reporter, Warnings, count};
+use super::records::{self, Records};
+use super::scene::{lend, names};
+use super::{Outcome, panics, todo};
+use crate::plan::Producer;
+use crate::recipe::{Lock, Recipe, with_lock, without_lock};
+use parking_lot::Mutex;
+use std::collections::BTreeSet;
+use std::path::Path;
+use syntable_model::context::{DatasetContext, Log, Workers};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Products;
+use syntable_model::scene::SceneId;
+use syntable_model::stage::{DatasetInfo, Finish};
+
+/// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn.
+pub fn end(
+    recipe: &Recipe,
+    reporter: &dyn Reporter,
+    workers: &dyn Workers,
+    folder: &Folder,
+    journal: Journal,
+    resolved: &str,
+    repair: bool,
+) -> Result<Outcome> {
+    let log = &Warnings(reporter);
+    let journal = Mutex::new(journal);
+    let before = journal.lock().entries().values().filter(|entry| !entry.failed()).cloned().collect::<Vec<_>>();
+    check_shards(folder, workers, &before)?;
+    take_strays(recipe, folder, &before, &journal)?;
+    let mut journal = journal.into_inner();
+    let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
+    let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
+    let staged = folder.stage_finish()?;
+    let Ended { writers, annotators } = annotate_and_finish(recipe, log, workers, folder, &made, &staged);
+    let failure = writers.map(|(_, error)| error).or(annotators);
+    let assets = entries.iter().flat_map(|entry| entry.assets.clone()).collect();
+    let resolved = with_lock(resolved, &Lock { assets, ..Lock::default() });
+    let published = folder.publish_finish(&resolved, &mut journal, failure.is_none(), repair);
+    failure.map_or(published, Err)?;
+    tell_at_the_end(&made, reporter);
+    Ok(Outcome {
+        scenes: made.len() as u32,
+        failed: (entries.len() - made.len()) as u32,
+        lacking: 0,
+        images: entries.iter().map(JournalEntry::views).sum(),
+    })
+}
+
+/// Views like that are few if they are less than one in as many.
+const FEW: u32 = 10;
+
+/// Counts the scenes and the views that are odd. A few views that may be meant are no reason for a warning.
+fn tell_at_the_end(made: &[JournalEntry], reporter: &dyn Reporter) {
+    let log = Warnings(reporter);
+    let all: u32 = made.iter().map(JournalEntry::views).sum();
+    for notice in [Notice::Black, Notice::White, Notice::Unlit, Notice::Unlabeled] {
+        let whole = || made.iter().filter(|entry| entry.notices.contains(&notice));
+        let scenes = whole().count();
+        if scenes > 0 {
+            let of = format!("{scenes} of {}", count(made.len() as u32, "scene"));
+            log.warn(&Error::new(notice.text()).help(notice.help()).context(of));
+        }
+        let some = || made.iter().filter_map(|entry| Some((entry.scene, entry.odd_views.get(&notice)?)));
+        let Some((scene, &[view, ..])) = some().next().map(|(scene, views)| (scene, views.as_slice())) else {
+            continue;
+        };
+        let views =
+            whole().map(JournalEntry::views).sum::<u32>() + some().map(|(_, views)| views.len() as u32).sum::<u32>();
+        let of = format!("{views} of {}, such as view {view} of scene {scene}", count(all, "view"));
+        let warning = Error::new(notice.text_of_view()).help(notice.help_of_view()).context(of);
+        if notice.may_be_meant() && views.saturating_mul(FEW) < all {
+            reporter.event(&Event::Note { message: warning.to_string() });
+        } else {
+            log.warn(&warning);
+        }
+    }
+}
+
+/// Compares what the end of a run reads of the scenes with what was written: lines that are gone would be missed by nobody.
+fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -> Result<()> {
+    let failure = Mutex::new(None);
+    workers.run(made.len(), &|index| {
+        if let Err(error) = folder.check_shards(&made[index]) {
+            failure.lock().get_or_insert(error);
+        }
+    });
+    failure.into_inner().map_or(Ok(()), Err)
+}
+
+/// Takes away files of scenes whose writers the recipe has no more, or that could not be written anew.
+fn take_strays(recipe: &Recipe, folder: &Folder, made: &[JournalEntry], journal: &Mutex<Journal>) -> Result<()> {
+    for entry in made {
+        let files = folder.manifest_of(entry)?;
+        let kept = todo::kept(&files, entry, &recipe.plan);
+        if kept != files {
+            folder.stage(entry.scene)?;
+            folder.commit(entry.clone(), kept, Written::new(), journal)?;
+        }
+    }
+    Ok(())
+}
+
+/// What went wrong at the end of a run.
+pub struct Ended {
+    /// The first writer that could not finish, and why.
+    pub writers: Option<(String, Error)>,
+    /// Why the first annotator of the dataset failed. Writers that read its products were not asked to finish.
+    pub annotators: Option<Error>,
+}
+
+/// Annotates the dataset of some scenes and lets every writer finish into a staging folder whose products are there.
+pub fn annotate_and_finish(
+    recipe: &Recipe,
+    log: &dyn Log,
+    workers: &dyn Workers,
+    folder: &Folder,
+    made: &[JournalEntry],
+    staged: &Path,
+) -> Ended {
+    let dataset = dataset_info(recipe);
+    let cx = DatasetContext::new(&dataset, workers, log);
+    let recorded = records::names(&recipe.plan);
+    let scenes = |has: &dyn Fn(&JournalEntry) -> bool| -> Vec<SceneId> {
+        made.iter().filter(|entry| has(entry)).map(|entry| SceneId(entry.scene)).collect()
+    };
+    let of_dataset = scenes(&|entry| entry.recorded() == recorded);
+    let (products, failed) = panics::quiet(|| annotate_dataset(recipe, &cx, folder, &of_dataset));
+    let one = |(id, writer): &(String, Box<dyn syntable_model::stage::Writer>)| {
+        let (stage, reads) = (format!("write.{id}"), names(&writer.reads()));
+        if failed.iter().any(|(name, _)| reads.contains(name)) {
+            return None;
+        }
+        let done = scenes(&|entry| entry.writers().contains(id));
+        let finish = Finish::new(folder.root(), id, done).staged(staged);
+        let read = products.only(&reads);
+        let ended = panics::quiet(|| panics::caught(&stage, || writer.finish(&cx, &read, &finish)));
+        ended.err().map(|error| (id.clone(), error))
+    };
+    // Every writer has its turn, whatever becomes of the others.
+    let writers: Vec<(String, Error)> = recipe.write.iter().filter_map(one).collect();
+    Ended { writers: writers.into_iter().next(), annotators: failed.into_iter().next().map(|(_, error)| error) }
+}
+
+/// Runs the annotators of the dataset on the records of the scenes that are done. Returns what they made, and in the order
+/// of the plan the products that could not be made, each with the reason.
+fn annotate_dataset(
+    recipe: &Recipe,
+    cx: &DatasetContext,
+    folder: &Folder,
+    done: &[SceneId],
+) -> (Products, Vec<(String, Error)>) {
+    let (mut products, mut failed) = (Products::new(), Vec::<(String, Error)>::new());
+    for stage in &recipe.plan.per_dataset {
+        let Producer::Dataset(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
+        let mut scenes = done.iter().map(|&scene| Records::read(folder.root(), scene));
+        let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.name == **name));
+        let made = match lacks {
+            Some((_, error)) => Err(error.clone()),
+            None => lend(stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent)),
+        };
+        if let Err(error) = made.and_then(|made| products.extend(made)) {
+            failed.extend(stage.provides.iter().map(|key| (key.name.to_string(), error.clone())));
+        }
+    }
+    (products, failed)
+}
+
+/// What stages may know of the dataset of a recipe.
+pub fn dataset_info(recipe: &Recipe) -> DatasetInfo {
+    let classes: BTreeSet<&String> = recipe.assets.values().flat_map(|pool| pool.options.classes.keys()).collect();
+    DatasetInfo {
+        name: recipe.dataset.name.clone(),
+        seed: recipe.dataset.seed,
+        scenes: recipe.dataset.scenes,
+        views_per_scene: recipe.dataset.views_per_scene,
+        recipe: without_lock(&recipe.resolved),
+        program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
+        classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).cloned().collect(),
+    }
+}

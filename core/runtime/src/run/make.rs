@@ -1,0 +1,212 @@
+//! Making scenes: several in flight, each committed when it is done.
+
+use super::begin::Begun;
+use super::end::{Ended, annotate_and_finish};
+use super::folder::Folder;
+use super::journal::{Journal, JournalEntry, Notice};
+use super::progress::{Reporter, Warnings, count};
+use super::queue::Queue;
+use super::scene::{self, Task};
+use super::sessions::{Sessions, scenes_in_flight};
+use super::todo::{Job, Todo, Works};
+use super::{RunOptions, panics, stop, stopping};
+use crate::pools::AssetStore;
+use crate::recipe::Recipe;
+use crate::workers::Pool;
+use parking_lot::Mutex;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
+use syntable_model::context::Log;
+use syntable_model::error::{Error, Result};
+
+/// A dataset with the scenes that a run made.
+pub struct Made {
+    pub folder: Folder,
+    pub journal: Journal,
+    /// The resolved recipe with what is locked.
+    pub resolved: String,
+    /// Number of images that are new.
+    pub new: u32,
+    /// Number of scenes that were there and got what they lacked.
+    pub grown: u32,
+    /// Number of scenes that stay as they were, since they could not be made.
+    pub lacking: u32,
+}
+
+/// Makes the scenes of a run. From here on the dataset changes.
+pub fn make(recipe: &Recipe, options: &RunOptions, pool: &Pool, reporter: &dyn Reporter, begun: Begun) -> Result<Made> {
+    let Begun { folder, mut journal, resolved, growth, todo, assets, ahead } = begun;
+    if growth.is_none() {
+        journal.rewrite()?;
+    }
+    if let Some(store) = &assets {
+        folder.set_catalogs(&store.catalogs())?;
+    }
+    if folder.is_empty(&journal) {
+        folder.set_recipe(&resolved)?;
+    } else {
+        folder.propose_recipe(&resolved, growth.map(|growth| growth.replaced()).unwrap_or_default())?;
+    }
+    let journal = Mutex::new(journal);
+    let made_ahead = ahead.as_ref().map_or(0, |ahead| ahead.entry.views());
+    ahead.map_or(Ok(()), |ahead| ahead.adopt(&folder, &journal))?;
+    let mut lacking = 0;
+    if let Some(store) = assets.filter(|_| !todo.scenes.is_empty()) {
+        let drawn =
+            journal.lock().entries().values().flat_map(|entry| entry.assets.clone()).collect::<BTreeMap<_, _>>();
+        let made = make_scenes(recipe, options, reporter, &store.expect(drawn), pool, (&folder, &journal), &todo);
+        if made.is_err() {
+            let _ = folder.drop_parts();
+        }
+        lacking = made?;
+    }
+    // A recipe by which there was no scene to make is the dataset's, too.
+    folder.accept_recipe(&mut journal.lock())?;
+    let journal = journal.into_inner();
+    let entry_of = |scene: &u32| journal.entries().get(scene);
+    let whole = todo.scenes.iter().filter(|(_, job)| job.lacks.is_none());
+    let new = made_ahead + whole.filter_map(|(scene, _)| entry_of(scene)).map(JournalEntry::views).sum::<u32>();
+    let changed = |(scene, job): &(&u32, &Job)| job.lacks.is_some() && entry_of(scene) != job.present.as_ref();
+    let grown = todo.scenes.iter().filter(changed).count() as u32;
+    Ok(Made { folder, journal, resolved, new, grown, lacking })
+}
+
+/// Returns how many scenes stay as they were.
+fn make_scenes(
+    recipe: &Recipe,
+    options: &RunOptions,
+    reporter: &dyn Reporter,
+    assets: &AssetStore,
+    pool: &Pool,
+    (folder, journal): (&Folder, &Mutex<Journal>),
+    todo: &Todo,
+) -> Result<u32> {
+    let log = Warnings(reporter);
+    let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
+    let works = Works::new(recipe, todo);
+    let tasks: Vec<Task> = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
+    let sessions = Sessions::open(&*recipe.render, in_flight)?;
+    let (next, made, lacking) = (AtomicUsize::new(0), AtomicUsize::new(0), AtomicU32::new(0));
+    let (stop, tried) = (AtomicBool::new(false), AtomicBool::new(false));
+    let failure: Mutex<Option<Error>> = Mutex::new(None);
+    let odd = ToldOdd::default();
+    // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
+    let held = Mutex::new(Vec::new());
+    let maker = scene::SceneMaker {
+        recipe,
+        assets,
+        cache: &options.cache,
+        workers: pool,
+        log: &log,
+        reporter,
+        folder,
+        sessions: &sessions,
+        stop: &options.stop,
+    };
+    let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
+        let Some(made) = made else {
+            lacking.fetch_add(1, Ordering::Relaxed);
+            return Ok(());
+        };
+        if made.entry.failed() && todo.adds && folder.is_proposed() {
+            held.lock().push(made);
+            return Ok(());
+        }
+        let entry = folder.commit(made.entry, made.kept, made.written, journal)?;
+        tell_of_scene(todo, &entry, &odd, &log);
+        // A mistake that shows at the end of a run shows after its first scene.
+        if !entry.failed() && !tried.swap(true, Ordering::SeqCst) {
+            let trial = folder.stage_trial()?;
+            let Ended { writers, annotators } = annotate_and_finish(recipe, &log, pool, folder, &[entry], &trial);
+            folder.drop_trial()?;
+            // An annotator of the dataset may need more scenes than one.
+            if let Some(error) = annotators.filter(|error| error.is_permanent() || error.is_io()) {
+                return Err(error);
+            }
+            if let Some((id, error)) = writers {
+                let help = "nothing is lost: mend it, then run the same command";
+                let error = if error.help_text().is_some() { error } else { error.help(help) };
+                return Err(error
+                    .context(format!("the end of the run, tried for write.{id} after scene {}", task.scene))
+                    .permanent());
+            }
+        }
+        Ok(())
+    };
+    panics::quiet(|| {
+        std::thread::scope(|threads| {
+            let queue = Queue::start(threads, options.threads);
+            for _ in 0..in_flight {
+                let queue = queue.clone();
+                let (maker, tasks, next, made, stop, failure, one) =
+                    (&maker, &tasks, &next, &made, &stop, &failure, &one);
+                threads.spawn(move || {
+                    while !stop.load(Ordering::Relaxed) && maker.stop.requested().is_none() {
+                        let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
+                        match panics::unwound(|| maker.make(task, &queue).and_then(|made| one(task, made))) {
+                            Ok(()) => drop(made.fetch_add(1, Ordering::Relaxed)),
+                            Err(error) => {
+                                stop.store(true, Ordering::Relaxed);
+                                let error = stopping(error).context(format!("scene {}", task.scene));
+                                failure.lock().get_or_insert(error);
+                            }
+                        }
+                    }
+                });
+            }
+        });
+    });
+    if let Some(signal) = options.stop.requested() {
+        let (made, all) = (made.into_inner(), tasks.len());
+        return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))
+            .help("the same command goes on from there"));
+    }
+    failure.into_inner().map_or(Ok(()), Err)?;
+    let (held, lacking) = (held.into_inner(), lacking.into_inner());
+    let without = lacking + held.len() as u32;
+    if without > 0 && todo.adds && folder.is_proposed() {
+        let message =
+            format!("{} could not be made with what the recipe adds; nothing was written", count(without, "scene"));
+        return Err(Error::new(message)
+            .in_file(folder.root())
+            .help("the warnings above say why; mend the recipe, or leave out what it adds")
+            .permanent());
+    }
+    for made in held {
+        folder.commit(made.entry, made.kept, made.written, journal)?;
+    }
+    Ok(lacking)
+}
+
+/// What was told of scenes and of single views.
+#[derive(Default)]
+struct ToldOdd {
+    scenes: Mutex<BTreeSet<Notice>>,
+    views: Mutex<BTreeSet<Notice>>,
+}
+
+/// Tells what is odd about a scene, once of each sort, and whether a scene that was made again is what it was.
+fn tell_of_scene(todo: &Todo, entry: &JournalEntry, odd: &ToldOdd, log: &dyn Log) {
+    for &notice in &entry.notices {
+        if odd.scenes.lock().insert(notice) {
+            log.warn(&Error::new(notice.text()).help(notice.help()).context(format!("scene {}", entry.scene)));
+        }
+    }
+    for (&notice, views) in entry.odd_views.iter().filter(|(notice, _)| !notice.may_be_meant()) {
+        if odd.views.lock().insert(notice) {
+            let of = format!("scene {}, view {}", entry.scene, views[0]);
+            log.warn(&Error::new(notice.text_of_view()).help(notice.help_of_view()).context(of));
+        }
+    }
+    let job = &todo.scenes[&entry.scene];
+    if let Some(present) = job.present.as_ref().filter(|_| job.lacks.is_none())
+        && present.writers() == entry.writers()
+        && present.manifest() != entry.manifest()
+    {
+        log.warn(
+            &Error::new("it was made again, and is not what it was")
+                .help("the program, the machine or an option without reproducible images differs from then")
+                .context(format!("scene {}", entry.scene)),
+        );
+    }
+}

@@ -1,0 +1,120 @@
+//! What there is to do: for each scene, the whole or what it lacks.
+
+use super::change::Growth;
+use super::journal::{Journal, JournalEntry};
+use super::manifest::Manifest;
+use super::records::{self, OWNER};
+use super::scene::{Task, Work, names};
+use crate::plan::Plan;
+use crate::recipe::Recipe;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use syntable_model::stage::DatasetInfo;
+
+/// What there is to do for each scene.
+pub struct Todo {
+    pub scenes: BTreeMap<u32, Job>,
+    /// Whether the recipe adds stages to those by which scenes were made.
+    pub adds: bool,
+}
+
+/// What there is to do for a scene.
+pub struct Job {
+    /// Its line of the journal, if it is in the dataset; without the writers whose files are written anew.
+    pub present: Option<JournalEntry>,
+    /// What it lacks.
+    pub lacks: Lacks,
+}
+
+impl Job {
+    /// A scene keeps its number of views when the dataset grows.
+    fn views(&self, recipe: &Recipe) -> u32 {
+        self.present.as_ref().map_or(recipe.dataset.views_per_scene, JournalEntry::views)
+    }
+}
+
+impl Todo {
+    /// What there is to do for the scenes that are `wanted`, and for those that are damaged.
+    pub fn of(
+        recipe: &Recipe,
+        journal: &Journal,
+        growth: Option<&Growth>,
+        wanted: Range<u32>,
+        damaged: BTreeSet<u32>,
+    ) -> Self {
+        let recorded = records::names(&recipe.plan);
+        let anew = growth.map(Growth::replaced).unwrap_or_default();
+        let job = |scene: u32| {
+            let Some(entry) = journal.entries().get(&scene) else { return Some(Job { present: None, lacks: None }) };
+            let entry = entry.without(&anew);
+            let present = Some(entry.clone());
+            if damaged.contains(&scene) {
+                return Some(Job { present, lacks: None });
+            }
+            let has = |id: &String| entry.writers().contains(id);
+            let lacks: Vec<String> = recipe.write.iter().map(|(id, _)| id).filter(|id| !has(id)).cloned().collect();
+            let records = entry.recorded() != recorded;
+            let done = entry.failed() || (lacks.is_empty() && !records);
+            (!done).then_some(Job { present, lacks: Some((lacks, records)) })
+        };
+        Self {
+            scenes: wanted.chain(damaged.iter().copied()).filter_map(|scene| Some((scene, job(scene)?))).collect(),
+            adds: growth.is_some_and(|growth| growth.adds),
+        }
+    }
+
+    /// Number of images that it takes.
+    pub fn images(&self, recipe: &Recipe) -> u64 {
+        self.scenes.values().map(|job| u64::from(job.views(recipe))).sum()
+    }
+}
+
+/// The files of a scene that stay when it gets what it lacks: not those of writers that its line does not name, which have
+/// other options now, or are gone.
+pub fn kept(files: &Manifest, entry: &JournalEntry, plan: &Plan) -> Manifest {
+    files.only(|id| match id {
+        OWNER => !plan.per_dataset.is_empty(),
+        id => entry.writers().iter().any(|writer| writer == id),
+    })
+}
+
+/// What a scene lacks: ids of writers, and whether its products must be recorded anew; none if it is made as a whole.
+pub type Lacks = Option<(Vec<String>, bool)>;
+
+/// What is made of scenes: the whole, or what some lack; once for all scenes that are alike.
+pub struct Works<'a> {
+    recipe: &'a Recipe,
+    works: BTreeMap<(u32, Lacks), Work<'a>>,
+}
+
+impl<'a> Works<'a> {
+    pub fn new(recipe: &'a Recipe, todo: &Todo) -> Self {
+        let mut all = Self { recipe, works: BTreeMap::new() };
+        for job in todo.scenes.values() {
+            for lacks in [None, job.lacks.clone()] {
+                let views = job.views(recipe);
+                all.works.entry((views, lacks.clone())).or_insert_with(|| work(recipe, views, lacks.as_ref()));
+            }
+        }
+        all
+    }
+
+    /// The task of a scene.
+    pub fn task<'t>(&'t self, scene: u32, job: &'t Job) -> Task<'t> {
+        let of = |lacks: &Lacks| &self.works[&(job.views(self.recipe), lacks.clone())];
+        let extend = job.present.as_ref().filter(|_| job.lacks.is_some()).map(|present| (present, of(&job.lacks)));
+        let is_present = job.present.as_ref().is_some_and(|present| !present.failed());
+        Task { scene, is_present, whole: of(&None), extend }
+    }
+}
+
+fn work<'a>(recipe: &'a Recipe, views: u32, lacks: Option<&(Vec<String>, bool)>) -> Work<'a> {
+    let dataset = DatasetInfo { views_per_scene: views, ..super::dataset_info(recipe) };
+    let Some((lacks, records)) = lacks else {
+        return Work { dataset, plan: recipe.plan.clone().on(&*recipe.render), writers: recipe.write.iter().collect() };
+    };
+    let writers: Vec<_> = recipe.write.iter().filter(|(id, _)| lacks.contains(id)).collect();
+    let reads: Vec<String> = writers.iter().flat_map(|(_, writer)| names(&writer.reads())).collect();
+    let part = recipe.plan.part(reads.iter().map(String::as_str), *records);
+    Work { dataset, plan: part.on(&*recipe.render), writers }
+}

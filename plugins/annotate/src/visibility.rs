@@ -1,0 +1,100 @@
+//! How much of every object an image shows.
+
+use crate::extent::extents;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, VISIBILITY, VISIBLE_MASK};
+
+/// Canvas of the parts of objects beyond the image: one image size beyond every edge, as in BOP's tools.
+const CANVAS: u32 = 3;
+
+/// How much of every annotated object the image shows, counted as in BOP's `scene_gt_info.json`.
+///
+/// `px_count_all` are the pixels of the whole silhouette, without table, room and other objects, on a canvas that reaches
+/// one image size beyond every edge. Of these `px_count_in_frame` lie in the image, `px_count_valid` have a depth there, and
+/// `px_count_visib` show the object. `visib_fract` is `px_count_visib / px_count_all`, and `outside_fract` the share of
+/// the silhouette beyond the image; `truncated` says whether there is any. `silhouette_box` is the box of the whole
+/// silhouette: x, y, width and height in pixels from the image's top-left corner, so that x and y may be negative.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Visibility {}
+
+impl Config for Visibility {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "visibility";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Visibility {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK, DEPTH, COVERAGE, COVERAGE.on_canvas(CANVAS)]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![VISIBILITY]
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let (image, canvas) = (products.get(COVERAGE)?, products.get(COVERAGE.on_canvas(CANVAS))?);
+        let depth = products.get(DEPTH)?;
+        let valid = count_valid(image, depth);
+        let (inside, whole) = (extents(image), extents(canvas));
+        let k = &cx.view.camera.intrinsics;
+        let visible = products.get(VISIBLE_MASK)?;
+        let of = |id: InstanceId| -> Result<Value> {
+            let object = usize::from(id.0) - 1;
+            let (Some(all), Some(in_frame)) = (whole.get(object), inside.get(object)) else {
+                return Err(Error::new(format!("instance {id} is not in the coverage plane")).permanent());
+            };
+            let [x, y, width, height] = all.bounds();
+            let visib = visible.get(id).map_or(0, |mask| u64::from(mask.area()));
+            let share = |part: u64| if all.area == 0 { 0.0 } else { part as f64 / all.area as f64 };
+            Value::of(&Record {
+                px_count_all: all.area,
+                px_count_in_frame: in_frame.area,
+                px_count_valid: valid[object],
+                px_count_visib: visib,
+                visib_fract: share(visib),
+                outside_fract: share(all.area - in_frame.area),
+                truncated: all.area > in_frame.area,
+                silhouette_box: [x as i32 - k.width as i32, y as i32 - k.height as i32, width as i32, height as i32],
+            })
+        };
+        let annotated = products.get(AMODAL_MASK)?.iter().map(|(id, _)| Ok((id, of(id)?)));
+        let visibility = annotated.collect::<Result<_>>()?;
+        products.put(VISIBILITY, visibility)
+    }
+}
+
+/// For each object, the number of its pixels in the image at which there is a depth.
+fn count_valid(image: &syntable_model::product::BitPlane, depth: &syntable_model::product::Plane<f32>) -> Vec<u64> {
+    let missing = |depth: f32| !(depth.is_finite() && depth > 0.0);
+    let mut counts: Vec<u64> = extents(image).iter().map(|extent| extent.area).collect();
+    for (set, _) in image.data().chunks_exact(image.words()).zip(depth.data()).filter(|(_, depth)| missing(**depth)) {
+        for (word, &bits) in set.iter().enumerate() {
+            let mut bits = bits;
+            while bits != 0 {
+                counts[word * 64 + bits.trailing_zeros() as usize] -= 1;
+                bits &= bits - 1;
+            }
+        }
+    }
+    counts
+}
+
+/// An entry of the product `visibility`.
+#[derive(Serialize)]
+struct Record {
+    px_count_all: u64,
+    px_count_in_frame: u64,
+    px_count_valid: u64,
+    px_count_visib: u64,
+    visib_fract: f64,
+    outside_fract: f64,
+    truncated: bool,
+    silhouette_box: [i32; 4],
+}
+
+register!(Visibility);

@@ -1,0 +1,68 @@
+//! The labels that all formats share.
+
+use syntable_model::prelude::*;
+use syntable_model::product::BBox;
+use syntable_model::product::standard::{
+    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
+};
+
+/// The products that [`labels`] reads.
+pub fn inputs() -> Vec<Input> {
+    vec![
+        Input::of(VISIBLE_MASK),
+        Input::of(AMODAL_MASK),
+        Input::of(OCCLUSION_MASK),
+        Input::of(OCCLUSION_RATE),
+        Input::of(VISIBLE_BOX),
+        Input::of(AMODAL_BOX),
+        Input::of(CATEGORY_ID),
+    ]
+}
+
+/// The labels of one object in a view.
+#[derive(Debug, Clone, Copy)]
+pub struct Label<'a> {
+    /// Its id in the scene.
+    pub id: InstanceId,
+    /// Pixels at which it is the first body.
+    pub visible: &'a Mask,
+    /// Pixels that it would cover without the other objects.
+    pub amodal: &'a Mask,
+    /// Amodal minus visible.
+    pub occlusion: &'a Mask,
+    /// Hidden share of the amodal area, in [0, 1].
+    pub rate: f64,
+    /// Box of the visible mask; zeros if that is empty.
+    pub visible_box: BBox,
+    /// Box of the amodal mask.
+    pub amodal_box: BBox,
+    /// Id of its category.
+    pub category: u32,
+}
+
+/// The labels of all annotated objects of a view, by id.
+pub fn labels(products: &Products) -> Result<Vec<Label<'_>>> {
+    let amodal = products.get(AMODAL_MASK)?;
+    let label = |(id, amodal)| {
+        Ok(Label {
+            id,
+            visible: of(products.get(VISIBLE_MASK)?, id, VISIBLE_MASK.name())?,
+            amodal,
+            occlusion: of(products.get(OCCLUSION_MASK)?, id, OCCLUSION_MASK.name())?,
+            rate: *of(products.get(OCCLUSION_RATE)?, id, OCCLUSION_RATE.name())?,
+            visible_box: *of(products.get(VISIBLE_BOX)?, id, VISIBLE_BOX.name())?,
+            amodal_box: *of(products.get(AMODAL_BOX)?, id, AMODAL_BOX.name())?,
+            category: *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?,
+        })
+    };
+    amodal.iter().map(label).collect()
+}
+
+/// What a product has of an object.
+pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Result<&'a T> {
+    product.get(id).ok_or_else(|| {
+        Error::new(format!("instance {id} is in `amodal_mask` but not in `{name}`"))
+            .help("all label products must come from one annotator, or from annotators that agree")
+            .permanent()
+    })
+}
