@@ -8,6 +8,8 @@
 //! | [`dataset`] | a whole annotation file: reading, and writing record by record |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
+//! | [`decode`] | the same, read back |
+//! | [`read`] | what readers of all formats share |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
 //! `[x, y, width, height]` in pixels, with `width = last column - first column + 1`.
@@ -21,8 +23,10 @@
 
 pub mod coco;
 pub mod dataset;
+pub mod decode;
 pub mod encode;
 mod polygon;
+pub mod read;
 pub mod segmentation;
 pub mod shard;
 pub mod syntable;

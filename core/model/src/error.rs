@@ -42,6 +42,9 @@ enum Cause {
         /// Whether the same attempt may succeed on a device that is opened anew.
         is_passing: bool,
     },
+    /// Labels contradict each other: a stage is wrong, and nothing of the scene is written. No attempt with other random
+    /// numbers may hide it.
+    Contradiction,
 }
 
 /// A place inside a file.
@@ -82,6 +85,16 @@ impl Error {
     /// Work that exceeds a limit of a device: the scene fails at once.
     pub fn exceeds_device(message: impl Into<String>) -> Self {
         Self { cause: Cause::Device { is_passing: false }, ..Self::new(message) }
+    }
+
+    /// Labels of a view that contradict each other.
+    pub fn contradiction(message: impl Into<String>) -> Self {
+        Self { cause: Cause::Contradiction, ..Self::new(message) }
+    }
+
+    /// Whether labels contradict each other.
+    pub fn is_contradiction(&self) -> bool {
+        self.cause == Cause::Contradiction
     }
 
     /// Whether a device failed or is too small, rather than the content.

@@ -72,6 +72,7 @@
 //! ([`registry`]); files, inheritance and diagnostics are the runtime's. Randomness is handed in; no stage has a clock.
 //! Everything that reaches a file is ordered by id, never by hash or thread.
 
+pub mod check;
 pub mod color;
 pub mod context;
 pub mod digest;
@@ -86,6 +87,7 @@ pub mod photometry;
 pub mod pools;
 pub mod product;
 pub mod random;
+pub mod reader;
 pub mod registry;
 pub mod scene;
 pub mod stage;

@@ -8,6 +8,7 @@ pub mod pools;
 mod ready;
 pub mod recipe;
 pub mod run;
+pub mod validate;
 pub mod workers;
 
 pub use clap;

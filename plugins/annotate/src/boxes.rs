@@ -27,6 +27,10 @@ impl Annotator for Boxes {
         keys![VISIBLE_BOX, AMODAL_BOX]
     }
 
+    fn is_of_products(&self) -> bool {
+        true
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         let visible = products.get(VISIBLE_MASK)?.map(|_, mask| mask.bbox());
         let amodal = products.get(AMODAL_MASK)?.map(|_, mask| mask.bbox());

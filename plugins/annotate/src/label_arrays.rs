@@ -1,11 +1,10 @@
 //! Labels as arrays that a training loop reads without decoding.
 
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{AMODAL_BITS, AMODAL_MASK, CATEGORY_ID, VISIBLE_IDS, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_BITS, AMODAL_MASK, VISIBLE_IDS, VISIBLE_MASK};
 use syntable_model::product::{DType, Tensor};
 
-/// Visible masks as one plane of ids, amodal masks as bits, and the category of every object: what a training loop reads
-/// with the `npz` writer.
+/// Visible masks as one plane of ids and amodal masks as bits: what a training loop reads with the `npz` writer.
 ///
 /// `visible_ids` is `[height, width]`, the id of the annotated object that a pixel shows, else 0. `amodal_bits` is
 /// `[N, height, ⌈width/8⌉]` for N annotated objects in id order, eight pixels of a row per byte, the leftmost in the
@@ -29,7 +28,11 @@ impl Annotator for LabelArrays {
     }
 
     fn provides(&self) -> Vec<KeyId> {
-        keys![VISIBLE_IDS, AMODAL_BITS, CATEGORY_ID]
+        keys![VISIBLE_IDS, AMODAL_BITS]
+    }
+
+    fn is_of_products(&self) -> bool {
+        true
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
@@ -46,13 +49,8 @@ impl Annotator for LabelArrays {
                 .for_each(|pixel| plane[pixel / width * bytes + pixel % width / 8] |= 0x80 >> (pixel % width % 8));
         }
         let bits = Tensor::new(DType::U8, &["instance", "y", "byte"], vec![amodal.0.len(), height, bytes], bits);
-        let category = |id: InstanceId| {
-            cx.scene.body(id).map_or(DatasetInfo::OBJECT.0, |body| cx.dataset.category_id(&body.object.category))
-        };
-        let categories = amodal.map(|id, _| category(id));
         products.put(VISIBLE_IDS, ids)?;
-        products.put(AMODAL_BITS, Value::Tensor(bits))?;
-        products.put(CATEGORY_ID, categories)
+        products.put(AMODAL_BITS, Value::Tensor(bits))
     }
 }
 

@@ -8,29 +8,48 @@
 //! | [`rotated_boxes`] | rotated boxes of both |
 //! | [`outlines`] | polygons around both |
 //! | [`cuboids`] | boxes in space, and their projections |
-//! | [`label_arrays`] | visible ids, amodal bits and categories, for training loops |
+//! | [`label_arrays`] | visible ids and amodal bits, for training loops |
+//! | [`identity`] | names of assets, ids of categories |
 //! | [`object_info`] | asset, category, mass and poses of every object |
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
 //! | [`settle_report`] | result of the physics simulation |
 //! | [`bodies`] | what the ids of the scene stand for |
+//! | [`depth_relations`] | who hides how many pixels of whom, and objects from front to back |
+//! | [`amodal_depth`] | depth of every object, hidden parts included |
+//! | [`object_coordinates`] | normalized object coordinates, of what is seen and of what is hidden |
+//! | [`occlusion_boundary`] | edges where a body ends before another, and which side is in front |
+//! | [`distance`] | distance from the camera |
+//! | [`scene_masks`] | table, background, categories |
+//! | [`seen_in_views`] | in which views of the scene an object is seen |
 //! | [`visibility`] | how much of every object the image shows, and what lies beyond its edges |
+//!
+//! [`checks`] says what must hold among their products.
 //!
 //! **Invariants.** An annotator is a pure function of the site and of the products that it declares to read. All label
 //! products of a view cover the same instances: those that [`masks`] annotates.
 
+pub mod amodal_depth;
 pub mod bodies;
 pub mod boxes;
 pub mod camera;
+pub mod checks;
 pub mod cuboids;
+pub mod depth_relations;
+pub mod distance;
 mod extent;
+pub mod identity;
 pub mod label_arrays;
 pub mod lights;
 pub mod masks;
 mod matrix;
+pub mod object_coordinates;
 pub mod object_info;
+pub mod occlusion_boundary;
 pub mod occlusion_graph;
 pub mod outlines;
 pub mod rotated_boxes;
+pub mod scene_masks;
+pub mod seen_in_views;
 pub mod settle_report;
 pub mod visibility;

@@ -6,7 +6,8 @@ use syntable_model::product::standard::{AMODAL_MASK, OBJECT_INFO};
 use syntable_model::scene::{Body, MassDistribution, MassOrigin};
 
 /// Asset, category, mass and poses of every object. Poses are 4 × 4 matrices, row by row, of the object frame in meters;
-/// the camera frame is x right, y down, z forward.
+/// the camera frame is x right, y down, z forward. `bounds_m` are the lowest and the highest corner of the object's box in
+/// the object frame, m.
 ///
 /// The mass is the one that was simulated. `mass_origin` says whether it is `known` of the object, `estimated` from its
 /// volume, or `assigned` by the settler. The center of mass (m) and the inertia tensor about it (kg m²) are in the object
@@ -82,6 +83,7 @@ struct ObjectView<'a> {
     name: &'a str,
     category: &'a str,
     spawn: u32,
+    bounds_m: [[f64; 3]; 2],
     mass_kg: f64,
     mass_origin: MassOrigin,
     mass_distribution: MassDistribution,
@@ -103,6 +105,7 @@ impl<'a> ObjectView<'a> {
             name: &body.asset.name,
             category: &object.category,
             spawn: body.spawn,
+            bounds_m: [object.mesh.bounds().min, object.mesh.bounds().max].map(Into::into),
             mass_kg: mass.kg,
             mass_origin: mass.origin,
             mass_distribution: mass.distribution,

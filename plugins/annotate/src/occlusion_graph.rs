@@ -34,6 +34,10 @@ impl Annotator for OcclusionGraph {
         keys![OCCLUSION_GRAPH, OCCLUSION_LAYER]
     }
 
+    fn is_of_products(&self) -> bool {
+        true
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         let order = products.get(OCCLUSION_ORDER)?;
         let graph = Graph::new(order);

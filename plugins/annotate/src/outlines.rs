@@ -43,6 +43,10 @@ impl Annotator for Outlines {
         keys![VISIBLE_OUTLINE, AMODAL_OUTLINE]
     }
 
+    fn is_of_products(&self) -> bool {
+        true
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         for (mask, outline) in [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)] {
             let masks = products.get(mask)?;

@@ -33,6 +33,10 @@ impl Annotator for RotatedBoxes {
         keys![VISIBLE_ROTATED_BOX, AMODAL_ROTATED_BOX]
     }
 
+    fn is_of_products(&self) -> bool {
+        true
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         for (mask, rotated) in [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)] {
             let masks = products.get(mask)?;

@@ -268,6 +268,7 @@ fn label_arrays_are_those_of_the_rays() {
         (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = (19, 14);
         world.dataset.classes = classes.iter().map(|&class| class.to_owned()).collect();
         annotator("label_arrays", "").annotate(&world.of_view(), &mut products).expect("arrays");
+        annotator("identity", "").annotate(&world.of_view(), &mut products).expect("categories");
         let truth = truth(&rays, false, false, min_visible, 1.0);
         let annotated: Vec<u16> = truth.amodal.keys().copied().collect();
         assert_eq!(objects > 1, !annotated.is_empty());

@@ -7,7 +7,7 @@ use serde_json::json;
 use syntable_model::geometry::Vector3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::product::{RenderParameters, Scope};
+use syntable_model::product::{ObjectDepths, RenderParameters, Scope};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
@@ -31,18 +31,27 @@ fn every_kind_conforms() {
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
     let all = [
+        "amodal_depth",
         "bodies",
         "boxes",
         "camera",
         "cuboids",
+        "depth_relations",
+        "distance",
+        "identity",
         "label_arrays",
         "lights",
         "masks",
+        "object_coordinates",
         "object_info",
+        "occlusion_boundary",
         "occlusion_graph",
         "outlines",
         "rotated_boxes",
+        "scene_masks",
+        "seen_in_views",
         "settle_report",
+        "visibility",
     ];
     assert_eq!(kinds, all);
     let world = World::new(2);
@@ -52,6 +61,8 @@ fn every_kind_conforms() {
     rendered.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
     let canvas = COVERAGE.on_canvas(3);
     rendered.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
+    rendered.put(DEPTH, rays.instance().map(|_| 1.0)).expect("first");
+    rendered.put(OBJECT_DEPTHS, ObjectDepths::from_hits(8, 6, Vec::new())).expect("first");
     let mut labeled = rendered.clone();
     run(&world, "masks", "", &mut labeled);
     for entry in registry.entries() {
@@ -324,4 +335,144 @@ fn records_keep_their_fields_and_their_order() {
             "asset pool name category spawn mass_kg mass_origin mass_distribution center_of_mass_m inertia_kg_m2 license digest world_from_object camera_from_object"
         ]
     );
+}
+
+#[test]
+fn visibility_counts_the_rays_of_the_canvas() {
+    let world = World::new(2);
+    // Object 1 reaches beyond the left edge, object 2 is hidden by it in part; the table covers nothing.
+    let cover = |x: i32, y: i32| match (x, y) {
+        (-3..=1, 1..=2) => vec![1],
+        (2..=3, 1..=2) => vec![1, 2],
+        (4..=5, 1..=2) => vec![2],
+        _ => vec![],
+    };
+    let rays = Rays::new([8, 6], [8, 6], 2, cover);
+    let mut products = Products::new();
+    products.put(INSTANCE, rays.instance()).expect("first");
+    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    let canvas = COVERAGE.on_canvas(3);
+    products.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
+    // One pixel of object 1 has no depth.
+    let mut depth = rays.instance().map(|id| if id.0 == 0 { f32::INFINITY } else { 1.0 });
+    depth.data_mut()[8] = 0.0;
+    products.put(DEPTH, depth).expect("first");
+    run(&world, "masks", "", &mut products);
+    let mut world = world;
+    (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = (8, 6);
+    run(&world, "visibility", "", &mut products);
+    let expected = json!({
+        "1": { "px_count_all": 14, "px_count_in_frame": 8, "px_count_valid": 7, "px_count_visib": 8, "visib_fract": 8.0 / 14.0,
+               "outside_fract": 6.0 / 14.0, "truncated": true, "silhouette_box": [-3, 1, 7, 2] },
+        "2": { "px_count_all": 8, "px_count_in_frame": 8, "px_count_valid": 8, "px_count_visib": 4, "visib_fract": 0.5,
+               "outside_fract": 0.0, "truncated": false, "silhouette_box": [2, 1, 4, 2] },
+    });
+    assert_eq!(json(&products, "visibility"), expected);
+}
+
+/// A view of an image of this size, with all that annotators read of its rays; body `i` is `i` meters away.
+fn rendered(rays: &Rays, size: [u32; 2], objects: u16) -> (World, Products) {
+    let mut world = World::new(usize::from(objects));
+    (world.view.camera.intrinsics.width, world.view.camera.intrinsics.height) = (size[0], size[1]);
+    let mut products = Products::new();
+    products.put(INSTANCE, rays.instance()).expect("first");
+    products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+    let depth = |x: u32, y: u32| rays.at(x as i32, y as i32).first().map_or(f32::INFINITY, |&id| f32::from(id));
+    products.put(DEPTH, Plane::from_fn(size[0], size[1], depth)).expect("first");
+    let mut hits = Vec::new();
+    for (x, y) in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))) {
+        let on_ray = rays.at(x as i32, y as i32);
+        let objects = on_ray.iter().enumerate().filter(|(_, id)| **id <= objects);
+        hits.extend(objects.map(|(place, &id)| (y * size[0] + x, InstanceId(id), 1.0 + place as f32)));
+    }
+    products.put(OBJECT_DEPTHS, ObjectDepths::from_hits(size[0], size[1], hits)).expect("first");
+    run(&world, "masks", "min_visible_px = 0", &mut products);
+    (world, products)
+}
+
+/// Against counting pixel by pixel.
+#[test]
+fn areas_of_occlusion_are_those_of_the_rays() {
+    for (objects, seed) in [(2, 1), (9, 2), (70, 3)] {
+        let rays = Rays::random([24, 17], objects, seed);
+        let (world, mut products) = rendered(&rays, [24, 17], objects as u16);
+        run(&world, "depth_relations", "", &mut products);
+        let areas = json(&products, "occlusion_areas");
+        let ids: Vec<u16> = serde_json::from_value(areas["ids"].clone()).expect("ids");
+        let mut expected = [(); 3].map(|()| vec![vec![0_u32; ids.len()]; ids.len()]);
+        for (x, y) in (0..17).flat_map(|y| (0..24).map(move |x| (x, y))) {
+            let on_ray: Vec<u16> = rays.at(x, y).iter().copied().filter(|&id| usize::from(id) <= objects).collect();
+            let first = rays.at(x, y).first();
+            for (i, front) in on_ray.iter().enumerate() {
+                for (j, hidden) in on_ray.iter().enumerate().skip(i + 1) {
+                    let [Ok(row), Ok(column)] = [front, hidden].map(|id| ids.binary_search(id)) else { continue };
+                    expected[0][row][column] += u32::from(first == Some(front));
+                    expected[1][row][column] += u32::from(j == i + 1);
+                    expected[2][row][column] += 1;
+                }
+            }
+        }
+        for (name, expected) in ["seen", "direct", "all"].into_iter().zip(&expected) {
+            assert_eq!(areas[name], json!(expected), "{name} of {objects}");
+        }
+        // The order says who is seen before whom.
+        let order = products.get(OCCLUSION_ORDER).expect("made");
+        for (row, column) in (0..ids.len()).flat_map(|row| (0..ids.len()).map(move |column| (row, column))) {
+            assert_eq!(order.occludes(row, column), expected[0][row][column] > 0, "{row} {column}");
+        }
+        let depths = json(&products, "depth_order");
+        let medians: Vec<f64> = serde_json::from_value(depths["median_depth_m"].clone()).expect("numbers");
+        assert!(medians.is_sorted() && medians.len() == ids.len());
+    }
+}
+
+#[test]
+fn edges_say_who_is_in_front() {
+    // Body 1 before body 2, and the table, 3, before nothing: rows of three columns each.
+    let rays = Rays::new([6, 2], [0, 0], 2, |x, _| {
+        if x < 2 {
+            vec![1, 2]
+        } else if x < 4 {
+            vec![2]
+        } else {
+            vec![]
+        }
+    });
+    let (world, mut products) = rendered(&rays, [6, 2], 2);
+    run(&world, "occlusion_boundary", "", &mut products);
+    assert_eq!(products.get(OCCLUSION_BOUNDARY).expect("made").data()[..6], [0, 1, 2, 1, 2, 0]);
+}
+
+#[test]
+fn depth_of_hidden_parts_is_that_of_the_object_alone() {
+    let rays = Rays::new([4, 1], [0, 0], 2, |x, _| [vec![1], vec![1, 2], vec![2], vec![]][x as usize].clone());
+    let (mut world, mut products) = rendered(&rays, [4, 1], 2);
+    let k = &mut world.view.camera.intrinsics;
+    (k.fx, k.fy, k.cx, k.cy) = (1.0, 1.0, 0.5, 0.5);
+    for kind in ["amodal_depth", "object_coordinates", "distance", "identity", "scene_masks"] {
+        run(&world, kind, "", &mut products);
+    }
+    let depths = products.get(AMODAL_DEPTH).expect("made");
+    let of = |id: u16| depths.get(InstanceId(id)).expect("annotated").data().to_vec();
+    assert_eq!(of(1), [1.0, 1.0, f32::INFINITY, f32::INFINITY]);
+    assert_eq!(of(2), [f32::INFINITY, 2.0, 1.0, f32::INFINITY]);
+    // The ray through the third pixel has the slope 2.
+    let distance = products.get(DISTANCE).expect("made").data().to_vec();
+    assert!((f64::from(distance[0]) - 1.0).abs() < 1e-6 && (f64::from(distance[2]) - 2.0 * 5_f64.sqrt()).abs() < 1e-6);
+    assert_eq!(distance[3], f32::INFINITY);
+    // A point of an object is where its pose puts it.
+    let coordinates = products.get(AMODAL_OBJECT_COORDINATES).expect("made").get(InstanceId(2)).expect("annotated");
+    let body = world.scene.body(InstanceId(2)).expect("there");
+    let point = world.view.camera.world_from_camera * syntable_model::geometry::Point3::new(2.0, 0.0, 2.0);
+    let bounds = body.object.mesh.bounds();
+    let place = (body.world_from_body.inverse() * point - bounds.center()) / bounds.size().norm();
+    for axis in 0..3 {
+        let expected = (place[axis] + 0.5).clamp(0.0, 1.0);
+        assert!((f64::from(coordinates.at(1, 0)[axis]) - expected).abs() < 1e-5);
+    }
+    assert_eq!(*coordinates.at(0, 0), [0.0; 3]);
+    assert_eq!(*products.get(OBJECT_COORDINATES).expect("made").at(3, 0), [0.0; 3]);
+    let count = |key: Key<Mask>| products.get(key).expect("made").area();
+    assert_eq!((count(BACKGROUND_MASK), count(TABLETOP_MASK)), (1, 0));
+    assert_eq!(products.get(CATEGORY_MAP).expect("made").data(), [1, 1, 1, 0]);
 }

@@ -6,8 +6,8 @@ use crate::world::{Caches, World};
 use std::sync::Arc;
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
-use syntable_model::product::BitPlane;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS};
+use syntable_model::product::{BitPlane, ObjectDepths};
 use syntable_model::stage::{Bodies, Window};
 use syntable_simd::Processor;
 use syntable_transport::film::{Film, Statistics};
@@ -68,7 +68,7 @@ impl CpuPathRenderer {
 
 impl Renderer for CpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, NORMAL, ALBEDO];
+        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, OBJECT_DEPTHS, NORMAL, ALBEDO];
         keys.extend(Film::offers());
         keys
     }
@@ -114,6 +114,7 @@ impl CpuPathSession {
             albedo: color(ALBEDO),
             coverage: bits(COVERAGE),
             coverage_before_support: bits(COVERAGE.before_support()),
+            object_depths: wants(OBJECT_DEPTHS.id()).then(Vec::new),
         };
         let traces = Film::offers().into_iter().any(wants);
         // Surfaces that show the environment have its color.
@@ -127,7 +128,7 @@ impl CpuPathSession {
             let caster = LabelCaster::new(world, &camera, window, blended, lights.projection.as_ref());
             caster.cast(&mut labels, request.workers);
         }
-        labels.put(frame)?;
+        labels.put(request.window, frame)?;
         match traces {
             true => self.trace(world, &lights, request, &camera, frame),
             false => Ok(Statistics::default()),
@@ -179,9 +180,10 @@ impl Labels {
             || self.albedo.is_some()
             || self.coverage.is_some()
             || self.coverage_before_support.is_some()
+            || self.object_depths.is_some()
     }
 
-    fn put(self, frame: &mut Products) -> Result<()> {
+    fn put(self, window: Window, frame: &mut Products) -> Result<()> {
         fn one<T: syntable_model::product::Product>(frame: &mut Products, key: Key<T>, plane: Option<T>) -> Result<()> {
             plane.map_or(Ok(()), |plane| frame.put(key, plane))
         }
@@ -190,7 +192,9 @@ impl Labels {
         one(frame, NORMAL, self.normal)?;
         one(frame, ALBEDO, self.albedo)?;
         one(frame, COVERAGE, self.coverage)?;
-        one(frame, COVERAGE.before_support(), self.coverage_before_support)
+        one(frame, COVERAGE.before_support(), self.coverage_before_support)?;
+        let depths = self.object_depths.map(|hits| ObjectDepths::from_hits(window.width, window.height, hits));
+        one(frame, OBJECT_DEPTHS, depths)
     }
 }
 

@@ -29,6 +29,8 @@ pub(crate) struct Labels {
     pub albedo: Option<Plane<[f32; 3]>>,
     pub coverage: Option<BitPlane>,
     pub coverage_before_support: Option<BitPlane>,
+    /// Hits in objects, as `ObjectDepths` is made of.
+    pub object_depths: Option<Vec<(u32, InstanceId, f32)>>,
 }
 
 /// Hits of one pixel's ray.
@@ -179,6 +181,9 @@ impl<'a> LabelCaster<'a> {
             }
             let pixel = &tile.pixels[number as usize];
             let (column, row) = self.place(pixel);
+            if let Some(hits) = &mut labels.object_depths {
+                hits.push((row * self.window.width + column, instance_id(hit.instance), hit.t));
+            }
             if let Some(plane) = &mut labels.coverage {
                 plane.insert(column, row, instance_id(hit.instance));
             }

@@ -38,7 +38,7 @@ struct Layout<'a> {
 
 impl<'a> Layout<'a> {
     /// The frame of a request; `set` is the number of words of a pixel's set of objects.
-    fn new(request: &RenderRequest<'a>, samples: u32, set: usize) -> Self {
+    fn new(request: &RenderRequest<'a>, samples: u32, [set, objects]: [usize; 2]) -> Self {
         let (window, pixels, wants) = (request.window, request.window.pixels(), request.wants);
         let guided = guided_of(request.denoiser);
         let light = guided.is_some() || Film::offers().into_iter().any(|key| wants.contains(&key));
@@ -47,7 +47,7 @@ impl<'a> Layout<'a> {
         if guided.is_some() {
             of_labels.extend([DEPTH.id(), INSTANCE.id()]);
         }
-        let labels = LabelSections::new(&of_labels, pixels, set);
+        let labels = LabelSections::new(&of_labels, pixels, set, objects);
         let sums_at = labels.end + if guided.is_some() { 3 * pixels } else { 0 };
         let sums = if light { SUMS[usize::from(guides)] * pixels } else { 0 };
         Self { wants, window, pixels, samples, guided, light, guides, labels, sums_at, sums }
@@ -158,7 +158,8 @@ impl GpuSession {
         views: [View; 2],
         frame: &mut Products,
     ) -> Result<Statistics> {
-        let layout = Layout::new(request, self.options.settings().samples, views[0].words as usize);
+        let layout =
+            Layout::new(request, self.options.settings().samples, [views[0].words as usize, world.scene.objects]);
         if layout.is_empty() {
             return Ok(Statistics::default());
         }

@@ -8,7 +8,7 @@ use parking_lot::Mutex;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS};
 use syntable_model::stage::RenderDevice;
 use syntable_transport::film::Film;
 use syntable_transport::{PathTracing, path_tracing_kind};
@@ -80,7 +80,7 @@ impl GpuPathRenderer {
 
 impl Renderer for GpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, NORMAL, ALBEDO];
+        let mut keys = keys![DEPTH, INSTANCE, COVERAGE, OBJECT_DEPTHS, NORMAL, ALBEDO];
         keys.extend(Film::offers());
         keys
     }

@@ -4,10 +4,11 @@ use crate::tables::NONE;
 use crate::view::View;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
-    ALBEDO, COVERAGE, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, RADIANCE, RADIANCE_DEMODULATED,
-    RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE,
+    ALBEDO, COVERAGE, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE,
+    RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE,
+    RADIANCE_VARIANCE,
 };
-use syntable_model::product::{BitPlane, Key, KeyId, Plane, Products};
+use syntable_model::product::{BitPlane, Key, KeyId, ObjectDepths, Plane, Products};
 use syntable_model::scene::InstanceId;
 use syntable_model::stage::Window;
 use syntable_prepare::labels::instance_id;
@@ -62,15 +63,17 @@ pub struct LabelSections {
     pub albedo: u32,
     pub coverage: u32,
     pub before: u32,
-    /// Words of a pixel's set of objects.
+    pub object_depths: u32,
+    /// Words of a pixel's set of objects, and number of objects.
     set: usize,
+    objects: usize,
     /// Words of all sections.
     pub end: u64,
 }
 
 impl LabelSections {
-    /// Sections of the wanted labels of an image; `set` is the number of words of a pixel's set of objects.
-    pub fn new(wants: &[KeyId], pixels: u64, set: usize) -> Self {
+    /// Sections of the wanted labels of an image; `set` is the number of words of a pixel's set of `objects`.
+    pub fn new(wants: &[KeyId], pixels: u64, set: usize, objects: usize) -> Self {
         let mut end = 0;
         let mut section = |key: KeyId, words: usize| match wants.contains(&key) {
             true => {
@@ -88,7 +91,9 @@ impl LabelSections {
             instance: section(INSTANCE.id(), 1),
             normal: section(NORMAL.id(), 3),
             albedo: section(ALBEDO.id(), 3),
+            object_depths: section(OBJECT_DEPTHS.id(), objects),
             set,
+            objects,
             end,
         }
     }
@@ -102,6 +107,7 @@ impl LabelSections {
             instance_at: self.instance,
             normal_at: self.normal,
             albedo_at: self.albedo,
+            object_depths_at: self.object_depths,
             ..view
         }
     }
@@ -139,6 +145,14 @@ impl LabelSections {
             // Numbers count from 0, and the background is beyond the last.
             let id = |&word: &u32| if word == 0 { InstanceId::BACKGROUND } else { instance_id(word - 1) };
             frame.put(INSTANCE, Plane::from_vec(width, height, words.iter().map(id).collect()))?;
+        }
+        if let Some(words) = section(OBJECT_DEPTHS.id(), self.object_depths, self.objects) {
+            let mut hits = Vec::new();
+            for (pixel, depths) in (0..).zip(words.chunks_exact(self.objects.max(1))) {
+                let of = |(object, &word): (u32, &u32)| (pixel, instance_id(object), finite_or_infinite(word));
+                hits.extend((0..).zip(depths).map(of).filter(|(.., depth)| depth.is_finite()));
+            }
+            frame.put(OBJECT_DEPTHS, ObjectDepths::from_hits(width, height, hits))?;
         }
         for (key, start) in [(NORMAL, self.normal), (ALBEDO, self.albedo)] {
             if let Some(words) = section(key.id(), start, 3) {

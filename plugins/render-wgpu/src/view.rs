@@ -74,7 +74,8 @@ pub struct View {
     pub coverage_at: u32,
     pub before_at: u32,
     pub sums_at: u32,
-    pub unused: [u32; 2],
+    pub object_depths_at: u32,
+    pub unused: u32,
 }
 
 /// `Pass` in `scene.wgsl`.

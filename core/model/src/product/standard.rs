@@ -2,7 +2,7 @@
 //!
 //! Camera frame: x right, y down, z forward. Images have row 0 at the top; pixel centers are at half-integers.
 
-use super::{BBox, BitPlane, DType, Form, Mask, OcclusionOrder, PerInstance, Plane, Semantic, Value};
+use super::{BBox, BitPlane, DType, Form, Mask, ObjectDepths, OcclusionOrder, PerInstance, Plane, Semantic, Value};
 use crate::products;
 use crate::scene::InstanceId;
 
@@ -23,6 +23,10 @@ products! {
     /// `coverage (before support)` has those in front of the first support or room part alone, `coverage (canvas 3)` shows a
     /// canvas three times as wide and high with the image in its center.
     pub const COVERAGE: Key<BitPlane> = view("coverage");
+
+    /// Objects on the ray through the pixel center at any depth, from front to back, each with the depth of its first
+    /// surface along the optical axis. The objects are those of [`COVERAGE`].
+    pub const OBJECT_DEPTHS: Key<ObjectDepths> = view("object_depths").unit("m");
 
     /// Unit shading normal at the pixel center, camera frame. Zero where there is no surface.
     pub const NORMAL: Key<Plane<[f32; 3]>> = view("normal").semantic(Semantic::Normal);
@@ -147,6 +151,43 @@ products! {
     /// shares, and the silhouette's box.
     pub const VISIBILITY: Key<PerInstance<Value>> = view("visibility").form(|| Form::PerInstance(Box::new(Form::Record)));
 
+    /// How much objects hide of each other: `ids`, and matrices of pixels whose row is the object in front and whose column the
+    /// hidden one: `seen`, `direct` and `all`.
+    pub const OCCLUSION_AREAS: Key<Value> = view("occlusion_areas").unit("px").form(|| Form::Record);
+
+    /// The annotated objects from front to back by the median depth of their amodal area, with that depth in meters.
+    pub const DEPTH_ORDER: Key<Value> = view("depth_order").form(|| Form::Record);
+
+    /// Depth of each annotated object's first surface along the optical axis, hidden parts included. Infinite outside of its
+    /// amodal mask.
+    pub const AMODAL_DEPTH: Key<PerInstance<Plane<f32>>> = view("amodal_depth").semantic(Semantic::Depth).unit("m");
+
+    /// Normalized object coordinates (NOCS) of what the image shows of annotated objects: (0.5, 0.5, 0.5) is the center of an
+    /// object's box, 1 the length of its diagonal, axes are those of the object. Zero elsewhere.
+    pub const OBJECT_COORDINATES: Key<Plane<[f32; 3]>> = view("object_coordinates");
+
+    /// Normalized object coordinates of each annotated object's first surface, hidden parts included. Zero outside of its
+    /// amodal mask.
+    pub const AMODAL_OBJECT_COORDINATES: Key<PerInstance<Plane<[f32; 3]>>> = view("amodal_object_coordinates");
+
+    /// Where one body ends before another: 1 on the pixel of the body in front, 2 on that of the body behind, 0 elsewhere.
+    pub const OCCLUSION_BOUNDARY: Key<Plane<u8>> = view("occlusion_boundary").semantic(Semantic::Label);
+
+    /// Distance from the center of the camera to the first surface at the pixel center. Infinite where there is none.
+    pub const DISTANCE: Key<Plane<f32>> = view("distance").semantic(Semantic::Depth).unit("m");
+
+    /// Pixels that show the table or what else objects are dropped on.
+    pub const TABLETOP_MASK: Key<Mask> = view("tabletop_mask").semantic(Semantic::Mask);
+
+    /// Pixels that show neither an object, nor a distractor, nor the table: the room, or nothing.
+    pub const BACKGROUND_MASK: Key<Mask> = view("background_mask").semantic(Semantic::Mask);
+
+    /// Category of the annotated object that a pixel shows, 0 where it shows none.
+    pub const CATEGORY_MAP: Key<Plane<u16>> = view("category_map").semantic(Semantic::Label);
+
+    /// For each object, the views of the scene that show it and how much of it they hide.
+    pub const SEEN_IN_VIEWS: Key<Value> = scene("seen_in_views").form(|| Form::Records);
+
     /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
 
@@ -157,6 +198,9 @@ products! {
     /// Id of the category of each annotated object in annotation files: 1 is `object`, the classes of pools follow in the
     /// order of their names.
     pub const CATEGORY_ID: Key<PerInstance<u32>> = view("category_id");
+
+    /// Name of the asset of each annotated object in its pool.
+    pub const OBJECT_NAME: Key<PerInstance<String>> = view("object_name");
 
     /// Asset, pool, category, spawn number, mass, license, digest, and poses in world and camera of each annotated object.
     pub const OBJECT_INFO: Key<PerInstance<Value>> = view("object_info").form(|| Form::PerInstance(Box::new(Form::Record)));

@@ -395,8 +395,28 @@ fn form_of<T: 'static>() -> Form {
         Form::Text
     } else if any_of!(BBox) {
         Form::Ints(4)
+    } else if any_of!(Plane<f32>) {
+        Plane::<f32>::form()
+    } else if any_of!(Plane<[f32; 3]>) {
+        Plane::<[f32; 3]>::form()
     } else {
         Form::Any
+    }
+}
+
+impl<P: Pixel> From<Plane<P>> for Value {
+    fn from(plane: Plane<P>) -> Self {
+        plane.encode()
+    }
+}
+
+impl Product for Mask {
+    fn encode(&self) -> Value {
+        Value::Mask(self.clone())
+    }
+
+    fn form() -> Form {
+        Form::Mask
     }
 }
 

@@ -1,11 +1,13 @@
 //! The command line. Only this module prints; everything below returns.
 
 mod check;
+mod convert;
 mod doctor;
 mod list;
 mod merge;
 mod new;
 mod run;
+mod validate;
 mod verb;
 mod verify;
 
@@ -39,7 +41,7 @@ Exit codes:
   0  done
   1  stopped; what was done is kept, the same command goes on from there
   2  the recipe, an option, the folder or an asset is not what it must be; the same command fails again
-  3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged
+  3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged. validate: labels are wrong
   130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there"
 )]
 struct Cli {
@@ -76,6 +78,16 @@ enum BuiltIn {
   syntable run recipe.toml --out part-1 --scenes 100..200     on another machine
   syntable merge data part-0 part-1")]
     Merge(merge::MergeArgs),
+    /// Check the labels of a dataset, of any format that can be read: masks, rates, boxes, order, depth, poses, files.
+    #[command(after_help = "Examples:
+  syntable validate data                      a table of checks; exit code 3 if something is wrong
+  syntable validate release --json            all that was found, for programs")]
+    Validate(validate::ValidateArgs),
+    /// Write a dataset in other formats.
+    #[command(after_help = "Examples:
+  syntable convert data --to coco --out coco
+  syntable convert data --to coco,npz --out both --set 'coco.masks=\"visible\"'")]
+    Convert(convert::ConvertArgs),
     /// Check recipes without running them, or look at one asset.
     #[command(after_help = "Examples:
   syntable check recipe.toml
@@ -249,6 +261,8 @@ impl Console {
             BuiltIn::Run(args) => run::run(self, registry, &args),
             BuiltIn::Verify(args) => verify::verify(self, &args),
             BuiltIn::Merge(args) => merge::merge(self, registry, &args),
+            BuiltIn::Validate(args) => validate::validate(self, &args),
+            BuiltIn::Convert(args) => convert::convert(self, registry, &args),
             BuiltIn::Check(args) => check::check(self, registry, &args),
             BuiltIn::Plan(args) => run::plan(self, registry, &args),
             BuiltIn::List(args) => list::list(self, registry, &args),
@@ -354,7 +368,20 @@ mod tests {
     #[test]
     fn every_verb_has_a_help_page() {
         let pages = help_pages();
-        for verb in ["run", "verify", "merge", "check", "plan", "list", "schema", "new", "doctor", "completions"] {
+        for verb in [
+            "run",
+            "verify",
+            "merge",
+            "validate",
+            "convert",
+            "check",
+            "plan",
+            "list",
+            "schema",
+            "new",
+            "doctor",
+            "completions",
+        ] {
             assert!(pages.iter().any(|(name, _)| name == &format!("syntable {verb}")), "{verb}");
         }
     }

@@ -11,6 +11,7 @@
 //! <dataset>/.syntable/shards/<writer>/    what `finish` merges, one file per scene
 //! <dataset>/.syntable/staging/3.part/     a scene in the making
 //! <dataset>/.syntable/staging/3.ready/    a scene whose files are being moved into place
+//! <dataset>/.syntable/quarantine/000003/  what was made of a scene whose labels contradict each other, and why
 //! <dataset>/.syntable/ahead/              the first scene of a dataset that shall take the place of this one
 //! <dataset>/.syntable/discard/            what belonged to a dataset that is being deleted
 //! ```
@@ -60,11 +61,13 @@ const FINISHED: &str = "finished.json";
 const SCENES: &str = "scenes";
 /// What the end of a run reads of the scenes.
 const SHARDS: &str = ".syntable/shards/";
+/// Name of the folder of scenes whose labels contradict each other.
+const QUARANTINE: &str = "quarantine";
 /// What is known of a staged scene, among files that no writer can write.
 const RECORD: &str = ".syntable/staged.json";
 /// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
 /// journal there is no dataset.
-fn state(root: &Path) -> [PathBuf; 8] {
+fn state(root: &Path) -> [PathBuf; 9] {
     [
         journal_path(root),
         root.join(RECIPE),
@@ -74,6 +77,7 @@ fn state(root: &Path) -> [PathBuf; 8] {
         root.join(SHARDS),
         catalogs_folder(root),
         staging_folder(root),
+        root.join(MARK).join(QUARANTINE),
     ]
 }
 
@@ -414,6 +418,20 @@ impl Folder {
     /// Drops a staged scene.
     pub fn abandon(&self, scene: u32) -> Result<()> {
         remove(&self.staging().join(format!("{scene}.part")))
+    }
+
+    /// Puts a staged scene aside, with what is wrong with it, and returns its folder.
+    pub fn quarantine(&self, scene: u32, faults: &str) -> Result<PathBuf> {
+        let (part, aside) = (
+            self.staging().join(format!("{scene}.part")),
+            self.root.join(MARK).join(QUARANTINE).join(format!("{scene:06}")),
+        );
+        remove(&aside)?;
+        create_parent(&aside)?;
+        fs::rename(&part, &aside).map_err(|error| Error::io(&aside, &error))?;
+        let path = aside.join("faults.txt");
+        fs::write(&path, faults).map_err(|error| Error::io(&path, &error))?;
+        Ok(aside)
     }
 
     /// Whose files these are, for those that a manifest lists.

@@ -16,6 +16,7 @@ use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
+use syntable_model::check;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
 
@@ -92,6 +93,7 @@ fn make_scenes(
     let odd = ToldOdd::default();
     // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
     let held = Mutex::new(Vec::new());
+    let checks = check::linked();
     let maker = scene::SceneMaker {
         recipe,
         assets,
@@ -101,6 +103,7 @@ fn make_scenes(
         reporter,
         folder,
         sessions: &sessions,
+        checks: &checks,
         stop: &options.stop,
     };
     let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {

@@ -11,10 +11,12 @@
 //! | `make`, `ahead`, `scene`, `sessions`, `queue`, `records`, `settled` | making scenes |
 //! | `end` | annotators of the dataset, and writers that finish |
 //! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
+//! | `convert` | writing datasets that were read in other formats |
 
 mod ahead;
 mod begin;
 mod change;
+mod convert;
 mod end;
 pub mod folder;
 mod inputs;
@@ -34,6 +36,7 @@ pub mod stop;
 mod todo;
 mod verify;
 
+pub use convert::{Converted, convert};
 pub(crate) use end::dataset_info;
 pub use merge::merge;
 pub use verify::{Verified, verify};

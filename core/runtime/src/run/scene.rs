@@ -23,6 +23,7 @@ use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use syntable_model::check::Check;
 use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Name, Products, RenderParameters, Scope};
@@ -45,6 +46,8 @@ pub struct SceneMaker<'a> {
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
     pub sessions: &'a Sessions<'a>,
+    /// What must hold in every view that is written.
+    pub checks: &'a [Check],
     pub stop: &'a Stop,
 }
 
@@ -85,7 +88,8 @@ impl<'a> SceneMaker<'a> {
     /// dataset has stays as it is if all attempts fail, and there is nothing to commit.
     ///
     /// A device that fails says nothing about the scene: no attempt with other random numbers follows. A new scene fails
-    /// with the error; one that the dataset has keeps its files, and the run stops.
+    /// with the error; one that the dataset has keeps its files, and the run stops. Labels that contradict each other say
+    /// that a stage is wrong: no other attempt hides it, and what was made is put aside.
     pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Option<Made>> {
         let (mut errors, mut first) = (Vec::new(), 0);
         let mut last = self.recipe.dataset.max_attempts.saturating_sub(1);
@@ -101,7 +105,12 @@ impl<'a> SceneMaker<'a> {
                         kept: todo::kept(&self.folder.manifest_of(present)?, present, &task.whole.plan),
                     }));
                 }
-                Tried::Failed(error) => errors.push(error.to_string()),
+                Tried::Failed(error) => {
+                    errors.push(error.to_string());
+                    if error.is_contradiction() {
+                        return Ok(None);
+                    }
+                }
             }
             first += 1;
         }
@@ -117,7 +126,7 @@ impl<'a> SceneMaker<'a> {
                 }
                 Tried::Failed(error) => {
                     errors.push(error.to_string());
-                    if error.is_device() {
+                    if error.is_device() || error.is_contradiction() {
                         last = number;
                         break;
                     }
@@ -158,13 +167,23 @@ impl<'a> SceneMaker<'a> {
             if !again && (error.is_permanent() || error.is_io() || (error.is_device() && task.is_present)) {
                 return Err(error);
             }
-            let last = !again && (error.is_device() || number + 1 == self.recipe.dataset.max_attempts);
+            let error = if error.is_contradiction() { self.aside(scene, error)? } else { error };
+            let no_other = error.is_device() || error.is_contradiction();
+            let last = !again && (no_other || number + 1 == self.recipe.dataset.max_attempts);
             self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
             if !again {
                 return Ok(Tried::Failed(error));
             }
         }
         unreachable!("the last repetition returns")
+    }
+
+    /// Puts a scene aside whose labels contradict each other.
+    fn aside(&self, scene: u32, error: Error) -> Result<Error> {
+        let folder = self.folder.quarantine(scene, &format!("{error}\n"))?;
+        let help =
+            "a stage that provides labels is wrong, and nothing of the scene was written; what was made of it is there";
+        Ok(error.in_file(folder).help(help))
     }
 
     /// An error once the run shall end.
@@ -257,7 +276,7 @@ impl<'m> Attempt<'m, '_> {
         let views: Vec<Arc<View>> = (0..work.dataset.views_per_scene)
             .map(|number| self.view(&scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
-        let writers = Writers::start(work, &cx, staged)?;
+        let writers = Writers::start(work.writers.iter().copied(), &cx, staged)?;
         let views = self.render(&scene, &views, writers, &products, queue)?;
         for stage in &work.plan.after_views {
             let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
@@ -449,7 +468,10 @@ impl<'m> Line<'m> {
     ) {
         let cx = maker.scene_context(work, scene).view(&view);
         let plan = &work.plan;
-        let made = if self.has_failed() { Ok(()) } else { unwound(|| annotate(plan, &cx, sensing, &mut products)) };
+        let checked =
+            |products: &Products| check(maker.checks, products).map_err(|it| it.context(format!("view {}", view.id.0)));
+        let make = || annotate(plan, &cx, sensing, &mut products).and_then(|()| checked(&products));
+        let made = if self.has_failed() { Ok(()) } else { unwound(make) };
         let mut state = self.state.lock();
         while state.next != view.id.0 {
             self.moved.wait(&mut state);
@@ -500,7 +522,7 @@ impl Views<'_> {
 }
 
 /// The scene writers of a recipe, each with the names of the products that it reads.
-struct Writers<'m>(Vec<Writing<'m>>);
+pub struct Writers<'m>(Vec<Writing<'m>>);
 
 struct Writing<'m> {
     stage: String,
@@ -510,22 +532,29 @@ struct Writing<'m> {
 }
 
 impl<'m> Writers<'m> {
-    fn start(work: &'m Work, cx: &SceneContext, staged: &Path) -> Result<Self> {
-        let start = |&(id, writer): &&'m (String, Box<dyn Writer>)| {
+    /// Starts the files of a scene in a folder.
+    pub fn start(
+        writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer>)>,
+        cx: &SceneContext,
+        staged: &Path,
+    ) -> Result<Self> {
+        let start = |(id, writer): &'m (String, Box<dyn Writer>)| {
             let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene.id));
             let scene_writer = caught(&stage, || writer.scene(cx, output.clone()))?;
             Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output })
         };
-        work.writers.iter().map(start).collect::<Result<_>>().map(Self)
+        writers.into_iter().map(start).collect::<Result<_>>().map(Self)
     }
 
-    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+    /// Writes a view.
+    pub fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, .. }| {
             caught(stage, || writer.view(cx, &products.only(reads)))
         })
     }
 
-    fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
+    /// Ends the files of the scene, and says whose they are.
+    pub fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
         let close = |Writing { stage, reads, writer, output }: Writing| {
             caught(&stage, || writer.close(cx, &products.only(&reads)))?;
             Ok((output.id().to_owned(), output.files()))
@@ -540,7 +569,12 @@ pub fn names(inputs: &[Input]) -> Vec<String> {
 }
 
 /// Runs all producers of a view.
-fn annotate(plan: &Plan, cx: &ViewContext, sensing: &BTreeMap<String, Stream>, products: &mut Products) -> Result<()> {
+pub fn annotate(
+    plan: &Plan,
+    cx: &ViewContext,
+    sensing: &BTreeMap<String, Stream>,
+    products: &mut Products,
+) -> Result<()> {
     for stage in &plan.per_view {
         let made = lend(stage, products, |lent| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
@@ -551,6 +585,16 @@ fn annotate(plan: &Plan, cx: &ViewContext, sensing: &BTreeMap<String, Stream>, p
         keep(plan, made, products)?;
     }
     Ok(())
+}
+
+/// Makes all checks on a view.
+fn check(checks: &[Check], products: &Products) -> Result<()> {
+    let of = |check: &Check| -> Result<Option<String>> {
+        let faults = check.run(products)?;
+        Ok((!faults.is_empty()).then(|| format!("{}: {}", check.name, faults.join("; "))))
+    };
+    let faults: Vec<String> = checks.iter().filter_map(|check| of(check).transpose()).collect::<Result<_>>()?;
+    if faults.is_empty() { Ok(()) } else { Err(Error::contradiction(faults.join("\n"))) }
 }
 
 /// Runs an annotator of the scene.

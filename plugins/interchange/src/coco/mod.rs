@@ -1,5 +1,7 @@
 //! COCO detection and instance segmentation.
 
+mod read;
+
 use crate::labels::{self, Label};
 use serde_json::json;
 use syntable_formats::coco::{Annotation, Category, Image as ImageRecord, Info, License};

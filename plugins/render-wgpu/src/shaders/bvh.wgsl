@@ -207,6 +207,9 @@ fn top_level_of_seen() -> TopLevel {
     return TopLevel(view.seen, view.seen_items);
 }
 
+// First word of the depths of objects on a pixel's ray, by object, or NONE.
+var<private> depths_of_pixel: u32 = NONE;
+
 // Adds the first hit in a body to what a walk found.
 fn add_body(walked: ptr<function, Walked>, hit: Hit, members: u32) {
     if hit.instance == NONE {
@@ -220,6 +223,9 @@ fn add_body(walked: ptr<function, Walked>, hit: Hit, members: u32) {
     }
     if hit.instance < view.objects && members != NONE {
         output[members + hit.instance / 32u] |= 1u << (hit.instance % 32u);
+    }
+    if hit.instance < view.objects && depths_of_pixel != NONE {
+        output[depths_of_pixel + hit.instance] = bitcast<u32>(hit.t);
     }
 }
 

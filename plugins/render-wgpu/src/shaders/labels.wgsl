@@ -1,7 +1,7 @@
 // All labels from one ray per pixel, as in plugins/render-cpu's labels.rs: the first hit in every body.
 //
 // The output is one section after the other, of those that are wanted: depth, instance, normal and albedo (three numbers
-// each), and two sets of objects: those that cover a pixel, and those that do before the support.
+// each), two sets of objects: those that cover a pixel, and those that do before the support; and the depth of every object.
 
 const BASE_LAYER: f32 = 0.99999988;
 
@@ -33,9 +33,16 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     let pixel = row * width + column;
     let coverage = empty_set(view.coverage_at, pixel);
     let before = empty_set(view.before_at, pixel);
+    if view.object_depths_at != NONE {
+        depths_of_pixel = view.object_depths_at + pixel * view.objects;
+        for (var object = 0u; object < view.objects; object++) {
+            output[depths_of_pixel + object] = bitcast<u32>(FAR);
+        }
+    }
     let direction = center_direction(column, row);
     let ray = Ray(view.origin.xyz, direction);
     let walked = walk(EVERY_BODY, top_level_of_seen(), ray, 0.0, FAR, 0u, coverage);
+    depths_of_pixel = NONE;
     let first = walked.hit;
     if view.before_at != NONE {
         walk(EVERY_OBJECT, top_level_of_seen(), ray, 0.0, walked.support, 0u, before);

@@ -73,8 +73,9 @@ struct View {
     before_at: u32,
     // Where the sums of pixels start in the output.
     sums_at: u32,
-    unused_0: u32,
-    unused_1: u32,
+    // As those of the labels.
+    object_depths_at: u32,
+    unused: u32,
 }
 
 struct Pass {

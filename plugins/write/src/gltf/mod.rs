@@ -103,6 +103,10 @@ impl Writer for Gltf {
         Ok(Box::new(GltfScene { config: self.clone(), output, export: Export::new(cx)?, id: cx.scene.id, views: 0 }))
     }
 
+    fn needs_scene(&self) -> bool {
+        true
+    }
+
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         Ok(match (of.scene, of.view, self.per) {
             (None, None, _) => vec![script_path(of.id)],

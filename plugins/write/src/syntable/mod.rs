@@ -2,6 +2,7 @@
 
 mod debug;
 mod merge;
+mod read;
 mod record;
 
 pub(crate) use debug::inverse_depth;
@@ -13,8 +14,8 @@ use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY, OBJECT_INFO,
-    OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY,
+    OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 
 /// Path of the copy of the resolved recipe.
@@ -127,9 +128,10 @@ impl Writer for SynTable {
             Input::of(OCCLUSION_ORDER),
             Input::of(VISIBLE_BOX),
             Input::of(AMODAL_BOX),
+            Input::of(OBJECT_NAME),
         ];
         if self.compat == Compat::Coco {
-            inputs.extend([Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)]);
+            inputs.extend([Input::of(CATEGORY_ID), Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)]);
             inputs.extend([Input::of(DENOISER), Input::of(LABEL_POLICY), Input::of(BODIES)]);
         }
         if self.debug_masks {
@@ -207,8 +209,10 @@ impl SceneWriter for SynTableScene {
         };
         shard::push_image(lines, labels.ids().len(), &image)?;
         labels.ids().iter().try_for_each(|&id| match config.compat {
-            Compat::Coco => shard::push_annotation(lines, &record::annotation(cx, products, &labels, id, config.bbox)?),
-            Compat::Syntable1 => shard::push_annotation(lines, &record::annotation_1(cx, &labels, id, config.bbox)?),
+            Compat::Coco => shard::push_annotation(lines, &record::annotation(products, &labels, id, config.bbox)?),
+            Compat::Syntable1 => {
+                shard::push_annotation(lines, &record::annotation_1(products, &labels, id, config.bbox)?)
+            }
         })
     }
 

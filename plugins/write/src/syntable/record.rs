@@ -9,8 +9,8 @@ use syntable_formats::syntable::{
 };
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK,
-    OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME,
+    OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
 use syntable_model::product::{BBox, OcclusionOrder};
 
@@ -144,24 +144,15 @@ pub fn scene(cx: &SceneContext, products: &Products) -> Result<Scene> {
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.
-pub fn annotation(
-    cx: &ViewContext,
-    products: &Products,
-    labels: &Labels,
-    id: InstanceId,
-    bbox: BoxSource,
-) -> Result<Annotation> {
+pub fn annotation(products: &Products, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<Annotation> {
     let object = labels.object(id)?;
     let info = products.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
     Ok(Annotation {
         id: 0,
         image_id: 0,
-        category_id: cx
-            .scene
-            .body(id)
-            .map_or(OBJECT_CATEGORY, |body| cx.dataset.category_id(&body.object.category).into()),
+        category_id: products.get(CATEGORY_ID)?.get(id).map_or(OBJECT_CATEGORY, |&category| category.into()),
         instance_id: Some(id.0),
-        object_name: Some(object_name(cx, id)),
+        object_name: Some(object_name(products, id)?),
         bbox: object.bbox(bbox),
         visible_bbox: Some(object.visible_box.into()),
         amodal_bbox: Some(object.amodal_box.into()),
@@ -183,7 +174,7 @@ pub fn annotation(
 
 /// The record of an annotation in the syntable_1 form, without its id and that of its image.
 pub fn annotation_1(
-    cx: &ViewContext,
+    products: &Products,
     labels: &Labels,
     id: InstanceId,
     bbox: BoxSource,
@@ -197,7 +188,7 @@ pub fn annotation_1(
         bbox: object.bbox(bbox),
         width: object.amodal.width(),
         height: object.amodal.height(),
-        object_name: object_name(cx, id).replace('/', "_"),
+        object_name: object_name(products, id)?.replace('/', "_"),
         iscrowd: 0,
         segmentation: with_area(object.amodal, syntable_1::RENDERER_ID),
         area: 0,
@@ -220,8 +211,8 @@ impl ObjectLabels<'_> {
 }
 
 /// The asset's name; not unique within an image.
-fn object_name(cx: &ViewContext, id: InstanceId) -> String {
-    cx.scene.body(id).map_or(String::new(), |body| body.asset.name.clone())
+fn object_name(products: &Products, id: InstanceId) -> Result<String> {
+    Ok(products.get(OBJECT_NAME)?.get(id).cloned().unwrap_or_default())
 }
 
 /// Rounds to two decimals as Python's `round` does: by the exact decimal value, ties to even.

@@ -254,6 +254,8 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
             Value::Tensor(Tensor::new(DType::U8, &["instance", "y", "byte"], shape, bytes.collect())),
         )?;
         products.put(CATEGORY_ID, ids.iter().map(|id| (*id, u32::from(id.0 % 3) + 1)).collect())?;
+        let name = |id: &InstanceId| scene.body(*id).map_or(String::new(), |body| body.asset.name.clone());
+        products.put(OBJECT_NAME, ids.iter().map(|id| (*id, name(id))).collect())?;
         products.put(OBJECT_INFO, info.clone())?;
         products.put(CAMERA, camera.clone())?;
         products.put(LABEL_POLICY, policy.clone())?;

@@ -1,0 +1,119 @@
+//! Image and array files that datasets have, read back.
+
+use png::{BitDepth, ColorType, Decoder, Transformations};
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Plane;
+
+/// Most pixels that an image of a dataset may have.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// The samples of a PNG file, and how many a pixel has.
+enum Samples {
+    Eight(Vec<u8>, usize),
+    Sixteen(Vec<u16>, usize),
+}
+
+/// An 8-bit RGB image from a PNG file; gray becomes RGB, transparency is dropped.
+pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
+    let ([width, height], samples) = read(path)?;
+    match samples {
+        Samples::Eight(samples, channels) => {
+            let color = |pixel: &[u8]| if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
+            Ok(Plane::from_vec(width, height, samples.chunks_exact(channels).map(color).collect()))
+        }
+        Samples::Sixteen(..) => Err(unlike(path, "an 8-bit image", "16-bit")),
+    }
+}
+
+/// A gray image of 8 or 16 bits from a PNG file.
+pub fn gray(path: &Path) -> Result<Plane<u16>> {
+    let ([width, height], samples) = read(path)?;
+    match samples {
+        Samples::Eight(samples, 1) => Ok(Plane::from_vec(width, height, samples.into_iter().map(u16::from).collect())),
+        Samples::Sixteen(samples, 1) => Ok(Plane::from_vec(width, height, samples)),
+        Samples::Eight(..) | Samples::Sixteen(..) => Err(unlike(path, "a gray image", "colored")),
+    }
+}
+
+/// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest one that
+/// is stored as these many steps, whether the writer truncates or rounds.
+pub fn depth(path: &Path, unit_mm: f64) -> Result<Plane<f32>> {
+    let meters = |&steps: &u16| {
+        if steps == 0 {
+            return f32::INFINITY;
+        }
+        let depth = (f64::from(steps) * unit_mm / 1000.0) as f32;
+        if f64::from(depth) * 1000.0 / unit_mm < f64::from(steps) { depth.next_up() } else { depth }
+    };
+    Ok(gray(path)?.map(meters))
+}
+
+fn unlike(path: &Path, expected: &str, found: &str) -> Error {
+    Error::new(format!("not {expected}: it is {found}")).in_file(path).permanent()
+}
+
+fn read(path: &Path) -> Result<([u32; 2], Samples)> {
+    let fail = |error: png::DecodingError| match error {
+        png::DecodingError::IoError(error) => Error::io(path, &error),
+        error => Error::new(format!("not a readable PNG file: {error}")).in_file(path).permanent(),
+    };
+    let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+    let mut decoder = Decoder::new(BufReader::new(file));
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(fail)?;
+    let size = [reader.info().width, reader.info().height];
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let length = reader.output_buffer_size().filter(|_| pixels <= MAX_PIXELS);
+    let too_large = || Error::new(format!("{} × {} pixels are too many", size[0], size[1])).in_file(path).permanent();
+    let mut buffer = vec![0; length.ok_or_else(too_large)?];
+    let info = reader.next_frame(&mut buffer).map_err(fail)?;
+    buffer.truncate(info.buffer_size());
+    let channels = match info.color_type {
+        ColorType::Grayscale | ColorType::Indexed => 1,
+        ColorType::GrayscaleAlpha => 2,
+        ColorType::Rgb => 3,
+        ColorType::Rgba => 4,
+    };
+    Ok((
+        size,
+        match info.bit_depth {
+            BitDepth::Sixteen => {
+                let samples = buffer.chunks_exact(2).map(|bytes| u16::from_be_bytes([bytes[0], bytes[1]])).collect();
+                Samples::Sixteen(samples, channels)
+            }
+            _ => Samples::Eight(buffer, channels),
+        },
+    ))
+}
+
+/// A square matrix from a NumPy file of format 1.0 with little-endian 64-bit floats in rows, as SynTable writes occlusion
+/// orders: its edge, and its entries row by row.
+pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
+    let bytes = fs::read(path).map_err(|error| Error::io(path, &error))?;
+    let refuse = |what: &str| {
+        Error::new(format!("not a square matrix of float64 as NumPy writes it: {what}")).in_file(path).permanent()
+    };
+    let header = bytes.strip_prefix(b"\x93NUMPY\x01\x00").ok_or_else(|| refuse("the file starts otherwise"))?;
+    let length = header.get(..2).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]])));
+    let text = length.and_then(|length| header.get(2..2 + length)).and_then(|text| std::str::from_utf8(text).ok());
+    let text = text.ok_or_else(|| refuse("its header is cut off"))?;
+    if !text.contains("'<f8'") || !text.contains("'fortran_order': False") {
+        return Err(refuse(text.trim()));
+    }
+    let shape = text.split_once("'shape': (").and_then(|(_, rest)| rest.split_once(')')).map_or("", |(shape, _)| shape);
+    let edges: Vec<usize> = shape.split(',').filter_map(|edge| edge.trim().parse().ok()).collect();
+    let data = &header[2 + text.len()..];
+    match edges.as_slice() {
+        &[rows, columns]
+            if rows == columns
+                && rows.checked_mul(rows).and_then(|entries| entries.checked_mul(8)) == Some(data.len()) =>
+        {
+            let entry = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("eight bytes"));
+            Ok((rows, data.chunks_exact(8).map(entry).collect()))
+        }
+        _ => Err(refuse(&format!("its shape is ({shape}), and {} bytes follow", data.len()))),
+    }
+}

@@ -1,0 +1,221 @@
+//! What readers of all formats share: from what a file says of an image to products, and scenes from names.
+
+use crate::coco::Category;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use syntable_model::error::Result;
+use syntable_model::geometry::Pose;
+use syntable_model::product::standard::{
+    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
+};
+use syntable_model::product::{BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, Product, Products};
+use syntable_model::reader::{DatasetFault, ImageRef};
+use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
+use syntable_model::stage::DatasetInfo;
+
+/// What a file says of an object in an image. What it leaves out follows from the masks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Labels {
+    /// Its id in the scene or the image.
+    pub id: InstanceId,
+    /// Visible mask.
+    pub visible: Mask,
+    /// Amodal mask; none if the format has none.
+    pub amodal: Option<Mask>,
+    /// Occlusion mask.
+    pub occlusion: Option<Mask>,
+    /// Occlusion rate.
+    pub rate: Option<f64>,
+    /// Box of the visible mask.
+    pub visible_box: Option<BBox>,
+    /// Box of the amodal mask.
+    pub amodal_box: Option<BBox>,
+    /// Id of its category.
+    pub category: u32,
+}
+
+/// The products that [`put`] makes: `amodal` says whether objects have amodal masks.
+pub fn offers(amodal: bool) -> Vec<KeyId> {
+    let mut keys = syntable_model::keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID];
+    if amodal {
+        keys.extend(syntable_model::keys![AMODAL_MASK, AMODAL_BOX, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER]);
+    }
+    keys
+}
+
+/// Puts those of the products that are wanted. `order` is what the dataset says of it; else it follows from the masks.
+pub fn put(labels: &[Labels], order: Option<OcclusionOrder>, wants: &[KeyId], products: &mut Products) -> Result<()> {
+    let mut of = Wanted { labels, wants, products };
+    of.each(VISIBLE_MASK, |it| Some(it.visible.clone()))?;
+    of.each(VISIBLE_BOX, |it| Some(it.visible_box.unwrap_or_else(|| it.visible.bbox())))?;
+    of.each(CATEGORY_ID, |it| Some(it.category))?;
+    of.each(AMODAL_MASK, |it| it.amodal.clone())?;
+    of.each(AMODAL_BOX, |it| Some(it.amodal_box.unwrap_or(it.amodal.as_ref()?.bbox())))?;
+    of.each(OCCLUSION_MASK, Labels::hidden)?;
+    of.each(OCCLUSION_RATE, Labels::hidden_rate)?;
+    if wants.contains(&OCCLUSION_ORDER.id()) {
+        products.put(OCCLUSION_ORDER, order.unwrap_or_else(|| order_of(labels)))?;
+    }
+    Ok(())
+}
+
+struct Wanted<'a> {
+    labels: &'a [Labels],
+    wants: &'a [KeyId],
+    products: &'a mut Products,
+}
+
+impl Wanted<'_> {
+    fn each<T>(&mut self, key: Key<PerInstance<T>>, value: impl Fn(&Labels) -> Option<T>) -> Result<()>
+    where
+        PerInstance<T>: Product,
+    {
+        if !self.wants.contains(&key.id()) {
+            return Ok(());
+        }
+        let values = self.labels.iter().filter_map(|it| Some((it.id, value(it)?))).collect();
+        self.products.put(key, values)
+    }
+}
+
+impl Labels {
+    fn hidden(&self) -> Option<Mask> {
+        self.occlusion.clone().or_else(|| Some(self.amodal.as_ref()?.minus(&self.visible)))
+    }
+
+    fn hidden_rate(&self) -> Option<f64> {
+        let ratio = || {
+            let (hidden, amodal) = (self.hidden()?.area(), self.amodal.as_ref()?.area());
+            Some(if amodal == 0 { 0.0 } else { f64::from(hidden) / f64::from(amodal) })
+        };
+        self.rate.or_else(ratio)
+    }
+}
+
+/// SynTable's Algorithm 1: an object occludes another one if its visible mask meets the other's occlusion mask.
+fn order_of(labels: &[Labels]) -> OcclusionOrder {
+    let hidden: Vec<Option<Mask>> = labels.iter().map(Labels::hidden).collect();
+    let mut order = OcclusionOrder::new(labels.iter().map(|it| it.id).collect());
+    for (row, front) in labels.iter().enumerate() {
+        for (column, hidden) in hidden.iter().enumerate().filter(|(column, _)| *column != row) {
+            if hidden.as_ref().is_some_and(|hidden| !front.visible.and(hidden).is_empty()) {
+                order.set(row, column);
+            }
+        }
+    }
+    order
+}
+
+/// A view of which the size of the image is known. Stages that serve datasets take cameras from the product `camera`.
+pub fn view(id: ViewId, width: u32, height: u32) -> View {
+    let unknown = f64::NAN;
+    let intrinsics = Intrinsics { width, height, fx: unknown, fy: unknown, cx: unknown, cy: unknown };
+    let camera = Camera::pinhole(intrinsics, Pose::identity());
+    View { id, camera, exposure: Exposure::Fixed { ev100: 0.0 }, lights: Vec::new() }
+}
+
+/// The categories of an annotation file, and their ids in a dataset of ours.
+#[derive(Debug, Clone)]
+pub struct Categories {
+    names: BTreeMap<u64, String>,
+    classes: Vec<String>,
+}
+
+impl Categories {
+    /// Those of a file. Category 0 is the background in SynTable's files, and no class.
+    pub fn of(categories: &[Category]) -> Self {
+        let names: BTreeMap<u64, String> = categories.iter().map(|it| (it.id, it.name.clone())).collect();
+        let is_class = |(id, name): &(&u64, &String)| **id != BACKGROUND && *name != DatasetInfo::OBJECT.1;
+        let classes: BTreeSet<String> = names.iter().filter(is_class).map(|(_, name)| name.clone()).collect();
+        Self { names, classes: classes.into_iter().collect() }
+    }
+
+    /// The id of a file's category in a dataset of ours.
+    pub fn id(&self, id: u64) -> u32 {
+        let place = self.names.get(&id).and_then(|name| self.classes.binary_search(name).ok());
+        place.map_or(DatasetInfo::OBJECT.0, |at| DatasetInfo::OBJECT.0 + 1 + at as u32)
+    }
+
+    /// What is known of a dataset with these images.
+    pub fn info(&self, name: String, program: String, images: &[ImageRef], recipe: String) -> DatasetInfo {
+        let (scenes, views) =
+            (images.iter().map(|it| it.scene.0 + 1).max(), images.iter().map(|it| it.view.0 + 1).max());
+        DatasetInfo {
+            name,
+            seed: 0,
+            scenes: scenes.unwrap_or(0),
+            views_per_scene: views.unwrap_or(0),
+            recipe,
+            program,
+            classes: self.classes.clone(),
+        }
+    }
+}
+
+/// Category of the background in SynTable's own files, which is no object.
+pub const BACKGROUND: u64 = 0;
+
+/// What is found to be wrong while a dataset is opened.
+#[derive(Debug, Default)]
+pub struct Faults(Vec<DatasetFault>);
+
+impl Faults {
+    /// Adds one.
+    pub fn add(&mut self, check: &'static str, place: String, message: &str) {
+        self.0.push(DatasetFault { check, place, message: message.to_owned() });
+    }
+
+    /// An annotation of an image that is not there.
+    pub fn unknown_image(&mut self, annotation: u64, image: u64) {
+        self.add("known_images", format!("annotation {annotation}"), &format!("there is no image {image}"));
+    }
+
+    /// Ids that two annotations have, and categories that are not there.
+    pub fn of_annotations(&mut self, categories: &Categories, annotations: impl Iterator<Item = (u64, u64)>) {
+        let mut seen = BTreeSet::new();
+        for (id, category) in annotations {
+            if !seen.insert(id) {
+                self.add("unique_ids", format!("annotation {id}"), "two annotations have this id");
+            }
+            if !categories.names.contains_key(&category) {
+                self.add("known_categories", format!("annotation {id}"), &format!("there is no category {category}"));
+            }
+        }
+    }
+
+    /// Images by scene and view: as their records say, as their names `{scene}_{view}` do, or else each a scene. A second
+    /// image of one view is at fault and left out.
+    pub fn in_order<R>(
+        &mut self,
+        records: Vec<R>,
+        of: impl Fn(&R) -> (&String, Option<(u32, u32)>),
+    ) -> (Vec<ImageRef>, Vec<R>) {
+        let mut placed: BTreeMap<(u32, u32), (ImageRef, R)> = BTreeMap::new();
+        let named = records.iter().all(|record| of(record).1.or_else(|| place_in_name(of(record).0)).is_some());
+        for (number, record) in (0..).zip(records) {
+            let (name, said) = of(&record);
+            let place = said.or_else(|| place_in_name(name)).filter(|_| named).unwrap_or((number, 0));
+            let image = ImageRef { scene: SceneId(place.0), view: ViewId(place.1), name: name.clone() };
+            match placed.entry(place) {
+                Entry::Vacant(entry) => drop(entry.insert((image, record))),
+                Entry::Occupied(first) => {
+                    let message = format!("it is view {} of scene {}, as {} is", place.1, place.0, first.get().0.name);
+                    self.add("unique_views", image.name, &message);
+                }
+            }
+        }
+        placed.into_values().unzip()
+    }
+
+    /// All of them.
+    pub fn into_inner(self) -> Vec<DatasetFault> {
+        self.0
+    }
+}
+
+/// Scene and view of an image that is named after them.
+fn place_in_name(name: &str) -> Option<(u32, u32)> {
+    let (scene, view) = Path::new(name).file_stem()?.to_str()?.split_once('_')?;
+    Some((scene.parse().ok()?, view.parse().ok()?))
+}

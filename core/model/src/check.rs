@@ -1,0 +1,48 @@
+//! Checks of labels against each other: what must hold in every view, however it was made.
+//!
+//! A run makes them on every view before it is written, `syntable validate` on datasets that are there.
+
+use crate::error::Result;
+use crate::product::{KeyId, Products};
+
+/// A statement about the products of a view that can be tested. Registered with [`register_check!`](crate::register_check).
+#[derive(Clone, Copy)]
+pub struct Check {
+    /// Its name, in snake case.
+    pub name: &'static str,
+    /// What holds in a sound view, in one sentence.
+    pub doc: &'static str,
+    /// The products that it looks at. It is made where all of them are there.
+    pub reads: fn() -> Vec<KeyId>,
+    /// What does not hold, a sentence each. An error says that a product cannot be read.
+    pub faults: fn(&Products) -> Result<Vec<String>>,
+}
+
+inventory::collect!(Check);
+
+/// Registers checks.
+#[macro_export]
+macro_rules! register_check {
+    ($($check:expr),+ $(,)?) => {$(
+        $crate::inventory::submit! { $check }
+    )+};
+}
+
+/// The checks of all linked crates, by name.
+pub fn linked() -> Vec<Check> {
+    let mut checks: Vec<Check> = inventory::iter::<Check>.into_iter().copied().collect();
+    checks.sort_by_key(|check| check.name);
+    checks
+}
+
+impl Check {
+    /// Whether all that it looks at is there.
+    pub fn applies(&self, products: &Products) -> bool {
+        (self.reads)().iter().all(|key| products.contains(&key.name))
+    }
+
+    /// What does not hold in a view; nothing where a product is missing.
+    pub fn run(&self, products: &Products) -> Result<Vec<String>> {
+        if self.applies(products) { (self.faults)(products) } else { Ok(Vec::new()) }
+    }
+}

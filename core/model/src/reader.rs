@@ -1,0 +1,115 @@
+//! Datasets that are read back, in any format.
+//!
+//! A reader offers the products of each image, as a renderer does: what derives labels from labels, writes or checks them
+//! does not know where they came from. Registered with [`register_format!`](crate::register_format).
+
+use crate::error::{Error, Result};
+use crate::product::{KeyId, Products};
+use crate::scene::{SceneId, View, ViewId};
+use crate::stage::DatasetInfo;
+use std::path::Path;
+
+/// A format of datasets that can be read.
+#[derive(Clone, Copy)]
+pub struct Format {
+    /// Its name, as users write it.
+    pub name: &'static str,
+    /// What it is, in one sentence.
+    pub doc: &'static str,
+    /// Whether a folder looks like one.
+    pub detect: fn(&Path) -> bool,
+    /// Opens a dataset. An error says that there is none, or that nothing of it can be read.
+    pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
+}
+
+inventory::collect!(Format);
+
+/// Registers formats.
+#[macro_export]
+macro_rules! register_format {
+    ($($format:expr),+ $(,)?) => {$(
+        $crate::inventory::submit! { $format }
+    )+};
+}
+
+/// The formats of all linked crates, by name.
+pub fn linked() -> Vec<Format> {
+    let mut formats: Vec<Format> = inventory::iter::<Format>.into_iter().copied().collect();
+    formats.sort_by_key(|format| format.name);
+    formats
+}
+
+/// Opens a dataset: of the format of a name, or of the one that it looks like.
+pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
+    let formats = linked();
+    let names = || formats.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
+    if !root.is_dir() {
+        return Err(Error::new("there is no such folder").in_file(root).of_request());
+    }
+    let mut found = formats.iter().filter(|it| format.map_or_else(|| (it.detect)(root), |name| it.name == name));
+    let (first, second) = (found.next(), found.next());
+    let chosen = match (first, second, format) {
+        (Some(one), None, _) => *one,
+        (None, _, Some(name)) => {
+            return Err(Error::new(format!("`{name}` is no format that can be read"))
+                .help(format!("these are: {}", names()))
+                .of_request());
+        }
+        (None, _, None) => {
+            return Err(Error::new("it looks like a dataset of no format that can be read")
+                .in_file(root)
+                .help(format!("name the format with --format: {}", names()))
+                .of_request());
+        }
+        (Some(one), Some(other), _) => {
+            return Err(Error::new(format!("it looks like {} and like {}", one.name, other.name))
+                .in_file(root)
+                .help("name the format with --format")
+                .of_request());
+        }
+    };
+    Ok((chosen, (chosen.open)(root)?))
+}
+
+/// A dataset that is open.
+pub trait DatasetReader: Send + Sync {
+    /// Name, number of scenes and views, classes.
+    fn info(&self) -> &DatasetInfo;
+    /// The images, ordered by scene and view.
+    fn images(&self) -> &[ImageRef];
+    /// The products that images have.
+    fn offers(&self) -> Vec<KeyId>;
+    /// What is known of an image's camera, and the wanted products that it has. An error says which file or record
+    /// cannot be read.
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)>;
+    /// What is wrong with the dataset beyond single images: files or records that contradict each other.
+    fn faults(&self) -> &[DatasetFault] {
+        &[]
+    }
+    /// What the dataset has and products cannot carry, for people.
+    fn left_out(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// An image of a dataset.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ImageRef {
+    /// Its scene; of a format without scenes, a number of its own.
+    pub scene: SceneId,
+    /// Its view.
+    pub view: ViewId,
+    /// What the dataset calls it, such as its path.
+    pub name: String,
+}
+
+/// Something that is wrong with a dataset.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DatasetFault {
+    /// The rule that is broken, in snake case, such as `unique_ids`.
+    pub check: &'static str,
+    /// Where: a file, an image or an annotation.
+    pub place: String,
+    /// What is wrong.
+    pub message: String,
+}

@@ -1,0 +1,74 @@
+//! `syntable convert`.
+
+use super::run::{ended, on_signals};
+use super::{Console, Exit};
+use crate::run::convert as convert_dataset;
+use crate::workers;
+use clap::Args;
+use std::path::PathBuf;
+use syntable_model::error::Error;
+use syntable_model::reader;
+use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
+use syntable_model::stage::Writer;
+
+#[derive(Args)]
+pub(super) struct ConvertArgs {
+    /// Folder of the dataset.
+    dataset: PathBuf,
+    /// Kinds of writers (see `syntable list write`), separated by commas.
+    #[arg(long, required = true, value_delimiter = ',')]
+    to: Vec<String>,
+    /// Folder to write to: new, or empty.
+    #[arg(long)]
+    out: PathBuf,
+    /// Format of the dataset (see `syntable list formats`); the one that it looks like if left out.
+    #[arg(long)]
+    format: Option<String>,
+    /// Set an option of a writer: `coco.masks="visible"`. The value is TOML.
+    #[arg(long, value_name = "KIND.KEY=VALUE")]
+    set: Vec<String>,
+}
+
+pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs) -> Result<(), Exit> {
+    let writers = args.to.iter().map(|kind| writer(registry, kind, &args.set)).collect::<Result<Vec<_>, _>>();
+    let writers = writers.map_err(Exit::wrong)?;
+    let unused = args.set.iter().find(|set| !args.to.iter().any(|kind| option_of(set, kind).is_some()));
+    if let Some(set) = unused {
+        let error = Error::new(format!("--set {set}: it names no writer of --to"));
+        return Err(Exit::wrong(error.help("write it as `KIND.KEY=VALUE`")));
+    }
+    let (format, dataset) = reader::open(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
+    let stop = on_signals()?;
+    let how = (workers::available(), &stop);
+    let converted = convert_dataset(registry, &*dataset, &writers, &args.out, how, console.reporter())
+        .map_err(|error| ended(&stop, error))?;
+    let mut out = format!("{}, read as {}, to {}\n", converted.text(), format.name, args.out.display());
+    if !converted.lost.is_empty() {
+        out += &format!("not carried over: {}\n", converted.lost.join(", "));
+    }
+    console.print(&out)
+}
+
+/// The text after `KIND.` in an option of a kind.
+fn option_of<'a>(set: &'a str, kind: &str) -> Option<&'a str> {
+    set.strip_prefix(kind)?.strip_prefix('.')
+}
+
+fn writer(registry: &Registry, kind: &str, set: &[String]) -> Result<(String, Box<dyn Writer>), Error> {
+    let Some(entry) = registry.find(Slot::Write, kind) else {
+        let kinds: Vec<&str> = registry.of_slot(Slot::Write).map(|entry| entry.kind).collect();
+        return Err(Error::new(format!("--to {kind}: there is no such kind of writer"))
+            .help(format!("these are: {}", kinds.join(", "))));
+    };
+    let options: String =
+        set.iter().filter_map(|set| option_of(set, kind)).map(|option| format!("{option}\n")).collect();
+    let refuse = |message: String| Error::new(message).help(format!("`syntable list {kind}` shows the options"));
+    let constructed = entry.construct_str(&options).map_err(|error| match error {
+        ConstructError::Form(error) => refuse(format!("--set {kind}: {}", error.message())),
+        ConstructError::Invalid(invalid) => refuse(format!("--set {kind}.{}: {}", invalid.key, invalid.message)),
+    })?;
+    match constructed.stage {
+        Stage::Write(writer) => Ok((kind.to_owned(), writer)),
+        _ => unreachable!("the registry keeps slots apart"),
+    }
+}

@@ -1,0 +1,63 @@
+//! `syntable validate`.
+
+use super::{Console, Exit, Message};
+use crate::run::progress::count;
+use crate::validate::validate as validate_dataset;
+use crate::workers;
+use clap::Args;
+use std::path::PathBuf;
+use syntable_model::error::Error;
+use syntable_model::reader;
+
+/// Number of faults that are listed for people.
+const SHOWN: usize = 30;
+
+#[derive(Args)]
+pub(super) struct ValidateArgs {
+    /// Folder of the dataset.
+    dataset: PathBuf,
+    /// Its format (see `syntable list formats`); the one that it looks like if left out.
+    #[arg(long)]
+    format: Option<String>,
+    /// Print all that was found as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exit> {
+    let (format, dataset) = reader::open(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
+    let found = validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?;
+    if args.json {
+        let mut text = serde_json::to_string_pretty(&found).expect("plain data");
+        text.push('\n');
+        console.print(&text)?;
+    } else {
+        let width = found.checks.iter().map(|it| it.check.len()).max().unwrap_or(0);
+        let mut out = format!("{:width$}  images  faults\n", "check");
+        for it in &found.checks {
+            let images = it.images.map_or_else(|| "-".to_owned(), |images| images.to_string());
+            out += &format!("{:width$}  {images:>6}  {:>6}\n", it.check, it.faults);
+        }
+        for fault in found.faults.iter().take(SHOWN) {
+            out += &format!("\n{}: {}\n  {}\n", fault.check, fault.place, fault.message);
+        }
+        if found.faults.len() > SHOWN {
+            out += &format!("\nand {} more; --json lists all\n", found.faults.len() - SHOWN);
+        }
+        out += &format!(
+            "\n{}, read as {}: {}\n",
+            count(found.images, "image"),
+            format.name,
+            match found.faults.len() {
+                0 => "no fault".to_owned(),
+                faults => count(faults as u32, "fault"),
+            }
+        );
+        console.print(&out)?;
+    }
+    if found.is_sound() {
+        return Ok(());
+    }
+    let error = Error::new(format!("{} found", count(found.faults.len() as u32, "fault"))).in_file(&args.dataset);
+    Err(Exit { code: 3, messages: vec![Message::Error(error)] })
+}

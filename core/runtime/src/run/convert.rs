@@ -1,0 +1,184 @@
+//! Datasets of one format written in others.
+//!
+//! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
+
+use super::progress::{Guarded, Reporter, Warnings, count};
+use super::scene::{Writers, annotate, names};
+use super::stop::{self, Stop};
+use crate::plan::{self, Candidate, Fault, Plan, Producer};
+use crate::workers::Pool;
+use parking_lot::Mutex;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_model::context::DatasetContext;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{KeyId, Products, Scope};
+use syntable_model::reader::DatasetReader;
+use syntable_model::registry::Registry;
+use syntable_model::scene::{Scene, SceneId};
+use syntable_model::stage::{Finish, Input, Writer};
+
+/// What a conversion wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Converted {
+    /// Scenes of the dataset.
+    pub scenes: u32,
+    /// Images of the dataset.
+    pub images: u32,
+    /// Products of the dataset that no writer reads: they are lost.
+    pub lost: Vec<String>,
+}
+
+/// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
+/// error leaves nothing.
+pub fn convert(
+    registry: &Registry,
+    dataset: &dyn DatasetReader,
+    writers: &[(String, Box<dyn Writer>)],
+    out: &Path,
+    (threads, stop): (usize, &Stop),
+    reporter: &dyn Reporter,
+) -> Result<Converted> {
+    let guarded = Guarded(reporter);
+    let log = Warnings(&guarded);
+    let plan = resolve(registry, dataset, writers)?;
+    let part = staging(out)?;
+    super::folder::remove(&part)?;
+    fs::create_dir_all(&part).map_err(|error| Error::io(&part, &error).of_request())?;
+    let pool = Pool::new(threads)?;
+    let cx = DatasetContext::new(dataset.info(), &pool, &log);
+    let work = Conversion { dataset, writers, plan: &plan, part: &part, stop, cx };
+    let done = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes));
+    let moved = done.and_then(|scenes| {
+        super::folder::remove(&part.join(syntable_model::stage::RESERVED[0]))?;
+        if out.exists() {
+            fs::remove_dir(out).map_err(|error| Error::io(out, &error))?;
+        }
+        fs::rename(&part, out).map_err(|error| Error::io(out, &error))?;
+        Ok(scenes)
+    });
+    let scenes = moved.inspect_err(|_| drop(super::folder::remove(&part)))?;
+    let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
+    let lost = dataset.offers().into_iter().map(|key| key.name.to_string()).filter(|name| !read.contains(name));
+    Ok(Converted {
+        scenes: scenes.len() as u32,
+        images: dataset.images().len() as u32,
+        lost: lost.chain(dataset.left_out()).collect(),
+    })
+}
+
+/// The folder beside `out` in which the dataset is made.
+fn staging(out: &Path) -> Result<PathBuf> {
+    let is_empty = |folder: &Path| fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
+    if out.exists() && !is_empty(out) {
+        return Err(Error::new("the folder is there and not empty")
+            .in_file(out)
+            .help("choose another folder; nothing was touched")
+            .of_request());
+    }
+    let Some(name) = out.file_name() else {
+        return Err(Error::new("it is no name of a folder").in_file(out).of_request());
+    };
+    let mut part = name.to_owned();
+    part.push(".part");
+    Ok(out.with_file_name(part))
+}
+
+/// Plans what the writers read from what the dataset has.
+fn resolve(registry: &Registry, dataset: &dyn DatasetReader, writers: &[(String, Box<dyn Writer>)]) -> Result<Plan> {
+    if let Some((id, _)) = writers.iter().find(|(_, writer)| writer.needs_scene()) {
+        return Err(Error::new(format!("{id} writes the bodies of scenes, and no dataset that is read has them"))
+            .help("name it in the recipe of a run")
+            .of_request());
+    }
+    let offers = dataset.offers();
+    let offered = |key: &KeyId| offers.iter().any(|other| other.name == key.name);
+    let serves = |candidate: &Candidate| match &candidate.producer {
+        Producer::View(annotator) => annotator.is_of_products() && !annotator.provides().iter().any(offered),
+        _ => false,
+    };
+    let implied = plan::registered(registry).into_iter().filter(serves).collect();
+    let wants: Vec<(String, Vec<Input>)> = writers.iter().map(|(id, writer)| (id.clone(), writer.reads())).collect();
+    plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
+        let of = |error: &plan::PlanError| match error.fault {
+            Fault::Unknown => format!("{} reads `{}`, which the dataset does not have", error.stage, error.product),
+            _ => error.message.clone(),
+        };
+        let messages: Vec<String> = errors.iter().map(of).collect();
+        let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+        Error::new(messages.join("; ")).help(format!("the dataset has {}", has.join(", "))).of_request()
+    })
+}
+
+struct Conversion<'a> {
+    dataset: &'a dyn DatasetReader,
+    writers: &'a [(String, Box<dyn Writer>)],
+    plan: &'a Plan,
+    part: &'a Path,
+    stop: &'a Stop,
+    cx: DatasetContext<'a>,
+}
+
+impl Conversion<'_> {
+    /// Writes all scenes, and returns them in order.
+    fn scenes(&self) -> Result<Vec<SceneId>> {
+        let mut images: BTreeMap<SceneId, Vec<usize>> = BTreeMap::new();
+        for (index, image) in self.dataset.images().iter().enumerate() {
+            images.entry(image.scene).or_default().push(index);
+        }
+        let scenes: Vec<(SceneId, Vec<usize>)> = images.into_iter().collect();
+        let failure: Mutex<Option<(usize, Error)>> = Mutex::new(None);
+        self.cx.workers.run(scenes.len(), &|index| {
+            if failure.lock().as_ref().is_some_and(|(first, _)| *first < index) {
+                return;
+            }
+            if let Err(error) = self.scene(scenes[index].0, &scenes[index].1) {
+                let mut failure = failure.lock();
+                // The first failing scene speaks for all.
+                if failure.as_ref().is_none_or(|(first, _)| index < *first) {
+                    *failure = Some((index, error));
+                }
+            }
+        });
+        match failure.into_inner() {
+            Some((index, error)) => Err(error.context(format!("scene {}", scenes[index].0.0))),
+            None => Ok(scenes.into_iter().map(|(scene, _)| scene).collect()),
+        }
+    }
+
+    fn scene(&self, id: SceneId, images: &[usize]) -> Result<()> {
+        if let Some(signal) = self.stop.requested() {
+            return Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
+        }
+        let scene = Scene::unknown(id);
+        let cx = self.cx.scene(&scene);
+        let mut writers = Writers::start(self.writers, &cx, self.part)?;
+        let mut of_scene = Products::new();
+        for &image in images {
+            let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
+            let (view, mut products) = self.dataset.read(image, &self.plan.rendered).map_err(of)?;
+            annotate(self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
+            writers.view(&cx.view(&view), &products).map_err(of)?;
+            let known: Vec<_> =
+                products.keys().into_iter().filter(|key| key.scope == Scope::Scene).map(|key| key.name).collect();
+            of_scene = products.only(&known);
+        }
+        writers.close(&cx, &of_scene).map(drop)
+    }
+
+    fn finish(&self, scenes: &[SceneId]) -> Result<()> {
+        self.writers.iter().try_for_each(|(id, writer)| {
+            let products = Products::new().only(&names(&writer.reads()));
+            let finish = Finish::new(self.part, id, scenes.to_vec());
+            writer.finish(&self.cx, &products, &finish).map_err(|error| error.context(id.clone()))
+        })
+    }
+}
+
+impl Converted {
+    /// What was written, in words.
+    pub fn text(&self) -> String {
+        format!("{} of {} written", count(self.images, "image"), count(self.scenes, "scene"))
+    }
+}

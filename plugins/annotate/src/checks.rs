@@ -1,0 +1,363 @@
+//! What must hold among the labels of every view.
+//!
+//! Each check compares products that could have been made apart: masks with masks, numbers with the masks that they were
+//! counted on, poses with depth. All are exact but for the rounding of files, which is stated where it counts.
+
+use serde_json::Value as Json;
+use syntable_model::check::Check;
+use syntable_model::geometry::Point3;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{
+    AMODAL_BOX, AMODAL_MASK, CAMERA, DEPTH, LABEL_POLICY, OBJECT_INFO, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE,
+    RGB, VISIBILITY, VISIBLE_BOX, VISIBLE_MASK,
+};
+use syntable_model::product::{BBox, Product};
+use syntable_model::register_check;
+
+/// Distance by which a depth may differ from what a pose says, m: files have whole millimeters.
+const DEPTH_TOLERANCE_M: f64 = 0.002;
+/// The same of an outline in the image, px: a mask is taken at pixel centers.
+const OUTLINE_TOLERANCE_PX: f64 = 1.0;
+/// Difference that two matrices or rates of one thing may have by rounding.
+const ROUNDING: f64 = 1e-6;
+/// Largest error of a rate of two decimals.
+const TWO_DECIMALS: f64 = 0.005 + 1e-9;
+
+register_check!(
+    Check {
+        name: "visible_masks_disjoint",
+        doc: "No pixel is in the visible masks of two objects.",
+        reads: || keys![VISIBLE_MASK],
+        faults: disjoint,
+    },
+    Check {
+        name: "visible_within_amodal",
+        doc: "The visible mask of an object lies within its amodal mask.",
+        reads: || keys![VISIBLE_MASK, AMODAL_MASK],
+        faults: |products| each_pair(products, VISIBLE_MASK, AMODAL_MASK, |_, visible, amodal| {
+            let outside = visible.minus(amodal).area();
+            (outside > 0).then(|| format!("{outside} of its visible pixels are not in its amodal mask"))
+        }),
+    },
+    Check {
+        name: "occlusion_is_amodal_minus_visible",
+        doc: "The occlusion mask of an object is its amodal mask without its visible mask.",
+        reads: || keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK],
+        faults: |products| {
+            let visible = products.get(VISIBLE_MASK)?;
+            each_pair(products, AMODAL_MASK, OCCLUSION_MASK, |id, amodal, occlusion| {
+                let hidden = amodal.minus(visible.get(id)?);
+                (hidden != *occlusion).then(|| {
+                    let differ = hidden.minus(occlusion).area() + occlusion.minus(&hidden).area();
+                    format!("its occlusion mask differs from amodal minus visible at {differ} pixels")
+                })
+            })
+        },
+    },
+    Check {
+        name: "rate_is_ratio_of_areas",
+        doc: "The occlusion rate is the area of the occlusion mask over that of the amodal mask.",
+        reads: || keys![AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE],
+        faults: rates,
+    },
+    Check {
+        name: "order_is_that_of_masks",
+        doc: "An object occludes another one in the order if its visible mask meets the other's occlusion mask.",
+        reads: || keys![VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_ORDER],
+        faults: order,
+    },
+    Check {
+        name: "visible_box_is_that_of_mask",
+        doc: "The visible box is the smallest one around the visible mask.",
+        reads: || keys![VISIBLE_MASK, VISIBLE_BOX],
+        faults: |products| each_pair(products, VISIBLE_MASK, VISIBLE_BOX, box_of),
+    },
+    Check {
+        name: "amodal_box_is_that_of_mask",
+        doc: "The amodal box is the smallest one around the amodal mask.",
+        reads: || keys![AMODAL_MASK, AMODAL_BOX],
+        faults: |products| each_pair(products, AMODAL_MASK, AMODAL_BOX, box_of),
+    },
+    Check {
+        name: "masks_have_the_size_of_the_image",
+        doc: "Masks and image have one size.",
+        reads: || keys![RGB, AMODAL_MASK, VISIBLE_MASK],
+        faults: |products| {
+            let size = [products.get(RGB)?.width(), products.get(RGB)?.height()];
+            each_pair(products, AMODAL_MASK, VISIBLE_MASK, |_, amodal, visible| {
+                let wrong = [amodal, visible].into_iter().find(|mask| [mask.width(), mask.height()] != size)?;
+                Some(format!(
+                    "a mask of it has {} × {} pixels, the image {} × {}",
+                    wrong.width(),
+                    wrong.height(),
+                    size[0],
+                    size[1]
+                ))
+            })
+        },
+    },
+    Check {
+        name: "depth_has_the_size_of_the_image",
+        doc: "Depth and image have one size.",
+        reads: || keys![RGB, DEPTH],
+        faults: |products| {
+            let (rgb, depth) = (products.get(RGB)?, products.get(DEPTH)?);
+            let sizes = [[rgb.width(), rgb.height()], [depth.width(), depth.height()]];
+            Ok((sizes[0] != sizes[1])
+                .then(|| format!("depth has {:?} pixels, the image {:?}", sizes[1], sizes[0]))
+                .into_iter()
+                .collect())
+        },
+    },
+    Check {
+        name: "camera_has_the_size_of_the_image",
+        doc: "The intrinsics are those of an image of this size.",
+        reads: || keys![RGB, CAMERA],
+        faults: |products| {
+            let (rgb, camera) = (products.get(RGB)?, json(products, CAMERA)?);
+            let size = [camera["width"].as_u64(), camera["height"].as_u64()];
+            Ok((size != [Some(rgb.width().into()), Some(rgb.height().into())])
+                .then(|| format!("the camera has {size:?} pixels, the image {} × {}", rgb.width(), rgb.height()))
+                .into_iter()
+                .collect())
+        },
+    },
+    Check {
+        name: "visible_pixels_have_depth",
+        doc: "Where an object is visible, there is a depth.",
+        reads: || keys![VISIBLE_MASK, DEPTH],
+        faults: |products| {
+            let depth = products.get(DEPTH)?;
+            each(products, VISIBLE_MASK, |_, mask| {
+                let missing = depths(mask, depth).filter(|depth| !(depth.is_finite() && *depth > 0.0)).count();
+                (missing > 0).then(|| format!("{missing} of its visible pixels have no depth"))
+            })
+        },
+    },
+    Check {
+        name: "poses_agree",
+        doc: "The pose in the world is that of the camera times the pose in the camera frame.",
+        reads: || keys![CAMERA, OBJECT_INFO],
+        faults: |products| {
+            let Some(world_from_camera) = matrix(&json(products, CAMERA)?["world_from_camera"]) else {
+                return Ok(Vec::new());
+            };
+            each(products, OBJECT_INFO, |_, info| {
+                let info = serde_json::to_value(info).ok()?;
+                let [world, camera] = ["world_from_object", "camera_from_object"].map(|key| matrix(&info[key]));
+                let (world, expected) = (world?, product(&world_from_camera, &camera?));
+                let differ = (0..16).map(|i| (world[i / 4][i % 4] - expected[i / 4][i % 4]).abs()).fold(0.0, f64::max);
+                (differ > ROUNDING).then(|| format!("its poses in world and camera differ by {differ:.2e}"))
+            })
+        },
+    },
+    Check {
+        name: "poses_reproject_into_masks",
+        doc: "The amodal mask of an object lies within the image of its box in space.",
+        reads: || keys![CAMERA, OBJECT_INFO, AMODAL_MASK],
+        faults: reprojected,
+    },
+    Check {
+        name: "depth_agrees_with_poses",
+        doc: "Where an object is visible, the depth is within its box in space.",
+        reads: || keys![OBJECT_INFO, VISIBLE_MASK, DEPTH],
+        faults: |products| {
+            let depth = products.get(DEPTH)?;
+            each_pair(products, VISIBLE_MASK, OBJECT_INFO, |_, mask, info| {
+                let z = corners(info)?.map(|corner| corner.z);
+                let near = z.iter().copied().fold(f64::INFINITY, f64::min) - DEPTH_TOLERANCE_M;
+                let far = z.iter().copied().fold(f64::NEG_INFINITY, f64::max) + DEPTH_TOLERANCE_M;
+                let beyond = depths(mask, depth).filter(|&depth| !(near..=far).contains(&f64::from(depth))).count();
+                (beyond > 0).then(|| {
+                    format!("{beyond} of its visible pixels have a depth outside of {near:.3} to {far:.3} m, where its pose puts it")
+                })
+            })
+        },
+    },
+    Check {
+        name: "counts_are_those_of_masks",
+        doc: "Pixel counts are those of the masks, and the parts are not larger than the whole.",
+        reads: || keys![VISIBILITY, VISIBLE_MASK],
+        faults: |products| each_pair(products, VISIBLE_MASK, VISIBILITY, |_, mask, counts| {
+            let counts = serde_json::to_value(counts).ok()?;
+            let [all, valid, visib] =
+                ["px_count_all", "px_count_valid", "px_count_visib"].map(|key| counts[key].as_u64().unwrap_or(0));
+            if visib != u64::from(mask.area()) {
+                return Some(format!("`px_count_visib` is {visib}, its visible mask has {} pixels", mask.area()));
+            }
+            if visib > all || valid > all {
+                return Some(format!("of {all} pixels in all, {valid} are valid and {visib} visible"));
+            }
+            let share = if all == 0 { 0.0 } else { visib as f64 / all as f64 };
+            let said = counts["visib_fract"].as_f64().unwrap_or(share);
+            ((said - share).abs() > ROUNDING).then(|| format!("`visib_fract` is {said}, {visib} of {all} are {share}"))
+        }),
+    },
+);
+
+/// One sentence for each instance of a product that is at fault.
+fn each<T: 'static>(
+    products: &Products,
+    key: Key<PerInstance<T>>,
+    fault: impl Fn(InstanceId, &T) -> Option<String>,
+) -> Result<Vec<String>>
+where
+    PerInstance<T>: Product,
+{
+    let of = |(id, value): (InstanceId, &T)| Some(format!("instance {id}: {}", fault(id, value)?));
+    Ok(products.get(key)?.iter().filter_map(of).collect())
+}
+
+/// The same for two products of the same instances. One that has more instances than the other is at fault as well, but
+/// for objects that are described without being annotated.
+fn each_pair<T: 'static, U: 'static>(
+    products: &Products,
+    one: Key<PerInstance<T>>,
+    other: Key<PerInstance<U>>,
+    fault: impl Fn(InstanceId, &T, &U) -> Option<String>,
+) -> Result<Vec<String>>
+where
+    PerInstance<T>: Product,
+    PerInstance<U>: Product,
+{
+    let values = products.get(other)?;
+    each(products, one, |id, value| match values.get(id) {
+        Some(other) => fault(id, value, other),
+        None => Some(format!("it is in `{}` and not in `{}`", one.name(), other.name())),
+    })
+}
+
+fn disjoint(products: &Products) -> Result<Vec<String>> {
+    let masks = products.get(VISIBLE_MASK)?;
+    let mut union: Option<Mask> = None;
+    let mut faults = Vec::new();
+    for (id, mask) in masks.iter() {
+        let Some(before) = union.take() else {
+            union = Some(mask.clone());
+            continue;
+        };
+        if (before.width(), before.height()) != (mask.width(), mask.height()) {
+            return Ok(vec![format!("instance {id}: its mask is not of the size of the others")]);
+        }
+        let shared = before.and(mask).area();
+        if shared > 0 {
+            faults.push(format!("instance {id}: {shared} of its visible pixels are those of other objects, too"));
+        }
+        union = Some(before.or(mask));
+    }
+    Ok(faults)
+}
+
+fn rates(products: &Products) -> Result<Vec<String>> {
+    let (occlusion, rates) = (products.get(OCCLUSION_MASK)?, products.get(OCCLUSION_RATE)?);
+    // What lies beyond the image counts as hidden then, and no mask has it.
+    let extends =
+        products.contains(&LABEL_POLICY.id().name) && json(products, LABEL_POLICY)?["image_frame"] == "extend";
+    each(products, AMODAL_MASK, |id, amodal| {
+        let (occlusion, &rate) = (occlusion.get(id)?, rates.get(id)?);
+        let ratio = if amodal.is_empty() { 0.0 } else { f64::from(occlusion.area()) / f64::from(amodal.area()) };
+        let has_two_decimals = (rate * 100.0 - (rate * 100.0).round()).abs() < ROUNDING;
+        let tolerance = if has_two_decimals { TWO_DECIMALS } else { ROUNDING };
+        let wrong = if extends { rate < ratio - tolerance } else { (rate - ratio).abs() > tolerance };
+        (wrong || !(0.0..=1.0).contains(&rate))
+            .then(|| format!("its rate is {rate}, {} of {} pixels are {ratio:.6}", occlusion.area(), amodal.area()))
+    })
+}
+
+fn order(products: &Products) -> Result<Vec<String>> {
+    let (visible, occlusion) = (products.get(VISIBLE_MASK)?, products.get(OCCLUSION_MASK)?);
+    let order = products.get(OCCLUSION_ORDER)?;
+    let mut faults = Vec::new();
+    for (row, &one) in order.ids().iter().enumerate() {
+        for (column, &other) in order.ids().iter().enumerate().filter(|(column, _)| *column != row) {
+            let (Some(front), Some(hidden)) = (visible.get(one), occlusion.get(other)) else {
+                return Ok(vec![format!("instances {one} and {other} are in the order, and one of them has no mask")]);
+            };
+            let meets = !front.and(hidden).is_empty();
+            if order.occludes(row, column) != meets {
+                let says = if meets { "does not say that" } else { "says that" };
+                faults.push(format!("the order {says} instance {one} occludes instance {other}"));
+            }
+        }
+    }
+    Ok(faults)
+}
+
+fn box_of(_: InstanceId, mask: &Mask, said: &BBox) -> Option<String> {
+    let [expected, said] = [mask.bbox(), *said].map(<[i32; 4]>::from);
+    (expected != said).then(|| format!("its box is {said:?}, that of its mask {expected:?}"))
+}
+
+fn reprojected(products: &Products) -> Result<Vec<String>> {
+    let camera = json(products, CAMERA)?;
+    let k = |row: usize, column: usize| camera["K"][row][column].as_f64();
+    let (Some(fx), Some(fy), Some(cx), Some(cy)) = (k(0, 0), k(1, 1), k(0, 2), k(1, 2)) else {
+        return Ok(vec!["the camera has no matrix K of numbers".to_owned()]);
+    };
+    // A lens that distorts may show more of a box than its corners tell.
+    if camera.get("distortion_k1_k2_p1_p2_k3").is_some() {
+        return Ok(Vec::new());
+    }
+    each_pair(products, AMODAL_MASK, OBJECT_INFO, |_, mask, info| {
+        let corners = corners(info)?;
+        // The image of a box that the camera is in has no bounds.
+        if mask.is_empty() || corners.iter().any(|corner| corner.z <= 0.0) {
+            return None;
+        }
+        let [mut low, mut high] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for corner in corners {
+            let pixel = [fx * corner.x / corner.z + cx, fy * corner.y / corner.z + cy];
+            low = std::array::from_fn(|axis| low[axis].min(pixel[axis]));
+            high = std::array::from_fn(|axis| high[axis].max(pixel[axis]));
+        }
+        let [x, y, width, height] = <[i32; 4]>::from(mask.bbox()).map(f64::from);
+        let inside = x >= low[0] - OUTLINE_TOLERANCE_PX
+            && y >= low[1] - OUTLINE_TOLERANCE_PX
+            && x + width <= high[0] + OUTLINE_TOLERANCE_PX
+            && y + height <= high[1] + OUTLINE_TOLERANCE_PX;
+        (!inside).then(|| {
+            format!(
+                "its amodal mask reaches from ({x}, {y}) to ({}, {}), its box in space from ({:.1}, {:.1}) to ({:.1}, {:.1})",
+                x + width, y + height, low[0], low[1], high[0], high[1]
+            )
+        })
+    })
+}
+
+/// The corners of an object's box in the camera frame, m, if its size is known.
+fn corners(info: &Value) -> Option<[Point3<f64>; 8]> {
+    let info = serde_json::to_value(info).ok()?;
+    let pose = matrix(&info["camera_from_object"])?;
+    let bound = |end: usize, axis: usize| info["bounds_m"][end][axis].as_f64();
+    let bounds = [[bound(0, 0)?, bound(0, 1)?, bound(0, 2)?], [bound(1, 0)?, bound(1, 1)?, bound(1, 2)?]];
+    Some(std::array::from_fn(|corner| {
+        let p: [f64; 3] = std::array::from_fn(|axis| bounds[corner >> axis & 1][axis]);
+        let row = |row: usize| (0..3).map(|axis| pose[row][axis] * p[axis]).sum::<f64>() + pose[row][3];
+        Point3::new(row(0), row(1), row(2))
+    }))
+}
+
+/// The depths of the pixels of a mask; none if they are of different sizes.
+fn depths<'a>(mask: &'a Mask, depth: &'a Plane<f32>) -> impl Iterator<Item = f32> + 'a {
+    let same = (mask.width(), mask.height()) == (depth.width(), depth.height());
+    mask.pixels().take(if same { usize::MAX } else { 0 }).map(|pixel| depth.data()[pixel])
+}
+
+fn matrix(value: &Json) -> Option<[[f64; 4]; 4]> {
+    let mut matrix = [[0.0; 4]; 4];
+    for (i, row) in matrix.iter_mut().enumerate() {
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry = value.get(i)?.get(j)?.as_f64()?;
+        }
+    }
+    Some(matrix)
+}
+
+fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+fn json<T: Product>(products: &Products, key: Key<T>) -> Result<Json> {
+    let value = products.value(key.name())?;
+    serde_json::to_value(value).map_err(|error| Error::new(format!("product `{}`: {error}", key.name())))
+}

@@ -1,0 +1,42 @@
+//! What objects are.
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_NAME};
+
+/// The asset's name and the id of the category of every annotated object, as annotation files have them: category 1 is
+/// `object`, the classes of the recipe's pools follow in the order of their names. Several objects may have one name.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Identity {}
+
+impl Config for Identity {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "identity";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for Identity {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![AMODAL_MASK]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![CATEGORY_ID, OBJECT_NAME]
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let category = |id: InstanceId| {
+            cx.scene.body(id).map_or(DatasetInfo::OBJECT.0, |body| cx.dataset.category_id(&body.object.category))
+        };
+        let name = |id: InstanceId| cx.scene.body(id).map_or(String::new(), |body| body.asset.name.clone());
+        let annotated = products.get(AMODAL_MASK)?;
+        let (categories, names) = (annotated.map(|id, _| category(id)), annotated.map(|id, _| name(id)));
+        products.put(CATEGORY_ID, categories)?;
+        products.put(OBJECT_NAME, names)
+    }
+}
+
+register!(Identity);

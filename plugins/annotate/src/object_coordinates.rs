@@ -1,0 +1,71 @@
+//! Normalized object coordinates.
+
+use crate::amodal_depth::depth_of;
+use syntable_model::geometry::Point3;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{
+    AMODAL_MASK, AMODAL_OBJECT_COORDINATES, OBJECT_COORDINATES, OBJECT_DEPTHS, VISIBLE_MASK,
+};
+use syntable_model::scene::{Body, Camera};
+
+/// Normalized object coordinates (NOCS, Wang et al. 2019): where on the object a pixel is, in the object's own box. The
+/// center of the box is (0.5, 0.5, 0.5), a difference of 1 is the length of its diagonal, and the axes are those of the
+/// object frame, so that every coordinate of a point is within [0, 1].
+///
+/// `object_coordinates` is of what the image shows, `amodal_object_coordinates` of every annotated object's first surface,
+/// hidden or not. Both are zero where there is none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjectCoordinates {}
+
+impl Config for ObjectCoordinates {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "object_coordinates";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for ObjectCoordinates {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![VISIBLE_MASK, AMODAL_MASK, OBJECT_DEPTHS]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![OBJECT_COORDINATES, AMODAL_OBJECT_COORDINATES]
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let (visible, depths) = (products.get(VISIBLE_MASK)?, products.get(OBJECT_DEPTHS)?);
+        let mut seen = Plane::from_fn(depths.width(), depths.height(), |_, _| [0.0; 3]);
+        let mut amodal = PerInstance::default();
+        for (id, mask) in products.get(AMODAL_MASK)?.iter() {
+            let Some(body) = cx.scene.body(id) else { continue };
+            let coordinates = coordinates_of(body, &cx.view.camera, &depth_of(id, mask, depths));
+            for pixel in visible.get(id).into_iter().flat_map(Mask::pixels) {
+                seen.data_mut()[pixel] = coordinates.data()[pixel];
+            }
+            amodal.0.insert(id, coordinates);
+        }
+        products.put(OBJECT_COORDINATES, seen)?;
+        products.put(AMODAL_OBJECT_COORDINATES, amodal)
+    }
+}
+
+/// Where on a body its depth puts each pixel.
+fn coordinates_of(body: &Body, camera: &Camera, depth: &Plane<f32>) -> Plane<[f32; 3]> {
+    let body_from_camera = body.world_from_body.inverse() * camera.world_from_camera;
+    let bounds = body.object.mesh.bounds();
+    let (center, diagonal) = (bounds.center(), bounds.size().norm());
+    Plane::from_fn(depth.width(), depth.height(), |x, y| {
+        let z = f64::from(*depth.at(x, y));
+        let ray = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5).filter(|_| z.is_finite());
+        let Some(ray) = ray else { return [0.0; 3] };
+        let place = (body_from_camera * Point3::from(ray * z) - center) / diagonal;
+        // Rounding may lead out of the box.
+        std::array::from_fn(|axis| (place[axis] + 0.5).clamp(0.0, 1.0) as f32)
+    })
+}
+
+register!(ObjectCoordinates);

@@ -1,0 +1,254 @@
+//! `validate` finds what is planted in a dataset and is silent on a clean one; `convert` loses nothing that it does not say.
+
+mod support;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use support::{assert_same, fails, ok, syntable};
+use syntable_model::reader;
+use syntable_standard as _;
+
+/// A small dataset with all labels of the `syntable` writer.
+fn dataset(out: &Path) {
+    let mut run = syntable();
+    run.args(["run", "builtin:quickstart", "--out"]).arg(out);
+    for set in [
+        "camera.resolution=[160, 120]",
+        "render.samples_per_pixel=1",
+        "denoise.kind=\"none\"",
+        "place[1].count=8",
+        "write={ syntable = {} }",
+    ] {
+        run.args(["--set", set]);
+    }
+    ok(&mut run);
+}
+
+fn copy(from: &Path, to: &Path) {
+    for entry in fs::read_dir(from).expect("readable").map(|entry| entry.expect("readable")) {
+        let to = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy(&entry.path(), &to);
+        } else {
+            fs::create_dir_all(to.parent().expect("inside")).expect("writable");
+            fs::copy(entry.path(), &to).expect("writable");
+        }
+    }
+}
+
+/// A dataset to spoil.
+struct Spoiled {
+    root: PathBuf,
+    json: Value,
+}
+
+impl Spoiled {
+    fn annotation(&mut self, index: usize) -> &mut Value {
+        &mut self.json["annotations"][index]
+    }
+
+    /// The first annotation of which something holds.
+    fn find(&self, holds: impl Fn(&Value) -> bool) -> usize {
+        let annotations = self.json["annotations"].as_array().expect("a list");
+        annotations.iter().position(holds).expect("there is one")
+    }
+
+    fn occluded(&self) -> usize {
+        self.find(|it| it["occluded_area"].as_u64() > Some(20) && it["visible_area"].as_u64() > Some(20))
+    }
+
+    fn file(&self, key: &str) -> PathBuf {
+        self.root.join(self.json["images"][0][key].as_str().expect("a path"))
+    }
+
+    fn gray16(&self, change: impl Fn(u16) -> u16) {
+        let path = self.file("depth_file_name");
+        let image = image::open(&path).expect("an image").into_luma16();
+        let changed = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(image.width(), image.height(), |x, y| {
+            image::Luma([change(image.get_pixel(x, y).0[0])])
+        });
+        changed.save(&path).expect("writable");
+    }
+}
+
+type Plant = fn(&mut Spoiled);
+
+/// A check, and a fault that it must find.
+const PLANTED: &[(&str, &str, Plant)] = &[
+    ("readable", "an image is gone", |it| fs::remove_file(it.file("file_name")).expect("there")),
+    ("readable", "an image is cut off", |it| {
+        let path = it.file("file_name");
+        let bytes = fs::read(&path).expect("there");
+        fs::write(path, &bytes[..bytes.len() / 2]).expect("writable");
+    }),
+    ("readable", "depth is gone", |it| fs::remove_file(it.file("depth_file_name")).expect("there")),
+    ("readable", "an order is cut off", |it| {
+        let path = it.file("occlusion_order_file_name");
+        let bytes = fs::read(&path).expect("there");
+        fs::write(path, &bytes[..bytes.len() - 8]).expect("writable");
+    }),
+    ("readable", "run lengths are damaged", |it| {
+        it.annotation(0)["visible_mask"]["counts"] = json!("~~");
+    }),
+    ("readable", "height and width of a mask are swapped", |it| {
+        it.annotation(0)["visible_mask"]["size"] = json!([160, 120]);
+    }),
+    ("unique_ids", "two annotations have one id", |it| it.annotation(1)["id"] = json!(1)),
+    ("unique_ids", "two images have one id", |it| it.json["images"][1]["id"] = it.json["images"][0]["id"].clone()),
+    ("known_images", "an annotation is of no image", |it| it.annotation(0)["image_id"] = json!(999)),
+    ("known_categories", "a category is unknown", |it| it.annotation(0)["category_id"] = json!(77)),
+    ("unique_views", "two images are of one view", |it| it.json["images"][1]["view_id"] = json!(0)),
+    ("visible_masks_disjoint", "two objects are seen at one pixel", |it| {
+        let mask = it.annotation(0)["visible_mask"].clone();
+        it.annotation(1)["visible_mask"] = mask;
+    }),
+    ("visible_within_amodal", "the masks of an object are swapped", |it| {
+        let index = it.occluded();
+        let at = it.annotation(index);
+        let (visible, amodal) = (at["visible_mask"].clone(), at["segmentation"].clone());
+        (at["visible_mask"], at["segmentation"]) = (amodal, visible);
+    }),
+    ("occlusion_is_amodal_minus_visible", "what hides is not in the occlusion mask", |it| {
+        let index = it.occluded();
+        let visible = it.annotation(index)["visible_mask"].clone();
+        it.annotation(index)["occluded_mask"] = visible;
+    }),
+    ("rate_is_ratio_of_areas", "a rate is two hundredths too large", |it| {
+        let index = it.occluded();
+        let rate = it.annotation(index)["occluded_rate"].as_f64().expect("a number");
+        it.annotation(index)["occluded_rate"] = json!(rate + 0.0212345);
+    }),
+    ("rate_is_ratio_of_areas", "a rate is that of the visible part", |it| {
+        let index = it.occluded();
+        let rate = it.annotation(index)["occluded_rate"].as_f64().expect("a number");
+        it.annotation(index)["occluded_rate"] = json!(1.0 - rate);
+    }),
+    ("order_is_that_of_masks", "an order is transposed", |it| {
+        let path = it.file("occlusion_order_file_name");
+        let mut bytes = fs::read(&path).expect("there");
+        let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        let before = bytes[header..].to_vec();
+        let edge = ((before.len() / 8) as f64).sqrt() as usize;
+        for (row, column) in (0..edge).flat_map(|row| (0..edge).map(move |column| (row, column))) {
+            let (from, to) = (8 * (column * edge + row), header + 8 * (row * edge + column));
+            bytes[to..to + 8].copy_from_slice(&before[from..from + 8]);
+        }
+        fs::write(path, bytes).expect("writable");
+    }),
+    ("visible_box_is_that_of_mask", "a box has corners in place of its size", |it| {
+        let [x, y, w, h] = serde_json::from_value::<[i64; 4]>(it.annotation(0)["visible_bbox"].clone()).expect("a box");
+        it.annotation(0)["visible_bbox"] = json!([x, y, x + w, y + h]);
+    }),
+    ("amodal_box_is_that_of_mask", "a box lacks a column", |it| {
+        let width = it.annotation(0)["amodal_bbox"][2].as_i64().expect("a number");
+        it.annotation(0)["amodal_bbox"][2] = json!(width - 1);
+    }),
+    ("camera_has_the_size_of_the_image", "the camera is of another size", |it| {
+        it.json["images"][0]["camera"]["width"] = json!(640);
+    }),
+    ("poses_reproject_into_masks", "a focal length is that of another size", |it| {
+        it.json["images"][0]["camera"]["K"][0][0] = json!(20.0);
+    }),
+    ("poses_reproject_into_masks", "y points up", |it| {
+        for annotation in it.json["annotations"].as_array_mut().expect("a list") {
+            for row in [1, 2] {
+                for column in 0..4 {
+                    let entry = annotation["object"]["camera_from_object"][row][column].as_f64().expect("a number");
+                    annotation["object"]["camera_from_object"][row][column] = json!(-entry);
+                }
+            }
+        }
+        it.json["images"][0]["camera"]["K"][0][0] = json!(20.0);
+    }),
+    ("poses_agree", "a pose is in millimeters", |it| {
+        for row in 0..3 {
+            let entry = it.annotation(0)["object"]["camera_from_object"][row][3].as_f64().expect("a number");
+            it.annotation(0)["object"]["camera_from_object"][row][3] = json!(1000.0 * entry);
+        }
+    }),
+    ("poses_agree", "the camera is where the next view's is", |it| {
+        it.json["images"][0]["camera"]["world_from_camera"] =
+            it.json["images"][1]["camera"]["world_from_camera"].clone();
+    }),
+    ("depth_agrees_with_poses", "depth is in tenths of a millimeter", |it| it.gray16(|depth| depth.saturating_mul(10))),
+    ("depth_agrees_with_poses", "depth is 2 cm too large", |it| it.gray16(|depth| depth + 20)),
+    ("visible_pixels_have_depth", "depth is missing", |it| it.gray16(|_| 0)),
+    ("masks_have_the_size_of_the_image", "an image is of another size", |it| {
+        image::RgbImage::new(80, 60).save(it.file("file_name")).expect("writable");
+    }),
+    ("depth_has_the_size_of_the_image", "depth is of another size", |it| {
+        image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(80, 60)
+            .save(it.file("depth_file_name"))
+            .expect("writable");
+    }),
+];
+
+fn checks_that_fail(root: &Path) -> BTreeSet<String> {
+    let (_, dataset) = reader::open(root, None).expect("a dataset");
+    let found = syntable_runtime::validate::validate(&*dataset, 2).expect("checked");
+    found.faults.into_iter().map(|fault| fault.check).collect()
+}
+
+#[test]
+fn planted_faults_are_found() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let clean = folder.path().join("clean");
+    dataset(&clean);
+    assert_eq!(checks_that_fail(&clean), BTreeSet::new());
+    let path = clean.join("annotation_final.json");
+    let text = fs::read_to_string(&path).expect("there");
+    assert!(PLANTED.len() >= 20);
+    for (number, (check, what, plant)) in PLANTED.iter().enumerate() {
+        let root = folder.path().join(format!("spoiled {number}"));
+        copy(&clean.join("data"), &root.join("data"));
+        let mut spoiled = Spoiled { root: root.clone(), json: serde_json::from_str(&text).expect("JSON") };
+        plant(&mut spoiled);
+        fs::write(root.join("annotation_final.json"), spoiled.json.to_string()).expect("writable");
+        let found = checks_that_fail(&root);
+        assert!(found.contains(*check), "{what}: {found:?}");
+        fs::remove_dir_all(&root).expect("removable");
+    }
+    // What people and programs see of it.
+    assert!(ok(syntable().arg("validate").arg(&clean)).contains("4 images, read as syntable: no fault"));
+    fs::remove_file(clean.join("data/mono/rgb/0_0.png")).expect("there");
+    let said = fails(syntable().arg("validate").arg(&clean), 3);
+    assert!(said.contains("readable: data/mono/rgb/0_0.png") && said.contains("1 fault found"), "{said}");
+    let output = syntable().args(["validate", "--json"]).arg(&clean).output().expect("starts");
+    let json: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((json["faults"][0]["check"].as_str(), &json["images"]), (Some("readable"), &json!(4)));
+}
+
+#[test]
+fn what_is_converted_and_back_is_what_it_was() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    dataset(&path("ours"));
+    let convert = |from: &str, to: &str, out: &str| {
+        let mut convert = syntable();
+        convert.arg("convert").arg(path(from)).args(["--to", to, "--out"]).arg(path(out));
+        convert
+    };
+    // Our own form keeps all.
+    let said = ok(&mut convert("ours", "syntable", "again"));
+    assert!(said.contains("4 images of 2 scenes written") && !said.contains("not carried over"), "{said}");
+    for name in ["data", "parameters"] {
+        assert_same(&path("ours").join(name), &path("again").join(name));
+    }
+    let read = |name: &str| fs::read(path(name).join("annotation_final.json")).expect("there");
+    assert!(read("ours") == read("again"), "annotations differ");
+    // COCO keeps masks, boxes, rates and categories.
+    let said = ok(&mut convert("ours", "coco", "coco"));
+    assert!(said.contains("not carried over") && said.contains("depth"), "{said}");
+    assert_eq!(checks_that_fail(&path("coco").join("coco")), BTreeSet::new());
+    ok(&mut convert("coco/coco", "coco", "coco again"));
+    assert_same(&path("coco"), &path("coco again"));
+    // What a dataset lacks is said, and nothing is written.
+    let said = fails(&mut convert("coco/coco", "syntable", "lacking"), 2);
+    assert!(said.contains("reads `depth`, which the dataset does not have") && !path("lacking").exists(), "{said}");
+    let said = fails(&mut convert("ours", "gltf", "scene"), 2);
+    assert!(said.contains("bodies of scenes"), "{said}");
+    let said = fails(&mut convert("ours", "coco", "again"), 2);
+    assert!(said.contains("not empty"), "{said}");
+    assert!(fails(&mut convert("ours", "nothing", "none"), 2).contains("no such kind"));
+}
