@@ -2,9 +2,9 @@
 //!
 //! A run writes the images and annotations of each scene to a shard of its own, and merges all shards at the end.
 //! A shard has a line `["image", annotations, record]` for every view in order, followed by that many lines
-//! `["annotation", record]`, and at the end a line `["scene", record]`. Ids of images and annotations are 0 until the merge
-//! gives them: they depend on the whole dataset, which may grow. Merging copies the rest of the records as text: memory is
-//! bounded by one line.
+//! `["annotation", record]`, and at the end a line `["scene", record]`. What else a format keeps of a view is in a line
+//! `["view", record]` after its annotations. Ids of images and annotations are 0 until the merge gives them: they depend on
+//! the whole dataset, which may grow. Merging copies the rest of the records as text: memory is bounded by one line.
 
 use crate::encode::json_shard;
 use serde::Serialize;
@@ -24,6 +24,11 @@ pub fn push_image(shard: &mut Vec<u8>, annotations: usize, image: &impl Serializ
 /// Appends the line of an annotation. Its `id` and `image_id` must be the first fields, and 0.
 pub fn push_annotation(shard: &mut Vec<u8>, annotation: &impl Serialize) -> Result<()> {
     push(shard, &("annotation", annotation))
+}
+
+/// Appends the line of a view, for what is neither its image nor an annotation.
+pub fn push_view(shard: &mut Vec<u8>, view: &impl Serialize) -> Result<()> {
+    push(shard, &("view", view))
 }
 
 /// Appends the line of the scene itself.
@@ -50,6 +55,8 @@ pub enum Line<'a> {
     },
     /// An annotation.
     Annotation(UnnumberedAnnotation<'a>),
+    /// A record of the view.
+    View(&'a str),
     /// The record of the scene.
     Scene(&'a str),
 }
@@ -74,6 +81,8 @@ impl<'a> Line<'a> {
             let (annotations, record) = rest.split_once(',')?;
             let record = UnnumberedImage { rest: record.strip_prefix(IMAGE)? };
             Some(Self::Image { annotations: annotations.parse().ok()?, record })
+        } else if let Some(record) = body.strip_prefix("\"view\",") {
+            Some(Self::View(record))
         } else if let Some(record) = body.strip_prefix("\"scene\",") {
             Some(Self::Scene(record))
         } else {

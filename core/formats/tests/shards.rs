@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::shard::{Line, push_annotation, push_image};
+use syntable_formats::shard::{Line, push_annotation, push_image, push_scene, push_view};
 
 #[test]
 fn records_keep_their_bytes_and_get_ids() {
@@ -31,6 +31,16 @@ fn records_keep_their_bytes_and_get_ids() {
     let want = "{\n    \"images\": [\n{\"id\":4,\"name\":\"a]\\n\\\"\"}\n    ],\n    \"annotations\": [\n\
                 {\"id\":10,\"image_id\":4,\"rate\":0.1},\n{\"id\":11,\"image_id\":4,\"rate\":1e-7}\n    ]\n}\n";
     assert_eq!(String::from_utf8(out).expect("UTF-8"), want);
+}
+
+#[test]
+fn views_and_scenes_have_lines_of_their_own() {
+    let mut shard = Vec::new();
+    push_view(&mut shard, &json!({ "order": ["0<1"] })).expect("memory");
+    push_scene(&mut shard, &json!({ "bodies": [] })).expect("memory");
+    let text = String::from_utf8(shard).expect("UTF-8");
+    let lines: Vec<Option<Line>> = text.lines().map(Line::parse).collect();
+    assert_eq!(lines, [Some(Line::View("{\"order\":[\"0<1\"]}")), Some(Line::Scene("{\"bodies\":[]}"))]);
 }
 
 #[test]

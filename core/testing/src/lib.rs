@@ -15,5 +15,6 @@ pub mod folder;
 pub mod room;
 pub mod scenes;
 pub mod stats;
+pub mod takes;
 pub mod tools;
 pub mod workers;

@@ -1,6 +1,9 @@
 //! Tests that need a tool from outside: a Python module, a graphics adapter, a language server.
 
 use std::io::Write;
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
 
 /// Says that a test is skipped since something is missing, past the capture of the test harness. Where
 /// `SYNTABLE_REQUIRE_TOOLS` is 1, as in CI, the test fails instead.
@@ -17,4 +20,27 @@ pub fn is_there(there: bool, what: &str) -> bool {
         skip(what);
     }
     there
+}
+
+/// Runs a script that reads with NumPy, pycocotools and Pillow; false if they are not installed. Panics if the script fails.
+pub fn python(script: &Path, arguments: &[&str]) -> bool {
+    static HERE: OnceLock<bool> = OnceLock::new();
+    python_with("numpy, pycocotools, PIL", &HERE, script, arguments)
+}
+
+/// Runs a script that needs some modules; false if they are not installed, which `here` remembers. Panics if the script
+/// fails.
+pub fn python_with(modules: &str, here: &OnceLock<bool>, script: &Path, arguments: &[&str]) -> bool {
+    let here = *here.get_or_init(|| {
+        let output = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+        output.is_ok_and(|output| output.status.success())
+    });
+    if !is_there(here, &format!("python3 with {modules}")) {
+        return false;
+    }
+    let output = Command::new("python3").arg(script).args(arguments).output().expect("python3 starts");
+    let printed = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(output.status.success(), "{} {arguments:?}\n{}{}", script.display(), printed[0], printed[1]);
+    eprint!("{}", printed[0]);
+    true
 }

@@ -66,3 +66,8 @@ pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Res
             .permanent()
     })
 }
+
+/// Name of a category; empty if the dataset has none of this id.
+pub fn category_name(dataset: &DatasetInfo, id: u32) -> &str {
+    dataset.categories().find(|(other, _)| *other == id).map_or("", |(_, name)| name)
+}

@@ -1,11 +1,31 @@
-//! Formats of other datasets, one folder each, that training and evaluation code reads.
+//! Formats of other datasets, one file or folder each, that training and evaluation code reads.
 //!
 //! | kind | writes |
 //! | --- | --- |
 //! | [`coco`] | COCO detection: one annotation file, with amodal or visible masks |
+//! | [`coco_panoptic`] | COCO panoptic segmentation: visible masks as segments, the rest as background |
+//! | [`cocoa`] | COCO-Amodal: the objects of an image from front to back |
+//! | [`d2sa`] | D2S amodal: COCO with visible and invisible masks and the order of occlusion |
+//! | [`insta_order`] | InstaOrder: pairwise orders of occlusion and depth, beside COCO's instances |
+//! | [`kins`] | KINS: amodal and visible polygons, with groups of overlapping objects |
+//! | [`osd_amodal`] | OSD-Amodal: the folders that UOAIS-Net's evaluation reads |
+//! | [`uoais`] | UOAIS-Sim: what UOAIS-Net is trained from |
+//! | [`yolo`] | Ultralytics YOLO: polygons or oriented boxes |
 //!
 //! Writers here read products alone, never the bodies of the scene, so that what a reader of another format offers can be
 //! written as well. Pixel coordinates have their origin in the top left corner of the image.
 
+mod annotation_file;
 pub mod coco;
+pub mod coco_panoptic;
+pub mod cocoa;
+pub mod d2sa;
+mod depth;
+pub mod insta_order;
+pub mod kins;
 mod labels;
+mod order;
+pub mod osd_amodal;
+mod outlines;
+pub mod uoais;
+pub mod yolo;

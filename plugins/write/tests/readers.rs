@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{dataset_checker, own_script, python, write_all};
+use common::{own_script, python, shared_script, write_all};
 use syntable_model::prelude::*;
 
 #[test]
@@ -16,9 +16,9 @@ fn syntable_datasets_pass_the_checker() {
         let folder = tempfile::tempdir().expect("a folder");
         write_all(folder.path(), "syntable", "syntable", options);
         let root = folder.path().to_str().expect("UTF-8");
-        if python(&dataset_checker(), &[root, "--compat", compat]) && !options.starts_with("debug") {
+        if python(&shared_script("check_dataset.py"), &[root, "--compat", compat]) && !options.starts_with("debug") {
             // The evaluation of SynTable needs the syntable_1 form; the reader of UOAIS-Net takes both.
-            python(&own_script("uoais_reader.py"), &[root, compat]);
+            python(&shared_script("uoais_reader.py"), &[root, compat]);
         }
     }
 }
@@ -28,7 +28,7 @@ fn the_checker_finds_what_is_wrong() {
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), "syntable", "syntable", "");
     let root = folder.path().to_str().expect("UTF-8");
-    if !python(&dataset_checker(), &[root]) {
+    if !python(&shared_script("check_dataset.py"), &[root]) {
         return;
     }
     let file = folder.path().join("annotation_final.json");
@@ -57,7 +57,11 @@ fn the_checker_finds_what_is_wrong() {
     std::fs::write(order, bytes).expect("writable");
     std::fs::remove_file(folder.path().join("data/mono/depth/2_2.png")).expect("there");
 
-    let output = std::process::Command::new("python3").arg(dataset_checker()).arg(root).output().expect("starts");
+    let output = std::process::Command::new("python3")
+        .arg(shared_script("check_dataset.py"))
+        .arg(root)
+        .output()
+        .expect("starts");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{said}");
     let others = [

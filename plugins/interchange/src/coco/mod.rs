@@ -2,17 +2,13 @@
 
 mod read;
 
+use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
 use crate::labels::{self, Label};
 use serde_json::json;
-use syntable_formats::coco::{Annotation, Category, Image as ImageRecord, Info, License};
-use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::encode::png::Image;
-use syntable_formats::encode::view_name;
+use syntable_formats::coco::Annotation;
 use syntable_formats::segmentation::{Rle, Segmentation};
-use syntable_formats::shard::{self, Line, for_each_line};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
-use syntable_model::scene::{SceneId, ViewId};
 
 /// Writes COCO's layout for detection and instance segmentation.
 ///
@@ -58,13 +54,13 @@ impl Config for Coco {
     const KIND: &'static str = "coco";
     const EXAMPLE: &'static str = "masks = \"amodal\"\nsplit = \"train\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        check_path("split", &file(&self.split))?;
+        check_split(&self.split)?;
         Ok(Box::new(self))
     }
 }
 
-/// Name of the annotation file.
-fn file(split: &str) -> String {
+/// Path of the annotation file.
+pub(crate) fn file(split: &str) -> String {
     format!("annotations/instances_{split}.json")
 }
 
@@ -74,15 +70,11 @@ impl Writer for Coco {
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(CocoScene { masks: self.masks, output, shard: Vec::new() }))
+        Ok(Box::new(CocoScene { masks: self.masks, files: SceneFiles::new(output) }))
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(match (of.scene, of.view) {
-            (Some(scene), Some(view)) => vec![format!("{}/images/{}", of.id, image_name(scene, view))],
-            (None, None) => vec![format!("{}/{}", of.id, file(&self.split))],
-            _ => Vec::new(),
-        })
+        Ok(annotation_file::paths(of, &[file(&self.split)]))
     }
 
     fn finish_options(&self) -> &'static [&'static str] {
@@ -90,89 +82,44 @@ impl Writer for Coco {
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        let path = format!("{}/{}", finish.id(), file(&self.split));
-        finish.write(&path, |out| {
-            let mut file = DatasetWriter::new(out, &path, Layout::Lines)?;
-            file.header(&info(cx.dataset), &[license()], &categories(cx.dataset))?;
-            file.images(|images| {
-                for_each_line(cx.dataset, finish, |id, line| match line {
-                    Line::Image { record, .. } => images.raw(&record.numbered(id)),
-                    _ => Ok(()),
-                })
-            })?;
-            let mut number = 0;
-            file.annotations(|annotations| {
-                for_each_line(cx.dataset, finish, |image, line| match line {
-                    Line::Annotation(record) => {
-                        number += 1;
-                        annotations.raw(&record.numbered(number, image))
-                    }
-                    _ => Ok(()),
-                })
-            })?;
-            file.finish()
-        })
+        merge(cx, finish, &file(&self.split), Some(&categories(cx.dataset)), Listed::All)
     }
-}
-
-fn image_name(scene: SceneId, view: ViewId) -> String {
-    format!("{}.png", view_name(scene, view))
-}
-
-/// What the dataset is, without dates: files do not depend on the clock.
-pub fn info(dataset: &DatasetInfo) -> Info {
-    Info { description: dataset.name.clone(), contributor: dataset.program.clone(), ..Info::default() }
-}
-
-/// The one license of all images.
-pub fn license() -> License {
-    License { id: 1, name: "licenses of the assets".into(), ..License::default() }
-}
-
-/// The categories of the dataset.
-pub fn categories(dataset: &DatasetInfo) -> Vec<Category> {
-    let category = |(id, name): (u32, &str)| Category { id: id.into(), name: name.into(), ..Category::default() };
-    dataset.categories().map(category).collect()
 }
 
 struct CocoScene {
     masks: Masks,
-    output: Output,
-    shard: Vec<u8>,
+    files: SceneFiles,
 }
 
 impl SceneWriter for CocoScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let (rgb, name) = (products.get(RGB)?, image_name(cx.scene.id, cx.view.id));
-        Image::rgb(rgb).write(&self.output, &format!("{}/images/{name}", self.output.id()))?;
-        let mut labels = labels::labels(products)?;
-        labels.retain(|label| !self.masks.of(label).is_empty());
-        let image = ImageRecord {
-            id: 0,
-            file_name: name,
-            width: rgb.width(),
-            height: rgb.height(),
-            license: Some(1),
-            ..ImageRecord::default()
-        };
-        shard::push_image(&mut self.shard, labels.len(), &image)?;
-        labels.iter().try_for_each(|label| shard::push_annotation(&mut self.shard, &self.masks.annotation(label)))
+        let labels = self.masks.shown(labels::labels(products)?);
+        self.files.image(cx, products, labels.len())?;
+        labels.iter().try_for_each(|label| self.files.annotation(&self.masks.annotation(label)))
     }
 
     fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
-        self.output.write_shard(&self.shard)
+        self.files.close()
     }
 }
 
 impl Masks {
-    fn of<'a>(self, label: &Label<'a>) -> &'a Mask {
+    /// The mask of an object.
+    pub(crate) fn of<'a>(self, label: &Label<'a>) -> &'a Mask {
         match self {
             Self::Visible => label.visible,
             Self::Amodal => label.amodal,
         }
     }
 
-    fn annotation(self, label: &Label) -> Annotation {
+    /// The labels of the objects whose mask is not empty.
+    pub(crate) fn shown(self, mut labels: Vec<Label>) -> Vec<Label> {
+        labels.retain(|label| !self.of(label).is_empty());
+        labels
+    }
+
+    /// The record of an object.
+    pub(crate) fn annotation(self, label: &Label) -> Annotation {
         let boxes = [label.visible_box, label.amodal_box].map(<[i32; 4]>::from);
         let bbox = boxes[self as usize].map(f64::from);
         let extra = json!({

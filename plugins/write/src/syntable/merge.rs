@@ -27,13 +27,13 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
                     let copies = if syntable_1 { annotations } else { usize::from(annotations > 0 || !skip_empty) };
                     (0..copies).try_for_each(|_| images.raw(&record.numbered(image_id)))
                 }
-                Line::Annotation(_) | Line::Scene(_) => Ok(()),
+                Line::Annotation(_) | Line::View(_) | Line::Scene(_) => Ok(()),
             })
         })?;
         let mut id = 0;
         file.annotations(|annotations| {
             for_each_line(dataset, finish, |image_id, line| match line {
-                Line::Image { .. } | Line::Scene(_) => Ok(()),
+                Line::Image { .. } | Line::View(_) | Line::Scene(_) => Ok(()),
                 Line::Annotation(record) => {
                     id += 1;
                     annotations.raw(&record.numbered(id, image_id))
@@ -44,7 +44,7 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
             file.list(SCENES, |scenes| {
                 for_each_line(dataset, finish, |_, line| match line {
                     Line::Scene(record) => scenes.raw(record),
-                    Line::Image { .. } | Line::Annotation(_) => Ok(()),
+                    Line::Image { .. } | Line::Annotation(_) | Line::View(_) => Ok(()),
                 })
             })?;
         }

@@ -2,6 +2,7 @@
 """Reads a dataset as UOAIS-Net's training code and SynTable's evaluation code do (specification 3.1).
 
     python3 uoais_reader.py DATASET coco|syntable_1
+    python3 uoais_reader.py IMAGES uoais FILE
 
 What that code asserts is asserted, what it requires is required, and what it does with the values is done.
 """
@@ -88,11 +89,12 @@ def evaluate(root, file):
 
 def main():
     root, compat = pathlib.Path(sys.argv[1]), sys.argv[2]
-    file = root / "annotation_final.json"
+    file = pathlib.Path(sys.argv[3]) if compat == "uoais" else root / "annotation_final.json"
     records = register(root, file)
     instances = [load(record)[1] for record in records]
     if compat == "syntable_1":
         evaluate(root, file)
+    if compat != "coco":
         assert all(instances), "an image without annotations crashes the evaluation"
     assert any(instances), "nothing was read"
     print(f"{len(records)} images, {sum(map(len, instances))} objects, {sum(t['occluded'] for p in instances for t in p)} occluded")

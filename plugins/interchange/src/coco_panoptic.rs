@@ -1,0 +1,167 @@
+//! COCO panoptic segmentation.
+
+use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, image_name, merge};
+use crate::coco::Masks;
+use crate::labels::{self, Label};
+use syntable_formats::coco::Category;
+use syntable_formats::encode::png::{Image, Samples};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RGB;
+
+/// Id of the segment of the background, beyond all ids of objects.
+const BACKGROUND: u32 = 1 << 16;
+
+/// Writes COCO's layout for panoptic segmentation.
+///
+/// # What it does
+///
+/// Every visible mask is a segment of a thing, whose id is the id of the object in its scene. All other pixels (table, room,
+/// distractors and objects without labels) are one segment of the stuff `background`, so that panopticapi counts what is
+/// predicted there as wrong; no pixel is void. A segment's id is R + 256 · G + 256² · B of its pixels in the PNG file.
+/// Categories are `object` (1) and the classes of the recipe's pools, with `isthing` 1, then `background` with `isthing` 0.
+/// Image ids are `scene · views_per_scene + view + 1`; `bbox` is `[x, y, width, height]`, `area` whole pixels.
+///
+/// # Output
+///
+/// - `{id}/images/{scene:06}_{view:04}.png`: 8-bit RGB.
+/// - `{id}/annotations/panoptic_{split}/{scene:06}_{view:04}.png`: the segments.
+/// - `{id}/annotations/panoptic_{split}.json`: one annotation per image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CocoPanoptic {
+    /// Name of the split in the names of the annotation file and of its folder.
+    pub split: String,
+}
+
+impl Default for CocoPanoptic {
+    fn default() -> Self {
+        Self { split: "train".into() }
+    }
+}
+
+impl Config for CocoPanoptic {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "coco_panoptic";
+    const EXAMPLE: &'static str = "split = \"train\"";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        check_split(&self.split)?;
+        Ok(Box::new(self))
+    }
+}
+
+impl CocoPanoptic {
+    /// Folder of the segments' images inside the writer's folder, which panopticapi derives from the annotation file.
+    fn folder(&self) -> String {
+        format!("annotations/panoptic_{}", self.split)
+    }
+
+    fn file(&self) -> String {
+        format!("{}.json", self.folder())
+    }
+}
+
+impl Writer for CocoPanoptic {
+    fn reads(&self) -> Vec<Input> {
+        std::iter::once(Input::of(RGB)).chain(labels::inputs()).collect()
+    }
+
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(PanopticScene { folder: self.folder(), files: SceneFiles::new(output) }))
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let mut paths = annotation_file::paths(of, &[self.file()]);
+        if let (Some(scene), Some(view)) = (of.scene, of.view) {
+            paths.push(format!("{}/{}/{}", of.id, self.folder(), image_name(scene, view)));
+        }
+        Ok(paths)
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        merge(cx, finish, &self.file(), Some(&with_background(cx.dataset)), Listed::All)
+    }
+}
+
+/// The categories of things, and that of the background after them.
+fn with_background(dataset: &DatasetInfo) -> Vec<Category> {
+    let of = |mut category: Category, isthing: u8| {
+        category.extra.insert("isthing".into(), isthing.into());
+        category
+    };
+    let id = background_category(dataset);
+    let background = Category { id, name: "background".into(), ..Category::default() };
+    categories(dataset).into_iter().map(|thing| of(thing, 1)).chain([of(background, 0)]).collect()
+}
+
+fn background_category(dataset: &DatasetInfo) -> u64 {
+    dataset.categories().map(|(id, _)| u64::from(id)).max().unwrap_or_default() + 1
+}
+
+/// The annotation of an image.
+#[derive(Serialize)]
+struct PanopticAnnotation {
+    id: u64,
+    image_id: u64,
+    file_name: String,
+    segments_info: Vec<Segment>,
+}
+
+#[derive(Serialize)]
+struct Segment {
+    id: u32,
+    category_id: u64,
+    area: u32,
+    bbox: [i32; 4],
+    iscrowd: u8,
+}
+
+impl Segment {
+    fn new(id: u32, category_id: u64, mask: &Mask) -> Self {
+        Self { id, category_id, area: mask.area(), bbox: mask.bbox().into(), iscrowd: 0 }
+    }
+}
+
+struct PanopticScene {
+    folder: String,
+    files: SceneFiles,
+}
+
+impl SceneWriter for PanopticScene {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let rgb = products.get(RGB)?;
+        let labels = Masks::Visible.shown(labels::labels(products)?);
+        let segments = segments(rgb.width(), rgb.height(), background_category(cx.dataset), &labels);
+        let name = image_name(cx.scene.id, cx.view.id);
+        let masks: Vec<(u32, &Mask)> = segments.iter().map(|(segment, mask)| (segment.id, mask)).collect();
+        self.files.png(&format!("{}/{name}", self.folder), &id_image(rgb.width(), rgb.height(), &masks))?;
+        self.files.image(cx, products, 1)?;
+        let segments_info = segments.into_iter().map(|(segment, _)| segment).collect();
+        self.files.annotation(&PanopticAnnotation { id: 0, image_id: 0, file_name: name, segments_info })
+    }
+
+    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+        self.files.close()
+    }
+}
+
+/// The segments of an image with their masks: objects, then the background if a pixel shows it.
+fn segments(width: u32, height: u32, background: u64, labels: &[Label]) -> Vec<(Segment, Mask)> {
+    let all = Mask::from_fn(width, height, |_, _| true);
+    let rest = labels.iter().fold(all, |rest, label| rest.minus(label.visible));
+    let thing =
+        |label: &Label| (Segment::new(label.id.0.into(), label.category.into(), label.visible), label.visible.clone());
+    let stuff = (!rest.is_empty()).then(|| (Segment::new(BACKGROUND, background, &rest), rest));
+    labels.iter().map(thing).chain(stuff).collect()
+}
+
+/// The image whose pixels say the ids of their segments.
+fn id_image(width: u32, height: u32, masks: &[(u32, &Mask)]) -> Image {
+    let mut samples = vec![0; width as usize * height as usize * 3];
+    for (id, mask) in masks {
+        let [r, g, b, _] = id.to_le_bytes();
+        mask.pixels().for_each(|pixel| samples[3 * pixel..][..3].copy_from_slice(&[r, g, b]));
+    }
+    Image { width, height, samples: Samples::Rgb8(samples) }
+}
+
+register!(CocoPanoptic);

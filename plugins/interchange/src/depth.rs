@@ -1,0 +1,35 @@
+//! Depth images in millimeters.
+
+use syntable_formats::encode::png::{Image, Rounding, depth_units};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{DEPTH, DEPTH_SENSED};
+
+/// The depth that is written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthSource {
+    /// Exact depth of the surfaces.
+    #[default]
+    Rendered,
+    /// What a depth camera measures, with its noise and holes.
+    Sensed,
+}
+
+impl DepthSource {
+    fn key(self) -> Key<Plane<f32>> {
+        match self {
+            Self::Rendered => DEPTH,
+            Self::Sensed => DEPTH_SENSED,
+        }
+    }
+
+    /// The product that it is.
+    pub fn input(self) -> Input {
+        Input { option: Some("depth".into()), ..Input::of(self.key()) }
+    }
+
+    /// 16-bit depth along the optical axis in whole millimeters, rounded to the nearest; 0 where there is none.
+    pub fn image(self, products: &Products) -> Result<Image> {
+        Ok(Image::gray16(&products.get(self.key())?.map(|&depth| depth_units(depth, 1.0, Rounding::Nearest))))
+    }
+}

@@ -1,0 +1,153 @@
+//! Who is in front of whom.
+
+use crate::labels::Label;
+use syntable_model::prelude::*;
+use syntable_model::product::OcclusionOrder;
+use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
+
+/// The products that [`Order`] reads.
+pub fn inputs() -> [Input; 2] {
+    [Input::of(OCCLUSION_ORDER), Input::of(DEPTH)]
+}
+
+/// Depth of what an image shows of an object, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VisibleDepth {
+    /// Of the nearest pixel; infinite if there is none.
+    pub nearest: f32,
+    /// Of the farthest pixel.
+    pub farthest: f32,
+    /// Of all pixels on average.
+    pub mean: f64,
+}
+
+impl VisibleDepth {
+    /// The depth at the pixels of a mask that have one.
+    fn of(depth: &Plane<f32>, visible: &Mask) -> Self {
+        let depths = || visible.pixels().map(|pixel| depth.data()[pixel]).filter(|depth| depth.is_finite());
+        let sum: f64 = depths().map(f64::from).sum();
+        let count = depths().count();
+        Self {
+            nearest: depths().fold(f32::INFINITY, f32::min),
+            farthest: depths().fold(f32::NEG_INFINITY, f32::max),
+            mean: if count == 0 { f64::INFINITY } else { sum / count as f64 },
+        }
+    }
+}
+
+/// The occlusion order of some objects of a view, by their index among these.
+pub struct Order {
+    occludes: Vec<Vec<bool>>,
+    /// Depths of the objects.
+    pub depths: Vec<VisibleDepth>,
+}
+
+impl Order {
+    /// The order of the objects of these labels.
+    pub fn of(products: &Products, labels: &[Label]) -> Result<Self> {
+        let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.get(DEPTH)?);
+        let rows = labels.iter().map(|label| row(order, label.id)).collect::<Result<Vec<usize>>>()?;
+        let occludes = rows.iter().map(|&i| rows.iter().map(|&j| order.occludes(i, j)).collect()).collect();
+        let depths = labels.iter().map(|label| VisibleDepth::of(depth, label.visible)).collect();
+        Ok(Self { occludes, depths })
+    }
+
+    /// Whether object `i` hides a part of object `j`.
+    pub fn occludes(&self, i: usize, j: usize) -> bool {
+        self.occludes[i][j]
+    }
+
+    /// The objects from front to back: each comes after all that occlude it, and before what is farther. Where objects occlude
+    /// each other, directly or in a circle, the one whose nearest visible pixel is nearest comes first.
+    pub fn front_to_back(&self) -> Vec<usize> {
+        let mut rest: Vec<usize> = (0..self.depths.len()).collect();
+        let mut sorted = Vec::with_capacity(rest.len());
+        while !rest.is_empty() {
+            let nearest = |nodes: Vec<usize>| {
+                nodes.into_iter().min_by(|&i, &j| self.depths[i].nearest.total_cmp(&self.depths[j].nearest))
+            };
+            let free = |&j: &usize| !rest.iter().any(|&i| self.occludes(i, j));
+            let next = nearest(rest.iter().copied().filter(free).collect()).or_else(|| nearest(self.foremost(&rest)));
+            let Some(next) = next else { break };
+            rest.retain(|&node| node != next);
+            sorted.push(next);
+        }
+        sorted
+    }
+
+    /// Of objects that all are occluded, those that are occluded only by what they occlude themselves, directly or through
+    /// others.
+    fn foremost(&self, nodes: &[usize]) -> Vec<usize> {
+        let before: Vec<Vec<usize>> = nodes.iter().map(|&node| self.before(nodes, node)).collect();
+        let is_before = |i: usize, j: usize| before[j].contains(&nodes[i]);
+        let foremost = |j: &usize| (0..nodes.len()).all(|i| !is_before(i, *j) || is_before(*j, i));
+        (0..nodes.len()).filter(foremost).map(|j| nodes[j]).collect()
+    }
+
+    /// All objects of `nodes` that occlude one of them, directly or through others.
+    fn before(&self, nodes: &[usize], node: usize) -> Vec<usize> {
+        let (mut found, mut open) = (Vec::new(), vec![node]);
+        while let Some(j) = open.pop() {
+            for &i in nodes {
+                if self.occludes(i, j) && !found.contains(&i) {
+                    found.push(i);
+                    open.push(i);
+                }
+            }
+        }
+        found
+    }
+
+    /// The number of objects in the longest chain of occluders in front of each object, 0 if nothing occludes it. `sorted`
+    /// are the objects [from front to back](Self::front_to_back); an occluder that comes later does not count.
+    pub fn layers(&self, sorted: &[usize]) -> Vec<usize> {
+        let mut layers = vec![0; self.depths.len()];
+        for (at, &j) in sorted.iter().enumerate() {
+            let before = sorted[..at].iter().filter(|&&i| self.occludes(i, j)).map(|&i| layers[i] + 1);
+            layers[j] = before.max().unwrap_or(0);
+        }
+        layers
+    }
+}
+
+fn row(order: &OcclusionOrder, id: InstanceId) -> Result<usize> {
+    order.ids().binary_search(&id).map_err(|_| {
+        Error::new(format!("instance {id} is in `amodal_mask` but not in `{}`", OCCLUSION_ORDER.name()))
+            .help("all label products must come from one annotator, or from annotators that agree")
+            .permanent()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(edges: &[(usize, usize)], nearest: &[f32]) -> Order {
+        let mut occludes = vec![vec![false; nearest.len()]; nearest.len()];
+        edges.iter().for_each(|&(i, j)| occludes[i][j] = true);
+        let depth = |&nearest: &f32| VisibleDepth { nearest, farthest: nearest, mean: nearest.into() };
+        Order { occludes, depths: nearest.iter().map(depth).collect() }
+    }
+
+    #[test]
+    fn occluders_come_first_then_what_is_nearer() {
+        // 2 hides 0 though it is farther; 1 is by itself.
+        let chain = order(&[(2, 0), (0, 3)], &[1.0, 1.5, 3.0, 0.5]);
+        assert_eq!(chain.front_to_back(), [1, 2, 0, 3]);
+        assert_eq!(chain.layers(&chain.front_to_back()), [1, 0, 0, 2]);
+        assert!(order(&[], &[]).front_to_back().is_empty());
+        // Nothing is seen of 0, and equal depths keep the order of the ids.
+        assert_eq!(order(&[], &[f32::INFINITY, 2.0, 2.0]).front_to_back(), [1, 2, 0]);
+    }
+
+    #[test]
+    fn circles_are_cut_in_front_of_the_nearest_object() {
+        // A ring 0, 1, 2 in front of 3, which is nearest of all but in no circle.
+        let ring = order(&[(0, 1), (1, 2), (2, 0), (0, 3)], &[3.0, 2.0, 4.0, 1.0]);
+        assert_eq!(ring.front_to_back(), [1, 2, 0, 3]);
+        assert_eq!(ring.layers(&ring.front_to_back()), [2, 0, 1, 3]);
+        // Two pairs that occlude each other, one of them in front of the other.
+        let pairs = order(&[(0, 1), (1, 0), (2, 3), (3, 2), (3, 0)], &[1.0, 2.0, 5.0, 4.0]);
+        assert_eq!(pairs.front_to_back(), [3, 2, 0, 1]);
+    }
+}

@@ -1,0 +1,140 @@
+//! Polygons and rotated boxes around masks.
+
+use crate::coco::Masks;
+use crate::labels::of;
+use serde::de::DeserializeOwned;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{AMODAL_OUTLINE, AMODAL_ROTATED_BOX, VISIBLE_OUTLINE, VISIBLE_ROTATED_BOX};
+
+/// Corners of a closed polygon, px; the first one is not repeated.
+pub type Ring = Vec<[f64; 2]>;
+
+/// What a product `*_outline` says of an object. Holes are not read: a polygon of COCO's family has none.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct Outline {
+    polygons: Vec<Vec<f64>>,
+}
+
+/// What a product `*_rotated_box` says of an object.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct RotatedBox {
+    corners_px: [[f64; 2]; 4],
+}
+
+/// The product of the outlines of these masks.
+pub fn outline_key(masks: Masks) -> Key<PerInstance<Value>> {
+    match masks {
+        Masks::Visible => VISIBLE_OUTLINE,
+        Masks::Amodal => AMODAL_OUTLINE,
+    }
+}
+
+/// The product of the rotated boxes of these masks.
+pub fn rotated_box_key(masks: Masks) -> Key<PerInstance<Value>> {
+    match masks {
+        Masks::Visible => VISIBLE_ROTATED_BOX,
+        Masks::Amodal => AMODAL_ROTATED_BOX,
+    }
+}
+
+/// The polygons around the parts of an object's mask, as lists x1, y1, x2, y2, … in pixels. Holes are left out.
+pub fn polygons(products: &Products, masks: Masks, id: InstanceId) -> Result<Vec<Vec<f64>>> {
+    Ok(record::<Outline>(products, outline_key(masks), id)?.polygons)
+}
+
+/// The corners of the rotated box around an object's mask, px.
+pub fn rotated_box(products: &Products, masks: Masks, id: InstanceId) -> Result<[[f64; 2]; 4]> {
+    Ok(record::<RotatedBox>(products, rotated_box_key(masks), id)?.corners_px)
+}
+
+/// One polygon around all parts of an object's mask; none if the mask is empty. Holes are left out.
+pub fn ring(products: &Products, masks: Masks, id: InstanceId) -> Result<Ring> {
+    let polygons = polygons(products, masks, id)?;
+    let rings: Vec<&[[f64; 2]]> = polygons.iter().map(|polygon| polygon.as_chunks().0).collect();
+    Ok(joined(&rings))
+}
+
+/// Several polygons as one: each is linked to those before it by an edge to and fro between their nearest corners, which
+/// encloses nothing. Ultralytics' converter from COCO links them likewise.
+fn joined(rings: &[&[[f64; 2]]]) -> Ring {
+    let mut all = Ring::new();
+    for ring in rings {
+        let Some((at, start)) = nearest(&all, ring) else {
+            all.extend_from_slice(ring);
+            continue;
+        };
+        let around = ring[start..].iter().chain(&ring[..=start]).chain(std::iter::once(&all[at]));
+        let around: Ring = around.copied().collect();
+        all.splice(at + 1..at + 1, around);
+    }
+    all
+}
+
+/// The indices of the nearest corners of two polygons: of several pairs, the first. None if one of them has no corner.
+fn nearest(one: &[[f64; 2]], other: &[[f64; 2]]) -> Option<(usize, usize)> {
+    let square = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]);
+    let pairs =
+        one.iter().enumerate().flat_map(|(i, a)| other.iter().enumerate().map(move |(j, b)| (square(a, b), i, j)));
+    pairs.reduce(|best, pair| if pair.0 < best.0 { pair } else { best }).map(|(_, i, j)| (i, j))
+}
+
+/// What a product of records says of an object, as a type.
+fn record<T: DeserializeOwned>(products: &Products, key: Key<PerInstance<Value>>, id: InstanceId) -> Result<T> {
+    let value = of(products.get(key)?, id, key.name())?;
+    serde_json::to_value(value).and_then(serde_json::from_value).map_err(|error| {
+        Error::new(format!("`{}` of instance {id} is not what it should be: {error}", key.name()))
+            .help("the annotator that provides it must give what the reference of products says")
+            .permanent()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twice the area, by the shoelace formula.
+    fn doubled_area(ring: &[[f64; 2]]) -> f64 {
+        let next = ring.iter().cycle().skip(1);
+        ring.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum()
+    }
+
+    fn square(x: f64, y: f64, side: f64) -> Ring {
+        vec![[x, y], [x + side, y], [x + side, y + side], [x, y + side]]
+    }
+
+    #[test]
+    fn parts_are_linked_at_their_nearest_corners() {
+        let (a, b) = (square(0.0, 0.0, 2.0), square(5.0, 1.0, 1.0));
+        let want = [
+            [0.0, 0.0],
+            [2.0, 0.0],
+            [2.0, 2.0],
+            [5.0, 2.0],
+            [5.0, 1.0],
+            [6.0, 1.0],
+            [6.0, 2.0],
+            [5.0, 2.0],
+            [2.0, 2.0],
+            [0.0, 2.0],
+        ];
+        assert_eq!(joined(&[&a, &b]), want);
+        assert_eq!(joined(&[&a]), a);
+        assert!(joined(&[]).is_empty());
+    }
+
+    #[test]
+    fn links_enclose_nothing() {
+        let mut stream = Stream::root(4);
+        for _ in 0..100 {
+            let parts: Vec<Ring> = (0..stream.integer(1, 8))
+                .map(|_| square(stream.uniform(0.0, 90.0), stream.uniform(0.0, 90.0), stream.uniform(1.0, 9.0)))
+                .collect();
+            let slices: Vec<&[[f64; 2]]> = parts.iter().map(Vec::as_slice).collect();
+            let ring = joined(&slices);
+            let areas: f64 = parts.iter().map(|part| doubled_area(part)).sum();
+            assert!((doubled_area(&ring) - areas).abs() < 1e-9, "{ring:?}");
+            // Each link adds a corner at both of its ends.
+            assert_eq!(ring.len(), 4 * parts.len() + 2 * (parts.len() - 1));
+        }
+    }
+}

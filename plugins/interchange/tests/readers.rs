@@ -1,0 +1,123 @@
+//! What is written, read back by others: pycocotools, Pillow, and restatements of the readers of each format.
+
+mod common;
+
+use common::{Take, dataset, own_script, python, shared_script, write_all_of};
+use serde_json::{Map, Value as Json};
+use std::path::Path;
+use syntable_model::prelude::*;
+use syntable_testing::takes::write_scenes;
+
+/// The products of every view as JSON, a line per view.
+fn write_truth(folder: &Path, takes: &[Take]) {
+    const NAMES: [&str; 8] = [
+        "rgb",
+        "depth",
+        "visible_mask",
+        "amodal_mask",
+        "occlusion_mask",
+        "category_id",
+        "occlusion_rate",
+        "occlusion_order",
+    ];
+    let mut text = String::new();
+    for take in takes {
+        for (view, products) in &take.views {
+            let ids = [("scene", take.scene.id.0), ("view", view.id.0)];
+            let mut line = Map::from_iter(ids.map(|(name, id)| (name.to_owned(), Json::from(id))));
+            for name in NAMES {
+                let value = products.value(name).expect("a product");
+                line.insert(name.to_owned(), serde_json::to_value(value).expect("JSON"));
+            }
+            text += &format!("{}\n", Json::from(line));
+        }
+    }
+    std::fs::write(folder.join("truth.jsonl"), text).expect("writable");
+}
+
+/// A dataset of the classes that the views have.
+fn classes() -> DatasetInfo {
+    DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(3, 3) }
+}
+
+/// Writes a dataset, and reads it as its format is read.
+fn check(kind: &str, options: &str, option: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let takes = write_all_of(&classes(), folder.path(), "data", kind, options);
+    write_truth(folder.path(), &takes);
+    let path = folder.path().to_str().expect("UTF-8");
+    python(&own_script("check.py"), &[kind, path, option]);
+    folder
+}
+
+#[test]
+fn coco_instances_are_the_masks() {
+    check("coco", "", "amodal");
+    check("coco", "masks = \"visible\"", "visible");
+}
+
+#[test]
+fn panoptic_segments_pass_the_checks_of_panopticapi() {
+    check("coco_panoptic", "", "");
+}
+
+#[test]
+fn coco_amodal_has_regions_from_front_to_back() {
+    check("cocoa", "", "");
+}
+
+#[test]
+fn d2sa_has_the_masks_and_their_order() {
+    check("d2sa", "", "");
+}
+
+#[test]
+fn kins_has_polygons_and_groups() {
+    check("kins", "version = \"2019\"", "2019");
+    check("kins", "version = \"2020\"", "2020");
+}
+
+#[test]
+fn insta_order_refers_to_the_instances_beside_it() {
+    check("insta_order", "", "");
+}
+
+#[test]
+fn uoais_net_reads_what_it_is_trained_from() {
+    check("uoais", "skip_empty_images = false", "false");
+    let folder = check("uoais", "", "true");
+    let root = folder.path().join("data");
+    let [images, file] = ["train", "annotations/coco_anns_uoais_sim_train.json"].map(|path| root.join(path));
+    let arguments = [images.to_str().expect("UTF-8"), "uoais", file.to_str().expect("UTF-8")];
+    python(&shared_script("uoais_reader.py"), &arguments);
+}
+
+#[test]
+fn osd_amodal_is_found_by_its_names() {
+    check("osd_amodal", "", "");
+}
+
+#[test]
+fn yolo_labels_cover_the_masks() {
+    for task in ["segment", "obb"] {
+        for masks in ["visible", "amodal"] {
+            check("yolo", &format!("task = {task:?}\nmasks = {masks:?}"), &format!("{task},{masks}"));
+        }
+    }
+}
+
+#[test]
+fn annotators_that_disagree_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut takes = common::takes();
+    for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
+        let names: Vec<String> = products.keys().iter().map(|key| key.name.to_string()).collect();
+        let others: Vec<String> = names.into_iter().filter(|name| name != "amodal_outline").collect();
+        *products = products.only(&others);
+        let empty = syntable_model::product::PerInstance::<Value>::default();
+        products.put(syntable_model::product::standard::AMODAL_OUTLINE, empty).expect("free");
+    }
+    let writer = common::writer("kins", "").expect("good options");
+    let error = write_scenes(folder.path(), "data", &*writer, &classes(), &takes).expect_err("no outlines");
+    assert!(error.is_permanent() && error.to_string().contains("but not in `amodal_outline`"), "{error}");
+}

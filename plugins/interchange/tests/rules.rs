@@ -1,0 +1,116 @@
+//! What all writers of this crate keep to.
+
+mod common;
+
+use common::{dataset, files, finish, takes, write_scenes, writer};
+use std::collections::BTreeSet;
+use syntable_model::context::{Collected, Serial};
+use syntable_model::prelude::*;
+use syntable_model::registry::{Registry, Slot};
+use syntable_model::scene::{SceneId, ViewId};
+use syntable_testing::conformance;
+
+/// All kinds of this crate.
+fn kinds() -> Vec<&'static str> {
+    let registry = Registry::linked().expect("kinds are unique");
+    let kinds: Vec<&str> = registry.of_slot(Slot::Write).map(|entry| entry.kind).collect();
+    assert!(kinds.len() > 7, "{kinds:?}");
+    kinds
+}
+
+#[test]
+fn kinds_pass_the_checks_of_all_writers() {
+    let registry = Registry::linked().expect("kinds are unique");
+    let (takes, dataset, log) = (takes(), dataset(3, 3), Collected::default());
+    for kind in kinds() {
+        conformance::entry(registry.find(Slot::Write, kind).expect("a kind"));
+        let folder = tempfile::tempdir().expect("a folder");
+        let (view, products) = &takes[0].views[1];
+        let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&takes[0].scene);
+        let written =
+            conformance::writer(&*writer(kind, "").expect("defaults"), &cx.view(view), products, folder.path());
+        assert!(!written.is_empty(), "{kind}");
+    }
+}
+
+#[test]
+fn paths_are_told_before_a_run() {
+    let (takes, dataset) = (takes(), dataset(3, 3));
+    for kind in kinds() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let writer = writer(kind, "").expect("defaults");
+        write_scenes(folder.path(), "x", &*writer, &dataset, &takes).expect("written");
+        finish(folder.path(), "x", &*writer, &dataset, &[0, 1, 2]).expect("finished");
+        let of = |scene: Option<u32>, view: Option<u32>| FileOf {
+            dataset: &dataset,
+            id: "x",
+            scene: scene.map(SceneId),
+            view: view.map(ViewId),
+            products: &[],
+        };
+        let views = (0..3).flat_map(|scene| (0..3).map(move |view| of(Some(scene), Some(view))));
+        let all = views.chain((0..3).map(|scene| of(Some(scene), None))).chain([of(None, None)]);
+        let told: Vec<String> = all.flat_map(|of| writer.paths(&of).expect("paths")).collect();
+        let unique: BTreeSet<&String> = told.iter().collect();
+        assert_eq!(unique.len(), told.len(), "{kind}: a path is told twice");
+        let written = files(folder.path());
+        if kind == "osd_amodal" {
+            // How many masks there are is not known before; a view without objects has no file.
+            let is_first = |path: &&String| !path.contains("_annotation/") || path.ends_with("_1.png");
+            assert!(written.keys().filter(is_first).all(|path| unique.contains(path)), "{kind}");
+        } else {
+            assert_eq!(written.keys().collect::<BTreeSet<_>>(), unique, "{kind}");
+        }
+    }
+}
+
+#[test]
+fn files_of_the_dataset_follow_from_the_scenes_that_are_done() {
+    let (takes, dataset) = (takes(), dataset(3, 3));
+    for kind in kinds() {
+        let writer = writer(kind, "").expect("defaults");
+        let write = |order: &[usize], done: &[&[u32]]| {
+            let folder = tempfile::tempdir().expect("a folder");
+            write_scenes(folder.path(), "x", &*writer, &dataset, order.iter().map(|&i| &takes[i])).expect("written");
+            done.iter().for_each(|done| finish(folder.path(), "x", &*writer, &dataset, done).expect("finished"));
+            files(folder.path())
+        };
+        let whole = write(&[0, 1, 2], &[&[0, 1, 2]]);
+        assert!(write(&[2, 0, 1], &[&[0], &[0, 1, 2], &[0, 1, 2]]) == whole, "{kind}: the order of scenes matters");
+    }
+}
+
+#[test]
+fn options_of_the_end_leave_the_scenes_alone() {
+    let (takes, dataset) = (takes(), dataset(3, 3));
+    for kind in kinds() {
+        let scenes = |options: &str| {
+            let writer = writer(kind, options).expect("good options");
+            let folder = tempfile::tempdir().expect("a folder");
+            write_scenes(folder.path(), "x", &*writer, &dataset, &takes).expect("written");
+            syntable_testing::folder::files(folder.path())
+        };
+        for option in writer(kind, "").expect("defaults").finish_options() {
+            let value = match *option {
+                "split" => "\"other\"",
+                "skip_empty_images" => "false",
+                other => panic!("{kind}: a value for `{other}`"),
+            };
+            assert!(scenes(&format!("{option} = {value}")) == scenes(""), "{kind}: `{option}` changes scenes");
+        }
+    }
+}
+
+#[test]
+fn splits_are_parts_of_names() {
+    for kind in kinds().into_iter().filter(|kind| *kind != "osd_amodal") {
+        for split in ["", "a/b", "..", "a\\b"] {
+            let refused = writer(kind, &format!("split = {split:?}")).err();
+            assert!(
+                refused.as_ref().is_some_and(|error| error.starts_with("split: ")),
+                "{kind} {split:?}: {refused:?}"
+            );
+        }
+    }
+    assert!(writer("uoais", "split = \"annotations\"").is_err());
+}
