@@ -8,6 +8,7 @@
 //! | [`dataset`] | a whole annotation file: reading, and writing record by record |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
+//! | [`include`] | the products that a generic writer includes, and their files |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
 //! `[x, y, width, height]` in pixels, with `width = last column - first column + 1`.
@@ -22,6 +23,7 @@
 pub mod coco;
 pub mod dataset;
 pub mod encode;
+pub mod include;
 mod polygon;
 pub mod segmentation;
 pub mod shard;
