@@ -77,16 +77,18 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
 
 #[test]
 fn heavy_packages_stay_in_their_rooms() {
-    let rooms: [(&str, &[&str]); 12] = [
+    let rooms: [(&str, &[&str]); 14] = [
         ("rapier3d", &["syntable-physics"]),
         ("parry3d", &["syntable-physics", "syntable-convex"]),
         ("obvhs", &["syntable-prepare"]),
         ("wgpu", &["syntable-render-wgpu"]),
         ("pollster", &["syntable-render-wgpu"]),
         ("image", &["syntable-assets", "syntable-sensor"]),
-        ("exr", &["syntable-assets", "syntable-write"]),
+        ("exr", &["syntable-assets", "syntable-formats", "syntable-write"]),
         ("gltf", &["syntable-assets"]),
         ("base64", &["syntable-assets"]),
+        ("hdf5-pure", &["syntable-hdf5"]),
+        ("tar", &["syntable-formats"]),
         ("tera", &["syntable-write"]),
         ("clap", &["syntable-runtime"]),
         ("libloading", &["syntable-denoise"]),

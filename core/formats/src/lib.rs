@@ -10,6 +10,7 @@
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | the same, read back |
 //! | [`read`] | what readers of all formats share |
+//! | [`include`] | the products that a generic writer includes, and their files |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
 //! `[x, y, width, height]` in pixels, with `width = last column - first column + 1`.
@@ -25,6 +26,7 @@ pub mod coco;
 pub mod dataset;
 pub mod decode;
 pub mod encode;
+pub mod include;
 mod polygon;
 pub mod read;
 pub mod segmentation;

@@ -230,10 +230,11 @@ pub struct Entry {
 }
 
 /// Crates whose kinds are those of the program as it ships: the plugins of this workspace.
-pub const STOCK_CRATES: [&str; 12] = [
+pub const STOCK_CRATES: [&str; 13] = [
     "syntable-annotate",
     "syntable-assets",
     "syntable-denoise",
+    "syntable-hdf5",
     "syntable-household",
     "syntable-interchange",
     "syntable-physics",

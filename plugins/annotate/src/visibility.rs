@@ -1,27 +1,38 @@
 //! How much of every object an image shows.
 
 use crate::extent::extents;
+use crate::object_info::Which;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, VISIBILITY, VISIBLE_MASK};
+use syntable_model::product::Plane;
+use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, INSTANCE, VISIBILITY};
 
 /// Canvas of the parts of objects beyond the image: one image size beyond every edge, as in BOP's tools.
 const CANVAS: u32 = 3;
 
-/// How much of every annotated object the image shows, counted as in BOP's `scene_gt_info.json`.
+/// How much of every object the image shows, counted as in BOP's `scene_gt_info.json`.
 ///
 /// `px_count_all` are the pixels of the whole silhouette, without table, room and other objects, on a canvas that reaches
 /// one image size beyond every edge. Of these `px_count_in_frame` lie in the image, `px_count_valid` have a depth there, and
 /// `px_count_visib` show the object. `visib_fract` is `px_count_visib / px_count_all`, and `outside_fract` the share of
 /// the silhouette beyond the image; `truncated` says whether there is any. `silhouette_box` is the box of the whole
 /// silhouette: x, y, width and height in pixels from the image's top-left corner, so that x and y may be negative.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct Visibility {}
+pub struct Visibility {
+    /// Objects to count: the `annotated` ones (the default), or `all` objects of the scene, visible or not.
+    pub objects: Which,
+}
+
+impl Default for Visibility {
+    fn default() -> Self {
+        Self { objects: Which::Annotated }
+    }
+}
 
 impl Config for Visibility {
     type Stage = dyn Annotator;
     const KIND: &'static str = "visibility";
-    const EXAMPLE: &'static str = "";
+    const EXAMPLE: &'static str = "objects = \"annotated\"";
     fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
         Ok(Box::new(self))
     }
@@ -29,7 +40,11 @@ impl Config for Visibility {
 
 impl Annotator for Visibility {
     fn reads(&self) -> Vec<KeyId> {
-        keys![VISIBLE_MASK, AMODAL_MASK, DEPTH, COVERAGE, COVERAGE.on_canvas(CANVAS)]
+        let mut keys = keys![INSTANCE, DEPTH, COVERAGE, COVERAGE.on_canvas(CANVAS)];
+        if self.objects == Which::Annotated {
+            keys.push(AMODAL_MASK.id());
+        }
+        keys
     }
 
     fn provides(&self) -> Vec<KeyId> {
@@ -42,14 +57,14 @@ impl Annotator for Visibility {
         let valid = count_valid(image, depth);
         let (inside, whole) = (extents(image), extents(canvas));
         let k = &cx.view.camera.intrinsics;
-        let visible = products.get(VISIBLE_MASK)?;
+        let visible = count_visible(products.get(INSTANCE)?, image.objects());
         let of = |id: InstanceId| -> Result<Value> {
             let object = usize::from(id.0) - 1;
             let (Some(all), Some(in_frame)) = (whole.get(object), inside.get(object)) else {
                 return Err(Error::new(format!("instance {id} is not in the coverage plane")).permanent());
             };
             let [x, y, width, height] = all.bounds();
-            let visib = visible.get(id).map_or(0, |mask| u64::from(mask.area()));
+            let visib = visible[object];
             let share = |part: u64| if all.area == 0 { 0.0 } else { part as f64 / all.area as f64 };
             Value::of(&Record {
                 px_count_all: all.area,
@@ -62,14 +77,26 @@ impl Annotator for Visibility {
                 silhouette_box: [x as i32 - k.width as i32, y as i32 - k.height as i32, width as i32, height as i32],
             })
         };
-        let annotated = products.get(AMODAL_MASK)?.iter().map(|(id, _)| Ok((id, of(id)?)));
-        let visibility = annotated.collect::<Result<_>>()?;
+        let ids: Vec<InstanceId> = match self.objects {
+            Which::Annotated => products.get(AMODAL_MASK)?.iter().map(|(id, _)| id).collect(),
+            Which::All => (1..=image.objects()).map(|id| InstanceId(id as u16)).collect(),
+        };
+        let visibility = ids.into_iter().map(|id| Ok((id, of(id)?))).collect::<Result<_>>()?;
         products.put(VISIBILITY, visibility)
     }
 }
 
+/// For each object, the number of pixels that show it.
+fn count_visible(first: &Plane<InstanceId>, objects: usize) -> Vec<u64> {
+    let mut counts = vec![0; objects];
+    for id in first.data().iter().filter(|id| (1..=objects).contains(&usize::from(id.0))) {
+        counts[usize::from(id.0) - 1] += 1;
+    }
+    counts
+}
+
 /// For each object, the number of its pixels in the image at which there is a depth.
-fn count_valid(image: &syntable_model::product::BitPlane, depth: &syntable_model::product::Plane<f32>) -> Vec<u64> {
+fn count_valid(image: &syntable_model::product::BitPlane, depth: &Plane<f32>) -> Vec<u64> {
     let missing = |depth: f32| !(depth.is_finite() && depth > 0.0);
     let mut counts: Vec<u64> = extents(image).iter().map(|extent| extent.area).collect();
     for (set, _) in image.data().chunks_exact(image.words()).zip(depth.data()).filter(|(_, depth)| missing(**depth)) {

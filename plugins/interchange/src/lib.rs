@@ -2,6 +2,7 @@
 //!
 //! | kind | writes |
 //! | --- | --- |
+//! | [`bop`] | BOP scenewise: poses, masks and depth of objects |
 //! | [`coco`] | COCO detection: one annotation file, with amodal or visible masks |
 //! | [`coco_panoptic`] | COCO panoptic segmentation: visible masks as segments, the rest as background |
 //! | [`cocoa`] | COCO-Amodal: the objects of an image from front to back |
@@ -16,6 +17,7 @@
 //! written as well. Pixel coordinates have their origin in the top left corner of the image.
 
 mod annotation_file;
+pub mod bop;
 pub mod coco;
 pub mod coco_panoptic;
 pub mod cocoa;

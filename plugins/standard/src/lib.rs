@@ -3,6 +3,8 @@
 use syntable_annotate as _;
 use syntable_assets as _;
 use syntable_denoise as _;
+#[cfg(feature = "hdf5")]
+use syntable_hdf5 as _;
 use syntable_household as _;
 use syntable_interchange as _;
 use syntable_physics as _;

@@ -22,10 +22,11 @@
 pub mod contact_sheet;
 pub mod exr;
 pub mod gltf;
-mod include;
 pub mod jsonl;
 pub mod npy;
 pub mod npz;
 pub mod png;
 pub mod syntable;
 pub mod template;
+
+use syntable_formats::include;

@@ -1,6 +1,7 @@
 //! Shards: lines of JSON that a writer keeps for each scene until the end of the run.
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::io::BufRead;
 use syntable_model::error::{Error, Result};
 use syntable_model::scene::SceneId;
@@ -17,25 +18,40 @@ pub fn push_line(lines: &mut Vec<u8>, value: &impl Serialize) -> Result<()> {
 /// Calls `each` with every line of the shards of all scenes, without line breaks, in order. Memory is bounded by one
 /// line.
 pub fn for_each_line(finish: &Finish, mut each: impl FnMut(SceneId, &str) -> Result<()>) -> Result<()> {
-    for &scene in finish.scenes() {
-        let mut shard = finish.shard(scene)?;
-        let damaged = |what: &str| {
-            Error::new(format!("the shard of scene {} {what}", scene.0))
-                .context(format!("write.{}", finish.id()))
-                .help("the dataset is damaged; `syntable run --repair` makes the scene again")
-        };
-        let mut line = String::new();
-        loop {
-            line.clear();
-            match shard.read_line(&mut line) {
-                Ok(0) => break,
-                Ok(_) => match line.strip_suffix('\n') {
-                    Some(line) => each(scene, line)?,
-                    None => return Err(damaged("ends in the middle of a line")),
-                },
-                Err(error) => return Err(damaged(&format!("cannot be read: {error}"))),
-            }
+    finish.scenes().iter().try_for_each(|&scene| for_each_line_of(finish, scene, |line| each(scene, line)))
+}
+
+/// Calls `each` with every line of one scene's shard, as [`for_each_line`] does.
+pub fn for_each_line_of(finish: &Finish, scene: SceneId, mut each: impl FnMut(&str) -> Result<()>) -> Result<()> {
+    let mut shard = finish.shard(scene)?;
+    let mut line = String::new();
+    loop {
+        line.clear();
+        match shard.read_line(&mut line) {
+            Ok(0) => return Ok(()),
+            Ok(_) => match line.strip_suffix('\n') {
+                Some(line) => each(line)?,
+                None => return Err(damaged(finish, scene, "ends in the middle of a line")),
+            },
+            Err(error) => return Err(damaged(finish, scene, &format!("cannot be read: {error}"))),
         }
     }
-    Ok(())
+}
+
+/// Calls `each` with every line of one scene's shard, read back as the value that [`push_line`] wrote.
+pub fn for_each_value_of<T: DeserializeOwned>(
+    finish: &Finish,
+    scene: SceneId,
+    mut each: impl FnMut(T) -> Result<()>,
+) -> Result<()> {
+    for_each_line_of(finish, scene, |line| {
+        let value = serde_json::from_str(line);
+        each(value.map_err(|error| damaged(finish, scene, &format!("has a line that is not a record: {error}")))?)
+    })
+}
+
+fn damaged(finish: &Finish, scene: SceneId, what: &str) -> Error {
+    Error::new(format!("the shard of scene {} {what}", scene.0))
+        .context(format!("write.{}", finish.id()))
+        .help("the dataset is damaged; `syntable run --repair` makes the scene again")
 }

@@ -1,8 +1,8 @@
 //! The products that a generic writer includes, and their files.
 
+use crate::encode::kind::Kind;
+use crate::encode::{scene_name, view_name};
 use std::collections::BTreeSet;
-use syntable_formats::encode::kind::Kind;
-use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::prelude::*;
 use syntable_model::product::{Form, KeyId, Scope};
 

@@ -1,0 +1,283 @@
+//! HDF5 files in the layout of BlenderProc.
+
+use crate::file::File;
+use std::collections::BTreeSet;
+use syntable_formats::encode::npy::{self, Array, Arrays};
+use syntable_formats::encode::view_name;
+use syntable_formats::include;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{BODIES, DEPTH, INSTANCE, NORMAL, RGB};
+use syntable_model::product::{Plane, Product, Scope};
+
+/// Writes one HDF5 file per view, as BlenderProc does.
+///
+/// # What it does
+///
+/// A file has the chosen datasets of BlenderProc, and each included product under its own name:
+///
+/// | dataset | type and shape | holds |
+/// | --- | --- | --- |
+/// | `colors` | uint8 `[H, W, 3]` | the image |
+/// | `depth` | float32 `[H, W]` | meters along the optical axis; infinite where there is nothing |
+/// | `distance` | float32 `[H, W]` | meters from the camera's center; infinite where there is nothing |
+/// | `normals` | float32 `[H, W, 3]` | normals `n` of the camera frame as `0.5 n + 0.5`: x right, y up, z toward the viewer |
+/// | `instance_segmaps` | unsigned `[H, W]` | id of the body that a pixel shows, table and room included; 0 where there is none |
+/// | `category_id_segmaps` | unsigned `[H, W]` | category of that body: 1 is `object`, then the classes of pools by name; 0 for all that is no object |
+/// | `instance_attribute_maps` | text | JSON: `idx`, `category_id`, `name` (pool and asset), `category` and `role` of each body in `instance_segmaps` |
+///
+/// Unsigned arrays have 8, 16 or 32 bits, whatever the largest value needs. Included products are arrays as the writer
+/// `npy` stores them, with the ids of a product per instance in `{product}_ids`; what is no array, such as `camera`, is JSON
+/// text. Arrays are compressed with gzip. `h5py.File(path)[name][()]` reads a dataset.
+///
+/// # Output
+///
+/// `{id}/{scene:06}_{view:04}.hdf5`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Hdf5 {
+    /// Datasets of BlenderProc to write.
+    pub datasets: Vec<Dataset>,
+    /// Products of the view to write as well.
+    pub include: Vec<ProductName>,
+}
+
+/// A dataset of BlenderProc.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Dataset {
+    /// The image.
+    Colors,
+    /// Depth along the optical axis.
+    Depth,
+    /// Distance from the camera's center.
+    Distance,
+    /// Normals in the camera frame.
+    Normals,
+    /// Ids of bodies.
+    InstanceSegmaps,
+    /// Categories of bodies.
+    CategoryIdSegmaps,
+    /// What the ids of bodies stand for.
+    InstanceAttributeMaps,
+}
+
+impl Dataset {
+    const ALL: [Self; 7] = [
+        Self::Colors,
+        Self::Depth,
+        Self::Distance,
+        Self::Normals,
+        Self::InstanceSegmaps,
+        Self::CategoryIdSegmaps,
+        Self::InstanceAttributeMaps,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Colors => "colors",
+            Self::Depth => "depth",
+            Self::Distance => "distance",
+            Self::Normals => "normals",
+            Self::InstanceSegmaps => "instance_segmaps",
+            Self::CategoryIdSegmaps => "category_id_segmaps",
+            Self::InstanceAttributeMaps => "instance_attribute_maps",
+        }
+    }
+
+    fn reads(self) -> Vec<Input> {
+        match self {
+            Self::Colors => vec![Input::of(RGB)],
+            Self::Depth | Self::Distance => vec![Input::of(DEPTH)],
+            Self::Normals => vec![Input::of(NORMAL)],
+            Self::InstanceSegmaps => vec![Input::of(INSTANCE)],
+            Self::CategoryIdSegmaps | Self::InstanceAttributeMaps => vec![Input::of(INSTANCE), Input::of(BODIES)],
+        }
+    }
+}
+
+impl Default for Hdf5 {
+    fn default() -> Self {
+        Self { datasets: Dataset::ALL.to_vec(), include: Vec::new() }
+    }
+}
+
+impl Config for Hdf5 {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "hdf5";
+    const EXAMPLE: &'static str =
+        "datasets = [\"colors\", \"depth\", \"instance_segmaps\"]\ninclude = [\"camera\", \"amodal_mask\"]";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        let mut seen = BTreeSet::new();
+        if let Some(i) = self.datasets.iter().position(|dataset| !seen.insert(*dataset)) {
+            let message = format!("`{}` is listed twice", self.datasets[i].name());
+            return Err(ConfigError::new(format!("datasets[{i}]"), message).help("remove one of them"));
+        }
+        if self.datasets.is_empty() && self.include.is_empty() {
+            let help = "name datasets, or products in `include`";
+            return Err(ConfigError::new("datasets", "there is nothing to write").help(help));
+        }
+        include::check_unique(&self.include)?;
+        include::check_free(&self.include, &Dataset::ALL.map(Dataset::name))?;
+        Ok(Box::new(self))
+    }
+}
+
+impl Writer for Hdf5 {
+    fn reads(&self) -> Vec<Input> {
+        let of_view = |key: &KeyId| match key.scope {
+            Scope::View => Ok(()),
+            _ => Err("a file of this writer has one view; write it with jsonl or npz".to_owned()),
+        };
+        let mut inputs: Vec<Input> = Vec::new();
+        for input in self.datasets.iter().flat_map(|dataset| dataset.reads()) {
+            if inputs.iter().all(|other| other.product != input.product) {
+                inputs.push(input);
+            }
+        }
+        inputs.extend(Input::included(&self.include, Accepts::If(of_view)));
+        inputs
+    }
+
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(Hdf5Scene { config: self.clone(), output }))
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(match (of.scene, of.view) {
+            (Some(scene), Some(view)) => vec![path(of.id, &view_name(scene, view))],
+            _ => Vec::new(),
+        })
+    }
+}
+
+fn path(id: &str, name: &str) -> String {
+    format!("{id}/{name}.hdf5")
+}
+
+struct Hdf5Scene {
+    config: Hdf5,
+    output: Output,
+}
+
+impl SceneWriter for Hdf5Scene {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let mut file = File::new();
+        for &dataset in &self.config.datasets {
+            dataset.add(&mut file, cx, products)?;
+        }
+        for (product, key) in include::of_scope(&self.config.include, products, Scope::View) {
+            add_product(&mut file, product, &key, &products.value(product)?, cx)?;
+        }
+        self.output.write(&path(self.output.id(), &view_name(cx.scene.id, cx.view.id)), &file.finish()?)
+    }
+
+    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Adds a product: as arrays if it is made of numbers, else as JSON text.
+fn add_product(file: &mut File, name: &str, key: &KeyId, value: &Value, cx: &ViewContext) -> Result<()> {
+    let k = &cx.view.camera.intrinsics;
+    match npy::arrays(name, key, value, [k.height as usize, k.width as usize]) {
+        Ok(Arrays::One(array)) => file.array(name, &array),
+        Ok(Arrays::PerInstance { values, ids }) => {
+            file.array(name, &values)?;
+            file.array(&format!("{name}_ids"), &ids)
+        }
+        Err(_) => file.text(name, &json(value)?),
+    }
+}
+
+fn json(value: &impl Serialize) -> Result<String> {
+    serde_json::to_string(value).map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))
+}
+
+impl Dataset {
+    fn add(self, file: &mut File, cx: &ViewContext, products: &Products) -> Result<()> {
+        let name = self.name();
+        let plane = |value: Value| Array::of(&value);
+        match self {
+            Self::Colors => file.array(name, &plane(products.get(RGB)?.encode())?),
+            Self::Depth => file.array(name, &plane(products.get(DEPTH)?.encode())?),
+            Self::Distance => file.array(name, &plane(distance(products.get(DEPTH)?, cx).encode())?),
+            Self::Normals => {
+                let coded = products.get(NORMAL)?.map(|&[x, y, z]| [x, -y, -z].map(|v| 0.5 * v + 0.5));
+                file.array(name, &plane(coded.encode())?)
+            }
+            Self::InstanceSegmaps => file.array(name, &narrow(&products.get(INSTANCE)?.map(|id| id.0.into()))?),
+            Self::CategoryIdSegmaps => {
+                let bodies = bodies(cx, products)?;
+                let category =
+                    |id: &InstanceId| bodies.iter().find(|body| body.idx == id.0).map_or(0, |body| body.category_id);
+                file.array(name, &narrow(&products.get(INSTANCE)?.map(category))?)
+            }
+            Self::InstanceAttributeMaps => {
+                let shown: BTreeSet<u16> = products.get(INSTANCE)?.data().iter().map(|id| id.0).collect();
+                let mut bodies = bodies(cx, products)?;
+                bodies.retain(|body| shown.contains(&body.idx));
+                file.text(name, &json(&bodies)?)
+            }
+        }
+    }
+}
+
+/// Distances from the camera's center, m, of depths along the optical axis.
+fn distance(depth: &Plane<f32>, cx: &ViewContext) -> Plane<f32> {
+    Plane::from_fn(depth.width(), depth.height(), |x, y| {
+        let ray = cx.view.camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        ray.map_or(f32::INFINITY, |ray| (f64::from(*depth.at(x, y)) * ray.norm()) as f32)
+    })
+}
+
+/// An array of the fewest bits that its values need.
+fn narrow(plane: &Plane<u32>) -> Result<Array> {
+    let largest = plane.data().iter().copied().max().unwrap_or(0);
+    Array::of(&if largest <= u8::MAX.into() {
+        plane.map(|&value| value as u8).encode()
+    } else if largest <= u16::MAX.into() {
+        plane.map(|&value| value as u16).encode()
+    } else {
+        plane.encode()
+    })
+}
+
+/// An entry of `instance_attribute_maps`.
+#[derive(Serialize)]
+struct Attributes {
+    idx: u16,
+    category_id: u32,
+    name: String,
+    category: String,
+    role: String,
+}
+
+/// What the writer reads of an entry of the product `bodies`.
+#[derive(Deserialize)]
+struct BodyView {
+    id: u16,
+    role: String,
+    pool: String,
+    name: String,
+    category: String,
+}
+
+/// All bodies of the scene.
+fn bodies(cx: &ViewContext, products: &Products) -> Result<Vec<Attributes>> {
+    let bodies: Vec<BodyView> =
+        serde_json::to_value(products.get(BODIES)?).and_then(serde_json::from_value).map_err(|error| {
+            Error::new(format!("product `{}` is not a list of bodies: {error}", BODIES.name()))
+                .help("let the annotator `bodies` provide it")
+                .permanent()
+        })?;
+    let attributes = |body: BodyView| Attributes {
+        idx: body.id,
+        category_id: if body.role == "object" { cx.dataset.category_id(&body.category) } else { 0 },
+        name: format!("{}/{}", body.pool, body.name),
+        category: body.category,
+        role: body.role,
+    };
+    Ok(bodies.into_iter().map(attributes).collect())
+}
+
+register!(Hdf5);

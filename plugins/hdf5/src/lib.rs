@@ -1,0 +1,10 @@
+//! HDF5 files.
+//!
+//! | kind | writes |
+//! | --- | --- |
+//! | [`hdf5`] | one file per view in the layout of BlenderProc |
+//!
+//! The only crate that knows the format's library.
+
+mod file;
+pub mod hdf5;

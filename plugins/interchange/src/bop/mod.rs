@@ -1,0 +1,148 @@
+//! The format of the BOP benchmark for 6D object pose estimation.
+
+mod finish;
+mod record;
+mod scene;
+
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{
+    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, RGB, VISIBILITY, VISIBLE_MASK,
+};
+use syntable_model::scene::{SceneId, ViewId};
+
+/// Writes BOP's scenewise layout, which bop_toolkit and the methods of the BOP challenge read.
+///
+/// # What it does
+///
+/// Each scene of the dataset is a BOP scene, each view an image of it. Lengths are millimeters and poses map object frames
+/// to the camera frame: x right, y down, z forward. An object frame is that of the asset. `cam_K` has pixel centers at
+/// integers, as BlenderProc writes it and bop_toolkit reads depth with it: its `cx` and `cy` are those of the product
+/// `camera` minus 0.5.
+///
+/// `obj_id` numbers all assets of the dataset from 1 in the order of their names; `objects.json` says which is which. It
+/// changes when the dataset grows by new assets. Models are not written.
+///
+/// `mask` is the object without its occluders, `mask_visib` what the image shows. Both are exact: there is no tolerance
+/// of depth as in masks that are estimated from depth images. `px_count_all` and `bbox_obj` reach one image size beyond
+/// every edge. Boxes of `scene_gt_info.json` have `width = last column - first column`, those of `scene_gt_coco.json` one
+/// more.
+///
+/// # Limits
+///
+/// BOP lists all objects of a scene, hidden ones as well: for that, `objects` is `all` here and in the options of the
+/// annotators `object_info` and `visibility`. BOP has no lens distortion, so images with it are refused. Masks must count
+/// what the table hides, as they do by default.
+///
+/// # Output
+///
+/// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, and in `{id}/{split}/{scene:06}`:
+///
+/// - `rgb/{view:06}.png`: 8-bit RGB.
+/// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 where there is nothing.
+/// - `mask/{view:06}_{object:06}.png`, `mask_visib/{view:06}_{object:06}.png`: 0 and 255; `object` counts the entries of
+///   `scene_gt.json` from 0.
+/// - `scene_camera.json`, `scene_gt.json`, `scene_gt_info.json`.
+/// - `scene_gt_coco.json` with boxes of whole objects, `scene_gt_coco_modal.json` with those of what is visible; both have
+///   visible masks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bop {
+    /// Folder of the scenes: `train_pbr` for rendered training images, `test` for those of a benchmark.
+    pub split: String,
+    /// Step of depth images, mm. Depths beyond 65535 steps are stored as 65535: 0.1 mm reaches 6.55 m.
+    #[schemars(range(min = 0.001, max = 1000.0))]
+    pub depth_scale: f64,
+    /// Objects to list.
+    pub objects: Objects,
+}
+
+/// A set of objects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Objects {
+    /// Objects that have an amodal mask in the view.
+    Annotated,
+    /// All objects of the scene, as BOP's datasets do.
+    All,
+}
+
+impl Default for Bop {
+    fn default() -> Self {
+        Self { split: "train_pbr".into(), depth_scale: 0.1, objects: Objects::Annotated }
+    }
+}
+
+impl Config for Bop {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "bop";
+    const EXAMPLE: &'static str = "split = \"train_pbr\"\ndepth_scale = 0.1";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        check_path("split", &self.split)?;
+        Ok(Box::new(self))
+    }
+}
+
+impl Writer for Bop {
+    fn reads(&self) -> Vec<Input> {
+        let masks = match self.objects {
+            Objects::Annotated => [Input::of(AMODAL_MASK), Input::of(VISIBLE_MASK)],
+            Objects::All => [Input::of(COVERAGE), Input::of(INSTANCE)],
+        };
+        let others =
+            [Input::of(RGB), Input::of(DEPTH), Input::of(CAMERA), Input::of(OBJECT_INFO), Input::of(VISIBILITY)];
+        others.into_iter().chain(masks).collect()
+    }
+
+    fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        let folder = self.folder(output.id(), cx.scene.id);
+        Ok(Box::new(scene::BopScene::new(self.clone(), folder, output)))
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        let folder = |scene| self.folder(of.id, scene);
+        Ok(match (of.scene, of.view) {
+            (Some(scene), Some(view)) => {
+                let masks = [Image::Mask(0), Image::MaskVisib(0)];
+                let images = [Image::Rgb, Image::Depth].into_iter().chain(masks);
+                images.map(|image| format!("{}/{}", folder(scene), image.path(view))).collect()
+            }
+            (Some(scene), None) => scene::FILES.map(|name| format!("{}/{name}", folder(scene))).to_vec(),
+            _ => finish::FILES.map(|name| format!("{}/{name}", of.id)).to_vec(),
+        })
+    }
+
+    fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
+        finish::write(self, cx.dataset, finish)
+    }
+}
+
+impl Bop {
+    /// Folder of a scene.
+    fn folder(&self, id: &str, scene: SceneId) -> String {
+        format!("{id}/{}/{:06}", self.split, scene.0)
+    }
+}
+
+/// An image of a view. Masks are numbered by the object's entry in `scene_gt.json`.
+#[derive(Debug, Clone, Copy)]
+enum Image {
+    Rgb,
+    Depth,
+    Mask(usize),
+    MaskVisib(usize),
+}
+
+impl Image {
+    /// Path in the scene's folder.
+    fn path(self, view: ViewId) -> String {
+        let view = view.0;
+        match self {
+            Self::Rgb => format!("rgb/{view:06}.png"),
+            Self::Depth => format!("depth/{view:06}.png"),
+            Self::Mask(object) => format!("mask/{view:06}_{object:06}.png"),
+            Self::MaskVisib(object) => format!("mask_visib/{view:06}_{object:06}.png"),
+        }
+    }
+}
+
+register!(Bop);

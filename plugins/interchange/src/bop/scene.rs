@@ -1,0 +1,169 @@
+//! The files of one BOP scene that do not depend on the numbers of the assets.
+
+use super::record::{CameraView, Info, ObjectRecord, ObjectView, ViewRecord, VisibilityView, read};
+use super::{Bop, Image, Objects};
+use crate::labels;
+use std::borrow::Cow;
+use syntable_formats::encode::json_shard::push_line;
+use syntable_formats::encode::png::{self, Rounding, depth_units};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{
+    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, RGB, VISIBILITY, VISIBLE_MASK,
+};
+use syntable_model::scene::ViewId;
+
+/// Names of the JSON files that are written with the scene.
+pub const FILES: [&str; 2] = ["scene_camera.json", "scene_gt_info.json"];
+
+pub struct BopScene {
+    config: Bop,
+    folder: String,
+    output: Output,
+    /// Content of [`FILES`].
+    entries: [Entries; 2],
+    shard: Vec<u8>,
+}
+
+impl BopScene {
+    pub fn new(config: Bop, folder: String, output: Output) -> Self {
+        Self { config, folder, output, entries: Default::default(), shard: Vec::new() }
+    }
+
+    fn write(&self, view: ViewId, image: Image, content: &png::Image) -> Result<()> {
+        content.write(&self.output, &format!("{}/{}", self.folder, image.path(view)))
+    }
+}
+
+impl SceneWriter for BopScene {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let (view, scale) = (cx.view.id, self.config.depth_scale);
+        let camera: CameraView = read(products.get(CAMERA)?, CAMERA.name())?;
+        if camera.distortion_k1_k2_p1_p2_k3.is_some() {
+            return Err(Error::new("BOP has no cameras with lens distortion")
+                .help("leave distortion out of the camera's options, or write the dataset with another writer")
+                .permanent());
+        }
+        let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, scale, Rounding::Nearest));
+        self.write(view, Image::Rgb, &png::Image::rgb(products.get(RGB)?))?;
+        self.write(view, Image::Depth, &png::Image::gray16(&depth))?;
+
+        let (mut infos, mut objects): (Vec<Info>, _) = (Vec::new(), Vec::new());
+        for (index, object) in self.config.objects.of(products)?.into_iter().enumerate() {
+            let Object { identity, visibility, amodal, visible } = object;
+            self.write(view, Image::Mask(index), &png::Image::mask(&amodal, u8::MAX))?;
+            self.write(view, Image::MaskVisib(index), &png::Image::mask(&visible, u8::MAX))?;
+            infos.push(visibility.info(visible.bbox()));
+            objects.push(ObjectRecord::new(identity, visibility.visib_fract, &visible, &amodal));
+        }
+        let [cameras, all_infos] = &mut self.entries;
+        cameras.push(view.0, &camera.scene_camera(scale))?;
+        all_infos.push(view.0, &infos)?;
+        push_line(&mut self.shard, &ViewRecord { view: view.0, camera: camera.camera(scale), objects })
+    }
+
+    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+        for (name, entries) in FILES.into_iter().zip(self.entries) {
+            self.output.write(&format!("{}/{name}", self.folder), &entries.finish())?;
+        }
+        self.output.write_shard(&self.shard)
+    }
+}
+
+/// What the products say of an object.
+struct Object<'a> {
+    identity: ObjectView,
+    visibility: VisibilityView,
+    /// The object without occluders, within the image.
+    amodal: Cow<'a, Mask>,
+    visible: Cow<'a, Mask>,
+}
+
+impl Objects {
+    /// The objects of a view, by id.
+    fn of<'a>(self, products: &'a Products) -> Result<Vec<Object<'a>>> {
+        let masks = match self {
+            Self::Annotated => annotated(products)?,
+            Self::All => all(products)?,
+        };
+        let (infos, visibilities) = (products.get(OBJECT_INFO)?, products.get(VISIBILITY)?);
+        let missing = |product: &str| {
+            Error::new(format!("`{product}` does not describe all objects"))
+                .help(format!("set `objects = \"all\"` in the options of the annotator `{product}`, too"))
+                .permanent()
+        };
+        let object = |(id, [amodal, visible]): (InstanceId, [Cow<'a, Mask>; 2])| {
+            let identity = infos.get(id).ok_or_else(|| missing(OBJECT_INFO.name()))?;
+            let visibility = visibilities.get(id).ok_or_else(|| missing(VISIBILITY.name()))?;
+            let object = Object {
+                identity: read(identity, OBJECT_INFO.name())?,
+                visibility: read(visibility, VISIBILITY.name())?,
+                amodal,
+                visible,
+            };
+            object.check(id)?;
+            Ok(object)
+        };
+        masks.into_iter().map(object).collect()
+    }
+}
+
+type Masks<'a> = Vec<(InstanceId, [Cow<'a, Mask>; 2])>;
+
+/// Amodal and visible masks of the annotated objects.
+fn annotated(products: &Products) -> Result<Masks<'_>> {
+    let visible = products.get(VISIBLE_MASK)?;
+    let masks = products.get(AMODAL_MASK)?.iter().map(|(id, amodal)| {
+        let visible = labels::of(visible, id, VISIBLE_MASK.name())?;
+        Ok((id, [Cow::Borrowed(amodal), Cow::Borrowed(visible)]))
+    });
+    masks.collect()
+}
+
+/// Amodal and visible masks of all objects of the scene; those of objects beside the image are empty.
+fn all(products: &Products) -> Result<Masks<'_>> {
+    let (coverage, instance) = (products.get(COVERAGE)?, products.get(INSTANCE)?);
+    let (width, height) = (coverage.width(), coverage.height());
+    let masks = (1..=coverage.objects()).map(|object| {
+        let id = InstanceId(object as u16);
+        let amodal = Mask::from_fn(width, height, |x, y| coverage.contains(x, y, id));
+        let visible = Mask::from_fn(width, height, |x, y| *instance.at(x, y) == id);
+        Ok((id, [Cow::Owned(amodal), Cow::Owned(visible)]))
+    });
+    masks.collect()
+}
+
+impl Object<'_> {
+    /// Checks that the masks have the pixels that `visibility` counted.
+    fn check(&self, id: InstanceId) -> Result<()> {
+        let masks = [&self.amodal, &self.visible].map(|mask| u64::from(mask.area()));
+        let counted = [self.visibility.px_count_in_frame, self.visibility.px_count_visib];
+        if masks == counted {
+            return Ok(());
+        }
+        Err(Error::new(format!(
+            "instance {id} has {} pixels in its amodal and {} in its visible mask, where `visibility` counts {} and {}",
+            masks[0], masks[1], counted[0], counted[1]
+        ))
+        .help("BOP's masks have what the table hides; set `table_and_room = \"occlude\"` of the annotator `masks`")
+        .permanent())
+    }
+}
+
+/// A JSON object that is written entry by entry, one per line, with numbers as names.
+#[derive(Default)]
+pub struct Entries(Vec<u8>);
+
+impl Entries {
+    pub fn push(&mut self, name: impl std::fmt::Display, value: &impl Serialize) -> Result<()> {
+        let separator = if self.0.is_empty() { "{" } else { "," };
+        self.0.extend(format!("{separator}\n  \"{name}\": ").into_bytes());
+        serde_json::to_writer(&mut self.0, value)
+            .map_err(|error| Error::new(format!("cannot be written as JSON: {error}")))
+    }
+
+    pub fn finish(mut self) -> Vec<u8> {
+        let end: &[u8] = if self.0.is_empty() { b"{}\n" } else { b"\n}\n" };
+        self.0.extend(end);
+        self.0
+    }
+}

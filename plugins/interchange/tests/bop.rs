@@ -1,0 +1,322 @@
+//! BOP files of ellipsoids, whose masks, depths and counts follow from their poses alone, read back by code that loads
+//! them as bop_toolkit does.
+
+use std::path::Path;
+use std::process::Command;
+use std::sync::Arc;
+use syntable_interchange as _;
+use syntable_model::context::{Collected, Serial};
+use syntable_model::digest::Digest;
+use syntable_model::geometry::{Point3, Vector3, look_at};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::*;
+use syntable_model::product::{BitPlane, Plane};
+use syntable_model::registry::{Registry, Slot, Stage};
+use syntable_model::scene::{
+    AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
+    Object, Role, SceneId, SettleReport, Tabletop, ViewId,
+};
+use syntable_testing::tools::is_there;
+
+const K: Intrinsics = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 62.0, cx: 31.3, cy: 24.9 };
+/// Rows above have a wall in front of some objects.
+const WALL: u32 = 14;
+const WALL_M: f64 = 0.8;
+/// Rows from here show nothing behind the objects.
+const SKY: u32 = 40;
+const FLOOR_M: f64 = 1.5;
+
+/// An ellipsoid: half axes in whole mm, and its pose.
+struct Ellipsoid {
+    axes_mm: [u32; 3],
+    camera_from_object: Pose,
+}
+
+impl Ellipsoid {
+    fn draw(stream: &mut Stream) -> Self {
+        let axes_mm = [[70, 50, 40], [90, 30, 60], [45, 45, 110]][stream.below(3) as usize];
+        let position = [stream.uniform(-0.5, 0.5), stream.uniform(-0.4, 0.4), stream.uniform(0.6, 1.2)];
+        let angles = [0; 3].map(|_| stream.uniform(-3.0, 3.0));
+        Self { axes_mm, camera_from_object: Pose::new(position.into(), angles.into()) }
+    }
+
+    fn asset(&self) -> String {
+        let [a, b, c] = self.axes_mm;
+        format!("shapes/e_{a}_{b}_{c}")
+    }
+
+    /// Depth of the nearer point on the ray through the center of a pixel, m.
+    fn depth(&self, x: i64, y: i64) -> Option<f64> {
+        let ray = K.unproject(x as f64 + 0.5, y as f64 + 0.5);
+        let object_from_camera = self.camera_from_object.inverse();
+        let unit = |v: Vector3<f64>| v.component_div(&Vector3::from(self.axes_mm.map(|mm| f64::from(mm) / 1000.0)));
+        let (o, d) = (unit(object_from_camera.translation.vector), unit(object_from_camera.rotation * ray));
+        let (a, b, c) = (d.dot(&d), o.dot(&d), o.dot(&o) - 1.0);
+        let root = b * b - a * c;
+        (root > 0.0).then(|| (-b - root.sqrt()) / a)
+    }
+}
+
+fn camera() -> Camera {
+    let eye = Point3::new(1.0, -0.4, 1.5);
+    Camera::pinhole(K, look_at(eye, Point3::new(0.0, 0.1, 0.7), Vector3::z()))
+}
+
+fn matrix(pose: &Pose) -> Value {
+    let m = pose.to_homogeneous();
+    std::array::from_fn::<_, 4, _>(|row| std::array::from_fn::<_, 4, _>(|column| m[(row, column)])).into()
+}
+
+/// All that the writer reads of a view. `all` says whether to describe objects that the image does not show.
+fn products(objects: &[Ellipsoid], stream: &mut Stream, all: bool) -> Products {
+    let count = objects.len();
+    let wall = InstanceId(count as u16 + 1);
+    let mut coverage = BitPlane::new(K.width, K.height, count);
+    let (mut depth, mut first) = (Vec::new(), Vec::new());
+    for y in 0..K.height {
+        for x in 0..K.width {
+            let hits = (1..).map(InstanceId).zip(objects);
+            let mut hits: Vec<(f64, InstanceId)> =
+                hits.filter_map(|(id, object)| Some((object.depth(x.into(), y.into())?, id))).collect();
+            hits.iter().for_each(|&(_, id)| coverage.insert(x, y, id));
+            if y < WALL {
+                hits.push((WALL_M, wall));
+            } else if y < SKY {
+                hits.push((FLOOR_M, wall));
+            }
+            let nearest = hits.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+            depth.push(nearest.map_or(f32::INFINITY, |(depth, _)| depth as f32));
+            first.push(nearest.map_or(InstanceId::default(), |(_, id)| id));
+        }
+    }
+    let (depth, first) = (Plane::from_vec(K.width, K.height, depth), Plane::from_vec(K.width, K.height, first));
+    let mut products = Products::new();
+    let (mut amodal, mut visible) = (PerInstance::default(), PerInstance::default());
+    let (mut info, mut visibility) = (PerInstance::default(), PerInstance::default());
+    for (id, object) in (1..).map(InstanceId).zip(objects) {
+        let whole = Mask::from_fn(K.width, K.height, |x, y| coverage.contains(x, y, id));
+        let seen = Mask::from_fn(K.width, K.height, |x, y| *first.at(x, y) == id);
+        let annotated = !seen.is_empty();
+        if annotated || all {
+            let valid = whole.pixels().filter(|&pixel| depth.data()[pixel].is_finite()).count();
+            visibility.0.insert(id, visibility_of(object, whole.area(), valid, seen.area()));
+            let pose = matrix(&object.camera_from_object);
+            info.0.insert(id, Value::record([("asset", object.asset().into()), ("camera_from_object", pose)]));
+        }
+        if annotated {
+            amodal.0.insert(id, whole);
+            visible.0.insert(id, seen);
+        }
+    }
+    let camera = Value::record([
+        ("width", K.width.into()),
+        ("height", K.height.into()),
+        ("K", K.matrix().into()),
+        ("camera_from_world", matrix(&camera().world_from_camera.inverse())),
+    ]);
+    let put = |products: &mut Products| -> Result<()> {
+        products.put(RGB, Plane::from_fn(K.width, K.height, |_, _| [0; 3].map(|_| stream.below(256) as u8)))?;
+        products.put(DEPTH, depth)?;
+        products.put(INSTANCE, first)?;
+        products.put(COVERAGE, coverage)?;
+        products.put(AMODAL_MASK, amodal)?;
+        products.put(VISIBLE_MASK, visible)?;
+        products.put(OBJECT_INFO, info)?;
+        products.put(VISIBILITY, visibility)?;
+        products.put(CAMERA, camera)
+    };
+    put(&mut products).expect("each once");
+    products
+}
+
+fn visibility_of(object: &Ellipsoid, in_frame: u32, valid: usize, visible: u32) -> Value {
+    let (w, h) = (i64::from(K.width), i64::from(K.height));
+    let canvas = (-h..2 * h).flat_map(|y| (-w..2 * w).map(move |x| (x, y)));
+    let pixels: Vec<(i64, i64)> = canvas.filter(|&(x, y)| object.depth(x, y).is_some()).collect();
+    let range = |of: fn(&(i64, i64)) -> i64| {
+        let (low, high) = (pixels.iter().map(of).min(), pixels.iter().map(of).max());
+        low.zip(high).map_or((0, 0), |(low, high)| (low, high + 1 - low))
+    };
+    let ((x, width), (y, height)) = (range(|p| p.0), range(|p| p.1));
+    let all = pixels.len() as u64;
+    let fraction = if all == 0 { 0.0 } else { f64::from(visible) / all as f64 };
+    Value::record([
+        ("px_count_all", all.into()),
+        ("px_count_in_frame", in_frame.into()),
+        ("px_count_valid", (valid as u64).into()),
+        ("px_count_visib", visible.into()),
+        ("visib_fract", fraction.into()),
+        ("silhouette_box", [x, y, width, height].into()),
+    ])
+}
+
+fn writer(options: &str) -> Box<dyn Writer> {
+    let registry = Registry::linked().expect("kinds are unique");
+    let entry = registry.find(Slot::Write, "bop").expect("a registered kind");
+    match entry.construct_str(options).unwrap_or_else(|error| panic!("{options}: {error:?}")).stage {
+        Stage::Write(writer) => writer,
+        _ => unreachable!("the registry keeps slots apart"),
+    }
+}
+
+fn dataset() -> DatasetInfo {
+    DatasetInfo {
+        name: "ellipsoids".into(),
+        seed: 5,
+        scenes: 3,
+        views_per_scene: 2,
+        recipe: String::new(),
+        program: "syntable 0.1.0".into(),
+        classes: Vec::new(),
+    }
+}
+
+/// A scene, of which the writer reads the number alone.
+fn scene(id: u32) -> Result<Scene> {
+    let mesh = Mesh::new(MeshData {
+        positions: vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+        ..Default::default()
+    })?;
+    let object = Object {
+        name: "tetra".into(),
+        category: "solid".into(),
+        mass: MassProperties::of_mesh(&mesh, 0.25, MassOrigin::Known),
+        mesh: Arc::new(mesh),
+        materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
+        collision: None,
+        friction: 0.5,
+        license: "CC0-1.0".into(),
+        digest: Digest::of(b"tetra"),
+    };
+    let mut builder = SceneBuilder::default();
+    builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0; 2] });
+    let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };
+    builder.add(BodyDraft::new(asset, Arc::new(object), Pose::identity(), Role::Object, Motion::Dynamic));
+    builder.freeze(SceneId(id), 0, SettleReport::default())
+}
+
+/// Writes the views of a scene.
+fn write_scene(root: &Path, writer: &dyn Writer, id: u32, views: &[Products]) -> Result<()> {
+    let (dataset, log) = (dataset(), Collected::default());
+    let scene = scene(id)?;
+    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);
+    let mut open = writer.scene(&cx, Output::new(root, "bop", scene.id))?;
+    let reads: Vec<String> = writer.reads().into_iter().map(|input| input.product).collect();
+    for (number, products) in (0..).zip(views) {
+        let exposure = Exposure::Fixed { ev100: 1.0 };
+        let view = View { id: ViewId(number), camera: camera(), exposure, lights: Vec::new() };
+        open.view(&cx.view(&view), &products.only(&reads))?;
+    }
+    open.close(&cx, &Products::new())
+}
+
+fn finish(root: &Path, writer: &dyn Writer, scenes: &[u32]) -> Result<()> {
+    let (dataset, log) = (dataset(), Collected::default());
+    let done = Finish::new(root, "bop", scenes.iter().map(|&scene| SceneId(scene)).collect());
+    writer.finish(&DatasetContext::new(&dataset, &Serial, &log), &Products::new(), &done)
+}
+
+/// Three scenes of two views; the first view of the second scene has no objects.
+fn write_all(root: &Path, options: &str) {
+    let (writer, all) = (writer(options), options.contains("all"));
+    for id in [2, 0, 1] {
+        let mut stream = Stream::root(8).at(id.into());
+        let mut view = |objects: usize| {
+            let objects: Vec<_> = (0..objects).map(|_| Ellipsoid::draw(&mut stream)).collect();
+            products(&objects, &mut stream, all)
+        };
+        let views = [view(if id == 1 { 0 } else { 14 }), view(9)];
+        write_scene(root, &*writer, id, &views).expect("written");
+    }
+    finish(root, &*writer, &[0, 1, 2]).expect("finished");
+}
+
+#[test]
+fn poses_masks_depths_and_counts_belong_together() {
+    let modules = "numpy, pycocotools, PIL";
+    let import = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+    if !is_there(import.is_ok_and(|output| output.status.success()), &format!("python3 with {modules}")) {
+        return;
+    }
+    for (options, split, set) in
+        [("", "train_pbr", "annotated"), ("objects = \"all\"\nsplit = \"test\"\ndepth_scale = 0.02", "test", "all")]
+    {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_all(folder.path(), options);
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/check_bop.py");
+        let output = Command::new("python3").arg(script).arg(folder.path().join("bop")).args([split, set]).output();
+        let output = output.expect("python3 starts");
+        let printed = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+        assert!(output.status.success(), "{options}\n{}{}", printed[0], printed[1]);
+        eprint!("{}", printed[0]);
+    }
+}
+
+#[test]
+fn the_end_of_a_run_depends_on_the_scenes_alone() {
+    let written = || {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_all(folder.path(), "");
+        folder
+    };
+    let (once, twice) = (written(), written());
+    // A run that had two of the scenes before.
+    finish(twice.path(), &*writer(""), &[0, 2]).expect("finished");
+    finish(twice.path(), &*writer(""), &[0, 1, 2]).expect("finished");
+    let files = |folder: &tempfile::TempDir| syntable_testing::folder::files(folder.path());
+    assert!(files(&once) == files(&twice), "files differ");
+    // What the writer says that it writes is there.
+    let (names, dataset) = (files(&once), dataset());
+    for (scene, view) in [(None, None), (Some(0), None), (Some(0), Some(1))] {
+        let (scene, view) = (scene.map(SceneId), view.map(ViewId));
+        let of = FileOf { dataset: &dataset, id: "bop", scene, view, products: &[] };
+        for path in writer("").paths(&of).expect("known") {
+            assert!(names.contains_key(&path), "{path}");
+        }
+    }
+}
+
+#[test]
+fn what_bop_cannot_have_is_refused() {
+    let refused = |options: &str, change: &dyn Fn(&mut Products, &Products)| {
+        let mut stream = Stream::root(8);
+        let objects: Vec<_> = (0..14).map(|_| Ellipsoid::draw(&mut stream)).collect();
+        let whole = products(&objects, &mut stream, false);
+        let mut changed = whole.clone();
+        change(&mut changed, &whole);
+        let folder = tempfile::tempdir().expect("a folder");
+        let error = write_scene(folder.path(), &*writer(options), 0, &[changed]).expect_err("refused");
+        assert!(error.is_permanent());
+        error.to_string()
+    };
+    let without = |products: &mut Products, name: &str| {
+        let names: Vec<String> = products.keys().iter().map(|key| key.name.to_string()).collect();
+        let names: Vec<String> = names.into_iter().filter(|other| other != name).collect();
+        *products = products.only(&names);
+    };
+    let error = refused("", &|products, whole| {
+        let Value::Record(mut camera) = whole.get(CAMERA).expect("made").clone() else { panic!("a record") };
+        camera.push(("distortion_k1_k2_p1_p2_k3".into(), [0.1, 0.0, 0.0, 0.0, 0.0].into()));
+        without(products, "camera");
+        products.put(CAMERA, Value::Record(camera)).expect("once");
+    });
+    assert!(error.contains("no cameras with lens distortion"), "{error}");
+    // Masks without what the wall hides.
+    let error = refused("", &|products, whole| {
+        let cut = whole.get(AMODAL_MASK).expect("made").map(|_, mask| {
+            let plane = mask.to_plane();
+            Mask::from_fn(K.width, K.height, |x, y| y >= WALL && *plane.at(x, y))
+        });
+        without(products, "amodal_mask");
+        products.put(AMODAL_MASK, cut).expect("once");
+    });
+    assert!(error.contains("where `visibility` counts"), "{error}");
+    let error = refused("objects = \"all\"", &|_, _| {});
+    assert!(error.contains("`object_info` does not describe all objects"), "{error}");
+    let error = refused("", &|products, _| {
+        without(products, "camera");
+        products.put(CAMERA, Value::record([("width", 3_i64.into())])).expect("once");
+    });
+    assert!(error.contains("product `camera` does not have what BOP needs: missing field `height`"), "{error}");
+}

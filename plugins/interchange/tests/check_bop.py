@@ -1,0 +1,141 @@
+"""Checks a BOP dataset of ellipsoids: loads it as bop_toolkit does and computes masks, depths and counts from the poses.
+
+usage: check_bop.py FOLDER SPLIT annotated|all
+"""
+
+import json
+import pathlib
+import sys
+
+import numpy as np
+from PIL import Image
+from pycocotools.coco import COCO
+
+ROOT, SPLIT, SET = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+
+
+def load(path):
+    """JSON with numbers as keys, as bop_toolkit's load_json(keys_to_int=True)."""
+    text = pathlib.Path(path).read_text()
+    return json.loads(text, object_hook=lambda x: {int(k) if k.isdigit() else k: v for k, v in x.items()})
+
+
+def same(got, want, what):
+    assert got == want, f"{what}: {got}, not {want}"
+
+
+def silhouette(K, R, t, axes, xs, ys):
+    """For each pixel center: whether the ray hits the ellipsoid, and the depth of the nearer hit, mm."""
+    u, v = np.meshgrid(xs, ys)
+    rays = np.stack([u, v, np.ones_like(u)], -1).astype(float) @ np.linalg.inv(K).T
+    o, d = (-R.T @ t) / axes, (rays @ R) / axes
+    a, b, c = (d * d).sum(-1), d @ o, o @ o - 1
+    root = b * b - a * c
+    assert (np.abs(root) > 1e-12).all()
+    hit = root > 0
+    return hit, np.where(hit, (-b - np.sqrt(np.where(hit, root, 0))) / a, np.inf)
+
+
+def box(mask, origin=(0, 0)):
+    """x, y and the distances between the outermost pixels, as bop_toolkit's calc_2d_bbox."""
+    ys, xs = np.nonzero(mask)
+    x, y = xs.min() + origin[0], ys.min() + origin[1]
+    return [int(x), int(y), int(xs.max() - xs.min()), int(ys.max() - ys.min())]
+
+
+def pose(gt):
+    axes = np.array([float(x) for x in objects[gt["obj_id"]].split("_")[1:]])
+    return np.array(gt["cam_R_m2c"]).reshape(3, 3), np.array(gt["cam_t_m2c"]), axes
+
+
+def read_mask(path):
+    mask = np.array(Image.open(path))
+    assert mask.dtype == np.uint8 and np.isin(mask, [0, 255]).all(), path
+    return mask == 255
+
+
+objects = load(ROOT / "objects.json")
+same(list(objects), list(range(1, len(objects) + 1)), "obj_ids")
+same(list(objects.values()), sorted(set(objects.values())), "assets")
+camera = load(ROOT / "camera.json")
+info = load(ROOT / "dataset_info.json")
+same((info["scenes"], info["images"], info["objects"], info["split"]), (3, 6, 3, SPLIT), "dataset_info")
+
+counted = {"objects": 0, "hidden": 0, "outside": 0, "truncated": 0, "pixels": 0, "beyond": 0}
+scenes = sorted((ROOT / SPLIT).iterdir())
+same([s.name for s in scenes], ["000000", "000001", "000002"], "scenes")
+for folder in scenes:
+    cameras, truth = load(folder / "scene_camera.json"), load(folder / "scene_gt.json")
+    infos = load(folder / "scene_gt_info.json")
+    same([list(cameras), list(truth), list(infos)], [[0, 1]] * 3, "images")
+    whole, modal = COCO(str(folder / "scene_gt_coco.json")), COCO(str(folder / "scene_gt_coco_modal.json"))
+    same({c["id"]: c["name"] for c in whole.loadCats(whole.getCatIds())}, objects, "categories")
+    seen = {0: [], 1: []}
+    for image, entries in truth.items():
+        K = np.array(cameras[image]["cam_K"]).reshape(3, 3)
+        same([camera[k] for k in ("fx", "fy", "width", "height")], [60, 62, 64, 48], "camera")
+        assert np.allclose([camera["cx"], camera["cy"]], [30.8, 24.4], atol=1e-12)
+        assert np.allclose(K, [[60, 0, 30.8], [0, 62, 24.4], [0, 0, 1]], atol=1e-12), K
+        R_w2c = np.array(cameras[image]["cam_R_w2c"]).reshape(3, 3)
+        assert np.allclose(R_w2c @ R_w2c.T, np.eye(3)) and np.isclose(np.linalg.det(R_w2c), 1)
+        eye = -R_w2c.T @ np.array(cameras[image]["cam_t_w2c"])
+        assert np.allclose(eye, [1000, -400, 1500]), eye
+        rgb = Image.open(folder / f"rgb/{image:06}.png")
+        same((rgb.mode, rgb.size), ("RGB", (64, 48)), "rgb")
+        png = np.array(Image.open(folder / f"depth/{image:06}.png")).astype(np.int64)
+        scale = cameras[image]["depth_scale"]
+        same(camera["depth_scale"], scale, "depth_scale")
+        nearest = np.full((48, 64), np.inf)
+        nearest[:14], nearest[14:40] = 800, 1500
+        hits = []
+        for gt in entries:
+            hit, depth = silhouette(K, *pose(gt), np.arange(64), np.arange(48))
+            all_hit, _ = silhouette(K, *pose(gt), np.arange(-64, 128), np.arange(-48, 96))
+            hits.append((hit, depth, all_hit))
+            nearest = np.minimum(nearest, depth)
+        want = np.where(np.isinf(nearest), 0, np.minimum(np.round(nearest / scale), 65535))
+        # Depths are single-precision meters.
+        assert (np.abs(png - want) <= 1).all() and (png == want).mean() > 0.98, np.abs(png - want).max()
+        counted["beyond"] += int((png == 65535).sum())
+        for index, (gt, got, (hit, depth, all_hit)) in enumerate(zip(entries, infos[image], hits, strict=True)):
+            what = f"{folder.name} {image} {index}"
+            mask = read_mask(folder / f"mask/{image:06}_{index:06}.png")
+            visible = read_mask(folder / f"mask_visib/{image:06}_{index:06}.png")
+            assert (mask == hit).all(), f"{what}: mask"
+            assert (visible == (hit & (depth == nearest))).all(), f"{what}: mask_visib"
+            same(got["px_count_all"], int(all_hit.sum()), f"{what}: px_count_all")
+            same(got["px_count_valid"], int((mask & (png > 0)).sum()), f"{what}: px_count_valid")
+            same(got["px_count_visib"], int(visible.sum()), f"{what}: px_count_visib")
+            fract = visible.sum() / all_hit.sum() if all_hit.any() else 0
+            assert abs(got["visib_fract"] - fract) < 1e-12, f"{what}: visib_fract"
+            boxes = [box(all_hit, (-64, -48)), box(visible)] if visible.any() else [[-1] * 4] * 2
+            same([got["bbox_obj"], got["bbox_visib"]], boxes, f"{what}: boxes")
+            # Points of the depth image are on the surface.
+            v, u = np.nonzero(visible & (png < 65535))
+            points = (np.stack([u, v, np.ones_like(u)]) * png[v, u] * scale).T @ np.linalg.inv(K).T
+            R, t, axes = pose(gt)
+            off = np.abs(np.linalg.norm(((points - t) @ R) / axes, axis=1) - 1)
+            assert (off < 0.01).all(), f"{what}: points off the surface by {off.max()}"
+            counted["pixels"] += len(off)
+            counted["objects"] += 1
+            counted["hidden"] += not visible.any()
+            counted["outside"] += not mask.any()
+            counted["truncated"] += bool(all_hit.sum() > mask.sum() > 0)
+            if visible.any():
+                x, y, width, height = box(mask)
+                seen[image].append((gt["obj_id"], visible, [x, y, width + 1, height + 1], bool(fract < 0.1)))
+    for coco, is_modal in ((whole, False), (modal, True)):
+        same(sorted(coco.anns), list(range(1, len(seen[0]) + len(seen[1]) + 1)), "annotation ids")
+        same([i["file_name"] for i in coco.loadImgs([0, 1])], ["rgb/000000.png", "rgb/000001.png"], "file names")
+        for image, wants in seen.items():
+            for ann, (obj_id, visible, bbox, ignore) in zip(coco.imgToAnns[image], wants, strict=True):
+                assert isinstance(ann["segmentation"]["counts"], list)
+                assert (coco.annToMask(ann) == visible).all()
+                x, y, width, height = box(visible)
+                same(ann["bbox"], [x, y, width + 1, height + 1] if is_modal else bbox, "bbox")
+                same((ann["category_id"], ann["area"], ann["ignore"]), (obj_id, visible.sum(), ignore), "annotation")
+                same((ann["iscrowd"], ann["width"], ann["height"]), (0, 64, 48), "annotation")
+# What the checks are about is there.
+assert counted["objects"] > 15 and counted["pixels"] > 1000 and counted["truncated"] > 3, counted
+assert (counted["hidden"] > 3 and counted["outside"] > 1 and counted["beyond"] > 1) == (SET == "all"), counted
+print(f"bop {SPLIT}: {counted}")
