@@ -637,6 +637,15 @@ fn formats() -> String {
         let _ =
             writeln!(page, "| {} | {holds} | {} | {} |", format.name, extensions(format.extensions), format.crate_name);
     }
+    page += "\n## Datasets\n\nFormats that [`convert` and `validate`](../interchange.md) read.\n\n\
+             | format | what it is | crate |\n|---|---|---|\n";
+    for format in syntable_model::reader::linked() {
+        let _ = writeln!(page, "| {} | {} | {} |", format.name, format.doc, format.crate_name);
+    }
+    page += "\n## Checks\n\nWhat `validate` and every run check in each view.\n\n| check | what holds |\n|---|---|\n";
+    for check in syntable_model::check::linked() {
+        let _ = writeln!(page, "| {} | {} |", check.name, check.doc);
+    }
     page
 }
 

@@ -20,6 +20,8 @@ pub struct Format {
     pub detect: fn(&Path) -> bool,
     /// Opens a dataset. An error says that there is none, or that nothing of it can be read.
     pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
+    /// Crate that registers it.
+    pub crate_name: &'static str,
 }
 
 inventory::collect!(Format);
@@ -86,8 +88,9 @@ pub trait DatasetReader: Send + Sync {
     fn faults(&self) -> &[DatasetFault] {
         &[]
     }
-    /// What the dataset has and products cannot carry, for people.
-    fn left_out(&self) -> Vec<String> {
+    /// In what products among these say less than those of a run, for people.
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let _ = reads;
         Vec::new()
     }
 }

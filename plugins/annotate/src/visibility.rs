@@ -3,8 +3,8 @@
 use crate::extent::extents;
 use crate::object_info::Which;
 use syntable_model::prelude::*;
-use syntable_model::product::Plane;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, INSTANCE, VISIBILITY};
+use syntable_model::product::{BitPlane, PixelCounts, Plane};
 
 /// Canvas of the parts of objects beyond the image: one image size beyond every edge, as in BOP's tools.
 const CANVAS: u32 = 3;
@@ -65,17 +65,14 @@ impl Annotator for Visibility {
             };
             let [x, y, width, height] = all.bounds();
             let visib = visible[object];
-            let share = |part: u64| if all.area == 0 { 0.0 } else { part as f64 / all.area as f64 };
-            Value::of(&Record {
-                px_count_all: all.area,
-                px_count_in_frame: in_frame.area,
-                px_count_valid: valid[object],
-                px_count_visib: visib,
-                visib_fract: share(visib),
-                outside_fract: share(all.area - in_frame.area),
-                truncated: all.area > in_frame.area,
-                silhouette_box: [x as i32 - k.width as i32, y as i32 - k.height as i32, width as i32, height as i32],
-            })
+            PixelCounts {
+                all: all.area,
+                in_frame: in_frame.area,
+                valid: valid[object],
+                visible: visib,
+                silhouette: [x as i32 - k.width as i32, y as i32 - k.height as i32, width as i32, height as i32],
+            }
+            .record()
         };
         let ids: Vec<InstanceId> = match self.objects {
             Which::Annotated => products.get(AMODAL_MASK)?.iter().map(|(id, _)| id).collect(),
@@ -96,7 +93,7 @@ fn count_visible(first: &Plane<InstanceId>, objects: usize) -> Vec<u64> {
 }
 
 /// For each object, the number of its pixels in the image at which there is a depth.
-fn count_valid(image: &syntable_model::product::BitPlane, depth: &Plane<f32>) -> Vec<u64> {
+fn count_valid(image: &BitPlane, depth: &Plane<f32>) -> Vec<u64> {
     let missing = |depth: f32| !(depth.is_finite() && depth > 0.0);
     let mut counts: Vec<u64> = extents(image).iter().map(|extent| extent.area).collect();
     for (set, _) in image.data().chunks_exact(image.words()).zip(depth.data()).filter(|(_, depth)| missing(**depth)) {
@@ -109,19 +106,6 @@ fn count_valid(image: &syntable_model::product::BitPlane, depth: &Plane<f32>) ->
         }
     }
     counts
-}
-
-/// An entry of the product `visibility`.
-#[derive(Serialize)]
-struct Record {
-    px_count_all: u64,
-    px_count_in_frame: u64,
-    px_count_valid: u64,
-    px_count_visib: u64,
-    visib_fract: f64,
-    outside_fract: f64,
-    truncated: bool,
-    silhouette_box: [i32; 4],
 }
 
 register!(Visibility);

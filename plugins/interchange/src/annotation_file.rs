@@ -150,7 +150,7 @@ pub fn info(dataset: &DatasetInfo) -> Info {
 }
 
 /// The one license of all images.
-fn license() -> License {
+pub fn license() -> License {
     License { id: 1, name: "licenses of the assets".into(), ..License::default() }
 }
 

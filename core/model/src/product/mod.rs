@@ -4,6 +4,7 @@
 //! product has one generic encoding, [`Value`], whose [`Form`] is known from the type, so that a generic writer can
 //! store an annotation it has never heard of, and refuses one that it cannot store before anything is rendered.
 
+mod counts;
 mod depths;
 mod form;
 mod key;
@@ -15,6 +16,7 @@ pub mod standard;
 mod store;
 mod value;
 
+pub use counts::PixelCounts;
 pub use depths::ObjectDepths;
 pub use form::Form;
 pub use key::{Key, KeyId, Product, Scope, Semantic, first_sentence};

@@ -46,6 +46,7 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     if !converted.lost.is_empty() {
         out += &format!("not carried over: {}\n", converted.lost.join(", "));
     }
+    converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)
 }
 

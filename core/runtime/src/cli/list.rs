@@ -7,6 +7,7 @@ use clap::Args;
 use syntable_mesh::format::{ImageFormats, MeshFormats};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, first_sentence};
+use syntable_model::reader;
 use syntable_model::registry::{Entry, Registry, Slot};
 
 #[derive(Args)]
@@ -121,6 +122,9 @@ fn formats_table(width: Option<usize>) -> Result<String> {
     }
     for format in ImageFormats::linked()?.iter() {
         row(format.name, "image", format.extensions, format.crate_name);
+    }
+    for format in reader::linked() {
+        row(format.name, "dataset, for convert and validate", &[], format.crate_name);
     }
     Ok(table_within(&rows, width))
 }

@@ -28,6 +28,8 @@ pub struct Converted {
     pub images: u32,
     /// Products of the dataset that no writer reads: they are lost.
     pub lost: Vec<String>,
+    /// In what those that are read say less than those of a run.
+    pub caveats: Vec<String>,
 }
 
 /// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
@@ -64,7 +66,8 @@ pub fn convert(
     Ok(Converted {
         scenes: scenes.len() as u32,
         images: dataset.images().len() as u32,
-        lost: lost.chain(dataset.left_out()).collect(),
+        lost: lost.collect(),
+        caveats: dataset.caveats(&plan.rendered),
     })
 }
 

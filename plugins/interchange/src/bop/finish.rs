@@ -3,7 +3,7 @@
 use super::Bop;
 use super::record::{Camera, ObjectRecord, Shown, ViewRecord};
 use super::scene::Entries;
-use crate::coco;
+use crate::annotation_file;
 use serde_json::json;
 use std::collections::BTreeMap;
 use syntable_formats::coco::{Annotation, Category, Image};
@@ -98,7 +98,7 @@ fn write_scene(
                 ..Category::default()
             };
             let categories: Vec<_> = obj_ids.iter().map(category).collect();
-            file.header(&coco::info(dataset), &[coco::license()], &categories)?;
+            file.header(&annotation_file::info(dataset), &[annotation_file::license()], &categories)?;
             file.images(|images| views.iter().try_for_each(|view| images.record(&image(view))))?;
             file.annotations(|annotations| {
                 let shown = views.iter().flat_map(|view| view.objects.iter().map(move |object| (view, object)));

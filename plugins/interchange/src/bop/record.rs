@@ -13,14 +13,18 @@ const PIXEL_CENTER: f64 = 0.5;
 const NO_BOX: [i64; 4] = [-1; 4];
 
 /// The part of the product `camera` that BOP has.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct CameraView {
     pub width: u32,
     pub height: u32,
     #[serde(rename = "K")]
     k: [[f64; 3]; 3],
-    camera_from_world: [[f64; 4]; 4],
-    #[serde(default)]
+    /// Missing where a dataset does not say where cameras are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    world_from_camera: Option<[[f64; 4]; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    camera_from_world: Option<[[f64; 4]; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion_k1_k2_p1_p2_k3: Option<[f64; 5]>,
 }
 
@@ -56,16 +60,41 @@ fn pose(m: &[[f64; 4]; 4]) -> ([f64; 9], [f64; 3]) {
     (std::array::from_fn(|i| m[i / 3][i % 3]), std::array::from_fn(|row| m[row][3] * MM))
 }
 
+/// The rigid motion in meters of a rotation, row by row, and a translation in mm.
+fn motion(rotation: &[f64; 9], translation_mm: &[f64; 3]) -> [[f64; 4]; 4] {
+    let entry = |row: usize, column: usize| match (row, column) {
+        (3, column) => f64::from(u8::from(column == 3)),
+        (row, 3) => translation_mm[row] / MM,
+        (row, column) => rotation[3 * row + column],
+    };
+    std::array::from_fn(|row| std::array::from_fn(|column| entry(row, column)))
+}
+
 /// An entry of `scene_camera.json`.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct SceneCamera {
     #[serde(rename = "cam_K")]
     k: [f64; 9],
-    depth_scale: f64,
-    #[serde(rename = "cam_R_w2c")]
-    rotation: [f64; 9],
-    #[serde(rename = "cam_t_w2c")]
-    translation_mm: [f64; 3],
+    pub depth_scale: f64,
+    #[serde(rename = "cam_R_w2c", default, skip_serializing_if = "Option::is_none")]
+    rotation: Option<[f64; 9]>,
+    #[serde(rename = "cam_t_w2c", default, skip_serializing_if = "Option::is_none")]
+    translation_mm: Option<[f64; 3]>,
+}
+
+impl SceneCamera {
+    /// Maps points of the world to the camera, m.
+    fn camera_from_world(&self) -> Option<[[f64; 4]; 4]> {
+        Some(motion(&self.rotation?, &self.translation_mm?))
+    }
+
+    /// Maps points of the camera to the world, m.
+    pub fn world_from_camera(&self) -> Option<[[f64; 4]; 4]> {
+        let m = self.camera_from_world()?;
+        let back = |axis: usize| -(0..3).map(|row| m[row][axis] * m[row][3]).sum::<f64>() * MM;
+        let rotation = std::array::from_fn(|i| m[i % 3][i / 3]);
+        Some(motion(&rotation, &[back(0), back(1), back(2)]))
+    }
 }
 
 /// `camera.json`.
@@ -81,6 +110,19 @@ pub struct Camera {
 }
 
 impl CameraView {
+    /// The camera of an image, with the corner of the first pixel at (0, 0).
+    pub fn of(camera: &SceneCamera, [width, height]: [u32; 2]) -> Self {
+        let [fx, skew, cx, _, fy, cy, ..] = camera.k;
+        Self {
+            width,
+            height,
+            k: [[fx, skew, cx + PIXEL_CENTER], [0.0, fy, cy + PIXEL_CENTER], [0.0, 0.0, 1.0]],
+            world_from_camera: camera.world_from_camera(),
+            camera_from_world: camera.camera_from_world(),
+            distortion_k1_k2_p1_p2_k3: None,
+        }
+    }
+
     /// The intrinsics with the center of the first pixel at (0, 0).
     pub fn camera(&self, depth_scale: f64) -> Camera {
         let [[fx, _, cx], [_, fy, cy], _] = self.k;
@@ -90,20 +132,20 @@ impl CameraView {
 
     pub fn scene_camera(&self, depth_scale: f64) -> SceneCamera {
         let Camera { fx, fy, cx, cy, .. } = self.camera(depth_scale);
-        let (rotation, translation_mm) = pose(&self.camera_from_world);
+        let (rotation, translation_mm) = self.camera_from_world.as_ref().map(pose).unzip();
         let k = [fx, self.k[0][1], cx, 0.0, fy, cy, 0.0, 0.0, 1.0];
         SceneCamera { k, depth_scale, rotation, translation_mm }
     }
 }
 
 /// An entry of `scene_gt_info.json`.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Info {
-    bbox_obj: [i64; 4],
+    pub bbox_obj: [i64; 4],
     bbox_visib: [i64; 4],
-    px_count_all: u64,
-    px_count_valid: u64,
-    px_count_visib: u64,
+    pub px_count_all: u64,
+    pub px_count_valid: u64,
+    pub px_count_visib: u64,
     visib_fract: f64,
 }
 
@@ -175,11 +217,18 @@ impl ObjectRecord {
 }
 
 /// An entry of `scene_gt.json`.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct GroundTruth {
     #[serde(rename = "cam_R_m2c")]
     rotation: [f64; 9],
     #[serde(rename = "cam_t_m2c")]
     translation_mm: [f64; 3],
-    obj_id: u64,
+    pub obj_id: u64,
+}
+
+impl GroundTruth {
+    /// Maps points of the object to the camera, m.
+    pub fn pose(&self) -> [[f64; 4]; 4] {
+        motion(&self.rotation, &self.translation_mm)
+    }
 }

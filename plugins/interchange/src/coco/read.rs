@@ -20,6 +20,7 @@ syntable_model::register_format!(Format {
           both, as the writer `coco`, D2SA and KINS do.",
     detect: |root| annotation_files(root).is_ok_and(|files| !files.is_empty()),
     open,
+    crate_name: env!("CARGO_PKG_NAME"),
 });
 
 /// Keys of visible masks beside an amodal `segmentation`; ours, D2SA's and COCOA's, then KINS'.

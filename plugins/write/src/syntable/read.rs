@@ -9,9 +9,9 @@ use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{Annotation, Dataset, Image, Scene};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB,
+    BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBILITY,
 };
-use syntable_model::product::{BBox, OcclusionOrder};
+use syntable_model::product::{BBox, OcclusionOrder, PixelCounts};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -19,6 +19,7 @@ syntable_model::register_format!(Format {
     doc: "SynTable's layout, as the writer `syntable` and SynTable's release have it, and the annotation files of UOAIS-Sim.",
     detect: |root| annotation_files(root).is_ok_and(|files| !files.is_empty()) && root.join("data/mono").is_dir(),
     open,
+    crate_name: env!("CARGO_PKG_NAME"),
 });
 
 /// A dataset whose annotations are in memory.
@@ -116,7 +117,7 @@ impl DatasetReader for Reader {
     fn offers(&self) -> Vec<KeyId> {
         let all = |has: &dyn Fn(&Record) -> bool| !self.images.is_empty() && self.images.iter().all(has);
         let mut keys = read::offers(true);
-        keys.extend(syntable_model::keys![RGB, OBJECT_NAME]);
+        keys.extend(syntable_model::keys![RGB, OBJECT_NAME, VISIBILITY]);
         let of_images: [(KeyId, &dyn Fn(&Record) -> bool); 5] = [
             (DEPTH.id(), &|record| record.image.depth_file_name.is_some()),
             (CAMERA.id(), &|record| record.image.camera.is_some()),
@@ -135,6 +136,11 @@ impl DatasetReader for Reader {
             keys.push(BODIES.id());
         }
         keys
+    }
+
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let counts = "what of objects lies beyond the image is not known, and counts as nothing in `visibility`";
+        reads.contains(&VISIBILITY.id()).then(|| counts.to_owned()).into_iter().collect()
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
@@ -159,6 +165,11 @@ impl DatasetReader for Reader {
                 products.put(key, Value::of(json)?)?;
             }
         }
+        if wanted(VISIBILITY.id()) {
+            let counts =
+                labels.iter().map(|labels| Ok((labels.id, counts(labels).record()?))).collect::<Result<_>>()?;
+            products.put(VISIBILITY, counts)?;
+        }
         if wanted(OBJECT_NAME.id()) {
             let names = labels.iter().zip(&record.annotations);
             let names = names.map(|(labels, it)| (labels.id, it.object_name.clone().unwrap_or_default())).collect();
@@ -174,6 +185,19 @@ impl DatasetReader for Reader {
             products.put(BODIES, Value::of(&scene.bodies)?)?;
         }
         Ok((read::view(at.view, record.image.width, record.image.height), products))
+    }
+}
+
+/// What masks say of the silhouette: of its parts beyond the image the layout knows nothing.
+fn counts(labels: &Labels) -> PixelCounts {
+    let (visible, amodal) = (&labels.visible, labels.amodal.as_ref().unwrap_or(&labels.visible));
+    let area = u64::from(amodal.area());
+    PixelCounts {
+        all: area,
+        in_frame: area,
+        valid: area,
+        visible: visible.area().into(),
+        silhouette: amodal.bbox().into(),
     }
 }
 

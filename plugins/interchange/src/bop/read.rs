@@ -1,0 +1,275 @@
+//! Reads BOP's scenewise layout.
+
+use super::record::{CameraView, GroundTruth, Info, SceneCamera};
+use serde::de::DeserializeOwned;
+use serde_json::{Value as Json, json};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_formats::decode;
+use syntable_formats::read::{self, Faults, Labels};
+use syntable_model::prelude::*;
+use syntable_model::product::PixelCounts;
+use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_NAME, RGB, VISIBILITY};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::scene::{SceneId, ViewId};
+
+syntable_model::register_format!(Format {
+    name: "bop",
+    doc: "BOP's scenewise layout: a folder of a dataset with one split, or the split itself.",
+    detect: |root| split_of(root).is_some(),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// Millimeters per meter.
+const MM: f64 = 1000.0;
+
+struct Reader {
+    info: DatasetInfo,
+    refs: Vec<ImageRef>,
+    images: Vec<Record>,
+    /// Names of assets and boxes of models in meters, by `obj_id`.
+    names: BTreeMap<u64, String>,
+    bounds: BTreeMap<u64, [[f64; 3]; 2]>,
+    faults: Vec<DatasetFault>,
+}
+
+/// An image.
+struct Record {
+    folder: PathBuf,
+    number: u32,
+    camera: SceneCamera,
+    objects: Vec<GroundTruth>,
+    infos: Vec<Info>,
+}
+
+/// Folders with a file of poses, sorted.
+fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+    let scenes = entries.filter(|path| path.join("scene_gt.json").is_file());
+    let mut scenes: Vec<(u32, PathBuf)> = scenes.filter_map(|path| Some((number(&path)?, path))).collect();
+    scenes.sort();
+    scenes
+}
+
+/// The split of a dataset, if it has one alone, or is one.
+fn split_of(root: &Path) -> Option<PathBuf> {
+    if !scenes_of(root).is_empty() {
+        return Some(root.to_owned());
+    }
+    let folders = fs::read_dir(root).ok()?.flatten().map(|entry| entry.path());
+    let mut splits = folders.filter(|path| path.is_dir() && !scenes_of(path).is_empty());
+    let first = splits.next()?;
+    splits.next().is_none().then_some(first)
+}
+
+fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    serde_json::from_str(&text)
+        .map_err(|error| Error::new(error.to_string()).in_file(path).at_line(error.line()).of_request())
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let Some(split) = split_of(root) else {
+        return Err(Error::new("there is no split of scenes with a scene_gt.json, or there are several")
+            .in_file(root)
+            .help("name the folder of one split")
+            .of_request());
+    };
+    let mut faults = Faults::default();
+    let (mut refs, mut images) = (Vec::new(), Vec::new());
+    for (scene, folder) in scenes_of(&split) {
+        let mut cameras: BTreeMap<u32, SceneCamera> = json(&folder.join("scene_camera.json"))?;
+        let mut infos: BTreeMap<u32, Vec<Info>> = json(&folder.join("scene_gt_info.json"))?;
+        let all: BTreeMap<u32, Vec<GroundTruth>> = json(&folder.join("scene_gt.json"))?;
+        for (number, objects) in all {
+            let name = format!("{scene:06}/{number:06}");
+            let infos = infos.remove(&number).unwrap_or_default();
+            if infos.len() != objects.len() {
+                let message =
+                    format!("it has {} objects in scene_gt.json, {} in scene_gt_info.json", objects.len(), infos.len());
+                faults.add("records_agree", name, &message);
+                continue;
+            }
+            let Some(camera) = cameras.remove(&number) else {
+                faults.add("records_agree", name, "it is in scene_gt.json and not in scene_camera.json");
+                continue;
+            };
+            refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name });
+            images.push(Record { folder: folder.clone(), number, camera, objects, infos });
+        }
+        for number in cameras.into_keys() {
+            faults.add(
+                "records_agree",
+                format!("{scene:06}/{number:06}"),
+                "it is in scene_camera.json and not in scene_gt.json",
+            );
+        }
+    }
+    let above = split.parent().unwrap_or(&split);
+    let names = optional(&[root, above].map(|folder| folder.join("objects.json")))?;
+    let models: BTreeMap<u64, BTreeMap<String, Json>> =
+        optional(&[root, above].map(|folder| folder.join("models/models_info.json")))?;
+    let bounds = models.iter().filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
+    let info = read::Categories::of(&[]).info(name_of(root), String::new(), &refs, String::new());
+    let faults = faults.into_inner();
+    Ok(Box::new(Reader { info, refs, images, names, bounds, faults }))
+}
+
+/// The first of these files that is there.
+fn optional<T: DeserializeOwned + Default>(paths: &[PathBuf]) -> Result<T> {
+    paths.iter().find(|path| path.is_file()).map_or_else(|| Ok(T::default()), |path| json(path))
+}
+
+fn name_of(root: &Path) -> String {
+    root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+fn bounds_of(model: &BTreeMap<String, Json>) -> Option<[[f64; 3]; 2]> {
+    let of = |what: &str, axis: &str| Some(model.get(&format!("{what}_{axis}"))?.as_f64()? / MM);
+    let low = [of("min", "x")?, of("min", "y")?, of("min", "z")?];
+    let size = [of("size", "x")?, of("size", "y")?, of("size", "z")?];
+    Some([low, std::array::from_fn(|axis| low[axis] + size[axis])])
+}
+
+impl DatasetReader for Reader {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.refs
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        &self.faults
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = read::offers(true);
+        keys.extend(keys![RGB, DEPTH, CAMERA, OBJECT_INFO, OBJECT_NAME, VISIBILITY]);
+        keys
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let record = &self.images[image];
+        let wanted = |key: KeyId| wants.contains(&key);
+        let mut products = Products::new();
+        let rgb = decode::rgb(&record.rgb())?;
+        let (width, height) = (rgb.width(), rgb.height());
+        let masks_wanted = read::offers(true).into_iter().any(wanted);
+        let labels = if masks_wanted { record.labels([width, height])? } else { Vec::new() };
+        read::put(&labels, None, wants, &mut products)?;
+        if wanted(RGB.id()) {
+            products.put(RGB, rgb)?;
+        }
+        if wanted(DEPTH.id()) {
+            let path = record.folder.join(format!("depth/{:06}.png", record.number));
+            products.put(DEPTH, decode::depth(&path, record.camera.depth_scale)?)?;
+        }
+        if wanted(CAMERA.id()) {
+            products.put(CAMERA, Value::of(&CameraView::of(&record.camera, [width, height]))?)?;
+        }
+        let each = |of: &dyn Fn(usize, &GroundTruth) -> Result<Value>| -> Result<PerInstance<Value>> {
+            let objects = record.objects.iter().enumerate();
+            objects.map(|(entry, object)| Ok((id_of(entry), of(entry, object)?))).collect()
+        };
+        if wanted(OBJECT_INFO.id()) {
+            products.put(OBJECT_INFO, each(&|_, object| Value::of(&self.object(&record.camera, object)))?)?;
+        }
+        if wanted(OBJECT_NAME.id()) {
+            let names = record.objects.iter().enumerate();
+            let name = |asset: String| asset.rsplit('/').next().unwrap_or_default().to_owned();
+            let names = names.map(|(entry, object)| (id_of(entry), name(self.asset(object)))).collect();
+            products.put(OBJECT_NAME, names)?;
+        }
+        if wanted(VISIBILITY.id()) {
+            products.put(VISIBILITY, each(&|entry, _| record.counts(entry).record())?)?;
+        }
+        Ok((read::view(self.refs[image].view, width, height), products))
+    }
+}
+
+/// The id of an entry of `scene_gt.json`: its place, from 1.
+fn id_of(entry: usize) -> InstanceId {
+    InstanceId(entry as u16 + 1)
+}
+
+impl Record {
+    fn rgb(&self) -> PathBuf {
+        let path = |extension: &str| self.folder.join(format!("rgb/{:06}.{extension}", self.number));
+        ["png", "jpg"].map(path).into_iter().find(|path| path.is_file()).unwrap_or_else(|| path("png"))
+    }
+
+    fn mask(&self, folder: &str, entry: usize, [width, height]: [u32; 2]) -> Result<Mask> {
+        let path = self.folder.join(format!("{folder}/{:06}_{entry:06}.png", self.number));
+        let image = decode::gray(&path)?;
+        if [image.width(), image.height()] != [width, height] {
+            let message = format!("it has {} × {} pixels, its image {width} × {height}", image.width(), image.height());
+            return Err(Error::new(message).in_file(path).permanent());
+        }
+        Ok(Mask::from_fn(width, height, |x, y| *image.at(x, y) > 0))
+    }
+
+    /// Masks of the objects that the image shows or would show.
+    fn labels(&self, size: [u32; 2]) -> Result<Vec<Labels>> {
+        let of = |entry: usize| -> Result<Labels> {
+            Ok(Labels {
+                id: id_of(entry),
+                visible: self.mask("mask_visib", entry, size)?,
+                amodal: Some(self.mask("mask", entry, size)?),
+                occlusion: None,
+                rate: None,
+                visible_box: None,
+                amodal_box: None,
+                category: DatasetInfo::OBJECT.0,
+            })
+        };
+        (0..self.objects.len()).map(of).collect()
+    }
+
+    fn counts(&self, entry: usize) -> PixelCounts {
+        let info = &self.infos[entry];
+        let [x, y, width, height] = info.bbox_obj.map(|edge| edge as i32);
+        let silhouette = if width < 0 { [0; 4] } else { [x, y, width + 1, height + 1] };
+        PixelCounts {
+            all: info.px_count_all,
+            in_frame: info.px_count_valid,
+            valid: info.px_count_valid,
+            visible: info.px_count_visib,
+            silhouette,
+        }
+    }
+}
+
+impl Reader {
+    fn asset(&self, object: &GroundTruth) -> String {
+        self.names.get(&object.obj_id).cloned().unwrap_or_else(|| format!("obj_{:06}", object.obj_id))
+    }
+
+    fn object(&self, camera: &SceneCamera, object: &GroundTruth) -> Json {
+        let asset = self.asset(object);
+        let (pool, name) = asset.split_once('/').unwrap_or(("", &asset));
+        let camera_from_object = object.pose();
+        let mut record = json!({
+            "asset": asset,
+            "pool": pool,
+            "name": name,
+            "category": "",
+            "camera_from_object": camera_from_object,
+        });
+        if let Some(world_from_camera) = camera.world_from_camera() {
+            record["world_from_object"] = json!(product(&world_from_camera, &camera_from_object));
+        }
+        if let Some(bounds) = self.bounds.get(&object.obj_id) {
+            record["bounds_m"] = json!(bounds);
+        }
+        record
+    }
+}
+
+fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
+}
