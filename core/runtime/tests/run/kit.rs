@@ -67,7 +67,8 @@ kind!(/** Renders nothing, slowly, on one device. */ Sleeper, Renderer, "sleeper
 kind!(/** Renders as `sleeper` does. */ Drowsy, Renderer, "drowsy", tally: usize);
 kind!(/** Doubles the light. */ Doubler, Sensor, "doubler");
 kind!(/** Thinks about each view. */ Thinker, Annotator, "thinker",
-    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, missing_later: bool, stumbles: bool);
+    sleep_ms: u32, panics: bool, undeclared: bool, silent: bool, missing: bool, missing_later: bool, stumbles: bool,
+    contradicts: bool);
 kind!(/** Collects the thoughts of all views. */ Tracker, SceneAnnotator, "tracker");
 kind!(/** Sums the thoughts of all scenes. */ Summer, DatasetAnnotator, "summer", fails_at: i64);
 kind!(/** Thinks as [`Thinker`] does. */ Echo, Annotator, "echo");
@@ -275,9 +276,21 @@ impl Annotator for Thinker {
         if self.stumbles && cx.scene.attempt == 0 && cx.scene.id.0 % 2 == 1 {
             return Err(Error::new("stumbled"));
         }
-        products.put(THOUGHT, Value::Int(i64::from(100 * cx.scene.id.0 + cx.view.id.0)))
+        let thought = i64::from(100 * cx.scene.id.0 + cx.view.id.0);
+        let wrong = self.contradicts && cx.scene.id.0 == 1 && cx.view.id.0 == 1;
+        products.put(THOUGHT, Value::Int(if wrong { -1 } else { thought }))
     }
 }
+
+syntable_model::register_check!(syntable_model::check::Check {
+    name: "thoughts_are_positive",
+    doc: "No thought is negative.",
+    reads: || keys![THOUGHT],
+    faults: |products| match products.get(THOUGHT)? {
+        Value::Int(thought) if *thought < 0 => Ok(vec![format!("a thought is {thought}")]),
+        _ => Ok(Vec::new()),
+    },
+});
 
 impl Annotator for Echo {
     fn reads(&self) -> Vec<KeyId> {

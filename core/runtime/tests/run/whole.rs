@@ -7,7 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use syntable_model::error::Result;
-use syntable_runtime::run::folder::Folder;
+use syntable_runtime::run::folder::{Folder, journal_path};
+use syntable_runtime::run::journal::Journal;
 use syntable_runtime::run::progress::{Event, Quiet, Reporter};
 use syntable_runtime::run::stop::Stop;
 use syntable_runtime::run::{Outcome, RunOptions, merge, verify};
@@ -549,4 +550,31 @@ fn forgotten_parts_are_told() {
     assert!(text.contains("merge the parts that have them"), "{text}");
     assert!(merged(&[part("c", 0..1), part("d", 3..6)]).contains("in no part: 7..9\""));
     assert!(!merged(&[part("e", 7..9)]).contains("in no part"));
+}
+
+#[test]
+fn labels_that_contradict_each_other_are_put_aside() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    let recipe = |more: &str| {
+        format!(
+            "[dataset]\nscenes = 3\nviews_per_scene = 2\nname = \"wrong\"\nmax_attempts = 4\n[[place]]\nkind = \"boxes\"\n\
+             [render]\nkind = \"sleeper\"\n[write.lines]\ninclude = [\"thought\"]\n{more}"
+        )
+    };
+    let wrong = recipe("[annotate.thinker]\ncontradicts = true\n");
+    let outcome = run(&wrong, &data, 2).expect("the others are made");
+    assert_eq!((outcome.scenes, outcome.failed, outcome.images), (2, 1, 4));
+    // No other attempt hides it, and nothing of the scene is in the dataset.
+    let entries = Journal::entries_of(&journal_path(&data)).expect("readable");
+    let errors = &entries[&1].errors;
+    assert!(errors.len() == 1 && errors[0].contains("view 1: thoughts_are_positive: a thought is -1"), "{errors:?}");
+    assert!(!files(&data).keys().any(|name| name.starts_with("lines/000001")));
+    assert!(verify(&data, 1).expect("a dataset").whole());
+    let aside = data.join(".syntable/quarantine/000001");
+    assert!(std::fs::read_to_string(aside.join("faults.txt")).expect("there").contains("a thought is -1"));
+    assert!(aside.join("lines/000001_0000.json").exists(), "the view before it is there to look at");
+    // It goes with its dataset.
+    run_with(&recipe(""), RunOptions { overwrite: true, ..options(&data, 1) }, &Quiet).expect("another dataset");
+    assert!(!aside.exists());
 }
