@@ -1,10 +1,11 @@
 //! The records of one scene.
 //!
-//! A run writes the images and annotations of each scene to a shard of its own, and merges all shards at the end.
-//! A shard has a line `["image", annotations, record]` for every view in order, followed by that many lines
+//! A run writes the images and annotations of each scene to a shard of its own, and merges all shards at the end. A
+//! shard has a line `["image", annotations, record]` for every view in order, followed by that many lines
 //! `["annotation", record]`, and at the end a line `["scene", record]`. What else a format keeps of a view is in a line
-//! `["view", record]` after its annotations. Ids of images and annotations are 0 until the merge gives them: they depend on
-//! the whole dataset, which may grow. Merging copies the rest of the records as text: memory is bounded by one line.
+//! `["view", record]` after its annotations. Ids of images and annotations are 0 until the merge gives them: they
+//! depend on the whole dataset, which may grow. Merging copies the rest of the records as text: memory is bounded by
+//! one line.
 
 use crate::encode::json_shard;
 use serde::Serialize;
@@ -16,7 +17,8 @@ const IMAGE: &str = "{\"id\":0,";
 /// How an annotation's record starts before it has its id and that of its image.
 const ANNOTATION: &str = "{\"id\":0,\"image_id\":0,";
 
-/// Appends the line of an image that `annotations` lines of annotations follow. Its `id` must be the first field, and 0.
+/// Appends the line of an image that `annotations` lines of annotations follow. Its `id` must be the first field, and
+/// 0.
 pub fn push_image(shard: &mut Vec<u8>, annotations: usize, image: &impl Serialize) -> Result<()> {
     push(shard, &("image", annotations, image))
 }
@@ -108,8 +110,8 @@ impl UnnumberedAnnotation<'_> {
 
 /// Calls `each` with every line of the shards, and with the id of its image.
 ///
-/// Image ids are given here, and not when a scene is written: the number of views per scene grows with the dataset, and a
-/// scene never has more views than the recipe that the dataset has grown to.
+/// Image ids are given here, and not when a scene is written: the number of views per scene grows with the dataset, and
+/// a scene never has more views than the recipe that the dataset has grown to.
 pub fn for_each_line(
     dataset: &DatasetInfo,
     finish: &Finish,

@@ -366,14 +366,10 @@ pub fn finish_with(
 
 /// A dataset of all takes.
 pub fn write_all(root: &Path, id: &str, kind: &str, options: &str) -> Vec<Take> {
-    write_all_of(&dataset(3, 3), root, id, kind, options)
-}
-
-/// A dataset of all takes that has this description.
-pub fn write_all_of(dataset: &DatasetInfo, root: &Path, id: &str, kind: &str, options: &str) -> Vec<Take> {
     let (writer, takes) = (writer(kind, options).expect("good options"), takes());
-    write_scenes(root, id, &*writer, dataset, &takes).expect("written");
-    finish(root, id, &*writer, dataset, &[0, 1, 2]).expect("finished");
+    let dataset = dataset(3, 3);
+    write_scenes(root, id, &*writer, &dataset, &takes).expect("written");
+    finish(root, id, &*writer, &dataset, &[0, 1, 2]).expect("finished");
     takes
 }
 

@@ -22,7 +22,8 @@ pub fn is_there(there: bool, what: &str) -> bool {
     there
 }
 
-/// Runs a script that reads with NumPy, pycocotools and Pillow; false if they are not installed. Panics if the script fails.
+/// Runs a script that reads with NumPy, pycocotools and Pillow; false if they are not installed. Panics if the script
+/// fails.
 pub fn python(script: &Path, arguments: &[&str]) -> bool {
     static HERE: OnceLock<bool> = OnceLock::new();
     python_with("numpy, pycocotools, PIL", &HERE, script, arguments)

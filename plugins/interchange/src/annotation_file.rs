@@ -1,4 +1,5 @@
-//! What the formats of COCO's family share: an image per view, a shard per scene, and one annotation file for the dataset.
+//! What the formats of COCO's family share: an image per view, a shard per scene, and one annotation file for the
+//! dataset.
 
 use serde::Serialize;
 use syntable_formats::Extra;
@@ -54,7 +55,8 @@ impl SceneFiles {
         self.image_in(IMAGES, name, products, annotations, Extra::new())
     }
 
-    /// Writes the image of a view to `folder` inside the writer's folder; its record says `name`, the path inside that folder.
+    /// Writes the image of a view to `folder` inside the writer's folder; its record says `name`, the path inside that
+    /// folder.
     pub fn image_in(
         &mut self,
         folder: &str,
@@ -107,8 +109,8 @@ impl Listed {
     }
 }
 
-/// Writes the annotation file `file`, a path inside the writer's folder, from the shards of all scenes. It has no section
-/// of categories if there are none.
+/// Writes the annotation file `file`, a path inside the writer's folder, from the shards of all scenes. It has no
+/// section of categories if there are none.
 pub fn merge(
     cx: &DatasetContext,
     finish: &Finish,

@@ -15,11 +15,12 @@ const BACKGROUND: u32 = 1 << 16;
 ///
 /// # What it does
 ///
-/// Every visible mask is a segment of a thing, whose id is the id of the object in its scene. All other pixels (table, room,
-/// distractors and objects without labels) are one segment of the stuff `background`, so that panopticapi counts what is
-/// predicted there as wrong; no pixel is void. A segment's id is R + 256 · G + 256² · B of its pixels in the PNG file.
-/// Categories are `object` (1) and the classes of the recipe's pools, with `isthing` 1, then `background` with `isthing` 0.
-/// Image ids are `scene · views_per_scene + view + 1`; `bbox` is `[x, y, width, height]`, `area` whole pixels.
+/// Every visible mask is a segment of a thing, whose id is the id of the object in its scene. All other pixels (table,
+/// room, distractors and objects without labels) are one segment of the stuff `background`, so that panopticapi counts
+/// what is predicted there as wrong; no pixel is void. A segment's id is R + 256 · G + 256² · B of its pixels in the
+/// PNG file. Categories are `object` (1) and the classes of the recipe's pools, with `isthing` 1, then `background`
+/// with `isthing` 0. Image ids are `scene · views_per_scene + view + 1`; `bbox` is `[x, y, width, height]`, `area`
+/// whole pixels.
 ///
 /// # Output
 ///

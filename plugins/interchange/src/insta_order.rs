@@ -18,11 +18,12 @@ const COUNT: u32 = 2;
 /// # What it does
 ///
 /// `instances_{split}.json` is the file that the writer `coco` writes with visible masks. Each record of
-/// `InstaOrder_{split}.json` is an image with at least two visible objects: `instance_ids` are ids of annotations there, and
-/// numbers in an `order` count them from 0. `occlusion` has the pairs of the occlusion order: `a<b` if a occludes b,
-/// `a<b & b<a` if each occludes the other. `depth` has all pairs: `a<b` if a is nearer, by the mean depth of what
-/// the image shows of it, or `a=b`; `overlap` says whether the two ranges of these depths do. `count` is 2 throughout, as where
-/// InstaOrder's annotators agree at once. InstaOrder's reader wants a split named `train2017` or `val2017`.
+/// `InstaOrder_{split}.json` is an image with at least two visible objects: `instance_ids` are ids of annotations
+/// there, and numbers in an `order` count them from 0. `occlusion` has the pairs of the occlusion order: `a<b` if a
+/// occludes b, `a<b & b<a` if each occludes the other. `depth` has all pairs: `a<b` if a is nearer, by the mean depth
+/// of what the image shows of it, or `a=b`; `overlap` says whether the two ranges of these depths do. `count` is 2
+/// throughout, as where InstaOrder's annotators agree at once. InstaOrder's reader wants a split named `train2017` or
+/// `val2017`.
 ///
 /// # Output
 ///

@@ -13,18 +13,18 @@ use syntable_model::product::standard::{AMODAL_OUTLINE, RGB, VISIBLE_OUTLINE};
 ///
 /// # What it does
 ///
-/// Both annotation files have COCO's structure and the categories of the dataset. Polygons are lists of lists
-/// `[x1, y1, x2, y2, …]`, one per part of a mask, whose holes are filled; the annotator `outlines` says how close they are.
-/// Areas and boxes `[x, y, width, height]` are those of the masks. Objects of which an image shows nothing have no
+/// Both annotation files have COCO's structure and the categories of the dataset. Polygons are lists of lists `[x1, y1,
+/// x2, y2, …]`, one per part of a mask, whose holes are filled; the annotator `outlines` says how close they are. Areas
+/// and boxes `[x, y, width, height]` are those of the masks. Objects of which an image shows nothing have no
 /// annotation. Images without objects are listed.
 ///
 /// - `2019`: `segmentation`, `bbox` and `area` are amodal; `inmodal_seg` is the visible mask as compressed run lengths,
 ///   `inmodal_bbox` its box.
-/// - `2020`: `a_segm`, `a_bbox`, `a_area` are amodal, `i_segm`, `i_bbox`, `i_area` visible. `oco_id` is the number, from 1,
-///   of the group of objects that overlap, directly or through others; `ico_id` is 1 for objects that nothing in front
-///   of them occludes, and one more than the largest of an object's occluders else. Both are 0 for an object that
-///   overlaps no other. Where objects occlude each other, directly or in a circle, the one whose nearest visible pixel is
-///   nearest is in front.
+/// - `2020`: `a_segm`, `a_bbox`, `a_area` are amodal, `i_segm`, `i_bbox`, `i_area` visible. `oco_id` is the number,
+///   from 1, of the group of objects that overlap, directly or through others; `ico_id` is 1 for objects that nothing
+///   in front of them occludes, and one more than the largest of an object's occluders else. Both are 0 for an object
+///   that overlaps no other. Where objects occlude each other, directly or in a circle, the one whose nearest visible
+///   pixel is nearest is in front.
 ///
 /// # Output
 ///

@@ -13,8 +13,8 @@
 //! | [`uoais`] | UOAIS-Sim: what UOAIS-Net is trained from |
 //! | [`yolo`] | Ultralytics YOLO: polygons or oriented boxes |
 //!
-//! Writers here read products alone, never the bodies of the scene, so that what a reader of another format offers can be
-//! written as well. Pixel coordinates have their origin in the top left corner of the image.
+//! Writers here read products alone, never the bodies of the scene, so that what a reader of another format offers can
+//! be written as well. Pixel coordinates have their origin in the top left corner of the image.
 
 mod annotation_file;
 pub mod bop;

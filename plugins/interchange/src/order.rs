@@ -57,8 +57,8 @@ impl Order {
         self.occludes[i][j]
     }
 
-    /// The objects from front to back: each comes after all that occlude it, and before what is farther. Where objects occlude
-    /// each other, directly or in a circle, the one whose nearest visible pixel is nearest comes first.
+    /// The objects from front to back: each comes after all that occlude it, and before what is farther. Where objects
+    /// occlude each other, directly or in a circle, the one whose nearest visible pixel is nearest comes first.
     pub fn front_to_back(&self) -> Vec<usize> {
         let mut rest: Vec<usize> = (0..self.depths.len()).collect();
         let mut sorted = Vec::with_capacity(rest.len());
@@ -75,8 +75,8 @@ impl Order {
         sorted
     }
 
-    /// Of objects that all are occluded, those that are occluded only by what they occlude themselves, directly or through
-    /// others.
+    /// Of objects that all are occluded, those that are occluded only by what they occlude themselves, directly or
+    /// through others.
     fn foremost(&self, nodes: &[usize]) -> Vec<usize> {
         let before: Vec<Vec<usize>> = nodes.iter().map(|&node| self.before(nodes, node)).collect();
         let is_before = |i: usize, j: usize| before[j].contains(&nodes[i]);
@@ -98,8 +98,8 @@ impl Order {
         found
     }
 
-    /// The number of objects in the longest chain of occluders in front of each object, 0 if nothing occludes it. `sorted`
-    /// are the objects [from front to back](Self::front_to_back); an occluder that comes later does not count.
+    /// The number of objects in the longest chain of occluders in front of each object, 0 if nothing occludes it.
+    /// `sorted` are the objects [from front to back](Self::front_to_back); an occluder that comes later does not count.
     pub fn layers(&self, sorted: &[usize]) -> Vec<usize> {
         let mut layers = vec![0; self.depths.len()];
         for (at, &j) in sorted.iter().enumerate() {

@@ -17,11 +17,11 @@ const MASKS: [&str; 2] = ["amodal_annotation", "occlusion_annotation"];
 ///
 /// # What it does
 ///
-/// The folder `{id}` takes the place of `datasets/OSD-0.2-depth`. The objects of an image are numbered from 1 in the order of
-/// their ids; the numbers are the labels of the visible masks and part of the names of the others. An occluded mask is there
-/// only if the object is occluded, which is how the evaluation knows. Objects of which the image shows nothing are left
-/// out, and so are views without objects, at which the evaluation fails. An image has at most 255 objects. Names have no
-/// underscore, since the evaluation splits them there.
+/// The folder `{id}` takes the place of `datasets/OSD-0.2-depth`. The objects of an image are numbered from 1 in the
+/// order of their ids; the numbers are the labels of the visible masks and part of the names of the others. An occluded
+/// mask is there only if the object is occluded, which is how the evaluation knows. Objects of which the image shows
+/// nothing are left out, and so are views without objects, at which the evaluation fails. An image has at most 255
+/// objects. Names have no underscore, since the evaluation splits them there.
 ///
 /// # Output
 ///

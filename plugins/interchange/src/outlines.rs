@@ -54,8 +54,8 @@ pub fn ring(products: &Products, masks: Masks, id: InstanceId) -> Result<Ring> {
     Ok(joined(&rings))
 }
 
-/// Several polygons as one: each is linked to those before it by an edge to and fro between their nearest corners, which
-/// encloses nothing. Ultralytics' converter from COCO links them likewise.
+/// Several polygons as one: each is linked to those before it by an edge to and fro between their nearest corners,
+/// which encloses nothing. Ultralytics' converter from COCO links them likewise.
 fn joined(rings: &[&[[f64; 2]]]) -> Ring {
     let mut all = Ring::new();
     for ring in rings {

@@ -15,17 +15,18 @@ use syntable_model::scene::{SceneId, ViewId};
 ///
 /// # What it does
 ///
-/// A line of a label file is an object: the number of its class from 0, then x and y of points, divided by width and height of
-/// the image. Classes are `object` (0) and the classes of the recipe's pools, as `data.yaml` says. An image without objects
-/// has an empty label file.
+/// A line of a label file is an object: the number of its class from 0, then x and y of points, divided by width and
+/// height of the image. Classes are `object` (0) and the classes of the recipe's pools, as `data.yaml` says. An image
+/// without objects has an empty label file.
 ///
 /// - `task = "segment"`: the polygon around the mask. Its parts are linked at their nearest corners to one polygon, as
 ///   Ultralytics' converter from COCO does, and its holes filled. The annotator `outlines` says how close it is.
-/// - `task = "obb"`: the four corners of the rotated box around the mask, clockwise. They may lie outside the image; only
-///   those of a box that is larger than the image are moved to its edge, since the loader drops images with such boxes.
+/// - `task = "obb"`: the four corners of the rotated box around the mask, clockwise. They may lie outside the image;
+///   only those of a box that is larger than the image are moved to its edge, since the loader drops images with such
+///   boxes.
 ///
-/// `data.yaml` names the images of this dataset for training and for validation: point `val` to the images of a dataset that
-/// was made for it. Paths count from the folder of `data.yaml`.
+/// `data.yaml` names the images of this dataset for training and for validation: point `val` to the images of a dataset
+/// that was made for it. Paths count from the folder of `data.yaml`.
 ///
 /// # Output
 ///

@@ -112,7 +112,7 @@ def same_image(path, view):
 
 def same_depth(path, view):
     got = np.asarray(Image.open(path))
-    want = np.where(np.isfinite(view.depth), np.rint(np.nan_to_num(view.depth.astype(float), posinf=0) * 1000), 0)
+    want = np.where(np.isfinite(view.depth), np.floor(np.nan_to_num(view.depth.astype(float), posinf=0) * 1000 + 0.5), 0)
     assert got.dtype == np.uint16 and np.array_equal(got, want), f"{path}: another depth"
 
 

@@ -2,11 +2,12 @@
 
 mod common;
 
-use common::{Take, dataset, own_script, python, shared_script, write_all_of};
+use common::{Take, dataset, finish, own_script, python, shared_script, write_scenes, writer};
 use serde_json::{Map, Value as Json};
 use std::path::Path;
 use syntable_model::prelude::*;
-use syntable_testing::takes::write_scenes;
+use syntable_model::product::Product;
+use syntable_model::product::standard::{AMODAL_OUTLINE, DEPTH};
 
 /// The products of every view as JSON, a line per view.
 fn write_truth(folder: &Path, takes: &[Take]) {
@@ -35,6 +36,26 @@ fn write_truth(folder: &Path, takes: &[Take]) {
     std::fs::write(folder.join("truth.jsonl"), text).expect("writable");
 }
 
+/// Scenes whose objects have a range of depths, which differ from their order and often overlap.
+fn takes() -> Vec<Take> {
+    let mut takes = common::takes();
+    for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
+        let flat = products.get(DEPTH).expect("a product").clone();
+        let bumps = |x: u32, y: u32| ((7 * x + 13 * y + x * y) % 32) as f32 / 32.0;
+        let depth = Plane::from_fn(flat.width(), flat.height(), |x, y| flat.at(x, y) + bumps(x, y));
+        replace(products, DEPTH, depth);
+    }
+    takes
+}
+
+/// Puts another value in the place of a product.
+fn replace<T: Product>(products: &mut Products, key: Key<T>, value: T) {
+    let names: Vec<String> = products.keys().iter().map(|key| key.name.to_string()).collect();
+    let others: Vec<String> = names.into_iter().filter(|name| name != key.name()).collect();
+    *products = products.only(&others);
+    products.put(key, value).expect("free");
+}
+
 /// A dataset of the classes that the views have.
 fn classes() -> DatasetInfo {
     DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(3, 3) }
@@ -43,7 +64,9 @@ fn classes() -> DatasetInfo {
 /// Writes a dataset, and reads it as its format is read.
 fn check(kind: &str, options: &str, option: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
-    let takes = write_all_of(&classes(), folder.path(), "data", kind, options);
+    let (writer, takes) = (writer(kind, options).expect("good options"), takes());
+    write_scenes(folder.path(), "data", &*writer, &classes(), &takes).expect("written");
+    finish(folder.path(), "data", &*writer, &classes(), &[0, 1, 2]).expect("finished");
     write_truth(folder.path(), &takes);
     let path = folder.path().to_str().expect("UTF-8");
     python(&own_script("check.py"), &[kind, path, option]);
@@ -109,15 +132,11 @@ fn yolo_labels_cover_the_masks() {
 #[test]
 fn annotators_that_disagree_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut takes = common::takes();
+    let mut takes = takes();
     for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
-        let names: Vec<String> = products.keys().iter().map(|key| key.name.to_string()).collect();
-        let others: Vec<String> = names.into_iter().filter(|name| name != "amodal_outline").collect();
-        *products = products.only(&others);
-        let empty = syntable_model::product::PerInstance::<Value>::default();
-        products.put(syntable_model::product::standard::AMODAL_OUTLINE, empty).expect("free");
+        replace(products, AMODAL_OUTLINE, PerInstance::default());
     }
-    let writer = common::writer("kins", "").expect("good options");
+    let writer = writer("kins", "").expect("good options");
     let error = write_scenes(folder.path(), "data", &*writer, &classes(), &takes).expect_err("no outlines");
     assert!(error.is_permanent() && error.to_string().contains("but not in `amodal_outline`"), "{error}");
 }
