@@ -221,7 +221,7 @@ fn visibility_counts_the_pixels_of_all_rays() {
     for seed in 0..40 {
         let objects = 5;
         let world = World::new(objects);
-        let rays = Rays::random([9, 7], objects, seed);
+        let rays = Rays::random([8, 6], objects, seed);
         let mut products = Products::new();
         products.put(INSTANCE, rays.instance()).expect("first");
         let depth = |id: &InstanceId| if id.0 % 2 == 0 { f32::INFINITY } else { 1.0 };
@@ -238,8 +238,8 @@ fn visibility_counts_the_pixels_of_all_rays() {
         assert_eq!(annotated.as_object().expect("by id").len(), masks.iter().count());
         assert_eq!(all.as_object().expect("by id").len(), objects);
         for id in 1..=objects as u16 {
-            let inside = |x: i32, y: i32| (0..9).contains(&x) && (0..7).contains(&y);
-            let pixels = (-7..14).flat_map(|y| (-9..18).map(move |x| (x, y)));
+            let inside = |x: i32, y: i32| (0..8).contains(&x) && (0..6).contains(&y);
+            let pixels = (-6..12).flat_map(|y| (-8..16).map(move |x| (x, y)));
             let whole: Vec<(i32, i32)> = pixels.filter(|&(x, y)| rays.cover(x, y, false).contains(&id)).collect();
             let in_frame = || whole.iter().filter(|&&(x, y)| inside(x, y));
             let visible = in_frame().filter(|&&(x, y)| rays.at(x, y).first() == Some(&id)).count();
