@@ -224,7 +224,7 @@ fn visibility_counts_the_pixels_of_all_rays() {
         let rays = Rays::random([8, 6], objects, seed);
         let mut products = Products::new();
         products.put(INSTANCE, rays.instance()).expect("first");
-        let depth = |id: &InstanceId| if id.0 % 2 == 0 { f32::INFINITY } else { 1.0 };
+        let depth = |id: &InstanceId| if id.0 % 2 == 1 { 1.0 } else { f32::INFINITY };
         products.put(DEPTH, rays.instance().map(depth)).expect("first");
         products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
         let canvas = COVERAGE.on_canvas(3);
