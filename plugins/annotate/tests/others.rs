@@ -58,6 +58,7 @@ fn every_kind_conforms() {
     let rays = Rays::new([8, 6], [8, 6], 2, |x, _| if x < 4 { vec![1, 2] } else { vec![3, 2] });
     let mut rendered = Products::new();
     rendered.put(INSTANCE, rays.instance()).expect("first");
+    rendered.put(DEPTH, rays.instance().map(|id| f32::from(id.0))).expect("first");
     rendered.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
     let canvas = COVERAGE.on_canvas(3);
     rendered.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
@@ -222,6 +223,56 @@ fn objects_are_described_with_their_poses() {
     assert_eq!(bodies.iter().map(|body| (body["id"].clone(), body["role"].clone())).collect::<Vec<_>>(), expected);
     assert!(bodies.iter().all(|body| body["materials"].as_array().is_some_and(|names| !names.is_empty())));
     assert_eq!(products.get(OBJECT_INFO).expect("made").0.len(), 2);
+}
+
+#[test]
+fn visibility_counts_the_pixels_of_all_rays() {
+    let (mut hidden, mut truncated) = (0, 0);
+    for seed in 0..40 {
+        let objects = 5;
+        let world = World::new(objects);
+        let rays = Rays::random([8, 6], objects, seed);
+        let mut products = Products::new();
+        products.put(INSTANCE, rays.instance()).expect("first");
+        let depth = |id: &InstanceId| if id.0 % 2 == 1 { 1.0 } else { f32::INFINITY };
+        products.put(DEPTH, rays.instance().map(depth)).expect("first");
+        products.put(COVERAGE, rays.coverage(RenderParameters::IMAGE)).expect("first");
+        let canvas = COVERAGE.on_canvas(3);
+        products.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
+        let mut labeled = products.clone();
+        run(&world, "masks", "", &mut labeled);
+        run(&world, "visibility", "", &mut labeled);
+        run(&world, "visibility", "objects = \"all\"", &mut products);
+        let (annotated, all) = (json(&labeled, "visibility"), json(&products, "visibility"));
+        let masks = labeled.get(AMODAL_MASK).expect("made");
+        assert_eq!(annotated.as_object().expect("by id").len(), masks.iter().count());
+        assert_eq!(all.as_object().expect("by id").len(), objects);
+        for id in 1..=objects as u16 {
+            let inside = |x: i32, y: i32| (0..8).contains(&x) && (0..6).contains(&y);
+            let pixels = (-6..12).flat_map(|y| (-8..16).map(move |x| (x, y)));
+            let whole: Vec<(i32, i32)> = pixels.filter(|&(x, y)| rays.cover(x, y, false).contains(&id)).collect();
+            let in_frame = || whole.iter().filter(|&&(x, y)| inside(x, y));
+            let visible = in_frame().filter(|&&(x, y)| rays.at(x, y).first() == Some(&id)).count();
+            let valid = in_frame().filter(|&&(x, y)| rays.at(x, y).first().copied().unwrap_or(0) % 2 == 1).count();
+            let got = &all[id.to_string()];
+            let want = [whole.len(), in_frame().count(), valid, visible];
+            let names = ["px_count_all", "px_count_in_frame", "px_count_valid", "px_count_visib"];
+            assert_eq!(names.map(|name| got[name].as_u64().expect("a count") as usize), want, "{seed} {id}");
+            if let (Some(x), Some(y)) = (whole.iter().map(|p| p.0).min(), whole.iter().map(|p| p.1).min()) {
+                let right = whole.iter().map(|p| p.0).max().expect("some");
+                let bottom = whole.iter().map(|p| p.1).max().expect("some");
+                assert_eq!(got["silhouette_box"], json!([x, y, right - x + 1, bottom - y + 1]), "{seed} {id}");
+                assert_eq!(got["visib_fract"], json!(visible as f64 / whole.len() as f64), "{seed} {id}");
+            }
+            match masks.get(InstanceId(id)) {
+                Some(_) => assert_eq!(annotated[id.to_string()], *got, "{seed} {id}"),
+                None => assert!(annotated.get(id.to_string()).is_none(), "{seed} {id}"),
+            }
+            hidden += usize::from(visible == 0);
+            truncated += usize::from(want[0] > want[1]);
+        }
+    }
+    assert!(hidden > 20 && truncated > 20, "{hidden} {truncated}");
 }
 
 #[test]

@@ -179,13 +179,13 @@ impl SceneWriter for Hdf5Scene {
 /// Adds a product: as arrays if it is made of numbers, else as JSON text.
 fn add_product(file: &mut File, name: &str, key: &KeyId, value: &Value, cx: &ViewContext) -> Result<()> {
     let k = &cx.view.camera.intrinsics;
-    match npy::arrays(name, key, value, [k.height as usize, k.width as usize]) {
-        Ok(Arrays::One(array)) => file.array(name, &array),
-        Ok(Arrays::PerInstance { values, ids }) => {
+    match npy::arrays_of_numbers(name, key, value, [k.height as usize, k.width as usize]) {
+        Some(Arrays::One(array)) => file.array(name, &array),
+        Some(Arrays::PerInstance { values, ids }) => {
             file.array(name, &values)?;
             file.array(&format!("{name}_ids"), &ids)
         }
-        Err(_) => file.text(name, &json(value)?),
+        None => file.text(name, &json(value)?),
     }
 }
 

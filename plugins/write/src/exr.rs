@@ -1,8 +1,8 @@
 //! OpenEXR files of float images.
 
 use crate::include;
-use syntable_formats::encode::exr::{Coding, Precision};
-use syntable_formats::encode::kind::accepts;
+use syntable_formats::encode::exr::{Coding, ImageLayer, Precision, encode_layers};
+use syntable_formats::encode::kind::{Kind, accepts};
 use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::prelude::*;
 use syntable_model::product::Scope;
@@ -23,10 +23,15 @@ use syntable_model::product::Scope;
 ///
 /// The header states the unit of the product in the attribute `unit`. A color in nits has a `whiteLuminance` of 1.
 ///
+/// With `layers` a file has all products of a view: each is a layer of its own name, as compositing programs show it, and
+/// its channels are `depth.Z` or `normal.X`. The first color of `include` has the plain names `R` `G` `B`, so that viewers
+/// show it. The unit of a layer is in the attribute `{layer}.unit`. All images have the size of the first.
+///
 /// # Output
 ///
 /// `{id}/{product}/{scene:06}_{view:04}.exr`, and for a product per instance
-/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.exr`. A product of the scene has no `_{view:04}`.
+/// `{id}/{product}/{scene:06}_{view:04}_{instance:04}.exr`. A product of the scene has no `_{view:04}`. With `layers`:
+/// `{id}/{scene:06}_{view:04}.exr`, and layers `{product}_{instance:04}` for a product per instance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Exr {
@@ -36,11 +41,13 @@ pub struct Exr {
     /// Stores all images as 16-bit floats: about half the size, 11 significant bits, and values above 65504 become
     /// infinite.
     pub half: bool,
+    /// Whether to write one file with a layer per product instead of one file per product.
+    pub layers: bool,
 }
 
 impl Default for Exr {
     fn default() -> Self {
-        Self { include: vec!["radiance".into()], half: false }
+        Self { include: vec!["radiance".into()], half: false, layers: false }
     }
 }
 
@@ -64,8 +71,17 @@ impl Writer for Exr {
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
-        Ok(include::paths(of, "exr", include::IMAGE_ENDS))
+        if !self.layers {
+            return Ok(include::paths(of, "exr", include::IMAGE_ENDS));
+        }
+        let scope_and_name = include::scope_and_name(of);
+        let of_any = |(scope, _): &(Scope, String)| of.products.iter().any(|key| key.scope == *scope);
+        Ok(scope_and_name.filter(of_any).map(|(_, name)| layers_path(of.id, &name)).into_iter().collect())
     }
+}
+
+fn layers_path(id: &str, name: &str) -> String {
+    format!("{id}/{name}.exr")
 }
 
 struct ExrScene {
@@ -86,10 +102,39 @@ impl SceneWriter for ExrScene {
 impl ExrScene {
     fn write(&self, scope: Scope, name: &str, products: &Products) -> Result<()> {
         let precision = if self.config.half { Precision::Half } else { Precision::Float };
+        if self.config.layers {
+            return self.write_layers(scope, name, products, precision);
+        }
         let images = include::of_scope(&self.config.include, products, scope);
         include::write_images(images, &self.output, "exr", name, products, |kind, value| {
             Coding::of(kind).map_err(Error::new)?.encode(value, precision)
         })
+    }
+
+    /// Writes the images of a scope as layers of one file, if there are any.
+    fn write_layers(&self, scope: Scope, name: &str, products: &Products, precision: Precision) -> Result<()> {
+        let mut layers = Vec::new();
+        for (product, key) in include::of_scope(&self.config.include, products, scope) {
+            let mut add = |value: Value, name: String| {
+                let coding = Coding::of(&Kind::of(&key, &value))
+                    .map_err(|refusal| Error::new(refusal).context(format!("product `{product}`")).permanent())?;
+                layers.push(ImageLayer { name, coding, value });
+                Ok(())
+            };
+            match products.value(product)? {
+                Value::PerInstance(values) => {
+                    values.into_iter().try_for_each(|(id, value)| add(value, format!("{product}_{:04}", id.0)))?;
+                }
+                value => add(value, product.to_owned())?,
+            }
+        }
+        if let Some(color) = layers.iter_mut().find(|layer| layer.coding.color) {
+            color.name.clear();
+        }
+        match layers.is_empty() {
+            true => Ok(()),
+            false => self.output.write(&layers_path(self.output.id(), name), &encode_layers(&layers, precision)?),
+        }
     }
 }
 

@@ -7,9 +7,11 @@
 //! | [`exr`] | float images |
 //! | [`npy`] | numeric arrays |
 //! | [`npz`] | numeric arrays, one file per view |
+//! | [`ply`] | point clouds of the views |
 //! | [`jsonl`] | any product, one line per view or scene |
 //! | [`template`] | any text, from a Tera template |
 //! | [`gltf`] | the scene with materials, cameras and lights, for Blender and others |
+//! | [`webdataset`] | tar files of samples, with any product |
 //! | [`contact_sheet`] | images, masks and occlusion side by side |
 //!
 //! Generic writers put their files into a folder named after the writer's id in the recipe, as
@@ -25,8 +27,10 @@ pub mod gltf;
 pub mod jsonl;
 pub mod npy;
 pub mod npz;
+pub mod ply;
 pub mod png;
 pub mod syntable;
 pub mod template;
+pub mod webdataset;
 
 use syntable_formats::include;

@@ -3,7 +3,7 @@
 
     python3 check_exr.py DATASET
 
-The dataset has the folders `exr` and `npy` with the same products.
+The dataset has the folders `exr` and `npy` with the same products, and `layers/exr` with the same in one file.
 """
 
 import pathlib
@@ -20,6 +20,8 @@ CHANNELS = {
 def main():
     root = pathlib.Path(sys.argv[1])
     files = sorted((root / "exr").rglob("*.exr"))
+    (layered,) = (root / "layers" / "exr").glob("*.exr")
+    layers = OpenEXR.File(str(layered), separate_channels=True).channels()
     for path in files:
         product = path.parent.name
         if product == "thickness":
@@ -34,7 +36,11 @@ def main():
         want = want.reshape(got.shape)
         assert got.dtype == want.dtype == np.float32, f"{path}: {got.dtype}"
         assert np.array_equal(got.view(np.uint32), want.view(np.uint32)), f"{path}: other values"
-    assert len(files) == 8, files
+        layer = f"thickness_{int(instance):04}" if product == "thickness" else product
+        prefix = "" if product == "radiance" else f"{layer}."
+        same = np.stack([layers.pop(prefix + name).pixels for name in CHANNELS[product]], axis=-1)
+        assert np.array_equal(same.view(np.uint32), want.view(np.uint32)), f"{layered}: {layer} differs"
+    assert len(files) == 8 and not layers, (files, sorted(layers))
     print(f"{len(files)} EXR files")
 
 

@@ -97,6 +97,53 @@ fn every_float_image_is_kept_bit_for_bit() {
 }
 
 #[test]
+fn layers_are_the_images_of_a_view() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let take = write(folder.path(), "exr", &format!("{INCLUDE}\nlayers = true"));
+    let products = &take.views[0].1;
+    let one = |plane: &Plane<f32>| plane.data().iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
+    let radiance = products.get(RADIANCE).expect("made");
+    let (normal, flow) = (products.get(NORMAL).expect("made"), products.get(FLOW).expect("made"));
+    let layers = products.get(LAYERS).expect("made");
+    let mut want = vec![
+        ("B".to_owned(), bits(radiance, 2)),
+        ("G".to_owned(), bits(radiance, 1)),
+        ("R".to_owned(), bits(radiance, 0)),
+        ("depth.Z".to_owned(), one(products.get(DEPTH).expect("made"))),
+        ("flow.X".to_owned(), bits(flow, 0)),
+        ("flow.Y".to_owned(), bits(flow, 1)),
+        ("heat.Y".to_owned(), one(products.get(HEAT).expect("made"))),
+    ];
+    let rgba = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
+    want.extend(rgba.map(|(name, channel)| (format!("layers.{name}"), bits(layers, channel))));
+    want.extend([("X", 0), ("Y", 1), ("Z", 2)].map(|(name, i)| (format!("normal.{name}"), bits(normal, i))));
+    for (id, value) in products.get(THICKNESS).expect("made").iter() {
+        let Value::Tensor(tensor) = value else { panic!("an image") };
+        let numbers = tensor.bytes.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().expect("four bytes")));
+        want.push((format!("thickness_{:04}.Y", id.0), numbers.collect()));
+    }
+    let want: Vec<(&str, Vec<u32>)> = want.iter().map(|(name, bits)| (name.as_str(), bits.clone())).collect();
+    let path = folder.path().join("exr/000000_0000.exr");
+    check(&path, &want);
+    assert_eq!(common::files(folder.path()).len(), 1, "one file per view");
+    let header = exr::meta::MetaData::read_from_file(path, true).expect("an EXR file").headers.remove(0);
+    let unit = |name: &str| format!("{:?}", header.own_attributes.other.get(name.as_bytes()));
+    assert!(unit("depth.unit").contains('m') && unit("unit").contains("nit") && unit("heat.unit") == "None");
+    assert!(header.shared_attributes.chromaticities.is_some());
+}
+
+#[test]
+fn layers_have_one_size() {
+    const SMALL: Key<Plane<f32>> = Key::view("small", "An image of another size.");
+    let mut take = foreign();
+    take.views[0].1.put(SMALL, Plane::from_fn(32, 48, |_, _| 0.5)).expect("first");
+    let folder = tempfile::tempdir().expect("a folder");
+    let writer = writer("exr", "include = [\"depth\", \"small\"]\nlayers = true").expect("good options");
+    let error = write_scenes(folder.path(), "exr", &*writer, &dataset(1, 1), [&take]).expect_err("refused");
+    assert!(error.is_permanent() && error.to_string().contains("layer `small` is 32 × 48, not 64 × 48"), "{error}");
+}
+
+#[test]
 fn half_rounds_to_16_bits() {
     let folder = tempfile::tempdir().expect("a folder");
     let take = write(folder.path(), "exr", "include = [\"radiance\"]\nhalf = true");
@@ -142,5 +189,7 @@ fn openexr_reads_the_same_values() {
     let folder = tempfile::tempdir().expect("a folder");
     write(folder.path(), "exr", INCLUDE);
     write(folder.path(), "npy", INCLUDE);
+    let layers = folder.path().join("layers");
+    write(&layers, "exr", &format!("{INCLUDE}\nlayers = true"));
     python_with("numpy, OpenEXR", &HERE, &own_script("check_exr.py"), &[folder.path().to_str().expect("UTF-8")]);
 }

@@ -31,7 +31,9 @@ fn every_kind_conforms() {
     use syntable_write as _;
     let registry = syntable_model::registry::Registry::linked().expect("kinds are unique");
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
-    assert_eq!(kinds, ["contact_sheet", "exr", "gltf", "jsonl", "npy", "npz", "png", "syntable", "template"]);
+    let all =
+        ["contact_sheet", "exr", "gltf", "jsonl", "npy", "npz", "ply", "png", "syntable", "template", "webdataset"];
+    assert_eq!(kinds, all);
     let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
     let (view, products) = &take.views[0];
     let log = Collected::default();
@@ -89,6 +91,7 @@ fn limits_are_in_the_schema() {
         ("exr", "/properties/include/minItems", json!(1)),
         ("npy", "/properties/include/minItems", json!(1)),
         ("npz", "/properties/include/minItems", json!(1)),
+        ("webdataset", "/properties/include/minItems", json!(1)),
         ("jsonl", "/properties/include/minItems", json!(1)),
         ("contact_sheet", "/properties/panels/minItems", json!(1)),
         ("contact_sheet", "/properties/panel_width_px/minimum", json!(16)),
@@ -108,6 +111,8 @@ fn the_order_of_scenes_and_a_second_finish_change_nothing() {
         ("jsonl", "per = \"scene\""),
         ("npy", "include = [\"amodal_mask\", \"instance\"]"),
         ("npz", ""),
+        ("webdataset", ""),
+        ("ply", ""),
         ("template", "per = \"dataset\"\ninclude = [\"visible_box\"]\ntemplate = \"{{ scenes | json_encode() }}\""),
     ] {
         let (one, other) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));

@@ -25,7 +25,7 @@ pub struct Coding {
     /// Names of the channels, in the order of the product.
     pub channels: &'static [&'static str],
     /// Whether the channels are linear Rec. 709.
-    color: bool,
+    pub color: bool,
     unit: &'static str,
 }
 
@@ -69,10 +69,17 @@ impl Coding {
 
     /// The bytes of the file of a value whose kind has this coding.
     pub fn encode(&self, value: &Value, precision: Precision) -> Result<Vec<u8>> {
-        let Value::Tensor(Tensor { shape, bytes, dtype, .. }) = value else {
-            return Err(Error::new("a value that is not an image"));
-        };
-        let size = Vec2(shape[1], shape[0]);
+        encode_layers(&[ImageLayer { name: String::new(), coding: self.clone(), value: value.clone() }], precision)
+    }
+
+    /// The channels of a value, with names that start with `prefix`.
+    fn channels(
+        &self,
+        value: &Tensor,
+        prefix: &str,
+        precision: Precision,
+    ) -> impl Iterator<Item = AnyChannel<FlatSamples>> {
+        let Tensor { bytes, dtype, .. } = value;
         let floats = || bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b));
         let halves = || bytes.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b));
         let channel = |(index, name): (usize, &&str)| {
@@ -84,33 +91,64 @@ impl Coding {
                     FlatSamples::F16(floats().skip(index).step_by(count).map(f16::from_f32).collect())
                 }
             };
-            AnyChannel::new(Text::from(*name), samples)
+            AnyChannel::new(Text::from(format!("{prefix}{name}").as_str()), samples)
         };
-        let channels: SmallVec<_> = self.channels.iter().enumerate().map(channel).collect();
-        // ZIP loses nothing.
-        let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
-        let mut layer = Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
-        if !self.unit.is_empty() {
-            // Readers take text for UTF-8, but the format's library writes Latin-1: ASCII is the same in both.
-            let unit = self.unit.replace('²', "^2");
-            layer.attributes.other.insert(Text::from("unit"), AttributeValue::Text(Text::from(unit.as_str())));
-        }
-        if self.color && self.unit == "nit" {
-            layer.attributes.white_luminance = Some(1.0);
-        }
-        let mut image = Image::from_layer(layer);
-        if self.color {
-            let [red, green, blue, white] = REC_709.map(|[x, y]| Vec2(x, y));
-            image.attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
-        }
-        let mut file = Cursor::new(Vec::new());
-        image
-            .write()
-            .non_parallel()
-            .to_buffered(&mut file)
-            .map_err(|error| Error::new(format!("a {} × {} EXR: {error}", size.0, size.1)))?;
-        Ok(file.into_inner())
+        self.channels.iter().enumerate().map(channel).collect::<Vec<_>>().into_iter()
     }
+}
+
+/// An image of a file of many.
+pub struct ImageLayer {
+    /// Name of the layer, such as `depth`, which its channels start with: `depth.Z`. Empty for the layer whose channels
+    /// have plain names.
+    pub name: String,
+    /// How its value is stored.
+    pub coding: Coding,
+    /// The image.
+    pub value: Value,
+}
+
+/// The bytes of a file of images of one size. The unit of a layer is in the attribute `unit`, or `{layer}.unit`.
+pub fn encode_layers(images: &[ImageLayer], precision: Precision) -> Result<Vec<u8>> {
+    let mut size: Option<Vec2<usize>> = None;
+    let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
+    let mut attributes = LayerAttributes::default();
+    let mut is_color = false;
+    for ImageLayer { name, coding, value } in images {
+        let Value::Tensor(tensor) = value else { return Err(Error::new("a value that is not an image")) };
+        let own = Vec2(tensor.shape[1], tensor.shape[0]);
+        let other = *size.get_or_insert(own);
+        if other != own {
+            let sizes = format!("{} × {}, not {} × {}", own.0, own.1, other.0, other.1);
+            return Err(Error::new(format!("layer `{name}` is {sizes} as the first")).permanent());
+        }
+        let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
+        channels.extend(coding.channels(tensor, &prefix, precision));
+        if !coding.unit.is_empty() {
+            // Readers take text for UTF-8, but the format's library writes Latin-1: ASCII is the same in both.
+            let unit = AttributeValue::Text(Text::from(coding.unit.replace('²', "^2").as_str()));
+            attributes.other.insert(Text::from(format!("{prefix}unit").as_str()), unit);
+        }
+        is_color |= coding.color;
+        if coding.color && coding.unit == "nit" {
+            attributes.white_luminance = Some(1.0);
+        }
+    }
+    let size = size.ok_or_else(|| Error::new("an EXR file without images"))?;
+    // ZIP loses nothing.
+    let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
+    let mut image = Image::from_layer(Layer::new(size, attributes, encoding, AnyChannels::sort(channels)));
+    if is_color {
+        let [red, green, blue, white] = REC_709.map(|[x, y]| Vec2(x, y));
+        image.attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
+    }
+    let mut file = Cursor::new(Vec::new());
+    image
+        .write()
+        .non_parallel()
+        .to_buffered(&mut file)
+        .map_err(|error| Error::new(format!("a {} × {} EXR: {error}", size.0, size.1)))?;
+    Ok(file.into_inner())
 }
 
 /// CIE x and y of the primaries of Rec. 709 and of its white point, D65.

@@ -10,6 +10,7 @@ pub mod npy;
 pub mod npz;
 pub mod pfm;
 pub mod png;
+pub mod tar;
 
 use syntable_model::scene::{SceneId, ViewId};
 

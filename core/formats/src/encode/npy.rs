@@ -49,6 +49,12 @@ pub fn arrays(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Re
     }
 }
 
+/// The arrays of a product of numbers; none for what is better written as JSON: records, lists of no fixed form, and text.
+/// Where the key says what the product is, all values of it are written alike.
+pub fn arrays_of_numbers(product: &str, key: &KeyId, value: &Value, size: [usize; 2]) -> Option<Arrays> {
+    check(&Kind::of_key(key)).ok().and_then(|()| arrays(product, key, value, size).ok())
+}
+
 /// An element type as NumPy writes it.
 fn descr(dtype: DType) -> &'static str {
     match dtype {

@@ -1,0 +1,65 @@
+//! Archives of samples as WebDataset reads them: plain tar files.
+
+use std::io::Write;
+use syntable_model::error::{Error, Result};
+use tar::{Builder, EntryType, Header};
+
+/// Permissions of all members: all read, the owner writes.
+const MODE: u32 = 0o644;
+
+/// A tar file that is being written. Members have no time and no owner, so that the same members always give the same
+/// bytes.
+pub struct Archive<W: Write> {
+    builder: Builder<W>,
+    /// Names the file in errors.
+    path: String,
+}
+
+impl<W: Write> Archive<W> {
+    /// Starts an archive. `path` names it in errors.
+    pub fn new(out: W, path: impl Into<String>) -> Self {
+        Self { builder: Builder::new(out), path: path.into() }
+    }
+
+    /// Adds a member. Those of a sample follow each other.
+    pub fn add(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        let mut header = Header::new_ustar();
+        header.set_entry_type(EntryType::Regular);
+        header.set_mode(MODE);
+        header.set_uid(0);
+        header.set_gid(0);
+        header.set_mtime(0);
+        header.set_size(bytes.len() as u64);
+        self.builder.append_data(&mut header, name, bytes).map_err(|error| Error::io(&self.path, &error))
+    }
+
+    /// Ends the archive.
+    pub fn finish(self) -> Result<()> {
+        let path = self.path;
+        let flushed = self.builder.into_inner().and_then(|mut out| out.flush());
+        flushed.map_err(|error| Error::io(path, &error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Fields of the header at the places that POSIX gives them.
+    #[test]
+    fn members_have_no_time_and_no_owner() {
+        let mut bytes = Vec::new();
+        let mut archive = Archive::new(&mut bytes, "a.tar");
+        archive.add("000001_0002.rgb.png", b"abc").expect("added");
+        archive.finish().expect("ended");
+        assert_eq!(bytes.len(), 512 + 512 + 1024);
+        let text = |range: std::ops::Range<usize>| {
+            String::from_utf8_lossy(&bytes[range]).trim_end_matches(['\0', ' ']).to_owned()
+        };
+        assert_eq!(text(0..100), "000001_0002.rgb.png");
+        let number = |range| u64::from_str_radix(&text(range), 8).expect("octal");
+        assert_eq!([100..108, 108..116, 116..124, 124..136, 136..148].map(number), [0o644, 0, 0, 3, 0]);
+        assert_eq!((text(156..157), text(257..262), text(265..297)), ("0".into(), "ustar".into(), String::new()));
+        assert_eq!(&bytes[512..516], b"abc\0");
+    }
+}

@@ -1,0 +1,147 @@
+//! Point clouds.
+
+use syntable_formats::encode::view_name;
+use syntable_model::geometry::Point3;
+use syntable_model::prelude::*;
+use syntable_model::product::Tensor;
+use syntable_model::product::standard::{DEPTH, INSTANCE, RGB};
+use syntable_model::scene::Camera;
+
+/// Writes the point cloud of each view as a PLY file.
+///
+/// # What it does
+///
+/// Each pixel with a depth is a point, row by row from the top left. Lens distortion is taken into account. Properties of a
+/// point are `x`, `y`, `z` (float, meters), with `colors` `red`, `green`, `blue` (uchar) and with `instances` `instance`
+/// (ushort): the id of the body, as in the product `instance`. Files are binary, little-endian.
+///
+/// # Output
+///
+/// `{id}/{scene:06}_{view:04}.ply`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ply {
+    /// Depth in meters along the optical axis: `depth`, or `depth_sensed` for what a depth camera measures.
+    pub depth: ProductName,
+    /// Frame of the points.
+    pub frame: Frame,
+    /// Whether points have the color of their pixel in `rgb`.
+    pub colors: bool,
+    /// Whether points have the id of their body.
+    pub instances: bool,
+}
+
+/// A frame of coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Frame {
+    /// x right, y down, z forward.
+    Camera,
+    /// That of the scene, z up: the clouds of its views fit together.
+    World,
+}
+
+impl Default for Ply {
+    fn default() -> Self {
+        Self { depth: "depth".into(), frame: Frame::World, colors: true, instances: true }
+    }
+}
+
+impl Config for Ply {
+    type Stage = dyn Writer;
+    const KIND: &'static str = "ply";
+    const EXAMPLE: &'static str = "depth = \"depth_sensed\"\nframe = \"camera\"";
+    fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Writer for Ply {
+    fn reads(&self) -> Vec<Input> {
+        let depth = Input {
+            product: self.depth.as_str().to_owned(),
+            accepts: Accepts::Type(DEPTH.id()),
+            option: Some("depth".into()),
+        };
+        let others = [(self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
+        let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));
+        std::iter::once(depth).chain(others).collect()
+    }
+
+    fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
+        Ok(Box::new(PlyScene { config: self.clone(), output }))
+    }
+
+    fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
+        Ok(match (of.scene, of.view) {
+            (Some(scene), Some(view)) => vec![path(of.id, &view_name(scene, view))],
+            _ => Vec::new(),
+        })
+    }
+}
+
+fn path(id: &str, name: &str) -> String {
+    format!("{id}/{name}.ply")
+}
+
+struct PlyScene {
+    config: Ply,
+    output: Output,
+}
+
+impl SceneWriter for PlyScene {
+    fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
+        let path = path(self.output.id(), &view_name(cx.scene.id, cx.view.id));
+        self.output.write(&path, &self.config.encode(&cx.view.camera, products)?)
+    }
+
+    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl Ply {
+    /// The bytes of the file of a view.
+    fn encode(&self, camera: &Camera, products: &Products) -> Result<Vec<u8>> {
+        let Value::Tensor(Tensor { shape, bytes, .. }) = products.value(self.depth.as_str())? else {
+            return Err(Error::new(format!("`{}` is not an image", self.depth.as_str())).permanent());
+        };
+        let colors = if self.colors { Some(products.get(RGB)?) } else { None };
+        let instances = if self.instances { Some(products.get(INSTANCE)?) } else { None };
+        let (mut points, mut count) = (Vec::new(), 0_usize);
+        for (pixel, depth) in bytes.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).enumerate() {
+            let [x, y] = [pixel % shape[1], pixel / shape[1]];
+            let seen = depth.is_finite() && depth > 0.0;
+            let ray = if seen { camera.unproject(x as f64 + 0.5, y as f64 + 0.5) } else { None };
+            let Some(ray) = ray else { continue };
+            let in_camera = Point3::from(ray * f64::from(depth));
+            let point = match self.frame {
+                Frame::Camera => in_camera,
+                Frame::World => camera.world_from_camera * in_camera,
+            };
+            points.extend(point.iter().flat_map(|&v| (v as f32).to_le_bytes()));
+            points.extend(colors.iter().flat_map(|rgb| rgb.data()[pixel]));
+            points.extend(instances.iter().flat_map(|ids| ids.data()[pixel].0.to_le_bytes()));
+            count += 1;
+        }
+        Ok([self.header(count).into_bytes(), points].concat())
+    }
+
+    fn header(&self, points: usize) -> String {
+        let frame = match self.frame {
+            Frame::Camera => "camera frame in meters: x right, y down, z forward",
+            Frame::World => "world frame in meters: z up",
+        };
+        let properties = [
+            (true, "property float x\nproperty float y\nproperty float z\n"),
+            (self.colors, "property uchar red\nproperty uchar green\nproperty uchar blue\n"),
+            (self.instances, "property ushort instance\n"),
+        ];
+        let properties: String = properties.iter().filter(|(wanted, _)| *wanted).map(|(_, lines)| *lines).collect();
+        format!(
+            "ply\nformat binary_little_endian 1.0\ncomment {frame}\nelement vertex {points}\n{properties}end_header\n"
+        )
+    }
+}
+
+register!(Ply);
