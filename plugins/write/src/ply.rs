@@ -50,7 +50,7 @@ impl Default for Ply {
 impl Config for Ply {
     type Stage = dyn Writer;
     const KIND: &'static str = "ply";
-    const EXAMPLE: &'static str = "depth = \"depth_sensed\"\nframe = \"camera\"";
+    const EXAMPLE: &'static str = "depth = \"depth\"\nframe = \"camera\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         Ok(Box::new(self))
     }
