@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 use support::{assert_same, assets, ok, root, skip, syntable, text};
 use syntable_model::product::standard::{AMODAL_MASK, VISIBLE_MASK};
-use syntable_model::product::{Mask, PerInstance};
+use syntable_model::product::{Key, Mask, PerInstance};
 use syntable_model::reader;
 use syntable_standard as _;
 
@@ -50,7 +50,9 @@ fn masks(root: &Path, format: &str) -> Masks {
     let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id()];
     let of = |(number, image): (usize, &reader::ImageRef)| {
         let (_, products) = dataset.read(number, &wants).expect("readable");
-        let all = |key| -> PerInstance<Mask> { products.get(key).expect("offered").map(|_, mask| mask.clone()) };
+        let all = |key: Key<PerInstance<Mask>>| -> PerInstance<Mask> {
+            products.get(key).expect("offered").map(|_, mask| mask.clone())
+        };
         let pairs = all(VISIBLE_MASK).0.into_values().zip(all(AMODAL_MASK).0.into_values());
         ((image.scene.0, image.view.0), pairs.map(|(visible, amodal)| [visible, amodal]).collect())
     };
