@@ -88,6 +88,10 @@ pub trait DatasetReader: Send + Sync {
     fn faults(&self) -> &[DatasetFault] {
         &[]
     }
+    /// Those of the products that follow from others: nothing is lost if nobody reads them.
+    fn derived(&self) -> Vec<KeyId> {
+        Vec::new()
+    }
     /// In what products among these say less than those of a run, for people.
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let _ = reads;

@@ -62,7 +62,9 @@ pub fn convert(
     });
     let scenes = moved.inspect_err(|_| drop(super::folder::remove(&part)))?;
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
-    let lost = dataset.offers().into_iter().map(|key| key.name.to_string()).filter(|name| !read.contains(name));
+    let derived = dataset.derived();
+    let stored = dataset.offers().into_iter().filter(|key| !derived.contains(key));
+    let lost = stored.map(|key| key.name.to_string()).filter(|name| !read.contains(name));
     Ok(Converted {
         scenes: scenes.len() as u32,
         images: dataset.images().len() as u32,

@@ -568,7 +568,9 @@ fn labels_that_contradict_each_other_are_put_aside() {
     // No other attempt hides it, and nothing of the scene is in the dataset.
     let entries = Journal::entries_of(&journal_path(&data)).expect("readable");
     let errors = &entries[&1].errors;
-    assert!(errors.len() == 1 && errors[0].contains("view 1: thoughts_are_positive: a thought is -1"), "{errors:?}");
+    let says = |what: &str| errors[0].contains(what);
+    assert!(errors.len() == 1 && says("view 1: ") && says("thoughts_are_positive: a thought is -1"), "{errors:?}");
+    assert!(says("quarantine/000001"), "{errors:?}");
     assert!(!files(&data).keys().any(|name| name.starts_with("lines/000001")));
     assert!(verify(&data, 1).expect("a dataset").whole());
     let aside = data.join(".syntable/quarantine/000001");

@@ -118,14 +118,12 @@ impl DatasetReader for Reader {
         let all = |has: &dyn Fn(&Record) -> bool| !self.images.is_empty() && self.images.iter().all(has);
         let mut keys = read::offers(true);
         keys.extend(syntable_model::keys![RGB, OBJECT_NAME, VISIBILITY]);
-        let of_images: [(KeyId, &dyn Fn(&Record) -> bool); 5] = [
-            (DEPTH.id(), &|record| record.image.depth_file_name.is_some()),
-            (CAMERA.id(), &|record| record.image.camera.is_some()),
-            (EXPOSURE.id(), &|record| record.image.exposure.is_some()),
-            (DENOISER.id(), &|record| record.image.denoiser.is_some()),
-            (LABEL_POLICY.id(), &|record| record.image.label_policy.is_some()),
-        ];
-        keys.extend(of_images.into_iter().filter(|(_, has)| all(has)).map(|(key, _)| key));
+        let mut offer = |key: KeyId, has: fn(&Image) -> bool| keys.extend(all(&|it| has(&it.image)).then_some(key));
+        offer(DEPTH.id(), |image| image.depth_file_name.is_some());
+        offer(CAMERA.id(), |image| image.camera.is_some());
+        offer(EXPOSURE.id(), |image| image.exposure.is_some());
+        offer(DENOISER.id(), |image| image.denoiser.is_some());
+        offer(LABEL_POLICY.id(), |image| image.label_policy.is_some());
         let described = |record: &Record| {
             record.annotations.iter().all(|it| it.object.as_ref().is_some_and(|object| !object.is_null()))
         };
@@ -136,6 +134,10 @@ impl DatasetReader for Reader {
             keys.push(BODIES.id());
         }
         keys
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        keys![VISIBILITY]
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
