@@ -81,7 +81,6 @@ names = {image["id"]: image["file_name"] for image in data["images"]}
 things = {c["id"] for c in data["categories"] if c["isthing"]}
 for annotation in data["annotations"]:
     key = key_of(names[annotation["image_id"]])
-    path, = (root / "coco_panoptic").rglob(annotation["file_name"]) if "/" not in annotation["file_name"] else [0]
     paths = [p for p in (root / "coco_panoptic").rglob(pathlib.Path(annotation["file_name"]).name)
              if p.parent.name != "images"]
     rgb = np.array(Image.open(paths[0])).astype(int)
