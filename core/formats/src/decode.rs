@@ -51,6 +51,12 @@ pub fn depth(path: &Path, unit_mm: f64) -> Result<Plane<f32>> {
     Ok(gray(path)?.map(meters))
 }
 
+/// Refuses what is no file: reading a pipe would wait for ever.
+fn check_file(path: &Path) -> Result<()> {
+    let there = fs::metadata(path).map_err(|error| Error::io(path, &error))?;
+    if there.is_file() { Ok(()) } else { Err(Error::new("it is not a file").in_file(path).permanent()) }
+}
+
 fn unlike(path: &Path, expected: &str, found: &str) -> Error {
     Error::new(format!("not {expected}: it is {found}")).in_file(path).permanent()
 }
@@ -60,6 +66,7 @@ fn read(path: &Path) -> Result<([u32; 2], Samples)> {
         png::DecodingError::IoError(error) => Error::io(path, &error),
         error => Error::new(format!("not a readable PNG file: {error}")).in_file(path).permanent(),
     };
+    check_file(path)?;
     let file = File::open(path).map_err(|error| Error::io(path, &error))?;
     let mut decoder = Decoder::new(BufReader::new(file));
     decoder.set_transformations(Transformations::EXPAND);
@@ -92,6 +99,7 @@ fn read(path: &Path) -> Result<([u32; 2], Samples)> {
 /// A square matrix from a NumPy file of format 1.0 with little-endian 64-bit floats in rows, as SynTable writes occlusion
 /// orders: its edge, and its entries row by row.
 pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
+    check_file(path)?;
     let bytes = fs::read(path).map_err(|error| Error::io(path, &error))?;
     let refuse = |what: &str| {
         Error::new(format!("not a square matrix of float64 as NumPy writes it: {what}")).in_file(path).permanent()

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::product::{KeyId, Products};
 use crate::scene::{SceneId, View, ViewId};
 use crate::stage::DatasetInfo;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A format of datasets that can be read.
 #[derive(Clone, Copy)]
@@ -48,6 +48,18 @@ pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn Datase
     if !root.is_dir() {
         return Err(Error::new("there is no such folder").in_file(root).of_request());
     }
+    let looks_like = |folder: &Path| formats.iter().filter(|it| (it.detect)(folder)).count() > 0;
+    let inside = || -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
+        entries.filter(|path| path.is_dir() && looks_like(path)).collect()
+    };
+    // A writer's folder in a folder of its own, as `convert` makes it.
+    if format.is_none()
+        && !looks_like(root)
+        && let [only] = inside().as_slice()
+    {
+        return open(only, None);
+    }
     let mut found = formats.iter().filter(|it| format.map_or_else(|| (it.detect)(root), |name| it.name == name));
     let (first, second) = (found.next(), found.next());
     let chosen = match (first, second, format) {
@@ -87,6 +99,12 @@ pub trait DatasetReader: Send + Sync {
     /// What is wrong with the dataset beyond single images: files or records that contradict each other.
     fn faults(&self) -> &[DatasetFault] {
         &[]
+    }
+    /// What is wrong with the records of an image beyond its products: names of rules, and what breaks them. What cannot
+    /// be read is not looked at.
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let _ = image;
+        Vec::new()
     }
     /// Those of the products that follow from others: nothing is lost if nobody reads them.
     fn derived(&self) -> Vec<KeyId> {

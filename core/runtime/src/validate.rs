@@ -57,6 +57,7 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
         let (products, mut faults) = read(dataset, image, &offers);
         let made: Vec<bool> = checks.iter().map(|check| check.applies(&products)).collect();
         faults.extend(checks.iter().flat_map(|check| of_image(check, &products)));
+        faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| (check.to_owned(), message)));
         let place = &dataset.images()[image].name;
         let mut found = found.lock();
         for (count, made) in found.0.iter_mut().zip(made) {
@@ -65,6 +66,10 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
         found.1.extend(faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message }));
     });
     let (counts, mut faults) = found.into_inner();
+    if dataset.images().is_empty() {
+        let message = "the dataset has no image".to_owned();
+        faults.insert(FaultAt { check: READABLE.to_owned(), place: "images".to_owned(), message });
+    }
     faults.extend(dataset.faults().iter().map(FaultAt::from));
     let of = |name: &str| faults.iter().filter(|fault| fault.check == name).count() as u32;
     let images = dataset.images().len() as u32;

@@ -9,7 +9,7 @@ use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::product::{DType, OcclusionOrder, Plane, Tensor};
+use syntable_model::product::{DType, OcclusionOrder, PixelCounts, Plane, Tensor};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
@@ -255,6 +255,14 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
             Value::Tensor(Tensor::new(DType::U8, &["instance", "y", "byte"], shape, bytes.collect())),
         )?;
         products.put(CATEGORY_ID, ids.iter().map(|id| (*id, u32::from(id.0 % 3) + 1)).collect())?;
+        let counts = |id: &InstanceId| PixelCounts {
+            all: amodal[id].area().into(),
+            in_frame: amodal[id].area().into(),
+            valid: amodal[id].area().into(),
+            visible: visible[id].area().into(),
+            silhouette: amodal[id].bbox().into(),
+        };
+        products.put(VISIBILITY, ids.iter().map(|id| Ok((*id, counts(id).record()?))).collect::<Result<_>>()?)?;
         let name = |id: &InstanceId| scene.body(*id).map_or(String::new(), |body| body.asset.name.clone());
         products.put(OBJECT_NAME, ids.iter().map(|id| (*id, name(id))).collect())?;
         products.put(OBJECT_INFO, info.clone())?;

@@ -20,6 +20,8 @@ const DEPTH_TOLERANCE_M: f64 = 0.002;
 const OUTLINE_TOLERANCE_PX: f64 = 1.0;
 /// Difference that two matrices or rates of one thing may have by rounding.
 const ROUNDING: f64 = 1e-6;
+/// How far from a rotation a matrix of single precision may be.
+const RIGID: f64 = 1e-3;
 /// Largest error of a rate of two decimals.
 const TWO_DECIMALS: f64 = 0.005 + 1e-9;
 
@@ -139,16 +141,50 @@ register_check!(
         doc: "The pose in the world is that of the camera times the pose in the camera frame.",
         reads: || keys![CAMERA, OBJECT_INFO],
         faults: |products| {
-            let Some(world_from_camera) = matrix(&json(products, CAMERA)?["world_from_camera"]) else {
-                return Ok(Vec::new());
+            let camera = json(products, CAMERA)?;
+            // A dataset need not say where cameras are in the world.
+            let Some(said) = camera.get("world_from_camera") else { return Ok(Vec::new()) };
+            let Some(world_from_camera) = matrix(said) else {
+                return Ok(vec!["the pose of the camera is no 4 × 4 matrix of numbers".to_owned()]);
             };
             each(products, OBJECT_INFO, |_, info| {
                 let info = serde_json::to_value(info).ok()?;
                 let [world, camera] = ["world_from_object", "camera_from_object"].map(|key| matrix(&info[key]));
-                let (world, expected) = (world?, product(&world_from_camera, &camera?));
+                let (Some(world), Some(camera)) = (world, camera) else {
+                    return Some("a pose of it is no 4 × 4 matrix of numbers".to_owned());
+                };
+                let expected = product(&world_from_camera, &camera);
                 let differ = (0..16).map(|i| (world[i / 4][i % 4] - expected[i / 4][i % 4]).abs()).fold(0.0, f64::max);
                 (differ > ROUNDING).then(|| format!("its poses in world and camera differ by {differ:.2e}"))
             })
+        },
+    },
+    Check {
+        name: "poses_are_rigid",
+        doc: "The pose of an object in the camera frame is a rotation and a translation.",
+        reads: || keys![OBJECT_INFO],
+        faults: |products| each(products, OBJECT_INFO, |_, info| {
+            let info = serde_json::to_value(info).ok()?;
+            let Some(pose) = matrix(&info["camera_from_object"]) else {
+                return Some("its pose is no 4 × 4 matrix of numbers".to_owned());
+            };
+            let dot = |a: usize, b: usize| (0..3).map(|i| pose[i][a] * pose[i][b]).sum::<f64>();
+            let off =
+                (0..9).map(|k| (dot(k / 3, k % 3) - f64::from(u8::from(k / 3 == k % 3))).abs()).fold(0.0, f64::max);
+            let ends = pose[3] == [0.0, 0.0, 0.0, 1.0];
+            (!(off < RIGID) || !ends || pose[0][0].is_nan())
+                .then(|| "its pose is not a rotation and a translation".to_owned())
+        }),
+    },
+    Check {
+        name: "camera_is_sound",
+        doc: "Focal lengths are positive, and the principal point is a number.",
+        reads: || keys![CAMERA],
+        faults: |products| {
+            let camera = json(products, CAMERA)?;
+            let k = |row: usize, column: usize| camera["K"][row][column].as_f64().unwrap_or(f64::NAN);
+            let sound = k(0, 0) > 0.0 && k(1, 1) > 0.0 && k(0, 2).is_finite() && k(1, 2).is_finite();
+            Ok((!sound).then(|| format!("K is {}", camera["K"])).into_iter().collect())
         },
     },
     Check {

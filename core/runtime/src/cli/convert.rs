@@ -1,11 +1,13 @@
 //! `syntable convert`.
 
 use super::run::{ended, on_signals};
-use super::{Console, Exit};
+use super::{Console, Exit, Message};
 use crate::run::convert as convert_dataset;
+use crate::run::progress::count;
 use crate::workers;
 use clap::Args;
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::reader;
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
@@ -37,6 +39,20 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
         let error = Error::new(format!("--set {set}: it names no writer of --to"));
         return Err(Exit::wrong(error.help("write it as `KIND.KEY=VALUE`")));
     }
+    let kinds: BTreeSet<&String> = args.to.iter().collect();
+    if kinds.len() < args.to.len() {
+        return Err(Exit::wrong(Error::new("--to names a kind twice").help("name each once")));
+    }
+    if let (Ok(source), Some(Ok(above))) = (
+        args.dataset.canonicalize(),
+        args.out
+            .parent()
+            .map(|above| (if above.as_os_str().is_empty() { Path::new(".") } else { above }).canonicalize()),
+    ) && above.starts_with(&source)
+    {
+        let error = Error::new("it lies in the dataset that is read").in_file(&args.out);
+        return Err(Exit::wrong(error.help("choose a folder beside it")));
+    }
     let (format, dataset) = reader::open(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
     let stop = on_signals()?;
     let how = (workers::available(), &stop);
@@ -45,6 +61,13 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     let mut out = format!("{}, read as {}, to {}\n", converted.text(), format.name, args.out.display());
     if !converted.lost.is_empty() {
         out += &format!("not carried over: {}\n", converted.lost.join(", "));
+    }
+    if converted.faults > 0 {
+        let faults = count(converted.faults, "fault");
+        let warning = Error::new(format!("{faults} in the dataset was carried over"))
+            .in_file(&args.dataset)
+            .help("`syntable validate` lists what is wrong");
+        console.say(&Message::Warning(warning));
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)

@@ -119,7 +119,8 @@ pub fn growth(root: &Path, before: &str, recipe: &Recipe, rewrite: bool) -> Resu
         match key.as_str() {
             "dataset.scenes" if numbers().is_some() => growth.scenes = numbers(),
             "dataset.views_per_scene" if numbers().is_some() => growth.views = numbers(),
-            key if key.starts_with("lock.plugins.") && values[0].is_none() => {}
+            // A crate that is new, or of which no stage is left, which its tables say as well.
+            key if key.starts_with("lock.plugins.") && (values[0].is_none() || values[1].is_none()) => {}
             key => match table_of(key) {
                 Some(table) if !had.contains(table) => {
                     if let Some(id) = table.strip_prefix("write.") {

@@ -11,6 +11,8 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+use syntable_model::check::{self, Check};
 use syntable_model::context::DatasetContext;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::{KeyId, Products, Scope};
@@ -30,6 +32,8 @@ pub struct Converted {
     pub lost: Vec<String>,
     /// In what those that are read say less than those of a run.
     pub caveats: Vec<String>,
+    /// Number of faults in what was read; `syntable validate` lists them.
+    pub faults: u32,
 }
 
 /// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
@@ -46,14 +50,15 @@ pub fn convert(
     let log = Warnings(&guarded);
     let plan = resolve(registry, dataset, writers)?;
     let part = staging(out)?;
-    super::folder::remove(&part)?;
-    fs::create_dir_all(&part).map_err(|error| Error::io(&part, &error).of_request())?;
+    let mark = part.join(syntable_model::stage::RESERVED[0]);
+    fs::create_dir_all(&mark).map_err(|error| Error::io(&part, &error).of_request())?;
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
-    let work = Conversion { dataset, writers, plan: &plan, part: &part, stop, cx };
+    let (checks, faults) = (check::linked(), AtomicU32::new(0));
+    let work = Conversion { dataset, writers, plan: &plan, part: &part, stop, cx, checks: &checks, faults: &faults };
     let done = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes));
     let moved = done.and_then(|scenes| {
-        super::folder::remove(&part.join(syntable_model::stage::RESERVED[0]))?;
+        super::folder::remove(&mark)?;
         if out.exists() {
             fs::remove_dir(out).map_err(|error| Error::io(out, &error))?;
         }
@@ -70,6 +75,7 @@ pub fn convert(
         images: dataset.images().len() as u32,
         lost: lost.collect(),
         caveats: dataset.caveats(&plan.rendered),
+        faults: faults.into_inner() + dataset.faults().len() as u32,
     })
 }
 
@@ -87,7 +93,18 @@ fn staging(out: &Path) -> Result<PathBuf> {
     };
     let mut part = name.to_owned();
     part.push(".part");
-    Ok(out.with_file_name(part))
+    let part = out.with_file_name(part);
+    // What an interrupted call has left has the mark of one.
+    if part.join(syntable_model::stage::RESERVED[0]).is_dir() {
+        super::folder::remove(&part)?;
+    }
+    if fs::symlink_metadata(&part).is_ok() {
+        return Err(Error::new("it stands where the dataset is made before it gets its name")
+            .in_file(part)
+            .help("move it away, or choose another --out")
+            .of_request());
+    }
+    Ok(part)
 }
 
 /// Plans what the writers read from what the dataset has.
@@ -123,6 +140,9 @@ struct Conversion<'a> {
     part: &'a Path,
     stop: &'a Stop,
     cx: DatasetContext<'a>,
+    checks: &'a [Check],
+    /// Number of faults that the checks found.
+    faults: &'a AtomicU32,
 }
 
 impl Conversion<'_> {
@@ -164,6 +184,9 @@ impl Conversion<'_> {
             let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
             let (view, mut products) = self.dataset.read(image, &self.plan.rendered).map_err(of)?;
             annotate(self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
+            for check in self.checks {
+                self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
+            }
             writers.view(&cx.view(&view), &products).map_err(of)?;
             let known: Vec<_> =
                 products.keys().into_iter().filter(|key| key.scope == Scope::Scene).map(|key| key.name).collect();

@@ -11,6 +11,7 @@ use crate::plan::Producer;
 use crate::recipe::{Lock, Recipe, with_lock, without_lock};
 use parking_lot::Mutex;
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::path::Path;
 use syntable_model::context::{DatasetContext, Log, Workers};
 use syntable_model::error::{Error, Result};
@@ -18,7 +19,8 @@ use syntable_model::product::Products;
 use syntable_model::scene::SceneId;
 use syntable_model::stage::{DatasetInfo, Finish};
 
-/// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn.
+/// Annotates the dataset and lets every writer finish that can; an error is reported when all had their turn. Of the scenes
+/// that were `wanted`, files that could not be written anew are taken away; others keep them for a later run.
 pub fn end(
     recipe: &Recipe,
     reporter: &dyn Reporter,
@@ -27,12 +29,20 @@ pub fn end(
     journal: Journal,
     resolved: &str,
     repair: bool,
+    wanted: &Range<u32>,
 ) -> Result<Outcome> {
     let log = &Warnings(reporter);
     let journal = Mutex::new(journal);
     let before = journal.lock().entries().values().filter(|entry| !entry.failed()).cloned().collect::<Vec<_>>();
     check_shards(folder, workers, &before)?;
-    take_strays(recipe, folder, &before, &journal)?;
+    let waiting = take_strays(recipe, folder, &before, wanted, &journal)?;
+    if waiting > 0 {
+        let message = format!(
+            "{} keep files of other options, which the files of the dataset leave out: run without --scenes to write them anew",
+            count(waiting, "scene")
+        );
+        reporter.event(&Event::Note { message });
+    }
     let mut journal = journal.into_inner();
     let entries: Vec<JournalEntry> = journal.entries().values().cloned().collect();
     let made: Vec<JournalEntry> = entries.iter().filter(|entry| !entry.failed()).cloned().collect();
@@ -93,17 +103,29 @@ fn check_shards(folder: &Folder, workers: &dyn Workers, made: &[JournalEntry]) -
     failure.into_inner().map_or(Ok(()), Err)
 }
 
-/// Takes away files of scenes whose writers the recipe has no more, or that could not be written anew.
-fn take_strays(recipe: &Recipe, folder: &Folder, made: &[JournalEntry], journal: &Mutex<Journal>) -> Result<()> {
+/// Takes away files of scenes whose writers the recipe has no more, or that were `wanted` and could not be written anew.
+/// Returns the number of scenes that wait to be written anew.
+fn take_strays(
+    recipe: &Recipe,
+    folder: &Folder,
+    made: &[JournalEntry],
+    wanted: &Range<u32>,
+    journal: &Mutex<Journal>,
+) -> Result<u32> {
+    let mut waiting = 0;
     for entry in made {
         let files = folder.manifest_of(entry)?;
         let kept = todo::kept(&files, entry, &recipe.plan);
-        if kept != files {
+        let has = |id: &str| recipe.write.iter().any(|(other, _)| other == id);
+        let waits = |id: &String| has(id) && !kept.writers.contains_key(id) && !wanted.contains(&entry.scene);
+        waiting += u32::from(files.writers.keys().any(waits));
+        let stays = files.only(|id| kept.writers.contains_key(id) || waits(&id.to_owned()));
+        if stays != files {
             folder.stage(entry.scene)?;
-            folder.commit(entry.clone(), kept, Written::new(), journal)?;
+            folder.commit(entry.clone(), stays, Written::new(), journal)?;
         }
     }
-    Ok(())
+    Ok(waiting)
 }
 
 /// What went wrong at the end of a run.

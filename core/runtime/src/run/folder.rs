@@ -386,6 +386,10 @@ impl Folder {
         let there = |path: &&String| fs::symlink_metadata(self.root.join(path)).is_ok();
         let of_others = new.files.keys().filter(|path| !own.has(path) && !path.starts_with(MARK));
         let clashes: Vec<&str> = of_others.filter(there).map(String::as_str).collect();
+        if let Some(path) = self.file_in_the_way(new.files.keys(), &own) {
+            let owners = self.owners(&[&path])?;
+            return Err(taken(&path, owners.get(&path), LEAVE));
+        }
         if !clashes.is_empty() {
             // The files of a scene whose manifest is lost are its own if no other manifest has them.
             let present = journal.entries().get(&scene).and_then(JournalEntry::manifest);
@@ -432,6 +436,13 @@ impl Folder {
         let path = aside.join("faults.txt");
         fs::write(&path, faults).map_err(|error| Error::io(&path, &error))?;
         Ok(aside)
+    }
+
+    /// A file that stands where one of these paths has a folder, unless it is one of `own`, which goes.
+    fn file_in_the_way<'p>(&self, paths: impl Iterator<Item = &'p String>, own: &Manifest) -> Option<String> {
+        let folders: BTreeSet<&str> = paths.flat_map(|path| folders_of(path)).collect();
+        let is_file = |folder: &str| fs::symlink_metadata(self.root.join(folder)).is_ok_and(|there| !there.is_dir());
+        folders.into_iter().find(|folder| is_file(folder) && !own.has(folder)).map(str::to_owned)
     }
 
     /// Whose files these are, for those that a manifest lists.
@@ -482,12 +493,20 @@ impl Folder {
             new.files.remove(&path);
             remove(&staged.join(&path))?;
         }
+        if let Some(path) = self.file_in_the_way(new.files.keys(), &old) {
+            return Err(taken(&path, self.owners(&[&path])?.get(&path), LEAVE));
+        }
         // Both are listed until all are moved, so that an interrupted move leaves no file that is nobody's.
         let mut both = old.clone();
         both.files.extend(new.files.clone());
         self.set_finished(&Finished { journal: None, recipe: self.finished()?.recipe, manifest: both })?;
         self.set_recipe(resolved)?;
         journal.rewrite()?;
+        let folders: BTreeSet<&str> = new.files.keys().flat_map(|path| folders_of(path)).collect();
+        old.files
+            .keys()
+            .filter(|path| folders.contains(path.as_str()))
+            .try_for_each(|path| self.remove_file_of_dataset(path))?;
         move_tree(&staged, &self.root, None)?;
         if complete && refused.is_none() {
             new.files.insert(RECIPE.to_owned(), Stamp::of(&self.root.join(RECIPE))?);
@@ -602,10 +621,11 @@ impl Folder {
 
     /// The record is the last to go, so that an interrupted move can be taken up again.
     fn publish(&self, ready: &Path, staged: Staged, journal: &mut Journal) -> Result<()> {
-        move_tree(ready, &self.root, Some(&ready.join(RECORD)))?;
+        // What goes may stand where a folder of new files shall be.
         for path in &staged.stale {
             self.remove_file_of_dataset(path)?;
         }
+        move_tree(ready, &self.root, Some(&ready.join(RECORD)))?;
         if journal.entries().get(&staged.entry.scene) != Some(&staged.entry) {
             journal.append(staged.entry)?;
         }
@@ -619,6 +639,11 @@ impl Folder {
         File::open(&part).and_then(|file| file.sync_all()).map_err(fail)?;
         fs::rename(&part, path).map_err(fail)
     }
+}
+
+/// The folders that a path is in, from the outermost one.
+fn folders_of(path: &str) -> impl Iterator<Item = &str> {
+    path.match_indices('/').map(|(end, _)| &path[..end])
 }
 
 /// A file in the making.

@@ -113,9 +113,11 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let guarded = Guarded(reporter);
     let reporter = &Once::new(&guarded);
     let (pool, log) = (Pool::new(options.threads)?, Warnings(reporter));
+    let wanted = options.scenes.clone().unwrap_or(0..u32::MAX);
     let begun = begin::begin(recipe, options, &pool, reporter, &log)?;
     let Made { folder, journal, resolved, new, grown, lacking } = make::make(recipe, options, &pool, reporter, begun)?;
-    let outcome = end::end(recipe, reporter, &pool, &folder, journal, &resolved, options.repair).map_err(stopping)?;
+    let outcome =
+        end::end(recipe, reporter, &pool, &folder, journal, &resolved, options.repair, &wanted).map_err(stopping)?;
     let outcome = Outcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),

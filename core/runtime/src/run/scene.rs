@@ -119,7 +119,7 @@ impl<'a> SceneMaker<'a> {
             match self.attempt(task, number, (task.whole, false), queue)? {
                 Tried::Made(Attempted { views, objects, odd, written }, assets) => {
                     let outcome = outcome(views, objects, task.whole);
-                    let Odd { scene: notices, views: odd_views } = odd;
+                    let Odd { scene: notices, views: odd_views, .. } = odd;
                     let (scene, attempt) = (task.scene, number);
                     let entry = JournalEntry { scene, attempt, outcome, notices, odd_views, errors, assets };
                     return Ok(Some(Made { entry, kept, written }));
@@ -211,6 +211,9 @@ fn extended(
 ) -> JournalEntry {
     let mut entry = present.clone();
     entry.outcome = outcome(views, objects, whole);
+    // What was looked at again is as it is now.
+    entry.notices.retain(|notice| !odd.looked_at.contains(notice));
+    entry.odd_views.retain(|notice, _| !odd.looked_at.contains(notice));
     entry.notices.extend(odd.scene);
     entry.odd_views.extend(odd.views);
     entry.assets.extend(assets);

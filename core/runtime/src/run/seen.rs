@@ -30,6 +30,8 @@ pub struct Odd {
     pub scene: BTreeSet<Notice>,
     /// About some of its views: their numbers, ascending.
     pub views: BTreeMap<Notice, Vec<u32>>,
+    /// What was looked at, odd or not.
+    pub looked_at: BTreeSet<Notice>,
 }
 
 impl Seen {
@@ -70,6 +72,7 @@ impl Seen {
             (self.masks, self.unlabeled, Notice::Unlabeled),
         ];
         for (looked, views, notice) in all {
+            odd.looked_at.extend((looked > 0).then_some(notice));
             if !views.is_empty() && views.len() == looked {
                 odd.scene.insert(notice);
             } else if !views.is_empty() {

@@ -5,6 +5,7 @@ mod read;
 mod record;
 mod scene;
 
+use crate::annotation_file::check_split;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, RGB, VISIBILITY, VISIBLE_MASK,
@@ -78,7 +79,7 @@ impl Config for Bop {
     const KIND: &'static str = "bop";
     const EXAMPLE: &'static str = "split = \"train_pbr\"\ndepth_scale = 0.1";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
-        check_path("split", &self.split)?;
+        check_split(&self.split)?;
         Ok(Box::new(self))
     }
 }

@@ -1,7 +1,7 @@
 //! Reads COCO's layout, and those of its relatives that keep amodal and visible masks in one annotation: ours, D2SA,
 //! KINS.
 
-use serde_json::Value as Json;
+use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -106,6 +106,11 @@ impl DatasetReader for Reader {
         keys
     }
 
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let (record, annotations) = &self.images[image];
+        annotations.iter().flat_map(|annotation| faults_of(record, annotation)).collect()
+    }
+
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let (record, annotations) = &self.images[image];
         let mut products = Products::new();
@@ -116,6 +121,29 @@ impl DatasetReader for Reader {
         }
         Ok((read::view(self.refs[image].view, record.width, record.height), products))
     }
+}
+
+/// What an annotation says of its mask in numbers. Polygons have areas and boxes of their own.
+fn faults_of(image: &Image, annotation: &Annotation) -> Vec<(&'static str, String)> {
+    let Some(segmentation) = annotation.segmentation.as_ref().filter(|it| !matches!(it, Segmentation::Polygons(_)))
+    else {
+        return Vec::new();
+    };
+    let Ok(mask) = segmentation.decode(image.width, image.height) else { return Vec::new() };
+    let mut faults = Vec::new();
+    if (annotation.area - f64::from(mask.area())).abs() > 0.5 {
+        let message =
+            format!("annotation {}: `area` is {}, its mask has {}", annotation.id, annotation.area, mask.area());
+        faults.push(("areas_are_those_of_masks", message));
+    }
+    let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
+    let differs = |(said, own): (&f64, &f64)| (said - own).abs() > 1.0;
+    if annotation.bbox.iter().zip(&own).any(differs) {
+        let message =
+            format!("annotation {}: `bbox` is {:?}, that of its mask {own:?}", annotation.id, annotation.bbox);
+        faults.push(("bbox_is_that_of_a_mask", message));
+    }
+    faults
 }
 
 impl Reader {
@@ -139,20 +167,24 @@ impl Reader {
         // Where the masks of others are amodal, an object without a visible one is not occluded.
         let amodal = if self.is_amodal { Some(extra("amodal_mask")?.unwrap_or_else(|| own.clone())) } else { None };
         let visible = visible.unwrap_or(own);
-        let number = |key: &str| annotation.extra.get(key).and_then(Json::as_u64);
-        let bbox = |key: &str| -> Option<BBox> {
-            let edges: [i32; 4] = serde_json::from_value(annotation.extra.get(key)?.clone()).ok()?;
-            Some(edges.into())
-        };
+        let bbox = |key| Ok(field::<[i32; 4]>(annotation, key)?.map(BBox::from));
         Ok(Labels {
-            id: InstanceId(number("instance_id").and_then(|id| u16::try_from(id).ok()).unwrap_or(row as u16 + 1)),
+            id: InstanceId(field(annotation, "instance_id")?.unwrap_or(row as u16 + 1)),
             visible,
             amodal,
             occlusion: extra("occluded_mask")?,
-            rate: annotation.extra.get("occluded_rate").and_then(Json::as_f64),
-            visible_box: bbox("visible_bbox"),
-            amodal_box: bbox("amodal_bbox"),
+            rate: field(annotation, "occluded_rate")?,
+            visible_box: bbox("visible_bbox")?,
+            amodal_box: bbox("amodal_bbox")?,
             category: self.categories.id(annotation.category_id),
         })
     }
+}
+
+/// A field that annotations of some formats have.
+fn field<T: DeserializeOwned>(annotation: &Annotation, key: &str) -> Result<Option<T>> {
+    let Some(json) = annotation.extra.get(key).filter(|json| !json.is_null()) else { return Ok(None) };
+    serde_json::from_value(json.clone()).map(Some).map_err(|error| {
+        Error::new(error.to_string()).context(format!("annotation {}: `{key}`", annotation.id)).permanent()
+    })
 }

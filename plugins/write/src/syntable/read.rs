@@ -1,6 +1,6 @@
 //! Reads datasets of SynTable's layout: ours, and those of the release and of UOAIS-Sim.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::decode;
@@ -94,6 +94,10 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     };
     let (refs, images) =
         faults.in_order(by_id.into_values().collect(), |record: &Record| (&record.image.file_name, of(record)));
+    let mut numbers = BTreeSet::new();
+    for scene in scenes.iter().filter(|scene: &&Scene| !numbers.insert(scene.id)) {
+        faults.add("unique_ids", format!("scene {}", scene.id), "two scenes have this id");
+    }
     let recipe = fs::read_to_string(root.join(super::RECIPE)).unwrap_or_default();
     let info = categories.info(dataset.info.description, dataset.info.contributor, &refs, recipe);
     let scenes = scenes.into_iter().map(|scene| (scene.id, scene)).collect();
@@ -134,6 +138,13 @@ impl DatasetReader for Reader {
             keys.push(BODIES.id());
         }
         keys
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let record = &self.images[image];
+        let labels = record.annotations.iter().enumerate().map(|(row, it)| (it, self.labels(&record.image, row, it)));
+        let read = labels.filter_map(|(annotation, labels)| Some((annotation, labels.ok()?)));
+        read.flat_map(|(annotation, labels)| faults_of(annotation, &labels)).collect()
     }
 
     fn derived(&self) -> Vec<KeyId> {
@@ -188,6 +199,34 @@ impl DatasetReader for Reader {
         }
         Ok((read::view(at.view, record.image.width, record.image.height), products))
     }
+}
+
+/// What an annotation of our form says of its masks in numbers. The form of the release has other areas.
+fn faults_of(annotation: &Annotation, labels: &Labels) -> Vec<(&'static str, String)> {
+    let Some(amodal) = labels.amodal.as_ref().filter(|_| annotation.amodal_bbox.is_some()) else { return Vec::new() };
+    let (visible, occluded) = (&labels.visible, labels.occlusion.as_ref());
+    let areas = [
+        ("area", Some(annotation.area), Some(amodal)),
+        ("visible_area", annotation.visible_area, Some(visible)),
+        ("occluded_area", annotation.occluded_area, occluded),
+    ];
+    let mut faults = Vec::new();
+    for (name, said, mask) in areas {
+        if let (Some(said), Some(mask)) = (said, mask)
+            && said != u64::from(mask.area())
+        {
+            let message =
+                format!("annotation {}: `{name}` is {said}, its mask has {} pixels", annotation.id, mask.area());
+            faults.push(("areas_are_those_of_masks", message));
+        }
+    }
+    let boxes = [visible.bbox(), amodal.bbox()].map(<[i32; 4]>::from);
+    if !boxes.contains(&annotation.bbox) {
+        let message =
+            format!("annotation {}: `bbox` is {:?}, its masks have {boxes:?}", annotation.id, annotation.bbox);
+        faults.push(("bbox_is_that_of_a_mask", message));
+    }
+    faults
 }
 
 /// What masks say of the silhouette: of its parts beyond the image the layout knows nothing.
