@@ -51,7 +51,7 @@ fn labels_are_the_cpus() {
     let (width, height) = (480, 360);
     let view = room::view(width, height);
     let before = COVERAGE.before_support();
-    let wants = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), before.id(), NORMAL.id(), ALBEDO.id()];
+    let wants = keys![DEPTH, INSTANCE, COVERAGE, before, OBJECT_DEPTHS, NORMAL, ALBEDO];
     let seen = [InstanceId(3), InstanceId(21)];
     let window = Window { x: -37, y: 11, width: 300, height: 200 };
     let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
@@ -76,7 +76,14 @@ fn labels_are_the_cpus() {
                 }
             }
         }
+        let [a, b] = pair(&frames, OBJECT_DEPTHS);
+        let same = |(a, b): (&(InstanceId, f32), &(InstanceId, f32))| a.0 == b.0 && (a.1 - b.1).abs() <= 1e-5 * a.1;
+        let alike = |a: &[_], b: &[_]| a.len() == b.len() && a.iter().zip(b).all(same);
+        let depths = a.pixels().zip(b.pixels()).filter(|(a, b)| !alike(a, b)).count();
+        assert!(a.pixels().flatten().count() > 100, "objects on rays");
         let all = request.window.pixels() as usize;
+        // As with the depth of what is seen.
+        assert!(depths * 2_000 <= all, "{look:?}: {depths} of {all} lists of objects differ");
         pixels += all;
         // Interpolation at grazing faces doubles rounding errors.
         assert!(depth.max(normal).max(albedo) * 2_000 <= all, "{look:?}: {depth} {normal} {albedo} of {all} differ");

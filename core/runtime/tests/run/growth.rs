@@ -230,6 +230,38 @@ fn files_stay_until_there_are_new_ones() {
 }
 
 #[test]
+fn scenes_that_are_left_out_of_a_rewrite_keep_their_files() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [data, whole] = ["data", "whole"].map(|name| folder.path().join(name));
+    let both = recipe(3, 1, 0, &format!("{LIGHT}{THOUGHT}"));
+    let other = recipe(3, 1, 0, &format!("{LIGHT}{}", THOUGHT.replace("\"track\", ", "")));
+    run(&both, &data, 1).expect("begun");
+    let before = files(&data);
+    let one = RunOptions { rewrite: true, scenes: Some(0..1), ..options(&data, 1) };
+    run_with(&other, one, &Quiet).expect("scene 0");
+    let now = files(&data);
+    for (name, stays) in [("more/000000.json", false), ("more/000001.json", true), ("more/000002.json", true)] {
+        assert_eq!(now.get(name) == before.get(name), stays, "{name}");
+    }
+    assert!(verify(&data, 1).expect("a dataset").whole());
+    // A run of all scenes needs no option any more.
+    run(&other, &data, 1).expect("the others");
+    run(&other, &whole, 1).expect("whole");
+    assert_same(&whole, &data);
+}
+
+#[test]
+fn a_file_of_the_dataset_may_become_a_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ends = |end: &str| recipe(2, 1, 0, &LIGHT.replace("include", &format!("end = \"{end}\"\ninclude")));
+    for end in ["all", "all/lines.json", "all"] {
+        run(&ends(end), folder.path(), 1).expect("ended");
+        assert!(folder.path().join("lines").join(end).is_file(), "{end}");
+        assert!(verify(folder.path(), 1).expect("a dataset").whole(), "{end}");
+    }
+}
+
+#[test]
 fn repairing_takes_no_scene_away() {
     let folder = tempfile::tempdir().expect("a folder");
     let data = folder.path().join("data");
