@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the picture of the page on labels from a dataset that the recipe of that page made.
+"""Draws the image of the page on what is written from a dataset that the recipe of that page made.
 
     syntable run book/labels.toml --out target/labels && python3 book/labels.py target/labels
 
