@@ -209,6 +209,7 @@ fn view_products(scene: &Scene, view: &View, crowd: Crowd, mut stream: Stream, k
     let infos = ids.iter().map(|id| {
         let body = scene.body(*id).expect("an object");
         let info = Value::record([
+            ("asset", body.asset.to_string().into()),
             ("name", body.asset.name.as_str().into()),
             ("category", body.object.category.as_str().into()),
             ("world_from_object", pose(&body.world_from_body)),
