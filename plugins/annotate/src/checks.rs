@@ -172,8 +172,7 @@ register_check!(
             let off =
                 (0..9).map(|k| (dot(k / 3, k % 3) - f64::from(u8::from(k / 3 == k % 3))).abs()).fold(0.0, f64::max);
             let ends = pose[3] == [0.0, 0.0, 0.0, 1.0];
-            (!(off < RIGID) || !ends || pose[0][0].is_nan())
-                .then(|| "its pose is not a rotation and a translation".to_owned())
+            (off > RIGID || off.is_nan() || !ends).then(|| "its pose is not a rotation and a translation".to_owned())
         }),
     },
     Check {

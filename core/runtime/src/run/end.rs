@@ -28,8 +28,7 @@ pub fn end(
     folder: &Folder,
     journal: Journal,
     resolved: &str,
-    repair: bool,
-    wanted: &Range<u32>,
+    (repair, wanted): (bool, &Range<u32>),
 ) -> Result<Outcome> {
     let log = &Warnings(reporter);
     let journal = Mutex::new(journal);

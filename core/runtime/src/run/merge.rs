@@ -86,8 +86,9 @@ pub fn merge(
     catalogs(&begun.folder, &first.folder).map_err(stopping)?;
     let journal = journal.into_inner();
     let lacks: Vec<u32> = (0..recipe.dataset.scenes).filter(|scene| !journal.entries().contains_key(scene)).collect();
-    let outcome = end::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, false, &(0..0))
-        .map_err(stopping)?;
+    let outcome =
+        end::end(&recipe, reporter, &Pool::new(threads)?, &begun.folder, journal, &resolved, (false, &(0..0)))
+            .map_err(stopping)?;
     if !lacks.is_empty() {
         let (missing, all) = (lacks.len(), count(recipe.dataset.scenes, "scene"));
         let message = format!("{missing} of {all} of the recipe are in no part: {}", ranges(lacks.into_iter()));

@@ -117,7 +117,7 @@ pub fn run(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -> Re
     let begun = begin::begin(recipe, options, &pool, reporter, &log)?;
     let Made { folder, journal, resolved, new, grown, lacking } = make::make(recipe, options, &pool, reporter, begun)?;
     let outcome =
-        end::end(recipe, reporter, &pool, &folder, journal, &resolved, options.repair, &wanted).map_err(stopping)?;
+        end::end(recipe, reporter, &pool, &folder, journal, &resolved, (options.repair, &wanted)).map_err(stopping)?;
     let outcome = Outcome { lacking, ..outcome };
     reporter.event(&Event::Finished {
         out: options.out.display().to_string(),
