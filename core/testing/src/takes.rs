@@ -346,11 +346,26 @@ pub fn write_scenes<'a>(
         let cx = DatasetContext::new(dataset, &Serial, &log).scene(&take.scene);
         let mut scene = writer.scene(&cx, Output::new(root, id, take.scene.id))?;
         for (view, products) in &take.views {
-            scene.view(&cx.view(view), &products.only(&reads))?;
+            scene.view(&cx.view(view), &with_categories(dataset, &take.scene, products)?.only(&reads))?;
         }
         scene.close(&cx, &take.products.only(&reads))?;
     }
     Ok(())
+}
+
+/// The products of a view with categories that the dataset has: those of the objects' classes, where it has them.
+fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) -> Result<Products> {
+    let Ok(before) = products.get(CATEGORY_ID) else { return Ok(products.clone()) };
+    let class = |id| scene.body(id).map_or(1, |body| dataset.category_id(&body.object.category));
+    let known = 1..=dataset.classes.len() as u32 + 1;
+    let categories = before.map(|id, &category| match class(id) {
+        1 if known.contains(&category) => category,
+        class => class,
+    });
+    let names = products.keys().into_iter().map(|key| key.name);
+    let mut all = products.only(&names.filter(|name| *name != *CATEGORY_ID.name()).collect::<Vec<_>>());
+    all.put(CATEGORY_ID, categories)?;
+    Ok(all)
 }
 
 /// Ends a run with these scenes done.

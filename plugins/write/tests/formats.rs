@@ -321,7 +321,7 @@ fn the_syntable_1_form_truncates_in_single_precision_and_has_no_slash_in_names()
         ($($key:expr),*) => {$( other.put($key, products.get($key).expect("made").clone()).expect("first"); )*};
     }
     copy!(VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER, VISIBLE_BOX, AMODAL_BOX);
-    copy!(OBJECT_INFO, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, BODIES);
+    copy!(OBJECT_INFO, OBJECT_NAME, CATEGORY_ID, CAMERA, DENOISER, EXPOSURE, LABEL_POLICY, BODIES);
     take.views.push((view, other));
     let dataset = dataset(1, 1);
     for (compat, want) in [("coco", [699, 2001, 1234, 0]), ("syntable_1", [700, 2001, 1234, 0])] {
