@@ -592,9 +592,12 @@ impl Folder {
         remove(&bin)
     }
 
-    /// Removes a file that a manifest lists, and the folders that are empty then.
+    /// Removes a file that a manifest lists, and the folders that are empty then. A folder at its place has files of others.
     fn remove_file_of_dataset(&self, path: &str) -> Result<()> {
         let full = self.root.join(path);
+        if full.is_dir() && !full.is_symlink() {
+            return Ok(());
+        }
         remove(&full)?;
         let mut parent = full.parent();
         while let Some(folder) = parent.filter(|folder| *folder != self.root) {
