@@ -10,7 +10,7 @@
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | the same, read back |
 //! | [`read`] | what readers of all formats share |
-//! | [`include`] | the products that a generic writer includes, and their files |
+//! | [`mod@include`] | the products that a generic writer includes, and their files |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
 //! `[x, y, width, height]` in pixels, with `width = last column - first column + 1`.

@@ -16,6 +16,9 @@ use syntable_model::scene::{SceneId, ViewId};
 /// Names of the files of the dataset.
 pub const FILES: [&str; 3] = ["camera.json", "dataset_info.json", "objects.json"];
 
+/// Names of the files of a scene that are written at the end.
+pub const OF_SCENE: [&str; 3] = ["scene_gt.json", "scene_gt_coco.json", "scene_gt_coco_modal.json"];
+
 /// Objects of which less than this fraction is visible are ignored in evaluations.
 const IGNORED_BELOW: f64 = 0.1;
 
@@ -86,9 +89,10 @@ fn write_scene(
         truth.push(view.view, &objects)?;
     }
     let folder = config.folder(finish.id(), scene);
-    write_bytes(finish, &format!("{folder}/scene_gt.json"), &truth.finish())?;
-    for (name, bbox) in [("scene_gt_coco", BoxOf::Amodal), ("scene_gt_coco_modal", BoxOf::Visible)] {
-        let path = format!("{folder}/{name}.json");
+    let [truth_file, coco_file, modal_file] = OF_SCENE;
+    write_bytes(finish, &format!("{folder}/{truth_file}"), &truth.finish())?;
+    for (name, bbox) in [(coco_file, BoxOf::Amodal), (modal_file, BoxOf::Visible)] {
+        let path = format!("{folder}/{name}");
         finish.write(&path, |out| {
             let mut file = DatasetWriter::new(out, &path, Layout::Lines)?;
             let category = |(asset, &id): (&String, &u64)| Category {

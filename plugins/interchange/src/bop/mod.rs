@@ -108,7 +108,10 @@ impl Writer for Bop {
                 let images = [Image::Rgb, Image::Depth].into_iter().chain(masks);
                 images.map(|image| format!("{}/{}", folder(scene), image.path(view))).collect()
             }
-            (Some(scene), None) => scene::FILES.map(|name| format!("{}/{name}", folder(scene))).to_vec(),
+            (Some(scene), None) => {
+                let names = scene::FILES.into_iter().chain(finish::OF_SCENE);
+                names.map(|name| format!("{}/{name}", folder(scene))).collect()
+            }
             _ => finish::FILES.map(|name| format!("{}/{name}", of.id)).to_vec(),
         })
     }
