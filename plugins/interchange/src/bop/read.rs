@@ -1,6 +1,6 @@
 //! Reads BOP's scenewise layout.
 
-use super::record::{CameraView, GroundTruth, Info, SceneCamera};
+use super::record::{CameraView, GroundTruth, Info, MM, SceneCamera};
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -21,9 +21,6 @@ syntable_model::register_format!(Format {
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
-
-/// Millimeters per meter.
-const MM: f64 = 1000.0;
 
 struct Reader {
     info: DatasetInfo,

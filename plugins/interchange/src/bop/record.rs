@@ -6,7 +6,7 @@ use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 
 /// Millimeters per meter.
-const MM: f64 = 1000.0;
+pub const MM: f64 = 1000.0;
 /// Position of the center of the first pixel in an image whose corner is (0, 0); it is 0 in BOP's matrices.
 const PIXEL_CENTER: f64 = 0.5;
 /// A box of nothing.
