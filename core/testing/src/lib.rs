@@ -11,6 +11,7 @@
 
 pub mod assets;
 pub mod conformance;
+pub mod errors;
 pub mod folder;
 pub mod room;
 pub mod scenes;

@@ -21,14 +21,13 @@ use syntable_model::prelude::*;
 use syntable_model::product::standard::{INSTANCE, RADIANCE, RADIANCE_NOISY};
 use syntable_model::registry::{Registry, Slot};
 use syntable_render_cpu::CpuPathRenderer;
+use syntable_testing::errors::{Image, psnr, relative_error, srgb, white};
 use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
-
-type Image = [[f32; 3]];
 
 const LOOKS: [(&str, Look); 4] =
     [("mixed", Look::Mixed), ("glass", Look::Glass), ("plastic", Look::Plastic), ("metal", Look::Metal)];
@@ -137,34 +136,6 @@ fn threads() -> Threads {
 
 fn sum(image: &Image) -> f64 {
     image.iter().flatten().map(|&x| f64::from(x)).sum()
-}
-
-fn luminance(c: &[f32; 3]) -> f64 {
-    0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
-}
-
-fn white(reference: &Image) -> f64 {
-    let logs: f64 = reference.iter().map(|c| luminance(c).max(1e-6).ln()).sum();
-    (logs / reference.len() as f64).exp() * 5.56
-}
-
-fn srgb(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
-}
-
-fn mean_of(a: &Image, r: &Image, f: impl Fn(f64, f64) -> f64) -> f64 {
-    let pairs = a.iter().flatten().zip(r.iter().flatten());
-    pairs.map(|(&a, &r)| f(a.into(), r.into())).sum::<f64>() / (3 * r.len()) as f64
-}
-
-fn psnr(a: &Image, r: &Image, white: f64) -> f64 {
-    -10.0 * mean_of(a, r, |a, r| (srgb(a / white) - srgb(r / white)).powi(2)).log10()
-}
-
-fn relative_error(a: &Image, r: &Image) -> f64 {
-    let mean = r.iter().map(luminance).sum::<f64>() / r.len() as f64;
-    mean_of(a, r, |a, r| (a - r).powi(2) / (r * r + 0.01 * mean * mean))
 }
 
 fn write(path: &Path, image: &Image, white: f64) {

@@ -2,7 +2,8 @@
 //! 640 × 480, with 8 bounces.
 //!
 //! `cargo bench -p syntable-render-wgpu --bench frame [-- ADAPTER]` prints the time to the first image, milliseconds per
-//! frame by samples, rays per second, what labels cost, and what guides add.
+//! frame by samples, rays per second, what labels cost, what guides add, and how near the denoised image is to that of 4096
+//! samples.
 
 use std::time::Instant;
 use syntable_denoise::guided::Guided;
@@ -11,12 +12,16 @@ use syntable_model::product::standard::{
     ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
 };
 use syntable_render_wgpu::{Adapters, GpuPathRenderer};
+use syntable_testing::errors::{psnr, white};
 use syntable_testing::room::{self, Look};
 use syntable_testing::workers::Threads;
 use syntable_transport::PathTracing;
 
 /// Frames of which the fastest counts.
 const FRAMES: usize = 5;
+
+/// Samples of the image that denoised ones are compared with.
+const CONVERGED: u32 = 4096;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
@@ -28,6 +33,16 @@ fn main() {
     let view = room::view(640, 480);
     for look in [Look::Mixed, Look::Plastic, Look::Glass] {
         let scene = room::scene_of(look);
+        let converged = {
+            let options = PathTracing { samples_per_pixel: CONVERGED, ..PathTracing::default() };
+            let mut session = GpuPathRenderer::new(options).open(adapter).expect("opens");
+            session.load(&scene, &workers).expect("loads");
+            let mut frame = Products::new();
+            let wants = [RADIANCE.id()];
+            session.render(&RenderRequest::new(&view, &wants, Stream::root(2), &workers), &mut frame).expect("renders");
+            frame.get(RADIANCE).expect("made").data().to_vec()
+        };
+        let white = white(&converged);
         for samples in [1, 4, 16, 32, 64] {
             let started = Instant::now();
             let options = PathTracing { samples_per_pixel: samples, ..PathTracing::default() };
@@ -52,7 +67,8 @@ fn main() {
             best(&[RADIANCE.id()], None);
             let first = first.elapsed().as_secs_f64();
             let (light, _) = best(&[RADIANCE.id()], None);
-            let (denoised, _) = best(&[RADIANCE.id()], Some(&guided));
+            let (denoised, image) = best(&[RADIANCE.id()], Some(&guided));
+            let near = psnr(image.get(RADIANCE).expect("made").data(), &converged, white);
             let (_, report) = best(&[RADIANCE.id(), RENDER_REPORT.id()], None);
             let (guides, _) = best(&[RADIANCE.id(), DENOISE_ALBEDO.id()], None);
             let count = |name: &str| match report.get(RENDER_REPORT) {
@@ -66,7 +82,7 @@ fn main() {
             let (rays, shadows) = (count("rays"), count("shadow_rays"));
             println!(
                 "{look:?}, {samples} samples: {:.1} ms; {:.2} + {:.2} rays and shadow rays a path, {:.2} Grays/s; with guides {:.1} \
-                 ms, denoised {:.1} ms; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
+                 ms, denoised {:.1} ms, {near:.1} dB; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
                 1e3 * light,
                 rays / count("paths"),
                 shadows / count("paths"),

@@ -53,6 +53,16 @@ impl AdapterInfo {
         self.class != wgpu::DeviceType::Cpu
     }
 
+    /// Paths that a pass may have; another number changes no image. The last bounces of a pass leave most of a card idle, so
+    /// fewer passes are faster: on a card with memory of its own all samples of 640 × 480 pixels at 32 samples are one. On
+    /// what is slower so many rays would take as long as drivers allow a dispatch to.
+    pub fn most_paths(&self) -> u64 {
+        match self.class {
+            wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => 1 << 24,
+            _ => 1 << 21,
+        }
+    }
+
     /// Cards of their own before those of a processor, and programs last.
     fn rank(&self) -> u8 {
         match self.class {

@@ -3,7 +3,7 @@
 use crate::adapters::{AdapterInfo, Adapters};
 use crate::constants::declared;
 use crate::tables::{BODY_SIZE, NONE};
-use crate::{guided, passes, planes, view};
+use crate::{guided, passes, planes, trees, view};
 use bytemuck::Pod;
 use parking_lot::Mutex;
 use std::collections::HashMap;
@@ -72,6 +72,8 @@ pub struct Variant {
     pub guides: bool,
     /// Dielectrics are glTF's plain mix.
     pub plain_dielectrics: bool,
+    /// The trees have many levels.
+    pub deep: bool,
 }
 
 impl Variant {
@@ -101,6 +103,10 @@ fn constants() -> String {
     declared(&[
         ("NONE", NONE.into()),
         ("BODY_SIZE", BODY_SIZE.into()),
+        ("NODE_SIZE", (trees::NODE_SIZE as u32).into()),
+        ("BODY_NODE", trees::BODY.into()),
+        ("STACK", trees::STACK.into()),
+        ("DEEP_STACK", trees::DEEP_STACK.into()),
         ("WARPED", view::WARPED.into()),
         ("TENT", view::TENT.into()),
         ("BLENDED_BY_COVERAGE", view::BLENDED_BY_COVERAGE.into()),
@@ -221,6 +227,11 @@ impl Device {
         &self.info.name
     }
 
+    /// Paths that a pass may have.
+    pub fn most_paths(&self) -> u64 {
+        self.info.most_paths()
+    }
+
     /// Whether it failed: its driver gave it up, it ran out of memory, or it did not finish in time. It is of no use any
     /// more, to any session.
     pub fn has_failed(&self) -> bool {
@@ -275,6 +286,15 @@ impl Device {
     pub fn storage(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         use wgpu::BufferUsages as Usage;
         self.buffer(label, size, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
+    }
+
+    /// The same, or none if the device has not that much memory left.
+    pub fn storage_if_there_is_room(&self, label: &str, size: u64) -> Result<Option<wgpu::Buffer>> {
+        // Buffers that were dropped are given back.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffer = self.storage(label, size)?;
+        Ok(pollster::block_on(scope.pop()).is_none().then_some(buffer))
     }
 
     /// A buffer of uniforms.
@@ -334,6 +354,7 @@ impl Device {
                 ("PANES", on(variant.panes)),
                 ("GUIDES", on(variant.guides)),
                 ("PLAIN_DIELECTRICS", on(variant.plain_dielectrics)),
+                ("DEEP", on(variant.deep)),
             ];
             Arc::new(self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry_point),

@@ -5,12 +5,13 @@ use crate::guided::{GuidedFilter, Sections};
 use crate::passes::{COUNTERS, GROUP, Passes, Pixels, first_counters, groups, rays_of};
 use crate::planes::{
     AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_RADIANCE, AT_SPECULAR,
-    AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, SUMS, color, number,
+    AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, SUMS, color, make_all, number,
 };
 use crate::session::{Buffers, GpuSession, World};
 use crate::view::View;
 use std::ops::Range;
 use syntable_denoise::guided::Guided;
+use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
     DENOISER, DEPTH, INSTANCE, RADIANCE, RADIANCE_NOISY, RADIANCE_VARIANCE, RENDER_REPORT,
@@ -63,13 +64,13 @@ impl<'a> Layout<'a> {
 
     /// Whether a plane of light is read: a report needs the radiance and its variance.
     fn reads(&self, key: KeyId) -> bool {
-        let for_report = key == self.rendered() || key == RADIANCE_VARIANCE.id();
+        let for_report = key == self.rendered().id() || key == RADIANCE_VARIANCE.id();
         self.wants(key) || (for_report && self.wants(RENDER_REPORT.id()))
     }
 
     /// What the rendered radiance is called.
-    fn rendered(&self) -> KeyId {
-        if self.guided.is_some() { RADIANCE_NOISY.id() } else { RADIANCE.id() }
+    fn rendered(&self) -> Key<Plane<[f32; 3]>> {
+        if self.guided.is_some() { RADIANCE_NOISY } else { RADIANCE }
     }
 }
 
@@ -105,7 +106,7 @@ impl Places {
         };
         let colors = COLORS.map(|(key, at)| {
             let key = match at {
-                AT_RADIANCE if layout.guided.is_some() => RADIANCE_NOISY,
+                AT_RADIANCE => layout.rendered(),
                 _ => key,
             };
             (key, plane(key.id(), at, 3))
@@ -116,35 +117,33 @@ impl Places {
     }
 
     /// Makes products of the words that were read.
-    fn put(self, layout: &Layout, objects: usize, words: &[u32], frame: &mut Products) -> Result<Statistics> {
+    fn put(self, layout: &Layout, words: &[u32], workers: &dyn Workers, frame: &mut Products) -> Result<Statistics> {
         let window = layout.window;
         let output = &words[self.output];
-        layout.labels.put(layout.wants, objects, window, output, frame)?;
+        let mut makers = layout.labels.makers(layout.wants, window, output);
+        if layout.guided.is_some() && layout.wants(RADIANCE.id()) {
+            let denoised = &output[layout.labels.end as usize..];
+            makers.push(Box::new(move |frame| frame.put(RADIANCE, color(window, denoised))));
+        }
+        for (key, words) in self.colors.iter().filter_map(|(key, part)| Some((*key, &words[part.clone()?]))) {
+            makers.push(Box::new(move |frame| frame.put(key, color(window, words))));
+        }
+        for (key, words) in self.numbers.iter().filter_map(|(key, part)| Some((*key, &words[part.clone()?]))) {
+            makers.push(Box::new(move |frame| frame.put(key, number(window, words))));
+        }
+        let mut made = Products::new();
+        make_all(&makers, workers, &mut made)?;
         let mut statistics = Statistics::default();
         if layout.light {
             let [rays, shadow_rays] = rays_of(&words[self.counters]);
             statistics = Statistics { paths: layout.pixels * u64::from(layout.samples), rays, shadow_rays };
         }
-        if layout.guided.is_some() && layout.wants(RADIANCE.id()) {
-            frame.put(RADIANCE, color(window, &output[layout.labels.end as usize..]))?;
-        }
-        let colors = self.colors.map(|(key, part)| (key, part.map(|part| color(window, &words[part]))));
-        let numbers = self.numbers.map(|(key, part)| (key, part.map(|part| number(window, &words[part]))));
-        if layout.wants(RENDER_REPORT.id())
-            && let ((_, Some(radiance)), (_, Some(variance))) = (&colors[0], &numbers[0])
-        {
+        if layout.wants(RENDER_REPORT.id()) {
+            let (radiance, variance) = (made.get(layout.rendered())?, made.get(RADIANCE_VARIANCE)?);
             frame.put(RENDER_REPORT, film::report(radiance, variance, [layout.samples; 2], statistics))?;
         }
-        for (key, plane) in colors {
-            if let Some(plane) = plane.filter(|_| layout.wants(key.id())) {
-                frame.put(key, plane)?;
-            }
-        }
-        for (key, plane) in numbers {
-            if let Some(plane) = plane.filter(|_| layout.wants(key.id())) {
-                frame.put(key, plane)?;
-            }
-        }
+        let wanted: Vec<_> = layout.wants.iter().map(|key| key.name).collect();
+        frame.extend(made.only(&wanted))?;
         Ok(statistics)
     }
 }
@@ -180,9 +179,9 @@ impl GpuSession {
             self.denoise_frame(&mut passes.encoder, &layout, filter, options)?;
         }
         let places = Places::copied(&layout, &self.buffers, &mut passes.encoder);
-        let (encoder, words, objects) = (passes.into_encoder(), places.words, world.scene.objects);
+        let (encoder, words) = (passes.into_encoder(), places.words);
         let statistics = self.device.read(encoder, &self.buffers.readable, words, |words: &[u32]| {
-            places.put(&layout, objects, words, frame)
+            places.put(&layout, words, request.workers, frame)
         })??;
         if let Some(options) = layout.guided.filter(|_| layout.wants(DENOISER.id())) {
             frame.put(DENOISER, options.report())?;

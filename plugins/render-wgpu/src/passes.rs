@@ -104,7 +104,10 @@ impl<'a> Passes<'a> {
     pub fn trace(&mut self, view: &View, pixels: Pixels, samples: Range<u32>) -> Result<()> {
         let only_guides = view.flags & ONLY_GUIDES != 0;
         let bounces = if only_guides { GUIDE_BOUNCES } else { view.max_bounces };
-        let per_pass = (view.capacity / pixels.count.max(1)).max(1).min(samples.len() as u32);
+        // Passes of equal numbers of samples.
+        let all = samples.len().max(1) as u32;
+        let most = (view.capacity / pixels.count.max(1)).clamp(1, all);
+        let per_pass = all.div_ceil(all.div_ceil(most));
         let pixels_per_pass = pixels.count.min(view.capacity / per_pass).max(1);
         for first_pixel in (0..pixels.count).step_by(pixels_per_pass as usize) {
             for first_sample in samples.clone().step_by(per_pass as usize) {

@@ -2,6 +2,8 @@
 
 use crate::tables::NONE;
 use crate::view::View;
+use std::sync::OnceLock;
+use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::product::standard::{
     ALBEDO, COVERAGE, DENOISE_ALBEDO, DENOISE_NORMAL, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE,
@@ -117,50 +119,64 @@ impl LabelSections {
         self.end == 0
     }
 
-    /// Puts those of the wanted labels that are not there.
-    pub fn put(
-        &self,
-        wants: &[KeyId],
-        objects: usize,
-        window: Window,
-        output: &[u32],
-        frame: &mut Products,
-    ) -> Result<()> {
+    /// What makes those of the wanted labels that are not there.
+    pub fn makers<'a>(&self, wants: &[KeyId], window: Window, output: &'a [u32]) -> Vec<Maker<'a>> {
         let Window { width, height, .. } = window;
         let pixels = window.pixels() as usize;
         let section = |key: KeyId, start: u32, words: usize| {
             (start != NONE && wants.contains(&key)).then(|| &output[start as usize..][..pixels * words])
         };
+        let objects = self.objects;
+        let mut makers: Vec<Maker> = Vec::new();
         for (key, start) in [(COVERAGE, self.coverage), (COVERAGE.before_support(), self.before)] {
             if let Some(words) = section(key.id(), start, self.set) {
-                let pairs = words.as_chunks().0.iter().map(|&[low, high]| u64::from(low) | u64::from(high) << 32);
-                frame.put(key, BitPlane::from_words(width, height, objects, pairs.collect()))?;
+                makers.push(Box::new(move |frame| {
+                    let pairs = words.as_chunks().0.iter().map(|&[low, high]| u64::from(low) | u64::from(high) << 32);
+                    frame.put(key, BitPlane::from_words(width, height, objects, pairs.collect()))
+                }));
             }
         }
         if let Some(words) = section(DEPTH.id(), self.depth, 1) {
-            let depth = |&word: &u32| finite_or_infinite(word);
-            frame.put(DEPTH, Plane::from_vec(width, height, words.iter().map(depth).collect()))?;
+            makers.push(Box::new(move |frame| frame.put(DEPTH, number(window, words))));
         }
         if let Some(words) = section(INSTANCE.id(), self.instance, 1) {
-            // Numbers count from 0, and the background is beyond the last.
-            let id = |&word: &u32| if word == 0 { InstanceId::BACKGROUND } else { instance_id(word - 1) };
-            frame.put(INSTANCE, Plane::from_vec(width, height, words.iter().map(id).collect()))?;
+            makers.push(Box::new(move |frame| {
+                // Numbers count from 0, and the background is beyond the last.
+                let id = |&word: &u32| if word == 0 { InstanceId::BACKGROUND } else { instance_id(word - 1) };
+                frame.put(INSTANCE, Plane::from_vec(width, height, words.iter().map(id).collect()))
+            }));
         }
         if let Some(words) = section(OBJECT_DEPTHS.id(), self.object_depths, self.objects) {
-            let mut hits = Vec::new();
-            for (pixel, depths) in (0..).zip(words.chunks_exact(self.objects.max(1))) {
-                let of = |(object, &word): (u32, &u32)| (pixel, instance_id(object), finite_or_infinite(word));
-                hits.extend((0..).zip(depths).map(of).filter(|(.., depth)| depth.is_finite()));
-            }
-            frame.put(OBJECT_DEPTHS, ObjectDepths::from_hits(width, height, hits))?;
+            makers.push(Box::new(move |frame| {
+                let mut hits = Vec::new();
+                for (pixel, depths) in (0..).zip(words.chunks_exact(objects.max(1))) {
+                    let of = |(object, &word): (u32, &u32)| (pixel, instance_id(object), finite_or_infinite(word));
+                    hits.extend((0..).zip(depths).map(of).filter(|(.., depth)| depth.is_finite()));
+                }
+                frame.put(OBJECT_DEPTHS, ObjectDepths::from_hits(width, height, hits))
+            }));
         }
         for (key, start) in [(NORMAL, self.normal), (ALBEDO, self.albedo)] {
             if let Some(words) = section(key.id(), start, 3) {
-                frame.put(key, color(window, words))?;
+                makers.push(Box::new(move |frame| frame.put(key, color(window, words))));
             }
         }
-        Ok(())
+        makers
     }
+}
+
+/// Makes a product of words that were read. To copy a plane takes longer than to compute it on a card, so threads share
+/// them.
+pub type Maker<'a> = Box<dyn Fn(&mut Products) -> Result<()> + Sync + 'a>;
+
+/// Puts what makers make.
+pub fn make_all(makers: &[Maker], workers: &dyn Workers, frame: &mut Products) -> Result<()> {
+    let made: Vec<OnceLock<Result<Products>>> = makers.iter().map(|_| OnceLock::new()).collect();
+    workers.run(makers.len(), &|i| {
+        let mut products = Products::new();
+        let _ = made[i].set(makers[i](&mut products).map(|()| products));
+    });
+    made.into_iter().filter_map(OnceLock::into_inner).try_for_each(|products| frame.extend(products?))
 }
 
 /// A plane of colors or directions.

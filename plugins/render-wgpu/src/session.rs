@@ -21,8 +21,8 @@ use syntable_transport::{Dielectrics, PathTracing, RayCamera};
 /// Bytes of trees that are kept on this side though no scene uses them.
 const CAPACITY: u64 = 256 << 20;
 
-/// Paths that are in flight at most; another number changes no image.
-const MOST_PATHS: u64 = 1 << 21;
+/// Paths that a pass has room for at least, however little memory is left.
+const LEAST_PATHS: u64 = 1 << 18;
 
 /// Planes of a path's state in `path.wgsl`, without guides and with them.
 const STATE_PLANES: [u64; 2] = [10, 17];
@@ -76,8 +76,12 @@ pub struct GpuSession {
     pub guided: Option<GuidedFilter>,
     /// Width and height whose pixels are listed in the queues, and where.
     pub listed: Option<[u32; 3]>,
-    /// Paths that are in flight at most.
+    /// Paths that a pass may have.
     pub most_paths: u64,
+    /// Bytes that their state may take: fewer once the device had no room for more.
+    most_bytes: u64,
+    /// Whether the trees of the view that was uploaded last have many levels.
+    pub walks_deep: bool,
 }
 
 impl GpuSession {
@@ -95,6 +99,7 @@ impl GpuSession {
             passes: device.uniforms("passes", PASS_STRIDE * u64::from(options.max_bounces.max(GUIDE_BOUNCES) + 1))?,
             readable: device.readable("readable", 0)?,
         };
+        let (most_paths, most_bytes) = (device.most_paths(), device.max_buffer());
         let (geometry, shading) = (Arena::new(&device, "trees", 16)?, Arena::new(&device, "triangles", 16)?);
         let images = Arena::new(&device, "textures", 4)?;
         Ok(Self {
@@ -108,7 +113,9 @@ impl GpuSession {
             buffers,
             guided: None,
             listed: None,
-            most_paths: MOST_PATHS,
+            most_paths,
+            most_bytes,
+            walks_deep: false,
         })
     }
 
@@ -194,18 +201,37 @@ impl GpuSession {
     /// Makes room for the paths of an image and for its planes; gives the number of paths that there is room for.
     pub fn make_room(&mut self, pixels: u64, samples: u32, guides: bool) -> Result<u32> {
         let state = 16 * STATE_PLANES[usize::from(guides)];
-        let most = (self.device.max_buffer() / state).min(self.most_paths);
+        let most = (self.most_bytes / state).min(self.most_paths).max(GROUP);
         let paths = (pixels * u64::from(samples.max(GUIDE_SAMPLES))).clamp(GROUP, most);
         let planes = 4 * PLANE_WORDS[usize::from(guides)] * pixels;
         self.fits(planes)?;
-        let buffer = self.grown(&self.buffers.paths, "paths", (paths * state).max(planes))?;
-        let capacity = (buffer.size() / state).min(self.most_paths);
+        self.make_room_for_paths(paths * state, planes.max(LEAST_PATHS.min(paths) * state))?;
+        let capacity = (self.buffers.paths.size() / state).min(self.most_paths);
         let queues = self.grown(&self.buffers.queues, "queues", 4 * (3 * capacity + 2 * pixels))?;
         if queues != self.buffers.queues {
             self.listed = None;
         }
-        (self.buffers.paths, self.buffers.queues) = (buffer, queues);
+        self.buffers.queues = queues;
         Ok(capacity as u32)
+    }
+
+    /// Makes room for so many bytes of paths, or for fewer if the device does not have them.
+    fn make_room_for_paths(&mut self, mut bytes: u64, least: u64) -> Result<()> {
+        if self.buffers.paths.size() >= bytes.max(least) {
+            return Ok(());
+        }
+        // What was there is given back first.
+        self.buffers.paths = self.device.storage("paths", 0)?;
+        while bytes > least {
+            if let Some(buffer) = self.device.storage_if_there_is_room("paths", bytes)? {
+                self.buffers.paths = buffer;
+                return Ok(());
+            }
+            bytes /= 2;
+            self.most_bytes = bytes.max(least);
+        }
+        self.buffers.paths = self.device.storage("paths", least)?;
+        Ok(())
     }
 
     /// Makes room for a number of bytes of output.
@@ -259,6 +285,7 @@ impl GpuSession {
             cutouts: world.scene.has_cutouts,
             panes: world.scene.has_panes,
             guides,
+            deep: self.walks_deep,
             plain_dielectrics: self.options.dielectrics == Dielectrics::Gltf,
         }
     }
@@ -324,7 +351,7 @@ mod tests {
             session.load(&scene, &Threads(2)).expect("loads");
             session
         };
-        let mut one_pass = open(MOST_PATHS);
+        let mut one_pass = open(device.most_paths());
         let whole = render(&mut one_pass, &all);
         // A part of the samples of all pixels a pass; then fewer paths than pixels.
         for most_paths in [7 * 24 * 20, 200] {

@@ -18,7 +18,7 @@ use syntable_transport::bsdf::{sheen_table, table};
 pub const NONE: u32 = u32::MAX;
 
 /// Entries of a body in `scene.wgsl`.
-pub const BODY_SIZE: u32 = 9;
+pub const BODY_SIZE: u32 = 5;
 
 /// Entries, appended section by section.
 #[derive(Clone, Debug, Default)]
@@ -104,13 +104,6 @@ impl Tables {
             self.0.push(words(z, place.colors));
             self.0.push(words(body.translation, body.flags));
             self.0.push([body.first_material, body.last_slot, 0, 0]);
-            // The inverse of a rigid placement.
-            let shift = |axis: Vec3| {
-                let products = axis.array().into_iter().zip(body.translation.array());
-                -products.map(|(a, t)| f64::from(a) * f64::from(t)).sum::<f64>() as f32
-            };
-            self.0.extend([x, y, z].map(|axis| words(axis, shift(axis).to_bits())));
-            self.0.push([place.root, place.triangles, place.reach.to_bits(), 0]);
             debug_assert_eq!(self.len() - before, BODY_SIZE);
         }
         start

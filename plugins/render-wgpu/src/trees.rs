@@ -3,26 +3,41 @@
 //! 2017).
 //!
 //! A node is five vectors: its lower corner, and a word of three exponents and the set of slots with nodes; the index of its
-//! first child, that of its first item, and a byte per slot; and the planes of the boxes, a byte per slot, as multiples of
-//! powers of two from the lower corner: lower x, y, z, upper x, y, z. The byte of a slot is 0 if it is empty; of a node
-//! `1 << 5 | 24 + slot`; of a leaf the number of its items in unary, over five bits with the offset of the first. Items are
-//! triangles, three vectors each, of a mesh: its corners, and its number with the first; of the top level, bodies: their
-//! number in a vector. Indices count nodes and items of the tree.
+//! first child, that of its first item, and the set of its items, three bits per slot; and the planes of the boxes, a byte per
+//! slot, as multiples of powers of two from the lower corner: lower x, y, z, upper x, y, z. Items are the triangles of a mesh,
+//! three vectors each: its corners, and its number with the first. Indices count nodes and items of the tree.
+//!
+//! The leaves of a top level are bodies, one each, with the places of nodes: so a ray visits them in its order, too. Their
+//! five vectors are a column of the matrix, body from world, with the word [`BODY`] where nodes have their exponents; the rows
+//! of its rotation, each with one of the root of the tree, its first triangle, its reach; and the body's number and flags.
 
-use syntable_prepare::{BinaryTree, Bounds, TreeNode};
+use crate::tables::BodyPlace;
+use syntable_prepare::{BinaryTree, Bounds, PreparedBody, TreeNode};
+use syntable_simd::Vec3;
 use syntable_simd::functions::FAR;
 
 /// Children of a node.
 const WIDTH: usize = 8;
 
-/// Maximum triangles of a leaf.
+/// Maximum triangles of a leaf: the bits of a slot.
 const LEAF_SIZE: usize = 3;
 
 /// Cost of testing a triangle, in units of testing a node.
 const TRIANGLE_COST: f64 = 0.3;
 
-/// Levels from which on a tree is built anew by halves: the walk of a top level and a mesh keeps at most 48 groups.
+/// Levels from which on a tree is built anew by halves: the walk of a top level and a mesh keeps a group for each level, at
+/// most [`DEEP_STACK`].
 const MAX_DEPTH: usize = 22;
+
+/// Groups that a walk has room for, if the trees of a scene are this shallow: their levels, of a top level and a mesh. Less
+/// room is less to clear for every ray.
+pub const STACK: u32 = 16;
+
+/// Groups that a walk has room for otherwise.
+pub const DEEP_STACK: u32 = 48;
+
+/// The word of a body among nodes; no exponent of theirs is as large.
+pub const BODY: u32 = 0xff;
 
 /// A vector of a tree.
 pub type Vector = [f32; 4];
@@ -41,6 +56,8 @@ pub struct MeshTree {
     pub outline: Vec<Bounds>,
     /// Largest absolute coordinate.
     pub reach: f32,
+    /// Levels of nodes.
+    pub depth: usize,
 }
 
 impl MeshTree {
@@ -56,7 +73,7 @@ impl MeshTree {
                 kept.push((number as u32, corners));
             }
         }
-        let tree = WideTree::build(&boxes, LEAF_SIZE);
+        let tree = WideTree::build(&boxes, &Leaves::Items(LEAF_SIZE));
         let vectors = |item: u32| {
             let (number, corners) = kept[item as usize];
             let mut vectors = corners.map(|[x, y, z]| [x, y, z, 0.0]);
@@ -69,6 +86,7 @@ impl MeshTree {
             triangles: tree.items.into_iter().flat_map(vectors).collect(),
             outline: tree.outline,
             reach: bounds.reach(),
+            depth: tree.depth,
         }
     }
 
@@ -81,28 +99,65 @@ impl MeshTree {
 /// The tree of a top level.
 #[derive(Debug)]
 pub struct TopLevel {
-    /// [`NODE_SIZE`] per node; none without bodies.
+    /// [`NODE_SIZE`] per node and per body; none without bodies.
     pub nodes: Vec<Vector>,
-    /// One per body.
-    pub bodies: Vec<Vector>,
+    /// Levels of nodes.
+    pub depth: usize,
 }
 
 impl TopLevel {
-    /// Builds the tree over the boxes of bodies. Bodies with an empty box are left out.
-    pub fn build(boxes: &[Bounds]) -> Self {
-        let kept: Vec<u32> = (0..boxes.len() as u32).filter(|&body| !boxes[body as usize].is_empty()).collect();
+    /// Builds the tree over the boxes of bodies, with the vectors of each. Bodies with an empty box are left out.
+    pub fn build(boxes: &[Bounds], bodies: &[[Vector; NODE_SIZE]]) -> Self {
+        let kept: Vec<usize> = (0..boxes.len()).filter(|&body| !boxes[body].is_empty()).collect();
         if kept.is_empty() {
-            return Self { nodes: Vec::new(), bodies: Vec::new() };
+            return Self { nodes: Vec::new(), depth: 0 };
         }
-        let boxes: Vec<Bounds> = kept.iter().map(|&body| boxes[body as usize]).collect();
-        let tree = WideTree::build(&boxes, 1);
-        let body = |item: u32| [f32::from_bits(kept[item as usize]), 0.0, 0.0, 0.0];
-        Self { nodes: tree.nodes, bodies: tree.items.into_iter().map(body).collect() }
+        let boxes: Vec<Bounds> = kept.iter().map(|&body| boxes[body]).collect();
+        let bodies = kept.iter().map(|&body| bodies[body]).collect();
+        let WideTree { nodes, depth, .. } = WideTree::build(&boxes, &Leaves::Nodes(bodies));
+        Self { nodes, depth }
     }
 
     /// Vectors that the tree of a number of bodies has at most.
     pub fn room(bodies: usize) -> usize {
-        NODE_SIZE * bodies.max(1) + bodies
+        2 * NODE_SIZE * bodies.max(1)
+    }
+}
+
+/// The vectors of a body of a number.
+pub fn body_node(number: usize, body: &PreparedBody, place: &BodyPlace) -> [Vector; NODE_SIZE] {
+    // The inverse of a rigid placement.
+    let rows = body.rotation.map(Vec3::array);
+    let shift = rows.map(|row| {
+        let products = row.into_iter().zip(body.translation.array()).map(|(a, t)| f64::from(a) * f64::from(t));
+        -products.sum::<f64>() as f32
+    });
+    let word = f32::from_bits;
+    let with = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];
+    [
+        with(shift, word(BODY)),
+        with(rows[0], word(place.root)),
+        with(rows[1], word(place.triangles)),
+        with(rows[2], place.reach),
+        [word(number as u32), word(body.flags), 0.0, 0.0],
+    ]
+}
+
+/// What the boxes of a tree are of.
+enum Leaves {
+    /// Items, so many of which are a leaf at most.
+    Items(usize),
+    /// Vectors in the place of a node, by box.
+    Nodes(Vec<[Vector; NODE_SIZE]>),
+}
+
+impl Leaves {
+    /// Boxes that are a leaf at most.
+    fn size(&self) -> usize {
+        match self {
+            Self::Items(most) => *most,
+            Self::Nodes(_) => 1,
+        }
     }
 }
 
@@ -118,35 +173,40 @@ struct WideTree {
 }
 
 impl WideTree {
-    fn build(boxes: &[Bounds], leaf_size: usize) -> Self {
+    fn build(boxes: &[Bounds], leaves: &Leaves) -> Self {
         match boxes {
             [] => {
                 let nodes = vec![[0.0; 4]; NODE_SIZE];
                 Self { nodes, items: Vec::new(), outline: Vec::new(), depth: 1 }
             }
             [only] => {
-                let mut tree = Self { nodes: Vec::new(), items: vec![0], outline: vec![*only], depth: 1 };
-                let children = [Child { bounds: *only, items: 1 }];
-                tree.nodes.extend(node(&slots(&children), 0, 0));
+                let mut tree = Self { nodes: Vec::new(), items: Vec::new(), outline: vec![*only], depth: 1 };
+                let items = usize::from(matches!(leaves, Leaves::Items(_)));
+                tree.nodes.extend(node(&slots(&[Child { bounds: *only, items }]), 1, 0));
+                match leaves {
+                    Leaves::Items(_) => tree.items.push(0),
+                    Leaves::Nodes(vectors) => tree.nodes.extend(vectors[0]),
+                }
                 tree
             }
             _ => {
-                let tree = Self::from_plan(&Plan::new(BinaryTree::by_area(boxes), leaf_size));
+                let tree = Self::from_plan(&Plan::new(BinaryTree::by_area(boxes), leaves.size()), leaves);
                 match tree.depth > MAX_DEPTH {
-                    true => Self::from_plan(&Plan::new(BinaryTree::by_halves(boxes), leaf_size)),
+                    true => Self::from_plan(&Plan::new(BinaryTree::by_halves(boxes), leaves.size()), leaves),
                     false => tree,
                 }
             }
         }
     }
 
-    fn from_plan(plan: &Plan) -> Self {
+    fn from_plan(plan: &Plan, leaves: &Leaves) -> Self {
         let mut tree = Self { nodes: vec![[0.0; 4]; NODE_SIZE], items: Vec::new(), outline: Vec::new(), depth: 0 };
         // Depth first, so that near nodes are close in memory.
         let mut pending = vec![(0, 0, 1)];
         while let Some((number, place, depth)) = pending.pop() {
             let children = plan.children(number);
-            let items = |&child: &usize| if plan.is_leaf(child) { plan.below[child] } else { 0 };
+            let has_items = |child: usize| plan.is_leaf(child) && matches!(leaves, Leaves::Items(_));
+            let items = |&child: &usize| if has_items(child) { plan.below[child] } else { 0 };
             let boxes: Vec<Child> = (children.iter())
                 .map(|child| Child { bounds: plan.tree.nodes[*child].bounds, items: items(child) })
                 .collect();
@@ -160,11 +220,16 @@ impl WideTree {
             tree.depth = tree.depth.max(depth);
             for (index, _) in slots.iter().flatten() {
                 let child = children[*index];
-                if plan.is_leaf(child) {
-                    tree.items.extend(plan.items(child));
-                } else {
-                    pending.push((child, tree.nodes.len(), depth + 1));
-                    tree.nodes.extend([[0.0; 4]; NODE_SIZE]);
+                match leaves {
+                    Leaves::Items(_) if plan.is_leaf(child) => tree.items.extend(plan.items(child)),
+                    Leaves::Nodes(vectors) if plan.is_leaf(child) => {
+                        let items = plan.items(child);
+                        tree.nodes.extend(items.into_iter().flat_map(|item| vectors[item as usize]));
+                    }
+                    _ => {
+                        pending.push((child, tree.nodes.len(), depth + 1));
+                        tree.nodes.extend([[0.0; 4]; NODE_SIZE]);
+                    }
                 }
             }
         }
@@ -219,15 +284,13 @@ fn node(slots: &[Option<(usize, Child)>; WIDTH], first_child: u32, first_item: u
     let all = children().fold(Bounds::EMPTY, |all, child| all.union(&child.bounds));
     let (lower, upper) = (all.lo.map(bound), all.hi.map(bound));
     let exponents = [0, 1, 2].map(|axis| exponent(f64::from(upper[axis]) - f64::from(lower[axis])));
-    let (mut bytes, mut slots_with_nodes, mut offset) = ([0_u8; WIDTH], 0_u8, 0_usize);
+    let (mut slots_with_nodes, mut items) = (0_u8, 0_u32);
     let mut planes = [[[0_u8; WIDTH]; 3]; 2];
     for (slot, child) in slots.iter().enumerate().filter_map(|(slot, child)| child.map(|(_, child)| (slot, child))) {
         if child.items == 0 {
             slots_with_nodes |= 1 << slot;
-            bytes[slot] = 1 << 5 | (24 + slot as u8);
         } else {
-            bytes[slot] = ((1_u8 << child.items) - 1) << 5 | offset as u8;
-            offset += child.items;
+            items |= ((1 << child.items) - 1) << (LEAF_SIZE * slot);
         }
         for axis in 0..3 {
             let steps = |x: f32| (f64::from(bound(x)) - f64::from(lower[axis])) / power_of_two(exponents[axis]);
@@ -241,13 +304,10 @@ fn node(slots: &[Option<(usize, Child)>; WIDTH], first_child: u32, first_item: u
     };
     let [ex, ey, ez] = exponents.map(|exponent| (exponent + 127) as u8);
     let form = f32::from_bits(u32::from_le_bytes([ex, ey, ez, slots_with_nodes]));
-    let [links, [lx, ly, lz], [ux, uy, uz]] = [
-        [words(bytes), [first_child, first_item].map(f32::from_bits), [0.0; 2]],
-        planes[0].map(words),
-        planes[1].map(words),
-    ];
+    let links = [first_child, first_item, items, 0].map(f32::from_bits);
+    let [[lx, ly, lz], [ux, uy, uz]] = planes.map(|planes| planes.map(words));
     let pair = |a: [f32; 2], b: [f32; 2]| [a[0], a[1], b[0], b[1]];
-    [[lower[0], lower[1], lower[2], form], pair(links[1], links[0]), pair(lx, ly), pair(lz, ux), pair(uy, uz)]
+    [[lower[0], lower[1], lower[2], form], links, pair(lx, ly), pair(lz, ux), pair(uy, uz)]
 }
 
 /// 2 to the power of an exponent between those of single precision.
@@ -376,29 +436,34 @@ mod tests {
     /// box around them.
     fn walk(nodes: &[Vector], number: usize, item_box: &dyn Fn(usize) -> Bounds, found: &mut Vec<usize>) -> Bounds {
         let vectors = &nodes[number * NODE_SIZE..(number + 1) * NODE_SIZE];
+        if vectors[0][3].to_bits() == BODY {
+            let body = vectors[1][0].to_bits() as usize;
+            found.push(body);
+            return item_box(body);
+        }
         let byte = |vector: usize, at: usize| vectors[vector][at / 4].to_bits().to_le_bytes()[at % 4];
         let [ex, ey, ez, with_nodes] = vectors[0][3].to_bits().to_le_bytes();
         let step = [ex, ey, ez].map(|e| power_of_two(i32::from(e) - 127));
-        let [first_child, first_item] = [0, 1].map(|i| vectors[1][i].to_bits() as usize);
+        let [first_child, mut next_item, items] = [0, 1, 2].map(|i| vectors[1][i].to_bits() as usize);
         let mut all = Bounds::EMPTY;
         for slot in 0..WIDTH {
-            let meta = byte(1, 8 + slot);
+            let in_slot = (items >> (3 * slot) & 7).count_ones() as usize;
             let mut inside = Bounds::EMPTY;
             if with_nodes >> slot & 1 == 1 {
-                assert_eq!(meta, 1 << 5 | (24 + slot as u8));
+                assert_eq!(in_slot, 0);
                 let child = first_child + (with_nodes & ((1 << slot) - 1)).count_ones() as usize;
                 inside = walk(nodes, child, item_box, found);
             } else {
-                for item in 0..(meta >> 5).count_ones() as usize {
-                    let item = first_item + usize::from(meta & 31) + item;
+                for item in next_item..next_item + in_slot {
                     found.push(item);
                     inside = inside.union(&item_box(item));
                 }
+                next_item += in_slot;
             }
             let plane = |axis: usize, at: usize| {
                 f64::from(vectors[0][axis]) + f64::from(byte(2 + at / 2, 8 * (at % 2) + slot)) * step[axis]
             };
-            for axis in (0..3).filter(|_| meta != 0) {
+            for axis in (0..3).filter(|_| !inside.is_empty()) {
                 let (lower, upper) = (plane(axis, axis), plane(axis, 3 + axis));
                 let [lo, hi] = [inside.lo[axis], inside.hi[axis]].map(f64::from);
                 assert!(lower <= lo && hi <= upper, "{lower} to {upper} does not hold {lo} to {hi}");
@@ -435,13 +500,20 @@ mod tests {
     fn the_top_level_leads_to_bodies_that_have_a_box() {
         let cube = |x: f32| Bounds { lo: [x, 0.0, 0.0], hi: [x + 1.0, 1.0, 1.0] };
         let boxes = [cube(0.0), Bounds::EMPTY, cube(2.0), cube(9.0)];
-        let tree = TopLevel::build(&boxes);
-        let body = |item: usize| tree.bodies[item][0].to_bits();
-        let mut found = Vec::new();
-        walk(&tree.nodes, 0, &|item| boxes[body(item) as usize], &mut found);
-        let mut bodies: Vec<u32> = found.into_iter().map(body).collect();
-        bodies.sort_unstable();
-        assert_eq!(bodies, [0, 2, 3]);
-        assert!(TopLevel::build(&[Bounds::EMPTY]).nodes.is_empty());
+        let number = |number: usize| f32::from_bits(number as u32);
+        let bodies: Vec<_> = (0..boxes.len())
+            .map(|body| [[0.0, 0.0, 0.0, number(BODY as usize)], [number(body); 4], [0.0; 4], [0.0; 4], [0.0; 4]])
+            .collect();
+        for kept in [vec![0, 2, 3], vec![3]] {
+            let boxes: Vec<Bounds> =
+                (0..4).map(|body| if kept.contains(&body) { boxes[body] } else { Bounds::EMPTY }).collect();
+            let tree = TopLevel::build(&boxes, &bodies);
+            assert!(tree.nodes.len() <= TopLevel::room(4));
+            let mut found = Vec::new();
+            walk(&tree.nodes, 0, &|body| boxes[body], &mut found);
+            found.sort_unstable();
+            assert_eq!(found, kept);
+        }
+        assert!(TopLevel::build(&[Bounds::EMPTY], &[bodies[0]]).nodes.is_empty());
     }
 }

@@ -3,7 +3,7 @@
 use crate::arena::{Arena, Asset, Place};
 use crate::session::{GpuSession, World};
 use crate::tables::{BodyPlace, EnvironmentPlaces, NONE, Tables};
-use crate::trees::{MeshTree, TopLevel};
+use crate::trees::{MeshTree, STACK, TopLevel, body_node};
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
@@ -12,7 +12,8 @@ use syntable_model::scene::EnvironmentMap;
 use syntable_model::stage::{Bodies, RenderRequest, Window};
 use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{
-    Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, ProjectedEnvironment, SampleOrder,
+    Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, PreparedBody, ProjectedEnvironment,
+    SampleOrder,
 };
 use syntable_simd::functions::FAR;
 use syntable_transport::film::{GUIDE_SAMPLES, guide_seed};
@@ -55,9 +56,7 @@ pub struct View {
     pub objects: u32,
     pub foreground: u32,
     pub top_level: u32,
-    pub top_items: u32,
     pub seen: u32,
-    pub seen_items: u32,
     pub reach: f32,
     pub sample_bits: u32,
     pub block_bits: u32,
@@ -75,7 +74,7 @@ pub struct View {
     pub before_at: u32,
     pub sums_at: u32,
     pub object_depths_at: u32,
-    pub unused: u32,
+    pub unused: [u32; 3],
 }
 
 /// `Pass` in `scene.wgsl`.
@@ -122,7 +121,25 @@ impl GpuSession {
         self.images.keep(&self.device, 0, &images)?;
         drop(images);
 
+        let place = |(body, (digest, tree, _)): (&PreparedBody, &(Digest, Arc<MeshTree>, Bounds))| {
+            let (mesh, root) = (scene.mesh(body), self.geometry.place(digest));
+            let shading = self.shading.place(digest);
+            let after = |count: usize, there: bool| if there { shading + count as u32 } else { NONE };
+            let (triangles, tangents) = (4 * mesh.triangles.len(), mesh.tangents.len());
+            BodyPlace {
+                root,
+                triangles: root + tree.nodes.len() as u32,
+                reach: tree.reach,
+                shading,
+                tangents: after(triangles, tangents > 0),
+                colors: after(triangles + tangents, !mesh.colors.is_empty()),
+            }
+        };
+        let places: Vec<BodyPlace> = scene.bodies.iter().zip(&world.bodies).map(place).collect();
+
         // The top level, and that of what camera rays meet.
+        let leaves: Vec<_> =
+            scene.bodies.iter().zip(&places).enumerate().map(|(i, (body, place))| body_node(i, body, place)).collect();
         let room = TopLevel::room(world.bodies.len()) as u32;
         let boxes = |keep: &dyn Fn(usize) -> bool| -> Vec<Bounds> {
             let of = |(number, (_, _, bounds)): (usize, &(Digest, Arc<MeshTree>, Bounds))| {
@@ -131,40 +148,26 @@ impl GpuSession {
             world.bodies.iter().enumerate().map(of).collect()
         };
         let write_level = |place: u32, boxes: &[Bounds]| {
-            let TopLevel { nodes, bodies } = TopLevel::build(boxes);
-            let items = place + nodes.len() as u32;
-            let vectors = [nodes, bodies].concat();
-            self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&vectors));
-            if vectors.is_empty() { [NONE; 2] } else { [place, items] }
+            let tree = TopLevel::build(boxes, &leaves);
+            self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&tree.nodes));
+            (if tree.nodes.is_empty() { NONE } else { place }, tree.depth)
         };
         // Bodies that only camera rays do not meet are lit, and light others.
         let is_lit = |body: usize| chosen[body] || matches!(request.bodies, Bodies::Seen(_));
         let lit = boxes(&is_lit);
-        let top = write_level(0, &lit);
+        let top_level = write_level(0, &lit);
         let seen = match request.bodies {
             Bodies::Seen(_) => write_level(room, &boxes(&|body| chosen[body])),
-            _ => top,
+            _ => top_level,
         };
+        let depth = world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0) + top_level.1.max(seen.1);
+        self.walks_deep = depth > STACK as usize;
+        let [top_level, seen] = [top_level.0, seen.0];
         let reach = lit.iter().map(Bounds::reach).fold(0.0, f32::max);
 
         let mut tables = Tables::default();
         let [lobes, decode] = tables.constants();
-        let bodies = scene.bodies.iter().zip(&world.bodies).map(|(body, (digest, tree, _))| {
-            let (mesh, root) = (scene.mesh(body), self.geometry.place(digest));
-            let shading = self.shading.place(digest);
-            let after = |count: usize, there: bool| if there { shading + count as u32 } else { NONE };
-            let (triangles, tangents) = (4 * mesh.triangles.len(), mesh.tangents.len());
-            let place = BodyPlace {
-                root,
-                triangles: root + tree.nodes.len() as u32,
-                reach: tree.reach,
-                shading,
-                tangents: after(triangles, tangents > 0),
-                colors: after(triangles + tangents, !mesh.colors.is_empty()),
-            };
-            (body, place)
-        });
-        let bodies = tables.bodies(bodies);
+        let bodies = tables.bodies(scene.bodies.iter().zip(places));
         let materials = tables.materials(&scene.materials.materials);
         let layers = tables.layers(&scene.materials.layers);
         let textures = scene.materials.textures.iter().map(|texture| (texture, self.images.place(&texture.digest())));
@@ -226,10 +229,8 @@ impl GpuSession {
             distant_count: lights.distant.len() as u32,
             objects: scene.objects as u32,
             foreground: scene.foreground as u32,
-            top_level: top[0],
-            top_items: top[1],
-            seen: seen[0],
-            seen_items: seen[1],
+            top_level,
+            seen,
             reach,
             sample_bits: order.sample_bits(),
             block_bits: order.block_bits(),

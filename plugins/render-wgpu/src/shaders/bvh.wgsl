@@ -2,8 +2,6 @@
 // ray's sheared frame (Woop, Benthin and Wald, 2013), as in plugins/render-cpu's walk.rs. Of hits at equal distance the lower
 // body's wins, within it the lower triangle's.
 
-const STACK: u32 = 48u;
-const NODE_SIZE: u32 = 5u;
 const BAND: f32 = 4.76837158203125e-7;
 const PLACED_BAND: f32 = 1.9073486328125e-6;
 
@@ -88,40 +86,22 @@ fn test_triangle(s: Shear, corner_a: vec3<f32>, corner_b: vec3<f32>, corner_c: v
     return Candidate(t, wb * scale, wc * scale, true);
 }
 
-struct Placement {
-    ray: Ray,
-    root: u32,
-    triangles: u32,
-    reach: f32,
-}
-
-// A ray in the frame of a body.
-fn placed(ray: Ray, instance: u32) -> Placement {
-    let at = view.bodies + instance * BODY_SIZE + 5u;
-    let x = table_f(at);
-    let y = table_f(at + 1u);
-    let z = table_f(at + 2u);
-    let tree = tables[at + 3u];
-    let origin = vec3(dot(x.xyz, ray.origin) + x.w, dot(y.xyz, ray.origin) + y.w, dot(z.xyz, ray.origin) + z.w);
-    let direction = vec3(dot(x.xyz, ray.direction), dot(y.xyz, ray.direction), dot(z.xyz, ray.direction));
-    return Placement(Ray(origin, direction), tree.x, tree.y, bitcast<f32>(tree.z));
-}
-
-// What a ray meets of a node: children, with their slots in the highest byte and the set of all in the lowest; and items.
+// What a ray meets of a node: children, as a group to visit; and items: index of the first, the set of those to test, and that
+// of all, three bits per slot.
 struct Met {
     nodes: vec2<u32>,
-    items: vec2<u32>,
+    first_item: u32,
+    items: u32,
+    all_items: u32,
 }
 
-// Bits of the slots of four children whose boxes a ray meets; planes are bytes of words.
+// The set of four slots whose boxes a ray meets; planes are bytes of words.
 fn meet_four(
-    meta_: u32,
     lower: vec3<u32>,
     upper: vec3<u32>,
     scale: vec3<f32>,
     near: vec3<f32>,
     far: vec3<f32>,
-    order: u32,
     from_: f32,
     to: f32,
 ) -> u32 {
@@ -133,20 +113,45 @@ fn meet_four(
     let leave_z = vec4<f32>(unpack4xU8(upper.z)) * scale.z + far.z;
     let enter = max(max(enter_x, enter_y), max(enter_z, vec4(from_)));
     let leave = min(min(leave_x, leave_y), min(leave_z, vec4(to)));
-    // Of nodes the order of the visit instead of the slot, of all the number of bits.
-    let is_node = ((meta_ & (meta_ << 1u)) & 0x10101010u) >> 4u;
-    let at = unpack4xU8((meta_ ^ (order * is_node)) & 0x1f1f1f1fu);
-    let bits_ = unpack4xU8((meta_ >> 5u) & 0x07070707u) << at;
-    let met = select(vec4(0u), bits_, enter <= leave);
+    let met = select(vec4(0u), vec4(1u, 2u, 4u, 8u), enter <= leave);
     return met.x | met.y | met.z | met.w;
 }
 
-fn meet_node(node: u32, s: Slabs, from_: f32, to: f32) -> Met {
-    let n0 = geometry[node];
-    let n1 = bitcast<vec4<u32>>(geometry[node + 1u]);
-    let n2 = bitcast<vec4<u32>>(geometry[node + 2u]);
-    let n3 = bitcast<vec4<u32>>(geometry[node + 3u]);
-    let n4 = bitcast<vec4<u32>>(geometry[node + 4u]);
+// A set of slots by the order of the visit: slot, exclusive-or the order.
+fn in_order(slots: u32, order: u32) -> u32 {
+    var some = slots;
+    some = select(some, ((some & 0x55u) << 1u) | ((some >> 1u) & 0x55u), (order & 1u) != 0u);
+    some = select(some, ((some & 0x33u) << 2u) | ((some >> 2u) & 0x33u), (order & 2u) != 0u);
+    return select(some, ((some & 0x0fu) << 4u) | (some >> 4u), (order & 4u) != 0u);
+}
+
+// Three bits for each slot of a set.
+fn thrice(slots: u32) -> u32 {
+    var some = (slots | (slots << 8u)) & 0x00f00fu;
+    some = (some | (some << 4u)) & 0x0c30c3u;
+    some = (some | (some << 2u)) & 0x249249u;
+    return some * 7u;
+}
+
+// The vectors of a node, or of a body among nodes.
+struct Node {
+    a: vec4<f32>,
+    b: vec4<f32>,
+    c: vec4<f32>,
+    d: vec4<f32>,
+    e: vec4<f32>,
+}
+
+fn node_at(at: u32) -> Node {
+    return Node(geometry[at], geometry[at + 1u], geometry[at + 2u], geometry[at + 3u], geometry[at + 4u]);
+}
+
+fn meet_node(node: Node, s: Slabs, from_: f32, to: f32) -> Met {
+    let n0 = node.a;
+    let n1 = bitcast<vec4<u32>>(node.b);
+    let n2 = bitcast<vec4<u32>>(node.c);
+    let n3 = bitcast<vec4<u32>>(node.d);
+    let n4 = bitcast<vec4<u32>>(node.e);
     let form = bits(n0.w);
     let step = bitcast<vec3<f32>>(vec3(form & 0xffu, (form >> 8u) & 0xffu, (form >> 16u) & 0xffu) << vec3(23u));
     let scale = step * s.inverse;
@@ -159,13 +164,14 @@ fn meet_node(node: u32, s: Slabs, from_: f32, to: f32) -> Met {
     let lower_b = vec3(n2.y, n2.w, n3.y);
     let upper_b = vec3(n3.w, n4.y, n4.w);
     let a = meet_four(
-        n1.z, select(lower_a, upper_a, negative), select(upper_a, lower_a, negative), scale, near, far, s.order, from_, to
+        select(lower_a, upper_a, negative), select(upper_a, lower_a, negative), scale, near, far, from_, to
     );
     let b = meet_four(
-        n1.w, select(lower_b, upper_b, negative), select(upper_b, lower_b, negative), scale, near, far, s.order, from_, to
+        select(lower_b, upper_b, negative), select(upper_b, lower_b, negative), scale, near, far, from_, to
     );
-    let met = a | b;
-    return Met(vec2(n1.x, (met & 0xff000000u) | (form >> 24u)), vec2(n1.y, met & 0x00ffffffu));
+    let met = a | (b << 4u);
+    let nodes = form >> 24u;
+    return Met(vec2(n1.x, (in_order(met & nodes, s.order) << 24u) | nodes), n1.y, thrice(met) & n1.z, n1.z);
 }
 
 // Whether a hit is nearer than the best so far.
@@ -192,21 +198,6 @@ struct Walked {
     support: f32,
 }
 
-// A tree of two levels.
-struct TopLevel {
-    root: u32,
-    // The first entry of its bodies.
-    items: u32,
-}
-
-fn top_level_of_all() -> TopLevel {
-    return TopLevel(view.top_level, view.top_items);
-}
-
-fn top_level_of_seen() -> TopLevel {
-    return TopLevel(view.seen, view.seen_items);
-}
-
 // First word of the depths of objects on a pixel's ray, by object, or NONE.
 var<private> depths_of_pixel: u32 = NONE;
 
@@ -229,24 +220,25 @@ fn add_body(walked: ptr<function, Walked>, hit: Hit, members: u32) {
     }
 }
 
-// Walks a ray through what is between two distances. `seed` decides where surfaces cover in part. In a walk for
+// Walks a ray through the bodies of a top level, between two distances. `seed` decides where surfaces cover in part. In a walk for
 // every body or object `members` is the first word of a set to which the objects that are hit are added, or NONE.
-fn walk(look_for: u32, top: TopLevel, world_ray: Ray, from_: f32, to: f32, seed: u32, members: u32) -> Walked {
+fn walk(look_for: u32, top: u32, world_ray: Ray, from_: f32, to: f32, seed: u32, members: u32) -> Walked {
     var walked = Walked(no_hit(), vec3(1.0), 0u, FAR);
     let size = max_component(abs(world_ray.direction));
-    if top.root == NONE || !(size > 1e-24 && size < FAR) {
+    if top == NONE || !(size > 1e-24 && size < FAR) {
         return walked;
     }
     var best = no_hit();
     best.t = to;
+    // One of the two is used.
     var stack: array<vec2<u32>, STACK>;
+    var deep_stack: array<vec2<u32>, DEEP_STACK>;
     var height = 0u;
     // Height at which the walk of a body ends.
     var floor_ = 0u;
-    // Nodes to visit: index of the first child; order of visits in the highest byte, slots with nodes in the lowest. Below
-    // 1 << 24 it is items: index of the first, and the set of those to test.
+    // Nodes to visit: index of the first child; order of visits in the highest byte, slots with nodes in the lowest.
     var group = vec2(0u, 0x80000000u);
-    var root = top.root;
+    var root = top;
     var instance = NONE;
     var flags = 0u;
     let world_slabs = slabs_of(world_ray, view.reach, PLACED_BAND);
@@ -254,54 +246,50 @@ fn walk(look_for: u32, top: TopLevel, world_ray: Ray, from_: f32, to: f32, seed:
     var shear = Shear(vec3(0.0), vec3(0.0), 0u);
     var triangles = 0u;
     loop {
-        var items = group;
+        let place = firstLeadingBit(group.y);
+        let slot = (place - 24u) ^ (slabs.order & 7u);
+        let at = root + (group.x + countOneBits(group.y & 0xffu & ~(0xffffffffu << slot))) * NODE_SIZE;
+        group.y &= ~(1u << place);
         if group.y > 0x00ffffffu {
-            let place = firstLeadingBit(group.y);
-            let slot = (place - 24u) ^ (slabs.order & 7u);
-            let node = group.x + countOneBits(group.y & 0xffu & ~(0xffffffffu << slot));
-            group.y &= ~(1u << place);
-            if group.y > 0x00ffffffu {
-                stack[min(height, STACK - 1u)] = group;
-                height += 1u;
+            if DEEP {
+                deep_stack[height] = group;
+            } else {
+                stack[height] = group;
             }
-            let met = meet_node(root + node * NODE_SIZE, slabs, from_, best.t);
-            group = met.nodes;
-            items = met.items;
-        } else {
-            group = vec2(0u);
+            height += 1u;
         }
-        while items.y != 0u {
-            let item = items.x + firstTrailingBit(items.y);
-            items.y &= items.y - 1u;
-            if instance == NONE {
-                let body = bits(geometry[top.items + item].x);
-                if look_for == EVERY_OBJECT && body >= view.objects {
-                    continue;
-                }
-                // On with its tree; the rest comes later.
-                if items.y != 0u {
-                    stack[min(height, STACK - 1u)] = items;
-                    height += 1u;
-                }
-                if group.y > 0x00ffffffu {
-                    stack[min(height, STACK - 1u)] = group;
-                    height += 1u;
-                }
-                instance = body;
-                flags = body_flags(instance);
+        var node = node_at(at);
+        var is_skipped = false;
+        if instance == NONE && (bits(node.a.w) & 0xffu) == BODY_NODE {
+            let number = bits(node.e.x);
+            is_skipped = look_for == EVERY_OBJECT && number >= view.objects;
+            if !is_skipped {
+                // On with its tree, in its frame.
+                instance = number;
+                flags = bits(node.e.y);
                 floor_ = height;
-                let p = placed(world_ray, instance);
-                slabs = slabs_of(p.ray, p.reach, BAND);
-                shear = shear_of(p.ray);
-                root = p.root;
-                triangles = p.triangles;
-                group = vec2(0u, 0x80000000u);
-                break;
+                let rows = mat3x3(node.b.xyz, node.c.xyz, node.d.xyz);
+                let ray = Ray(world_ray.origin * rows + node.a.xyz, world_ray.direction * rows);
+                slabs = slabs_of(ray, node.d.w, BAND);
+                shear = shear_of(ray);
+                root = bits(node.b.w);
+                triangles = bits(node.c.w);
+                node = node_at(root);
             }
-            let at = triangles + 3u * item;
-            let a = geometry[at];
-            let b = geometry[at + 1u];
-            let c = geometry[at + 2u];
+        }
+        var met = Met(vec2(0u), 0u, 0u, 0u);
+        if !is_skipped {
+            met = meet_node(node, slabs, from_, best.t);
+        }
+        group = met.nodes;
+        while met.items != 0u {
+            let next = met.items & (0u - met.items);
+            let item = met.first_item + countOneBits(met.all_items & (next - 1u));
+            met.items ^= next;
+            let corners = triangles + 3u * item;
+            let a = geometry[corners];
+            let b = geometry[corners + 1u];
+            let c = geometry[corners + 2u];
             let found = test_triangle(shear, a.xyz, b.xyz, c.xyz);
             if !found.hit || found.t < from_ {
                 continue;
@@ -351,13 +339,17 @@ fn walk(look_for: u32, top: TopLevel, world_ray: Ray, from_: f32, to: f32, seed:
                 }
                 instance = NONE;
                 slabs = world_slabs;
-                root = top.root;
+                root = top;
             }
             if height == 0u {
                 break;
             }
             height -= 1u;
-            group = stack[height];
+            if DEEP {
+                group = deep_stack[height];
+            } else {
+                group = stack[height];
+            }
         }
     }
     if look_for == FIRST && best.instance != NONE {

@@ -41,11 +41,11 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     }
     let direction = center_direction(column, row);
     let ray = Ray(view.origin.xyz, direction);
-    let walked = walk(EVERY_BODY, top_level_of_seen(), ray, 0.0, FAR, 0u, coverage);
+    let walked = walk(EVERY_BODY, view.seen, ray, 0.0, FAR, 0u, coverage);
     depths_of_pixel = NONE;
     let first = walked.hit;
     if view.before_at != NONE {
-        walk(EVERY_OBJECT, top_level_of_seen(), ray, 0.0, walked.support, 0u, before);
+        walk(EVERY_OBJECT, view.seen, ray, 0.0, walked.support, 0u, before);
     }
     if view.depth_at != NONE {
         output[view.depth_at + pixel] = bitcast<u32>(first.t);

@@ -180,10 +180,7 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     if CUTOUTS {
         seed = alpha_seed(bits(n.x), bits(n.y), pass_.bounce);
     }
-    var top = top_level_of_all();
-    if pass_.bounce == 0u {
-        top = top_level_of_seen();
-    }
+    let top = select(view.top_level, view.seen, pass_.bounce == 0u);
     let hit = walk(FIRST, top, Ray(o.xyz, d.xyz), o.w, FAR, seed, NONE).hit;
     set_state(HIT, path, vec4(hit.t, hit.u, hit.v, flags_of(hit.primitive)));
     paths[NUMBERS * view.capacity + path].w = flags_of(hit.instance);
@@ -521,7 +518,7 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     let r = state(SHADOW_RAY, path);
     let o = state(SHADOW_ORIGIN, path);
     let ray = Ray(o.xyz, r.xyz);
-    let passed = walk(PASSAGE_OF_LIGHT, top_level_of_all(), ray, 0.0, r.w * (1.0 - TOUCHING), bits(o.w), NONE);
+    let passed = walk(PASSAGE_OF_LIGHT, view.top_level, ray, 0.0, r.w * (1.0 - TOUCHING), bits(o.w), NONE);
     if !is_black(passed.transmittance) {
         let l = state(SHADOW_LIGHT, path);
         var transmittance = passed.transmittance;

@@ -5,6 +5,7 @@ override CUTOUTS: bool = true;
 override PANES: bool = true;
 override GUIDES: bool = true;
 override PLAIN_DIELECTRICS: bool = false;
+override DEEP: bool = true;
 
 
 struct View {
@@ -45,11 +46,9 @@ struct View {
     // Of the scene.
     objects: u32,
     foreground: u32,
-    // Root of the top level, and the first of its bodies; the same of what camera rays meet.
+    // Root of the top level, and of that of what camera rays meet.
     top_level: u32,
-    top_items: u32,
     seen: u32,
-    seen_items: u32,
     // Largest absolute coordinate of the top level.
     reach: f32,
     // Of the sampler.
@@ -75,7 +74,6 @@ struct View {
     sums_at: u32,
     // As those of the labels.
     object_depths_at: u32,
-    unused: u32,
 }
 
 struct Pass {
@@ -133,7 +131,7 @@ fn no_hit() -> Hit {
 }
 
 // A body is BODY_SIZE entries: columns of its rotation with where its triangles, tangents and colors are; its position with its
-// flags; its slots; the matrix object from world; its tree.
+// flags; its slots.
 const BODY_CUTOUTS: u32 = 1u;
 const BODY_PANES: u32 = 2u;
 
@@ -167,10 +165,6 @@ fn body_at(instance: u32) -> Body {
         e.x,
         e.y,
     );
-}
-
-fn body_flags(instance: u32) -> u32 {
-    return tables[view.bodies + instance * BODY_SIZE + 3u].w;
 }
 
 fn direction_to_world(body: Body, v: vec3<f32>) -> vec3<f32> {

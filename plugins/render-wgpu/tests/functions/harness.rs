@@ -338,8 +338,13 @@ fn shape() -> Shape {
 }
 ";
 
+/// Rows of which one may be wrong on a card, of a function that is within a tolerance: cards divide and take roots less
+/// exactly than programs in their place, so that a branch goes the other way, or a number that cancels is off, now and then.
+const ROWS_OF_A_SLIP: usize = 200;
+
 /// An adapter, its device and the buffer of the tables.
 struct Gpu {
+    is_card: bool,
     device: wgpu::Device,
     queue: wgpu::Queue,
     lobes: wgpu::Buffer,
@@ -355,7 +360,8 @@ impl Gpu {
             syntable_testing::tools::skip("a graphics adapter (mesa-vulkan-drivers)");
             return None;
         };
-        println!("{}", adapter.get_info().name);
+        let info = adapter.get_info();
+        println!("{}", info.name);
         let (device, queue) =
             pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).expect("opens");
         let halves = |cell: &[f32; 8]| {
@@ -368,7 +374,7 @@ impl Gpu {
             .collect();
         let lobes = storage(&device, size_of_val(&*numbers));
         queue.write_buffer(&lobes, 0, bytemuck::cast_slice(&numbers));
-        Some(Self { device, queue, lobes })
+        Some(Self { is_card: info.device_type != wgpu::DeviceType::Cpu, device, queue, lobes })
     }
 
     /// Results of a function, so many words for each row of arguments.
@@ -488,7 +494,10 @@ fn reference(function: &Function, dielectrics: Dielectrics, row: &[Word]) -> Vec
 /// What is wrong with a result, given those in Rust.
 fn complaint(tolerance: Tolerance, got: u32, wanted: &[Word]) -> Option<String> {
     let (real, Tolerance::Within(relative, absolute)) = (f32::from_bits(got), tolerance) else {
-        return (got != wanted[0].bits()).then(|| format!("{got:#010x}, not {:#010x}", wanted[0].bits()));
+        // Which zero a function gives is the card's choice.
+        let is_zero = |bits: u32| matches!(wanted[0], Word::Real(_)) && f32::from_bits(bits) == 0.0;
+        let is_same = got == wanted[0].bits() || is_zero(got) && is_zero(wanted[0].bits());
+        return (!is_same).then(|| format!("{got:#010x}, not {:#010x}", wanted[0].bits()));
     };
     let Word::Real(first) = wanted[0] else {
         let found = wanted.iter().any(|word| word.bits() == got);
@@ -519,17 +528,19 @@ pub fn compare(functions: &[Function]) {
             let wanted: Vec<_> = rows.iter().map(|row| reference(function, dielectrics, row)).collect();
             let width = wanted[0][0].len();
             let got = gpu.run(function, dielectrics, &arguments, width);
-            let wrong: Vec<String> = (0..ROWS as usize * width)
-                .filter_map(|i| {
-                    let (row, place) = (i / width, i % width);
+            let wrong = |row: usize| {
+                (0..width).find_map(|place| {
                     let wanted: Vec<Word> = wanted[row].iter().map(|results| results[place]).collect();
-                    let what = complaint(function.tolerance, got[i], &wanted)?;
+                    let what = complaint(function.tolerance, got[row * width + place], &wanted)?;
                     Some(format!("result {place} is {what} for {:?}", rows[row]))
                 })
-                .collect();
-            if let Some(first) = wrong.first() {
+            };
+            let wrong: Vec<String> = (0..ROWS as usize).filter_map(wrong).collect();
+            let may_slip = gpu.is_card && matches!(function.tolerance, Tolerance::Within(..));
+            let slips = if may_slip { ROWS as usize / ROWS_OF_A_SLIP } else { 0 };
+            if let Some(first) = wrong.get(slips) {
                 let count = wrong.len();
-                complaints.push(format!("`{}` ({dielectrics:?}), {count} wrong; {first}", function.name));
+                complaints.push(format!("`{}` ({dielectrics:?}), {count} rows wrong; {first}", function.name));
             }
         }
     }
