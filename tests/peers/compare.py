@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares the CPU renderer with Mitsuba 3, and with Blender's Cycles if it is installed. Not part of CI.
+"""Compares a renderer with Mitsuba 3, and with Blender's Cycles if it is installed. Not part of CI.
 
     cargo build --release
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install mitsuba pyoidn numpy pillow flip-evaluator bpy==5.0.1
@@ -16,7 +16,8 @@ glb.py and rendered by Mitsuba; the mean radiance of every region must agree wit
 models light it), or three standard errors if that is more.
 
 `speed`: twenty objects in a closed room, 640 × 480, eight bounces. All times are wall-clock and for the scene loaded
-and kernels compiled; errors are against each renderer's own converged image. Nothing else should run meanwhile.
+and kernels compiled; errors are against each renderer's own converged image. Nothing else should run meanwhile. On a
+card: `MITSUBA_VARIANT=cuda_ad_rgb compare.py speed --renderer gpu_path`.
 
 With `--book`, tables and images go to the book.
 """
@@ -36,6 +37,7 @@ def main() -> int:
     parser.add_argument("what", nargs="?", choices=["correctness", "speed", "all"], default="all")
     parser.add_argument("--binary", type=Path, default=ROOT / "target" / "release" / "syntable")
     parser.add_argument("--work", type=Path, help="folder for what is made on the way; a temporary one if left out")
+    parser.add_argument("--renderer", default="cpu_path", help="our renderer in `speed`")
     parser.add_argument("--quick", action="store_true", help="few samples: to see that everything runs")
     parser.add_argument("--patience", type=float, default=120, help="seconds for each converged image of `speed`")
     parser.add_argument("--book", action="store_true", help="write tables and images to the book")
@@ -53,7 +55,7 @@ def main() -> int:
         if arguments.what != "correctness":
             assets = os.environ.get("ASSETS")
             patience = 4 if arguments.quick else arguments.patience
-            table = speed.compare(arguments.binary, work, Path(assets) if assets else None, patience)
+            table = speed.compare(arguments.binary, work, Path(assets) if assets else None, patience, arguments.renderer)
             publish(table, "speed", "compare.py", arguments.book)
     return 0 if agree else 1
 

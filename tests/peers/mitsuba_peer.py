@@ -27,7 +27,9 @@ def find_llvm() -> None:
 find_llvm()
 import mitsuba as mi  # noqa: E402
 
-mi.set_variant("llvm_ad_rgb")
+# `cuda_ad_rgb` renders on a card.
+VARIANT = os.environ.get("MITSUBA_VARIANT", "llvm_ad_rgb")
+mi.set_variant(VARIANT)
 import gltf_bsdf  # noqa: E402, F401 (registers itself)
 
 # Bounces after which faint paths may end; the default of our renderer.
@@ -38,7 +40,7 @@ ROUGH_GLASS = 0.05
 class Peer:
     """A scene loaded into Mitsuba."""
 
-    name = f"Mitsuba {mi.__version__}"
+    name = f"Mitsuba {mi.__version__}" + (" (CUDA)" if "cuda" in VARIANT else "")
 
     def __init__(self, scene: glb.Scene, bounces: int, exact: bool = False):
         description = {"type": "scene", "sensor": _sensor(scene.camera)}

@@ -11,7 +11,7 @@ import cycles_peer
 import measures
 import oidn_peer
 import ours
-from mitsuba_peer import Peer
+from mitsuba_peer import VARIANT, Peer
 
 RECIPE = Path(__file__).parent / "room.toml"
 BOUNCES = 8
@@ -21,8 +21,8 @@ REPEATS = 2
 AIMS = (35.0, 39.0)
 # Samples of the albedo and the normals that Mitsuba gives to the denoiser; their time counts.
 GUIDE_SAMPLES = 8
-# Mitsuba holds all samples of a pass in memory.
-PASS = 16
+# Mitsuba holds all samples of a pass in memory: the processor's, or the card's.
+PASS = 64 if "cuda" in VARIANT else 16
 
 
 @dataclass
@@ -36,11 +36,12 @@ class Row:
     rel_mse: float
 
 
-def compare(binary: Path, work: Path, assets: Path | None, patience: float) -> str:
+def compare(binary: Path, work: Path, assets: Path | None, patience: float, kind: str) -> str:
     """The table of times and errors, and the times at which the aims are reached. `patience` is how many seconds a
-    converged image may take.
+    converged image may take, `kind` our renderer.
     """
     settings = [f"assets.objects={{ kind = 'google_scanned_objects', root = '{assets / 'gso'}' }}"] if assets else []
+    settings.append(f"render.kind='{kind}'")
     run = _Ours(binary, work, settings)
     scene = run.scene()
     rows, floors = list(run.rows(patience)), [("ours", run.floor)]
@@ -61,7 +62,7 @@ def compare(binary: Path, work: Path, assets: Path | None, patience: float) -> s
 
 def _table(rows: list[Row]) -> list[str]:
     lines = ["| renderer | samples | seconds | PSNR, dB | relMSE |", "|---|---|---|---|---|"]
-    numbers = lambda r: f"| {r.how} | {r.samples} | {r.seconds:.2f} | {r.psnr:.1f} | {r.rel_mse:.4f} |"
+    numbers = lambda r: f"| {r.how} | {r.samples} | {r.seconds:.3g} | {r.psnr:.1f} | {r.rel_mse:.4f} |"
     return lines + [numbers(row) for row in rows]
 
 
@@ -77,12 +78,12 @@ def _aims(rows: list[Row]) -> list[str]:
 def reached(rows: list[Row], aim: float) -> str:
     """When an image reaches a quality, between the rows in proportion to the logarithm of time."""
     if rows[0].psnr >= aim:
-        return f"at most {rows[0].seconds:.2f} s"
+        return f"at most {rows[0].seconds:.3g} s"
     for low, high in zip(rows, rows[1:]):
         if high.psnr >= aim:
             part = (aim - low.psnr) / (high.psnr - low.psnr)
-            return f"{low.seconds * (high.seconds / low.seconds) ** part:.2f} s"
-    return f"more than {rows[-1].seconds:.1f} s"
+            return f"{low.seconds * (high.seconds / low.seconds) ** part:.3g} s"
+    return f"more than {rows[-1].seconds:.3g} s"
 
 
 def _floors(floors: list[tuple[str, float]]) -> list[str]:

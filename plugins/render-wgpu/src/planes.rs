@@ -85,7 +85,6 @@ impl LabelSections {
             }
             false => NONE,
         };
-        // Sets first: their words are read in pairs.
         Self {
             coverage: section(COVERAGE.id(), set),
             before: section(COVERAGE.before_support().id(), set),
@@ -126,13 +125,12 @@ impl LabelSections {
         let section = |key: KeyId, start: u32, words: usize| {
             (start != NONE && wants.contains(&key)).then(|| &output[start as usize..][..pixels * words])
         };
-        let objects = self.objects;
+        let (objects, set) = (self.objects, self.set);
         let mut makers: Vec<Maker> = Vec::new();
         for (key, start) in [(COVERAGE, self.coverage), (COVERAGE.before_support(), self.before)] {
             if let Some(words) = section(key.id(), start, self.set) {
                 makers.push(Box::new(move |frame| {
-                    let pairs = words.as_chunks().0.iter().map(|&[low, high]| u64::from(low) | u64::from(high) << 32);
-                    frame.put(key, BitPlane::from_words(width, height, objects, pairs.collect()))
+                    frame.put(key, BitPlane::from_words(width, height, objects, pairs(words, set)))
                 }));
             }
         }
@@ -177,6 +175,15 @@ pub fn make_all(makers: &[Maker], workers: &dyn Workers, frame: &mut Products) -
         let _ = made[i].set(makers[i](&mut products).map(|()| products));
     });
     made.into_iter().filter_map(OnceLock::into_inner).try_for_each(|products| frame.extend(products?))
+}
+
+/// Sets of 32 bits a word as sets of 64, each of `set` words.
+fn pairs(words: &[u32], set: usize) -> Vec<u64> {
+    if set == 1 {
+        return words.iter().map(|&word| word.into()).collect();
+    }
+    let pair = |pair: &[u32]| pair.iter().rev().fold(0, |bits, &word| bits << 32 | u64::from(word));
+    words.chunks_exact(set).flat_map(|set| set.chunks(2).map(pair)).collect()
 }
 
 /// A plane of colors or directions.

@@ -240,7 +240,7 @@ impl GpuSession {
                 | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage),
             max_bounces: settings.max_bounces,
             roulette_from: settings.roulette_from,
-            words: 2 * scene.objects.div_ceil(64).max(1) as u32,
+            words: scene.objects.div_ceil(32).max(1) as u32,
             ..View::default()
         };
         let [a, b, c, _] = view.corner;
