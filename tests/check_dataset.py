@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Checks a dataset in SynTable's layout as a stranger would: with pycocotools, NumPy and Pillow, from its files alone.
 
-    python3 tests/check_dataset.py DATASET [--compat coco|syntable_1] [--annotations FILE] [--npz FOLDER]
+    python3 tests/check_dataset.py DATASET [--compat coco|syntable_1] [--annotations FILE] [--npz FOLDER] [--part I/N]
 
 Checked: files and their types; ids; every mask decodes, encodes back to the same bytes, and visible masks are disjoint;
 occlusion = amodal - visible; areas, boxes and rates are those of the masks; the label policy is kept; the occlusion
@@ -38,9 +38,10 @@ COCO_IMAGE_KEYS = {"scene_id", "view_id", "instance_ids", "camera", "label_polic
 class Checker:
     """Collects what is wrong with a dataset."""
 
-    def __init__(self, root, compat, annotations, npz):
+    def __init__(self, root, compat, annotations, npz, part):
         self.root, self.compat, self.file = root, compat, root / annotations
         self.npz = npz and root / npz
+        self.first, self.step = (int(number) for number in part.split("/"))
         self.problems = []
         self.occluded = self.occluded_px = self.amodal_px = self.edges = 0
         self.bbox_kinds = {"visible", "amodal"}
@@ -69,6 +70,7 @@ class Checker:
         self.ids(images, annotations)
         self.stems(images)
         unique = list({image["id"]: image for image in images}.values())
+        unique = unique[self.first :: self.step]
         for image in unique:
             before = len(self.problems)
             try:
@@ -285,11 +287,12 @@ def main():
     parser.add_argument("--compat", choices=["coco", "syntable_1"], default="coco", help="form of the annotation file")
     parser.add_argument("--annotations", default="annotation_final.json", help="name of the annotation file")
     parser.add_argument("--npz", help="folder of archives of the writer npz, with its default products")
+    parser.add_argument("--part", default="0/1", help="look at the images I, I + N, I + 2 N ..., from 0: `I/N`")
     options = parser.parse_args()
     if not (options.dataset / options.annotations).is_file():
         print(f"{options.dataset / options.annotations} is not there", file=sys.stderr)
         return 2
-    checker = Checker(options.dataset, options.compat, options.annotations, options.npz)
+    checker = Checker(options.dataset, options.compat, options.annotations, options.npz, options.part)
     images, annotations = checker.run()
     if checker.problems:
         for problem in checker.problems[:40]:

@@ -153,6 +153,10 @@ impl<'a> Passes<'a> {
             if shadows && bounce < max_bounces {
                 self.dispatch(SHADOW, bounce, Groups::Counted(12));
             }
+            if bounce == 0 {
+                // The device begins while the rest is recorded.
+                self.submit();
+            }
             if bounce % BOUNCES_AT_ONCE == BOUNCES_AT_ONCE - 1 && bounce < max_bounces {
                 let counters = self.counters()?;
                 if counters[bounce as usize + 1] == 0 {
