@@ -37,7 +37,6 @@ pub mod checks;
 pub mod cuboids;
 pub mod depth_relations;
 pub mod distance;
-mod extent;
 pub mod identity;
 pub mod label_arrays;
 pub mod lights;

@@ -1,6 +1,6 @@
 //! How much of every object an image shows.
 
-use crate::extent::extents;
+use syntable_model::product::extents;
 use crate::object_info::Which;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, INSTANCE, VISIBILITY};
