@@ -171,7 +171,7 @@ products! {
     pub const AMODAL_DEPTH: Key<PerInstance<Plane<f32>>> = view("amodal_depth").semantic(Semantic::Depth).unit("m");
 
     /// Unit shading normal of each annotated object's first surface in the camera frame, hidden parts included. Zero
-    /// outside of its silhouette.
+    /// outside of its amodal mask.
     pub const AMODAL_NORMAL: Key<ObjectImages<[f32; 3]>> = view("amodal_normal").semantic(Semantic::Normal);
 
     /// Each annotated object as the camera would see it without what occludes it: red, green, blue and opacity, 8 bits

@@ -60,6 +60,11 @@ impl Atlas {
         Self { size: size.map(|edge: u32| edge.max(1)), tiles }
     }
 
+    /// The window of an object; none if it covers nothing of the image.
+    pub fn tile(&self, id: InstanceId) -> Option<&AtlasTile> {
+        self.tiles.binary_search_by_key(&id, |tile| tile.id).ok().map(|index| &self.tiles[index])
+    }
+
     /// Part of a plane of the atlas that shows a tile.
     pub fn cut<T: Copy>(plane: &Plane<T>, tile: &AtlasTile) -> Plane<T> {
         let ([x, y], Window { width, height, .. }) = (tile.at, tile.window);
@@ -92,6 +97,7 @@ mod tests {
         );
         assert!(atlas.size[0] <= width);
         let mut taken = Plane::from_fn(atlas.size[0], atlas.size[1], |_, _| false);
+        assert_eq!((atlas.tile(InstanceId(4)), atlas.tile(InstanceId(3))), (Some(&atlas.tiles[2]), None));
         for (tile, (_, [x0, y0, x1, y1])) in atlas.tiles.iter().zip(&boxes) {
             let window = tile.window;
             let grown = [

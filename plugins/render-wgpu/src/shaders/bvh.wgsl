@@ -200,10 +200,16 @@ struct TopLevel {
 }
 
 fn top_level_of_all() -> TopLevel {
+    if TILES {
+        return TopLevel(tile.all.x, tile.all.y);
+    }
     return TopLevel(view.top_level, view.top_items);
 }
 
 fn top_level_of_seen() -> TopLevel {
+    if TILES {
+        return TopLevel(tile.seen.x, tile.seen.y);
+    }
     return TopLevel(view.seen, view.seen_items);
 }
 

@@ -31,6 +31,13 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
         return;
     }
     let pixel = row * width + column;
+    if TILES {
+        let number = tile_number(column, row);
+        if number == NONE {
+            return;
+        }
+        enter_tile(number);
+    }
     let coverage = empty_set(view.coverage_at, pixel);
     let before = empty_set(view.before_at, pixel);
     if view.object_depths_at != NONE {
