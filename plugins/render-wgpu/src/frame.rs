@@ -266,7 +266,7 @@ impl GpuSession {
 
     /// Lists all pixels of all tiles, squares of 8 × 8 one after the other, so that neighbors are traced together. Also
     /// gives where the numbers of the pixels' tiles are, if there are several.
-    fn list(&mut self, request: &RenderRequest, capacity: u32) -> Result<(Pixels, u32)> {
+    pub fn list(&mut self, request: &RenderRequest, capacity: u32) -> Result<(Pixels, u32)> {
         let [width, height] = request.size;
         let pixels = Pixels { list: 3 * capacity, count: request.pixels() as u32, is_chosen: false };
         let tile_map = 3 * capacity + 2 * width * height;
