@@ -36,8 +36,8 @@ fn objects_look_as_in_the_image_and_are_whole() {
         assert!(output.status.success(), "{mode}: {said}");
         println!("{mode}: {}", said.trim());
     };
-    let camera = "sensor.rgb={ kind = \"rgb_camera\", white_balance = \"auto\", tone = \"agx\" }";
-    check("exact", &["denoise={ kind = \"none\" }", camera]);
+    let camera = ["sensor.rgb_camera.white_balance=\"auto\"", "sensor.rgb_camera.tone=\"agx\""];
+    check("exact", &["denoise={ kind = \"none\" }", camera[0], camera[1]]);
     check("denoised", &["denoise={ kind = \"guided\" }"]);
     check("alone", &["denoise={ kind = \"guided\" }", "annotate.appearance={ lighting = \"alone\" }"]);
 }
