@@ -93,6 +93,10 @@ parts = np.zeros_like(rgb, dtype=float)
 parts[array("tabletop_mask") > 0], parts[array("background_mask") > 0] = (150, 110, 70), (70, 80, 95)
 parts[array("category_map") > 0] = (230, 230, 230)
 hidden = np.where(np.isfinite(amodal_depth[at])[..., None], gray(amodal_depth[at]), rgb * 0.3)
+whole = array("appearance")[at].astype(float)
+checks = 255 * (0.75 + 0.15 * ((np.indices(rgb.shape[:2]) // 8).sum(axis=0) % 2))[..., None]
+whole = whole[..., :3] * whole[..., 3:] / 255 + checks * (1 - whole[..., 3:] / 255)
+normals = array("amodal_normal")[at]
 tiles = [
     ("rgb", rgb),
     ("visible_mask", painted(visible)),
@@ -110,12 +114,15 @@ tiles = [
     ("object_coordinates", 255 * array("object_coordinates")),
     ("amodal_object_coordinates of the same object", 255 * amodal_coordinates[at]),
     ("normal", 127.5 * (array("normal") * (1, -1, -1) + 1)),
+    ("amodal_normal of the same object", np.where(normals.any(axis=2, keepdims=True), 127.5 * (normals * (1, -1, -1) + 1), rgb * 0.3)),
+    ("appearance of the same object", whole),
 ]
 height, width = rgb.shape[:2]
-sheet = Image.new("RGB", (4 * (width + 6) - 6, 4 * (height + 22)), "white")
+COLUMNS = 3
+sheet = Image.new("RGB", (COLUMNS * (width + 6) - 6, -(-len(tiles) // COLUMNS) * (height + 22)), "white")
 font = ImageFont.load_default(13)
 for k, (title, tile) in enumerate(tiles):
-    x, y = k % 4 * (width + 6), k // 4 * (height + 22)
+    x, y = k % COLUMNS * (width + 6), k // COLUMNS * (height + 22)
     sheet.paste(Image.fromarray(np.clip(tile, 0, 255).astype(np.uint8)), (x, y + 18))
     ImageDraw.Draw(sheet).text((x + 2, y + 1), title, fill="black", font=font)
 sheet.save(pathlib.Path(__file__).parent / "src/images/labels.jpg", quality=82)

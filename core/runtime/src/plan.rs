@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::sync::Arc;
 use syntable_model::error::Error;
+use syntable_model::product::standard::{COVERAGE, RADIANCE};
 use syntable_model::product::{KeyId, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
@@ -135,6 +136,8 @@ pub struct Plan {
     pub replaced: Vec<Replacement>,
     /// The denoiser, if the renderer runs it.
     pub denoiser: Option<PlannedStage>,
+    /// Parameters of rendering that the denoiser runs with, beside those of the image.
+    pub denoised: BTreeSet<RenderParameters>,
     /// Annotators of the scene that run before the views.
     pub before_views: Vec<PlannedStage>,
     /// Producers that run once per view.
@@ -331,7 +334,12 @@ impl Plan {
             // What covers the dataset is made from records at its end.
             if entry.key.scope != Scope::Dataset && needed.insert(name) {
                 let provider = self.stages().find(|stage| stage.stage == entry.provider);
-                open.extend(provider.into_iter().flat_map(|stage| &stage.reads).map(|key| key.name));
+                let reads = provider.into_iter().flat_map(|stage| &stage.reads);
+                open.extend(reads.clone().map(|key| key.name));
+                if name.parameters.objects.is_some() {
+                    open.push(COVERAGE.id().name);
+                    open.extend(reads.map(|key| key.with(name.parameters).name));
+                }
             }
         }
         let is_needed = |entry: &&PlanEntry| needed.contains(&entry.key.name);
@@ -341,12 +349,16 @@ impl Plan {
             stages.iter().filter(runs).cloned().collect()
         };
         let rendered = |key: &&KeyId| {
-            let name = self.replaced.iter().find(|it| it.product == **key).map_or(key.name, |it| it.original.name);
-            needed.contains(&name)
+            let parameters = key.name.parameters;
+            let is_it = |it: &&Replacement| self.replaces_with(it, parameters) && it.product.with(parameters) == **key;
+            let original = self.replaced.iter().find(is_it).map_or(**key, |it| it.original.with(parameters));
+            needed.contains(&original.name)
         };
+        let denoises = |parameters: &RenderParameters| needed.contains(&RADIANCE.with(*parameters).id().name);
         Self {
             rendered: self.rendered.iter().filter(rendered).copied().collect(),
             denoiser: None,
+            denoised: self.denoised.iter().copied().filter(denoises).collect(),
             replaced: self.replaced.iter().filter(|it| needed.contains(&it.original.name)).copied().collect(),
             before_views: running(&self.before_views),
             per_view: running(&self.per_view),
@@ -377,15 +389,23 @@ impl Plan {
         self
     }
 
-    /// The rendered products by the canvas that they are wanted on, each as a product of the image: the renderer is asked
-    /// for one window after the other.
-    pub fn by_canvas(&self) -> BTreeMap<u32, Vec<KeyId>> {
-        let mut canvases: BTreeMap<u32, Vec<KeyId>> = BTreeMap::new();
+    /// The rendered products by their canvas and objects, each as a product of the image: the renderer is asked for one
+    /// after the other, and for the image first.
+    pub fn by_request(&self) -> BTreeMap<RenderParameters, Vec<KeyId>> {
+        let mut requests: BTreeMap<RenderParameters, Vec<KeyId>> = BTreeMap::new();
         for key in &self.rendered {
-            let parameters = RenderParameters { canvas: 1, ..key.name.parameters };
-            canvases.entry(key.name.parameters.canvas).or_default().push(key.with(parameters));
+            let before_support = key.name.parameters.before_support;
+            let request = RenderParameters { before_support: false, ..key.name.parameters };
+            let of_image = RenderParameters { before_support, ..RenderParameters::IMAGE };
+            requests.entry(request).or_default().push(key.with(of_image));
         }
-        canvases
+        requests
+    }
+
+    /// Whether a stage replaces its product where it is rendered with other parameters, too.
+    pub fn replaces_with(&self, replacement: &Replacement, parameters: RenderParameters) -> bool {
+        let of_denoiser = || replacement.product == RADIANCE.id() && self.denoised.contains(&parameters);
+        parameters == replacement.product.name.parameters || of_denoiser()
     }
 
     /// Products of a scope that the annotators of the dataset read: they are recorded for every scene.
@@ -475,6 +495,7 @@ struct Note {
     /// What it replaces, whether it is in the recipe or not: of that it is no source.
     replaces: Vec<Replacement>,
     scope: Scope,
+    is_denoiser: bool,
     after_views: bool,
     explicit: bool,
     /// Whether a crate of this workspace registers it.
@@ -491,6 +512,7 @@ impl Resolver {
                 provides: candidate.producer.provides(),
                 replaces: candidate.producer.replaces(),
                 scope: candidate.producer.scope(),
+                is_denoiser: matches!(candidate.producer, Producer::Denoiser(_)),
                 after_views: false,
                 explicit: candidate.implied.is_none(),
                 stock: candidate.implied.as_ref().is_some_and(|implied| implied.entry.is_stock()),
@@ -516,6 +538,17 @@ impl Resolver {
             }
             return;
         }
+        if let Some((index, replacement, parameters)) = self.denoised(name) {
+            return match replacement.original.with(parameters).name == *name {
+                true => self.source(
+                    &replacement.product.with(parameters).name.to_string(),
+                    replacement.original.with(parameters),
+                    by,
+                    path,
+                ),
+                false => self.denoise(index, replacement, parameters, by, path),
+            };
+        }
         let replacers: Vec<usize> =
             self.replacements.iter().filter(|(_, it)| it.product.name == name).map(|&(i, _)| i).collect();
         match (replacers.as_slice(), self.replacements.iter().find(|(_, it)| it.original.name == name).copied()) {
@@ -526,6 +559,33 @@ impl Resolver {
             }
             _ => self.provided(name, by, path),
         }
+    }
+
+    /// The denoiser of a product of objects that is named, or of its original; and the parameters of rendering.
+    fn denoised(&self, name: &str) -> Option<(usize, Replacement, RenderParameters)> {
+        self.replacements.iter().filter(|(i, _)| self.notes[*i].is_denoiser).find_map(|&(i, it)| {
+            let key = it.product.parse(name).or_else(|| it.original.parse(name))?;
+            key.name.parameters.objects.is_some().then_some((i, it, key.name.parameters))
+        })
+    }
+
+    /// Plans the denoised light on objects: the denoiser runs on it as on the image, with the same guides.
+    fn denoise(
+        &mut self,
+        index: usize,
+        replacement: Replacement,
+        parameters: RenderParameters,
+        by: &Asker,
+        path: &mut Vec<usize>,
+    ) {
+        let (stage, reads) = (self.notes[index].stage.clone(), self.notes[index].reads.clone());
+        let asker = Asker { stage: &stage, option: None };
+        self.want(&replacement.product.name.to_string(), by, path);
+        for read in reads {
+            self.want(&read.with(parameters).name.to_string(), &asker, path);
+        }
+        let key = replacement.product.with(parameters);
+        self.entries.push(PlanEntry { key, provider: stage, wanted_by: vec![by.stage.to_owned()] });
     }
 
     /// The product of that name that the renderer offers, with the parameters of the name.
@@ -571,6 +631,10 @@ impl Resolver {
         let sources = self.sources(name);
         match (offered, sources.as_slice()) {
             (Some(key), []) => {
+                if key.name.parameters.objects.is_some() {
+                    // It says where the objects are.
+                    self.want(&COVERAGE.id().name.to_string(), &Asker { stage: "render", option: None }, path);
+                }
                 self.entries.push(PlanEntry { key, provider: "render".into(), wanted_by: vec![by.stage.into()] });
             }
             (None, &[index]) => self.provide(index, name, by, path),
@@ -660,7 +724,8 @@ impl Resolver {
             self.offers.iter().any(|key| name.split_once(" (").is_some_and(|(base, _)| key.name.base == base));
         let help = match rendered {
             true => {
-                "a rendered product may have `(canvas 3)`, 5, 7 or 9, and coverage `(before support)`, joined by a comma"
+                "a rendered product may have `(canvas 3)`, 5, 7 or 9, and coverage `(before support)`, joined by a comma; \
+                 or, with one value per pixel, `(objects alone)` or `(objects in scene)`"
             }
             false => "`syntable list products` shows all products of the linked plugins",
         };
@@ -701,9 +766,17 @@ impl Resolver {
         let active: Vec<Replacement> =
             self.replacements.iter().filter(|(i, _)| runs(*i, &self.entries)).map(|(_, it)| *it).collect();
         let rendered = self.entries.iter().filter(|entry| entry.provider == "render");
-        plan.rendered = rendered
-            .map(|entry| active.iter().find(|it| it.original == entry.key).map_or(entry.key, |it| it.product))
-            .collect();
+        let rendered_as = |key: KeyId| {
+            let parameters = key.name.parameters;
+            let replacement = active.iter().find(|it| it.original.with(parameters) == key);
+            replacement.map_or(key, |it| it.product.with(parameters))
+        };
+        plan.rendered = rendered.map(|entry| rendered_as(entry.key)).collect();
+        let is_denoised = |entry: &&PlanEntry| {
+            let of_denoiser = |note: &Note| note.is_denoiser && note.stage == entry.provider;
+            entry.key.name.parameters.objects.is_some() && self.notes.iter().any(of_denoiser)
+        };
+        plan.denoised = self.entries.iter().filter(is_denoised).map(|entry| entry.key.name.parameters).collect();
         plan.replaced = active;
         // Entries are in dependency order, so the first entry of a producer is when it has to run.
         for entry in &self.entries {

@@ -65,7 +65,7 @@ pub fn renderer(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderReq
         session.load(scene, workers).expect("loads");
         let mut products = Products::new();
         let request = RenderRequest::new(request.view, wants, request.stream.clone(), workers);
-        session.render(&RenderRequest { window, bodies, ..request }, &mut products).expect("renders");
+        session.render(&request.of(window, bodies), &mut products).expect("renders");
         assert_eq!(sorted(products.keys()), sorted(wants.to_vec()), "it makes other products than wanted");
         wants.iter().map(|key| products.value(&key.name).expect("made")).collect::<Vec<_>>()
     };

@@ -1,4 +1,4 @@
-//! Images in rounds: which tiles get how many samples, and the report of the result.
+//! Images in rounds: which squares get how many samples, and the report of the result.
 
 use crate::camera::RayCamera;
 use crate::sums::PixelSums;
@@ -9,16 +9,16 @@ use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::photometry::luminance;
 use syntable_model::product::standard::{
-    DENOISE_ALBEDO, DENOISE_NORMAL, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE, RADIANCE_SPECULAR,
-    RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
+    DENOISE_ALBEDO, DENOISE_NORMAL, OPACITY, RADIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE,
+    RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_VARIANCE, RENDER_REPORT,
 };
 use syntable_model::product::{KeyId, Plane, Products, Value};
-use syntable_model::stage::Window;
+use syntable_model::stage::{Tile, Window};
 
 /// Edge of the squares of pixels that are one job, and that stop together.
-const TILE: i32 = 16;
+const SQUARE: i32 = 16;
 
-/// Samples of the first round where tiles may stop early: enough to know how noisy they are.
+/// Samples of the first round where squares may stop early: enough to know how noisy they are.
 const FIRST_ROUND: u32 = 16;
 
 /// Samples of the guides of pixels that are unlike their neighbors, on top of those that also find light; with as many
@@ -40,7 +40,7 @@ const FIREFLY_ERROR: f64 = 0.5;
 pub struct Budget {
     /// Maximum samples per pixel.
     pub samples: u32,
-    /// Tiles whose relative error is below this stop early.
+    /// Squares whose relative error is below this stop early.
     pub noise: Option<f64>,
     /// No round starts that would end later than this many seconds after the start, as the last one took.
     pub seconds: Option<f64>,
@@ -53,19 +53,21 @@ impl Budget {
     }
 }
 
-/// Samples to add to pixels of a tile.
+/// Samples to add to pixels of a square.
 pub struct Task<'a> {
-    /// Left, top, right, bottom of the tile, px from the corner of the image.
+    /// Number of the tile that it is of.
+    pub tile: usize,
+    /// Left, top, right, bottom of the square, px from the corner of the image.
     pub area: [i32; 4],
-    /// Numbers of the pixels in the tile, row by row.
+    /// Numbers of the pixels in the square, row by row.
     pub pixels: &'a [u16],
     /// Samples to trace of each.
     pub samples: Range<u32>,
-    /// Sums of all pixels of the tile, row by row.
+    /// Sums of all pixels of the square, row by row.
     pub sums: &'a mut [PixelSums],
 }
 
-/// Column and row in the image of a pixel of a tile [left, top, right, bottom].
+/// Column and row in the image of a pixel of a square [left, top, right, bottom].
 pub fn place([left, top, right, _]: [i32; 4], pixel: u16) -> (i32, i32) {
     let pixel = i32::from(pixel);
     (left + pixel % (right - left), top + pixel / (right - left))
@@ -95,21 +97,29 @@ impl Statistics {
 pub trait Tracer {
     /// Whether guides are gathered with the light.
     fn has_guides(&self) -> bool;
-    /// Adds samples to the sums of tiles. The tasks are of different tiles, and have as many samples.
+    /// Adds samples to the sums of squares. The tasks are of different squares, and have as many samples.
     fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics>;
     /// Adds samples of the guides alone; `samples` of them are planned per pixel.
     fn trace_guides(&self, samples: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()>;
 }
 
-/// An image in progress: sums per pixel, by tile.
+/// An image in progress: sums per pixel, by square.
 pub struct Film {
-    window: Window,
-    tiles: Vec<Mutex<Tile>>,
+    size: [u32; 2],
+    tiles: Vec<TileFilm>,
     /// Counts so far.
     pub statistics: Statistics,
 }
 
-struct Tile {
+/// What is traced of a tile.
+struct TileFilm {
+    window: Window,
+    /// Column and row of the window in the image.
+    at: [u32; 2],
+    squares: Vec<Mutex<Square>>,
+}
+
+struct Square {
     /// Left, top, right, bottom, px from the corner of the image.
     area: [i32; 4],
     /// 0, 1, 2, …
@@ -139,7 +149,7 @@ const OF_GUIDES: [KeyId; 6] = [
 impl Film {
     /// Products that a film has.
     pub fn offers() -> Vec<KeyId> {
-        [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id()].into_iter().chain(OF_GUIDES).collect()
+        [RADIANCE.id(), RADIANCE_VARIANCE.id(), RENDER_REPORT.id(), OPACITY.id()].into_iter().chain(OF_GUIDES).collect()
     }
 
     /// Whether any of the products needs guides.
@@ -157,6 +167,8 @@ impl Film {
                 frame.put(RADIANCE, self.radiance(workers))?;
             } else if want == RADIANCE_VARIANCE.id() {
                 frame.put(RADIANCE_VARIANCE, self.plane(workers, 0.0, |sums| sums.variance() as f32))?;
+            } else if want == OPACITY.id() {
+                frame.put(OPACITY, self.plane(workers, 0.0, PixelSums::opacity))?;
             } else if want == DENOISE_ALBEDO.id() {
                 frame.put(DENOISE_ALBEDO, self.plane(workers, [0.0; 3], PixelSums::mean_albedo))?;
             } else if want == DENOISE_NORMAL.id() {
@@ -182,27 +194,19 @@ impl Film {
         Ok(())
     }
 
-    /// Renders a window of the image.
+    /// Renders the tiles of an image of a width and height.
     ///
     /// # Errors
     /// Those of the tracer.
-    pub fn trace(tracer: &impl Tracer, window: Window, budget: &Budget, workers: &dyn Workers) -> Result<Self> {
-        let tile = |left: i32, top: i32| {
-            let area = [left, top, (left + TILE).min(window.right()), (top + TILE).min(window.bottom())];
-            let pixels = (area[2] - left) * (area[3] - top);
-            let pixels = 0..pixels as u16;
-            Mutex::new(Tile {
-                area,
-                sums: vec![PixelSums::default(); pixels.len()],
-                pixels: pixels.collect(),
-                done: false,
-            })
-        };
-        let columns = || (window.x..window.right()).step_by(TILE as usize);
-        let rows = (window.y..window.bottom()).step_by(TILE as usize);
-        let tiles = rows.flat_map(|top| columns().map(move |left| (left, top)));
-        let tiles = tiles.map(|(left, top)| tile(left, top)).collect();
-        let mut film = Self { window, tiles, statistics: Statistics::default() };
+    pub fn trace(
+        tracer: &impl Tracer,
+        size: [u32; 2],
+        tiles: &[Tile],
+        budget: &Budget,
+        workers: &dyn Workers,
+    ) -> Result<Self> {
+        let tiles = tiles.iter().map(TileFilm::new).collect();
+        let mut film = Self { size, tiles, statistics: Statistics::default() };
         let whole = budget.is_fixed();
         let (started, mut from) = (Instant::now(), 0);
         while from < budget.samples {
@@ -227,7 +231,7 @@ impl Film {
             };
             film.round(tracer, from..to, workers)?;
             if let Some(noise) = budget.noise
-                && film.stop_quiet_tiles(noise)
+                && film.stop_quiet_squares(noise)
             {
                 break;
             }
@@ -240,92 +244,80 @@ impl Film {
     }
 
     fn round(&mut self, tracer: &impl Tracer, samples: Range<u32>, workers: &dyn Workers) -> Result<()> {
-        let open = self.tiles.iter_mut().map(Mutex::get_mut).filter(|tile| !tile.done);
-        let tasks =
-            open.map(|Tile { area, pixels, sums, .. }| Task { area: *area, pixels, samples: samples.clone(), sums });
-        self.statistics.add(&tracer.trace(tasks.collect(), workers)?);
+        let mut tasks = Vec::new();
+        for (tile, film) in self.tiles.iter_mut().enumerate() {
+            let open = film.squares.iter_mut().map(Mutex::get_mut).filter(|square| !square.done);
+            tasks.extend(open.map(|Square { area, pixels, sums, .. }| Task {
+                tile,
+                area: *area,
+                pixels,
+                samples: samples.clone(),
+                sums,
+            }));
+        }
+        self.statistics.add(&tracer.trace(tasks, workers)?);
         Ok(())
     }
 
     /// Gives more samples of the guides to the pixels that have few and are unlike a neighbor: there most of what
     /// denoisers know would be noise, and a ray for guides alone costs a small part of a path.
     fn clean_guides(&mut self, tracer: &impl Tracer, workers: &dyn Workers) -> Result<()> {
-        let albedo = self.plane(workers, [0.0; 3], PixelSums::mean_albedo);
-        let normal = self.plane(workers, [0.0; 3], PixelSums::mean_normal);
-        let window = self.window;
-        let chosen: Vec<Mutex<Vec<u16>>> = self.tiles.iter().map(|_| Mutex::default()).collect();
-        workers.run(self.tiles.len(), &|number| {
-            let tile = self.tiles[number].lock();
-            let differs = |pixel: &u16| {
-                let (x, y) = place(tile.area, *pixel);
-                let (x, y) = ((x - window.x) as usize, (y - window.y) as usize);
-                let sums = &tile.sums[usize::from(*pixel)];
-                // Paths that glass reflected tell nothing.
-                let reflected = sums.guide_samples < sums.samples;
-                sums.guide_samples < GUIDE_SAMPLES
-                    && (reflected || [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y)))
-            };
-            *chosen[number].lock() = tile.pixels.iter().copied().filter(differs).collect();
-        });
-        let chosen: Vec<Vec<u16>> = chosen.into_iter().map(Mutex::into_inner).collect();
+        let chosen: Vec<Vec<Vec<u16>>> = self.tiles.iter().map(|film| film.unclean(workers)).collect();
         let mut tasks = Vec::new();
-        for (tile, pixels) in
-            self.tiles.iter_mut().map(Mutex::get_mut).zip(&chosen).filter(|(_, chosen)| !chosen.is_empty())
-        {
-            tasks.push(Task { area: tile.area, pixels, samples: 0..GUIDE_SAMPLES, sums: &mut tile.sums });
+        for ((tile, film), chosen) in self.tiles.iter_mut().enumerate().zip(&chosen) {
+            let squares = film.squares.iter_mut().map(Mutex::get_mut).zip(chosen);
+            tasks.extend(squares.filter(|(_, chosen)| !chosen.is_empty()).map(|(square, pixels)| Task {
+                tile,
+                area: square.area,
+                pixels,
+                samples: 0..GUIDE_SAMPLES,
+                sums: &mut square.sums,
+            }));
         }
         tracer.trace_guides(GUIDE_SAMPLES, tasks, workers)
     }
 
-    /// Marks the tiles whose error is small as done; true if all are.
+    /// Marks the squares whose error is small as done; true if all are.
     ///
-    /// The error of a tile is the mean over its pixels of the luminance's standard error over the luminance, where a
+    /// The error of a square is the mean over its pixels of the luminance's standard error over the luminance, where a
     /// tenth of the image's mean is added to the latter, so that darkness need not be cleaner than it can be seen.
-    fn stop_quiet_tiles(&mut self, noise: f64) -> bool {
+    fn stop_quiet_squares(&mut self, noise: f64) -> bool {
         let mean_of = |sums: &PixelSums| luminance(sums.radiance) / f64::from(sums.samples.max(1));
+        let mut squares: Vec<&mut Square> =
+            self.tiles.iter_mut().flat_map(|film| &mut film.squares).map(Mutex::get_mut).collect();
         let (mut total, mut pixels) = (0.0, 0.0);
-        for tile in &mut self.tiles {
-            let tile = tile.get_mut();
-            total += tile.sums.iter().map(mean_of).sum::<f64>();
-            pixels += tile.sums.len() as f64;
+        for square in &squares {
+            total += square.sums.iter().map(mean_of).sum::<f64>();
+            pixels += square.sums.len() as f64;
         }
         let floor = (0.1 * total / pixels).max(1e-9);
         let mut all = true;
-        for tile in &mut self.tiles {
-            let tile = tile.get_mut();
-            let error: f64 = tile.sums.iter().map(|sums| sums.variance().sqrt() / (mean_of(sums) + floor)).sum();
-            tile.done = tile.done || error < noise * tile.sums.len() as f64;
-            all &= tile.done;
+        for square in &mut squares {
+            let error: f64 = square.sums.iter().map(|sums| sums.variance().sqrt() / (mean_of(sums) + floor)).sum();
+            square.done = square.done || error < noise * square.sums.len() as f64;
+            all &= square.done;
         }
         all
     }
 
-    /// A plane of one value per pixel.
+    /// A plane of one value per pixel; `zero` where there is no tile.
     pub fn plane<T: Copy + Send>(
         &self,
         workers: &dyn Workers,
         zero: T,
         value: impl Fn(&PixelSums) -> T + Sync,
     ) -> Plane<T> {
-        let Window { width, height, .. } = self.window;
-        let mut data = vec![zero; width as usize * height as usize];
-        let rows = TILE as usize * width as usize;
-        let bands: Vec<_> =
-            data.chunks_mut(rows).zip(self.tiles.chunks(width.div_ceil(TILE as u32) as usize)).collect();
-        let bands: Vec<_> = bands.into_iter().map(Mutex::new).collect();
-        workers.run(bands.len(), &|number| {
-            let (pixels, tiles) = &mut *bands[number].lock();
-            for tile in *tiles {
-                let tile = tile.lock();
-                let [left, right] = [tile.area[0], tile.area[2]].map(|x| (x - self.window.x) as usize);
-                for (row, sums) in pixels.chunks_mut(width as usize).zip(tile.sums.chunks(right - left)) {
-                    for (pixel, sums) in row[left..right].iter_mut().zip(sums) {
-                        *pixel = value(sums);
-                    }
-                }
-            }
-        });
-        Plane::from_vec(width, height, data)
+        let [width, height] = self.size;
+        if let [film] = &self.tiles[..]
+            && [film.window.width, film.window.height] == self.size
+        {
+            return film.plane(workers, zero, value);
+        }
+        let mut plane = Plane::from_vec(width, height, vec![zero; width as usize * height as usize]);
+        for film in &self.tiles {
+            plane.paste(film.at, &film.plane(workers, zero, &value));
+        }
+        plane
     }
 
     /// Mean radiance over the area of every pixel, nits.
@@ -342,6 +334,71 @@ impl Film {
         };
         let variance = self.plane(workers, 0.0, |sums| sums.variance() as f32);
         report(&self.radiance(workers), &variance, [count(true), count(false)], self.statistics)
+    }
+}
+
+impl TileFilm {
+    fn new(&Tile { window, at, .. }: &Tile) -> Self {
+        let square = |(left, top): (i32, i32)| {
+            let area = [left, top, (left + SQUARE).min(window.right()), (top + SQUARE).min(window.bottom())];
+            let pixels = (area[2] - left) * (area[3] - top);
+            let pixels = 0..pixels as u16;
+            let sums = vec![PixelSums::default(); pixels.len()];
+            Mutex::new(Square { area, sums, pixels: pixels.collect(), done: false })
+        };
+        let columns = || (window.x..window.right()).step_by(SQUARE as usize);
+        let rows = (window.y..window.bottom()).step_by(SQUARE as usize);
+        let squares = rows.flat_map(|top| columns().map(move |left| (left, top)));
+        Self { window, at, squares: squares.map(square).collect() }
+    }
+
+    /// For each square, the pixels whose guides are too few, and unlike those of a neighbor.
+    fn unclean(&self, workers: &dyn Workers) -> Vec<Vec<u16>> {
+        let albedo = self.plane(workers, [0.0; 3], PixelSums::mean_albedo);
+        let normal = self.plane(workers, [0.0; 3], PixelSums::mean_normal);
+        let window = self.window;
+        let chosen: Vec<Mutex<Vec<u16>>> = self.squares.iter().map(|_| Mutex::default()).collect();
+        workers.run(self.squares.len(), &|number| {
+            let square = self.squares[number].lock();
+            let differs = |pixel: &u16| {
+                let (x, y) = place(square.area, *pixel);
+                let (x, y) = ((x - window.x) as usize, (y - window.y) as usize);
+                let sums = &square.sums[usize::from(*pixel)];
+                // Paths that glass reflected tell nothing.
+                let reflected = sums.guide_samples < sums.samples;
+                sums.guide_samples < GUIDE_SAMPLES
+                    && (reflected || [&albedo, &normal].iter().any(|guide| differs_from_neighbors(guide, x, y)))
+            };
+            *chosen[number].lock() = square.pixels.iter().copied().filter(differs).collect();
+        });
+        chosen.into_iter().map(Mutex::into_inner).collect()
+    }
+
+    fn plane<T: Copy + Send>(
+        &self,
+        workers: &dyn Workers,
+        zero: T,
+        value: impl Fn(&PixelSums) -> T + Sync,
+    ) -> Plane<T> {
+        let Window { width, height, .. } = self.window;
+        let mut data = vec![zero; width as usize * height as usize];
+        let rows = SQUARE as usize * width as usize;
+        let bands: Vec<_> =
+            data.chunks_mut(rows).zip(self.squares.chunks(width.div_ceil(SQUARE as u32) as usize)).collect();
+        let bands: Vec<_> = bands.into_iter().map(Mutex::new).collect();
+        workers.run(bands.len(), &|number| {
+            let (pixels, squares) = &mut *bands[number].lock();
+            for square in *squares {
+                let square = square.lock();
+                let [left, right] = [square.area[0], square.area[2]].map(|x| (x - self.window.x) as usize);
+                for (row, sums) in pixels.chunks_mut(width as usize).zip(square.sums.chunks(right - left)) {
+                    for (pixel, sums) in row[left..right].iter_mut().zip(sums) {
+                        *pixel = value(sums);
+                    }
+                }
+            }
+        });
+        Plane::from_vec(width, height, data)
     }
 }
 

@@ -8,6 +8,8 @@ use syntable_model::product::standard::DEMODULATION_EPSILON;
 pub struct PixelSums {
     /// Number of samples.
     pub samples: u32,
+    /// Samples whose camera ray met a body.
+    pub hits: u32,
     /// Radiance, nits.
     pub radiance: [f64; 3],
     /// Squared luminance.
@@ -75,6 +77,7 @@ impl PixelSums {
     /// Adds the sums of more samples.
     pub fn add_sums(&mut self, other: &Self) {
         self.samples += other.samples;
+        self.hits += other.hits;
         self.square += other.square;
         self.radiance.iter_mut().zip(other.radiance).for_each(|(sum, value)| *sum += value);
         self.guide_samples += other.guide_samples;
@@ -98,6 +101,11 @@ impl PixelSums {
         self.guide_samples += 1;
         self.albedo.iter_mut().zip(albedo).for_each(|(sum, value)| *sum += value);
         self.normal.iter_mut().zip(normal).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// Share of the samples whose camera ray met a body.
+    pub fn opacity(&self) -> f32 {
+        self.hits as f32 / self.samples.max(1) as f32
     }
 
     /// Mean base color.

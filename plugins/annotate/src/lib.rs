@@ -17,6 +17,7 @@
 //! | [`bodies`] | what the ids of the scene stand for |
 //! | [`depth_relations`] | who hides how many pixels of whom, and objects from front to back |
 //! | [`amodal_depth`] | depth of every object, hidden parts included |
+//! | [`amodal_normal`] | normals of every object, hidden parts included |
 //! | [`object_coordinates`] | normalized object coordinates, of what is seen and of what is hidden |
 //! | [`occlusion_boundary`] | edges where a body ends before another, and which side is in front |
 //! | [`distance`] | distance from the camera |
@@ -30,6 +31,7 @@
 //! products of a view cover the same instances: those that [`masks`] annotates.
 
 pub mod amodal_depth;
+pub mod amodal_normal;
 pub mod bodies;
 pub mod boxes;
 pub mod camera;
@@ -37,7 +39,6 @@ pub mod checks;
 pub mod cuboids;
 pub mod depth_relations;
 pub mod distance;
-mod extent;
 pub mod identity;
 pub mod label_arrays;
 pub mod lights;

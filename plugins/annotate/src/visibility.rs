@@ -1,8 +1,8 @@
 //! How much of every object an image shows.
 
-use crate::extent::extents;
 use crate::object_info::Which;
 use syntable_model::prelude::*;
+use syntable_model::product::extents;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, INSTANCE, VISIBILITY};
 use syntable_model::product::{BitPlane, PixelCounts, Plane};
 

@@ -7,7 +7,7 @@ use serde_json::json;
 use syntable_model::geometry::Vector3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::product::{ObjectDepths, RenderParameters, Scope};
+use syntable_model::product::{Lighting, ObjectDepths, RenderParameters, Scope};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{Light, RectLight, Removal, SphereLight};
 
@@ -32,6 +32,7 @@ fn every_kind_conforms() {
     let kinds: Vec<_> = registry.entries().iter().map(|entry| entry.kind).collect();
     let all = [
         "amodal_depth",
+        "amodal_normal",
         "bodies",
         "boxes",
         "camera",
@@ -63,6 +64,9 @@ fn every_kind_conforms() {
     let canvas = COVERAGE.on_canvas(3);
     rendered.put(canvas, rays.coverage(canvas.id().name.parameters)).expect("first");
     rendered.put(OBJECT_DEPTHS, ObjectDepths::from_hits(8, 6, Vec::new())).expect("first");
+    let [width, height] = Atlas::of(rendered.get(COVERAGE).expect("put")).size;
+    let normals = NORMAL.of_objects(Lighting::Alone);
+    rendered.put(normals, Plane::from_fn(width, height, |_, _| [0.0, 0.0, -1.0])).expect("first");
     let mut labeled = rendered.clone();
     run(&world, "masks", "", &mut labeled);
     let annotated = labeled.get(AMODAL_MASK).expect("made").map(|_, _| 1_u32);
@@ -527,4 +531,39 @@ fn depth_of_hidden_parts_is_that_of_the_object_alone() {
     let count = |key: Key<Mask>| products.get(key).expect("made").area();
     assert_eq!((count(BACKGROUND_MASK), count(TABLETOP_MASK)), (1, 0));
     assert_eq!(products.get(CATEGORY_MAP).expect("made").data(), [1, 1, 1, 0]);
+}
+
+#[test]
+fn hidden_normals_are_those_of_the_objects_window() {
+    // Object 1 hides the left half of object 2; the third covers nothing.
+    let rays = Rays::new([12, 9], [0, 0], 3, |x, y| match (x, y) {
+        (4..=5, 3..=6) => vec![1, 2],
+        (2..=3, 3..=6) => vec![1],
+        (6..=8, 4..=6) => vec![2],
+        _ => vec![],
+    });
+    let (world, mut products) = rendered(&rays, [12, 9], 3);
+    run(&world, "masks", "", &mut products);
+    let atlas = Atlas::of(products.get(COVERAGE).expect("put"));
+    // The place in the image and the object, as a normal.
+    let mut normal = Plane::from_fn(atlas.size[0], atlas.size[1], |_, _| [9.0; 3]);
+    for tile in &atlas.tiles {
+        let (window, id) = (tile.window, f32::from(tile.id.0));
+        let place = |x: u32, y: u32| [(window.x + x as i32) as f32, (window.y + y as i32) as f32, id];
+        normal.paste(tile.at, &Plane::from_fn(window.width, window.height, place));
+    }
+    products.put(NORMAL.of_objects(Lighting::Alone), normal).expect("first");
+    run(&world, "amodal_normal", "", &mut products);
+    let images = products.get(AMODAL_NORMAL).expect("made");
+    assert_eq!(images.iter().map(|(id, _)| id.0).collect::<Vec<_>>(), [1, 2]);
+    for id in [1, 2] {
+        let image = images.whole(InstanceId(id)).expect("annotated");
+        for (x, y) in (0..9).flat_map(|y| (0..12).map(move |x| (x, y))) {
+            let want = match rays.at(x, y).contains(&id) {
+                true => [x as f32, y as f32, f32::from(id)],
+                false => [0.0; 3],
+            };
+            assert_eq!(*image.at(x as u32, y as u32), want, "object {id} at ({x}, {y})");
+        }
+    }
 }

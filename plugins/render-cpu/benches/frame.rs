@@ -1,11 +1,13 @@
 //! A whole frame: a closed room, a table, 20 objects of 16 384 triangles, a ceiling panel and a globe, 640 × 480.
 //!
 //! `cargo bench -p syntable-render-cpu --bench frame [-- SAMPLES [THREADS [IMAGE.ppm]]]` prints processor seconds for
-//! one sample per pixel, rays per path and rays per second, for images of few and of many bounces, and what labels cost.
+//! one sample per pixel, rays per path and rays per second, for images of few and of many bounces, and what labels and the
+//! appearance of all objects cost.
 
 use std::time::Instant;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, RADIANCE};
+use syntable_model::product::Lighting;
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OPACITY, RADIANCE};
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_testing::room;
 use syntable_testing::workers::Threads;
@@ -68,6 +70,19 @@ fn main() {
             for (name, wants) in labels {
                 let (_, _, wall, cpu) = render(wants);
                 println!("{name}: {wall:.3} s wall, {cpu:.2} s processor");
+            }
+            let coverage = render(&[COVERAGE.id()]).0;
+            let atlas = Atlas::of(coverage.get(COVERAGE).expect("made"));
+            for lighting in Lighting::ALL {
+                let wants = [RADIANCE.id(), OPACITY.id()];
+                let request = RenderRequest::new(&view, &wants, Stream::root(1), &workers).of_objects(&atlas, lighting);
+                let (started, pixels) = (Instant::now(), request.pixels() as f64 / (640.0 * 480.0));
+                session.render(&request, &mut Products::new()).expect("renders");
+                let (wall_objects, objects) = (started.elapsed().as_secs_f64(), atlas.tiles.len());
+                println!(
+                    "{objects} objects {lighting:?}: windows of {pixels:.2} images, {:.3} of the time of the image",
+                    wall_objects / wall
+                );
             }
         }
     }

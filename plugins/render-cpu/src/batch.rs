@@ -215,6 +215,8 @@ pub(crate) struct Batch {
     pub guides: Guides,
     /// Light found so far, by slot.
     pub radiance: [[f32; 3]; BATCH],
+    /// Whether the camera ray met a body, by slot.
+    pub met: [bool; BATCH],
     /// 0, 1, 2, …
     pub numbers: Row,
 }
@@ -286,6 +288,7 @@ impl Batch {
                 first: [[0.0; 3]; BATCH],
             },
             radiance: [[0.0; 3]; BATCH],
+            met: [false; BATCH],
             numbers,
         })
     }

@@ -1,14 +1,15 @@
 //! `cpu_path`: the path tracer as a stage.
 
 use crate::labels::{LabelCaster, Labels};
-use crate::path::{PathTracer, Strategy};
+use crate::path::{PathTracer, Strategy, TileTracers};
 use crate::world::{Caches, World};
-use std::sync::Arc;
-use syntable_model::context::Workers;
+use std::borrow::Cow;
+use std::sync::{Arc, OnceLock};
+use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS};
 use syntable_model::product::{BitPlane, ObjectDepths};
-use syntable_model::stage::{Bodies, Window};
+use syntable_model::stage::{Bodies, Tile, Window};
 use syntable_simd::Processor;
 use syntable_transport::film::{Film, Statistics};
 use syntable_transport::light::Lights;
@@ -100,56 +101,114 @@ impl CpuPathSession {
         self
     }
 
-    /// Renders the window of a request, whatever its bodies.
-    fn render_world(&self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
-        let wants = |key: KeyId| request.wants.contains(&key);
-        let camera = RayCamera::new(&request.view.camera, request.window);
-        let Window { width, height, .. } = request.window;
-        let bits = |key: Key<BitPlane>| wants(key.id()).then(|| BitPlane::new(width, height, world.scene.objects));
-        let color = |key: Key<Plane<[f32; 3]>>| wants(key.id()).then(|| Plane::from_fn(width, height, |_, _| [0.0; 3]));
-        let mut labels = Labels {
-            depth: wants(DEPTH.id()).then(|| Plane::from_fn(width, height, |_, _| f32::INFINITY)),
-            instance: wants(INSTANCE.id()).then(|| Plane::from_fn(width, height, |_, _| InstanceId::BACKGROUND)),
-            normal: color(NORMAL),
-            albedo: color(ALBEDO),
-            coverage: bits(COVERAGE),
-            coverage_before_support: bits(COVERAGE.before_support()),
-            object_depths: wants(OBJECT_DEPTHS.id()).then(Vec::new),
+    /// Renders the tiles of a request.
+    fn render_tiles(&self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
+        let ready = |tile: &Tile| -> Result<ReadyTile> {
+            let world = match tile.bodies {
+                Bodies::All => Cow::Borrowed(world),
+                bodies => Cow::Owned(world.with_bodies(&bodies)?),
+            };
+            Ok(ReadyTile {
+                at: tile.at,
+                window: tile.window,
+                world,
+                camera: RayCamera::new(&request.view.camera, tile.window),
+            })
         };
+        let tiles: Vec<ReadyTile> = request.tiles.iter().map(ready).collect::<Result<_>>()?;
+        let wants = |key: KeyId| request.wants.contains(&key);
         let traces = Film::offers().into_iter().any(wants);
         // Surfaces that show the environment have its color.
-        let projects = labels.albedo.is_some() && world.scene.materials.has_projections;
-        let lights = match traces || projects {
-            true => Lights::new(&request.view.lights, &world.scene, &self.caches.scene)?,
-            false => Lights::default(),
-        };
-        if labels.any() {
-            let (window, blended) = (request.window, self.options.blended_labels);
-            let caster = LabelCaster::new(world, &camera, window, blended, lights.projection.as_ref());
-            caster.cast(&mut labels, request.workers);
+        let projects = wants(ALBEDO.id()) && world.scene.materials.has_projections;
+        let mut lights = Vec::with_capacity(tiles.len());
+        for tile in &tiles {
+            lights.push(match traces || projects {
+                true => Lights::new(&request.view.lights, &tile.world.scene, &self.caches.scene)?,
+                false => Lights::default(),
+            });
         }
-        labels.put(request.window, frame)?;
+        self.cast(&tiles, &lights, request, frame)?;
         match traces {
-            true => self.trace(world, &lights, request, &camera, frame),
+            true => self.trace(&tiles, &lights, request, frame),
             false => Ok(Statistics::default()),
         }
+    }
+
+    /// Casts the wanted labels.
+    fn cast(
+        &self,
+        tiles: &[ReadyTile],
+        lights: &[Lights],
+        request: &RenderRequest,
+        frame: &mut Products,
+    ) -> Result<()> {
+        let blended = self.options.blended_labels;
+        let cast = |tile: &ReadyTile, lights: &Lights, workers: &dyn Workers| {
+            let mut labels = Labels::wanted(request.wants, [tile.window.width, tile.window.height], tile.objects());
+            if labels.any() {
+                let projection = lights.projection.as_ref();
+                LabelCaster::new(&tile.world, &tile.camera, tile.window, blended, projection)
+                    .cast(&mut labels, workers);
+            }
+            labels
+        };
+        if let ([tile], [lights], Some(_)) = (tiles, lights, request.only_tile()) {
+            return cast(tile, lights, request.workers).put(request.size, frame);
+        }
+        if request
+            .wants
+            .iter()
+            .any(|key| [COVERAGE.id(), COVERAGE.before_support().id(), OBJECT_DEPTHS.id()].contains(key))
+        {
+            return Err(Error::new("several tiles have no sets of objects").help("render them one by one").permanent());
+        }
+        let cut: Vec<OnceLock<Labels>> = tiles.iter().map(|_| OnceLock::new()).collect();
+        request.workers.run(tiles.len(), &|number| {
+            cut[number].get_or_init(|| cast(&tiles[number], &lights[number], &Serial));
+        });
+        let mut all = Labels::wanted(request.wants, request.size, 0);
+        for (tile, labels) in tiles.iter().zip(cut.into_iter().filter_map(OnceLock::into_inner)) {
+            all.paste(tile.at, &labels);
+        }
+        all.put(request.size, frame)
     }
 
     /// Traces paths for the products that need them.
     fn trace(
         &self,
-        world: &World,
-        lights: &Lights,
+        tiles: &[ReadyTile],
+        lights: &[Lights],
         request: &RenderRequest,
-        camera: &RayCamera,
         frame: &mut Products,
     ) -> Result<Statistics> {
-        let tracer = PathTracer::new(world, lights, camera, self.options.settings(), request.stream.seed());
-        let tracer = tracer.with(self.strategy, self.processor);
-        let tracer = tracer.with_guides(Film::wants_guides(request.wants));
-        let film = Film::trace(&tracer, request.window, &self.options.budget(), request.workers)?;
-        film.put(request.wants, camera, request.workers, frame)?;
+        let guides = Film::wants_guides(request.wants);
+        let mut tracers = Vec::with_capacity(tiles.len());
+        for (tile, lights) in tiles.iter().zip(lights) {
+            let settings = self.options.settings();
+            let tracer = PathTracer::new(&tile.world, lights, &tile.camera, settings, request.stream.seed());
+            let tracer = tracer.with(self.strategy, self.processor);
+            tracers.push(tracer.with_guides(guides).with_background(request.background));
+        }
+        let budget = self.options.budget();
+        let film = Film::trace(&TileTracers(tracers), request.size, &request.tiles, &budget, request.workers)?;
+        // What of a camera rotates its frame is the same for all windows.
+        let camera = RayCamera::new(&request.view.camera, Window { x: 0, y: 0, width: 0, height: 0 });
+        film.put(request.wants, &camera, request.workers, frame)?;
         Ok(film.statistics)
+    }
+}
+
+/// A tile with what its rays meet.
+struct ReadyTile<'a> {
+    at: [u32; 2],
+    window: Window,
+    world: Cow<'a, World>,
+    camera: RayCamera,
+}
+
+impl ReadyTile<'_> {
+    fn objects(&self) -> usize {
+        self.world.scene.objects
     }
 }
 
@@ -163,16 +222,42 @@ impl RenderSession for CpuPathSession {
 
     fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<()> {
         let world = self.world.as_ref().ok_or_else(not_loaded)?;
-        let statistics = match request.bodies {
-            Bodies::All => self.render_world(world, request, frame)?,
-            _ => self.render_world(&world.with_bodies(&request.bodies)?, request, frame)?,
-        };
+        let statistics = self.render_tiles(world, request, frame)?;
         self.statistics.add(&statistics);
         Ok(())
     }
 }
 
 impl Labels {
+    /// Empty planes of the wanted labels.
+    fn wanted(wants: &[KeyId], [width, height]: [u32; 2], objects: usize) -> Self {
+        let wants = |key: KeyId| wants.contains(&key);
+        let bits = |key: Key<BitPlane>| wants(key.id()).then(|| BitPlane::new(width, height, objects));
+        let color = |key: Key<Plane<[f32; 3]>>| wants(key.id()).then(|| Plane::from_fn(width, height, |_, _| [0.0; 3]));
+        Self {
+            depth: wants(DEPTH.id()).then(|| Plane::from_fn(width, height, |_, _| f32::INFINITY)),
+            instance: wants(INSTANCE.id()).then(|| Plane::from_fn(width, height, |_, _| InstanceId::BACKGROUND)),
+            normal: color(NORMAL),
+            albedo: color(ALBEDO),
+            coverage: bits(COVERAGE),
+            coverage_before_support: bits(COVERAGE.before_support()),
+            object_depths: wants(OBJECT_DEPTHS.id()).then(Vec::new),
+        }
+    }
+
+    /// Puts the planes of a tile in their place.
+    fn paste(&mut self, at: [u32; 2], tile: &Self) {
+        fn one<T: Copy>(at: [u32; 2], plane: &mut Option<Plane<T>>, tile: &Option<Plane<T>>) {
+            if let (Some(plane), Some(tile)) = (plane, tile) {
+                plane.paste(at, tile);
+            }
+        }
+        one(at, &mut self.depth, &tile.depth);
+        one(at, &mut self.instance, &tile.instance);
+        one(at, &mut self.normal, &tile.normal);
+        one(at, &mut self.albedo, &tile.albedo);
+    }
+
     fn any(&self) -> bool {
         self.depth.is_some()
             || self.instance.is_some()
@@ -183,7 +268,7 @@ impl Labels {
             || self.object_depths.is_some()
     }
 
-    fn put(self, window: Window, frame: &mut Products) -> Result<()> {
+    fn put(self, [width, height]: [u32; 2], frame: &mut Products) -> Result<()> {
         fn one<T: syntable_model::product::Product>(frame: &mut Products, key: Key<T>, plane: Option<T>) -> Result<()> {
             plane.map_or(Ok(()), |plane| frame.put(key, plane))
         }
@@ -193,7 +278,7 @@ impl Labels {
         one(frame, ALBEDO, self.albedo)?;
         one(frame, COVERAGE, self.coverage)?;
         one(frame, COVERAGE.before_support(), self.coverage_before_support)?;
-        let depths = self.object_depths.map(|hits| ObjectDepths::from_hits(window.width, window.height, hits));
+        let depths = self.object_depths.map(|hits| ObjectDepths::from_hits(width, height, hits));
         one(frame, OBJECT_DEPTHS, depths)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::adapters::{AdapterInfo, Adapters};
 use crate::constants::declared;
-use crate::tables::{BODY_SIZE, NONE};
+use crate::tables::{BODY_SIZE, EMITTER_SIZE, NONE};
 use crate::{guided, passes, planes, trees, view};
 use bytemuck::Pod;
 use parking_lot::Mutex;
@@ -74,12 +74,16 @@ pub struct Variant {
     pub plain_dielectrics: bool,
     /// The trees have many levels.
     pub deep: bool,
+    /// Windows with bodies of their own lie side by side.
+    pub tiles: bool,
+    /// The opacity of pixels is counted.
+    pub opacity: bool,
 }
 
 impl Variant {
-    /// The kernels for labels do not depend on guides.
+    /// The kernels for labels do not depend on guides and opacity.
     pub fn of_labels(self) -> Self {
-        Self { guides: false, ..self }
+        Self { guides: false, opacity: false, ..self }
     }
 }
 
@@ -107,10 +111,12 @@ fn constants() -> String {
         ("BODY_NODE", trees::BODY.into()),
         ("STACK", trees::STACK.into()),
         ("DEEP_STACK", trees::DEEP_STACK.into()),
+        ("EMITTER_SIZE", EMITTER_SIZE.into()),
         ("WARPED", view::WARPED.into()),
         ("TENT", view::TENT.into()),
         ("BLENDED_BY_COVERAGE", view::BLENDED_BY_COVERAGE.into()),
         ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
+        ("WITHOUT_BACKGROUND", view::WITHOUT_BACKGROUND.into()),
         ("GUIDE_BOUNCES", passes::GUIDE_BOUNCES.into()),
         ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
         ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),
@@ -118,6 +124,8 @@ fn constants() -> String {
         ("CHOSEN", passes::CHOSEN.into()),
         ("GROUPS", passes::GROUPS_COUNTED.into()),
         ("ROW", (passes::GROUPS_ALONG_X * passes::GROUP as u32).into()),
+        ("SUMS_OF_LIGHT", (planes::SUMS[0] as u32).into()),
+        ("SUMS_WITH_GUIDES", (planes::SUMS[1] as u32).into()),
         ("SUM_SAMPLES", planes::SUM_SAMPLES.into()),
         ("SUM_GUIDES", planes::SUM_GUIDES.into()),
         ("SUM_SPECULAR", planes::SUM_SPECULAR.into()),
@@ -127,6 +135,8 @@ fn constants() -> String {
         ("AT_DEMODULATED", planes::AT_DEMODULATED.into()),
         ("AT_ALBEDO", planes::AT_ALBEDO.into()),
         ("AT_NORMAL", planes::AT_NORMAL.into()),
+        ("AT_OPACITY", planes::AT_OPACITY[0].into()),
+        ("AT_OPACITY_AFTER_GUIDES", planes::AT_OPACITY[1].into()),
         ("GUIDE_SAMPLES", (film::GUIDE_SAMPLES as f32).into()),
         ("DIFFERENT", film::DIFFERENT.into()),
         ("DEMODULATION_EPSILON", DEMODULATION_EPSILON.into()),
@@ -355,6 +365,8 @@ impl Device {
                 ("GUIDES", on(variant.guides)),
                 ("PLAIN_DIELECTRICS", on(variant.plain_dielectrics)),
                 ("DEEP", on(variant.deep)),
+                ("TILES", on(variant.tiles)),
+                ("OPACITY", on(variant.opacity)),
             ];
             Arc::new(self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry_point),

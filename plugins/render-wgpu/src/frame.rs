@@ -4,33 +4,36 @@ use crate::device::Kernel;
 use crate::guided::{GuidedFilter, Sections};
 use crate::passes::{COUNTERS, GROUP, Passes, Pixels, first_counters, groups, rays_of};
 use crate::planes::{
-    AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_RADIANCE, AT_SPECULAR,
-    AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, SUMS, color, make_all, number,
+    AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_OPACITY, AT_RADIANCE,
+    AT_SPECULAR, AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, color, make_all, number, sums,
 };
-use crate::session::{Buffers, GpuSession, World};
+use crate::session::{Buffers, Gathered, GpuSession, World};
+use crate::tables::NONE;
 use crate::view::View;
 use std::ops::Range;
 use syntable_denoise::guided::Guided;
 use syntable_model::context::Workers;
-use syntable_model::error::Result;
+use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
-    DENOISER, DEPTH, INSTANCE, RADIANCE, RADIANCE_NOISY, RADIANCE_VARIANCE, RENDER_REPORT,
+    DENOISER, DEPTH, INSTANCE, OPACITY, RADIANCE, RADIANCE_NOISY, RADIANCE_VARIANCE, RENDER_REPORT,
 };
 use syntable_model::product::{Key, KeyId, Plane, Products};
-use syntable_model::stage::{Denoiser, RenderRequest, Window};
+use syntable_model::stage::{Denoiser, RenderRequest, Tile, Window};
 use syntable_transport::film::{self, Film, GUIDE_SAMPLES, Statistics};
 
 /// What a frame consists of, and where it lies on the device.
 struct Layout<'a> {
     wants: &'a [KeyId],
-    window: Window,
+    size: [u32; 2],
+    /// Of the whole, and of all tiles.
     pixels: u64,
+    traced: u64,
     samples: u32,
     /// The denoiser that runs here.
     guided: Option<&'a Guided>,
     /// Whether light is wanted, and whether guides are gathered with it.
     light: bool,
-    guides: bool,
+    gathered: Gathered,
     labels: LabelSections,
     /// The first word of the sums in the output, after the labels and the denoised image, and their number.
     sums_at: u64,
@@ -40,7 +43,8 @@ struct Layout<'a> {
 impl<'a> Layout<'a> {
     /// The frame of a request; `set` is the number of words of a pixel's set of objects.
     fn new(request: &RenderRequest<'a>, samples: u32, [set, objects]: [usize; 2]) -> Self {
-        let (window, pixels, wants) = (request.window, request.window.pixels(), request.wants);
+        let (size, traced, wants) = (request.size, request.pixels(), request.wants);
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
         let guided = guided_of(request.denoiser);
         let light = guided.is_some() || Film::offers().into_iter().any(|key| wants.contains(&key));
         let guides = guided.is_some() || Film::wants_guides(wants);
@@ -50,8 +54,9 @@ impl<'a> Layout<'a> {
         }
         let labels = LabelSections::new(&of_labels, pixels, set, objects);
         let sums_at = labels.end + if guided.is_some() { 3 * pixels } else { 0 };
-        let sums = if light { SUMS[usize::from(guides)] * pixels } else { 0 };
-        Self { wants, window, pixels, samples, guided, light, guides, labels, sums_at, sums }
+        let gathered = Gathered::wanted(request, guides);
+        let sums = if light { sums(guides, gathered.opacity) * pixels } else { 0 };
+        Self { wants, size, pixels, traced, samples, guided, light, gathered, labels, sums_at, sums }
     }
 
     fn is_empty(&self) -> bool {
@@ -83,6 +88,7 @@ struct Places {
     output: Range<usize>,
     colors: [Place<[f32; 3]>; COLORS.len()],
     numbers: [Place<f32>; NUMBERS.len()],
+    opacity: Option<Range<usize>>,
     counters: Range<usize>,
     /// Words of all.
     words: u64,
@@ -112,31 +118,36 @@ impl Places {
             (key, plane(key.id(), at, 3))
         });
         let numbers = NUMBERS.map(|(key, at)| (key, plane(key.id(), at, 1)));
+        let at_opacity = AT_OPACITY[usize::from(layout.gathered.guides)];
+        let opacity = plane(OPACITY.id(), at_opacity, 1);
         let counters = copy(&buffers.counters, 0, if layout.light { COUNTERS } else { 0 });
-        Self { output, colors, numbers, counters, words: read }
+        Self { output, colors, numbers, opacity, counters, words: read }
     }
 
     /// Makes products of the words that were read.
     fn put(self, layout: &Layout, words: &[u32], workers: &dyn Workers, frame: &mut Products) -> Result<Statistics> {
-        let window = layout.window;
+        let size = layout.size;
         let output = &words[self.output];
-        let mut makers = layout.labels.makers(layout.wants, window, output);
+        let mut makers = layout.labels.makers(layout.wants, size, output);
         if layout.guided.is_some() && layout.wants(RADIANCE.id()) {
             let denoised = &output[layout.labels.end as usize..];
-            makers.push(Box::new(move |frame| frame.put(RADIANCE, color(window, denoised))));
+            makers.push(Box::new(move |frame| frame.put(RADIANCE, color(size, denoised))));
         }
         for (key, words) in self.colors.iter().filter_map(|(key, part)| Some((*key, &words[part.clone()?]))) {
-            makers.push(Box::new(move |frame| frame.put(key, color(window, words))));
+            makers.push(Box::new(move |frame| frame.put(key, color(size, words))));
         }
         for (key, words) in self.numbers.iter().filter_map(|(key, part)| Some((*key, &words[part.clone()?]))) {
-            makers.push(Box::new(move |frame| frame.put(key, number(window, words))));
+            makers.push(Box::new(move |frame| frame.put(key, number(size, words))));
+        }
+        if let Some(words) = self.opacity.map(|part| &words[part]) {
+            makers.push(Box::new(move |frame| frame.put(OPACITY, number(size, words))));
         }
         let mut made = Products::new();
         make_all(&makers, workers, &mut made)?;
         let mut statistics = Statistics::default();
         if layout.light {
             let [rays, shadow_rays] = rays_of(&words[self.counters]);
-            statistics = Statistics { paths: layout.pixels * u64::from(layout.samples), rays, shadow_rays };
+            statistics = Statistics { paths: layout.traced * u64::from(layout.samples), rays, shadow_rays };
         }
         if layout.wants(RENDER_REPORT.id()) {
             let (radiance, variance) = (made.get(layout.rendered())?, made.get(RADIANCE_VARIANCE)?);
@@ -163,17 +174,21 @@ impl GpuSession {
             return Ok(Statistics::default());
         }
         self.make_output(4 * (layout.sums_at + layout.sums))?;
-        let capacity = if layout.light { self.make_room(layout.pixels, layout.samples, layout.guides)? } else { 0 };
+        let guides = layout.gathered.guides;
+        let capacity = if layout.light { self.make_room(layout.pixels, layout.samples, guides)? } else { 0 };
+        if layout.gathered.tiles {
+            self.make_queues(capacity.into(), layout.pixels)?;
+        }
         self.make_readable(4 * (layout.sums_at + PLANE_WORDS[1] * layout.pixels + COUNTERS))?;
-        let all = self.list_all(layout.window, capacity);
-        let views =
-            views.map(|view| View { capacity, sums_at: layout.sums_at as u32, ..layout.labels.placed_in(view) });
+        let (all, tile_map) = self.list(request, capacity)?;
+        let sums_at = layout.sums_at as u32;
+        let views = views.map(|view| View { capacity, sums_at, tile_map, ..layout.labels.placed_in(view) });
         let mut filter = match layout.guided {
             Some(_) => Some(self.guided.take().map_or_else(|| GuidedFilter::new(self.device.clone()), Ok)?),
             None => None,
         };
 
-        let mut passes = Passes::new(self, world, layout.guides);
+        let mut passes = Passes::new(self, world, layout.gathered);
         self.trace_frame(&mut passes, world, &layout, views, all)?;
         if let (Some(filter), Some(options)) = (&mut filter, layout.guided) {
             self.denoise_frame(&mut passes.encoder, &layout, filter, options)?;
@@ -199,11 +214,15 @@ impl GpuSession {
         [view, guide_view]: [View; 2],
         all: Pixels,
     ) -> Result<()> {
-        let (device, buffers, window) = (&self.device, &self.buffers, layout.window);
+        let (device, buffers, [width, height]) = (&self.device, &self.buffers, layout.size);
         device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
-        let variant = self.variant(world, layout.guides);
+        let variant = self.variant(world, layout.gathered);
         if !layout.labels.is_empty() {
-            let squares = u64::from(window.width.div_ceil(8)) * u64::from(window.height.div_ceil(8));
+            if layout.gathered.tiles {
+                // What no tile shows is written by nobody.
+                passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * layout.labels.end));
+            }
+            let squares = u64::from(width.div_ceil(8)) * u64::from(height.div_ceil(8));
             passes.once(&device.kernel(Kernel::Labels, variant.of_labels()), groups(squares * GROUP, GROUP));
         }
         if !layout.light {
@@ -213,11 +232,11 @@ impl GpuSession {
         passes.encoder.clear_buffer(&buffers.output, 4 * layout.sums_at, Some(4 * layout.sums));
         device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
         passes.trace(&view, all, 0..layout.samples)?;
-        if layout.guides {
+        if layout.gathered.guides {
             passes.once(&device.kernel(Kernel::Choose, variant), each);
             passes.submit();
             device.write(&buffers.view, 0, bytemuck::bytes_of(&guide_view));
-            let chosen = Pixels { list: all.list + all.count, count: all.count, is_chosen: true };
+            let chosen = Pixels { list: all.list + layout.pixels as u32, is_chosen: true, ..all };
             passes.trace(&guide_view, chosen, 0..GUIDE_SAMPLES)?;
             passes.submit();
             device.write(&buffers.view, 0, bytemuck::bytes_of(&view));
@@ -234,32 +253,55 @@ impl GpuSession {
         filter: &mut GuidedFilter,
         options: &Guided,
     ) -> Result<()> {
-        let Layout { window, pixels, labels, .. } = layout;
+        let Layout { size, pixels, labels, .. } = layout;
         let planes = sections(*pixels as u32, layout.samples);
         for (from, to) in [(labels.depth, planes.depth), (labels.instance, planes.instance)] {
             let [from, to] = [from, to].map(|first| 4 * u64::from(first));
             encoder.copy_buffer_to_buffer(&self.buffers.output, from, &self.buffers.paths, to, 4 * pixels);
         }
-        let (size, output) = ([window.width, window.height], (&self.buffers.output, labels.end as u32));
-        filter.record(encoder, size, &self.buffers.paths, planes, options, output)
+        let output = (&self.buffers.output, labels.end as u32);
+        filter.record(encoder, *size, &self.buffers.paths, planes, options, output)
     }
 
-    /// Lists all pixels of an image, squares of 8 × 8 one after the other, so that neighbors are traced together.
-    fn list_all(&mut self, Window { width, height, .. }: Window, capacity: u32) -> Pixels {
-        let pixels = Pixels { list: 3 * capacity, count: width * height, is_chosen: false };
-        if capacity == 0 || self.listed == Some([width, height, capacity]) {
-            return pixels;
+    /// Lists all pixels of all tiles, squares of 8 × 8 one after the other, so that neighbors are traced together. Also
+    /// gives where the numbers of the pixels' tiles are, if there are several.
+    pub fn list(&mut self, request: &RenderRequest, capacity: u32) -> Result<(Pixels, u32)> {
+        let [width, height] = request.size;
+        let pixels = Pixels { list: 3 * capacity, count: request.pixels() as u32, is_chosen: false };
+        let tile_map = 3 * capacity + 2 * width * height;
+        let is_only = request.only_tile().is_some();
+        if is_only && (capacity == 0 || self.listed == Some([width, height, capacity])) {
+            return Ok((pixels, NONE));
         }
-        let squares = (0..height).step_by(8).flat_map(|y| (0..width).step_by(8).map(move |x| (x, y)));
-        let list: Vec<u32> = squares
-            .flat_map(|(left, top)| {
+        const MOST: u32 = 1 << 16;
+        if width.max(height) > MOST {
+            let name = self.device.name();
+            return Err(Error::new(format!("{width} × {height} pixels are more than {name} lists"))
+                .help("lower the resolution, place fewer objects, or render with `cpu_path`")
+                .permanent());
+        }
+        let mut list = Vec::with_capacity(pixels.count as usize);
+        for Tile { window, at: [x, y], .. } in &request.tiles {
+            let Window { width, height, .. } = *window;
+            let squares = (0..height).step_by(8).flat_map(|y| (0..width).step_by(8).map(move |x| (x, y)));
+            list.extend(squares.flat_map(|(left, top)| {
                 let rows = top..(top + 8).min(height);
-                rows.flat_map(move |y| (left..(left + 8).min(width)).map(move |x| x | y << 16))
-            })
-            .collect();
-        self.device.write(&self.buffers.queues, 12 * u64::from(capacity), bytemuck::cast_slice(&list));
-        self.listed = Some([width, height, capacity]);
-        pixels
+                rows.flat_map(move |row| {
+                    (left..(left + 8).min(width)).map(move |column| (x + column) | (y + row) << 16)
+                })
+            }));
+        }
+        self.device.write(&self.buffers.queues, 4 * u64::from(pixels.list), bytemuck::cast_slice(&list));
+        self.listed = is_only.then_some([width, height, capacity]);
+        if is_only {
+            return Ok((pixels, NONE));
+        }
+        let mut map = Plane::from_fn(width, height, |_, _| NONE);
+        for (number, tile) in (0..).zip(&request.tiles) {
+            map.paste(tile.at, &Plane::from_fn(tile.window.width, tile.window.height, |_, _| number));
+        }
+        self.device.write(&self.buffers.queues, 4 * u64::from(tile_map), bytemuck::cast_slice(map.data()));
+        Ok((pixels, tile_map))
     }
 }
 

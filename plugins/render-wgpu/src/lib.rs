@@ -2,7 +2,7 @@
 //!
 //! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
 //! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `tables`
-//! and `arena`, how scenes lie in buffers; `constants`, what shaders are told by name; `adapters`, the cards of a machine and those that render; `device`, kernels and errors; `view`, the tables of a view; `passes`, paths over the
+//! and `arena`, how scenes lie in buffers; `constants`, what shaders are told by name; `adapters`, the cards of a machine and those that render; `device`, kernels and errors; `tiles`, what a request shows; `view`, the tables of a view; `passes`, paths over the
 //! pixels of an image; `planes`, what becomes of them; `frame` and `rounds`, images in one go and in rounds; `session`, a
 //! scene on a device; `gpu_path`, the stage; and `guided`, the denoiser of that name on the images that it renders. The
 //! shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
@@ -22,6 +22,7 @@ mod planes;
 mod rounds;
 mod session;
 mod tables;
+mod tiles;
 mod trees;
 mod view;
 

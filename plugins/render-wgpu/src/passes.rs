@@ -1,7 +1,7 @@
 //! Passes of paths over the pixels of an image.
 
 use crate::device::{Kernel, PASS_STRIDE};
-use crate::session::{GpuSession, World};
+use crate::session::{Gathered, GpuSession, World};
 use crate::view::{ONLY_GUIDES, Pass, View};
 use std::ops::Range;
 use std::sync::Arc;
@@ -94,8 +94,8 @@ pub struct Passes<'a> {
 
 impl<'a> Passes<'a> {
     /// Records with the kernels that a scene needs.
-    pub fn new(session: &'a GpuSession, world: &World, guides: bool) -> Self {
-        let variant = session.variant(world, guides);
+    pub fn new(session: &'a GpuSession, world: &World, gathered: Gathered) -> Self {
+        let variant = session.variant(world, gathered);
         let kernels = KERNELS.map(|kernel| session.device.kernel(kernel, variant));
         Self { session, encoder: session.device.encoder(), group: session.bind(), kernels }
     }

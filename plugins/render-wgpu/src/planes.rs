@@ -12,13 +12,17 @@ use syntable_model::product::standard::{
 };
 use syntable_model::product::{BitPlane, Key, KeyId, ObjectDepths, Plane, Products};
 use syntable_model::scene::InstanceId;
-use syntable_model::stage::Window;
 use syntable_prepare::labels::instance_id;
 use syntable_simd::functions::FAR;
 
 /// Numbers of a pixel's sums in `path.wgsl`, without guides and with them. The first are radiance and the square of its
 /// luminance, then what rounding added to each.
 pub const SUMS: [u64; 2] = [9, 24];
+
+/// The same with one more for the opacity, if that is counted.
+pub fn sums(guides: bool, opacity: bool) -> u64 {
+    SUMS[usize::from(guides)] + u64::from(opacity)
+}
 
 /// Where more of them are: samples; samples of the guides, then their albedo and normal; radiance of a part and the square of its
 /// luminance.
@@ -27,8 +31,10 @@ pub const SUM_GUIDES: u32 = 9;
 pub const SUM_SPECULAR: u32 = 16;
 pub const SUM_DEMODULATED: u32 = 20;
 
-/// Words of a pixel in the planes of light, without guides and with them; then depth and instance are copied to them.
-pub const PLANE_WORDS: [u64; 2] = [4, 20];
+/// Words of a pixel in the planes of light, without guides and with them; then depth and instance are copied to them. The
+/// opacity comes last.
+pub const PLANE_WORDS: [u64; 2] = [5, 21];
+pub const AT_OPACITY: [u32; 2] = [4, 20];
 
 /// Where a plane of light is: its first word is this number times the number of pixels, `resolve` in `path.wgsl`.
 pub const AT_RADIANCE: u32 = 0;
@@ -119,9 +125,9 @@ impl LabelSections {
     }
 
     /// What makes those of the wanted labels that are not there.
-    pub fn makers<'a>(&self, wants: &[KeyId], window: Window, output: &'a [u32]) -> Vec<Maker<'a>> {
-        let Window { width, height, .. } = window;
-        let pixels = window.pixels() as usize;
+    pub fn makers<'a>(&self, wants: &[KeyId], size: [u32; 2], output: &'a [u32]) -> Vec<Maker<'a>> {
+        let [width, height] = size;
+        let pixels = width as usize * height as usize;
         let section = |key: KeyId, start: u32, words: usize| {
             (start != NONE && wants.contains(&key)).then(|| &output[start as usize..][..pixels * words])
         };
@@ -135,7 +141,11 @@ impl LabelSections {
             }
         }
         if let Some(words) = section(DEPTH.id(), self.depth, 1) {
-            makers.push(Box::new(move |frame| frame.put(DEPTH, number(window, words))));
+            makers.push(Box::new(move |frame| {
+                // 0 is where no ray was cast.
+                let depth = |&word: &u32| if word == 0 { f32::INFINITY } else { finite_or_infinite(word) };
+                frame.put(DEPTH, Plane::from_vec(width, height, words.iter().map(depth).collect()))
+            }));
         }
         if let Some(words) = section(INSTANCE.id(), self.instance, 1) {
             makers.push(Box::new(move |frame| {
@@ -156,7 +166,7 @@ impl LabelSections {
         }
         for (key, start) in [(NORMAL, self.normal), (ALBEDO, self.albedo)] {
             if let Some(words) = section(key.id(), start, 3) {
-                makers.push(Box::new(move |frame| frame.put(key, color(window, words))));
+                makers.push(Box::new(move |frame| frame.put(key, color(size, words))));
             }
         }
         makers
@@ -187,13 +197,13 @@ fn pairs(words: &[u32], set: usize) -> Vec<u64> {
 }
 
 /// A plane of colors or directions.
-pub fn color(Window { width, height, .. }: Window, words: &[u32]) -> Plane<[f32; 3]> {
+pub fn color([width, height]: [u32; 2], words: &[u32]) -> Plane<[f32; 3]> {
     let vector = |vector: &[u32; 3]| vector.map(f32::from_bits);
     Plane::from_vec(width, height, words.as_chunks().0.iter().map(vector).collect())
 }
 
 /// A plane of numbers.
-pub fn number(Window { width, height, .. }: Window, words: &[u32]) -> Plane<f32> {
+pub fn number([width, height]: [u32; 2], words: &[u32]) -> Plane<f32> {
     Plane::from_vec(width, height, words.iter().map(|&word| finite_or_infinite(word)).collect())
 }
 

@@ -1,14 +1,14 @@
 //! Frames in rounds, where noise or time decides on samples: sums go to this side after every round.
 
 use crate::passes::{COUNTERS, Passes, Pixels, first_counters, rays_of};
-use crate::planes::{SUM_DEMODULATED, SUM_GUIDES, SUM_SAMPLES, SUM_SPECULAR, SUMS};
-use crate::session::{GpuSession, World};
+use crate::planes::{SUM_DEMODULATED, SUM_GUIDES, SUM_SAMPLES, SUM_SPECULAR, SUMS, sums};
+use crate::session::{Gathered, GpuSession, World};
 use crate::view::{ONLY_GUIDES, View};
 use parking_lot::Mutex;
 use syntable_model::context::Workers;
 use syntable_model::error::Result;
 use syntable_model::product::{KeyId, Products};
-use syntable_model::stage::{RenderRequest, Window};
+use syntable_model::stage::{RenderRequest, Tile};
 use syntable_transport::film::{Film, Statistics, Task, Tracer, place};
 use syntable_transport::{PartSums, PixelSums, RayCamera};
 
@@ -30,16 +30,21 @@ impl GpuSession {
         if light.is_empty() {
             return Ok(Statistics::default());
         }
-        let (guides, pixels) = (Film::wants_guides(&light), request.window.pixels());
+        let [width, height] = request.size;
+        let pixels = u64::from(width) * u64::from(height);
+        let gathered = Gathered::wanted(request, Film::wants_guides(&light));
+        let guides = gathered.guides;
         let capacity = self.make_room(pixels, self.options.settings().samples, guides)?;
-        let sums = 4 * SUMS[usize::from(guides)] * pixels;
+        let sums = 4 * sums(guides, gathered.opacity) * pixels;
         self.make_output(sums)?;
         self.make_readable(sums.max(4 * COUNTERS))?;
+        let (_, tile_map) = self.list(request, capacity)?;
         self.listed = None;
-        let [view, guide_view] = views.map(|view| View { capacity, ..view });
+        let [view, guide_view] = views.map(|view| View { capacity, tile_map, ..view });
         let counted = Mutex::new(Statistics::default());
-        let tracer = GpuTracer { session: self, world, window: request.window, view, guide_view, guides, counted };
-        let film = Film::trace(&tracer, request.window, &tracer.session.options.budget(), request.workers)?;
+        let (size, tiles) = (request.size, &request.tiles[..]);
+        let tracer = GpuTracer { session: self, world, size, tiles, view, guide_view, gathered, counted };
+        let film = Film::trace(&tracer, size, tiles, &tracer.session.options.budget(), request.workers)?;
         film.put(&light, camera, request.workers, frame)?;
         Ok(film.statistics)
     }
@@ -49,17 +54,18 @@ impl GpuSession {
 struct GpuTracer<'a> {
     session: &'a GpuSession,
     world: &'a World,
-    window: Window,
+    size: [u32; 2],
+    tiles: &'a [Tile<'a>],
     view: View,
     guide_view: View,
-    guides: bool,
+    gathered: Gathered,
     /// Rays counted so far.
     counted: Mutex<Statistics>,
 }
 
 impl Tracer for GpuTracer<'_> {
     fn has_guides(&self) -> bool {
-        self.guides
+        self.gathered.guides
     }
 
     fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
@@ -77,25 +83,25 @@ impl Tracer for GpuTracer<'_> {
 impl GpuTracer<'_> {
     /// Traces the samples of tasks and adds their sums; gives the numbers of rays and of shadow rays of the view so far.
     fn run(&self, view: &View, tasks: Vec<Task>, workers: &dyn Workers) -> Result<[u64; 2]> {
-        let Self { session, window, .. } = self;
+        let Self { session, tiles, size: [width, height], .. } = *self;
+        let Gathered { guides, opacity, .. } = self.gathered;
         let (device, buffers) = (&session.device, &session.buffers);
         let Some(samples) = tasks.first().map(|task| task.samples.clone()) else { return Ok([0; 2]) };
-        let at = |area: [i32; 4], pixel: u16| {
-            let (x, y) = place(area, pixel);
-            [(x - window.x) as u32, (y - window.y) as u32]
+        let at = |task: &Task, pixel: u16| {
+            let ((x, y), tile) = (place(task.area, pixel), &tiles[task.tile]);
+            [(x - tile.window.x) as u32 + tile.at[0], (y - tile.window.y) as u32 + tile.at[1]]
         };
         let mut list = Vec::new();
         for task in &tasks {
-            list.extend(task.pixels.iter().map(|&pixel| at(task.area, pixel)).map(|[x, y]| x | y << 16));
+            list.extend(task.pixels.iter().map(|&pixel| at(task, pixel)).map(|[x, y]| x | y << 16));
         }
         let only_guides = view.flags & ONLY_GUIDES != 0;
         let all = Pixels { list: 3 * view.capacity, count: list.len() as u32, is_chosen: false };
         device.write(&buffers.queues, 4 * u64::from(all.list), bytemuck::cast_slice(&list));
         device.write(&buffers.view, 0, bytemuck::bytes_of(view));
-        let numbers = SUMS[usize::from(self.guides)] as usize;
-        let pixels = window.pixels() as usize;
-        let words = (numbers * pixels) as u64;
-        let mut passes = Passes::new(session, self.world, self.guides);
+        let pixels = width as usize * height as usize;
+        let words = sums(guides, opacity) * pixels as u64;
+        let mut passes = Passes::new(session, self.world, self.gathered);
         passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * words));
         if !only_guides && *self.counted.lock() == Statistics::default() {
             device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
@@ -108,10 +114,10 @@ impl GpuTracer<'_> {
             workers.run(jobs.len(), &|job| {
                 let task = &mut *jobs[job].lock();
                 for &pixel in task.pixels {
-                    let [x, y] = at(task.area, pixel);
-                    let entry = (y * window.width + x) as usize;
+                    let [x, y] = at(task, pixel);
+                    let entry = (y * width + x) as usize;
                     let number = |number: u32| sums[number as usize * pixels + entry];
-                    task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.guides, only_guides));
+                    task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.gathered, only_guides));
                 }
             });
         })?;
@@ -120,7 +126,8 @@ impl GpuTracer<'_> {
 }
 
 /// Sums of a pixel from the numbers of `path.wgsl`.
-fn pixel_sums(number: impl Fn(u32) -> f32, guides: bool, only_guides: bool) -> PixelSums {
+fn pixel_sums(number: impl Fn(u32) -> f32, gathered: Gathered, only_guides: bool) -> PixelSums {
+    let Gathered { guides, opacity, .. } = gathered;
     let three = |first: u32| [0, 1, 2].map(|c| number(first + c));
     let mut sums = PixelSums::default();
     if !only_guides {
@@ -129,6 +136,9 @@ fn pixel_sums(number: impl Fn(u32) -> f32, guides: bool, only_guides: bool) -> P
         sums.samples = number(SUM_SAMPLES) as u32;
         sums.radiance = [0, 1, 2].map(exact);
         sums.square = exact(3);
+        if opacity {
+            sums.hits = number(SUMS[usize::from(guides)] as u32) as u32;
+        }
         if guides {
             sums.specular = PartSums::new(three(SUM_SPECULAR), number(SUM_SPECULAR + 3));
             sums.demodulated = PartSums::new(three(SUM_DEMODULATED), number(SUM_DEMODULATED + 3));

@@ -5,6 +5,7 @@ use crate::device::{Bindings, Device, PASS_STRIDE, Variant};
 use crate::guided::GuidedFilter;
 use crate::passes::{COUNTERS, GROUP, GUIDE_BOUNCES};
 use crate::planes::PLANE_WORDS;
+use crate::tiles::Shown;
 use crate::trees::{MeshTree, TopLevel};
 use crate::view::View;
 use std::sync::{Arc, OnceLock};
@@ -12,6 +13,7 @@ use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
+use syntable_model::product::standard::OPACITY;
 use syntable_model::scene::Scene;
 use syntable_model::stage::RenderRequest;
 use syntable_prepare::{AssetCache, Bounds, LightTable, PreparedScene, SceneCache};
@@ -60,6 +62,25 @@ pub struct Buffers {
     pub view: wgpu::Buffer,
     pub passes: wgpu::Buffer,
     pub readable: wgpu::Buffer,
+}
+
+/// What kernels gather.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathered {
+    /// Guides for denoisers, with the light.
+    pub guides: bool,
+    /// The opacity of pixels.
+    pub opacity: bool,
+    /// Of windows with bodies of their own.
+    pub tiles: bool,
+}
+
+impl Gathered {
+    /// What a request wants.
+    pub fn wanted(request: &RenderRequest, guides: bool) -> Self {
+        let opacity = request.wants.contains(&OPACITY.id());
+        Self { guides, opacity, tiles: request.only_tile().is_none() }
+    }
 }
 
 /// A session on a device.
@@ -141,8 +162,8 @@ impl GpuSession {
         };
         let bodies: Vec<_> = trees.into_iter().enumerate().map(placed).collect();
 
-        // Room for two top levels: that of all bodies, and that of those which camera rays meet.
-        let reserved = 2 * TopLevel::room(bodies.len()) as u64;
+        // Room for two top levels: that of all bodies, and that of those which camera rays meet; and for each body alone.
+        let reserved = (2 * TopLevel::room(bodies.len()) + bodies.len() * TopLevel::room(1)) as u64;
         let tree_of = |(digest, tree, _): &(Digest, Arc<MeshTree>, Bounds)| {
             let tree = tree.clone();
             Asset {
@@ -180,10 +201,10 @@ impl GpuSession {
     }
 
     fn render_world(&mut self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
-        let chosen = request.bodies.chosen(world.bodies.len())?;
-        let camera = RayCamera::new(&request.view.camera, request.window);
+        let shown = Shown::of(request, world.bodies.len())?;
+        let camera = RayCamera::new(&request.view.camera, shown.around());
         let lights = LightTable::new(&request.view.lights, &self.caches.scene)?;
-        let views = self.upload(world, request, &camera, &lights, &chosen)?;
+        let views = self.upload(world, request, &camera, &lights, &shown)?;
         match self.options.budget().is_fixed() {
             true => self.frame(world, request, views, frame),
             false => self.rounds(world, request, views, &camera, frame),
@@ -207,12 +228,18 @@ impl GpuSession {
         self.fits(planes)?;
         self.make_room_for_paths(paths * state, planes.max(LEAST_PATHS.min(paths) * state))?;
         let capacity = (self.buffers.paths.size() / state).min(self.most_paths);
-        let queues = self.grown(&self.buffers.queues, "queues", 4 * (3 * capacity + 2 * pixels))?;
+        self.make_queues(capacity, pixels)?;
+        Ok(capacity as u32)
+    }
+
+    /// Makes room for the queues of paths, two lists of the pixels of an image, and the tiles of its pixels.
+    pub fn make_queues(&mut self, capacity: u64, pixels: u64) -> Result<()> {
+        let queues = self.grown(&self.buffers.queues, "queues", 4 * (3 * capacity + 3 * pixels))?;
         if queues != self.buffers.queues {
             self.listed = None;
         }
         self.buffers.queues = queues;
-        Ok(capacity as u32)
+        Ok(())
     }
 
     /// Makes room for so many bytes of paths, or for fewer if the device does not have them.
@@ -279,7 +306,7 @@ impl GpuSession {
     }
 
     /// The kernels that a scene needs.
-    pub fn variant(&self, world: &World, guides: bool) -> Variant {
+    pub fn variant(&self, world: &World, Gathered { guides, opacity, tiles }: Gathered) -> Variant {
         Variant {
             layered: world.scene.is_layered,
             cutouts: world.scene.has_cutouts,
@@ -287,6 +314,8 @@ impl GpuSession {
             guides,
             deep: self.walks_deep,
             plain_dielectrics: self.options.dielectrics == Dielectrics::Gltf,
+            tiles,
+            opacity,
         }
     }
 }
@@ -363,7 +392,7 @@ mod tests {
         }
         // A pixel is the same in a window that reaches beyond the image, rendered after another one without guides.
         let window = Window { x: -5, y: 3, width: 20, height: 30 };
-        let part = render(&mut one_pass, &RenderRequest { window, wants: &[RADIANCE.id()], ..all.clone() });
+        let part = render(&mut one_pass, &RenderRequest { wants: &[RADIANCE.id()], ..all.of(window, Bodies::All) });
         let (part, whole) = (part.get(RADIANCE).expect("made"), whole.get(RADIANCE).expect("made"));
         for (x, y) in (0..15).flat_map(|x| (3..20).map(move |y| (x, y))) {
             assert_eq!(part.at(x + 5, y - 3), whole.at(x, y), "pixel {x}, {y}");

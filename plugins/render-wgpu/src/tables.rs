@@ -20,9 +20,25 @@ pub const NONE: u32 = u32::MAX;
 /// Entries of a body in `scene.wgsl`.
 pub const BODY_SIZE: u32 = 5;
 
+/// Entries of a body that emits.
+pub const EMITTER_SIZE: u32 = 2;
+
 /// Entries, appended section by section.
 #[derive(Clone, Debug, Default)]
 pub struct Tables(Vec<[u32; 4]>);
+
+/// A window with bodies of its own, among others.
+#[derive(Clone, Copy, Debug)]
+pub struct TilePlace {
+    /// Column and row in the image less those among the tiles.
+    pub offset: [i32; 2],
+    /// Where its bodies that emit are, and their number.
+    pub emitters: [u32; 2],
+    /// Root of the top level of what is there.
+    pub all: u32,
+    /// Root of the top level of what camera rays meet.
+    pub seen: u32,
+}
 
 /// Where a body's meshes are.
 #[derive(Clone, Copy, Debug)]
@@ -271,6 +287,16 @@ impl Tables {
         }
         let start = self.len();
         self.0.extend(headers);
+        start
+    }
+
+    /// Tiles; returns where they start.
+    pub fn tiles(&mut self, tiles: impl Iterator<Item = TilePlace>) -> u32 {
+        let start = self.len();
+        for TilePlace { offset: [x, y], emitters: [first, count], all, seen } in tiles {
+            self.0.push([x as u32, y as u32, first, count]);
+            self.0.push([all, seen, 0, 0]);
+        }
         start
     }
 

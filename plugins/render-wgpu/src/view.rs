@@ -2,14 +2,15 @@
 
 use crate::arena::{Arena, Asset, Place};
 use crate::session::{GpuSession, World};
-use crate::tables::{BodyPlace, EnvironmentPlaces, NONE, Tables};
+use crate::tables::{BodyPlace, EMITTER_SIZE, EnvironmentPlaces, NONE, Tables, TilePlace};
+use crate::tiles::{SeenBodies, Shown};
 use crate::trees::{MeshTree, STACK, TopLevel, body_node};
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
 use syntable_model::scene::EnvironmentMap;
-use syntable_model::stage::{Bodies, RenderRequest, Window};
+use syntable_model::stage::RenderRequest;
 use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{
     Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, PreparedBody, ProjectedEnvironment,
@@ -24,6 +25,7 @@ pub const WARPED: u32 = 1;
 pub const TENT: u32 = 2;
 pub const BLENDED_BY_COVERAGE: u32 = 4;
 pub const ONLY_GUIDES: u32 = 8;
+pub const WITHOUT_BACKGROUND: u32 = 16;
 
 /// `View` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -74,8 +76,15 @@ pub struct View {
     pub before_at: u32,
     pub sums_at: u32,
     pub object_depths_at: u32,
+    pub around_width: u32,
+    pub around_height: u32,
+    pub tiles: u32,
+    pub tile_map: u32,
     pub unused: [u32; 3],
 }
+
+/// Uniforms are read in vectors.
+const _: () = assert!(size_of::<View>().is_multiple_of(16));
 
 /// `Pass` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -99,7 +108,7 @@ impl GpuSession {
         request: &RenderRequest,
         camera: &RayCamera,
         lights: &LightTable,
-        chosen: &[bool],
+        shown: &Shown,
     ) -> Result<[View; 2]> {
         let scene = &world.scene;
         let texture = |texture: &Arc<syntable_prepare::MipTexture>| {
@@ -152,17 +161,28 @@ impl GpuSession {
             self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&tree.nodes));
             (if tree.nodes.is_empty() { NONE } else { place }, tree.depth)
         };
-        // Bodies that only camera rays do not meet are lit, and light others.
-        let is_lit = |body: usize| chosen[body] || matches!(request.bodies, Bodies::Seen(_));
-        let lit = boxes(&is_lit);
-        let top_level = write_level(0, &lit);
-        let seen = match request.bodies {
-            Bodies::Seen(_) => write_level(room, &boxes(&|body| chosen[body])),
-            _ => top_level,
+        let lit = boxes(&|body| shown.is_lit(body));
+        let top = write_level(0, &lit);
+        let own = |seen: &SeenBodies| match seen {
+            SeenBodies::All => top,
+            SeenBodies::Many(chosen) => write_level(room, &boxes(&|body| chosen[body])),
+            // Each body has a place for a level of its own.
+            SeenBodies::One(one) => {
+                let place = 2 * room + *one as u32 * TopLevel::room(1) as u32;
+                write_level(place, &boxes(&|body| body == *one))
+            }
         };
-        let depth = world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0) + top_level.1.max(seen.1);
-        self.walks_deep = depth > STACK as usize;
-        let [top_level, seen] = [top_level.0, seen.0];
+        let levels: Vec<[(u32, usize); 2]> = (shown.tiles.iter())
+            .map(|tile| {
+                let seen = own(&tile.seen);
+                [if tile.alone { seen } else { top }, seen]
+            })
+            .collect();
+        let depth = levels.iter().flatten().map(|(_, depth)| *depth).fold(top.1, usize::max);
+        self.walks_deep =
+            depth + world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0) > STACK as usize;
+        let levels: Vec<[u32; 2]> = levels.into_iter().map(|both| both.map(|(root, _)| root)).collect();
+        let [top, seen] = levels.first().copied().unwrap_or([top.0; 2]);
         let reach = lit.iter().map(Bounds::reach).fold(0.0, f32::max);
 
         let mut tables = Tables::default();
@@ -175,26 +195,30 @@ impl GpuSession {
         let places = Environments(&self.images);
         let [area_lights, windows] = tables.area_lights(lights, &places);
         let emitters: Vec<EmissiveBody> =
-            scene.emitters.iter().filter(|emitter| is_lit(emitter.instance as usize)).cloned().collect();
+            scene.emitters.iter().filter(|emitter| shown.is_lit(emitter.instance as usize)).cloned().collect();
         let emitter_count = emitters.len() as u32;
-        let emitters =
+        let emitters_at =
             tables.emitters(&emitters, |emitter| scene.mesh(&scene.bodies[emitter.instance as usize]).triangles.len());
+        let tiles = tables.tiles(shown.tiles.iter().zip(&levels).map(|(tile, &[all, seen])| {
+            let [first, count] = tile.emitters(&emitters);
+            TilePlace { offset: tile.offset(), emitters: [emitters_at + first * EMITTER_SIZE, count], all, seen }
+        }));
         let distant_lights = tables.distant_lights(&lights.distant, &places);
         let projection = match scene.materials.has_projections {
             true => ProjectedEnvironment::new(&request.view.lights, lights),
             false => None,
         };
         let projection = tables.projection(projection.as_ref(), &places);
-        let settings = self.options.settings();
+        let (settings, around) = (self.options.settings(), shown.around());
         let order = SampleOrder::new(request.stream.seed(), settings.samples);
-        let [blocks, block_columns] = tables.blocks(&order, request.window);
+        let [blocks, block_columns] = tables.blocks(&order, around);
         let guide_order = SampleOrder::new(guide_seed(request.stream.seed()), GUIDE_SAMPLES);
-        let [guide_blocks, guide_block_columns] = tables.blocks(&guide_order, request.window);
-        let warp = tables.warp(camera, request.window);
+        let [guide_blocks, guide_block_columns] = tables.blocks(&guide_order, around);
+        let warp = tables.warp(camera, around);
         self.buffers.tables = self.grown(&self.buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
         self.device.write(&self.buffers.tables, 0, bytemuck::cast_slice(tables.entries()));
 
-        let Window { x, y, width, height } = request.window;
+        let [width, height] = request.size;
         let vector = |v: syntable_simd::Vec3, w: f32| [v.x, v.y, v.z, w];
         let [along_u, along_v] = camera.slopes();
         let lens = camera.lens.as_ref();
@@ -203,7 +227,7 @@ impl GpuSession {
         let limit = settings.max_indirect_luminance_nits.min(FAR);
         let flag = |bit: u32, on: bool| if on { bit } else { 0 };
         let view = View {
-            window: [x, y, width as i32, height as i32],
+            window: [around.x, around.y, width as i32, height as i32],
             origin: vector(camera.origin(), camera.pixel_angle),
             corner: vector(camera.corner(0, 0), settings.spread(camera.pixel_angle)),
             along_u: vector(along_u, lens.map_or(0.0, |lens| lens.focus)),
@@ -219,7 +243,7 @@ impl GpuSession {
             decode,
             area_lights,
             windows,
-            emitters,
+            emitters: emitters_at,
             distant_lights,
             projection,
             blocks,
@@ -229,7 +253,7 @@ impl GpuSession {
             distant_count: lights.distant.len() as u32,
             objects: scene.objects as u32,
             foreground: scene.foreground as u32,
-            top_level,
+            top_level: top,
             seen,
             reach,
             sample_bits: order.sample_bits(),
@@ -237,9 +261,13 @@ impl GpuSession {
             block_columns,
             flags: flag(WARPED, camera.is_warped())
                 | flag(TENT, settings.filter == PixelFilter::Tent)
+                | flag(WITHOUT_BACKGROUND, !request.background)
                 | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage),
             max_bounces: settings.max_bounces,
             roulette_from: settings.roulette_from,
+            around_width: around.width,
+            around_height: around.height,
+            tiles,
             words: scene.objects.div_ceil(32).max(1) as u32,
             ..View::default()
         };

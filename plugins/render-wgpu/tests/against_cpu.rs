@@ -3,9 +3,10 @@
 //! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), which runs the shaders on the processor.
 
 use syntable_model::prelude::*;
+use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
-use syntable_model::stage::{Bodies, Window};
+use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer};
 use syntable_testing::room::{self, Look};
@@ -54,14 +55,15 @@ fn labels_are_the_cpus() {
     let wants = keys![DEPTH, INSTANCE, COVERAGE, before, OBJECT_DEPTHS, NORMAL, ALBEDO];
     let seen = [InstanceId(3), InstanceId(21)];
     let window = Window { x: -37, y: 11, width: 300, height: 200 };
+    let image = Window::of(&view.camera.intrinsics);
     let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
     let (mut instances, mut bits, mut pixels) = (0, 0, 0);
     for (look, request) in [
         (Look::Mixed, request.clone()),
         (Look::Glass, request.clone()),
-        (Look::Mixed, RenderRequest { window, ..request.clone() }),
-        (Look::Mixed, RenderRequest { bodies: Bodies::Only(&seen), ..request.clone() }),
-        (Look::Mixed, RenderRequest { bodies: Bodies::Seen(&seen), ..request.clone() }),
+        (Look::Mixed, request.clone().of(window, Bodies::All)),
+        (Look::Mixed, request.clone().of(image, Bodies::Only(&seen))),
+        (Look::Mixed, request.clone().of(image, Bodies::Seen(&seen))),
     ] {
         let frames = both(&PathTracing::default(), look, &request);
         instances += different(pair(&frames, INSTANCE), |a, b| a != b);
@@ -81,7 +83,7 @@ fn labels_are_the_cpus() {
         let alike = |a: &[_], b: &[_]| a.len() == b.len() && a.iter().zip(b).all(same);
         let depths = a.pixels().zip(b.pixels()).filter(|(a, b)| !alike(a, b)).count();
         assert!(a.pixels().flatten().count() > 100, "objects on rays");
-        let all = request.window.pixels() as usize;
+        let all = request.pixels() as usize;
         // As with the depth of what is seen.
         assert!(depths * 2_000 <= all, "{look:?}: {depths} of {all} lists of objects differ");
         pixels += all;
@@ -186,4 +188,72 @@ fn the_same_device_makes_the_same_bytes() {
     });
     let all = images.as_flattened();
     assert!(all.iter().all(|image| image.data() == all[0].data()));
+}
+
+/// Products of one value per pixel.
+const PLANES: [KeyId; 10] = [
+    RADIANCE.id(),
+    RADIANCE_VARIANCE.id(),
+    OPACITY.id(),
+    DEPTH.id(),
+    INSTANCE.id(),
+    NORMAL.id(),
+    ALBEDO.id(),
+    DENOISE_ALBEDO.id(),
+    RADIANCE_SPECULAR.id(),
+    RADIANCE_DEMODULATED.id(),
+];
+
+#[test]
+fn a_tile_is_the_window_of_its_object() {
+    if !has_adapter() {
+        return;
+    }
+    let mut curved = room::view(64, 48);
+    curved.camera.distortion =
+        Some(syntable_model::scene::Distortion { radial: [-0.1, 0.02, 0.0], tangential: [1e-3, -2e-3] });
+    let straight = room::view(64, 48);
+    // A fixed number of samples, and rounds of them.
+    let fixed = PathTracing { samples_per_pixel: 4, max_bounces: 4, ..PathTracing::default() };
+    let rounds = PathTracing { noise: Some(1e-9), ..fixed.clone() };
+    for (options, view, look, lighting) in [
+        (&fixed, &straight, Look::Mixed, Lighting::InScene),
+        (&fixed, &straight, Look::Glass, Lighting::Alone),
+        (&fixed, &curved, Look::Plastic, Lighting::Alone),
+        (&rounds, &straight, Look::Mixed, Lighting::Alone),
+    ] {
+        let scene = room::scene_of(look);
+        let coverage = both(options, look, &RenderRequest::new(view, &[COVERAGE.id()], Stream::root(7), &Threads(2)));
+        let atlas = Atlas::of(coverage[1].get(COVERAGE).expect("made"));
+        assert!(atlas.tiles.len() >= 4, "{atlas:?}");
+        let request = RenderRequest::new(view, &PLANES, Stream::root(7), &Threads(2));
+        let frames = both(options, look, &request.clone().of_objects(&atlas, lighting));
+        // As on the CPU, but for rounding.
+        let (z2, ratio) = compare(&frames);
+        let opacity = different(pair(&frames, OPACITY), |a, b| (a - b).abs() > 1e-6);
+        let nothing = different(pair(&frames, DEPTH), |a, b| a.is_finite() != b.is_finite());
+        assert!(nothing <= 2, "{nothing} depths");
+        println!("{look:?} {lighting:?}: mean z² {z2:.5}, ratio of means {ratio:.5}, {opacity} opacities differ");
+        assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3 && opacity <= 2, "{look:?}: {z2} {ratio} {opacity}");
+        let mut session = GpuPathRenderer::new(options.clone()).open(0).expect("opens");
+        session.load(&scene, &Threads(2)).expect("loads");
+        for tile in &atlas.tiles {
+            let ids = [tile.id];
+            let bodies = match lighting {
+                Lighting::Alone => Bodies::Only(&ids),
+                Lighting::InScene => Bodies::Seen(&ids),
+            };
+            let request = RenderRequest { background: false, ..request.clone().of(tile.window, bodies) };
+            let mut alone = Products::new();
+            session.render(&request, &mut alone).expect("renders");
+            macro_rules! same {
+                ($($key:ident),*) => {$({
+                    let part = Atlas::cut(frames[1].get($key).expect("made"), tile);
+                    assert!(part == *alone.get($key).expect("made"), "{} of {ids:?}, {look:?}", $key.name());
+                })*};
+            }
+            same!(RADIANCE, RADIANCE_VARIANCE, OPACITY, DEPTH, INSTANCE, NORMAL, ALBEDO, DENOISE_ALBEDO);
+            same!(RADIANCE_SPECULAR, RADIANCE_DEMODULATED);
+        }
+    }
 }

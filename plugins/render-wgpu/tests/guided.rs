@@ -8,8 +8,8 @@ use common::{Card, FAR, Rgb, render};
 use std::sync::Arc;
 use syntable_denoise::guided::Guided;
 use syntable_model::prelude::*;
-use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
+use syntable_model::product::{Lighting, Plane};
 use syntable_model::scene::{EnvironmentLight, EnvironmentMap, Light};
 use syntable_render_wgpu::{Adapters, GpuPathRenderer, Sections};
 use syntable_testing::room::{self, Look};
@@ -201,17 +201,24 @@ fn the_denoiser_sees_what_was_rendered() {
     if find_card().is_none() {
         return;
     }
-    // The same image, denoised on the device and from its products on the processor; and denoised alone.
+    // The same image, denoised on the device and from its products on the processor; and denoised alone. The same for all
+    // objects side by side.
     let (view, guided) = (room::view(60, 44), Guided::default());
     let (mut wants, provides) = (guided.reads(), guided.provides());
     wants.extend(provides.iter().copied());
-    for (samples, look) in [(1, Look::Mixed), (4, Look::Glass)] {
+    for (samples, look, of_objects) in [(1, Look::Mixed, false), (4, Look::Glass, false), (4, Look::Mixed, true)] {
         let renderer = GpuPathRenderer::new(PathTracing { samples_per_pixel: samples, ..PathTracing::default() });
         assert!(renderer.denoises(&guided));
         let mut session = renderer.open(0).expect("opens");
         session.load(&room::scene_of(look), &Threads(2)).expect("loads");
+        let mut covered = Products::new();
+        let coverage = [COVERAGE.id()];
+        let request = RenderRequest::new(&view, &coverage, Stream::root(5), &Threads(2));
+        session.render(&request, &mut covered).expect("renders");
+        let atlas = Atlas::of(covered.get(COVERAGE).expect("made"));
         let mut render = |wants: &[KeyId]| {
             let request = RenderRequest::new(&view, wants, Stream::root(5), &Threads(2));
+            let request = if of_objects { request.of_objects(&atlas, Lighting::InScene) } else { request };
             let mut frame = Products::new();
             session.render(&RenderRequest { denoiser: Some(&guided), ..request }, &mut frame).expect("renders");
             frame

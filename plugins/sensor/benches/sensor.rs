@@ -24,7 +24,7 @@ fn noisy_light() -> Plane<[f32; 3]> {
 fn develop(bencher: Bencher, tone: Tone) {
     let radiance = noisy_light();
     bencher.bench(|| {
-        let developer = Developer::new(tone, white_nits(ev100_of(radiance.data())));
+        let developer = Developer::new(tone, white_nits(ev100_of(radiance.data())), [1.0; 3]);
         black_box(&radiance).map(|pixel| developer.code(*pixel))
     });
 }

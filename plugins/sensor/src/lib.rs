@@ -3,6 +3,7 @@
 //! | kind | provides |
 //! | --- | --- |
 //! | [`rgb_camera`](rgb_camera::RgbCamera) | the 8-bit image, and the settings of exposure, lens errors, noise, tone curve and JPEG |
+//! | [`appearance`](appearance::Appearance) | an annotator: what objects look like without what occludes them, developed as the image |
 //! | [`depth_camera`](depth_camera::DepthCamera) | depth as a RealSense L515 or D435 or an Azure Kinect measures it |
 //!
 //! `image_filter` computes and filters images row by row on several threads; [`rgb_camera`] and [`depth_camera`] hold
@@ -13,6 +14,7 @@
 //! exponentials and angles come from `libm`, so results do not depend on the system either. Rendered products are never
 //! changed: labels and clean depth stay as they are.
 
+pub mod appearance;
 pub mod depth_camera;
 mod image_filter;
 pub mod rgb_camera;

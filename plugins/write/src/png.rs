@@ -5,7 +5,7 @@ use syntable_formats::encode::kind::accepts;
 use syntable_formats::encode::png::Coding;
 use syntable_formats::encode::{scene_name, view_name};
 use syntable_model::prelude::*;
-use syntable_model::product::Scope;
+use syntable_model::product::{DType, Scope, Tensor};
 
 /// Writes images and masks as PNG files.
 ///
@@ -15,7 +15,7 @@ use syntable_model::product::Scope;
 ///
 /// | product | samples |
 /// | --- | --- |
-/// | 8-bit image of 1, 3 or 4 channels, such as `rgb` | as they are |
+/// | 8-bit image of 1, 3 or 4 channels, such as `rgb` and `appearance` | as they are; the fourth is opacity |
 /// | 16-bit image, such as the ids of `instance` | as they are |
 /// | mask, image of truth values | 8-bit: 255 where it is set, 0 elsewhere |
 /// | depth in meters | 16-bit: multiples of `depth_scale_mm`, rounded; 0 where there is none |
@@ -38,11 +38,15 @@ pub struct Png {
     /// 6.55 m.
     #[schemars(range(min = 0.001, max = 1000.0))]
     pub depth_scale_mm: f64,
+    /// Whether to cut images per instance that have an opacity, such as `appearance`, to the box of what is not transparent,
+    /// at least one pixel. `appearance_box` says where on the image that is. Without (the default) they have the size of the
+    /// image.
+    pub crop: bool,
 }
 
 impl Default for Png {
     fn default() -> Self {
-        Self { include: vec!["rgb".into()], depth_scale_mm: 1.0 }
+        Self { include: vec!["rgb".into()], depth_scale_mm: 1.0, crop: false }
     }
 }
 
@@ -89,9 +93,27 @@ impl PngScene {
     fn write(&self, scope: Scope, name: &str, products: &Products) -> Result<()> {
         let images = include::of_scope(&self.config.include, products, scope);
         include::write_images(images, &self.output, "png", name, products, |kind, value| {
+            let cut = if self.config.crop { cropped(value) } else { None };
+            let value = cut.as_ref().unwrap_or(value);
             Coding::of(kind).map_err(Error::new)?.image(value, self.config.depth_scale_mm)?.encode()
         })
     }
+}
+
+/// An image of 8 bits with an opacity, cut to the box of what is not transparent; none of another kind.
+fn cropped(value: &Value) -> Option<Value> {
+    let Value::Tensor(Tensor { dtype: DType::U8, shape, bytes, .. }) = value else { return None };
+    let &[height, width, 4] = &shape[..] else { return None };
+    let pixels: &[[u8; 4]] = bytes.as_chunks().0;
+    let seen = || (0..width * height).filter(|&at| pixels[at][3] > 0);
+    let span = |place: fn(usize, usize) -> usize| {
+        let places = || seen().map(|at| place(at, width));
+        places().min().zip(places().max()).map_or(0..1, |(first, last)| first..last + 1)
+    };
+    let (columns, rows) = (span(|at, width| at % width), span(|at, width| at / width));
+    let row = |y: usize| pixels[y * width..][columns.clone()].as_flattened();
+    let cut: Vec<u8> = rows.clone().flat_map(row).copied().collect();
+    Some(Value::Tensor(Tensor::new(DType::U8, &["y", "x", "channel"], vec![rows.len(), columns.len(), 4], cut)))
 }
 
 register!(Png);

@@ -1,6 +1,6 @@
 //! Typed names of products.
 
-use super::{BitPlane, Form, Name, RenderParameters, Value};
+use super::{BitPlane, Form, Lighting, Name, RenderParameters, Value};
 use std::any::{Any, TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
@@ -170,6 +170,11 @@ impl<T: Product> Key<T> {
     pub const fn on_canvas(self, canvas: u32) -> Self {
         self.with(RenderParameters { canvas, ..self.id.name.parameters })
     }
+
+    /// The rendered product of every object by itself; see [`RenderParameters::objects`].
+    pub const fn of_objects(self, lighting: Lighting) -> Self {
+        self.with(RenderParameters { objects: Some(lighting), ..RenderParameters::IMAGE })
+    }
 }
 
 impl Key<BitPlane> {
@@ -195,8 +200,10 @@ impl KeyId {
     /// The product that a text names, with its parameters: `coverage (canvas 3)`. None if it names another.
     pub fn parse(&self, text: &str) -> Option<Self> {
         let name = self.name.parse(text)?;
+        let RenderParameters { before_support, objects, .. } = name.parameters;
         let has_depth = self.type_id() == TypeId::of::<BitPlane>();
-        (has_depth || !name.parameters.before_support).then(|| self.with(name.parameters))
+        let is_image = matches!(self.form(), Form::Image { .. });
+        ((has_depth || !before_support) && (is_image || objects.is_none())).then(|| self.with(name.parameters))
     }
 
     /// Meaning, frame and special values, in sentences. Links to other keys read as their names.

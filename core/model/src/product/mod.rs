@@ -6,10 +6,12 @@
 
 mod counts;
 mod depths;
+mod extent;
 mod form;
 mod key;
 mod mask;
 mod name;
+mod object_images;
 mod plane;
 mod serialize;
 pub mod standard;
@@ -18,10 +20,12 @@ mod value;
 
 pub use counts::PixelCounts;
 pub use depths::ObjectDepths;
+pub use extent::{Extent, extents};
 pub use form::Form;
 pub use key::{Key, KeyId, Product, Scope, Semantic, first_sentence};
 pub use mask::Mask;
-pub use name::{MAX_CANVAS, Name, RenderParameters};
+pub use name::{Lighting, MAX_CANVAS, Name, RenderParameters};
+pub use object_images::{ObjectImage, ObjectImages};
 pub use plane::{BitPlane, Plane};
 pub use store::Products;
 pub use value::{BBox, DType, OcclusionOrder, PerInstance, Pixel, Tensor, Value};

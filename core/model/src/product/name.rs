@@ -1,5 +1,7 @@
 //! Names of products, with the parameters of those that a renderer makes.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Name of a product.
@@ -21,6 +23,32 @@ pub struct RenderParameters {
     /// Whether what a ray meets behind the first support or room part is left out; for sets of objects such as
     /// [`COVERAGE`](super::standard::COVERAGE), which look behind surfaces.
     pub before_support: bool,
+    /// If not the image: every object by itself, without what occludes it, in an
+    /// [`Atlas`](crate::stage::Atlas) of windows around the objects. Camera rays then meet neither lights nor sky.
+    pub objects: Option<Lighting>,
+}
+
+/// Light on an object that is shown without what occludes it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Lighting {
+    /// The lights of the view, as if there were no other body.
+    Alone,
+    /// That of the whole scene: others cast shadows on it and reflect light to it.
+    InScene,
+}
+
+impl Lighting {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Alone, Self::InScene];
+
+    /// How names of products say it.
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Alone => "objects alone",
+            Self::InScene => "objects in scene",
+        }
+    }
 }
 
 /// Maximum of [`RenderParameters::canvas`].
@@ -28,10 +56,11 @@ pub const MAX_CANVAS: u32 = 9;
 
 impl RenderParameters {
     /// Those of the image.
-    pub const IMAGE: Self = Self { canvas: 1, before_support: false };
+    pub const IMAGE: Self = Self { canvas: 1, before_support: false, objects: None };
 
     const fn is_valid(&self) -> bool {
-        self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS
+        let of_image = self.canvas == 1 && !self.before_support;
+        self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS && (self.objects.is_none() || of_image)
     }
 }
 
@@ -41,9 +70,13 @@ impl Name {
         Self { base, parameters: RenderParameters::IMAGE }
     }
 
-    /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large.
+    /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large, or if
+    /// objects are on a canvas or before the support.
     pub const fn with(self, parameters: RenderParameters) -> Self {
-        assert!(parameters.is_valid(), "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image");
+        assert!(
+            parameters.is_valid(),
+            "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image, 1 for objects"
+        );
         Self { base: self.base, parameters }
     }
 
@@ -56,7 +89,10 @@ impl Name {
                 match word.strip_prefix("canvas ") {
                     Some(canvas) => parameters.canvas = canvas.parse().ok()?,
                     None if word == "before support" => parameters.before_support = true,
-                    None => return None,
+                    None => {
+                        let lighting = Lighting::ALL.into_iter().find(|lighting| lighting.words() == word)?;
+                        parameters.objects = Some(lighting);
+                    }
                 }
             }
         }
@@ -67,11 +103,14 @@ impl Name {
     }
 }
 
-/// As `coverage`, or `coverage (canvas 3, before support)`.
+/// As `coverage`, `coverage (canvas 3, before support)`, or `radiance (objects alone)`.
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let RenderParameters { canvas, before_support } = self.parameters;
+        let RenderParameters { canvas, before_support, objects } = self.parameters;
         f.write_str(self.base)?;
+        if let Some(lighting) = objects {
+            return write!(f, " ({})", lighting.words());
+        }
         match (canvas, before_support) {
             (1, false) => Ok(()),
             (1, true) => f.write_str(" (before support)"),
@@ -108,12 +147,23 @@ mod tests {
         let coverage = Name::new("coverage");
         for canvas in [1, 3, MAX_CANVAS] {
             for before_support in [false, true] {
-                let name = coverage.with(RenderParameters { canvas, before_support });
+                let name = coverage.with(RenderParameters { canvas, before_support, objects: None });
                 assert_eq!(coverage.parse(&name.to_string()), Some(name));
                 assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
             }
         }
+        let radiance = Name::new("radiance");
+        for (text, lighting) in
+            [("radiance (objects alone)", Lighting::Alone), ("radiance (objects in scene)", Lighting::InScene)]
+        {
+            let name = radiance.with(RenderParameters { objects: Some(lighting), ..RenderParameters::IMAGE });
+            assert_eq!((radiance.parse(text), name.to_string()), (Some(name), text.to_owned()));
+        }
         for wrong in [
+            "coverage (objects)",
+            "coverage (canvas 3, objects alone)",
+            "coverage (before support, objects alone)",
+            "coverage (objects alone, objects in scene)",
             "coverag",
             "coverage2",
             "coverage (canvas 2)",

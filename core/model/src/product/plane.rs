@@ -48,6 +48,20 @@ impl<T> Plane<T> {
         &self.data[y as usize * self.width as usize + x as usize]
     }
 
+    /// Puts a smaller plane in the place of some pixels; `at` is the column and row of its first one. Panics if it reaches
+    /// beyond this one.
+    pub fn paste(&mut self, [x, y]: [u32; 2], part: &Self)
+    where
+        T: Copy,
+    {
+        assert!(x + part.width <= self.width && y + part.height <= self.height, "a part is within its plane");
+        let (width, columns) = (self.width as usize, part.width as usize);
+        let rows = self.data.chunks_mut(width.max(1)).skip(y as usize);
+        for (row, part) in rows.zip(part.data.chunks(columns.max(1))) {
+            row[x as usize..][..columns].copy_from_slice(part);
+        }
+    }
+
     /// A plane of the same size.
     pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Plane<U> {
         Plane { width: self.width, height: self.height, data: self.data.iter().map(f).collect() }

@@ -2,7 +2,9 @@
 //!
 //! Camera frame: x right, y down, z forward. Images have row 0 at the top; pixel centers are at half-integers.
 
-use super::{BBox, BitPlane, DType, Form, Mask, ObjectDepths, OcclusionOrder, PerInstance, Plane, Semantic, Value};
+use super::{
+    BBox, BitPlane, DType, Form, Mask, ObjectDepths, ObjectImages, OcclusionOrder, PerInstance, Plane, Semantic, Value,
+};
 use crate::products;
 use crate::scene::InstanceId;
 
@@ -11,6 +13,12 @@ use crate::scene::InstanceId;
 products! {
     /// Radiance reaching the camera, linear Rec. 709 with luminance in nits. Averaged over the pixel's area.
     pub const RADIANCE: Key<Plane<[f32; 3]>> = view("radiance").semantic(Semantic::Color).unit("nit");
+
+    /// Share of the pixel in which camera rays meet a body before a light, in [0, 1]: of the samples that [`RADIANCE`] is made
+    /// of. `radiance (objects alone)` and `opacity (objects alone)` show every object by itself, in windows side by side;
+    /// with `(objects in scene)` the others still cast shadows and reflect light. There the radiance is premultiplied
+    /// by the opacity.
+    pub const OPACITY: Key<Plane<f32>> = view("opacity");
 
     /// Distance along the optical axis to the first surface at the pixel center. Infinite where there is none; never
     /// averaged.
@@ -161,6 +169,17 @@ products! {
     /// Depth of each annotated object's first surface along the optical axis, hidden parts included. Infinite outside of its
     /// amodal mask.
     pub const AMODAL_DEPTH: Key<PerInstance<Plane<f32>>> = view("amodal_depth").semantic(Semantic::Depth).unit("m");
+
+    /// Unit shading normal of each annotated object's first surface in the camera frame, hidden parts included. Zero
+    /// outside of its amodal mask.
+    pub const AMODAL_NORMAL: Key<ObjectImages<[f32; 3]>> = view("amodal_normal").semantic(Semantic::Normal);
+
+    /// Each annotated object as the camera would see it without what occludes it: red, green, blue and opacity, 8 bits
+    /// each, developed as [`RGB`] and not premultiplied. All 0 where the object is not.
+    pub const APPEARANCE: Key<ObjectImages<[u8; 4]>> = view("appearance").semantic(Semantic::Color);
+
+    /// Bounding box of the pixels of [`APPEARANCE`] that are not transparent: x, y, width, height.
+    pub const APPEARANCE_BOX: Key<PerInstance<BBox>> = view("appearance_box").unit("px");
 
     /// Normalized object coordinates (NOCS) of what the image shows of annotated objects: (0.5, 0.5, 0.5) is the center of an
     /// object's box, 1 the length of its diagonal, axes are those of the object. Zero elsewhere.

@@ -8,6 +8,7 @@
 
 mod annotator;
 mod asset_source;
+mod atlas;
 mod camera_model;
 mod denoiser;
 mod light_sampler;
@@ -20,11 +21,12 @@ mod writer;
 
 pub use annotator::{Annotator, DatasetAnnotator, RecordedScene, SceneAnnotator, ViewProducts};
 pub use asset_source::{AssetLimits, AssetSource};
+pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
 pub use placer::{PartUse, Placer};
-pub use renderer::{Bodies, DeviceClass, RenderDevice, RenderRequest, RenderSession, Renderer, Window};
+pub use renderer::{Bodies, DeviceClass, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};

@@ -2,10 +2,10 @@
 
 use crate::context::Workers;
 use crate::error::{Error, Result};
-use crate::product::{KeyId, Products};
+use crate::product::{KeyId, Lighting, Products};
 use crate::random::Stream;
 use crate::scene::{InstanceId, Intrinsics, Scene, View};
-use crate::stage::Denoiser;
+use crate::stage::{Atlas, AtlasTile, Denoiser};
 use std::sync::Arc;
 
 /// A way of rendering. It offers products; the plan asks for those that somebody wants.
@@ -83,17 +83,23 @@ pub trait RenderSession: Send {
     fn render(&mut self, request: &RenderRequest, products: &mut Products) -> Result<()>;
 }
 
-/// One view to render: the whole image of the whole scene ([`RenderRequest::new`]), or a window of it, or some bodies.
+/// One view to render: the whole image of the whole scene ([`RenderRequest::new`]), a window of it or some bodies
+/// ([`of`](RenderRequest::of)), or many windows with bodies of their own ([`of_objects`](RenderRequest::of_objects)).
 #[derive(Clone)]
 pub struct RenderRequest<'a> {
     /// Camera and lights.
     pub view: &'a View,
-    /// The products to make, all among those offered. Their canvas is that of the image: `window` says what to render.
+    /// The products to make, all among those offered. Their parameters are those of the image: the tiles say what to
+    /// render.
     pub wants: &'a [KeyId],
-    /// Pixels to render; the products have its size.
-    pub window: Window,
-    /// Bodies that take part.
-    pub bodies: Bodies<'a>,
+    /// Width and height of the products, px.
+    pub size: [u32; 2],
+    /// What the products show, and where. Tiles do not overlap. Pixels of no tile are 0, and their depth is infinite. With
+    /// several tiles only products of one value per pixel are wanted.
+    pub tiles: Vec<Tile<'a>>,
+    /// Whether camera rays meet lights and sky. Without, the radiance is that of bodies alone, premultiplied by
+    /// [`OPACITY`](crate::product::standard::OPACITY); mirrors and glass show lights all the same.
+    pub background: bool,
     /// Seed of the sampling.
     pub stream: Stream,
     /// Threads to spread the pixels over.
@@ -105,15 +111,59 @@ pub struct RenderRequest<'a> {
 impl<'a> RenderRequest<'a> {
     /// The image of the whole scene.
     pub fn new(view: &'a View, wants: &'a [KeyId], stream: Stream, workers: &'a dyn Workers) -> Self {
-        let window = Window::of(&view.camera.intrinsics);
-        Self { view, wants, window, bodies: Bodies::All, stream, workers, denoiser: None }
+        let image = Window::of(&view.camera.intrinsics);
+        let (size, tiles) =
+            ([image.width, image.height], vec![Tile { window: image, at: [0, 0], bodies: Bodies::All }]);
+        Self { view, wants, size, tiles, background: true, stream, workers, denoiser: None }
     }
+
+    /// A window and the bodies in it instead.
+    pub fn of(self, window: Window, bodies: Bodies<'a>) -> Self {
+        Self { size: [window.width, window.height], tiles: vec![Tile { window, at: [0, 0], bodies }], ..self }
+    }
+
+    /// Every object of an atlas by itself instead, without background.
+    pub fn of_objects(self, atlas: &'a Atlas, lighting: Lighting) -> Self {
+        let tile = |tile: &'a AtlasTile| {
+            let body = std::slice::from_ref(&tile.id);
+            let bodies = match lighting {
+                Lighting::Alone => Bodies::Only(body),
+                Lighting::InScene => Bodies::Seen(body),
+            };
+            Tile { window: tile.window, at: tile.at, bodies }
+        };
+        Self { size: atlas.size, tiles: atlas.tiles.iter().map(tile).collect(), background: false, ..self }
+    }
+
+    /// The only tile, if it is all that the products show.
+    pub fn only_tile(&self) -> Option<&Tile<'a>> {
+        match &self.tiles[..] {
+            [tile] if [tile.window.width, tile.window.height] == self.size => Some(tile),
+            _ => None,
+        }
+    }
+
+    /// Number of pixels of all tiles.
+    pub fn pixels(&self) -> u64 {
+        self.tiles.iter().map(|tile| tile.window.pixels()).sum()
+    }
+}
+
+/// A part of what is rendered: a window, with the bodies that take part in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tile<'a> {
+    /// Pixels to render.
+    pub window: Window,
+    /// Column and row of its first pixel in the products.
+    pub at: [u32; 2],
+    /// Bodies that take part.
+    pub bodies: Bodies<'a>,
 }
 
 /// A rectangle of pixels on the camera's image plane, px from the top-left corner of the image. It may reach beyond the
 /// image on every side: the canvas then shows what the camera does not.
 ///
-/// A pixel has the same values in every window that it lies in, whatever the size of the window: labels always, light
+/// A pixel has the same values in every window that it lies in, by itself or among other tiles, whatever the size of the window: labels always, light
 /// where the number of samples does not depend on noise or time. Products that look at neighboring pixels, such as
 /// denoising guides, may differ at the edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 use super::*;
 use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
 use syntable_model::error::Result;
-use syntable_model::product::{Key, PerInstance, Products};
+use syntable_model::product::{Key, Lighting, PerInstance, Products, standard};
 use syntable_model::stage::{Accepts, RecordedScene, ViewProducts};
 
 const PIXELS: Key<PerInstance<u32>> = Key::view("pixels", "");
@@ -148,8 +148,8 @@ fn a_rendered_product_is_wanted_on_several_canvases() {
     let stages = vec![stage("a", &[PIXELS.id(), wide.id()], &[A.id()]), stage("b", &[wide.id()], &[B.id()])];
     let found = plan(stages, &["a", "b", "pixels (canvas 5)"]).expect("planned");
     assert_eq!(found.rendered, [PIXELS.id(), wide.id(), PIXELS.on_canvas(5).id()]);
-    let by_canvas = found.by_canvas();
-    assert_eq!(by_canvas.keys().collect::<Vec<_>>(), [&1, &3, &5]);
+    let by_canvas = found.by_request();
+    assert_eq!(by_canvas.keys().map(|request| request.canvas).collect::<Vec<_>>(), [1, 3, 5]);
     assert!(by_canvas.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
     let known = |name| format!("reads product `{name}`, which nothing provides");
     for wrong in ["pixels (canvas 2)", "pixels (before support)", "a (canvas 3)"] {
@@ -225,4 +225,59 @@ fn tables_keep_to_a_width_and_cut_nothing() {
     assert_eq!(super::table_within(&rows, Some(200)), super::table(&rows));
     // A word is never broken.
     assert!(super::table_within(&rows, Some(8)).contains("a_long_name_of_an_option"));
+}
+
+const LIGHT_OF_ALL: &str = "radiance (objects alone)";
+
+/// Denoises with one guide.
+struct Denoising;
+impl Denoiser for Denoising {
+    fn reads(&self) -> Vec<KeyId> {
+        vec![standard::RADIANCE_NOISY.id(), standard::DENOISE_ALBEDO.id()]
+    }
+    fn denoise(&self, _: &ViewContext, _: &mut Products) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// Plans what a writer reads of a renderer of light, with a denoiser.
+fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
+    let input = |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None };
+    let denoiser =
+        Candidate { stage: "denoise".into(), producer: Producer::Denoiser(Box::new(Denoising)), implied: None };
+    let offers =
+        syntable_model::keys![standard::RADIANCE, standard::DENOISE_ALBEDO, standard::NORMAL, standard::COVERAGE];
+    resolve(offers, vec![denoiser], Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
+}
+
+fn names(keys: &[KeyId]) -> Vec<String> {
+    let names: BTreeSet<String> = keys.iter().map(|key| key.name.to_string()).collect();
+    names.into_iter().collect()
+}
+
+#[test]
+fn light_on_objects_is_denoised_as_that_of_the_image() {
+    let found = lit(&[LIGHT_OF_ALL]).expect("planned");
+    let alone = RenderParameters { objects: Some(Lighting::Alone), ..RenderParameters::IMAGE };
+    assert_eq!(found.denoised, BTreeSet::from([alone]));
+    let by_request = found.by_request();
+    assert_eq!(by_request.keys().collect::<Vec<_>>(), [&RenderParameters::IMAGE, &alone], "the image comes first");
+    // The coverage of the image says where the objects are.
+    assert_eq!(names(&by_request[&RenderParameters::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
+    assert_eq!(names(&by_request[&alone]), ["denoise_albedo", "radiance"]);
+    let provider = |plan: &Plan, name: &str| {
+        plan.entries.iter().find(|entry| entry.key.name == *name).map(|entry| entry.provider.clone())
+    };
+    assert_eq!(provider(&found, LIGHT_OF_ALL).as_deref(), Some("denoise"));
+    assert_eq!(provider(&found, "radiance_noisy (objects alone)").as_deref(), Some("render"));
+    // A part has all that it is made from, and nothing that it is not.
+    let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned").part([LIGHT_OF_ALL], false);
+    assert_eq!((part.by_request(), part.denoised), (by_request, found.denoised));
+    let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned");
+    let part = part.part(["normal (objects in scene)"], false);
+    assert_eq!(names(&part.rendered), ["coverage", "normal (objects in scene)"]);
+    assert!(part.denoised.is_empty() && part.per_view.is_empty());
+    // The original is there for who asks; labels have none.
+    assert!(lit(&["radiance_noisy (objects in scene)"]).is_ok() && lit(&["normal_noisy (objects alone)"]).is_err());
+    assert!(lit(&["coverage (objects alone)"]).is_err());
 }

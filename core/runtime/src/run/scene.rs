@@ -26,11 +26,13 @@ use std::sync::Arc;
 use syntable_model::check::Check;
 use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
 use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::{COVERAGE, RADIANCE};
 use syntable_model::product::{KeyId, Name, Products, RenderParameters, Scope};
 use syntable_model::random::Stream;
 use syntable_model::scene::{Camera, Optics, Placed, Scene, SceneBuilder, SceneId, Settled, View, ViewId};
 use syntable_model::stage::{
-    DatasetInfo, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts, Window, Writer,
+    Atlas, Bodies, DatasetInfo, Denoiser, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts,
+    Window, Writer,
 };
 
 /// How often an attempt is repeated whose device failed.
@@ -399,23 +401,38 @@ impl<'m> Attempt<'m, '_> {
     fn render_view(&self, session: &mut dyn RenderSession, view: &View, products: &mut Products) -> Result<()> {
         let plan = &self.work.plan;
         let mut rendered = Products::new();
-        for (canvas, wants) in plan.by_canvas() {
+        let mut atlas = None;
+        for (parameters, wants) in plan.by_request() {
+            let RenderParameters { canvas, objects, .. } = parameters;
             let stream = self.stream("render").at(u64::from(view.id.0));
-            let request = RenderRequest::new(view, &wants, stream, self.maker.workers);
-            let window = Window::canvas(&view.camera.intrinsics, canvas);
-            check_pixels(window, canvas)?;
-            let denoiser = plan.denoiser.as_ref().filter(|_| canvas == 1).and_then(|stage| match &*stage.producer {
+            let mut request = RenderRequest::new(view, &wants, stream, self.maker.workers);
+            let denoised = match objects {
+                Some(lighting) => {
+                    let atlas = match &mut atlas {
+                        Some(atlas) => atlas,
+                        none => none.insert(Atlas::of(rendered.get(COVERAGE)?)),
+                    };
+                    request = request.of_objects(atlas, lighting);
+                    plan.denoised.contains(&parameters)
+                }
+                None => {
+                    request = request.of(Window::canvas(&view.camera.intrinsics, canvas), Bodies::All);
+                    canvas == 1
+                }
+            };
+            check_pixels(request.size, parameters)?;
+            request.denoiser = plan.denoiser.as_ref().filter(|_| denoised).and_then(|stage| match &*stage.producer {
                 Producer::Denoiser(denoiser) => Some(&**denoiser),
                 _ => None,
             });
-            let request = RenderRequest { window, denoiser, ..request };
-            let mut of_canvas = Products::new();
-            caught("render", || session.render(&request, &mut of_canvas))?;
-            provided(&wants, &of_canvas).map_err(|error| error.context("render"))?;
+            let mut made = Products::new();
+            caught("render", || session.render(&request, &mut made))?;
+            provided(&wants, &made).map_err(|error| error.context("render"))?;
             for key in wants {
-                of_canvas.rename(key, key.with(RenderParameters { canvas, ..key.name.parameters }))?;
+                let before_support = key.name.parameters.before_support;
+                made.rename(key, key.with(RenderParameters { before_support, ..parameters }))?;
             }
-            rendered.extend(of_canvas)?;
+            rendered.extend(made)?;
         }
         keep(plan, rendered, products)
     }
@@ -586,8 +603,29 @@ pub fn annotate(
             Producer::Scene(_) | Producer::Dataset(_) => unreachable!("the plan sorts producers by scope"),
         })?;
         keep(plan, made, products)?;
+        if let Producer::Denoiser(denoiser) = &*stage.producer {
+            plan.denoised.iter().try_for_each(|&of| denoise_objects(stage, &**denoiser, of, cx, products))?;
+        }
     }
     Ok(())
+}
+
+/// Denoises the light on objects as that of the image.
+fn denoise_objects(
+    stage: &PlannedStage,
+    denoiser: &dyn Denoiser,
+    parameters: RenderParameters,
+    cx: &ViewContext,
+    products: &mut Products,
+) -> Result<()> {
+    let own = |key: &KeyId| key.with(parameters);
+    let mut of_image = products.only(&stage.reads.iter().map(|key| own(key).name).collect::<Vec<_>>());
+    for key in &stage.reads {
+        of_image.rename(own(key), *key)?;
+    }
+    let mut made = lend(stage, &of_image, |lent| denoiser.denoise(cx, lent))?.only(&[RADIANCE.id().name]);
+    made.rename(RADIANCE.id(), own(&RADIANCE.id()))?;
+    products.extend(made)
 }
 
 /// Makes all checks on a view.
@@ -629,14 +667,17 @@ pub fn lend(
 /// Maximum number of pixels of a canvas.
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// Refuses a canvas that no memory can hold.
-fn check_pixels(window: Window, canvas: u32) -> Result<()> {
-    if window.pixels() <= MAX_PIXELS {
+/// Refuses a canvas or an atlas that no memory can hold.
+fn check_pixels([width, height]: [u32; 2], parameters: RenderParameters) -> Result<()> {
+    if u64::from(width) * u64::from(height) <= MAX_PIXELS {
         return Ok(());
     }
-    let Window { width, height, .. } = window;
-    Err(Error::new(format!("`(canvas {canvas})` has {width} × {height} pixels, more than {MAX_PIXELS}"))
-        .help("ask for a smaller canvas, or set a lower resolution in [camera]")
+    let (what, help) = match parameters.objects {
+        None => (format!("`(canvas {})`", parameters.canvas), "ask for a smaller canvas, or set"),
+        Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
+    };
+    Err(Error::new(format!("{what} has {width} × {height} pixels, more than {MAX_PIXELS}"))
+        .help(format!("{help} a lower resolution in [camera]"))
         .permanent())
 }
 
@@ -654,9 +695,14 @@ fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
 /// Adds what a stage made. A product that another stage replaces is kept under the key of the original.
 fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
     for replacement in &plan.replaced {
-        // The stage that replaces a product reads the original, which is there by then.
-        if !products.contains(&replacement.original.name) {
-            made.rename(replacement.product, replacement.original)?;
+        let image = replacement.product.name.parameters;
+        let parameters = plan.denoised.iter().copied().chain([image]);
+        for parameters in parameters.filter(|&of| plan.replaces_with(replacement, of)) {
+            let [product, original] = [replacement.product, replacement.original].map(|key| key.with(parameters));
+            // The stage that replaces a product reads the original, which is there by then.
+            if !products.contains(&original.name) {
+                made.rename(product, original)?;
+            }
         }
     }
     products.extend(made)

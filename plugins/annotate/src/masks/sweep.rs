@@ -10,8 +10,8 @@
 //! the columns and notes, for every object, the positions at which its bit flips. Columns are gathered in strips, one
 //! cache line of every row at a time.
 
-use crate::extent::extents;
 use syntable_model::error::{Error, Result};
+use syntable_model::product::extents;
 use syntable_model::product::{BitPlane, Mask, Plane};
 use syntable_model::scene::InstanceId;
 

@@ -1,11 +1,10 @@
 //! Intersections: paths that hit a light, nothing, or a surface.
 
 use super::{GUIDE_BOUNCES, LAYER_DIMENSION, PathTracer, Strategy, TOUCHING, add_radiance, is_light, power_heuristic};
-use crate::batch::{Batch, get, load, set};
+use crate::batch::{BATCH, Batch, get, load, set};
 use syntable_prepare::Sampler;
 use syntable_simd::Vec3;
 use syntable_simd::{Int, Mask, Real, max};
-use syntable_transport::film::Tracer as _;
 use syntable_transport::surface::surface;
 
 impl PathTracer<'_> {
@@ -14,12 +13,13 @@ impl PathTracer<'_> {
     #[inline(always)]
     pub(super) fn intersect_lights<T: Real>(&self, batch: &mut Batch, alive: usize, bounce: u32) -> usize {
         let mut left = 0;
+        let meets_lights = bounce > 0 || self.background;
         for at in (0..alive).step_by(T::WIDTH) {
             let active = T::load(&batch.numbers[at..]).lt(T::splat(alive as f32));
             let t = T::load(&batch.hits.t[at..]);
             let mut keep = active & t.lt(T::splat(f32::INFINITY));
             let mut is_hit = T::Mask::splat(false);
-            if !self.lights.is_empty() {
+            if meets_lights && !self.lights.is_empty() {
                 let (origin, direction) = (load::<T>(&batch.paths.origin, at), load(&batch.paths.direction, at));
                 let mut hit = self.lights.intersect(origin, direction, t * (1.0_f32 + TOUCHING));
                 hit.is_hit = hit.is_hit & active;
@@ -47,7 +47,7 @@ impl PathTracer<'_> {
                 }
             }
             T::select(keep, t, T::splat(f32::INFINITY)).store(&mut batch.hits.t[at..]);
-            if self.lights.has_distant() {
+            if meets_lights && self.lights.has_distant() {
                 let away = active & t.ge(T::splat(f32::INFINITY)) & !is_hit;
                 self.add_distant_lights(batch, at, away.to_bits(), bounce);
             }
@@ -106,6 +106,9 @@ impl PathTracer<'_> {
             let hit = batch.hits.get(i);
             if hit.t == f32::INFINITY {
                 continue;
+            }
+            if bounce == 0 {
+                batch.met[paths.slot[i] as usize % BATCH] = true;
             }
             let width = paths.width[i] + paths.spread[i] * hit.t;
             paths.width[i] = width;

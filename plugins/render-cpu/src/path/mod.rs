@@ -65,6 +65,8 @@ pub(crate) struct PathTracer<'a> {
     /// Growth of a camera ray's cone, meters per meter.
     spread: f32,
     gather: Gather,
+    /// Whether camera rays meet lights and sky.
+    background: bool,
 }
 
 /// What paths gather.
@@ -83,7 +85,7 @@ impl<'a> PathTracer<'a> {
         let order = SampleOrder::new(seed, settings.samples);
         let spread = settings.spread(camera.pixel_angle);
         let (strategy, processor, gather) = (Strategy::Combined, Processor::detect(), Gather::Light);
-        Self { world, lights, camera, settings, strategy, processor, order, spread, gather }
+        Self { world, lights, camera, settings, strategy, processor, order, spread, gather, background: true }
     }
 
     /// The same with other estimates of direct light, on another instruction set.
@@ -96,24 +98,21 @@ impl<'a> PathTracer<'a> {
         Self { gather: if guides { Gather::LightAndGuides } else { Gather::Light }, ..self }
     }
 
+    /// The same with or without what camera rays meet beside bodies.
+    pub fn with_background(self, background: bool) -> Self {
+        Self { background, ..self }
+    }
+
+    /// Whether guides are gathered.
+    fn has_guides(&self) -> bool {
+        self.gather != Gather::Light
+    }
+
     /// The same for guides alone, with `samples` per pixel and a seed of its own.
     fn for_guides(&self, samples: u32) -> Self {
         let settings = Settings { samples, ..self.settings };
         let tracer = Self::new(self.world, self.lights, self.camera, settings, guide_seed(self.order.seed()));
-        Self { gather: Gather::Guides, ..tracer }.with(self.strategy, self.processor)
-    }
-
-    /// Adds samples to the sums of tiles, tile by tile over the workers.
-    fn trace_tiles(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Statistics {
-        let total = Mutex::new(Statistics::default());
-        let tasks: Vec<_> = tasks.into_iter().map(Mutex::new).collect();
-        workers.run(tasks.len(), &|number| {
-            let mut statistics = Statistics::default();
-            let task = &mut *tasks[number].lock();
-            self.processor.run(Trace { tracer: self, task, statistics: &mut statistics });
-            total.lock().add(&statistics);
-        });
-        total.into_inner()
+        Self { gather: Gather::Guides, background: self.background, ..tracer }.with(self.strategy, self.processor)
     }
 
     #[inline(always)]
@@ -133,6 +132,7 @@ impl<'a> PathTracer<'a> {
                 let sums: &mut PixelSums = &mut task.sums[cursor.pixel(task)];
                 if self.gather != Gather::Guides {
                     sums.add(batch.radiance[slot]);
+                    sums.hits += u32::from(batch.met[slot]);
                 }
                 if self.gather == Gather::LightAndGuides {
                     let (radiance, guides) = (batch.radiance[slot], &batch.guides);
@@ -241,18 +241,37 @@ impl<'a> PathTracer<'a> {
     }
 }
 
-impl Tracer for PathTracer<'_> {
+/// A tracer for each tile of an image.
+pub(crate) struct TileTracers<'a>(pub Vec<PathTracer<'a>>);
+
+impl TileTracers<'_> {
+    /// Adds samples to the sums of squares, square by square over the workers.
+    fn run(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Statistics {
+        let total = Mutex::new(Statistics::default());
+        let tasks: Vec<_> = tasks.into_iter().map(Mutex::new).collect();
+        workers.run(tasks.len(), &|number| {
+            let mut statistics = Statistics::default();
+            let task = &mut *tasks[number].lock();
+            let tracer = &self.0[task.tile];
+            tracer.processor.run(Trace { tracer, task, statistics: &mut statistics });
+            total.lock().add(&statistics);
+        });
+        total.into_inner()
+    }
+}
+
+impl Tracer for TileTracers<'_> {
     fn has_guides(&self) -> bool {
-        self.gather != Gather::Light
+        self.0.iter().any(PathTracer::has_guides)
     }
 
     fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
-        Ok(self.trace_tiles(tasks, workers))
+        Ok(self.run(tasks, workers))
     }
 
     fn trace_guides(&self, samples: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
         // They are not counted: the light does not need them.
-        self.for_guides(samples).trace_tiles(tasks, workers);
+        TileTracers(self.0.iter().map(|tracer| tracer.for_guides(samples)).collect()).run(tasks, workers);
         Ok(())
     }
 }

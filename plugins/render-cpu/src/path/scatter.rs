@@ -5,7 +5,6 @@ use crate::batch::{Batch, Guides, Paths, Shadows, compress, load};
 use syntable_prepare::Sampler;
 use syntable_simd::{Basis, Int, Mask, Real, Rgb, Vec3, at_least, at_most, complement, inverse, vec3};
 use syntable_transport::bsdf::{Bsdf, BsdfParameters, BsdfSample, Layered, table};
-use syntable_transport::film::Tracer as _;
 
 /// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
 /// which keeps their mean and removes their noise.

@@ -7,7 +7,7 @@ use syntable_simd::Vec3;
 use syntable_simd::functions::sin_cos_turns;
 use syntable_simd::{Int, Real, complement};
 use syntable_transport::PixelFilter;
-use syntable_transport::film::{Task, Tracer as _, place};
+use syntable_transport::film::{Task, place};
 
 /// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
 /// lights and directions by turns.
@@ -73,6 +73,7 @@ impl PathTracer<'_> {
                 paths.index[i] = first + cursor.sample + (i - count) as u32;
                 paths.slot[i] = i as u32;
                 batch.radiance[i] = [0.0; 3];
+                batch.met[i] = false;
                 if self.has_guides() {
                     batch.guides.clear(i);
                 }

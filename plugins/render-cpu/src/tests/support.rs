@@ -211,7 +211,7 @@ pub fn render_part(
     session.load(scene, &Serial).expect("loads");
     let mut frame = Products::new();
     let request = RenderRequest::new(view, wants, Stream::root(7), &Serial);
-    session.render(&RenderRequest { window, bodies, ..request }, &mut frame).expect("renders");
+    session.render(&request.of(window, bodies), &mut frame).expect("renders");
     frame
 }
 

@@ -6,9 +6,11 @@ use std::sync::Arc;
 use syntable_model::context::Serial;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
+use syntable_model::product::{Lighting, Product as _};
 use syntable_model::scene::{BodyDraft, Distortion, Intrinsics, Role, ThinLens};
-use syntable_model::stage::{Bodies, Window};
+use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_testing::conformance;
+use syntable_transport::{PathTracing, PixelFilter};
 
 /// Products whose pixels depend on nothing around them.
 const PIXELS: [KeyId; 7] = [
@@ -164,6 +166,122 @@ fn an_object_seen_in_its_place_looks_as_in_the_whole_scene() {
     assert!(compared > 300 && uncovered > 5, "{compared} {uncovered}");
 }
 
+/// Products of one value per pixel.
+const PLANES: [KeyId; 13] = [
+    RADIANCE.id(),
+    RADIANCE_VARIANCE.id(),
+    OPACITY.id(),
+    DEPTH.id(),
+    INSTANCE.id(),
+    NORMAL.id(),
+    ALBEDO.id(),
+    DENOISE_ALBEDO.id(),
+    DENOISE_NORMAL.id(),
+    RADIANCE_SPECULAR.id(),
+    RADIANCE_SPECULAR_VARIANCE.id(),
+    RADIANCE_DEMODULATED.id(),
+    RADIANCE_DEMODULATED_VARIANCE.id(),
+];
+
+/// The objects of a view by themselves, in an atlas.
+fn of_objects(scene: &Arc<Scene>, view: &View, wants: &[KeyId], lighting: Lighting) -> (Atlas, Products) {
+    let coverage = render(options(1, 1), scene, view, &[COVERAGE.id()]);
+    let atlas = Atlas::of(coverage.get(COVERAGE).expect("made"));
+    let mut session = crate::CpuPathRenderer::new(options(4, 3)).session();
+    session.load(scene, &Serial).expect("loads");
+    let mut frame = Products::new();
+    let request = RenderRequest::new(view, wants, Stream::root(7), &Threads(2)).of_objects(&atlas, lighting);
+    session.render(&request, &mut frame).expect("renders");
+    (atlas, frame)
+}
+
+#[test]
+fn a_tile_is_the_window_of_its_object() {
+    let (scene, straight) = busy_scene();
+    let mut curved = straight.clone();
+    curved.camera.distortion = Some(Distortion { radial: [-0.1, 0.02, 0.0], tangential: [1e-3, -2e-3] });
+    curved.camera.lens = Some(ThinLens { aperture_radius_m: 0.01, focus_distance_m: 1.2 });
+    for (view, lighting) in [(&straight, Lighting::Alone), (&straight, Lighting::InScene), (&curved, Lighting::InScene)]
+    {
+        let (atlas, all) = of_objects(&scene, view, &PLANES, lighting);
+        assert!(atlas.tiles.len() >= 3, "{atlas:?}");
+        let mut outside = Plane::from_fn(atlas.size[0], atlas.size[1], |_, _| true);
+        for tile in &atlas.tiles {
+            let ids = [tile.id];
+            let bodies = match lighting {
+                Lighting::Alone => Bodies::Only(&ids),
+                Lighting::InScene => Bodies::Seen(&ids),
+            };
+            let mut session = crate::CpuPathRenderer::new(options(4, 3)).session();
+            session.load(&scene, &Serial).expect("loads");
+            let request = RenderRequest::new(view, &PLANES, Stream::root(7), &Serial).of(tile.window, bodies);
+            let (mut shown, mut alone) = (Products::new(), Products::new());
+            session.render(&request, &mut shown).expect("renders");
+            session.render(&RenderRequest { background: false, ..request }, &mut alone).expect("renders");
+            macro_rules! same {
+                ($($key:ident),*) => {$({
+                    let part = Atlas::cut(all.get($key).expect("made"), tile);
+                    assert!(part.encode() == (*alone.get($key).expect("made")).encode(), "{} of {ids:?}", $key.name());
+                })*};
+            }
+            same!(
+                RADIANCE,
+                RADIANCE_VARIANCE,
+                OPACITY,
+                DEPTH,
+                INSTANCE,
+                NORMAL,
+                ALBEDO,
+                DENOISE_ALBEDO,
+                DENOISE_NORMAL
+            );
+            same!(RADIANCE_SPECULAR, RADIANCE_SPECULAR_VARIANCE, RADIANCE_DEMODULATED, RADIANCE_DEMODULATED_VARIANCE);
+            // Lights and sky are all that the background adds, and only around the object.
+            let [with, without] = [&shown, &alone].map(|products| products.get(RADIANCE).expect("made"));
+            let opacity = alone.get(OPACITY).expect("made");
+            for ((with, without), opacity) in with.data().iter().zip(without.data()).zip(opacity.data()) {
+                match *opacity {
+                    1.0 => assert_eq!(with, without),
+                    0.0 => assert_eq!(*without, [0.0; 3]),
+                    _ => assert!((0..3).all(|c| with[c] >= without[c]), "{with:?} {without:?}"),
+                }
+            }
+            let pixels = (0..tile.window.height).flat_map(|y| (0..tile.window.width).map(move |x| (x, y)));
+            pixels.for_each(|(x, y)| {
+                outside.data_mut()[((tile.at[1] + y) * atlas.size[0] + tile.at[0] + x) as usize] = false;
+            });
+        }
+        let depth = all.get(DEPTH).expect("made");
+        let radiance = all.get(RADIANCE).expect("made");
+        for (pixel, _) in outside.data().iter().enumerate().filter(|(_, outside)| **outside) {
+            assert_eq!((radiance.data()[pixel], depth.data()[pixel]), ([0.0; 3], f32::INFINITY));
+        }
+    }
+}
+
+#[test]
+fn opacity_is_the_share_of_the_pixel_that_a_body_covers() {
+    // The front of a block 1 m wide and high at a depth of 3.99 m, as wide as 10.25 px.
+    let (half_px, width) = (5.125, 31);
+    let block = object("block", cuboid([0.5, 0.01, 0.5]), matte(0.5));
+    let scene = scene([body(&block, at(0.0, 0.0, 0.0), Role::Object)]);
+    let view = view(width, width, half_px * 3.99 / 0.5, [0.0, -4.0, 0.0], [0.0; 3], vec![furnace()]);
+    let boxed = PathTracing { pixel_filter: PixelFilter::Box, ..options(256, 1) };
+    let frame = render(boxed, &scene, &view, &[OPACITY.id()]);
+    let opacity = frame.get(OPACITY).expect("made");
+    for y in 0..width {
+        for x in 0..width {
+            let covered = |i: u32| {
+                let (left, right) = (f64::from(i) - 15.5, f64::from(i) - 14.5);
+                (right.min(half_px) - left.max(-half_px)).clamp(0.0, 1.0)
+            };
+            let want = covered(x) * covered(y);
+            let got = f64::from(*opacity.at(x, y));
+            assert!((got - want).abs() < 0.05, "{got}, not {want}, at ({x}, {y})");
+        }
+    }
+}
+
 #[test]
 fn a_body_that_is_not_there_is_an_error() {
     let (scene, view) = busy_scene();
@@ -171,8 +289,9 @@ fn a_body_that_is_not_there_is_an_error() {
     session.load(&scene, &Serial).expect("loads");
     for id in [0, 5] {
         let request = RenderRequest::new(&view, &PIXELS, Stream::root(1), &Serial);
-        let request = RenderRequest { bodies: Bodies::Only(&[InstanceId(id)]), ..request };
+        let id = [InstanceId(id)];
+        let request = request.of(image(&view), Bodies::Only(&id));
         let error = session.render(&request, &mut Products::new()).expect_err("no body");
-        assert_eq!(error.to_string(), format!("there is no body {id} to render"));
+        assert_eq!(error.to_string(), format!("there is no body {} to render", id[0]));
     }
 }

@@ -198,6 +198,20 @@ struct Walked {
     support: f32,
 }
 
+fn top_level_of_all() -> u32 {
+    if TILES {
+        return tile.all;
+    }
+    return view.top_level;
+}
+
+fn top_level_of_seen() -> u32 {
+    if TILES {
+        return tile.seen;
+    }
+    return view.seen;
+}
+
 // First word of the depths of objects on a pixel's ray, by object, or NONE.
 var<private> depths_of_pixel: u32 = NONE;
 

@@ -22,19 +22,22 @@ fn to_camera(v: vec3<f32>) -> vec3<f32> {
 
 // The ray through the center of a pixel of the window, in place `column`, `row`; a null direction sees nothing.
 fn center_direction(column: u32, row: u32) -> vec3<f32> {
+    let place = image_place(column, row);
     if (view.flags & WARPED) != 0u {
-        let corners = u32(view.window.z + 1) * u32(view.window.w + 1);
-        let d = warp_entry(corners + row * u32(view.window.z) + column);
+        let corners = (view.around_width + 1u) * (view.around_height + 1u);
+        let around = vec2<u32>(place - view.window.xy);
+        let d = warp_entry(corners + around.y * view.around_width + around.x);
         return select(from_camera(d.x, d.y), vec3(0.0), max(abs(d.x), abs(d.y)) >= FAR);
     }
-    let x = f32(i32(column) + view.window.x) + 0.5;
-    let y = f32(i32(row) + view.window.y) + 0.5;
+    let x = f32(place.x) + 0.5;
+    let y = f32(place.y) + 0.5;
     return view.corner.xyz + view.along_u.xyz * x + view.along_v.xyz * y;
 }
 
 fn warped_direction(column: u32, row: u32, place: vec2<f32>) -> vec3<f32> {
-    let columns = u32(view.window.z) + 1u;
-    let at = row * columns + column;
+    let columns = view.around_width + 1u;
+    let around = vec2<u32>(image_place(column, row) - view.window.xy);
+    let at = around.y * columns + around.x;
     let a = warp_entry(at);
     let b = warp_entry(at + 1u);
     let c = warp_entry(at + columns);
@@ -62,8 +65,9 @@ fn spread_bits(value: u32) -> u32 {
 
 // Numbers of a sample of a pixel, as SampleOrder has it. The tables have the seeds of the blocks that the window meets.
 fn sampler_of(column: u32, row: u32, sample: u32) -> Sampler {
-    let x = u32(i32(column) + view.window.x);
-    let y = u32(i32(row) + view.window.y);
+    let place = image_place(column, row);
+    let x = u32(place.x);
+    let y = u32(place.y);
     let mask = (1u << view.block_bits) - 1u;
     let first_column = u32(view.window.x) >> view.block_bits;
     let first_row = u32(view.window.y) >> view.block_bits;

@@ -31,6 +31,13 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
         return;
     }
     let pixel = row * width + column;
+    if TILES {
+        let number = tile_number(column, row);
+        if number == NONE {
+            return;
+        }
+        enter_tile(number);
+    }
     let coverage = empty_set(view.coverage_at, pixel);
     let before = empty_set(view.before_at, pixel);
     if view.object_depths_at != NONE {
@@ -41,11 +48,11 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     }
     let direction = center_direction(column, row);
     let ray = Ray(view.origin.xyz, direction);
-    let walked = walk(EVERY_BODY, view.seen, ray, 0.0, FAR, 0u, coverage);
+    let walked = walk(EVERY_BODY, top_level_of_seen(), ray, 0.0, FAR, 0u, coverage);
     depths_of_pixel = NONE;
     let first = walked.hit;
     if view.before_at != NONE {
-        walk(EVERY_OBJECT, view.seen, ray, 0.0, walked.support, 0u, before);
+        walk(EVERY_OBJECT, top_level_of_seen(), ray, 0.0, walked.support, 0u, before);
     }
     if view.depth_at != NONE {
         output[view.depth_at + pixel] = bitcast<u32>(first.t);

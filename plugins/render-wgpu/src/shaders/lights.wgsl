@@ -2,7 +2,6 @@
 
 const AREA_SIZE: u32 = 6u;
 const WINDOW_SIZE: u32 = 5u;
-const EMITTER_SIZE: u32 = 2u;
 const EMISSIVE_TRIANGLE_SIZE: u32 = 3u;
 const DISTANT_SIZE: u32 = 4u;
 const CONE: u32 = 0u;
@@ -172,14 +171,28 @@ fn shape_radiance(s: Shape, point: vec3<f32>, direction: vec3<f32>) -> vec3<f32>
     return table_f(at + 1u).xyz;
 }
 
+fn emitters_at() -> u32 {
+    if TILES {
+        return tile.emitters;
+    }
+    return view.emitters;
+}
+
+fn emitter_count() -> u32 {
+    if TILES {
+        return tile.emitter_count;
+    }
+    return view.emitter_count;
+}
+
 fn light_count() -> u32 {
-    return view.area_count + view.emitter_count + view.distant_count;
+    return view.area_count + emitter_count() + view.distant_count;
 }
 
 // An emissive body is (first triangle, their number, its densities, its instance), (center, radius); its power is the first
 // number of the entry before its triangles.
 fn emitter_importance(number: u32, p: vec3<f32>, n: vec3<f32>) -> f32 {
-    let at = view.emitters + number * EMITTER_SIZE;
+    let at = emitters_at() + number * EMITTER_SIZE;
     let b = table_f(at + 1u);
     let power = table_f(tables[at].x - 1u).x;
     let to = b.xyz - p;
@@ -207,10 +220,10 @@ fn light_importance(number: u32, p: vec3<f32>, n: vec3<f32>) -> f32 {
         return shape_importance(shape_at(number), p, n);
     }
     let other = number - view.area_count;
-    if other < view.emitter_count {
+    if other < emitter_count() {
         return emitter_importance(other, p, n);
     }
-    return distant_importance(other - view.emitter_count, n);
+    return distant_importance(other - emitter_count(), n);
 }
 
 struct Distant {
@@ -292,8 +305,8 @@ fn sample_lights(p: vec3<f32>, n: vec3<f32>, numbers: vec2<f32>) -> Illumination
         } else if s.valid && dot(n, s.direction) > 0.0 {
             radiance = shape_radiance(shape, p + s.direction * s.distance, s.direction);
         }
-    } else if chosen < view.area_count + view.emitter_count {
-        let at = view.emitters + (chosen - view.area_count) * EMITTER_SIZE;
+    } else if chosen < view.area_count + emitter_count() {
+        let at = emitters_at() + (chosen - view.area_count) * EMITTER_SIZE;
         let header = tables[at];
         // The triangle that the first number selects by cumulative power.
         var low = 0u;
@@ -330,7 +343,7 @@ fn sample_lights(p: vec3<f32>, n: vec3<f32>, numbers: vec2<f32>) -> Illumination
             radiance = emission_at(Hit(distance, weights.x, weights.y, a.w, header.w), position);
         }
     } else if chosen != NONE {
-        let number = chosen - view.area_count - view.emitter_count;
+        let number = chosen - view.area_count - emitter_count();
         let drawn = distant_sample(number, vec2(u, v));
         s = LightSample(drawn.direction, FAR, drawn.pdf, true);
         radiance = distant_radiance(number, drawn.direction).radiance;
@@ -354,8 +367,8 @@ fn selection_probability(p: vec3<f32>, n: vec3<f32>, number: u32) -> f32 {
 
 // Density of sampling a point of a body that emits, from `p` with normal `n`; `cosine` is that of the ray with the triangle.
 fn body_pdf(p: vec3<f32>, n: vec3<f32>, hit: Hit, cosine: f32) -> f32 {
-    for (var i = 0u; i < view.emitter_count; i++) {
-        let header = tables[view.emitters + i * EMITTER_SIZE];
+    for (var i = 0u; i < emitter_count(); i++) {
+        let header = tables[emitters_at() + i * EMITTER_SIZE];
         if header.w == hit.instance {
             let density = bitcast<f32>(table_word(header.z, hit.primitive));
             let probability = selection_probability(p, n, view.area_count + i);

@@ -9,7 +9,7 @@ const DIRECTION: u32 = 1u;   // direction, density
 const THROUGHPUT: u32 = 2u;  // throughput, width
 const NORMAL: u32 = 3u;      // normal of the last scattering, spread
 const NUMBERS: u32 = 4u;     // seed, index, minimum roughness, body hit
-const RADIANCE: u32 = 5u;    // radiance found
+const RADIANCE: u32 = 5u;    // radiance found; 1 if the camera ray met a body and that counts
 const HIT: u32 = 6u;         // t, u, v, triangle hit
 const SHADOW_RAY: u32 = 7u;  // direction, distance
 const SHADOW_LIGHT: u32 = 8u;    // contribution, weight of emitter sampling
@@ -108,6 +108,14 @@ fn listed_pixel(number: u32) -> vec2<u32> {
     return vec2(packed & 0xffffu, packed >> 16u);
 }
 
+// Enters the tile of a path, if there are tiles.
+fn enter_tile_of(path: u32) {
+    if TILES {
+        let pixel = listed_pixel(path / pass_.samples);
+        enter_tile(tile_number(pixel.x, pixel.y));
+    }
+}
+
 // Number of pixels of the pass.
 fn pixel_count() -> u32 {
     if pass_.is_chosen == 0u {
@@ -125,6 +133,7 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
         return;
     }
     let pixel = listed_pixel(path / pass_.samples);
+    enter_tile_of(path);
     let s = sampler_of(pixel.x, pixel.y, pass_.first_sample + path % pass_.samples);
     var place = sample_pair(s, 0u);
     if (view.flags & TENT) != 0u {
@@ -135,7 +144,8 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     if (view.flags & WARPED) != 0u {
         direction = warped_direction(pixel.x, pixel.y, place);
     } else {
-        let corner = camera_corner(i32(pixel.x) + view.window.x, i32(pixel.y) + view.window.y);
+        let at = image_place(pixel.x, pixel.y);
+        let corner = camera_corner(at.x, at.y);
         direction = corner + view.along_u.xyz * place.x + view.along_v.xyz * place.y;
     }
     if view.along_u.w > 0.0 && !is_black(direction) {
@@ -173,6 +183,7 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
         return;
     }
     let path = queues[(pass_.bounce & 1u) * view.capacity + number];
+    enter_tile_of(path);
     let o = state(ORIGIN, path);
     let d = state(DIRECTION, path);
     let n = state(NUMBERS, path);
@@ -180,7 +191,7 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     if CUTOUTS {
         seed = alpha_seed(bits(n.x), bits(n.y), pass_.bounce);
     }
-    let top = select(view.top_level, view.seen, pass_.bounce == 0u);
+    let top = select(top_level_of_all(), top_level_of_seen(), pass_.bounce == 0u);
     let hit = walk(FIRST, top, Ray(o.xyz, d.xyz), o.w, FAR, seed, NONE).hit;
     set_state(HIT, path, vec4(hit.t, hit.u, hit.v, flags_of(hit.primitive)));
     paths[NUMBERS * view.capacity + path].w = flags_of(hit.instance);
@@ -248,7 +259,7 @@ fn shade(
 
 fn add_radiance(path: u32, light: vec3<f32>) {
     let at = RADIANCE * view.capacity + path;
-    paths[at] = vec4(paths[at].xyz + light, 0.0);
+    paths[at] += vec4(light, 0.0);
 }
 
 // Ends a path or takes it through the surface that it hit.
@@ -270,9 +281,11 @@ fn step_path(path: u32) -> Step {
     if is_black(direction) {
         return over;
     }
+    enter_tile_of(path);
 
     // Lights.
-    if light_count() > 0u {
+    let meets_lights = bounce > 0u || (view.flags & WITHOUT_BACKGROUND) == 0u;
+    if meets_lights && light_count() > 0u {
         let met = intersect_lights(origin, direction, min(hit.t * (1.0 + TOUCHING), FAR));
         if met.number != NONE {
             let shape = shape_at(met.number);
@@ -289,7 +302,7 @@ fn step_path(path: u32) -> Step {
         }
     }
     if hit.instance == NONE {
-        if view.distant_count > 0u {
+        if meets_lights && view.distant_count > 0u {
             var sum = vec3(0.0);
             for (var i = 0u; i < view.distant_count; i++) {
                 let distant = distant_radiance(i, direction);
@@ -298,7 +311,7 @@ fn step_path(path: u32) -> Step {
                 }
                 var sampled = 0.0;
                 if bounce > 0u {
-                    let number = view.area_count + view.emitter_count + i;
+                    let number = view.area_count + emitter_count() + i;
                     sampled = distant.pdf * selection_probability(origin, n4.xyz, number);
                 }
                 sum += distant.radiance * bsdf_sampled_weight(pdf, sampled);
@@ -312,6 +325,9 @@ fn step_path(path: u32) -> Step {
     }
 
     // The surface.
+    if OPACITY && bounce == 0u {
+        paths[RADIANCE * view.capacity + path].w = 1.0;
+    }
     let width = t4.w + n4.w * hit.t;
     var u = 0.0;
     if LAYERED {
@@ -515,10 +531,11 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
         return;
     }
     let path = queues[2u * view.capacity + number];
+    enter_tile_of(path);
     let r = state(SHADOW_RAY, path);
     let o = state(SHADOW_ORIGIN, path);
     let ray = Ray(o.xyz, r.xyz);
-    let passed = walk(PASSAGE_OF_LIGHT, view.top_level, ray, 0.0, r.w * (1.0 - TOUCHING), bits(o.w), NONE);
+    let passed = walk(PASSAGE_OF_LIGHT, top_level_of_all(), ray, 0.0, r.w * (1.0 - TOUCHING), bits(o.w), NONE);
     if !is_black(passed.transmittance) {
         let l = state(SHADOW_LIGHT, path);
         var transmittance = passed.transmittance;
@@ -540,6 +557,11 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
 // Sums of a pixel, number after number, as planes.rs says where: radiance and squared luminance, the rounding errors of both,
 // samples; with guides their samples, albedo and normal; specular radiance and its square; the demodulated rest and its
 // square.
+
+// The opacity comes after all others.
+fn sum_of_opacity() -> u32 {
+    return select(SUMS_OF_LIGHT, SUMS_WITH_GUIDES, GUIDES);
+}
 
 fn pixels_of_window() -> u32 {
     return u32(view.window.z) * u32(view.window.w);
@@ -572,6 +594,10 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     let pixel = listed_pixel(number);
     let entry = pixel.y * u32(view.window.z) + pixel.x;
     let gathers_light = !gathers_guides_alone();
+    var opacity = 0.0;
+    if OPACITY {
+        opacity = read_sum(sum_of_opacity(), entry);
+    }
     var light_sum = vec4(0.0);
     var light_error = vec4(0.0);
     var guides = 0.0;
@@ -596,7 +622,11 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     }
     for (var i = 0u; i < pass_.samples; i++) {
         let path = number * pass_.samples + i;
-        let light = state(RADIANCE, path).xyz;
+        let found = state(RADIANCE, path);
+        let light = found.xyz;
+        if OPACITY {
+            opacity += found.w;
+        }
         if gathers_light {
             let y = luminance(light);
             let value = vec4(light, y * y) - light_error;
@@ -637,6 +667,9 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     }
     if gathers_light {
         write_sum(SUM_SAMPLES, entry, read_sum(SUM_SAMPLES, entry) + f32(pass_.samples));
+    }
+    if OPACITY && gathers_light {
+        write_sum(sum_of_opacity(), entry, opacity);
     }
     if GUIDES {
         write_sum(SUM_GUIDES, entry, guides);
@@ -688,6 +721,13 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     let width = u32(view.window.z);
     let column = entry % width;
     let row = entry / width;
+    var number = 0u;
+    if TILES {
+        number = tile_number(column, row);
+        if number == NONE {
+            return;
+        }
+    }
     // Paths that glass reflected tell nothing.
     var differs = guides < read_sum(SUM_SAMPLES, entry);
     let albedo = mean_sum(SUM_GUIDES + 1u, entry);
@@ -695,6 +735,9 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     for (var y = max(row, 1u) - 1u; y < min(row + 2u, u32(view.window.w)) && !differs; y++) {
         for (var x = max(column, 1u) - 1u; x < min(column + 2u, width); x++) {
             let there = y * width + x;
+            if TILES && tile_number(x, y) != number {
+                continue;
+            }
             let a = abs(albedo - mean_sum(SUM_GUIDES + 1u, there));
             let b = abs(normal - mean_sum(SUM_GUIDES + 4u, there));
             differs = differs || max(max_component(a), max_component(b)) > DIFFERENT;
@@ -752,6 +795,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
         }
     }
     set_part(AT_RADIANCE, entry, light.xyz, light.w, samples);
+    if OPACITY {
+        let plane = select(AT_OPACITY, AT_OPACITY_AFTER_GUIDES, GUIDES);
+        set_plane(plane * pixels_of_window() + entry, read_sum(sum_of_opacity(), entry) / samples);
+    }
     if GUIDES {
         set_part(AT_SPECULAR, entry, specular.xyz, specular.w, samples);
         set_part(AT_DEMODULATED, entry, demodulated.xyz, demodulated.w, samples);

@@ -6,10 +6,13 @@ override PANES: bool = true;
 override GUIDES: bool = true;
 override PLAIN_DIELECTRICS: bool = false;
 override DEEP: bool = true;
-
+// Whether windows with bodies of their own lie side by side; whether the opacity of pixels is counted.
+override TILES: bool = false;
+override OPACITY: bool = false;
 
 struct View {
-    // Left, top, width, height of the window, px from the corner of the image.
+    // Left, top, width, height of the window, px from the corner of the image. With tiles the first two are those of the
+    // smallest window around all of them, the last two those of what they lie side by side in.
     window: vec4<i32>,
     // Origin of the camera; angle of a pixel.
     origin: vec4<f32>,
@@ -55,7 +58,7 @@ struct View {
     sample_bits: u32,
     block_bits: u32,
     block_columns: u32,
-    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES.
+    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES, WITHOUT_BACKGROUND.
     flags: u32,
     // Of paths.
     max_bounces: u32,
@@ -74,6 +77,48 @@ struct View {
     sums_at: u32,
     // As those of the labels.
     object_depths_at: u32,
+    // Width and height of the window, or of the smallest one around all tiles.
+    around_width: u32,
+    around_height: u32,
+    // Where the tiles start, and where the queues have the number of each pixel's tile, or NONE.
+    tiles: u32,
+    tile_map: u32,
+}
+
+const TILE_SIZE: u32 = 2u;
+
+// A window with bodies of its own: place in the image less that among the tiles; the bodies that emit light; roots of the top
+// levels of all that is there, and of what camera rays meet.
+struct Tile {
+    offset: vec2<i32>,
+    emitters: u32,
+    emitter_count: u32,
+    all: u32,
+    seen: u32,
+}
+
+// The tile of the pixel at hand, where there are tiles.
+var<private> tile: Tile;
+
+// Number of the tile of a pixel, or NONE.
+fn tile_number(column: u32, row: u32) -> u32 {
+    return queues[view.tile_map + row * u32(view.window.z) + column];
+}
+
+fn enter_tile(number: u32) {
+    let at = view.tiles + number * TILE_SIZE;
+    let a = tables[at];
+    let b = tables[at + 1u];
+    tile = Tile(bitcast<vec2<i32>>(a.xy), a.z, a.w, b.x, b.y);
+}
+
+// Place of a pixel in the image.
+fn image_place(column: u32, row: u32) -> vec2<i32> {
+    let place = vec2(i32(column), i32(row));
+    if TILES {
+        return place + tile.offset;
+    }
+    return place + view.window.xy;
 }
 
 struct Pass {

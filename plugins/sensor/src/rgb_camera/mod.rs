@@ -1,6 +1,7 @@
 //! From radiance to an 8-bit image.
 
 mod agx;
+mod development;
 mod jpeg;
 mod lens;
 mod meter;
@@ -8,6 +9,7 @@ mod noise;
 mod tone;
 mod white_balance;
 
+pub use development::Development;
 pub use jpeg::Jpeg;
 pub use lens::{Blur, ChromaticAberration, Vignetting};
 pub use meter::{ev100_of, white_nits};
@@ -115,11 +117,10 @@ impl Sensor for RgbCamera {
             gains = balanced;
             applied.push(("white_balance", record));
         }
-        let developer = Developer::new(self.tone, white);
+        let developer = Developer::new(self.tone, white, gains);
         let mut image = filled(workers, [light.width(), light.height()], |y, row: &mut [[u8; 3]]| {
             for (x, code) in row.iter_mut().enumerate() {
-                let nits = light.at(x as u32, y);
-                *code = developer.code(std::array::from_fn(|c| nits[c] * gains[c]));
+                *code = developer.code(*light.at(x as u32, y));
             }
         });
         if let Some(jpeg) = &self.jpeg {

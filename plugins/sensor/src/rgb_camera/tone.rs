@@ -22,6 +22,14 @@ pub enum Tone {
 }
 
 impl Tone {
+    /// All of them.
+    const ALL: [Self; 4] = [Self::Filmic, Self::Srgb, Self::Linear, Self::Agx];
+
+    /// The curve of a [`name`](Self::name).
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|tone| tone.name() == name)
+    }
+
     /// Name in recipes and in the output.
     pub fn name(self) -> &'static str {
         match self {
@@ -59,7 +67,12 @@ fn shoulder(x: f64) -> f64 {
 }
 
 /// Converts radiance into 8-bit codes, for a given white.
-pub enum Developer {
+pub struct Developer {
+    codes: Codes,
+    gains: [f32; 3],
+}
+
+enum Codes {
     /// One curve applied to each channel.
     Curve(Box<Curve>),
     /// A curve in a reduced gamut.
@@ -67,19 +80,21 @@ pub enum Developer {
 }
 
 impl Developer {
-    /// The developer of a tone, for a white in nits.
-    pub fn new(tone: Tone, white: f64) -> Self {
-        match tone {
-            Tone::Agx => Self::Agx(Box::new(Agx::new(white))),
-            tone => Self::Curve(Box::new(Curve::new(tone, white))),
-        }
+    /// The developer of a tone, for a white in nits and gains of the channels.
+    pub fn new(tone: Tone, white: f64, gains: [f32; 3]) -> Self {
+        let codes = match tone {
+            Tone::Agx => Codes::Agx(Box::new(Agx::new(white))),
+            tone => Codes::Curve(Box::new(Curve::new(tone, white))),
+        };
+        Self { codes, gains }
     }
 
     /// The codes of a color in nits.
     pub fn code(&self, nits: [f32; 3]) -> [u8; 3] {
-        match self {
-            Self::Curve(curve) => nits.map(|nits| curve.code(nits)),
-            Self::Agx(agx) => agx.code(nits),
+        let nits = std::array::from_fn(|c| nits[c] * self.gains[c]);
+        match &self.codes {
+            Codes::Curve(curve) => nits.map(|nits| curve.code(nits)),
+            Codes::Agx(agx) => agx.code(nits),
         }
     }
 }

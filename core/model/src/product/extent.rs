@@ -1,6 +1,6 @@
 //! Area and bounds of what each object covers.
 
-use syntable_model::product::BitPlane;
+use super::BitPlane;
 
 /// What an object covers of a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,8 +55,8 @@ pub fn extents(plane: &BitPlane) -> Vec<Extent> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use syntable_model::random::Stream;
-    use syntable_model::scene::InstanceId;
+    use crate::random::Stream;
+    use crate::scene::InstanceId;
 
     #[test]
     fn areas_and_bounds_are_those_of_all_pixels() {

@@ -1,0 +1,95 @@
+//! What the tiles of a request show.
+
+use syntable_model::error::{Error, Result};
+use syntable_model::stage::{Bodies, RenderRequest, Tile, Window};
+use syntable_prepare::EmissiveBody;
+
+/// The tiles of a request.
+pub struct Shown {
+    pub tiles: Vec<ShownTile>,
+    /// For every body, whether it is there in any tile.
+    lit: Vec<bool>,
+}
+
+/// A tile.
+pub struct ShownTile {
+    window: Window,
+    at: [u32; 2],
+    /// What camera rays meet.
+    pub seen: SeenBodies,
+    /// Whether nothing else is there.
+    pub alone: bool,
+}
+
+/// Bodies that camera rays meet.
+pub enum SeenBodies {
+    /// All that are there.
+    All,
+    /// One, by its number.
+    One(usize),
+    /// For every body, whether it is one of them.
+    Many(Vec<bool>),
+}
+
+impl Shown {
+    /// The tiles of a request, of a scene of so many bodies.
+    ///
+    /// # Errors
+    /// If there is no body of an id, or if one of several tiles shows several bodies; permanent.
+    pub fn of(request: &RenderRequest, count: usize) -> Result<Self> {
+        let mut lit = vec![request.tiles.is_empty(); count];
+        let is_only = request.only_tile().is_some();
+        let mut tiles = Vec::with_capacity(request.tiles.len());
+        for &Tile { window, at, bodies } in &request.tiles {
+            let chosen = bodies.chosen(count)?;
+            let alone = matches!(bodies, Bodies::Only(_));
+            lit.iter_mut().zip(&chosen).for_each(|(lit, chosen)| *lit |= *chosen || !alone);
+            let mut numbers = (0..count).filter(|&number| chosen[number]);
+            let seen = match (bodies, is_only, numbers.next(), numbers.next()) {
+                (Bodies::All, ..) | (Bodies::Only(_), true, ..) => SeenBodies::All,
+                (_, true, ..) => SeenBodies::Many(chosen),
+                (_, false, Some(one), None) => SeenBodies::One(one),
+                _ => return Err(Error::new("one of several tiles shows several bodies").permanent()),
+            };
+            tiles.push(ShownTile { window, at, seen, alone });
+        }
+        Ok(Self { tiles, lit })
+    }
+
+    /// Whether a body is there in any tile: it is lit, and lights others.
+    pub fn is_lit(&self, body: usize) -> bool {
+        self.lit[body]
+    }
+
+    /// The smallest window around all tiles.
+    pub fn around(&self) -> Window {
+        let windows = || self.tiles.iter().map(|tile| tile.window);
+        let (x, y) = (windows().map(|window| window.x).min(), windows().map(|window| window.y).min());
+        let ends = (windows().map(|window| window.right()).max(), windows().map(|window| window.bottom()).max());
+        match (x.zip(y), ends) {
+            (Some((x, y)), (Some(right), Some(bottom))) => {
+                Window { x, y, width: (right - x) as u32, height: (bottom - y) as u32 }
+            }
+            _ => Window { x: 0, y: 0, width: 1, height: 1 },
+        }
+    }
+}
+
+impl ShownTile {
+    /// Column and row in the image less those among the tiles.
+    pub fn offset(&self) -> [i32; 2] {
+        [self.window.x - self.at[0] as i32, self.window.y - self.at[1] as i32]
+    }
+
+    /// The first of the bodies that emit light in the tile, and their number.
+    pub fn emitters(&self, all: &[EmissiveBody]) -> [u32; 2] {
+        match (&self.seen, self.alone) {
+            (SeenBodies::One(one), true) => {
+                let is_own = |emitter: &EmissiveBody| emitter.instance as usize == *one;
+                let first = all.iter().position(is_own).unwrap_or(0);
+                [first as u32, all.iter().filter(|&emitter| is_own(emitter)).count() as u32]
+            }
+            _ => [0, all.len() as u32],
+        }
+    }
+}
