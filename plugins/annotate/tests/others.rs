@@ -543,7 +543,6 @@ fn hidden_normals_are_those_of_the_objects_window() {
         _ => vec![],
     });
     let (world, mut products) = rendered(&rays, [12, 9], 3);
-    run(&world, "masks", "", &mut products);
     let atlas = Atlas::of(products.get(COVERAGE).expect("put"));
     // The place in the image and the object, as a normal.
     let mut normal = Plane::from_fn(atlas.size[0], atlas.size[1], |_, _| [9.0; 3]);
