@@ -377,15 +377,16 @@ impl Plan {
         self
     }
 
-    /// The rendered products by the canvas that they are wanted on, each as a product of the image: the renderer is asked
-    /// for one window after the other.
-    pub fn by_canvas(&self) -> BTreeMap<u32, Vec<KeyId>> {
-        let mut canvases: BTreeMap<u32, Vec<KeyId>> = BTreeMap::new();
+    /// The rendered products by the [framing](RenderParameters::framing) that they are wanted in, each as a product of the
+    /// image: the renderer is asked for one after the other.
+    pub fn by_framing(&self) -> BTreeMap<RenderParameters, Vec<KeyId>> {
+        let mut framings: BTreeMap<RenderParameters, Vec<KeyId>> = BTreeMap::new();
         for key in &self.rendered {
-            let parameters = RenderParameters { canvas: 1, ..key.name.parameters };
-            canvases.entry(key.name.parameters.canvas).or_default().push(key.with(parameters));
+            let parameters = key.name.parameters;
+            let of_image = RenderParameters { before_support: parameters.before_support, ..RenderParameters::IMAGE };
+            framings.entry(parameters.framing()).or_default().push(key.with(of_image));
         }
-        canvases
+        framings
     }
 
     /// Products of a scope that the annotators of the dataset read: they are recorded for every scene.

@@ -21,17 +21,30 @@ pub struct RenderParameters {
     /// Whether what a ray meets behind the first support or room part is left out; for sets of objects such as
     /// [`COVERAGE`](super::standard::COVERAGE), which look behind surfaces.
     pub before_support: bool,
+    /// Pixels along either edge of what is one pixel of the image, up to [`MAX_SUBPIXELS`]: the camera with an image that
+    /// many times as wide and high.
+    pub subpixels: u32,
+    /// Whether the camera is that of the view that follows in the scene; for the last view it is its own.
+    pub next_view: bool,
 }
 
 /// Maximum of [`RenderParameters::canvas`].
 pub const MAX_CANVAS: u32 = 9;
 
+/// Maximum of [`RenderParameters::subpixels`].
+pub const MAX_SUBPIXELS: u32 = 8;
+
 impl RenderParameters {
     /// Those of the image.
-    pub const IMAGE: Self = Self { canvas: 1, before_support: false };
+    pub const IMAGE: Self = Self { canvas: 1, before_support: false, subpixels: 1, next_view: false };
 
     const fn is_valid(&self) -> bool {
-        self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS
+        self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS && 1 <= self.subpixels && self.subpixels <= MAX_SUBPIXELS
+    }
+
+    /// Those that concern the camera and its window alone.
+    pub const fn framing(self) -> Self {
+        Self { before_support: false, ..self }
     }
 }
 
@@ -41,9 +54,10 @@ impl Name {
         Self { base, parameters: RenderParameters::IMAGE }
     }
 
-    /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large.
+    /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large, or if
+    /// there are too many sub-pixels or none.
     pub const fn with(self, parameters: RenderParameters) -> Self {
-        assert!(parameters.is_valid(), "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image");
+        assert!(parameters.is_valid(), "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image, of 1 to 8 sub-pixels");
         Self { base: self.base, parameters }
     }
 
@@ -53,10 +67,12 @@ impl Name {
         let mut parameters = RenderParameters::IMAGE;
         if !rest.is_empty() {
             for word in rest.strip_prefix(" (")?.strip_suffix(')')?.split(", ") {
-                match word.strip_prefix("canvas ") {
-                    Some(canvas) => parameters.canvas = canvas.parse().ok()?,
-                    None if word == "before support" => parameters.before_support = true,
-                    None => return None,
+                match word.split_once(' ') {
+                    Some(("canvas", canvas)) => parameters.canvas = canvas.parse().ok()?,
+                    Some(("before", "support")) => parameters.before_support = true,
+                    Some(("subpixels", subpixels)) => parameters.subpixels = subpixels.parse().ok()?,
+                    Some(("next", "view")) => parameters.next_view = true,
+                    _ => return None,
                 }
             }
         }
@@ -70,14 +86,16 @@ impl Name {
 /// As `coverage`, or `coverage (canvas 3, before support)`.
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let RenderParameters { canvas, before_support } = self.parameters;
+        let RenderParameters { canvas, before_support, subpixels, next_view } = self.parameters;
+        let words = [
+            (canvas != 1).then(|| format!("canvas {canvas}")),
+            before_support.then(|| "before support".to_owned()),
+            (subpixels != 1).then(|| format!("subpixels {subpixels}")),
+            next_view.then(|| "next view".to_owned()),
+        ];
+        let words: Vec<String> = words.into_iter().flatten().collect();
         f.write_str(self.base)?;
-        match (canvas, before_support) {
-            (1, false) => Ok(()),
-            (1, true) => f.write_str(" (before support)"),
-            (canvas, false) => write!(f, " (canvas {canvas})"),
-            (canvas, true) => write!(f, " (canvas {canvas}, before support)"),
-        }
+        if words.is_empty() { Ok(()) } else { write!(f, " ({})", words.join(", ")) }
     }
 }
 
@@ -107,12 +125,17 @@ mod tests {
     fn names_are_read_as_they_are_written() {
         let coverage = Name::new("coverage");
         for canvas in [1, 3, MAX_CANVAS] {
-            for before_support in [false, true] {
-                let name = coverage.with(RenderParameters { canvas, before_support });
-                assert_eq!(coverage.parse(&name.to_string()), Some(name));
-                assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
+            for (before_support, next_view) in [(false, false), (false, true), (true, false), (true, true)] {
+                for subpixels in [1, 2, MAX_SUBPIXELS] {
+                    let parameters = RenderParameters { canvas, before_support, subpixels, next_view };
+                    let name = coverage.with(parameters);
+                    assert_eq!(coverage.parse(&name.to_string()), Some(name));
+                    assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
+                }
             }
         }
+        let all = RenderParameters { canvas: 3, before_support: true, subpixels: 4, next_view: true };
+        assert_eq!(coverage.with(all).to_string(), "coverage (canvas 3, before support, subpixels 4, next view)");
         for wrong in [
             "coverag",
             "coverage2",
@@ -120,6 +143,11 @@ mod tests {
             "coverage (canvas 11)",
             "coverage ()",
             "coverage (canvas 1)",
+            "coverage (subpixels 0)",
+            "coverage (subpixels 9)",
+            "coverage (subpixels 1)",
+            "coverage (next view, subpixels 2)",
+            "coverage (next)",
             "coverage (canvas +3)",
             "coverage (canvas 3, canvas 3)",
             "coverage (before support, canvas 3)",

@@ -188,6 +188,41 @@ products! {
     /// For each object, the views of the scene that show it and how much of it they hide.
     pub const SEEN_IN_VIEWS: Key<Value> = scene("seen_in_views").form(|| Form::Records);
 
+    /// How much of each pixel of the image an annotated object is seen in: the visible part of the pixel's area, in [0, 1].
+    pub const VISIBLE_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("visible_soft_mask");
+
+    /// How much of each pixel of the image an annotated object covers, hidden parts included: the part of the pixel's area,
+    /// in [0, 1].
+    pub const AMODAL_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("amodal_soft_mask");
+
+    /// Optical flow to the next view of the scene: displacement (u, v) of the point that a pixel shows. Zero where
+    /// [`FLOW_VISIBILITY`] is 0.
+    pub const FLOW: Key<Plane<[f32; 2]>> = view("flow").unit("px");
+
+    /// Whether the next view shows the point that a pixel shows: 0 there is no such point in its image, 1 something hides
+    /// it, 2 it is seen.
+    pub const FLOW_VISIBILITY: Key<Plane<u8>> = view("flow_visibility").semantic(Semantic::Label);
+
+    /// Named points of each annotated object: `name`, `point_world_m`, pixel `uv_px`, `depth_m` along the optical axis, and
+    /// `visibility`: 0 outside of the image, 1 in it but hidden, 2 seen.
+    pub const KEYPOINTS: Key<PerInstance<Value>> =
+        view("keypoints").form(|| Form::PerInstance(Box::new(Form::Records)));
+
+    /// Mean surface of every body of the scene, by area: base color, roughness, metallic and transmission.
+    pub const MATERIAL_STATISTICS: Key<Value> = scene("material_statistics").form(|| Form::Records);
+
+    /// Pairs of bodies that touch: ids, normal, distance, share of the weight, and points in the world.
+    pub const CONTACTS: Key<Value> = scene("contacts").form(|| Form::Records);
+
+    /// Who carries whom, as a directed graph: edges from supporter to supported, levels, cycles, and what floats.
+    pub const SUPPORT_GRAPH: Key<Value> = scene("support_graph").form(|| Form::Record);
+
+    /// Pairs of an object and the container that it is in.
+    pub const INSIDE: Key<Value> = scene("inside").form(|| Form::Records);
+
+    /// An order in which objects and distractors can be taken away, none while it carries another.
+    pub const REMOVAL_ORDER: Key<Value> = scene("removal_order").form(|| Form::Record);
+
     /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);
 

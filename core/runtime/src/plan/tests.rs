@@ -148,9 +148,9 @@ fn a_rendered_product_is_wanted_on_several_canvases() {
     let stages = vec![stage("a", &[PIXELS.id(), wide.id()], &[A.id()]), stage("b", &[wide.id()], &[B.id()])];
     let found = plan(stages, &["a", "b", "pixels (canvas 5)"]).expect("planned");
     assert_eq!(found.rendered, [PIXELS.id(), wide.id(), PIXELS.on_canvas(5).id()]);
-    let by_canvas = found.by_canvas();
-    assert_eq!(by_canvas.keys().collect::<Vec<_>>(), [&1, &3, &5]);
-    assert!(by_canvas.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
+    let by_framing = found.by_framing();
+    assert_eq!(by_framing.keys().map(|framing| framing.canvas).collect::<Vec<_>>(), [1, 3, 5]);
+    assert!(by_framing.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
     let known = |name| format!("reads product `{name}`, which nothing provides");
     for wrong in ["pixels (canvas 2)", "pixels (before support)", "a (canvas 3)"] {
         refused(vec![stage("a", &[], &[A.id()])], &[wrong], Fault::Unknown, &known(wrong));

@@ -192,7 +192,7 @@ impl<'a> SceneMaker<'a> {
     }
 
     fn scene_context<'s>(&'s self, work: &'s Work, scene: &'s Scene) -> SceneContext<'s> {
-        DatasetContext::new(&work.dataset, self.workers, self.log).scene(scene)
+        DatasetContext::new(&work.dataset, self.workers, self.log).with_cache(self.cache).scene(scene)
     }
 }
 
@@ -353,11 +353,13 @@ impl<'m> Attempt<'m, '_> {
     ) -> Result<Views<'m>> {
         let line = Arc::new(Line::new(writers));
         let work = self.work;
+        let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
         let follow = |view: &Arc<View>, products: Products| {
             let sensing: BTreeMap<String, Stream> = self.sensing(view.id);
-            let (maker, scene, view, line) = (self.maker, Arc::clone(scene), Arc::clone(view), Arc::clone(&line));
+            let (maker, scene, line) = (self.maker, Arc::clone(scene), Arc::clone(&line));
+            let views = (Arc::clone(view), after(view));
             line.clone().announce();
-            queue.add(move || line.follow((maker, work), &scene, view, products, &sensing));
+            queue.add(move || line.follow((maker, work), &scene, views, products, &sensing));
         };
         let next = || if line.has_failed() { Ok(false) } else { self.maker.running().map(|()| true) };
         let render = || {
@@ -377,7 +379,7 @@ impl<'m> Attempt<'m, '_> {
                         break;
                     }
                     let mut products = of_scene.clone();
-                    self.render_view(session, view, &mut products)?;
+                    self.render_view(session, (view, after(view).as_deref()), &mut products)?;
                     follow(view, products);
                 }
                 Ok(())
@@ -396,26 +398,34 @@ impl<'m> Attempt<'m, '_> {
         sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
     }
 
-    fn render_view(&self, session: &mut dyn RenderSession, view: &View, products: &mut Products) -> Result<()> {
+    fn render_view(
+        &self,
+        session: &mut dyn RenderSession,
+        (view, next): (&View, Option<&View>),
+        products: &mut Products,
+    ) -> Result<()> {
         let plan = &self.work.plan;
         let mut rendered = Products::new();
-        for (canvas, wants) in plan.by_canvas() {
+        for (framing, wants) in plan.by_framing() {
+            let view = framed(view, next, framing);
             let stream = self.stream("render").at(u64::from(view.id.0));
-            let request = RenderRequest::new(view, &wants, stream, self.maker.workers);
-            let window = Window::canvas(&view.camera.intrinsics, canvas);
-            check_pixels(window, canvas)?;
-            let denoiser = plan.denoiser.as_ref().filter(|_| canvas == 1).and_then(|stage| match &*stage.producer {
+            let request = RenderRequest::new(&view, &wants, stream, self.maker.workers);
+            let window = Window::canvas(&view.camera.intrinsics, framing.canvas);
+            check_pixels(window, framing)?;
+            let is_image = framing == RenderParameters::IMAGE;
+            let denoiser = plan.denoiser.as_ref().filter(|_| is_image).and_then(|stage| match &*stage.producer {
                 Producer::Denoiser(denoiser) => Some(&**denoiser),
                 _ => None,
             });
             let request = RenderRequest { window, denoiser, ..request };
-            let mut of_canvas = Products::new();
-            caught("render", || session.render(&request, &mut of_canvas))?;
-            provided(&wants, &of_canvas).map_err(|error| error.context("render"))?;
+            let mut made = Products::new();
+            caught("render", || session.render(&request, &mut made))?;
+            provided(&wants, &made).map_err(|error| error.context("render"))?;
             for key in wants {
-                of_canvas.rename(key, key.with(RenderParameters { canvas, ..key.name.parameters }))?;
+                let before_support = key.name.parameters.before_support;
+                made.rename(key, key.with(RenderParameters { before_support, ..framing }))?;
             }
-            rendered.extend(of_canvas)?;
+            rendered.extend(made)?;
         }
         keep(plan, rendered, products)
     }
@@ -465,11 +475,11 @@ impl<'m> Line<'m> {
         &self,
         (maker, work): (&SceneMaker, &Work),
         scene: &Scene,
-        view: Arc<View>,
+        (view, next): (Arc<View>, Option<Arc<View>>),
         mut products: Products,
         sensing: &BTreeMap<String, Stream>,
     ) {
-        let cx = maker.scene_context(work, scene).view(&view);
+        let cx = maker.scene_context(work, scene).view(&view).before(next.as_deref());
         let plan = &work.plan;
         let checked =
             |products: &Products| check(maker.checks, products).map_err(|it| it.context(format!("view {}", view.id.0)));
@@ -629,14 +639,21 @@ pub fn lend(
 /// Maximum number of pixels of a canvas.
 const MAX_PIXELS: u64 = 1 << 28;
 
+/// The view that products of a framing are of.
+fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
+    let mut view = next.filter(|_| framing.next_view).unwrap_or(view).clone();
+    view.camera.intrinsics = view.camera.intrinsics.subdivided(framing.subpixels);
+    view
+}
+
 /// Refuses a canvas that no memory can hold.
-fn check_pixels(window: Window, canvas: u32) -> Result<()> {
+fn check_pixels(window: Window, framing: RenderParameters) -> Result<()> {
     if window.pixels() <= MAX_PIXELS {
         return Ok(());
     }
-    let Window { width, height, .. } = window;
-    Err(Error::new(format!("`(canvas {canvas})` has {width} × {height} pixels, more than {MAX_PIXELS}"))
-        .help("ask for a smaller canvas, or set a lower resolution in [camera]")
+    let (name, Window { width, height, .. }) = (Name::new("").with(framing).to_string(), window);
+    Err(Error::new(format!("`{}` has {width} × {height} pixels, more than {MAX_PIXELS}", name.trim_start()))
+        .help("ask for a smaller canvas or fewer sub-pixels, or set a lower resolution in [camera]")
         .permanent())
 }
 

@@ -54,6 +54,7 @@ impl World {
             mesh: Arc::new(mesh),
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
+            keypoints: Vec::new(),
             friction: 0.5,
             license: "CC0-1.0".into(),
             digest: Digest::of(b"tetra"),
@@ -169,7 +170,7 @@ impl Rays {
         })
     }
 
-    pub fn coverage(&self, RenderParameters { canvas, before_support }: RenderParameters) -> BitPlane {
+    pub fn coverage(&self, RenderParameters { canvas, before_support, .. }: RenderParameters) -> BitPlane {
         let [mx, my] = if canvas == 1 { [0, 0] } else { self.margin };
         let mut plane = BitPlane::new((self.width + 2 * mx) as u32, (self.height + 2 * my) as u32, self.objects);
         for y in -my..self.height + my {
