@@ -57,7 +57,10 @@ impl Name {
     /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large, or if
     /// there are too many sub-pixels or none.
     pub const fn with(self, parameters: RenderParameters) -> Self {
-        assert!(parameters.is_valid(), "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image, of 1 to 8 sub-pixels");
+        assert!(
+            parameters.is_valid(),
+            "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image, of 1 to 8 sub-pixels"
+        );
         Self { base: self.base, parameters }
     }
 

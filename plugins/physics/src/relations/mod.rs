@@ -46,9 +46,9 @@ pub struct Relations {
     /// Largest distance of two shapes that touch, meters.
     #[schemars(range(min = 0.0, max = 0.02))]
     margin_m: f64,
-    /// Collision shape of objects and supports: that of [settle].
+    /// Collision shape of objects and supports: that of `settle`.
     collision: Collision,
-    /// How far convex parts may be from the mesh in its hollows, meters: that of [settle].
+    /// How far convex parts may be from the mesh in its hollows, meters: that of `settle`.
     #[schemars(range(min = 0.001, max = 1.0))]
     max_deviation_m: f64,
 }
