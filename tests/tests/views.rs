@@ -16,7 +16,9 @@ fn run(out: &Path, resolution: &str, writers: &[&str], more: &[&str]) {
         run.args(["--set", set]);
     }
     run.args(["--set", &format!("camera.resolution={resolution}")]);
-    writers.iter().for_each(|writer| drop(run.args(["--set", writer])));
+    for writer in writers {
+        run.args(["--set", writer]);
+    }
     ok(run.args(more));
 }
 

@@ -119,6 +119,19 @@ fn the_margin_decides_who_touches() {
     assert_eq!(near["support_graph"]["floating"], json!([]));
 }
 
+/// Two halves side by side: four corners each, of which two are those of the other half.
+#[test]
+fn points_at_which_two_parts_meet_count_once() {
+    let halves = [-0.05, 0.05].map(|x| cuboid([x, 0.0, 0.0], [0.1, 0.1, 0.1]).positions);
+    let whole = block("halves", [0.2, 0.1, 0.1], 1.0);
+    let whole = Arc::new(Object { collision: Some(Arc::new(halves.to_vec())), ..(*whole).clone() });
+    let mut scene = table_scene();
+    scene.add(dynamic(&whole, at(0.0, 0.0, TABLE_HEIGHT + 0.05)));
+    let found = relations_of(&frozen(scene), "");
+    assert_eq!(found["contacts"][0]["points"].as_array().map(Vec::len), Some(6));
+    close(edges(&found)[&(3, 1)], G, 1e-3);
+}
+
 /// The lever: a beam of 0.6 m and 3 kg on two posts, 0.2 m left and 0.1 m right of its middle.
 #[test]
 fn a_beam_weighs_on_its_posts_by_the_lever() {

@@ -13,7 +13,7 @@ products! {
     pub const RADIANCE: Key<Plane<[f32; 3]>> = view("radiance").semantic(Semantic::Color).unit("nit");
 
     /// Distance along the optical axis to the first surface at the pixel center. Infinite where there is none; never
-    /// averaged.
+    /// averaged. `depth (next view)` is that of the next view of the scene.
     pub const DEPTH: Key<Plane<f32>> = view("depth").semantic(Semantic::Depth).unit("m");
 
     /// Id of the first body on the ray through the pixel center. 0 where there is none.
@@ -21,7 +21,8 @@ products! {
 
     /// Objects on the ray through the pixel center at any depth, as a bit set: bit `i` stands for instance `i + 1`.
     /// `coverage (before support)` has those in front of the first support or room part alone, `coverage (canvas 3)` shows a
-    /// canvas three times as wide and high with the image in its center.
+    /// canvas three times as wide and high with the image in its center, `coverage (subpixels 4)` four pixels along either edge
+    /// of one of the image.
     pub const COVERAGE: Key<BitPlane> = view("coverage");
 
     /// Objects on the ray through the pixel center at any depth, from front to back, each with the depth of its first
@@ -195,8 +196,8 @@ products! {
     /// in [0, 1].
     pub const AMODAL_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("amodal_soft_mask");
 
-    /// Optical flow to the next view of the scene: displacement (u, v) of the point that a pixel shows. Zero where
-    /// [`FLOW_VISIBILITY`] is 0.
+    /// Optical flow to the next view of the scene: displacement (u, v) of the point that a pixel shows. There it may be
+    /// hidden, or out of the image. Zero where there is none.
     pub const FLOW: Key<Plane<[f32; 2]>> = view("flow").unit("px");
 
     /// Whether the next view shows the point that a pixel shows: 0 there is no such point in its image, 1 something hides

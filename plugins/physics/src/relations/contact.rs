@@ -8,6 +8,12 @@ use parry3d::query::{ContactManifold, DefaultQueryDispatcher, PersistentQueryDis
 use syntable_convex::PolyhedronContacts;
 use syntable_model::geometry::{Point3, Vector3};
 
+/// Points this close with the same normal are one, meters.
+const SAME_POINT_M: f64 = 1e-4;
+
+/// Normals this close are the same: cos 1°.
+const SAME_NORMAL_COS: f64 = 0.999_85;
+
 /// Two solids that touch.
 pub struct Contact {
     /// Their indices, ascending by id.
@@ -26,6 +32,13 @@ pub struct Point {
     pub normal: Vector3<f64>,
     /// Distance of the surfaces along the normal, meters; negative where they overlap.
     pub gap_m: f64,
+}
+
+impl Point {
+    /// Whether another part touches at the same point, as where parts meet.
+    fn is_same_as(&self, other: &Self) -> bool {
+        (self.at - other.at).norm() < SAME_POINT_M && self.normal.dot(&other.normal) > SAME_NORMAL_COS
+    }
 }
 
 impl Contact {
@@ -99,11 +112,12 @@ fn add_points(first: &Part, second: &Part, margin: f32, points: &mut Vec<Point>)
         let normal = (frame.rotation * manifold.local_n1).normalize();
         for point in manifold.points.iter().filter(|point| point.dist <= margin) {
             let at = frame * point.local_p1 + normal * (point.dist / 2.0);
-            points.push(Point {
-                at: at.to_array().map(units::meters).into(),
-                normal: unit(normal),
-                gap_m: units::meters(point.dist),
-            });
+            let at = at.to_array().map(units::meters).into();
+            let point = Point { at, normal: unit(normal), gap_m: units::meters(point.dist) };
+            match points.iter_mut().find(|other| other.is_same_as(&point)) {
+                Some(other) => other.gap_m = other.gap_m.min(point.gap_m),
+                None => points.push(point),
+            }
         }
     }
 }
