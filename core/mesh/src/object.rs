@@ -64,6 +64,7 @@ impl Model {
                 .map(|material| Arc::new(Material { license: info.license.clone(), ..material }))
                 .collect(),
             collision: None,
+            keypoints: Vec::new(),
             mass,
             friction: FRICTION,
             license: info.license,

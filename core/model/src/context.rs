@@ -21,6 +21,8 @@ use std::sync::Arc;
 pub struct DatasetContext<'a> {
     /// The dataset.
     pub dataset: &'a DatasetInfo,
+    /// Results that are costly to compute, kept between runs.
+    pub cache: &'a dyn Cache,
     /// Threads to spread work over.
     pub workers: &'a dyn Workers,
     /// Where warnings go.
@@ -35,6 +37,8 @@ pub struct SceneContext<'a> {
     pub dataset: &'a DatasetInfo,
     /// The scene.
     pub scene: &'a Scene,
+    /// Results that are costly to compute, kept between runs.
+    pub cache: &'a dyn Cache,
     /// Threads to spread work over.
     pub workers: &'a dyn Workers,
     /// Where warnings go.
@@ -51,6 +55,10 @@ pub struct ViewContext<'a> {
     pub scene: &'a Scene,
     /// Camera, exposure and lights.
     pub view: &'a View,
+    /// The view that follows in the scene; none for the last one.
+    pub next: Option<&'a View>,
+    /// Results that are costly to compute, kept between runs.
+    pub cache: &'a dyn Cache,
     /// Threads to spread work over.
     pub workers: &'a dyn Workers,
     /// Where warnings go.
@@ -60,26 +68,39 @@ pub struct ViewContext<'a> {
 impl<'a> DatasetContext<'a> {
     /// The context of a dataset.
     pub fn new(dataset: &'a DatasetInfo, workers: &'a dyn Workers, log: &'a dyn Log) -> Self {
-        Self { dataset, workers, log }
+        Self { dataset, cache: &NoCache, workers, log }
+    }
+
+    /// The same with a cache.
+    pub fn with_cache(self, cache: &'a dyn Cache) -> Self {
+        Self { cache, ..self }
     }
 
     /// The context of one of its scenes.
     pub fn scene(self, scene: &'a Scene) -> SceneContext<'a> {
-        SceneContext { dataset: self.dataset, scene, workers: self.workers, log: self.log }
+        let Self { dataset, cache, workers, log } = self;
+        SceneContext { dataset, scene, cache, workers, log }
     }
 }
 
 impl<'a> SceneContext<'a> {
-    /// The context of one of the scene's views.
+    /// The context of one of the scene's views, the last one.
     pub fn view(self, view: &'a View) -> ViewContext<'a> {
-        ViewContext { dataset: self.dataset, scene: self.scene, view, workers: self.workers, log: self.log }
+        let Self { dataset, scene, cache, workers, log } = self;
+        ViewContext { dataset, scene, view, next: None, cache, workers, log }
     }
 }
 
 impl<'a> ViewContext<'a> {
+    /// The same with the view that follows.
+    pub fn before(self, next: Option<&'a View>) -> Self {
+        Self { next, ..self }
+    }
+
     /// The context of the view's scene.
     pub fn of_scene(self) -> SceneContext<'a> {
-        SceneContext { dataset: self.dataset, scene: self.scene, workers: self.workers, log: self.log }
+        let Self { dataset, scene, cache, workers, log, .. } = self;
+        SceneContext { dataset, scene, cache, workers, log }
     }
 }
 

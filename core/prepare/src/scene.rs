@@ -366,6 +366,7 @@ mod tests {
             mesh: Arc::new(mesh),
             materials,
             collision: None,
+            keypoints: Vec::new(),
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(name.as_bytes()),

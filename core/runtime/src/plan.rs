@@ -389,17 +389,16 @@ impl Plan {
         self
     }
 
-    /// The rendered products by their canvas and objects, each as a product of the image: the renderer is asked for one
-    /// after the other, and for the image first.
-    pub fn by_request(&self) -> BTreeMap<RenderParameters, Vec<KeyId>> {
-        let mut requests: BTreeMap<RenderParameters, Vec<KeyId>> = BTreeMap::new();
+    /// The rendered products by the [framing](RenderParameters::framing) that they are wanted in, each as a product of the
+    /// image: the renderer is asked for one after the other, and for the image first.
+    pub fn by_framing(&self) -> BTreeMap<RenderParameters, Vec<KeyId>> {
+        let mut framings: BTreeMap<RenderParameters, Vec<KeyId>> = BTreeMap::new();
         for key in &self.rendered {
-            let before_support = key.name.parameters.before_support;
-            let request = RenderParameters { before_support: false, ..key.name.parameters };
-            let of_image = RenderParameters { before_support, ..RenderParameters::IMAGE };
-            requests.entry(request).or_default().push(key.with(of_image));
+            let parameters = key.name.parameters;
+            let of_image = RenderParameters { before_support: parameters.before_support, ..RenderParameters::IMAGE };
+            framings.entry(parameters.framing()).or_default().push(key.with(of_image));
         }
-        requests
+        framings
     }
 
     /// Whether a stage replaces its product where it is rendered with other parameters, too.

@@ -146,6 +146,7 @@ fn object(name: &str, data: MeshData, material: Material) -> Arc<Object> {
         mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: None,
+        keypoints: Vec::new(),
         friction: 0.5,
         license: String::new(),
     })

@@ -45,6 +45,7 @@ pub fn object(name: &str, mesh: Mesh, color: [f32; 3]) -> Arc<Object> {
         mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: None,
+        keypoints: Vec::new(),
         friction: 0.5,
         license: String::new(),
         digest,

@@ -23,6 +23,10 @@
 //! | [`distance`] | distance from the camera |
 //! | [`scene_masks`] | table, background, categories |
 //! | [`seen_in_views`] | in which views of the scene an object is seen |
+//! | [`soft_masks`] | parts of pixels that objects cover, seen or hidden |
+//! | [`keypoints`] | named points of objects in the image |
+//! | [`optical_flow`] | where the points of an image are in the next view |
+//! | [`material_statistics`] | mean color, roughness, metallic and transmission of bodies |
 //! | [`visibility`] | how much of every object the image shows, and what lies beyond its edges |
 //!
 //! [`checks`] says what must hold among their products.
@@ -40,17 +44,21 @@ pub mod cuboids;
 pub mod depth_relations;
 pub mod distance;
 pub mod identity;
+pub mod keypoints;
 pub mod label_arrays;
 pub mod lights;
 pub mod masks;
+pub mod material_statistics;
 mod matrix;
 pub mod object_coordinates;
 pub mod object_info;
 pub mod occlusion_boundary;
 pub mod occlusion_graph;
+pub mod optical_flow;
 pub mod outlines;
 pub mod rotated_boxes;
 pub mod scene_masks;
 pub mod seen_in_views;
 pub mod settle_report;
+pub mod soft_masks;
 pub mod visibility;

@@ -40,18 +40,22 @@ fn every_kind_conforms() {
         "depth_relations",
         "distance",
         "identity",
+        "keypoints",
         "label_arrays",
         "lights",
         "masks",
+        "material_statistics",
         "object_coordinates",
         "object_info",
         "occlusion_boundary",
         "occlusion_graph",
+        "optical_flow",
         "outlines",
         "rotated_boxes",
         "scene_masks",
         "seen_in_views",
         "settle_report",
+        "soft_masks",
         "visibility",
     ];
     assert_eq!(kinds, all);
@@ -67,6 +71,10 @@ fn every_kind_conforms() {
     let [width, height] = Atlas::of(rendered.get(COVERAGE).expect("put")).size;
     let normals = NORMAL.of_objects(Lighting::Alone);
     rendered.put(normals, Plane::from_fn(width, height, |_, _| [0.0, 0.0, -1.0])).expect("first");
+    rendered.put(DEPTH.of_next_view(), rays.instance().map(|_| 2.0)).expect("first");
+    let fine = Rays::new([32, 24], [0, 0], 2, |x, _| if x < 16 { vec![1, 2] } else { vec![3, 2] });
+    rendered.put(INSTANCE.in_subpixels(4), fine.instance()).expect("first");
+    rendered.put(COVERAGE.in_subpixels(4), fine.coverage(RenderParameters::IMAGE)).expect("first");
     let mut labeled = rendered.clone();
     run(&world, "masks", "", &mut labeled);
     let annotated = labeled.get(AMODAL_MASK).expect("made").map(|_, _| 1_u32);

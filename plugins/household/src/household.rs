@@ -92,6 +92,7 @@ pub(crate) fn object(name: &str, category: &str, model: Model) -> Result<Object>
         mesh: Arc::new(mesh),
         materials,
         collision: Some(Arc::new(parts)),
+        keypoints: Vec::new(),
         mass,
         friction,
         license: LICENSE.to_owned(),

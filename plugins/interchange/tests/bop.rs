@@ -185,6 +185,7 @@ fn scene(id: u32) -> Result<Scene> {
         mesh: Arc::new(mesh),
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
+        keypoints: Vec::new(),
         friction: 0.5,
         license: "CC0-1.0".into(),
         digest: Digest::of(b"tetra"),

@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image
 from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
 
 VIEWS_PER_SCENE = 3
 CATEGORIES = {1: "object", 2: "bowl", 3: "mug"}
@@ -139,6 +140,33 @@ def check_coco(root, views, masks):
             same_mask(coco_mask.decode(a["amodal_mask"]), view.amodal[n], f"{view.name} {n}")
             same((a["area"], a["bbox"]), (mask.sum(), box(mask)), f"{view.name} {n}")
             same((a["category_id"], a["occluded_rate"]), (view.category[n], view.rate[n]), f"{view.name} {n}")
+    return len(coco.anns)
+
+
+def check_coco_keypoints(root, views, _):
+    coco, views = instances(root, "annotations/instances_train.json", views, lambda v: True)
+    for category in coco.loadCats(coco.getCatIds()):
+        same((category["keypoints"], category["skeleton"]), (["base", "rim"], []), "category")
+    # Pixels whose centers are at half-integers become COCO's, where the first pixel is at (0, 0).
+    wanted = {1: [1.0, 2.0, 1, 2.75, 3.5, 2]}
+    for a in coco.anns.values():
+        same(a["keypoints"], wanted.get(a["instance_id"], [0] * 6), f"instance {a['instance_id']}")
+        same(a["num_keypoints"], 2 if a["instance_id"] in wanted else 0, "num_keypoints")
+    labeled = [a for a in coco.anns.values() if a["num_keypoints"]]
+    assert len(labeled) > 5, "objects with keypoints"
+    for shift, precision in (0, 1.0), (1000, 0.0):
+        points = lambda a: [x + shift if i % 3 < 2 else x for i, x in enumerate(a["keypoints"])]
+        found = [dict(image_id=a["image_id"], category_id=a["category_id"], keypoints=points(a), score=1.0) for a in labeled]
+        with contextlib.redirect_stdout(sys.stderr):
+            evaluation = COCOeval(coco, coco.loadRes(found), "keypoints")
+            evaluation.params.kpt_oks_sigmas = np.array([0.05, 0.05])
+            evaluation.params.areaRng = [[0, 1e10]]
+            evaluation.params.areaRngLbl = ["all"]
+            evaluation.evaluate()
+            evaluation.accumulate()
+        scores = evaluation.eval["precision"]
+        scores = scores[scores > -1]
+        assert scores.size and np.allclose(scores, precision), f"shift {shift}: {scores}"
     return len(coco.anns)
 
 

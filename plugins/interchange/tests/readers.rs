@@ -7,7 +7,7 @@ use serde_json::{Map, Value as Json};
 use std::path::Path;
 use syntable_model::prelude::*;
 use syntable_model::product::Product;
-use syntable_model::product::standard::{AMODAL_OUTLINE, DEPTH};
+use syntable_model::product::standard::{AMODAL_MASK, AMODAL_OUTLINE, DEPTH, KEYPOINTS};
 
 /// The products of every view as JSON, a line per view.
 fn write_truth(folder: &Path, takes: &[Take]) {
@@ -77,6 +77,50 @@ fn check(kind: &str, options: &str, option: &str) -> tempfile::TempDir {
 fn coco_instances_are_the_masks() {
     check("coco", "", "amodal");
     check("coco", "masks = \"visible\"", "visible");
+}
+
+/// Points of objects 1 and 3, seen, hidden and outside; object 2 has none of these names.
+fn keypoints() -> PerInstance<Value> {
+    let point = |name: &str, uv_px: Option<[f64; 2]>, visibility: u8| {
+        let uv = uv_px.map_or(Value::Null, Value::from);
+        let fields = [
+            ("name", name.into()),
+            ("uv_px", uv),
+            ("depth_m", 1.0.into()),
+            ("visibility", u32::from(visibility).into()),
+        ];
+        Value::record(fields)
+    };
+    let of = [
+        (1, vec![point("rim", Some([3.25, 4.0]), 2), point("base", Some([1.5, 2.5]), 1)]),
+        (2, vec![point("spout", Some([7.5, 7.5]), 2)]),
+        (3, vec![point("base", Some([-9.0, 2.0]), 0), point("rim", None, 0)]),
+    ];
+    of.into_iter().map(|(id, points)| (InstanceId(id), Value::List(points))).collect()
+}
+
+#[test]
+fn coco_keypoints_are_evaluated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let writer = writer("coco", "keypoints = [\"base\", \"rim\"]").expect("good options");
+    let mut takes = takes();
+    for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
+        let all = products.get(AMODAL_MASK).expect("a product").map(|_, _| Value::List(Vec::new()));
+        let named = keypoints();
+        let of = all.map(|id, none| named.get(id).unwrap_or(none).clone());
+        products.put(KEYPOINTS, of).expect("first");
+    }
+    write_scenes(folder.path(), "data", &*writer, &classes(), &takes).expect("written");
+    finish(folder.path(), "data", &*writer, &classes(), &[0, 1, 2]).expect("finished");
+    write_truth(folder.path(), &takes);
+    python(&own_script("check.py"), &["coco_keypoints", folder.path().to_str().expect("UTF-8"), ""]);
+}
+
+#[test]
+fn names_of_keypoints_are_unique() {
+    for (options, says) in [("keypoints = [\"a\", \"a\"]", "keypoints"), ("keypoints = [\"\"]", "keypoints")] {
+        assert!(writer("coco", options).err().is_some_and(|error| error.to_string().contains(says)), "{options}");
+    }
 }
 
 #[test]

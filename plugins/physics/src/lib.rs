@@ -13,6 +13,8 @@
 //!
 //! The kind `none` leaves every body where it was placed.
 //!
+//! The annotator `relations` says who touches and carries whom, from the poses of a scene and the same shapes.
+//!
 //! **What is measured.** The penetration depth of two bodies is the largest depth of any two of their convex parts, and
 //! the depth of two convex parts is the length of their minimum translation vector. Speed is that of the center of mass
 //! at the last step; a sleeping body has none.
@@ -32,12 +34,14 @@ mod hull_cache;
 mod hull_codec;
 mod none;
 mod rapier;
+mod relations;
 mod settle;
 mod static_body;
 mod units;
 
 pub use none::NoPhysics;
 pub use rapier::{Collision, Mass, OnViolation, Rapier, Remove};
+pub use relations::Relations;
 
 #[cfg(test)]
 extern crate self as syntable_physics;

@@ -51,11 +51,7 @@ impl Settler for Settle {
             scene.bodies().map(|(handle, body)| (handle, body.clone())).collect();
         let is_room = |body: &BodyDraft| body.role == Role::Room && body.motion == Motion::Fixed;
         let shaped: Vec<&(BodyHandle, BodyDraft)> = bodies.iter().filter(|(_, body)| !is_room(body)).collect();
-        let purpose = |body: &BodyDraft| match (body.role, tabletop) {
-            (Role::Support, Some(tabletop)) if static_body::is_flat(body, &tabletop) => Purpose::Flat,
-            (Role::Support, Some(_)) => Purpose::Relief,
-            _ => Purpose::Body,
-        };
+        let purpose = |body: &BodyDraft| static_body::purpose(body, tabletop.as_ref());
         let objects: Vec<(&Object, Purpose)> = shaped.iter().map(|(_, body)| (&*body.object, purpose(body))).collect();
         let surface =
             SupportSurface::new(shaped.iter().map(|(_, body)| body).filter(|body| body.role == Role::Support));

@@ -9,13 +9,14 @@
 
 use crate::collision_shape::CollisionShape;
 use crate::engine::friction;
+use crate::hull_cache::Purpose;
 use crate::units;
 use parry3d::math::{Pose as EnginePose, Rotation, Vector};
 use parry3d::query::{Ray, RayCast};
 use parry3d::shape::{Compound, HalfSpace, SharedShape, TriMesh, TriMeshFlags};
 use syntable_convex::ConvexHull;
 use syntable_model::geometry::{Aabb, Point3, Vector3};
-use syntable_model::scene::{BodyDraft, Tabletop};
+use syntable_model::scene::{Body, Role, Tabletop};
 
 /// A room part is flat if its shortest edge is at most this fraction of the next longer one.
 const MAX_FLATNESS: f64 = 0.05;
@@ -46,8 +47,8 @@ pub struct SupportSurface(Vec<TriMesh>);
 
 impl SupportSurface {
     /// That of some bodies.
-    pub fn new<'a>(supports: impl Iterator<Item = &'a BodyDraft>) -> Self {
-        let mesh = |body: &BodyDraft| {
+    pub fn new<'a, Id: 'a>(supports: impl Iterator<Item = &'a Body<Id>>) -> Self {
+        let mesh = |body: &Body<Id>| {
             let data = body.object.mesh.data();
             let world = |p: &[f32; 3]| units::point(&(body.world_from_body * Point3::from(p.map(f64::from))));
             TriMesh::new(data.positions.iter().map(world).collect(), data.triangles.clone()).ok()
@@ -102,7 +103,7 @@ pub fn ground(height: f64) -> StaticBody {
 }
 
 /// A part of the room. `inside` are positions of objects: none may be behind it. None if it has no usable shape.
-pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody> {
+pub fn room_part<Id>(body: &Body<Id>, inside: &[Point3<f64>]) -> Option<StaticBody> {
     let bounds = body.object.mesh.bounds();
     let (size, center) = (bounds.size(), bounds.center());
     let mut axes = [0, 1, 2];
@@ -133,8 +134,8 @@ pub fn room_part(body: &BodyDraft, inside: &[Point3<f64>]) -> Option<StaticBody>
 }
 
 /// The static bodies of a support: the slab under its top, if that is flat, and its convex parts.
-pub fn support(
-    body: &BodyDraft,
+pub fn support<Id>(
+    body: &Body<Id>,
     shape: &CollisionShape,
     tabletop: Option<&Tabletop>,
     surface: &SupportSurface,
@@ -169,13 +170,17 @@ fn half_space(point: Point3<f64>, normal: Vector3<f64>, friction: f32) -> Static
     }
 }
 
-/// Whether a support has a flat top at the height of the tabletop.
-pub fn is_flat(body: &BodyDraft, tabletop: &Tabletop) -> bool {
-    slab(body, tabletop).is_some()
+/// What a body is to others.
+pub fn purpose<Id>(body: &Body<Id>, tabletop: Option<&Tabletop>) -> Purpose {
+    match (body.role, tabletop) {
+        (Role::Support, Some(tabletop)) if slab(body, tabletop).is_some() => Purpose::Flat,
+        (Role::Support, Some(_)) => Purpose::Relief,
+        _ => Purpose::Body,
+    }
 }
 
 /// The slab under a flat top, world frame; none if the top is not flat, not convex, or has a hole.
-fn slab(body: &BodyDraft, tabletop: &Tabletop) -> Option<ConvexHull> {
+fn slab<Id>(body: &Body<Id>, tabletop: &Tabletop) -> Option<ConvexHull> {
     let mesh = &body.object.mesh;
     let mut covered_area = 0.0;
     let mut corners_xy: Vec<[f64; 2]> = Vec::new();

@@ -258,6 +258,7 @@ pub fn slab(part: &Part, material: Material) -> Result<Object> {
         mesh: Arc::new(mesh),
         materials: vec![Arc::new(material)],
         collision: Some(Arc::new(vec![corners.to_vec()])),
+        keypoints: Vec::new(),
         mass,
         friction: 0.6,
         license: String::new(),

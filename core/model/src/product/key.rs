@@ -175,6 +175,16 @@ impl<T: Product> Key<T> {
     pub const fn of_objects(self, lighting: Lighting) -> Self {
         self.with(RenderParameters { objects: Some(lighting), ..RenderParameters::IMAGE })
     }
+
+    /// The rendered product with several pixels per pixel of the image; see [`RenderParameters::subpixels`].
+    pub const fn in_subpixels(self, subpixels: u32) -> Self {
+        self.with(RenderParameters { subpixels, ..self.id.name.parameters })
+    }
+
+    /// The rendered product as the camera of the next view sees it; see [`RenderParameters::next_view`].
+    pub const fn of_next_view(self) -> Self {
+        self.with(RenderParameters { next_view: true, ..self.id.name.parameters })
+    }
 }
 
 impl Key<BitPlane> {

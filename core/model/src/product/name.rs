@@ -23,6 +23,11 @@ pub struct RenderParameters {
     /// Whether what a ray meets behind the first support or room part is left out; for sets of objects such as
     /// [`COVERAGE`](super::standard::COVERAGE), which look behind surfaces.
     pub before_support: bool,
+    /// Pixels along either edge of what is one pixel of the image, up to [`MAX_SUBPIXELS`]: the camera with an image that
+    /// many times as wide and high.
+    pub subpixels: u32,
+    /// Whether the camera is that of the view that follows in the scene; for the last view it is its own.
+    pub next_view: bool,
     /// If not the image: every object by itself, without what occludes it, in an
     /// [`Atlas`](crate::stage::Atlas) of windows around the objects. Camera rays then meet neither lights nor sky.
     pub objects: Option<Lighting>,
@@ -54,13 +59,23 @@ impl Lighting {
 /// Maximum of [`RenderParameters::canvas`].
 pub const MAX_CANVAS: u32 = 9;
 
+/// Maximum of [`RenderParameters::subpixels`].
+pub const MAX_SUBPIXELS: u32 = 8;
+
 impl RenderParameters {
     /// Those of the image.
-    pub const IMAGE: Self = Self { canvas: 1, before_support: false, objects: None };
+    pub const IMAGE: Self = Self { canvas: 1, before_support: false, subpixels: 1, next_view: false, objects: None };
 
     const fn is_valid(&self) -> bool {
-        let of_image = self.canvas == 1 && !self.before_support;
-        self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS && (self.objects.is_none() || of_image)
+        let of_image = self.canvas == 1 && !self.before_support && self.subpixels == 1 && !self.next_view;
+        let is_canvas = self.canvas % 2 == 1 && self.canvas <= MAX_CANVAS;
+        let is_divided = 1 <= self.subpixels && self.subpixels <= MAX_SUBPIXELS;
+        is_canvas && is_divided && (self.objects.is_none() || of_image)
+    }
+
+    /// Those that concern the camera, its window and what it shows alone.
+    pub const fn framing(self) -> Self {
+        Self { before_support: false, ..self }
     }
 }
 
@@ -71,11 +86,11 @@ impl Name {
     }
 
     /// The same with other parameters. Panics, at compile time for constants, if the canvas is even or too large, or if
-    /// objects are on a canvas or before the support.
+    /// there are too many sub-pixels or none, or if objects have other parameters, too.
     pub const fn with(self, parameters: RenderParameters) -> Self {
         assert!(
             parameters.is_valid(),
-            "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image, 1 for objects"
+            "a canvas is 1, 3, 5, 7 or 9 times as wide and high as the image, of 1 to 8 sub-pixels; objects have none"
         );
         Self { base: self.base, parameters }
     }
@@ -86,10 +101,12 @@ impl Name {
         let mut parameters = RenderParameters::IMAGE;
         if !rest.is_empty() {
             for word in rest.strip_prefix(" (")?.strip_suffix(')')?.split(", ") {
-                match word.strip_prefix("canvas ") {
-                    Some(canvas) => parameters.canvas = canvas.parse().ok()?,
-                    None if word == "before support" => parameters.before_support = true,
-                    None => {
+                match word.split_once(' ') {
+                    Some(("canvas", canvas)) => parameters.canvas = canvas.parse().ok()?,
+                    Some(("before", "support")) => parameters.before_support = true,
+                    Some(("subpixels", subpixels)) => parameters.subpixels = subpixels.parse().ok()?,
+                    Some(("next", "view")) => parameters.next_view = true,
+                    _ => {
                         let lighting = Lighting::ALL.into_iter().find(|lighting| lighting.words() == word)?;
                         parameters.objects = Some(lighting);
                     }
@@ -106,17 +123,17 @@ impl Name {
 /// As `coverage`, `coverage (canvas 3, before support)`, or `radiance (objects alone)`.
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let RenderParameters { canvas, before_support, objects } = self.parameters;
+        let RenderParameters { canvas, before_support, subpixels, next_view, objects } = self.parameters;
+        let words = [
+            (canvas != 1).then(|| format!("canvas {canvas}")),
+            before_support.then(|| "before support".to_owned()),
+            (subpixels != 1).then(|| format!("subpixels {subpixels}")),
+            next_view.then(|| "next view".to_owned()),
+            objects.map(|lighting| lighting.words().to_owned()),
+        ];
+        let words: Vec<String> = words.into_iter().flatten().collect();
         f.write_str(self.base)?;
-        if let Some(lighting) = objects {
-            return write!(f, " ({})", lighting.words());
-        }
-        match (canvas, before_support) {
-            (1, false) => Ok(()),
-            (1, true) => f.write_str(" (before support)"),
-            (canvas, false) => write!(f, " (canvas {canvas})"),
-            (canvas, true) => write!(f, " (canvas {canvas}, before support)"),
-        }
+        if words.is_empty() { Ok(()) } else { write!(f, " ({})", words.join(", ")) }
     }
 }
 
@@ -146,12 +163,17 @@ mod tests {
     fn names_are_read_as_they_are_written() {
         let coverage = Name::new("coverage");
         for canvas in [1, 3, MAX_CANVAS] {
-            for before_support in [false, true] {
-                let name = coverage.with(RenderParameters { canvas, before_support, objects: None });
-                assert_eq!(coverage.parse(&name.to_string()), Some(name));
-                assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
+            for (before_support, next_view) in [(false, false), (false, true), (true, false), (true, true)] {
+                for subpixels in [1, 2, MAX_SUBPIXELS] {
+                    let parameters = RenderParameters { canvas, before_support, subpixels, next_view, objects: None };
+                    let name = coverage.with(parameters);
+                    assert_eq!(coverage.parse(&name.to_string()), Some(name));
+                    assert!(name == *name.to_string() && (name == "coverage") == (name == coverage));
+                }
             }
         }
+        let all = RenderParameters { canvas: 3, before_support: true, subpixels: 4, next_view: true, objects: None };
+        assert_eq!(coverage.with(all).to_string(), "coverage (canvas 3, before support, subpixels 4, next view)");
         let radiance = Name::new("radiance");
         for (text, lighting) in
             [("radiance (objects alone)", Lighting::Alone), ("radiance (objects in scene)", Lighting::InScene)]
@@ -170,6 +192,11 @@ mod tests {
             "coverage (canvas 11)",
             "coverage ()",
             "coverage (canvas 1)",
+            "coverage (subpixels 0)",
+            "coverage (subpixels 9)",
+            "coverage (subpixels 1)",
+            "coverage (next view, subpixels 2)",
+            "coverage (next)",
             "coverage (canvas +3)",
             "coverage (canvas 3, canvas 3)",
             "coverage (before support, canvas 3)",

@@ -21,7 +21,7 @@ products! {
     pub const OPACITY: Key<Plane<f32>> = view("opacity");
 
     /// Distance along the optical axis to the first surface at the pixel center. Infinite where there is none; never
-    /// averaged.
+    /// averaged. `depth (next view)` is that of the next view of the scene.
     pub const DEPTH: Key<Plane<f32>> = view("depth").semantic(Semantic::Depth).unit("m");
 
     /// Id of the first body on the ray through the pixel center. 0 where there is none.
@@ -29,7 +29,8 @@ products! {
 
     /// Objects on the ray through the pixel center at any depth, as a bit set: bit `i` stands for instance `i + 1`.
     /// `coverage (before support)` has those in front of the first support or room part alone, `coverage (canvas 3)` shows a
-    /// canvas three times as wide and high with the image in its center.
+    /// canvas three times as wide and high with the image in its center, `coverage (subpixels 4)` four pixels along either edge
+    /// of one of the image.
     pub const COVERAGE: Key<BitPlane> = view("coverage");
 
     /// Objects on the ray through the pixel center at any depth, from front to back, each with the depth of its first
@@ -206,6 +207,41 @@ products! {
 
     /// For each object, the views of the scene that show it and how much of it they hide.
     pub const SEEN_IN_VIEWS: Key<Value> = scene("seen_in_views").form(|| Form::Records);
+
+    /// How much of each pixel of the image an annotated object is seen in: the visible part of the pixel's area, in [0, 1].
+    pub const VISIBLE_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("visible_soft_mask");
+
+    /// How much of each pixel of the image an annotated object covers, hidden parts included: the part of the pixel's area,
+    /// in [0, 1].
+    pub const AMODAL_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("amodal_soft_mask");
+
+    /// Optical flow to the next view of the scene: displacement (u, v) of the point that a pixel shows. There it may be
+    /// hidden, or out of the image. Zero where there is none.
+    pub const FLOW: Key<Plane<[f32; 2]>> = view("flow").unit("px");
+
+    /// Whether the next view shows the point that a pixel shows: 0 there is no such point in its image, 1 something hides
+    /// it, 2 it is seen.
+    pub const FLOW_VISIBILITY: Key<Plane<u8>> = view("flow_visibility").semantic(Semantic::Label);
+
+    /// Named points of each annotated object: `name`, `point_world_m`, pixel `uv_px`, `depth_m` along the optical axis, and
+    /// `visibility`: 0 outside of the image, 1 in it but hidden, 2 seen.
+    pub const KEYPOINTS: Key<PerInstance<Value>> =
+        view("keypoints").form(|| Form::PerInstance(Box::new(Form::Records)));
+
+    /// Mean surface of every body of the scene, by area: base color, roughness, metallic and transmission.
+    pub const MATERIAL_STATISTICS: Key<Value> = scene("material_statistics").form(|| Form::Records);
+
+    /// Pairs of bodies that touch: ids, normal, distance, share of the weight, and points in the world.
+    pub const CONTACTS: Key<Value> = scene("contacts").form(|| Form::Records);
+
+    /// Who carries whom, as a directed graph: edges from supporter to supported, levels, cycles, and what floats.
+    pub const SUPPORT_GRAPH: Key<Value> = scene("support_graph").form(|| Form::Record);
+
+    /// Pairs of an object and the container that it is in.
+    pub const INSIDE: Key<Value> = scene("inside").form(|| Form::Records);
+
+    /// An order in which objects and distractors can be taken away, none while it carries another.
+    pub const REMOVAL_ORDER: Key<Value> = scene("removal_order").form(|| Form::Record);
 
     /// Visible masks as one plane: id of the annotated object that a pixel shows, 0 where it shows none.
     pub const VISIBLE_IDS: Key<Plane<InstanceId>> = view("visible_ids").semantic(Semantic::Label);

@@ -3,7 +3,7 @@
 use super::{EnvironmentMap, MassOrigin, MassProperties, Material, Mesh};
 use crate::digest::{Digest, Hasher};
 use crate::error::{Error, Result};
-use crate::geometry::Vector3;
+use crate::geometry::{Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -157,6 +157,15 @@ impl Asset {
 /// Points whose convex hull is one part of a collision shape, body frame, meters.
 pub type ConvexPart = Vec<[f32; 3]>;
 
+/// A named point of an object, such as the end of a handle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Keypoint {
+    /// Name, unique in the object.
+    pub name: String,
+    /// Where it is, body frame, meters.
+    pub point: Point3<f64>,
+}
+
 /// A rigid object: shape, surface and mass. Immutable and shared.
 #[derive(Debug, Clone)]
 pub struct Object {
@@ -170,6 +179,8 @@ pub struct Object {
     pub materials: Vec<Arc<Material>>,
     /// Collision shape, where the source knows it exactly; otherwise the settler decomposes the mesh.
     pub collision: Option<Arc<Vec<ConvexPart>>>,
+    /// Named points, in the order of their annotation file; empty if it has none.
+    pub keypoints: Vec<Keypoint>,
     /// Mass, center of mass and inertia.
     pub mass: MassProperties,
     /// Coulomb friction coefficient.
@@ -184,7 +195,8 @@ pub struct Object {
 pub const EXTENT_M: std::ops::RangeInclusive<f64> = 5e-4..=10.0;
 
 impl Object {
-    /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape and the media of its materials.
+    /// The object moved and scaled: `p ↦ (p + offset) · factor`, with its collision shape, its keypoints and the media of
+    /// its materials.
     /// It stays the same material: the mass grows with the cube of the factor. The digest is that of the original.
     pub fn transformed(self, offset: Vector3<f64>, factor: f64) -> Result<Self> {
         if factor == 1.0 && offset == Vector3::zeros() {
@@ -195,6 +207,11 @@ impl Object {
         Ok(Self {
             mesh: Arc::new(self.mesh.transformed(offset, factor)?),
             collision: self.collision.map(|parts| Arc::new(parts.iter().map(part).collect())),
+            keypoints: self
+                .keypoints
+                .into_iter()
+                .map(|Keypoint { name, point }| Keypoint { name, point: ((point + offset).coords * factor).into() })
+                .collect(),
             materials: self.materials.into_iter().map(|material| material.enlarged(factor)).collect(),
             mass: self.mass.transformed(offset, factor),
             ..self
@@ -205,6 +222,18 @@ impl Object {
     pub fn with_known_mass(self, kg: f64) -> Self {
         let digest = Hasher::new("known mass").digest(self.digest).number(kg).finish();
         Self { mass: self.mass.with_kg(kg, MassOrigin::Known), digest, ..self }
+    }
+
+    /// The object with named points.
+    pub fn with_keypoints(self, keypoints: Vec<Keypoint>) -> Self {
+        if keypoints.is_empty() {
+            return Self { keypoints, ..self };
+        }
+        let add = |hasher: Hasher, Keypoint { name, point }: &Keypoint| {
+            point.iter().fold(hasher.text(name), |hasher, x| hasher.number(*x))
+        };
+        let digest = keypoints.iter().fold(Hasher::new("keypoints").digest(self.digest), add).finish();
+        Self { keypoints, digest, ..self }
     }
 
     /// Refuses an object whose largest extent is outside [`EXTENT_M`]: its file has another unit than meters, or is

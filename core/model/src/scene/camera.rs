@@ -31,6 +31,24 @@ impl Intrinsics {
         Vector3::new((u - self.cx) / self.fx, (v - self.cy) / self.fy, 1.0)
     }
 
+    /// Whether (u, v) is in the image.
+    pub fn contains(&self, [u, v]: [f64; 2]) -> bool {
+        (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v)
+    }
+
+    /// The same image with `times` as many pixels along either edge: those that one pixel is divided into.
+    pub fn subdivided(&self, times: u32) -> Self {
+        let factor = f64::from(times);
+        Self {
+            width: self.width * times,
+            height: self.height * times,
+            fx: self.fx * factor,
+            fy: self.fy * factor,
+            cx: self.cx * factor,
+            cy: self.cy * factor,
+        }
+    }
+
     /// The matrix K, row by row.
     pub fn matrix(&self) -> [[f64; 3]; 3] {
         [[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]]
@@ -187,6 +205,13 @@ mod tests {
         let [u, v] = k.project(&p);
         assert!((u - 100.5).abs() < 1e-9 && (v - 400.25).abs() < 1e-9);
         assert_eq!(k.project(&Point3::new(0.0, 0.0, 2.0)), [320.0, 240.0]);
+        // Four pixels see what one saw: its corners are theirs.
+        let fine = k.subdivided(2);
+        assert_eq!((fine.width, fine.height), (1280, 960));
+        for (u, v) in [(100.0, 400.0), (100.5, 400.5), (101.0, 401.0)] {
+            assert!((fine.unproject(2.0 * u, 2.0 * v) - k.unproject(u, v)).norm() < 1e-12);
+        }
+        assert!(k.contains([0.0, 479.9]) && !k.contains([640.0, 1.0]) && !k.contains([1.0, -0.1]));
     }
 
     #[test]

@@ -16,7 +16,7 @@ mod settled;
 mod texture;
 mod topology;
 
-pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Object};
+pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
 pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, ThinLens};
 pub use environment::EnvironmentMap;

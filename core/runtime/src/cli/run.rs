@@ -153,8 +153,9 @@ fn disk(recipe: &Recipe, images: u64) -> String {
             let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
             match entry.key.form() {
                 Form::Image { dtype, channels } if entry.key.scope == Scope::View => {
-                    let canvas = u64::from(entry.key.name.parameters.canvas);
-                    writers * pixels * canvas * canvas * channels.unwrap_or(1) as u64 * dtype.size() as u64
+                    let parameters = entry.key.name.parameters;
+                    let edge = u64::from(parameters.canvas) * u64::from(parameters.subpixels);
+                    writers * pixels * edge * edge * channels.unwrap_or(1) as u64 * dtype.size() as u64
                 }
                 _ => 0,
             }

@@ -148,9 +148,9 @@ fn a_rendered_product_is_wanted_on_several_canvases() {
     let stages = vec![stage("a", &[PIXELS.id(), wide.id()], &[A.id()]), stage("b", &[wide.id()], &[B.id()])];
     let found = plan(stages, &["a", "b", "pixels (canvas 5)"]).expect("planned");
     assert_eq!(found.rendered, [PIXELS.id(), wide.id(), PIXELS.on_canvas(5).id()]);
-    let by_canvas = found.by_request();
-    assert_eq!(by_canvas.keys().map(|request| request.canvas).collect::<Vec<_>>(), [1, 3, 5]);
-    assert!(by_canvas.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
+    let by_framing = found.by_framing();
+    assert_eq!(by_framing.keys().map(|framing| framing.canvas).collect::<Vec<_>>(), [1, 3, 5]);
+    assert!(by_framing.values().all(|wants| *wants == [PIXELS.id()]), "the renderer is asked for what it offers");
     let known = |name| format!("reads product `{name}`, which nothing provides");
     for wrong in ["pixels (canvas 2)", "pixels (before support)", "a (canvas 3)"] {
         refused(vec![stage("a", &[], &[A.id()])], &[wrong], Fault::Unknown, &known(wrong));
@@ -260,11 +260,11 @@ fn light_on_objects_is_denoised_as_that_of_the_image() {
     let found = lit(&[LIGHT_OF_ALL]).expect("planned");
     let alone = RenderParameters { objects: Some(Lighting::Alone), ..RenderParameters::IMAGE };
     assert_eq!(found.denoised, BTreeSet::from([alone]));
-    let by_request = found.by_request();
-    assert_eq!(by_request.keys().collect::<Vec<_>>(), [&RenderParameters::IMAGE, &alone], "the image comes first");
+    let by_framing = found.by_framing();
+    assert_eq!(by_framing.keys().collect::<Vec<_>>(), [&RenderParameters::IMAGE, &alone], "the image comes first");
     // The coverage of the image says where the objects are.
-    assert_eq!(names(&by_request[&RenderParameters::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
-    assert_eq!(names(&by_request[&alone]), ["denoise_albedo", "radiance"]);
+    assert_eq!(names(&by_framing[&RenderParameters::IMAGE]), ["coverage", "denoise_albedo", "radiance"]);
+    assert_eq!(names(&by_framing[&alone]), ["denoise_albedo", "radiance"]);
     let provider = |plan: &Plan, name: &str| {
         plan.entries.iter().find(|entry| entry.key.name == *name).map(|entry| entry.provider.clone())
     };
@@ -272,7 +272,7 @@ fn light_on_objects_is_denoised_as_that_of_the_image() {
     assert_eq!(provider(&found, "radiance_noisy (objects alone)").as_deref(), Some("render"));
     // A part has all that it is made from, and nothing that it is not.
     let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned").part([LIGHT_OF_ALL], false);
-    assert_eq!((part.by_request(), part.denoised), (by_request, found.denoised));
+    assert_eq!((part.by_framing(), part.denoised), (by_framing, found.denoised));
     let part = lit(&[LIGHT_OF_ALL, "normal (objects in scene)"]).expect("planned");
     let part = part.part(["normal (objects in scene)"], false);
     assert_eq!(names(&part.rendered), ["coverage", "normal (objects in scene)"]);

@@ -194,7 +194,7 @@ impl<'a> SceneMaker<'a> {
     }
 
     fn scene_context<'s>(&'s self, work: &'s Work, scene: &'s Scene) -> SceneContext<'s> {
-        DatasetContext::new(&work.dataset, self.workers, self.log).scene(scene)
+        DatasetContext::new(&work.dataset, self.workers, self.log).with_cache(self.cache).scene(scene)
     }
 }
 
@@ -355,11 +355,13 @@ impl<'m> Attempt<'m, '_> {
     ) -> Result<Views<'m>> {
         let line = Arc::new(Line::new(writers));
         let work = self.work;
+        let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
         let follow = |view: &Arc<View>, products: Products| {
             let sensing: BTreeMap<String, Stream> = self.sensing(view.id);
-            let (maker, scene, view, line) = (self.maker, Arc::clone(scene), Arc::clone(view), Arc::clone(&line));
+            let (maker, scene, line) = (self.maker, Arc::clone(scene), Arc::clone(&line));
+            let views = (Arc::clone(view), after(view));
             line.clone().announce();
-            queue.add(move || line.follow((maker, work), &scene, view, products, &sensing));
+            queue.add(move || line.follow((maker, work), &scene, views, products, &sensing));
         };
         let next = || if line.has_failed() { Ok(false) } else { self.maker.running().map(|()| true) };
         let render = || {
@@ -379,7 +381,7 @@ impl<'m> Attempt<'m, '_> {
                         break;
                     }
                     let mut products = of_scene.clone();
-                    self.render_view(session, view, &mut products)?;
+                    self.render_view(session, (view, after(view).as_deref()), &mut products)?;
                     follow(view, products);
                 }
                 Ok(())
@@ -398,29 +400,34 @@ impl<'m> Attempt<'m, '_> {
         sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
     }
 
-    fn render_view(&self, session: &mut dyn RenderSession, view: &View, products: &mut Products) -> Result<()> {
+    fn render_view(
+        &self,
+        session: &mut dyn RenderSession,
+        (view, next): (&View, Option<&View>),
+        products: &mut Products,
+    ) -> Result<()> {
         let plan = &self.work.plan;
         let mut rendered = Products::new();
         let mut atlas = None;
-        for (parameters, wants) in plan.by_request() {
-            let RenderParameters { canvas, objects, .. } = parameters;
+        for (framing, wants) in plan.by_framing() {
+            let view = framed(view, next, framing);
             let stream = self.stream("render").at(u64::from(view.id.0));
-            let mut request = RenderRequest::new(view, &wants, stream, self.maker.workers);
-            let denoised = match objects {
+            let mut request = RenderRequest::new(&view, &wants, stream, self.maker.workers);
+            let denoised = match framing.objects {
                 Some(lighting) => {
                     let atlas = match &mut atlas {
                         Some(atlas) => atlas,
                         none => none.insert(Atlas::of(rendered.get(COVERAGE)?)),
                     };
                     request = request.of_objects(atlas, lighting);
-                    plan.denoised.contains(&parameters)
+                    plan.denoised.contains(&framing)
                 }
                 None => {
-                    request = request.of(Window::canvas(&view.camera.intrinsics, canvas), Bodies::All);
-                    canvas == 1
+                    request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas), Bodies::All);
+                    framing == RenderParameters::IMAGE
                 }
             };
-            check_pixels(request.size, parameters)?;
+            check_pixels(request.size, framing)?;
             request.denoiser = plan.denoiser.as_ref().filter(|_| denoised).and_then(|stage| match &*stage.producer {
                 Producer::Denoiser(denoiser) => Some(&**denoiser),
                 _ => None,
@@ -430,7 +437,7 @@ impl<'m> Attempt<'m, '_> {
             provided(&wants, &made).map_err(|error| error.context("render"))?;
             for key in wants {
                 let before_support = key.name.parameters.before_support;
-                made.rename(key, key.with(RenderParameters { before_support, ..parameters }))?;
+                made.rename(key, key.with(RenderParameters { before_support, ..framing }))?;
             }
             rendered.extend(made)?;
         }
@@ -482,11 +489,11 @@ impl<'m> Line<'m> {
         &self,
         (maker, work): (&SceneMaker, &Work),
         scene: &Scene,
-        view: Arc<View>,
+        (view, next): (Arc<View>, Option<Arc<View>>),
         mut products: Products,
         sensing: &BTreeMap<String, Stream>,
     ) {
-        let cx = maker.scene_context(work, scene).view(&view);
+        let cx = maker.scene_context(work, scene).view(&view).before(next.as_deref());
         let plan = &work.plan;
         let checked =
             |products: &Products| check(maker.checks, products).map_err(|it| it.context(format!("view {}", view.id.0)));
@@ -667,13 +674,23 @@ pub fn lend(
 /// Maximum number of pixels of a canvas.
 const MAX_PIXELS: u64 = 1 << 28;
 
+/// The view that products of a framing are of.
+fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
+    let mut view = next.filter(|_| framing.next_view).unwrap_or(view).clone();
+    view.camera.intrinsics = view.camera.intrinsics.subdivided(framing.subpixels);
+    view
+}
+
 /// Refuses a canvas or an atlas that no memory can hold.
-fn check_pixels([width, height]: [u32; 2], parameters: RenderParameters) -> Result<()> {
+fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<()> {
     if u64::from(width) * u64::from(height) <= MAX_PIXELS {
         return Ok(());
     }
-    let (what, help) = match parameters.objects {
-        None => (format!("`(canvas {})`", parameters.canvas), "ask for a smaller canvas, or set"),
+    let (what, help) = match framing.objects {
+        None => (
+            format!("`{}`", Name::new("").with(framing).to_string().trim_start()),
+            "ask for a smaller canvas or fewer sub-pixels, or set",
+        ),
         Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
     };
     Err(Error::new(format!("{what} has {width} × {height} pixels, more than {MAX_PIXELS}"))

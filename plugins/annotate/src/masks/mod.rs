@@ -56,6 +56,16 @@ pub enum TableAndRoom {
     Clip,
 }
 
+impl TableAndRoom {
+    /// The objects on each ray that belong to amodal masks.
+    pub(crate) fn coverage(self) -> Key<BitPlane> {
+        match self {
+            Self::Occlude => COVERAGE,
+            Self::Clip => COVERAGE.before_support(),
+        }
+    }
+}
+
 impl Default for Masks {
     fn default() -> Self {
         Self {
@@ -134,10 +144,7 @@ impl Annotator for Masks {
 
 impl Masks {
     fn coverage(&self) -> Key<BitPlane> {
-        match self.table_and_room {
-            TableAndRoom::Occlude => COVERAGE,
-            TableAndRoom::Clip => COVERAGE.before_support(),
-        }
+        self.table_and_room.coverage()
     }
 
     /// Fraction of an object's amodal area that is hidden: `1 − |V| / (|A| + outside)`. None if it is not annotated.

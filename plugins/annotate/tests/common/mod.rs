@@ -41,23 +41,33 @@ pub struct World {
 
 impl World {
     pub fn new(objects: usize) -> Self {
+        Self::of(Self::tetrahedron(), objects)
+    }
+
+    pub fn tetrahedron() -> Object {
         let mesh = Mesh::new(MeshData {
             positions: vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]],
             triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
             ..Default::default()
         })
         .expect("sound");
-        let object = Arc::new(Object {
+        Object {
             name: "tetra".into(),
             category: "solid".into(),
             mass: MassProperties::of_mesh(&mesh, 0.25, MassOrigin::Known),
             mesh: Arc::new(mesh),
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
+            keypoints: Vec::new(),
             friction: 0.5,
             license: "CC0-1.0".into(),
             digest: Digest::of(b"tetra"),
-        });
+        }
+    }
+
+    /// A world of other objects.
+    pub fn of(object: Object, objects: usize) -> Self {
+        let object = Arc::new(object);
         let mut builder = SceneBuilder::default();
         builder.tabletop = Some(Tabletop { center: [0.0, 0.0, 0.7], size: [1.0, 0.8] });
         let asset = AssetRef { pool: "pool".into(), name: "tetra".into() };

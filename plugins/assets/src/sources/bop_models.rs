@@ -1,5 +1,6 @@
 //! `bop_models`: models in the layout of the BOP benchmark: `models/obj_NNNNNN.ply` in millimeters with `models_info.json`.
 
+use super::keypoints::with_keypoints;
 use super::nothing_found;
 use crate::formats::ply;
 use serde_json::Value;
@@ -175,6 +176,7 @@ pub(crate) fn load(root: &AssetRoot, folder: &Path, model: &str, info: ObjectInf
     let file = folder.join(format!("{model}.ply"));
     let path = root.folder().join(&file);
     let (object, _) = ply::read(root, &file, log)?.scaled(MILLIMETER_M).into_object(info, &path, log)?;
+    let object = with_keypoints(object, root, &file)?;
     let info = read_info(&root.folder().join(folder))?.unwrap_or_default();
     let stated = model_id(&format!("{model}.ply")).and_then(|id| info.get(&id).copied());
     if let Some(stated) = stated {

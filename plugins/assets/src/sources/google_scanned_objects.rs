@@ -1,6 +1,7 @@
 //! `google_scanned_objects`: folders `<name>/meshes/model.obj` or `<name>/model.obj`, meters, z up.
 
 use super::folder::catalog_of_folders;
+use super::keypoints::with_keypoints;
 use crate::formats::obj;
 use std::path::Path;
 use syntable_mesh::ObjectInfo;
@@ -60,7 +61,8 @@ impl AssetSource for GoogleScannedObjects {
         let mesh = mesh_in(&folder)?.ok_or_else(|| Error::new("no mesh `model.obj`").in_file(&folder))?;
         let model = obj::read(&root, mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(&folder)?, license: LICENSE.to_owned() };
-        model.into_object(info, &folder.join(mesh), log).map(|(object, _)| Asset::from(object))
+        let (object, _) = model.into_object(info, &folder.join(mesh), log)?;
+        with_keypoints(object, &root, mesh).map(Asset::from)
     }
 }
 

@@ -1,6 +1,7 @@
 //! `mesh_folder`: any folder of meshes.
 
 use super::folder::{FileIndex, Files, add_asset, by_stem, category, leave_out_collision_parts};
+use super::keypoints::with_keypoints;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use syntable_mesh::ObjectInfo;
@@ -16,6 +17,9 @@ use syntable_model::stage::AssetLimits;
 /// An asset's name is its path without the extension, or that of its folder where that holds no other mesh; its category
 /// is the folder above. Meshes for physics that come beside a model, with a word such as `collision`, `col` or `vhacd` in
 /// their path, are left out. Of one mesh in several formats the one with most information is read: glTF, then OBJ, PLY, STL.
+///
+/// A file `<mesh>.keypoints.json` beside a mesh names points of it: `{"keypoints": [{"name": "rim", "point": [0, 0, 0.1]}]}`,
+/// in the frame and unit of the mesh as it is read, z up. So it is for every kind of source that reads objects from files.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshFolder {
@@ -79,7 +83,8 @@ impl AssetSource for MeshFolder {
         let model = if self.up == Up::Y && !states_up_axis { model.y_up_to_z_up() } else { model };
         let category = category(name, root.folder());
         let info = ObjectInfo { name: name.to_owned(), category, license: String::new() };
-        model.into_object(info, &root.folder().join(&file), log).map(|(object, _)| Asset::from(object))
+        let (object, _) = model.into_object(info, &root.folder().join(&file), log)?;
+        with_keypoints(object, &root, &file).map(Asset::from)
     }
 }
 

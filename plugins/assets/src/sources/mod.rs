@@ -6,6 +6,7 @@ pub mod bop_models;
 pub mod environment_folder;
 pub mod folder;
 pub mod google_scanned_objects;
+mod keypoints;
 pub mod mesh_folder;
 pub mod pbr_folder;
 pub mod ycb;

@@ -1,6 +1,7 @@
 //! `ycb`: folders `<name>/google_16k/textured.obj`, meters, z up.
 
 use super::folder::catalog_of_folders;
+use super::keypoints::with_keypoints;
 use crate::formats::obj;
 use std::path::{Path, PathBuf};
 use syntable_mesh::ObjectInfo;
@@ -92,9 +93,11 @@ impl AssetSource for Ycb {
         let mesh = mesh_in(&folder, self.reconstruction)?.ok_or_else(|| {
             Error::new(format!("no mesh of the reconstruction {:?}", self.reconstruction)).in_file(&folder)
         })?;
-        let model = obj::read(&AssetRoot::open(&folder)?.within(self.limits), &mesh, log)?;
+        let root = AssetRoot::open(&folder)?.within(self.limits);
+        let model = obj::read(&root, &mesh, log)?;
         let info = ObjectInfo { name: name.to_owned(), category: category(name), license: LICENSE.to_owned() };
-        let (object, _) = model.into_object(info, &folder.join(mesh), log)?;
+        let (object, _) = model.into_object(info, &folder.join(&mesh), log)?;
+        let object = with_keypoints(object, &root, &mesh)?;
         Ok(match mass_kg(name) {
             Some(kg) => object.with_known_mass(kg).into(),
             None => object.into(),

@@ -34,6 +34,70 @@ fn digests_follow_the_content() {
 }
 
 #[test]
+fn keypoints_are_read_beside_the_mesh() {
+    let folder = TempDir::new().expect("temp folder");
+    gso(folder.path(), "gso/a");
+    write(folder.path(), "meshes/mug.obj", obj(1.0));
+    write(folder.path(), "ycb/b/google_16k/textured.obj", obj(1.0));
+    let millimeters = ply_ascii().replace("0.03", "30").replace("0.04", "40").replace("0.1", "100");
+    write(folder.path(), "bop/set/models/obj_000001.ply", millimeters);
+    let none = |kind: &str, root: &str, name: &str| {
+        let asset = source_of(kind, &folder.path().join(root), "").load(name, &Collected::default()).expect(name);
+        asset.into_object().expect("an object")
+    };
+    let text =
+        r#"{"keypoints": [{"name": "tip", "point": [0.01, 0.02, 0.03]}, {"name": "base", "point": [0, 0, -1e-3]}]}"#;
+    for (kind, root, name, file) in [
+        ("google_scanned_objects", "gso", "a", "gso/a/meshes/model.keypoints.json"),
+        ("mesh_folder", "meshes", "mug", "meshes/mug.keypoints.json"),
+        ("ycb", "ycb", "b", "ycb/b/google_16k/textured.keypoints.json"),
+        ("bop_models", "bop", "set/obj_000001", "bop/set/models/obj_000001.keypoints.json"),
+    ] {
+        let before = none(kind, root, name);
+        assert!(before.keypoints.is_empty(), "{kind}");
+        write(folder.path(), file, text);
+        let after = none(kind, root, name);
+        let found: Vec<(&str, [f64; 3])> = after.keypoints.iter().map(|it| (&*it.name, it.point.into())).collect();
+        assert_eq!(found, [("tip", [0.01, 0.02, 0.03]), ("base", [0.0, 0.0, -0.001])], "{kind}");
+        assert_ne!(before.digest, after.digest, "{kind}");
+        write(folder.path(), file, text.replace("0.03", "0.04"));
+        assert_ne!(none(kind, root, name).digest, after.digest, "{kind}");
+    }
+}
+
+#[test]
+fn bad_keypoints_are_refused_by_key() {
+    let folder = TempDir::new().expect("temp folder");
+    write(folder.path(), "mug.obj", obj(1.0));
+    let source = source_of("mesh_folder", folder.path(), "");
+    for (text, says) in [
+        ("{", "not sound JSON"),
+        ("[]", "`the file` = [] is no table"),
+        ("{}", "`the file` has no `keypoints`"),
+        (r#"{"keypoints": 3}"#, "`keypoints` = 3 is no list of points"),
+        (r#"{"keypoints": [], "skeleton": []}"#, "unknown field `skeleton`"),
+        (r#"{"keypoints": [{"name": "a", "point": [0, 0]}]}"#, "`keypoints[0].point` = [0,0] is no point"),
+        (r#"{"keypoints": [{"name": "a", "point": [0, 0, "z"]}]}"#, "`keypoints[0].point` = "),
+        (
+            r#"{"keypoints": [{"name": "a", "point": [0, 0, 90]}]}"#,
+            "`keypoints[0].point` = [0,0,90] is far from the object",
+        ),
+        (r#"{"keypoints": [{"name": "a", "point": [0, 0, 1e400]}]}"#, "mug.keypoints.json"),
+        (r#"{"keypoints": [{"point": [0, 0, 0]}]}"#, "`keypoints[0]` has no `name`"),
+        (r#"{"keypoints": [{"name": "", "point": [0, 0, 0]}]}"#, "`keypoints[0].name` = \"\" is no name"),
+        (r#"{"keypoints": [{"name": "a", "point": [0, 0, 0], "seen": 1}]}"#, "unknown field `seen`"),
+        (
+            r#"{"keypoints": [{"name": "a", "point": [0, 0, 0]}, {"name": "a", "point": [0, 0, 0]}]}"#,
+            "`keypoints[1].name`: there are two points `a`",
+        ),
+    ] {
+        write(folder.path(), "mug.keypoints.json", text);
+        let error = source.load("mug", &Collected::default()).expect_err(text).to_string();
+        assert!(error.contains(says) && error.contains("mug.keypoints.json"), "{text}: {error}");
+    }
+}
+
+#[test]
 fn environment_maps() {
     let hdr = |resolution: &str, body: &[u8]| {
         [format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{resolution}\n").as_bytes(), body].concat()

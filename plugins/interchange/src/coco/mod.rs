@@ -1,14 +1,16 @@
 //! COCO detection and instance segmentation.
 
+mod keypoints;
 mod read;
 
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
 use crate::labels::{self, Label};
+use keypoints::Named;
 use serde_json::json;
 use syntable_formats::coco::Annotation;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RGB;
+use syntable_model::product::standard::{KEYPOINTS, RGB};
 
 /// Writes COCO's layout for detection and instance segmentation.
 ///
@@ -19,6 +21,10 @@ use syntable_model::product::standard::RGB;
 /// `[x, y, width, height]` with `width = last column - first column + 1`, areas whole pixels, masks compressed run lengths.
 /// Image ids are `scene · views_per_scene + view + 1`; images without objects are listed, too. Categories are `object` (1)
 /// and the classes of the recipe's pools.
+///
+/// With `keypoints` annotations have these as well: x, y and visibility of each, 0 for one that is not labeled (then x and y
+/// are 0, too), 1 for a hidden one, 2 for one that is seen. As in COCO's files, (0, 0) is the center of the first pixel.
+/// Every category lists the names.
 ///
 /// # Output
 ///
@@ -31,6 +37,10 @@ pub struct Coco {
     pub masks: Masks,
     /// Name of the split in the annotation file's name.
     pub split: String,
+    /// Names of keypoints, in the order in which every annotation has them, as `keypoints` and `num_keypoints`; one that an
+    /// object does not have, or that is outside of the image, counts as not labeled. Without names there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub keypoints: Vec<String>,
 }
 
 /// A mask of each object.
@@ -45,7 +55,7 @@ pub enum Masks {
 
 impl Default for Coco {
     fn default() -> Self {
-        Self { masks: Masks::Amodal, split: "train".into() }
+        Self { masks: Masks::Amodal, split: "train".into(), keypoints: Vec::new() }
     }
 }
 
@@ -55,6 +65,7 @@ impl Config for Coco {
     const EXAMPLE: &'static str = "masks = \"amodal\"\nsplit = \"train\"";
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
+        keypoints::check_names(&self.keypoints)?;
         Ok(Box::new(self))
     }
 }
@@ -66,11 +77,13 @@ pub(crate) fn file(split: &str) -> String {
 
 impl Writer for Coco {
     fn reads(&self) -> Vec<Input> {
-        std::iter::once(Input::of(RGB)).chain(labels::inputs()).collect()
+        let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
+        std::iter::once(Input::of(RGB)).chain(labels::inputs()).chain(keypoints).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
-        Ok(Box::new(CocoScene { masks: self.masks, files: SceneFiles::new(output) }))
+        let files = SceneFiles::new(output);
+        Ok(Box::new(CocoScene { masks: self.masks, keypoints: self.keypoints.clone(), files }))
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
@@ -82,12 +95,17 @@ impl Writer for Coco {
     }
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
-        merge(cx, finish, &file(&self.split), Some(&categories(cx.dataset)), Listed::All)
+        let mut categories = categories(cx.dataset);
+        if !self.keypoints.is_empty() {
+            categories.iter_mut().for_each(|category| category.extra = keypoints::of_category(&self.keypoints));
+        }
+        merge(cx, finish, &file(&self.split), Some(&categories), Listed::All)
     }
 }
 
 struct CocoScene {
     masks: Masks,
+    keypoints: Vec<String>,
     files: SceneFiles,
 }
 
@@ -95,7 +113,14 @@ impl SceneWriter for CocoScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let labels = self.masks.shown(labels::labels(products)?);
         self.files.image(cx, products, labels.len())?;
-        labels.iter().try_for_each(|label| self.files.annotation(&self.masks.annotation(label)))
+        let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
+        labels.iter().try_for_each(|label| {
+            let mut annotation = self.masks.annotation(label);
+            if let Some(named) = &named {
+                annotation.extra.extend(named.fields(label.id, &self.keypoints));
+            }
+            self.files.annotation(&annotation)
+        })
     }
 
     fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {

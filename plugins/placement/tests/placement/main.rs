@@ -77,6 +77,7 @@ impl Assets for Pools {
             mesh: Arc::new(mesh),
             materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
             collision: None,
+            keypoints: Vec::new(),
             friction: 0.5,
             license: String::new(),
             digest: Digest::of(asset.name.as_bytes()),

@@ -64,6 +64,7 @@ fn sheet(half: f32) -> Arc<Object> {
         mesh: Arc::new(mesh),
         materials: vec![Arc::new(Material::plain("gray", [0.5; 3], 0.5))],
         collision: None,
+        keypoints: Vec::new(),
         friction: 0.5,
         license: String::new(),
         digest: Digest::of(b"sheet"),

@@ -1,0 +1,101 @@
+//! Where the points of an image are in the next view.
+
+use crate::keypoints::pixel;
+use syntable_model::geometry::Point3;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY};
+use syntable_model::scene::Camera;
+
+/// Optical flow and correspondences from each view to the next one of its scene, in which nothing moves but the camera.
+///
+/// `flow` has for every pixel the displacement (u, v) of the point that its center shows: its pixel in the next view less its
+/// own, px, distortion included, also where the next view does not show it. `flow_visibility` is 2 where the next view shows
+/// the point, 1 where the point is within its image but hidden, and 0 where there is no displacement or where it leads out of
+/// the image: the pixel shows nothing, the point is behind the next camera, or the view is the last one. A point is hidden
+/// where all four pixels whose centers surround it in the next view show something nearer by more than `tolerance_m`: on a
+/// plane, one of the four is always at least as far as the point.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OpticalFlow {
+    /// How far behind the surface that the next view shows a point may be and still count as seen, meters.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub tolerance_m: f64,
+}
+
+impl Default for OpticalFlow {
+    fn default() -> Self {
+        Self { tolerance_m: 0.002 }
+    }
+}
+
+impl Config for OpticalFlow {
+    type Stage = dyn Annotator;
+    const KIND: &'static str = "optical_flow";
+    const EXAMPLE: &'static str = "tolerance_m = 0.002";
+    fn build(self) -> Result<Box<dyn Annotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Annotator for OpticalFlow {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![DEPTH, DEPTH.of_next_view()]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![FLOW, FLOW_VISIBILITY]
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        let (depth, next_depth) = (products.get(DEPTH)?, products.get(DEPTH.of_next_view())?);
+        let step = cx.next.map(|next| Step {
+            from: &cx.view.camera,
+            to: &next.camera,
+            next_from_this: next.camera.world_from_camera.inverse() * cx.view.camera.world_from_camera,
+            depth: next_depth,
+            tolerance_m: self.tolerance_m,
+        });
+        let of = |x: u32, y: u32| step.as_ref()?.follow([x, y], *depth.at(x, y));
+        let all = Plane::from_fn(depth.width(), depth.height(), |x, y| of(x, y).unwrap_or_default());
+        let (flow, visibility) = (all.map(|found| found.0), all.map(|found| found.1));
+        products.put(FLOW, flow)?;
+        products.put(FLOW_VISIBILITY, visibility)
+    }
+}
+
+/// From a view to the next one.
+struct Step<'a> {
+    from: &'a Camera,
+    to: &'a Camera,
+    next_from_this: Pose,
+    /// Depth of the next view.
+    depth: &'a Plane<f32>,
+    tolerance_m: f64,
+}
+
+impl Step<'_> {
+    /// Displacement of the point that a pixel shows, and whether the next view shows it; none if there is no such point.
+    fn follow(&self, [x, y]: [u32; 2], depth: f32) -> Option<([f32; 2], u8)> {
+        let [u, v] = [x, y].map(|x| f64::from(x) + 0.5);
+        let depth = Some(f64::from(depth)).filter(|depth| depth.is_finite() && *depth > 0.0)?;
+        let point = self.next_from_this * Point3::from(self.from.unproject(u, v)? * depth);
+        let to = pixel(self.to, &point)?;
+        let flow = [to[0] - u, to[1] - v].map(|x| x as f32);
+        Some((flow, if !self.to.intrinsics.contains(to) { 0 } else { 2 - u8::from(self.is_hidden(to, point.z)) }))
+    }
+
+    fn is_hidden(&self, [u, v]: [f64; 2], depth_m: f64) -> bool {
+        let around = |at: f64, edge: u32| {
+            let low = (at - 0.5).floor();
+            [low, low + 1.0].map(|at| at.clamp(0.0, f64::from(edge - 1)) as u32)
+        };
+        let (columns, rows) = (around(u, self.depth.width()), around(v, self.depth.height()));
+        let is_nearer = |x: u32, y: u32| {
+            let there = f64::from(*self.depth.at(x, y));
+            there > 0.0 && there < depth_m - self.tolerance_m
+        };
+        rows.iter().all(|&y| columns.iter().all(|&x| is_nearer(x, y)))
+    }
+}
+
+register!(OpticalFlow);

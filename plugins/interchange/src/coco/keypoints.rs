@@ -1,0 +1,73 @@
+//! Keypoints of annotations.
+
+use serde_json::{Value as Json, json};
+use std::collections::BTreeMap;
+use syntable_formats::Extra;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::KEYPOINTS;
+
+/// From pixels whose centers are at half-integers to COCO's, whose centers are at integers.
+const CENTER_PX: f64 = 0.5;
+
+/// Checks the option `keypoints`.
+pub fn check_names(names: &[String]) -> Result<(), ConfigError> {
+    if names.iter().any(|name| name.trim().is_empty()) {
+        return Err(
+            ConfigError::new("keypoints", "a name is empty").help("write names of points of the objects' files")
+        );
+    }
+    match (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
+        Some(i) => {
+            Err(ConfigError::new("keypoints", format!("`{}` is there twice", names[i])).help("write each name once"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// What a category says of keypoints.
+pub fn of_category(names: &[String]) -> Extra {
+    fields(json!({ "keypoints": names, "skeleton": [] }))
+}
+
+fn fields(json: Json) -> Extra {
+    json.as_object().cloned().unwrap_or_default()
+}
+
+/// The keypoints of all objects of a view.
+pub struct Named(BTreeMap<InstanceId, Vec<Point>>);
+
+/// What is read of an entry of the product `keypoints`.
+#[derive(Deserialize)]
+struct Point {
+    name: String,
+    uv_px: Option<[f64; 2]>,
+    visibility: u8,
+}
+
+impl Named {
+    /// Reads the product.
+    pub fn of(products: &Products) -> Result<Self> {
+        let points = |(id, value): (InstanceId, &Value)| {
+            let json = serde_json::to_value(value).and_then(serde_json::from_value::<Vec<Point>>);
+            let wrong = |error| Error::new(format!("instance {id} of `{}`: {error}", KEYPOINTS.name())).permanent();
+            Ok((id, json.map_err(wrong)?))
+        };
+        products.get(KEYPOINTS)?.iter().map(points).collect::<Result<_>>().map(Self)
+    }
+
+    /// The fields of an object's annotation.
+    pub fn fields(&self, id: InstanceId, names: &[String]) -> Extra {
+        let points = self.0.get(&id).map_or(&[][..], Vec::as_slice);
+        let labeled = |name: &String| {
+            let point = points.iter().find(|point| point.name == *name && point.visibility > 0)?;
+            Some((point.uv_px?.map(|x| x - CENTER_PX), point.visibility))
+        };
+        let found: Vec<Option<([f64; 2], u8)>> = names.iter().map(labeled).collect();
+        let triple = |found: &Option<([f64; 2], u8)>| match *found {
+            Some(([x, y], visibility)) => [json!(x), json!(y), json!(visibility)],
+            None => [json!(0), json!(0), json!(0)],
+        };
+        let triples: Vec<Json> = found.iter().flat_map(triple).collect();
+        fields(json!({ "keypoints": triples, "num_keypoints": found.iter().flatten().count() }))
+    }
+}

@@ -1,0 +1,143 @@
+//! How the bodies of a scene are related: who touches, carries and holds whom.
+
+mod contact;
+mod force;
+mod inside;
+mod solid;
+mod support;
+
+use crate::hull_cache::HullCache;
+use crate::rapier::{Collision, Rapier};
+use contact::Contact;
+use force::{Forces, Moving};
+use solid::Solid;
+use support::Support;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{CONTACTS, INSIDE, REMOVAL_ORDER, SUPPORT_GRAPH};
+
+/// Contacts, support, containers and a safe order of removal, from the poses of the scene as it is rendered: whether it
+/// settled now, in an earlier run, or not at all. Shapes are those of the simulation. Ids are those of `instance`; 0 is the
+/// ground, the level z = 0, where a body touches it and no floor.
+///
+/// Forces are those of the first instant: bodies at rest under gravity (9.81 m/s²) with Coulomb friction and no adhesion,
+/// where nothing moves into another. A body that they do not hold has an `acceleration_m_s2`. Where more points touch than
+/// equilibrium decides, such as under a chair with four legs, their shares are one of many solutions.
+///
+/// `contacts` lists pairs of bodies, at least one of which can move, whose shapes are at most `margin_m` apart: `ids`, the
+/// lower one first; `gap_m`, negative where they overlap; `normal_world` from the first to the second, the mean of those of
+/// the points; `force_world_n` that the first exerts on the second; and the `points`, at most four per pair of convex parts,
+/// each with `point_world_m`, `normal_world`, `gap_m` and `force_world_n`.
+///
+/// `support_graph` says who carries whom, by these forces: an edge from `supporter` to `supported` where the force between
+/// them has an upward part, `force_n`, of at least 1 % of the weight of the supported body; `share` is that part over this
+/// weight, above 1 where it carries others. `roots` are the fixed bodies that carry something, `cycles` sets of bodies that
+/// carry each other, `floating` those that nothing carries, and `moving` those that would start to move, with their
+/// acceleration: that of the center of mass or of the farthest corner, whichever is larger, above 0.5 m/s².
+///
+/// `inside` lists objects `id` of whose volume at least half, `fraction`, is within the convex hull of a `container` that
+/// carries them, directly or through others: a spoon in a mug, not a book on a box.
+///
+/// `removal_order` has an `order` of all objects and distractors in which none is taken away while it carries another one
+/// that is still there; of several that can go, the higher comes first, by the center of its box, then the lower id. In a
+/// cycle the one goes that carries fewest of those still there; `forced` lists these with what they `carry` then.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Relations {
+    /// Largest distance of two shapes that touch, meters.
+    #[schemars(range(min = 0.0, max = 0.02))]
+    margin_m: f64,
+    /// Collision shape of objects and supports: that of `settle`.
+    collision: Collision,
+    /// How far convex parts may be from the mesh in its hollows, meters: that of `settle`.
+    #[schemars(range(min = 0.001, max = 1.0))]
+    max_deviation_m: f64,
+}
+
+impl Default for Relations {
+    fn default() -> Self {
+        let Rapier { collision, max_deviation_m, .. } = Rapier::default();
+        Self { margin_m: 0.001, collision, max_deviation_m }
+    }
+}
+
+impl Config for Relations {
+    type Stage = dyn SceneAnnotator;
+    const KIND: &'static str = "relations";
+    const EXAMPLE: &'static str = "margin_m = 0.001";
+    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
+        let Self { margin_m, collision, max_deviation_m } = self;
+        let shapes = HullCache::new(&Rapier { collision, max_deviation_m, ..Rapier::default() });
+        Ok(Box::new(Relate { margin_m, shapes }))
+    }
+}
+
+register!(Relations);
+
+/// The annotator of the kind `relations`.
+struct Relate {
+    margin_m: f64,
+    shapes: HullCache,
+}
+
+impl SceneAnnotator for Relate {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![CONTACTS, SUPPORT_GRAPH, INSIDE, REMOVAL_ORDER]
+    }
+
+    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
+        let solids = solid::solids(cx, &self.shapes);
+        let contacts = contact::contacts(&solids, self.margin_m);
+        let moving: Vec<Option<Moving>> = solids.iter().map(|solid| Moving::of(solid, cx.scene)).collect();
+        let forces = Forces::new(&moving, &contacts);
+        let support = Support::new(&solids, &moving, &contacts, &forces);
+        let records = contacts.iter().zip(&forces.of_points);
+        let records = records.map(|(contact, forces)| Value::of(&ContactView::new(contact, forces, &solids)));
+        products.put(CONTACTS, Value::List(records.collect::<Result<_>>()?))?;
+        products.put(SUPPORT_GRAPH, Value::of(&support.graph(&solids, &moving, &forces))?)?;
+        let inside = inside::inside(cx.scene, &solids, &support);
+        products.put(INSIDE, Value::List(inside.iter().map(Value::of).collect::<Result<_>>()?))?;
+        products.put(REMOVAL_ORDER, Value::of(&support.removal_order(&solids))?)
+    }
+}
+
+/// An entry of the product `contacts`.
+#[derive(Serialize)]
+struct ContactView {
+    ids: [u16; 2],
+    gap_m: f64,
+    normal_world: [f64; 3],
+    force_world_n: [f64; 3],
+    points: Vec<PointView>,
+}
+
+/// A point of an entry of `contacts`.
+#[derive(Serialize)]
+struct PointView {
+    point_world_m: [f64; 3],
+    normal_world: [f64; 3],
+    gap_m: f64,
+    force_world_n: [f64; 3],
+}
+
+impl ContactView {
+    fn new(contact: &Contact, forces: &[force::Force], solids: &[Solid]) -> Self {
+        Self {
+            ids: contact.ids(solids),
+            gap_m: contact.points.iter().map(|point| point.gap_m).fold(f64::INFINITY, f64::min),
+            normal_world: contact.mean_normal().into(),
+            force_world_n: forces.iter().sum::<force::Force>().into(),
+            points: (contact.points.iter().zip(forces))
+                .map(|(point, force)| PointView {
+                    point_world_m: point.at.into(),
+                    normal_world: point.normal.into(),
+                    gap_m: point.gap_m,
+                    force_world_n: (*force).into(),
+                })
+                .collect(),
+        }
+    }
+}

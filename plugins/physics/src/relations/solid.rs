@@ -1,0 +1,137 @@
+//! The bodies of a frozen scene as collision shapes.
+
+use crate::collision_shape::CollisionShape;
+use crate::engine::friction;
+use crate::hull_cache::HullCache;
+use crate::static_body::{self, StaticBody, SupportSurface};
+use crate::units;
+use parry3d::bounding_volume::{Aabb, BoundingVolume};
+use parry3d::math::Pose as EnginePose;
+use parry3d::shape::SharedShape;
+use std::sync::Arc;
+use syntable_model::context::SceneContext;
+use syntable_model::error::Result;
+use syntable_model::geometry::Point3;
+use syntable_model::scene::{Body, InstanceId, Motion, Object, Role};
+
+/// A body, or the ground.
+pub struct Solid {
+    /// Its id; that of the background for the ground.
+    pub id: InstanceId,
+    /// Whether forces move it.
+    pub is_dynamic: bool,
+    /// Whether it is an object or a distractor.
+    pub is_foreground: bool,
+    /// Height of the center of its box, meters.
+    pub height_m: f64,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+    /// Its parts in the world.
+    pub parts: Vec<Part>,
+    /// Box around the parts, engine units; none without parts.
+    pub bounds: Option<Aabb>,
+}
+
+/// A part of a solid.
+pub struct Part {
+    /// Pose in the world, engine units.
+    pub pose: EnginePose,
+    /// Its shape, engine units: convex, a half-space or a mesh.
+    pub shape: SharedShape,
+    /// Box around it, engine units.
+    pub bounds: Aabb,
+}
+
+impl Part {
+    fn new(pose: EnginePose, shape: SharedShape) -> Self {
+        let bounds = shape.compute_aabb(&pose);
+        Self { pose, shape, bounds }
+    }
+
+    fn of(body: StaticBody) -> Vec<Self> {
+        body.parts().into_iter().map(|(local, shape)| Self::new(body.pose * local, shape)).collect()
+    }
+}
+
+impl Solid {
+    fn new(body: &Body, parts: Vec<Part>) -> Self {
+        Self {
+            id: body.id,
+            is_dynamic: body.motion == Motion::Dynamic,
+            is_foreground: matches!(body.role, Role::Object | Role::Distractor),
+            height_m: body.world_bounds().center().z,
+            friction: friction(body.friction).into(),
+            bounds: bounds(&parts),
+            parts,
+        }
+    }
+
+    fn ground() -> Self {
+        let ground = static_body::ground(0.0);
+        let friction = ground.friction.into();
+        let parts = Part::of(ground);
+        Self {
+            id: InstanceId::BACKGROUND,
+            is_dynamic: false,
+            is_foreground: false,
+            height_m: 0.0,
+            friction,
+            bounds: bounds(&parts),
+            parts,
+        }
+    }
+}
+
+fn bounds(parts: &[Part]) -> Option<Aabb> {
+    parts.iter().map(|part| part.bounds).reduce(|one, other| one.merged(&other))
+}
+
+/// All bodies of a scene in the order of their ids, then the ground. One of whose mesh no shape can be made has no parts;
+/// the log is told.
+pub fn solids(cx: &SceneContext, shapes: &HullCache) -> Vec<Solid> {
+    let (scene, tabletop) = (cx.scene, Some(&cx.scene.tabletop));
+    let is_room = |body: &Body| body.role == Role::Room && body.motion == Motion::Fixed;
+    let shaped: Vec<&Body> = scene.bodies().iter().filter(|body| !is_room(body)).collect();
+    let surface = SupportSurface::new(shaped.iter().copied().filter(|body| body.role == Role::Support));
+    let objects: Vec<(&Object, _)> =
+        shaped.iter().map(|body| (&*body.object, static_body::purpose(body, tabletop))).collect();
+    let mut found = shapes.shapes(&objects, cx.cache, cx.workers, cx.log).into_iter();
+    let inside = inside_of_room(scene.bodies(), scene.tabletop.center());
+    let mut solids = Vec::with_capacity(scene.bodies().len() + 1);
+    for body in scene.bodies() {
+        let parts = if is_room(body) {
+            static_body::room_part(body, &inside).map_or(Vec::new(), Part::of)
+        } else {
+            parts(body, found.next(), &|shape| static_body::support(body, shape, tabletop, &surface), cx)
+        };
+        solids.push(Solid::new(body, parts));
+    }
+    solids.push(Solid::ground());
+    solids
+}
+
+/// Where objects are: no wall is between them and the table.
+fn inside_of_room(bodies: &[Body], tabletop: Point3<f64>) -> Vec<Point3<f64>> {
+    let dynamic = bodies.iter().filter(|body| body.motion == Motion::Dynamic);
+    dynamic.map(|body| body.world_bounds().center()).chain([tabletop]).collect()
+}
+
+fn parts(
+    body: &Body,
+    shape: Option<Result<Arc<CollisionShape>>>,
+    fixed: &dyn Fn(&CollisionShape) -> Vec<StaticBody>,
+    cx: &SceneContext,
+) -> Vec<Part> {
+    match shape {
+        Some(Ok(shape)) if body.motion == Motion::Fixed => fixed(&shape).into_iter().flat_map(Part::of).collect(),
+        Some(Ok(shape)) => {
+            let pose = units::pose(&body.world_from_body);
+            shape.parts.iter().map(|part| Part::new(pose, part.clone())).collect()
+        }
+        Some(Err(error)) => {
+            cx.log.warn(&error.context(body.asset.to_string()));
+            Vec::new()
+        }
+        None => Vec::new(),
+    }
+}
