@@ -41,7 +41,8 @@ def run(binary: Path, recipe: Path, out: Path, settings: list[str], folders: dic
         command += ["--set", setting]
     environment = os.environ | {name: str(path) for name, path in folders.items()}
     done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-    events = [json.loads(line) for line in done.stderr.splitlines()]
+    # Drivers may print lines of their own.
+    events = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
     if done.returncode:
         raise SystemExit("\n".join(event.get("message", str(event)) for event in events))
     ends = [event["elapsed_s"] for event in events if event.get("event") == "image"]

@@ -3,6 +3,7 @@
 use crate::device::STORAGE_BUFFERS;
 use std::cmp::Reverse;
 use std::fmt;
+use std::sync::LazyLock;
 use syntable_model::error::{Error, Result};
 use syntable_model::stage::{DeviceClass, RenderDevice};
 
@@ -114,6 +115,13 @@ fn none() -> Error {
         .permanent()
 }
 
+/// What finds adapters, one for the process: drivers crash when several come and go on different threads.
+static INSTANCE: LazyLock<wgpu::Instance> = LazyLock::new(|| {
+    // Numbers of groups are counted by the shaders, which need no check of them.
+    let flags = wgpu::InstanceFlags::default() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
+    wgpu::Instance::new(wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() })
+});
+
 /// The adapters of this machine that can run the kernels.
 pub struct Adapters {
     all: Vec<wgpu::Adapter>,
@@ -124,16 +132,12 @@ pub struct Adapters {
 impl Adapters {
     /// Looks for adapters.
     pub fn find() -> Self {
-        // Numbers of groups are counted by the shaders, which need no check of them.
-        let flags = wgpu::InstanceFlags::default() - wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
-        let descriptor = wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() };
-        let instance = wgpu::Instance::new(descriptor);
         let usable = |adapter: &wgpu::Adapter| {
             let limits = adapter.limits();
             limits.max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
                 && limits.max_compute_invocations_per_workgroup >= 128
         };
-        let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let found = pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY));
         let all: Vec<_> = found.into_iter().filter(usable).collect();
         let infos: Vec<AdapterInfo> = all.iter().map(AdapterInfo::of).collect();
         let wanted = std::env::var(WANTED).ok().filter(|name| !name.is_empty());

@@ -56,13 +56,15 @@ impl Ahead {
     }
 }
 
-/// Passes on what is told of attempts.
+/// Passes on what is told of the scene, and nothing of the run that makes it.
 struct Within<'r>(&'r dyn Reporter);
 
 impl Reporter for Within<'_> {
     fn event(&self, event: &Event) {
-        if matches!(event, Event::Attempt { .. } | Event::Message(_) | Event::Working { .. }) {
-            self.0.event(event);
+        match event {
+            Event::Image { .. } | Event::Scene { .. } | Event::Attempt { .. } => self.0.event(event),
+            Event::Message(_) | Event::Working { .. } => self.0.event(event),
+            _ => {}
         }
     }
 }

@@ -269,7 +269,9 @@ impl Reporter for Human {
         let mut state = self.state.lock();
         match event {
             Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
-                state.start = Instant::now();
+                // A scene that was made before the others is not among them.
+                (state.start, state.images, state.scenes) = (Instant::now(), 0, 0);
+                state.unfinished.clear();
                 state.scenes_total = scenes - resumed;
                 state.total = *images;
                 let done = if *resumed > 0 { format!(", {resumed} of them done before") } else { String::new() };
@@ -286,7 +288,7 @@ impl Reporter for Human {
                 if let Some(bar) = &self.bar {
                     bar.set_position(state.images);
                     bar.set_message(pace);
-                } else if state.images == 1 || state.said.elapsed() > Duration::from_secs(10) {
+                } else if state.images == 1 && state.total > 0 || state.said.elapsed() > Duration::from_secs(10) {
                     state.said = Instant::now();
                     print_line(&format!("{}/{} images  {pace}", state.images, state.total));
                 }
