@@ -723,8 +723,9 @@ impl Resolver {
             self.offers.iter().any(|key| name.split_once(" (").is_some_and(|(base, _)| key.name.base == base));
         let help = match rendered {
             true => {
-                "a rendered product may have `(canvas 3)`, 5, 7 or 9, and coverage `(before support)`, joined by a comma; \
-                 or, with one value per pixel, `(objects alone)` or `(objects in scene)`"
+                "a rendered product may have `(canvas 3)`, 5, 7 or 9, `(subpixels 2)` to 8, `(next view)`, and coverage \
+                 `(before support)`, joined by commas; or, with one value per pixel, `(objects alone)` or `(objects in \
+                 scene)`"
             }
             false => "`syntable list products` shows all products of the linked plugins",
         };

@@ -6,7 +6,7 @@ use crate::guided::GuidedFilter;
 use crate::passes::{COUNTERS, GROUP, GUIDE_BOUNCES};
 use crate::planes::PLANE_WORDS;
 use crate::tiles::Shown;
-use crate::trees::{MeshTree, TopLevel};
+use crate::trees::{MeshTree, STACK, TopLevel};
 use crate::view::View;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
@@ -101,7 +101,9 @@ pub struct GpuSession {
     pub most_paths: u64,
     /// Bytes that their state may take: fewer once the device had no room for more.
     most_bytes: u64,
-    /// Whether the trees of the view that was uploaded last have many levels.
+    /// Levels of trees for which walks have a short stack.
+    pub short_stack: u32,
+    /// Whether the trees of the view that was uploaded last have more.
     pub walks_deep: bool,
 }
 
@@ -136,6 +138,7 @@ impl GpuSession {
             listed: None,
             most_paths,
             most_bytes,
+            short_stack: STACK,
             walks_deep: false,
         })
     }
@@ -390,6 +393,11 @@ mod tests {
             assert_eq!(parts.get(RADIANCE_SPECULAR), whole.get(RADIANCE_SPECULAR), "{most_paths} paths");
             assert_eq!(parts.get(DENOISE_ALBEDO), whole.get(DENOISE_ALBEDO), "{most_paths} paths");
         }
+        // Long stacks, that trees of many levels need.
+        let mut deep = open(device.most_paths());
+        deep.short_stack = 0;
+        assert_eq!(render(&mut deep, &all).get(RADIANCE), whole.get(RADIANCE), "with long stacks");
+        assert!(deep.walks_deep && !one_pass.walks_deep);
         // A pixel is the same in a window that reaches beyond the image, rendered after another one without guides.
         let window = Window { x: -5, y: 3, width: 20, height: 30 };
         let part = render(&mut one_pass, &RenderRequest { wants: &[RADIANCE.id()], ..all.of(window, Bodies::All) });

@@ -4,7 +4,7 @@ use crate::arena::{Arena, Asset, Place};
 use crate::session::{GpuSession, World};
 use crate::tables::{BodyPlace, EMITTER_SIZE, EnvironmentPlaces, NONE, Tables, TilePlace};
 use crate::tiles::{SeenBodies, Shown};
-use crate::trees::{MeshTree, STACK, TopLevel, body_node};
+use crate::trees::{MeshTree, TopLevel, body_node};
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use syntable_model::digest::{Digest, Hasher};
@@ -180,7 +180,7 @@ impl GpuSession {
             .collect();
         let depth = levels.iter().flatten().map(|(_, depth)| *depth).fold(top.1, usize::max);
         self.walks_deep =
-            depth + world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0) > STACK as usize;
+            depth + world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0) > self.short_stack as usize;
         let levels: Vec<[u32; 2]> = levels.into_iter().map(|both| both.map(|(root, _)| root)).collect();
         let [top, seen] = levels.first().copied().unwrap_or([top.0; 2]);
         let reach = lit.iter().map(Bounds::reach).fold(0.0, f32::max);

@@ -61,10 +61,9 @@ struct Within<'r>(&'r dyn Reporter);
 
 impl Reporter for Within<'_> {
     fn event(&self, event: &Event) {
-        match event {
-            Event::Image { .. } | Event::Scene { .. } | Event::Attempt { .. } => self.0.event(event),
-            Event::Message(_) | Event::Working { .. } => self.0.event(event),
-            _ => {}
+        use Event::{Attempt, Image, Message, Scene, Working};
+        if let Image { .. } | Scene { .. } | Attempt { .. } | Message(_) | Working { .. } = event {
+            self.0.event(event);
         }
     }
 }
