@@ -1,4 +1,4 @@
-"""The page of the book that tables and images go to."""
+"""The pages of the book that tables and images go to."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ ROOT = Path(__file__).resolve().parents[2]
 BOOK = ROOT / "book" / "src"
 
 
-def publish(table: str, name: str, script: str, book: bool) -> None:
-    """Prints a table, and puts it into its place in the book."""
+def publish(table: str, name: str, script: str, book: bool, page: str = "comparison.md") -> None:
+    """Prints a table, and puts it into its place in a page of the book."""
     print(table, flush=True)
     if book:
-        page = BOOK / "comparison.md"
+        path = BOOK / page
         begin, end = f"<!-- {name}: made by {script} -->", f"<!-- end of {name} -->"
-        before, rest = page.read_text().split(begin)
-        page.write_text(f"{before}{begin}\n\n{table.strip()}\n\n{end}{rest.split(end)[1]}")
+        before, rest = path.read_text().split(begin)
+        path.write_text(f"{before}{begin}\n\n{table.strip()}\n\n{end}{rest.split(end)[1]}")
 
 
 def save(image, path: Path) -> None:

@@ -7,7 +7,7 @@ use crate::passes::{COUNTERS, GROUP, GUIDE_BOUNCES};
 use crate::planes::PLANE_WORDS;
 use crate::tiles::Shown;
 use crate::trees::{MeshTree, STACK, TopLevel};
-use crate::view::View;
+use crate::view::{Parts, View};
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
@@ -25,6 +25,9 @@ const CAPACITY: u64 = 256 << 20;
 
 /// Paths that a pass has room for at least, however little memory is left.
 const LEAST_PATHS: u64 = 1 << 18;
+
+/// Bytes that paths leave free, for what else frames and later scenes need.
+const RESERVE: u64 = 256 << 20;
 
 /// Planes of a path's state in `path.wgsl`, without guides and with them.
 const STATE_PLANES: [u64; 2] = [10, 17];
@@ -207,7 +210,7 @@ impl GpuSession {
         let shown = Shown::of(request, world.bodies.len())?;
         let camera = RayCamera::new(&request.view.camera, shown.around());
         let lights = LightTable::new(&request.view.lights, &self.caches.scene)?;
-        let views = self.upload(world, request, &camera, &lights, &shown)?;
+        let views = self.upload(&Parts { world, request, camera: &camera, lights: &lights, shown: &shown })?;
         match self.options.budget().is_fixed() {
             true => self.frame(world, request, views, frame),
             false => self.rounds(world, request, views, &camera, frame),
@@ -253,8 +256,10 @@ impl GpuSession {
         // What was there is given back first.
         self.buffers.paths = self.device.storage("paths", 0)?;
         while bytes > least {
-            if let Some(buffer) = self.device.storage_if_there_is_room("paths", bytes)? {
-                self.buffers.paths = buffer;
+            let reserve = self.device.storage_if_there_is_room("reserve", RESERVE)?;
+            let paths = self.device.storage_if_there_is_room("paths", bytes)?;
+            if let (Some(_), Some(paths)) = (reserve, paths) {
+                self.buffers.paths = paths;
                 return Ok(());
             }
             bytes /= 2;
@@ -405,5 +410,38 @@ mod tests {
         for (x, y) in (0..15).flat_map(|x| (3..20).map(move |y| (x, y))) {
             assert_eq!(part.at(x + 5, y - 3), whole.at(x, y), "pixel {x}, {y}");
         }
+    }
+
+    #[test]
+    #[ignore = "takes all the memory of a card: cargo test --release -p syntable-render-wgpu --lib -- --ignored"]
+    fn a_card_with_little_memory_left_gets_fewer_paths() {
+        let device = Arc::new(Device::open(&Adapters::find(), 0).expect("opens"));
+        let (scene, view) = (room::scene_of(Look::Mixed), room::view(320, 240));
+        let wants = [RADIANCE.id()];
+        let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
+        let render = || {
+            let options = PathTracing { samples_per_pixel: 32, ..PathTracing::default() };
+            let mut session = GpuSession::new(device.clone(), options, Arc::default()).expect("opens");
+            session.load(&scene, &Threads(2)).expect("loads");
+            let mut frame = Products::new();
+            session.render(&request, &mut frame).expect("renders");
+            (frame, session.buffers.paths.size())
+        };
+        let (whole, roomy) = render();
+        let mut taken = Vec::new();
+        for size in [1 << 30, 1 << 25] {
+            while let Some(buffer) = device.storage_if_there_is_room("taken", size).expect("no other failure") {
+                taken.push(buffer);
+            }
+        }
+        // Room for what a scene needs, and for a part of its paths.
+        let mut free = 0;
+        while free < RESERVE + 3 * roomy / 4 {
+            free += taken.pop().expect("more than that was taken").size();
+        }
+        let (part, narrow) = render();
+        println!("{} MiB of paths, then {}", roomy >> 20, narrow >> 20);
+        assert!(narrow < roomy, "{narrow} of {roomy}");
+        assert_eq!(part.get(RADIANCE), whole.get(RADIANCE));
     }
 }

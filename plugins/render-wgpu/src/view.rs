@@ -13,12 +13,13 @@ use syntable_model::scene::EnvironmentMap;
 use syntable_model::stage::RenderRequest;
 use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{
-    Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, PreparedBody, ProjectedEnvironment,
-    SampleOrder,
+    Bounds, DistantLight, EmissiveBody, EnvironmentDistribution, LightTable, MipLevel, MipTexture, PreparedBody,
+    ProjectedEnvironment, SampleOrder,
 };
+use syntable_simd::Vec3;
 use syntable_simd::functions::FAR;
 use syntable_transport::film::{GUIDE_SAMPLES, guide_seed};
-use syntable_transport::{PixelFilter, RayCamera, Settings};
+use syntable_transport::{Lens, PixelFilter, RayCamera, Settings};
 
 /// Flags of a view in `scene.wgsl`.
 pub const WARPED: u32 = 1;
@@ -100,36 +101,44 @@ pub struct Pass {
     pub unused: u32,
 }
 
+/// What tables and uniforms are made of.
+pub struct Parts<'a> {
+    pub world: &'a World,
+    pub request: &'a RenderRequest<'a>,
+    pub camera: &'a RayCamera,
+    pub lights: &'a LightTable,
+    pub shown: &'a Shown,
+}
+
+/// The top levels that the rays of a view walk.
+struct Levels {
+    /// First vector of that of all lit bodies; [`NONE`] without bodies.
+    all: u32,
+    /// By tile: the level that bounces and shadow rays walk, and that of camera rays.
+    by_tile: Vec<[u32; 2]>,
+    /// Largest absolute coordinate of a lit body.
+    reach: f32,
+}
+
 impl GpuSession {
     /// Writes the tables of a view; gives the uniforms of its paths, and of those that are traced for guides alone.
-    pub fn upload(
-        &mut self,
-        world: &World,
-        request: &RenderRequest,
-        camera: &RayCamera,
-        lights: &LightTable,
-        shown: &Shown,
-    ) -> Result<[View; 2]> {
-        let scene = &world.scene;
-        let texture = |texture: &Arc<syntable_prepare::MipTexture>| {
-            let texture = texture.clone();
-            Asset {
-                digest: texture.digest(),
-                count: texture.levels().iter().map(|level| u64::from(level.width) * u64::from(level.height)).sum(),
-                bytes: Box::new(move || {
-                    let texels = |level: &syntable_prepare::MipLevel| {
-                        let count = level.width as usize * level.height as usize;
-                        texture.texels(*level)[..count].as_flattened().to_vec()
-                    };
-                    texture.levels().iter().flat_map(texels).collect()
-                }),
-            }
-        };
-        let mut images: Vec<_> = scene.materials.textures.iter().map(texture).collect();
-        images.extend(environment_assets(lights));
+    pub fn upload(&mut self, parts: &Parts) -> Result<[View; 2]> {
+        let mut images: Vec<_> = parts.world.scene.materials.textures.iter().map(texture_asset).collect();
+        images.extend(environment_assets(parts.lights));
         self.images.keep(&self.device, 0, &images)?;
         drop(images);
+        let places = self.body_places(parts.world);
+        let levels = self.write_levels(parts, &places);
+        let mut tables = Tables::default();
+        let view = self.tabulate(&mut tables, parts, &places, &levels);
+        let views = self.with_camera(&mut tables, view, parts);
+        self.buffers.tables = self.grown(&self.buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
+        self.device.write(&self.buffers.tables, 0, bytemuck::cast_slice(tables.entries()));
+        Ok(views)
+    }
 
+    /// Where the geometry and the shading of every body are.
+    fn body_places(&self, World { scene, bodies }: &World) -> Vec<BodyPlace> {
         let place = |(body, (digest, tree, _)): (&PreparedBody, &(Digest, Arc<MeshTree>, Bounds))| {
             let (mesh, root) = (scene.mesh(body), self.geometry.place(digest));
             let shading = self.shading.place(digest);
@@ -144,11 +153,14 @@ impl GpuSession {
                 colors: after(triangles + tangents, !mesh.colors.is_empty()),
             }
         };
-        let places: Vec<BodyPlace> = scene.bodies.iter().zip(&world.bodies).map(place).collect();
+        scene.bodies.iter().zip(bodies).map(place).collect()
+    }
 
-        // The top level, and that of what camera rays meet.
-        let leaves: Vec<_> =
-            scene.bodies.iter().zip(&places).enumerate().map(|(i, (body, place))| body_node(i, body, place)).collect();
+    /// Writes the top level of all lit bodies, and those of what the camera rays of tiles meet; decides how long stacks are.
+    fn write_levels(&mut self, &Parts { world, shown, .. }: &Parts, places: &[BodyPlace]) -> Levels {
+        let leaves: Vec<_> = (world.scene.bodies.iter().zip(places).enumerate())
+            .map(|(number, (body, place))| body_node(number, body, place))
+            .collect();
         let room = TopLevel::room(world.bodies.len()) as u32;
         let boxes = |keep: &dyn Fn(usize) -> bool| -> Vec<Bounds> {
             let of = |(number, (_, _, bounds)): (usize, &(Digest, Arc<MeshTree>, Bounds))| {
@@ -156,85 +168,62 @@ impl GpuSession {
             };
             world.bodies.iter().enumerate().map(of).collect()
         };
-        let write_level = |place: u32, boxes: &[Bounds]| {
+        let mut levels_of_trees = 0;
+        let mut write = |place: u32, boxes: &[Bounds]| {
             let tree = TopLevel::build(boxes, &leaves);
             self.device.write(self.geometry.buffer(), u64::from(place) * 16, bytemuck::cast_slice(&tree.nodes));
-            (if tree.nodes.is_empty() { NONE } else { place }, tree.depth)
+            levels_of_trees = levels_of_trees.max(tree.depth);
+            if tree.nodes.is_empty() { NONE } else { place }
         };
         let lit = boxes(&|body| shown.is_lit(body));
-        let top = write_level(0, &lit);
-        let own = |seen: &SeenBodies| match seen {
-            SeenBodies::All => top,
-            SeenBodies::Many(chosen) => write_level(room, &boxes(&|body| chosen[body])),
+        let all = write(0, &lit);
+        let mut own = |seen: &SeenBodies| match seen {
+            SeenBodies::All => all,
+            SeenBodies::Many(chosen) => write(room, &boxes(&|body| chosen[body])),
             // Each body has a place for a level of its own.
             SeenBodies::One(one) => {
                 let place = 2 * room + *one as u32 * TopLevel::room(1) as u32;
-                write_level(place, &boxes(&|body| body == *one))
+                write(place, &boxes(&|body| body == *one))
             }
         };
-        let levels: Vec<[(u32, usize); 2]> = (shown.tiles.iter())
+        let by_tile = (shown.tiles.iter())
             .map(|tile| {
                 let seen = own(&tile.seen);
-                [if tile.alone { seen } else { top }, seen]
+                [if tile.alone { seen } else { all }, seen]
             })
             .collect();
-        let depth = levels.iter().flatten().map(|(_, depth)| *depth).fold(top.1, usize::max);
-        self.walks_deep =
-            depth + world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0) > self.short_stack as usize;
-        let levels: Vec<[u32; 2]> = levels.into_iter().map(|both| both.map(|(root, _)| root)).collect();
-        let [top, seen] = levels.first().copied().unwrap_or([top.0; 2]);
-        let reach = lit.iter().map(Bounds::reach).fold(0.0, f32::max);
+        levels_of_trees += world.bodies.iter().map(|(_, tree, _)| tree.depth).max().unwrap_or(0);
+        self.walks_deep = levels_of_trees > self.short_stack as usize;
+        Levels { all, by_tile, reach: lit.iter().map(Bounds::reach).fold(0.0, f32::max) }
+    }
 
-        let mut tables = Tables::default();
+    /// Puts bodies, materials and lights into tables; gives uniforms that say where they are.
+    fn tabulate(&self, tables: &mut Tables, parts: &Parts, places: &[BodyPlace], levels: &Levels) -> View {
+        let &Parts { world, request, lights, shown, .. } = parts;
+        let scene = &world.scene;
         let [lobes, decode] = tables.constants();
-        let bodies = tables.bodies(scene.bodies.iter().zip(places));
+        let bodies = tables.bodies(scene.bodies.iter().zip(places.iter().copied()));
         let materials = tables.materials(&scene.materials.materials);
         let layers = tables.layers(&scene.materials.layers);
         let textures = scene.materials.textures.iter().map(|texture| (texture, self.images.place(&texture.digest())));
         let textures = tables.textures(textures);
-        let places = Environments(&self.images);
-        let [area_lights, windows] = tables.area_lights(lights, &places);
-        let emitters: Vec<EmissiveBody> =
-            scene.emitters.iter().filter(|emitter| shown.is_lit(emitter.instance as usize)).cloned().collect();
-        let emitter_count = emitters.len() as u32;
-        let emitters_at =
-            tables.emitters(&emitters, |emitter| scene.mesh(&scene.bodies[emitter.instance as usize]).triangles.len());
-        let tiles = tables.tiles(shown.tiles.iter().zip(&levels).map(|(tile, &[all, seen])| {
-            let [first, count] = tile.emitters(&emitters);
-            TilePlace { offset: tile.offset(), emitters: [emitters_at + first * EMITTER_SIZE, count], all, seen }
+        let environments = Environments(&self.images);
+        let [area_lights, windows] = tables.area_lights(lights, &environments);
+        let lit = scene.emitters.iter().filter(|emitter| shown.is_lit(emitter.instance as usize));
+        let lit: Vec<EmissiveBody> = lit.cloned().collect();
+        let triangles = |emitter: &EmissiveBody| scene.mesh(&scene.bodies[emitter.instance as usize]).triangles.len();
+        let emitters = tables.emitters(&lit, triangles);
+        let tiles = tables.tiles(shown.tiles.iter().zip(&levels.by_tile).map(|(tile, &[all, seen])| {
+            let [first, count] = tile.emitters(&lit);
+            TilePlace { offset: tile.offset(), emitters: [emitters + first * EMITTER_SIZE, count], all, seen }
         }));
-        let distant_lights = tables.distant_lights(&lights.distant, &places);
+        let distant_lights = tables.distant_lights(&lights.distant, &environments);
         let projection = match scene.materials.has_projections {
             true => ProjectedEnvironment::new(&request.view.lights, lights),
             false => None,
         };
-        let projection = tables.projection(projection.as_ref(), &places);
-        let (settings, around) = (self.options.settings(), shown.around());
-        let order = SampleOrder::new(request.stream.seed(), settings.samples);
-        let [blocks, block_columns] = tables.blocks(&order, around);
-        let guide_order = SampleOrder::new(guide_seed(request.stream.seed()), GUIDE_SAMPLES);
-        let [guide_blocks, guide_block_columns] = tables.blocks(&guide_order, around);
-        let warp = tables.warp(camera, around);
-        self.buffers.tables = self.grown(&self.buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
-        self.device.write(&self.buffers.tables, 0, bytemuck::cast_slice(tables.entries()));
-
-        let [width, height] = request.size;
-        let vector = |v: syntable_simd::Vec3, w: f32| [v.x, v.y, v.z, w];
-        let [along_u, along_v] = camera.slopes();
-        let lens = camera.lens.as_ref();
-        let side =
-            |of: fn(&syntable_transport::Lens) -> syntable_simd::Vec3| lens.map_or(syntable_simd::Vec3::ZERO, of);
-        let limit = settings.max_indirect_luminance_nits.min(FAR);
-        let flag = |bit: u32, on: bool| if on { bit } else { 0 };
-        let view = View {
-            window: [around.x, around.y, width as i32, height as i32],
-            origin: vector(camera.origin(), camera.pixel_angle),
-            corner: vector(camera.corner(0, 0), settings.spread(camera.pixel_angle)),
-            along_u: vector(along_u, lens.map_or(0.0, |lens| lens.focus)),
-            along_v: vector(along_v, settings.regularize),
-            right: vector(side(|lens| lens.right), limit),
-            down: vector(side(|lens| lens.down), 0.0),
-            rows: camera.rows().map(|row| vector(row, 0.0)),
+        let [top_level, seen] = levels.by_tile.first().copied().unwrap_or([levels.all; 2]);
+        View {
             bodies,
             materials,
             layers,
@@ -243,19 +232,49 @@ impl GpuSession {
             decode,
             area_lights,
             windows,
-            emitters: emitters_at,
+            emitters,
             distant_lights,
-            projection,
-            blocks,
-            warp,
+            projection: tables.projection(projection.as_ref(), &environments),
             area_count: lights.area.len() as u32,
-            emitter_count,
+            emitter_count: lit.len() as u32,
             distant_count: lights.distant.len() as u32,
             objects: scene.objects as u32,
             foreground: scene.foreground as u32,
-            top_level: top,
+            words: scene.objects.div_ceil(32).max(1) as u32,
+            top_level,
             seen,
-            reach,
+            tiles,
+            reach: levels.reach,
+            ..View::default()
+        }
+    }
+
+    /// Completes uniforms by the camera, the order of samples and the options: those of paths, and of guides alone.
+    fn with_camera(&self, tables: &mut Tables, view: View, parts: &Parts) -> [View; 2] {
+        let &Parts { request, camera, shown, .. } = parts;
+        let (settings, around) = (self.options.settings(), shown.around());
+        let order = SampleOrder::new(request.stream.seed(), settings.samples);
+        let [blocks, block_columns] = tables.blocks(&order, around);
+        let guide_order = SampleOrder::new(guide_seed(request.stream.seed()), GUIDE_SAMPLES);
+        let [guide_blocks, guide_block_columns] = tables.blocks(&guide_order, around);
+        let [width, height] = request.size;
+        let vector = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
+        let corner = |settings: Settings| vector(camera.corner(0, 0), settings.spread(camera.pixel_angle));
+        let [along_u, along_v] = camera.slopes();
+        let lens = camera.lens.as_ref();
+        let side = |of: fn(&Lens) -> Vec3| lens.map_or(Vec3::ZERO, of);
+        let flag = |bit: u32, on: bool| if on { bit } else { 0 };
+        let view = View {
+            window: [around.x, around.y, width as i32, height as i32],
+            origin: vector(camera.origin(), camera.pixel_angle),
+            corner: corner(settings),
+            along_u: vector(along_u, lens.map_or(0.0, |lens| lens.focus)),
+            along_v: vector(along_v, settings.regularize),
+            right: vector(side(|lens| lens.right), settings.max_indirect_luminance_nits.min(FAR)),
+            down: vector(side(|lens| lens.down), 0.0),
+            rows: camera.rows().map(|row| vector(row, 0.0)),
+            blocks,
+            warp: tables.warp(camera, around),
             sample_bits: order.sample_bits(),
             block_bits: order.block_bits(),
             block_columns,
@@ -267,13 +286,10 @@ impl GpuSession {
             roulette_from: settings.roulette_from,
             around_width: around.width,
             around_height: around.height,
-            tiles,
-            words: scene.objects.div_ceil(32).max(1) as u32,
-            ..View::default()
+            ..view
         };
-        let [a, b, c, _] = view.corner;
         let guide_view = View {
-            corner: [a, b, c, Settings { samples: GUIDE_SAMPLES, ..settings }.spread(camera.pixel_angle)],
+            corner: corner(Settings { samples: GUIDE_SAMPLES, ..settings }),
             blocks: guide_blocks,
             block_columns: guide_block_columns,
             sample_bits: guide_order.sample_bits(),
@@ -281,7 +297,21 @@ impl GpuSession {
             flags: view.flags | ONLY_GUIDES,
             ..view
         };
-        Ok([view, guide_view])
+        [view, guide_view]
+    }
+}
+
+/// The levels of a texture, as an image.
+fn texture_asset(texture: &Arc<MipTexture>) -> Asset<'static> {
+    let texture = texture.clone();
+    let texels = |level: &MipLevel| level.width as usize * level.height as usize;
+    Asset {
+        digest: texture.digest(),
+        count: texture.levels().iter().map(|level| texels(level) as u64).sum(),
+        bytes: Box::new(move || {
+            let bytes = |level: &MipLevel| texture.texels(*level)[..texels(level)].as_flattened().to_vec();
+            texture.levels().iter().flat_map(bytes).collect()
+        }),
     }
 }
 
