@@ -45,7 +45,7 @@ impl AdapterInfo {
             backend: info.backend.to_string(),
             class: info.device_type,
             model: [info.vendor, info.device],
-            max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size) / 256 * 256,
+            max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size).min(ADDRESSED) / 256 * 256,
         }
     }
 
@@ -55,7 +55,7 @@ impl AdapterInfo {
     }
 
     /// Paths that a pass may have; another number changes no image. The last bounces of a pass leave most of a card idle, so
-    /// fewer passes are faster: on a card with memory of its own all samples of 640 × 480 pixels at 32 samples are one. On
+    /// fewer passes are faster: a card with memory of its own gets 640 × 480 pixels with 32 samples in one. On
     /// what is slower so many rays would take as long as drivers allow a dispatch to.
     pub fn most_paths(&self) -> u64 {
         match self.class {
@@ -115,6 +115,14 @@ fn none() -> Error {
         .permanent()
 }
 
+/// Bytes of the largest buffer of which the shaders can number the words.
+const ADDRESSED: u64 = 1 << 32;
+
+/// What an adapter has to offer.
+pub fn required_limits() -> wgpu::Limits {
+    wgpu::Limits { max_storage_buffers_per_shader_stage: STORAGE_BUFFERS, ..wgpu::Limits::downlevel_defaults() }
+}
+
 /// What finds adapters, one for the process: drivers crash when several come and go on different threads.
 static INSTANCE: LazyLock<wgpu::Instance> = LazyLock::new(|| {
     // Numbers of groups are counted by the shaders, which need no check of them.
@@ -132,11 +140,7 @@ pub struct Adapters {
 impl Adapters {
     /// Looks for adapters.
     pub fn find() -> Self {
-        let usable = |adapter: &wgpu::Adapter| {
-            let limits = adapter.limits();
-            limits.max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
-                && limits.max_compute_invocations_per_workgroup >= 128
-        };
+        let usable = |adapter: &wgpu::Adapter| required_limits().check_limits(&adapter.limits());
         let found = pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY));
         let all: Vec<_> = found.into_iter().filter(usable).collect();
         let infos: Vec<AdapterInfo> = all.iter().map(AdapterInfo::of).collect();

@@ -36,7 +36,7 @@ impl Arena {
         Ok(Self { label, element, reserved: 0, used: 0, places: HashMap::new(), buffer: device.storage(label, 4096)? })
     }
 
-    /// The buffer. Another one after every call of [`Self::keep`].
+    /// The buffer. A call of [`Self::keep`] may put another one in its place.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }
@@ -74,9 +74,10 @@ impl Arena {
                 .help("use fewer or smaller assets, or render with `cpu_path`"));
             }
             if elements > capacity {
-                // Room for the next scenes' assets, too.
-                let roomy = (2 * elements * self.element).next_power_of_two().min(limit * self.element);
-                self.buffer = device.storage(self.label, roomy / self.element * self.element)?;
+                // What was there is given back first. Room for the next scenes' assets, too.
+                self.buffer = device.storage(self.label, 0)?;
+                let (bytes, most) = (elements * self.element, limit * self.element);
+                self.buffer = device.roomy_storage(self.label, bytes, (2 * bytes).next_power_of_two().min(most))?;
             }
         }
         for asset in wanted {

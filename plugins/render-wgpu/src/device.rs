@@ -1,6 +1,6 @@
 //! A device: its limits, its kernels, and how its errors reach the caller.
 
-use crate::adapters::{AdapterInfo, Adapters};
+use crate::adapters::{AdapterInfo, Adapters, required_limits};
 use crate::constants::declared;
 use crate::tables::{BODY_SIZE, EMITTER_SIZE, NONE};
 use crate::{guided, passes, planes, trees, view};
@@ -8,7 +8,7 @@ use bytemuck::Pod;
 use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::num::NonZeroU64;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
@@ -29,7 +29,7 @@ const SHADERS: &[&[&str]] = &[
     ],
 ];
 
-/// Longest time that a submission may take.
+/// Longest time that a session waits for what it has submitted.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Storage buffers of the bind group; WebGPU promises eight.
@@ -123,6 +123,7 @@ fn constants() -> String {
         ("SHADOWS_COUNTED", passes::SHADOWS_COUNTED.into()),
         ("CHOSEN", passes::CHOSEN.into()),
         ("GROUPS", passes::GROUPS_COUNTED.into()),
+        ("GROUP", (passes::GROUP as u32).into()),
         ("ROW", (passes::GROUPS_ALONG_X * passes::GROUP as u32).into()),
         ("SUMS_OF_LIGHT", (planes::SUMS[0] as u32).into()),
         ("SUMS_WITH_GUIDES", (planes::SUMS[1] as u32).into()),
@@ -159,10 +160,9 @@ impl Device {
         let (adapter, info) = adapters.get(number)?;
         let offered = adapter.limits();
         let limits = wgpu::Limits {
-            max_storage_buffers_per_shader_stage: STORAGE_BUFFERS,
             max_buffer_size: offered.max_buffer_size,
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
-            ..wgpu::Limits::default()
+            ..required_limits()
         };
         let request = wgpu::DeviceDescriptor {
             label: Some("syntable"),
@@ -232,6 +232,17 @@ impl Device {
         Ok(opened)
     }
 
+    /// Refuses an image of so many pixels that a part of it has more bytes than a buffer: no scene can be rendered.
+    pub fn check_image(&self, what: &str, bytes: u64) -> Result<()> {
+        if bytes <= self.max_buffer() {
+            return Ok(());
+        }
+        let (name, mib, most) = (self.name(), bytes >> 20, self.max_buffer() >> 20);
+        Err(Error::new(format!("{what} needs {mib} MiB, and a buffer of {name} holds {most}"))
+            .help("lower the resolution, or render with `cpu_path`")
+            .permanent())
+    }
+
     /// Name of the card.
     pub fn name(&self) -> &str {
         &self.info.name
@@ -296,6 +307,17 @@ impl Device {
     pub fn storage(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         use wgpu::BufferUsages as Usage;
         self.buffer(label, size, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
+    }
+
+    /// The same with room for more, if the device has memory for that.
+    pub fn roomy_storage(&self, label: &str, size: u64, roomy: u64) -> Result<wgpu::Buffer> {
+        let roomy = roomy.min(self.max_buffer());
+        if roomy > size
+            && let Some(buffer) = self.storage_if_there_is_room(label, roomy)?
+        {
+            return Ok(buffer);
+        }
+        self.storage(label, size)
     }
 
     /// The same, or none if the device has not that much memory left.
@@ -393,6 +415,18 @@ impl Device {
         self.queue.submit([encoder.finish()])
     }
 
+    /// Waits until work is done.
+    ///
+    /// # Errors
+    /// If it takes longer than [`PATIENCE`]: then the device is given up.
+    pub fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        let submission_index = Some(submission);
+        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
+        self.check()?;
+        let late = |error| self.fail(format!("it did not finish within {} s: {error}", PATIENCE.as_secs()));
+        waited.map(drop).map_err(late)
+    }
+
     /// Starts work that ends by copying to a readable buffer, waits for it, and gives the first elements to `read`.
     pub fn read<T: Pod, R>(
         &self,
@@ -403,18 +437,17 @@ impl Device {
     ) -> Result<R> {
         let bytes = count * size_of::<T>() as u64;
         // Other sessions of the device go on meanwhile.
-        let submission_index = Some(self.submit(encoder));
-        let mapped = Arc::new(Mutex::new(None));
-        let answer = mapped.clone();
-        through.map_async(wgpu::MapMode::Read, 0..bytes, move |result| *answer.lock() = Some(result));
-        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
-        self.check()?;
-        waited.map_err(|error| self.fail(format!("it did not finish within {} s: {error}", PATIENCE.as_secs())))?;
+        let submission = self.submit(encoder);
+        let (answer, mapped) = mpsc::channel();
+        // Nobody listens any more if the wait was given up.
+        through.map_async(wgpu::MapMode::Read, 0..bytes, move |result| drop(answer.send(result)));
+        self.wait(submission)?;
         let unreadable = |error: String| self.fail(format!("results cannot be read: {error}"));
-        match mapped.lock().take() {
-            Some(Ok(())) => {}
-            Some(Err(error)) => return Err(unreadable(error.to_string())),
-            None => return Err(unreadable("they are not there".into())),
+        // Another session's wait may be about to call back.
+        match mapped.recv_timeout(PATIENCE) {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(unreadable(error.to_string())),
+            Err(error) => return Err(unreadable(error.to_string())),
         }
         let result = {
             let view = through.get_mapped_range(0..bytes).map_err(|error| unreadable(error.to_string()))?;

@@ -5,7 +5,7 @@ use crate::guided::{GuidedFilter, Sections};
 use crate::passes::{COUNTERS, GROUP, Passes, Pixels, first_counters, groups, rays_of};
 use crate::planes::{
     AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_OPACITY, AT_RADIANCE,
-    AT_SPECULAR, AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, PLANE_WORDS, color, make_all, number, sums,
+    AT_SPECULAR, AT_SPECULAR_VARIANCE, COLORS, LabelSections, NUMBERS, color, make_all, number, sums,
 };
 use crate::session::{Buffers, Gathered, GpuSession, World};
 use crate::tables::NONE;
@@ -90,25 +90,34 @@ struct Places {
     numbers: [Place<f32>; NUMBERS.len()],
     opacity: Option<Range<usize>>,
     counters: Range<usize>,
+    /// What is copied, one after the other.
+    copies: Vec<Copied>,
     /// Words of all.
     words: u64,
 }
 
+/// Words that are copied from a buffer of the device.
+struct Copied {
+    from: fn(&Buffers) -> &wgpu::Buffer,
+    first: u64,
+    words: u64,
+}
+
 impl Places {
-    /// Copies what is read of a frame to the readable buffer.
-    fn copied(layout: &Layout, buffers: &Buffers, encoder: &mut wgpu::CommandEncoder) -> Self {
-        let mut read = 0;
-        let mut copy = |from: &wgpu::Buffer, first: u64, words: u64| {
+    fn of(layout: &Layout) -> Self {
+        let (mut copies, mut read) = (Vec::new(), 0);
+        let mut copy = |from: fn(&Buffers) -> &wgpu::Buffer, first: u64, words: u64| {
             let at = read;
             if words > 0 {
-                encoder.copy_buffer_to_buffer(from, 4 * first, &buffers.readable, 4 * at, 4 * words);
+                copies.push(Copied { from, first, words });
             }
             read += words;
             at as usize..read as usize
         };
-        let output = copy(&buffers.output, 0, layout.sums_at);
+        let output = copy(|buffers| &buffers.output, 0, layout.sums_at);
         let mut plane = |key: KeyId, at: u32, words: u64| {
-            layout.reads(key).then(|| copy(&buffers.paths, u64::from(at) * layout.pixels, words * layout.pixels))
+            let first = u64::from(at) * layout.pixels;
+            layout.reads(key).then(|| copy(|buffers| &buffers.paths, first, words * layout.pixels))
         };
         let colors = COLORS.map(|(key, at)| {
             let key = match at {
@@ -120,8 +129,17 @@ impl Places {
         let numbers = NUMBERS.map(|(key, at)| (key, plane(key.id(), at, 1)));
         let at_opacity = AT_OPACITY[usize::from(layout.gathered.guides)];
         let opacity = plane(OPACITY.id(), at_opacity, 1);
-        let counters = copy(&buffers.counters, 0, if layout.light { COUNTERS } else { 0 });
-        Self { output, colors, numbers, opacity, counters, words: read }
+        let counters = copy(|buffers| &buffers.counters, 0, if layout.light { COUNTERS } else { 0 });
+        Self { output, colors, numbers, opacity, counters, copies, words: read }
+    }
+
+    /// Records the copies to the readable buffer.
+    fn copy(&self, buffers: &Buffers, encoder: &mut wgpu::CommandEncoder) {
+        let mut at = 0;
+        for Copied { from, first, words } in &self.copies {
+            encoder.copy_buffer_to_buffer(from(buffers), 4 * first, &buffers.readable, 4 * at, 4 * words);
+            at += words;
+        }
     }
 
     /// Makes products of the words that were read.
@@ -179,7 +197,8 @@ impl GpuSession {
         if layout.gathered.tiles {
             self.make_queues(capacity.into(), layout.pixels)?;
         }
-        self.make_readable(4 * (layout.sums_at + PLANE_WORDS[1] * layout.pixels + COUNTERS))?;
+        let places = Places::of(&layout);
+        self.make_readable(4 * places.words.max(COUNTERS))?;
         let (all, tile_map) = self.list(request, capacity)?;
         let sums_at = layout.sums_at as u32;
         let views = views.map(|view| View { capacity, sums_at, tile_map, ..layout.labels.placed_in(view) });
@@ -193,7 +212,7 @@ impl GpuSession {
         if let (Some(filter), Some(options)) = (&mut filter, layout.guided) {
             self.denoise_frame(&mut passes.encoder, &layout, filter, options)?;
         }
-        let places = Places::copied(&layout, &self.buffers, &mut passes.encoder);
+        places.copy(&self.buffers, &mut passes.encoder);
         let (encoder, words) = (passes.into_encoder(), places.words);
         let statistics = self.device.read(encoder, &self.buffers.readable, words, |words: &[u32]| {
             places.put(&layout, words, request.workers, frame)

@@ -35,7 +35,7 @@ pub const GROUPS_COUNTED: u32 = RAYS_COUNTED + 8;
 /// Words of all counters.
 pub const COUNTERS: u64 = (GROUPS_COUNTED + 6 * BOUNCES_COUNTED) as u64;
 
-/// Groups along x of dispatches whose number of groups the device counts.
+/// Groups along x of dispatches of more than these; the shaders number threads by it.
 pub const GROUPS_ALONG_X: u32 = 256;
 
 /// Which pixels are traced: those of a list in the queues.
@@ -90,6 +90,8 @@ pub struct Passes<'a> {
     pub encoder: wgpu::CommandEncoder,
     group: wgpu::BindGroup,
     kernels: [Arc<wgpu::ComputePipeline>; 5],
+    /// The end of the pass before the last.
+    before: Option<wgpu::SubmissionIndex>,
 }
 
 impl<'a> Passes<'a> {
@@ -97,7 +99,7 @@ impl<'a> Passes<'a> {
     pub fn new(session: &'a GpuSession, world: &World, gathered: Gathered) -> Self {
         let variant = session.variant(world, gathered);
         let kernels = KERNELS.map(|kernel| session.device.kernel(kernel, variant));
-        Self { session, encoder: session.device.encoder(), group: session.bind(), kernels }
+        Self { session, encoder: session.device.encoder(), group: session.bind(), kernels, before: None }
     }
 
     /// Traces samples of pixels, in as many passes as the state of paths needs.
@@ -136,8 +138,12 @@ impl<'a> Passes<'a> {
                 bytes
             })
             .collect();
-        // What was recorded reads the uniforms of earlier passes.
-        self.submit();
+        // What was recorded reads the uniforms of earlier passes. Two passes are under way at most, so that what waits takes
+        // no longer than they do, however many samples there are.
+        let last = self.submit();
+        if let Some(before) = self.before.replace(last) {
+            session.device.wait(before)?;
+        }
         session.device.write(&session.buffers.passes, 0, &passes);
         let paths = u64::from(pass.pixels) * u64::from(pass.samples);
         self.dispatch(START, 0, Groups::Known(groups(paths, 2 * GROUP)));
@@ -187,9 +193,9 @@ impl<'a> Passes<'a> {
     }
 
     /// Submits what was recorded.
-    pub fn submit(&mut self) {
+    pub fn submit(&mut self) -> wgpu::SubmissionIndex {
         let device = &self.session.device;
-        device.submit(std::mem::replace(&mut self.encoder, device.encoder()));
+        device.submit(std::mem::replace(&mut self.encoder, device.encoder()))
     }
 
     /// What was recorded and not submitted.
@@ -208,8 +214,7 @@ impl<'a> Passes<'a> {
 
 /// Groups along x and y for a number of threads.
 pub fn groups(threads: u64, group: u64) -> [u32; 2] {
-    const MOST: u64 = 65_535;
+    let along_x = u64::from(GROUPS_ALONG_X);
     let count = threads.div_ceil(group).max(1);
-    let rows = count.div_ceil(MOST);
-    [count.div_ceil(rows) as u32, rows as u32]
+    [count.min(along_x) as u32, count.div_ceil(along_x) as u32]
 }

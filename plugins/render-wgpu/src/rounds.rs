@@ -41,7 +41,8 @@ impl GpuSession {
         let (_, tile_map) = self.list(request, capacity)?;
         self.listed = None;
         let [view, guide_view] = views.map(|view| View { capacity, tile_map, ..view });
-        let counted = Mutex::new(Statistics::default());
+        self.device.write(&self.buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
+        let counted = Mutex::default();
         let (size, tiles) = (request.size, &request.tiles[..]);
         let tracer = GpuTracer { session: self, world, size, tiles, view, guide_view, gathered, counted };
         let film = Film::trace(&tracer, size, tiles, &tracer.session.options.budget(), request.workers)?;
@@ -59,8 +60,8 @@ struct GpuTracer<'a> {
     view: View,
     guide_view: View,
     gathered: Gathered,
-    /// Rays counted so far.
-    counted: Mutex<Statistics>,
+    /// Rays and shadow rays that were counted so far.
+    counted: Mutex<[u64; 2]>,
 }
 
 impl Tracer for GpuTracer<'_> {
@@ -70,23 +71,24 @@ impl Tracer for GpuTracer<'_> {
 
     fn trace(&self, tasks: Vec<Task>, workers: &dyn Workers) -> Result<Statistics> {
         let paths = tasks.iter().map(|task| (task.pixels.len() * task.samples.len()) as u64).sum();
-        let [rays, shadow_rays] = self.run(&self.view, tasks, workers)?;
-        let counted = std::mem::replace(&mut *self.counted.lock(), Statistics { paths: 0, rays, shadow_rays });
-        Ok(Statistics { paths, rays: rays - counted.rays, shadow_rays: shadow_rays - counted.shadow_rays })
+        let before = *self.counted.lock();
+        self.run(&self.view, tasks, workers)?;
+        let now = *self.counted.lock();
+        Ok(Statistics { paths, rays: now[0] - before[0], shadow_rays: now[1] - before[1] })
     }
 
     fn trace_guides(&self, _: u32, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
-        self.run(&self.guide_view, tasks, workers).map(|_| ())
+        self.run(&self.guide_view, tasks, workers)
     }
 }
 
 impl GpuTracer<'_> {
-    /// Traces the samples of tasks and adds their sums; gives the numbers of rays and of shadow rays of the view so far.
-    fn run(&self, view: &View, tasks: Vec<Task>, workers: &dyn Workers) -> Result<[u64; 2]> {
+    /// Traces the samples of tasks, adds their sums, and counts their rays.
+    fn run(&self, view: &View, tasks: Vec<Task>, workers: &dyn Workers) -> Result<()> {
         let Self { session, tiles, size: [width, height], .. } = *self;
         let Gathered { guides, opacity, .. } = self.gathered;
         let (device, buffers) = (&session.device, &session.buffers);
-        let Some(samples) = tasks.first().map(|task| task.samples.clone()) else { return Ok([0; 2]) };
+        let Some(samples) = tasks.first().map(|task| task.samples.clone()) else { return Ok(()) };
         let at = |task: &Task, pixel: u16| {
             let ((x, y), tile) = (place(task.area, pixel), &tiles[task.tile]);
             [(x - tile.window.x) as u32 + tile.at[0], (y - tile.window.y) as u32 + tile.at[1]]
@@ -103,11 +105,8 @@ impl GpuTracer<'_> {
         let words = sums(guides, opacity) * pixels as u64;
         let mut passes = Passes::new(session, self.world, self.gathered);
         passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * words));
-        if !only_guides && *self.counted.lock() == Statistics::default() {
-            device.write(&buffers.counters, 0, bytemuck::cast_slice(&first_counters()));
-        }
         passes.trace(view, all, samples)?;
-        let rays = rays_of(&passes.counters()?);
+        *self.counted.lock() = rays_of(&passes.counters()?);
         passes.encoder.copy_buffer_to_buffer(&buffers.output, 0, &buffers.readable, 0, 4 * words);
         device.read(passes.into_encoder(), &buffers.readable, words, |sums: &[f32]| {
             let jobs: Vec<_> = tasks.into_iter().map(Mutex::new).collect();
@@ -120,8 +119,7 @@ impl GpuTracer<'_> {
                     task.sums[usize::from(pixel)].add_sums(&pixel_sums(number, self.gathered, only_guides));
                 }
             });
-        })?;
-        Ok(rays)
+        })
     }
 }
 

@@ -221,7 +221,7 @@ impl GpuSession {
     pub fn grown(&self, buffer: &wgpu::Buffer, label: &str, size: u64) -> Result<wgpu::Buffer> {
         match buffer.size() >= size {
             true => Ok(buffer.clone()),
-            false => self.device.storage(label, size.next_power_of_two().min(self.device.max_buffer()).max(size)),
+            false => self.device.roomy_storage(label, size, size.next_power_of_two()),
         }
     }
 
@@ -231,7 +231,7 @@ impl GpuSession {
         let most = (self.most_bytes / state).min(self.most_paths).max(GROUP);
         let paths = (pixels * u64::from(samples.max(GUIDE_SAMPLES))).clamp(GROUP, most);
         let planes = 4 * PLANE_WORDS[usize::from(guides)] * pixels;
-        self.fits(planes)?;
+        self.device.check_image("an image of that size", planes)?;
         self.make_room_for_paths(paths * state, planes.max(LEAST_PATHS.min(paths) * state))?;
         let capacity = (self.buffers.paths.size() / state).min(self.most_paths);
         self.make_queues(capacity, pixels)?;
@@ -271,7 +271,6 @@ impl GpuSession {
 
     /// Makes room for a number of bytes of output.
     pub fn make_output(&mut self, bytes: u64) -> Result<()> {
-        self.fits(bytes)?;
         self.buffers.output = self.grown(&self.buffers.output, "output", bytes)?;
         Ok(())
     }
@@ -279,19 +278,9 @@ impl GpuSession {
     /// Makes room for bytes to be read on this side.
     pub fn make_readable(&mut self, bytes: u64) -> Result<()> {
         if self.buffers.readable.size() < bytes {
-            self.buffers.readable = self.device.readable("readable", bytes.next_power_of_two())?;
+            self.buffers.readable = self.device.readable("readable", bytes)?;
         }
         Ok(())
-    }
-
-    fn fits(&self, bytes: u64) -> Result<()> {
-        if bytes <= self.device.max_buffer() {
-            return Ok(());
-        }
-        let (name, mib) = (self.device.name(), bytes >> 20);
-        Err(Error::new(format!("the image needs {mib} MiB, which a buffer of {name} does not hold"))
-            .help("lower the resolution, or render with `cpu_path`")
-            .permanent())
     }
 
     /// Binds the buffers to the kernels.
@@ -436,7 +425,7 @@ mod tests {
         }
         // Room for what a scene needs, and for a part of its paths.
         let mut free = 0;
-        while free < RESERVE + 3 * roomy / 4 {
+        while free < RESERVE + roomy / 4 {
             free += taken.pop().expect("more than that was taken").size();
         }
         let (part, narrow) = render();

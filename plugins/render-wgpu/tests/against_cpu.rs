@@ -204,6 +204,16 @@ const PLANES: [KeyId; 10] = [
     RADIANCE_DEMODULATED.id(),
 ];
 
+/// Pixels of an atlas that are in no tile.
+fn nobodys(atlas: &Atlas) -> Vec<usize> {
+    let [width, height] = atlas.size;
+    let mut free = Plane::from_fn(width, height, |_, _| true);
+    for tile in &atlas.tiles {
+        free.paste(tile.at, &Plane::from_fn(tile.window.width, tile.window.height, |_, _| false));
+    }
+    (0..free.data().len()).filter(|&pixel| free.data()[pixel]).collect()
+}
+
 #[test]
 fn a_tile_is_the_window_of_its_object() {
     if !has_adapter() {
@@ -235,6 +245,9 @@ fn a_tile_is_the_window_of_its_object() {
         assert!(nothing <= 2, "{nothing} depths");
         println!("{look:?} {lighting:?}: mean z² {z2:.5}, ratio of means {ratio:.5}, {opacity} opacities differ");
         assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3 && opacity <= 2, "{look:?}: {z2} {ratio} {opacity}");
+        let between = nobodys(&atlas);
+        let variance = frames.each_ref().map(|frame| frame.get(RADIANCE_VARIANCE).expect("made"));
+        assert!(between.iter().all(|&pixel| variance.iter().all(|plane| plane.data()[pixel] == 0.0)), "{look:?}");
         let mut session = GpuPathRenderer::new(options.clone()).open(0).expect("opens");
         session.load(&scene, &Threads(2)).expect("loads");
         for tile in &atlas.tiles {

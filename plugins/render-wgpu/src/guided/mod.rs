@@ -200,12 +200,7 @@ impl GuidedFilter {
             (of_cells, "cells", 16 * cells),
         ];
         for (buffer, label, bytes) in sizes {
-            if bytes > device.max_buffer() {
-                let (name, mib) = (device.name(), bytes >> 20);
-                return Err(Error::new(format!("the filter needs {mib} MiB, which a buffer of {name} does not hold"))
-                    .help("lower the resolution, or render with `cpu_path`")
-                    .permanent());
-            }
+            device.check_image("the filter", bytes)?;
             if buffer.size() < bytes {
                 *buffer = device.storage(label, bytes)?;
             }

@@ -17,10 +17,10 @@ fn empty_set(section: u32, pixel: u32) -> u32 {
     return first;
 }
 
-@compute @workgroup_size(64)
-fn labels(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+@compute @workgroup_size(GROUP)
+fn labels(@builtin(global_invocation_id) id: vec3<u32>) {
     // Squares of 8 x 8 pixels, so that neighbors walk the same nodes.
-    let number = id.x + id.y * groups.x * 64u;
+    let number = id.x + id.y * ROW;
     let width = u32(view.window.z);
     let columns = (width + 7u) / 8u;
     let square = number / 64u;

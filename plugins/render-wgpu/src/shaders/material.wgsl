@@ -113,7 +113,8 @@ fn texture_axis(u: f32, size: u32, wrap: u32) -> Axis {
     if wrap == WRAP_REPEAT {
         return Axis(
             u32(select(min(first, last), last, first < 0)),
-            u32(select(second, 0, second > last)),
+            // As numbers without a sign, so that what is no number at all is inside, too.
+            select(u32(second), 0u, u32(second) > u32(last)),
             place - whole,
         );
     }

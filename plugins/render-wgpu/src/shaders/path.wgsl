@@ -46,7 +46,7 @@ fn bits(x: f32) -> u32 {
     return bitcast<u32>(x);
 }
 
-fn flags_of(n: u32) -> f32 {
+fn as_float(n: u32) -> f32 {
     return bitcast<f32>(n);
 }
 
@@ -125,9 +125,9 @@ fn pixel_count() -> u32 {
     return min(pass_.pixels, max(chosen, pass_.first_pixel) - pass_.first_pixel);
 }
 
-@compute @workgroup_size(128)
-fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let path = id.x + id.y * groups.x * 128u;
+@compute @workgroup_size(2 * GROUP)
+fn start(@builtin(global_invocation_id) id: vec3<u32>) {
+    let path = id.x + id.y * 2u * ROW;
     let count = pixel_count() * pass_.samples;
     if path >= count {
         return;
@@ -160,10 +160,10 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     set_state(DIRECTION, path, vec4(normalized_or(direction, vec3(0.0)), FAR));
     set_state(THROUGHPUT, path, vec4(1.0, 1.0, 1.0, 0.0));
     set_state(NORMAL, path, vec4(0.0, 0.0, 0.0, view.corner.w));
-    set_state(NUMBERS, path, vec4(flags_of(s.seed), flags_of(s.index), 0.0, 0.0));
+    set_state(NUMBERS, path, vec4(as_float(s.seed), as_float(s.index), 0.0, 0.0));
     set_state(RADIANCE, path, vec4(0.0));
     if GUIDES {
-        set_state(GUIDE_ALBEDO, path, vec4(1.0, 1.0, 1.0, flags_of(PENDING)));
+        set_state(GUIDE_ALBEDO, path, vec4(1.0, 1.0, 1.0, as_float(PENDING)));
         set_state(GUIDE_NORMAL, path, vec4(0.0));
         set_state(GUIDE_TINT, path, vec4(1.0));
         set_state(DIRECT_SPECULAR, path, vec4(0.0));
@@ -176,9 +176,9 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) 
     }
 }
 
-@compute @workgroup_size(64)
-fn extend(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let number = id.x + id.y * groups.x * 64u;
+@compute @workgroup_size(GROUP)
+fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
+    let number = id.x + id.y * ROW;
     if number >= atomicLoad(&counters[pass_.bounce]) {
         return;
     }
@@ -193,8 +193,8 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
     }
     let top = select(top_level_of_all(), top_level_of_seen(), pass_.bounce == 0u);
     let hit = walk(FIRST, top, Ray(o.xyz, d.xyz), o.w, FAR, seed, NONE).hit;
-    set_state(HIT, path, vec4(hit.t, hit.u, hit.v, flags_of(hit.primitive)));
-    paths[NUMBERS * view.capacity + path].w = flags_of(hit.instance);
+    set_state(HIT, path, vec4(hit.t, hit.u, hit.v, as_float(hit.primitive)));
+    paths[NUMBERS * view.capacity + path].w = as_float(hit.instance);
 }
 
 var<workgroup> going_here: atomic<u32>;
@@ -208,13 +208,12 @@ struct Step {
     casts_shadow: bool,
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(GROUP)
 fn shade(
     @builtin(global_invocation_id) id: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let number = id.x + id.y * groups.x * 64u;
+    let number = id.x + id.y * ROW;
     let alive = atomicLoad(&counters[pass_.bounce]);
     if local == 0u {
         atomicStore(&going_here, 0u);
@@ -402,7 +401,7 @@ fn step_path(path: u32) -> Step {
                 step.casts_shadow = true;
                 set_state(SHADOW_RAY, path, vec4(light.direction, light.distance));
                 set_state(SHADOW_LIGHT, path, vec4(contribution, weight));
-                set_state(SHADOW_ORIGIN, path, vec4(outside, flags_of(alpha_seed(s.seed, s.index, bounce + 0x1000u))));
+                set_state(SHADOW_ORIGIN, path, vec4(outside, as_float(alpha_seed(s.seed, s.index, bounce + 0x1000u))));
                 if splits {
                     let fraction = specular_fraction(lobes, parameters.metallic);
                     set_state(SHADOW_SPECULAR, path, vec4(contribution * fraction, 0.0));
@@ -459,7 +458,7 @@ fn step_path(path: u32) -> Step {
             }
         }
         if LAYERED && drawn.reflected && bounce <= GUIDE_BOUNCES && (flags >> BOUNCE_SHIFT) == bounce {
-            paths[GUIDE_ALBEDO * view.capacity + path].w = flags_of(flags | REFLECTED);
+            paths[GUIDE_ALBEDO * view.capacity + path].w = as_float(flags | REFLECTED);
         }
     }
     if going {
@@ -520,13 +519,13 @@ fn add_guide_surface(path: u32, surface: Surface, bounce: u32) -> u32 {
         flags &= ~PENDING;
         set_state(GUIDE_NORMAL, path, vec4(surface.normal, 0.0));
     }
-    set_state(GUIDE_ALBEDO, path, vec4(albedo, flags_of(flags)));
+    set_state(GUIDE_ALBEDO, path, vec4(albedo, as_float(flags)));
     return flags;
 }
 
-@compute @workgroup_size(64)
-fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let number = id.x + id.y * groups.x * 64u;
+@compute @workgroup_size(GROUP)
+fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
+    let number = id.x + id.y * ROW;
     if number >= atomicLoad(&counters[SHADOW_COUNTERS + pass_.bounce]) {
         return;
     }
@@ -556,9 +555,7 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
 
 // Sums of a pixel, number after number, as planes.rs says where: radiance and squared luminance, the rounding errors of both,
 // samples; with guides their samples, albedo and normal; specular radiance and its square; the demodulated rest and its
-// square.
-
-// The opacity comes after all others.
+// square. The opacity comes after all others.
 fn sum_of_opacity() -> u32 {
     return select(SUMS_OF_LIGHT, SUMS_WITH_GUIDES, GUIDES);
 }
@@ -582,9 +579,9 @@ fn write_sum(number: u32, entry: u32, value: f32) {
 
 // Adds one sample after the other to what earlier passes found, so that it does not matter how samples are divided among
 // passes. Radiance and its square keep their rounding errors (Kahan).
-@compute @workgroup_size(64)
-fn accumulate(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let number = id.x + id.y * groups.x * 64u;
+@compute @workgroup_size(GROUP)
+fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
+    let number = id.x + id.y * ROW;
     if number == 0u {
         count_rays();
     }
@@ -707,9 +704,9 @@ fn mean_sum(first: u32, entry: u32) -> vec3<f32> {
     return vec3(read_sum(first, entry), read_sum(first + 1u, entry), read_sum(first + 2u, entry)) * per;
 }
 
-@compute @workgroup_size(64)
-fn choose(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let entry = id.x + id.y * groups.x * 64u;
+@compute @workgroup_size(GROUP)
+fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
+    let entry = id.x + id.y * ROW;
     let all = pixels_of_window();
     if entry >= all {
         return;
@@ -763,12 +760,16 @@ fn set_color(first: u32, entry: u32, color: vec3<f32>) {
 }
 
 fn set_part(first: u32, entry: u32, sum: vec3<f32>, square: f32, samples: f32) {
-    set_color(first, entry, sum / samples);
+    set_color(first, entry, sum / max(samples, 1.0));
     set_plane((first + 3u) * pixels_of_window() + entry, variance_of(luminance(sum), square, samples));
 }
 
-// Estimated variance of a mean, from the samples' sum and that of their squares; infinite for a single one.
+// Estimated variance of a mean, from the samples' sum and that of their squares; infinite for a single one, and 0 where
+// there are none.
 fn variance_of(sum: f32, square: f32, samples: f32) -> f32 {
+    if samples < 1.0 {
+        return 0.0;
+    }
     let mean = sum / samples;
     if samples <= 1.0 {
         return FAR;
@@ -776,13 +777,13 @@ fn variance_of(sum: f32, square: f32, samples: f32) -> f32 {
     return max(square / samples - mean * mean, 0.0) / (samples - 1.0);
 }
 
-@compute @workgroup_size(64)
-fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    let entry = id.x + id.y * groups.x * 64u;
+@compute @workgroup_size(GROUP)
+fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
+    let entry = id.x + id.y * ROW;
     if entry >= pixels_of_window() {
         return;
     }
-    let samples = max(read_sum(SUM_SAMPLES, entry), 1.0);
+    let samples = read_sum(SUM_SAMPLES, entry);
     var light = vec4(0.0);
     var specular = vec4(0.0);
     var demodulated = vec4(0.0);
@@ -797,7 +798,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     set_part(AT_RADIANCE, entry, light.xyz, light.w, samples);
     if OPACITY {
         let plane = select(AT_OPACITY, AT_OPACITY_AFTER_GUIDES, GUIDES);
-        set_plane(plane * pixels_of_window() + entry, read_sum(sum_of_opacity(), entry) / samples);
+        set_plane(plane * pixels_of_window() + entry, read_sum(sum_of_opacity(), entry) / max(samples, 1.0));
     }
     if GUIDES {
         set_part(AT_SPECULAR, entry, specular.xyz, specular.w, samples);

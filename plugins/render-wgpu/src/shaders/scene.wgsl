@@ -1,4 +1,4 @@
-// Bindings, and what all kernels read of a view. Tables are written by pack.rs.
+// Bindings, and what all kernels read of a view. Tables are written by tables.rs.
 
 override LAYERED: bool = true;
 override CUTOUTS: bool = true;
