@@ -10,6 +10,7 @@ import sys
 
 import h5py
 import numpy as np
+import pyarrow.parquet
 from PIL import Image
 from pycocotools import mask as coco_mask
 from pycocotools.coco import COCO
@@ -114,6 +115,48 @@ for path in sorted((root / "hdf5").rglob("*.hdf5")):
         found = [ids == i for i in np.unique(ids) if i > 0]
     assert any(all(any(np.array_equal(a, b) for b in found) for a in m.values()) for m in shown.values()), path.name
 print("hdf5")
+
+rows = pyarrow.parquet.read_table(root / "parquet" / "instances").to_pylist()
+for key, masks in amodal.items():
+    of = [row for row in rows if (row["scene"], row["view"]) == key]
+    assert [row["instance"] for row in of] == sorted(masks), f"parquet {key}"
+    for row in of:
+        i, found = row["instance"], {n: coco_mask.decode(row[f"{n}_mask"]) > 0 for n in ("visible", "amodal")}
+        assert np.array_equal(found["amodal"], masks[i]) and np.array_equal(found["visible"], visible[key][i]), key
+        rate = 1 - found["visible"].sum() / found["amodal"].sum()
+        assert abs(row["occlusion_rate"] - rate) < 1e-12 and row["asset"] and row["category"], row
+    assert all(Image.open(root / "parquet/instances" / row["image_file"]).size == (160, 120) for row in of)
+print("parquet")
+
+# Vertices of the meshes of BOP, seen with its poses, are in the objects' amodal masks.
+names = json.loads((root / "bop/objects.json").read_text())
+infos = json.loads((root / "bop/models/models_info.json").read_text())
+assert list(infos) == list(names)
+meshes = {}
+for obj_id in names:
+    lines = (root / f"bop/models/obj_{int(obj_id):06}.ply").read_text().splitlines()
+    count = int(next(line for line in lines if line.startswith("element vertex")).split()[2])
+    start = lines.index("end_header") + 1
+    meshes[obj_id] = np.array([line.split() for line in lines[start : start + count]], float)
+compared = 0
+for folder in sorted((root / "bop/train_pbr").iterdir()):
+    cameras, truth = (json.loads((folder / f"scene_{name}.json").read_text()) for name in ("camera", "gt"))
+    for image, entries in truth.items():
+        K = np.array(cameras[image]["cam_K"]).reshape(3, 3)
+        for index, entry in enumerate(entries):
+            R, t = np.array(entry["cam_R_m2c"]).reshape(3, 3), np.array(entry["cam_t_m2c"])
+            points = (meshes[str(entry["obj_id"])] @ R.T + t) @ K.T
+            x, y = np.round(points[:, :2] / points[:, 2:]).astype(int).T
+            mask = np.pad(np.array(Image.open(folder / f"mask/{int(image):06}_{index:06}.png")) == 255, 1)
+            near = np.logical_or.reduce([np.roll(mask, (a, b), (0, 1)) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+            inside = (x >= 0) & (x < 160) & (y >= 0) & (y < 120) & (points[:, 2] > 0)
+            hits = near[y[inside] + 1, x[inside] + 1]
+            # What is thinner than a pixel lies between the centers of pixels.
+            if mask.sum() > 100:
+                assert hits.mean() > 0.99, f"{folder.name} {image} {index}: {hits.mean()}"
+                compared += int(inside.sum())
+assert compared > 1000, compared
+print("models")
 
 for path in sorted((root / "npz").glob("*.npz")):
     with np.load(path) as file:

@@ -77,7 +77,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
 
 #[test]
 fn heavy_packages_stay_in_their_rooms() {
-    let rooms: [(&str, &[&str]); 14] = [
+    let rooms: [(&str, &[&str]); 15] = [
         ("rapier3d", &["syntable-physics"]),
         ("parry3d", &["syntable-physics", "syntable-convex"]),
         ("obvhs", &["syntable-prepare"]),
@@ -88,6 +88,7 @@ fn heavy_packages_stay_in_their_rooms() {
         ("gltf", &["syntable-assets"]),
         ("base64", &["syntable-assets"]),
         ("hdf5-pure", &["syntable-hdf5"]),
+        ("parquet", &["syntable-parquet"]),
         ("tar", &["syntable-formats"]),
         ("tera", &["syntable-write"]),
         ("clap", &["syntable-runtime"]),

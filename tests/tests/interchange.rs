@@ -12,7 +12,7 @@ use syntable_standard as _;
 
 /// All writers of formats, and those of any product.
 const WRITERS: &str = "write={ syntable = {}, coco = {}, coco_panoptic = {}, cocoa = {}, kins = {}, d2sa = {}, insta_order = {}, \
-                       uoais = {}, osd_amodal = {}, yolo = {}, bop = {}, hdf5 = {}, npz = {}, png = {}, jsonl = { include = [\
+                       uoais = {}, osd_amodal = {}, yolo = {}, bop = { models = \"models\" }, parquet = {}, hdf5 = {}, npz = {}, png = {}, jsonl = { include = [\
                        \"visible_mask\", \"amodal_mask\", \"occlusion_areas\", \"depth_order\", \"seen_in_views\"] }, \
                        exr = { include = [\"depth\", \"distance\"] }, npy = { include = [\"amodal_depth\", \
                        \"object_coordinates\", \"occlusion_boundary\", \"category_map\", \"tabletop_mask\"] } }";
@@ -97,15 +97,17 @@ fn all_formats_say_the_same() {
             assert!(ours == masks(&out.join(to), "coco"), "{format} to {to}");
         }
     }
-    let here = Command::new("python3").args(["-c", "import numpy, pycocotools, PIL, h5py"]).output();
+    let here = Command::new("python3").args(["-c", "import numpy, pycocotools, PIL, h5py, pyarrow"]).output();
     if !here.is_ok_and(|output| output.status.success()) {
-        return skip("python3 with numpy, pycocotools, Pillow and h5py");
+        return skip("python3 with numpy, pycocotools, Pillow, h5py and pyarrow");
     }
     let output =
         Command::new("python3").arg(root().join("tests/check_formats.py")).arg(&data).output().expect("starts");
     assert!(output.status.success(), "{}", text(&output));
     let compared: BTreeSet<String> = text(&output).split_whitespace().map(str::to_owned).collect();
-    for format in ["coco", "cocoa", "kins", "d2sa", "panoptic", "uoais", "osd", "hdf5", "npz", "orders"] {
+    for format in
+        ["coco", "cocoa", "kins", "d2sa", "panoptic", "uoais", "osd", "hdf5", "parquet", "models", "npz", "orders"]
+    {
         assert!(compared.contains(format), "{format} was not compared: {compared:?}");
     }
 }

@@ -230,13 +230,14 @@ pub struct Entry {
 }
 
 /// Crates whose kinds are those of the program as it ships: the plugins of this workspace.
-pub const STOCK_CRATES: [&str; 13] = [
+pub const STOCK_CRATES: [&str; 14] = [
     "syntable-annotate",
     "syntable-assets",
     "syntable-denoise",
     "syntable-hdf5",
     "syntable-household",
     "syntable-interchange",
+    "syntable-parquet",
     "syntable-physics",
     "syntable-placement",
     "syntable-render-cpu",

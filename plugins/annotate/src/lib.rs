@@ -11,6 +11,7 @@
 //! | [`label_arrays`] | visible ids and amodal bits, for training loops |
 //! | [`identity`] | names of assets, ids of categories |
 //! | [`object_info`] | asset, category, mass and poses of every object |
+//! | [`object_models`] | triangle meshes of the assets |
 //! | [`camera`] | intrinsics and pose of the view |
 //! | [`lights`] | lights of the view |
 //! | [`settle_report`] | result of the physics simulation |
@@ -52,6 +53,7 @@ pub mod material_statistics;
 mod matrix;
 pub mod object_coordinates;
 pub mod object_info;
+pub mod object_models;
 pub mod occlusion_boundary;
 pub mod occlusion_graph;
 pub mod optical_flow;

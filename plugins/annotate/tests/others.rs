@@ -47,6 +47,7 @@ fn every_kind_conforms() {
         "material_statistics",
         "object_coordinates",
         "object_info",
+        "object_models",
         "occlusion_boundary",
         "occlusion_graph",
         "optical_flow",
@@ -236,6 +237,20 @@ fn objects_are_described_with_their_poses() {
     assert_eq!(bodies.iter().map(|body| (body["id"].clone(), body["role"].clone())).collect::<Vec<_>>(), expected);
     assert!(bodies.iter().all(|body| body["materials"].as_array().is_some_and(|names| !names.is_empty())));
     assert_eq!(products.get(OBJECT_INFO).expect("made").0.len(), 2);
+
+    // Both objects are of one asset, whose mesh lies where `object_info` says.
+    run(&world, "object_models", "", &mut products);
+    let models = json(&products, "object_models");
+    assert_eq!(models.as_array().expect("a list").len(), 1);
+    let info = &json(&products, "object_info")["1"];
+    assert_eq!(models[0]["asset"], info["asset"]);
+    let vertices = models[0]["vertices_m"].as_array().expect("vertices");
+    let corner = |of: fn(f64, f64) -> f64| {
+        let axis = |i: usize| vertices.iter().map(|v| v[i].as_f64().expect("a number")).reduce(of).expect("some");
+        json!([axis(0), axis(1), axis(2)])
+    };
+    assert_eq!(json!([corner(f64::min), corner(f64::max)]), info["bounds_m"]);
+    assert_eq!(models[0]["triangles"].as_array().expect("triangles").len(), 4);
 }
 
 #[test]

@@ -1,16 +1,17 @@
 //! BOP files of ellipsoids, whose masks, depths and counts follow from their poses alone, read back by code that loads
 //! them as bop_toolkit does.
 
+use std::f64::consts::PI;
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use syntable_interchange as _;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
-use syntable_model::product::{BitPlane, Plane};
+use syntable_model::product::{BitPlane, ObjectModels, Plane};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
@@ -43,6 +44,28 @@ impl Ellipsoid {
     fn asset(&self) -> String {
         let [a, b, c] = self.axes_mm;
         format!("shapes/e_{a}_{b}_{c}")
+    }
+
+    /// Its surface, with a vertex that no face uses.
+    fn mesh(&self) -> Mesh {
+        const RINGS: u32 = 48;
+        const SEGMENTS: u32 = 96;
+        let axes = self.axes_mm.map(|mm| f64::from(mm) / 1000.0);
+        let point = |ring: u32, segment: u32| {
+            let (theta, phi) = (f64::from(ring) / f64::from(RINGS), 2.0 * f64::from(segment) / f64::from(SEGMENTS));
+            let ((s, c), (v, u)) = ((theta * PI).sin_cos(), (phi * PI).sin_cos());
+            [axes[0] * s * u, axes[1] * s * v, axes[2] * c].map(|x| x as f32)
+        };
+        let points = (0..=RINGS).flat_map(|ring| (0..SEGMENTS).map(move |segment| point(ring, segment)));
+        let quads = (0..RINGS).flat_map(|ring| (0..SEGMENTS).map(move |segment| (ring, segment)));
+        let triangles = quads.flat_map(|(ring, segment)| {
+            let at = |ring: u32, segment: u32| 1 + ring * SEGMENTS + segment % SEGMENTS;
+            let (a, b, c, d) =
+                (at(ring, segment), at(ring + 1, segment), at(ring + 1, segment + 1), at(ring, segment + 1));
+            [[a, b, c], [a, c, d]]
+        });
+        let positions = std::iter::once([9.0; 3]).chain(points).collect();
+        Mesh::new(MeshData { positions, triangles: triangles.collect(), ..MeshData::default() }).expect("sound")
     }
 
     /// Depth of the nearer point on the ray through the center of a pixel, m.
@@ -123,10 +146,15 @@ fn products(objects: &[Ellipsoid], stream: &mut Stream, all: bool) -> Products {
         products.put(VISIBLE_MASK, visible)?;
         products.put(OBJECT_INFO, info)?;
         products.put(VISIBILITY, visibility)?;
+        products.put(OBJECT_MODELS, models_of(objects))?;
         products.put(CAMERA, camera)
     };
     put(&mut products).expect("each once");
     products
+}
+
+fn models_of(objects: &[Ellipsoid]) -> ObjectModels {
+    ObjectModels(objects.iter().map(|object| (object.asset(), Arc::new(object.mesh()))).collect())
 }
 
 fn visibility_of(object: &Ellipsoid, in_frame: u32, valid: usize, visible: u32) -> Value {
@@ -209,7 +237,12 @@ fn write_scene(root: &Path, writer: &dyn Writer, id: u32, views: &[Products]) ->
         let view = View { id: ViewId(number), camera: camera(), exposure, lights: Vec::new() };
         open.view(&cx.view(&view), &products.only(&reads))?;
     }
-    open.close(&cx, &Products::new())
+    // All views of a scene have the same objects in it; here each has its own.
+    let mut models = ObjectModels::default();
+    views.iter().try_for_each(|view| view.get(OBJECT_MODELS).map(|own| models.0.extend(own.0.clone())))?;
+    let mut of_scene = Products::new();
+    of_scene.put(OBJECT_MODELS, models)?;
+    open.close(&cx, &of_scene.only(&reads))
 }
 
 fn finish(root: &Path, writer: &dyn Writer, scenes: &[u32]) -> Result<()> {
@@ -233,6 +266,33 @@ fn write_all(root: &Path, options: &str) {
     finish(root, &*writer, &[0, 1, 2]).expect("finished");
 }
 
+const ALL_OPTIONS: &str = "objects = \"all\"\nsplit = \"test\"\ndepth_scale = 0.02\nmodels = \"models_and_eval\"";
+
+#[test]
+fn tar_files_have_what_the_folders_have() {
+    static HERE: OnceLock<bool> = OnceLock::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), ALL_OPTIONS);
+    write_all(&folder.path().join("web"), &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
+    // A scene whose images are in two tar files.
+    let mut stream = Stream::root(9);
+    let views: Vec<Products> = (0..3)
+        .map(|objects| {
+            let objects: Vec<_> = (0..objects).map(|_| Ellipsoid::draw(&mut stream)).collect();
+            products(&objects, &mut stream, false)
+        })
+        .collect();
+    let (large, writer) = (folder.path().join("large"), writer("layout = \"webdataset\""));
+    for (id, count) in [(4, 998), (7, 5)] {
+        let views: Vec<Products> = views.iter().cycle().take(count).cloned().collect();
+        write_scene(&large, &*writer, id, &views).expect("written");
+    }
+    finish(&large, &*writer, &[4, 7]).expect("finished");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/check_bop_web.py");
+    let arguments = [folder.path().to_str().expect("UTF-8")];
+    syntable_testing::tools::python_with("webdataset, numpy, pycocotools, PIL", &HERE, &script, &arguments);
+}
+
 #[test]
 fn poses_masks_depths_and_counts_belong_together() {
     let modules = "numpy, pycocotools, PIL";
@@ -240,9 +300,7 @@ fn poses_masks_depths_and_counts_belong_together() {
     if !is_there(import.is_ok_and(|output| output.status.success()), &format!("python3 with {modules}")) {
         return;
     }
-    for (options, split, set) in
-        [("", "train_pbr", "annotated"), ("objects = \"all\"\nsplit = \"test\"\ndepth_scale = 0.02", "test", "all")]
-    {
+    for (options, split, set) in [("", "train_pbr", "annotated"), (ALL_OPTIONS, "test", "all")] {
         let folder = tempfile::tempdir().expect("a folder");
         write_all(folder.path(), options);
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/check_bop.py");
@@ -256,25 +314,43 @@ fn poses_masks_depths_and_counts_belong_together() {
 
 #[test]
 fn the_end_of_a_run_depends_on_the_scenes_alone() {
-    let written = || {
-        let folder = tempfile::tempdir().expect("a folder");
-        write_all(folder.path(), "");
-        folder
-    };
-    let (once, twice) = (written(), written());
-    // A run that had two of the scenes before.
-    finish(twice.path(), &*writer(""), &[0, 2]).expect("finished");
-    finish(twice.path(), &*writer(""), &[0, 1, 2]).expect("finished");
-    let files = |folder: &tempfile::TempDir| syntable_testing::folder::files(folder.path());
-    assert!(files(&once) == files(&twice), "files differ");
-    // What the writer says that it writes is there.
-    let (names, dataset) = (files(&once), dataset());
-    for (scene, view) in [(None, None), (Some(0), None), (Some(0), Some(1))] {
-        let (scene, view) = (scene.map(SceneId), view.map(ViewId));
-        let of = FileOf { dataset: &dataset, id: "bop", scene, view, products: &[] };
-        for path in writer("").paths(&of).expect("known") {
-            assert!(names.contains_key(&path), "{path}");
+    for options in ["", ALL_OPTIONS, "layout = \"webdataset\"\nmodels = \"models\""] {
+        let written = || {
+            let folder = tempfile::tempdir().expect("a folder");
+            write_all(folder.path(), options);
+            folder
+        };
+        let (once, twice) = (written(), written());
+        // A run that had two of the scenes before.
+        finish(twice.path(), &*writer(options), &[0, 2]).expect("finished");
+        finish(twice.path(), &*writer(options), &[0, 1, 2]).expect("finished");
+        let files = |folder: &tempfile::TempDir| syntable_testing::folder::files(folder.path());
+        assert!(files(&once) == files(&twice), "{options}: files differ");
+        // What the writer says that it writes is there.
+        let (names, dataset) = (files(&once), dataset());
+        let mut told = 0;
+        for (scene, view) in [(None, None), (Some(0), None), (Some(0), Some(1))] {
+            let (scene, view) = (scene.map(SceneId), view.map(ViewId));
+            let of = FileOf { dataset: &dataset, id: "bop", scene, view, products: &[] };
+            for path in writer(options).paths(&of).expect("known") {
+                assert!(names.contains_key(&path), "{options}: {path}");
+                told += 1;
+            }
         }
+        assert!(told > 6, "{options}");
+    }
+}
+
+#[test]
+fn a_shard_that_is_cut_off_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_all(folder.path(), "models = \"models\"");
+    let path = folder.path().join(syntable_model::stage::shard_path("bop", SceneId(1)));
+    let bytes = std::fs::read(&path).expect("there");
+    for length in [0, 100, bytes.len() / 2, bytes.len() - 1500] {
+        std::fs::write(&path, &bytes[..length]).expect("writable");
+        let error = finish(folder.path(), &*writer("models = \"models\""), &[0, 1, 2]).expect_err("damaged");
+        assert!(format!("{error:#}").contains("the shard of scene 1"), "{length}: {error}");
     }
 }
 

@@ -135,6 +135,102 @@ for folder in scenes:
                 same(ann["bbox"], [x, y, width + 1, height + 1] if is_modal else bbox, "bbox")
                 same((ann["category_id"], ann["area"], ann["ignore"]), (obj_id, visible.sum(), ignore), "annotation")
                 same((ann["iscrowd"], ann["width"], ann["height"]), (0, 64, 48), "annotation")
+
+
+def load_ply(path):
+    """Vertices and triangles of an ASCII file, read in the order that its header gives."""
+    lines = path.read_text().split("\n")
+    end = lines.index("end_header")
+    header = [line.split() for line in lines[:end]]
+    same(header[:2], [["ply"], ["format", "ascii", "1.0"]], "PLY")
+    counts = {line[1]: int(line[2]) for line in header if line[0] == "element"}
+    same(list(counts), ["vertex", "face"], "elements")
+    properties = [line[1:] for line in header if line[0] == "property"]
+    same(properties, [["float", a] for a in "xyz"] + [["list", "uchar", "int", "vertex_indices"]], "properties")
+    rows = [[float(x) for x in line.split()] for line in lines[end + 1 :] if line]
+    points, faces = np.array(rows[: counts["vertex"]]), np.array(rows[counts["vertex"] :])
+    same((points.shape[1], faces.shape), (3, (counts["face"], 4)), "rows")
+    assert (faces[:, 0] == 3).all()
+    return points, faces[:, 1:].astype(int)
+
+
+def outline(points):
+    """The convex hull of points of the plane, counter-clockwise."""
+    def half(points):
+        hull = []
+        for p in points:
+            while len(hull) > 1 and turn(hull[-1] - hull[-2], p - hull[-1]) <= 0:
+                hull.pop()
+            hull.append(p)
+        return hull[:-1]
+
+    turn = lambda a, b: a[0] * b[1] - a[1] * b[0]
+    points = points[np.lexsort((points[:, 1], points[:, 0]))]
+    return np.array(half(points) + half(points[::-1]))
+
+
+def check_models():
+    """Meshes are the ellipsoids, and lie with the poses where the masks are."""
+    models, infos = {}, load(ROOT / "models/models_info.json")
+    same(list(infos), list(objects), "models_info")
+    for obj_id, info in infos.items():
+        name = f"obj_{obj_id:06}.ply"
+        points, faces = models[obj_id] = load_ply(ROOT / "models" / name)
+        same((ROOT / "models_eval" / name).read_bytes(), (ROOT / "models" / name).read_bytes(), name)
+        axes = np.array([float(x) for x in objects[obj_id].split("_")[1:]])
+        assert np.allclose((points / axes) ** 2 @ np.ones(3), 1, atol=1e-5), f"{name}: not the ellipsoid"
+        same(sorted(set(faces.ravel())), list(range(len(points))), f"{name}: vertices of faces")
+        low, high = points.min(0), points.max(0)
+        for axis, a, b in zip("xyz", low, high - low):
+            assert abs(info[f"min_{axis}"] - a) < 1e-4 and abs(info[f"size_{axis}"] - b) < 1e-4, info
+        farthest = max(np.linalg.norm(points - p, axis=1).max() for p in points)
+        assert abs(info["diameter"] - farthest) < 1e-4, f"{name}: {info['diameter']}, not {farthest}"
+        a, b, c = (points[faces[:, i]] for i in range(3))
+        normals = np.cross(b - a, c - a)
+        assert ((normals * (a + b + c)).sum(1) > -1e-6).all(), f"{name}: faces look inwards"
+    y, x = np.mgrid[:48, :64]
+    pixels = np.stack([x.ravel(), y.ravel()], 1).astype(float)
+    compared, shifted = 0, 0
+    for folder in scenes:
+        cameras, truth = load(folder / "scene_camera.json"), load(folder / "scene_gt.json")
+        for image, entries in truth.items():
+            K = np.array(cameras[image]["cam_K"]).reshape(3, 3)
+            for index, gt in enumerate(entries):
+                mask = read_mask(folder / f"mask/{image:06}_{index:06}.png").ravel()
+                R, t, _ = pose(gt)
+                projected = (models[gt["obj_id"]][0] @ R.T + t) @ K.T
+                hull = outline(projected[:, :2] / projected[:, 2:])
+                edge = np.roll(hull, -1, 0) - hull
+                normal = np.stack([-edge[:, 1], edge[:, 0]], 1) / np.linalg.norm(edge, axis=1)[:, None]
+                inside = lambda pixels: ((pixels[:, None] - hull) * normal).sum(2).min(1)
+                depth = inside(pixels)
+                clear = np.abs(depth) > 0.05
+                assert ((depth > 0) == mask)[clear].all(), f"{folder.name} {image} {index}: the model is beside its mask"
+                compared += int(mask.sum())
+                shifted += int(((inside(pixels + 0.5) > 0) != mask).sum())
+    # Half a pixel would be seen.
+    assert compared > 2000 and shifted > 400, (compared, shifted)
+
+
+def check_targets():
+    want = []
+    for folder in scenes:
+        infos, truth = load(folder / "scene_gt_info.json"), load(folder / "scene_gt.json")
+        for image, entries in truth.items():
+            ids = [gt["obj_id"] for gt, info in zip(entries, infos[image]) if info["visib_fract"] >= 0.1]
+            want += [{"im_id": image, "inst_count": ids.count(i), "obj_id": i, "scene_id": int(folder.name)}
+                     for i in sorted(set(ids))]
+    got = load(ROOT / "test_targets_bop19.json")
+    same(got, want, "targets")
+    assert len(got) > 5 and max(t["inst_count"] for t in got) > 1, got
+    assert sum(t["inst_count"] for t in got) < counted["objects"] - counted["hidden"], "nothing is hardly visible"
+
+
+if SPLIT == "test":
+    check_targets()
+    check_models()
+else:
+    assert not list(ROOT.glob("models*")) and not list(ROOT.glob("test_targets*"))
 # What the checks are about is there.
 assert counted["objects"] > 15 and counted["pixels"] > 1000 and counted["truncated"] > 3, counted
 assert (counted["hidden"] > 3 and counted["outside"] > 1 and counted["beyond"] > 1) == (SET == "all"), counted

@@ -7,6 +7,8 @@ use syntable_denoise as _;
 use syntable_hdf5 as _;
 use syntable_household as _;
 use syntable_interchange as _;
+#[cfg(feature = "parquet")]
+use syntable_parquet as _;
 use syntable_physics as _;
 use syntable_placement as _;
 use syntable_render_cpu as _;

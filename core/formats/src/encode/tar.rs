@@ -1,6 +1,6 @@
 //! Archives of samples as WebDataset reads them: plain tar files.
 
-use std::io::Write;
+use std::io::{Read, Seek, Write};
 use syntable_model::error::{Error, Result};
 use tar::{Builder, EntryType, Header};
 
@@ -41,9 +41,51 @@ impl<W: Write> Archive<W> {
     }
 }
 
+/// Calls `each` with the name and the content of every member of an archive, in order. Content that is not read is skipped
+/// without being read: an archive that is cut off there ends with this member. `path` names the archive in errors.
+pub fn for_each_member(
+    archive: impl Read + Seek,
+    path: &str,
+    mut each: impl FnMut(&str, &mut dyn Read) -> Result<()>,
+) -> Result<()> {
+    let fail = |error: std::io::Error| Error::io(path, &error);
+    let mut archive = tar::Archive::new(archive);
+    for entry in archive.entries_with_seek().map_err(fail)? {
+        let mut entry = entry.map_err(fail)?;
+        let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
+        each(&name, &mut entry)?;
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn members_are_read_back_or_skipped() {
+        let long = format!("{}end", "ab/".repeat(60));
+        let mut bytes = Vec::new();
+        let mut archive = Archive::new(&mut bytes, "a.tar");
+        let members = [("first", vec![1; 700]), (long.as_str(), vec![2; 512]), ("last", vec![3])];
+        members.iter().for_each(|(name, content)| archive.add(name, content).expect("added"));
+        archive.finish().expect("ended");
+        let mut found = Vec::new();
+        for_each_member(std::io::Cursor::new(&bytes), "a.tar", |name, content| {
+            let mut read = Vec::new();
+            if name != "first" {
+                content.read_to_end(&mut read).expect("readable");
+            }
+            found.push((name.to_owned(), read));
+            Ok(())
+        })
+        .expect("an archive");
+        assert_eq!(found.iter().map(|(_, read)| read.len()).collect::<Vec<_>>(), [0, 512, 1]);
+        assert_eq!((found[0].0.as_str(), &found[1].0, found[2].1[0]), ("first", &long, 3));
+        // In the header of the second member.
+        let cut = for_each_member(std::io::Cursor::new(&bytes[..512 + 1024 + 100]), "a.tar", |_, _| Ok(()));
+        assert!(cut.is_err());
+    }
 
     /// Fields of the header at the places that POSIX gives them.
     #[test]

@@ -3,7 +3,8 @@
 //! Camera frame: x right, y down, z forward. Images have row 0 at the top; pixel centers are at half-integers.
 
 use super::{
-    BBox, BitPlane, DType, Form, Mask, ObjectDepths, ObjectImages, OcclusionOrder, PerInstance, Plane, Semantic, Value,
+    BBox, BitPlane, DType, Form, Mask, ObjectDepths, ObjectImages, ObjectModels, OcclusionOrder, PerInstance, Plane,
+    Semantic, Value,
 };
 use crate::products;
 use crate::scene::InstanceId;
@@ -273,6 +274,9 @@ products! {
     /// Role, asset, materials and pose of every body of the scene, by its id in `instance`: objects, distractors, table and
     /// room.
     pub const BODIES: Key<Value> = scene("bodies").form(|| Form::Records);
+
+    /// Shape of each asset that an object of the scene is of, in the object frame: triangle meshes in meters.
+    pub const OBJECT_MODELS: Key<ObjectModels> = scene("object_models").unit("m");
 
     /// Residual speeds, deepest penetration and removed bodies of the settled scene.
     pub const SETTLE_REPORT: Key<Value> = scene("settle_report").form(|| Form::Record);

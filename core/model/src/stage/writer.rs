@@ -181,6 +181,11 @@ impl Output {
     pub fn write_shard(&self, bytes: &[u8]) -> Result<()> {
         self.write_at(&shard_path(&self.id, self.scene), bytes)
     }
+
+    /// Creates this scene's shard, to write it bit by bit.
+    pub fn create_shard(&self) -> Result<BufWriter<File>> {
+        self.create_at(&shard_path(&self.id, self.scene))
+    }
 }
 
 /// Creates a file that must not exist yet: the one rule against two files of one path in a scene, or at the end of a run.

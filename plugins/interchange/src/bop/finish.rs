@@ -1,26 +1,63 @@
 //! The files that need the numbers of the assets, which the whole dataset gives.
 
-use super::Bop;
-use super::record::{Camera, ObjectRecord, Shown, ViewRecord};
-use super::scene::Entries;
+use super::model::Model;
+use super::record::{Camera, GroundTruth, ObjectRecord, Shown, ViewRecord};
+use super::scene::{Entries, json as line};
+use super::shard::{self, key};
+use super::{Bop, Layout, Models};
 use crate::annotation_file;
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::io::Write;
+use std::ops::RangeInclusive;
 use syntable_formats::coco::{Annotation, Category, Image};
-use syntable_formats::dataset::{DatasetWriter, Layout};
-use syntable_formats::encode::json_shard::for_each_value_of;
+use syntable_formats::dataset::{DatasetWriter, Layout as FileLayout};
+use syntable_formats::encode::tar::Archive;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::scene::{SceneId, ViewId};
 
 /// Names of the files of the dataset.
-pub const FILES: [&str; 3] = ["camera.json", "dataset_info.json", "objects.json"];
+const FILES: [&str; 3] = ["camera.json", "dataset_info.json", "objects.json"];
+/// What methods are tested with.
+const TARGETS: &str = "test_targets_bop19.json";
+/// Sizes of the meshes, in each of their folders.
+const MODELS_INFO: &str = "models_info.json";
+/// Numbers of the shards of images.
+const KEY_TO_SHARD: &str = "key_to_shard.json";
 
 /// Names of the files of a scene that are written at the end.
 pub const OF_SCENE: [&str; 3] = ["scene_gt.json", "scene_gt_coco.json", "scene_gt_coco_modal.json"];
 
 /// Objects of which less than this fraction is visible are ignored in evaluations.
 const IGNORED_BELOW: f64 = 0.1;
+
+/// Most images of a tar file.
+const IMAGES_PER_SHARD: usize = 1000;
+
+/// Path of a tar file.
+fn web_shard(config: &Bop, id: &str, number: usize) -> String {
+    format!("{}/shard-{number:06}.tar", config.web_folder(id))
+}
+
+/// Path of a mesh.
+fn model_path(id: &str, folder: &str, obj_id: u64) -> String {
+    format!("{id}/{folder}/obj_{obj_id:06}.ply")
+}
+
+/// Paths of the files of the dataset that are known before a run.
+pub fn paths(config: &Bop, dataset: &DatasetInfo, id: &str) -> Vec<String> {
+    let own = FILES.into_iter().chain(config.is_test().then_some(TARGETS)).map(|name| format!("{id}/{name}"));
+    let mut paths: Vec<String> = own.collect();
+    if config.layout == Layout::Webdataset {
+        let images = dataset.scenes as usize * dataset.views_per_scene as usize;
+        paths.extend((0..images.div_ceil(IMAGES_PER_SHARD)).map(|number| web_shard(config, id, number)));
+        paths.push(format!("{}/{KEY_TO_SHARD}", config.web_folder(id)));
+    }
+    let folders = config.models.folders().iter();
+    paths.extend(folders.flat_map(|folder| [format!("{id}/{folder}/{MODELS_INFO}"), model_path(id, folder, 1)]));
+    paths
+}
 
 /// Writes the files of the dataset, and those of each scene that have `obj_id`. One scene is in memory at a time.
 pub fn write(config: &Bop, dataset: &DatasetInfo, finish: &Finish) -> Result<()> {
@@ -30,9 +67,12 @@ pub fn write(config: &Bop, dataset: &DatasetInfo, finish: &Finish) -> Result<()>
         "program": dataset.program,
         "split": config.split,
         "scenes": finish.scenes().len(),
-        "images": summary.images,
+        "images": summary.images.iter().map(|(_, views)| views.len()).sum::<usize>(),
         "objects": summary.obj_ids.len(),
-        "models": "not included: obj_id is a number of objects.json",
+        "models": match config.models {
+            Models::None => "not included: obj_id is a number of objects.json",
+            Models::Models | Models::ModelsAndEval => "models/obj_{obj_id:06}.ply; objects.json has the names",
+        },
     });
     let mut objects = Entries::default();
     summary.obj_ids.iter().try_for_each(|(asset, obj_id)| objects.push(obj_id, asset))?;
@@ -42,13 +82,26 @@ pub fn write(config: &Bop, dataset: &DatasetInfo, finish: &Finish) -> Result<()>
     }
     write_bytes(finish, &info_file, &text(&info)?)?;
     write_bytes(finish, &objects_file, &objects.finish())?;
-    finish.scenes().iter().try_for_each(|&scene| write_scene(config, dataset, finish, scene, &summary.obj_ids))
+    if config.is_test() {
+        write_targets(finish, &summary.obj_ids)?;
+    }
+    if config.models != Models::None {
+        write_models(config, finish, &summary.obj_ids)?;
+    }
+    match config.layout {
+        Layout::Scenewise => {
+            let mut scenes = finish.scenes().iter();
+            scenes.try_for_each(|&scene| write_scene(config, dataset, finish, scene, &summary.obj_ids))
+        }
+        Layout::Webdataset => write_web_shards(config, finish, &summary),
+    }
 }
 
 /// What the shards say of the whole dataset.
 #[derive(Default)]
 struct Summary {
-    images: usize,
+    /// The views of each scene.
+    images: Vec<(SceneId, Vec<ViewId>)>,
     /// That of the first image.
     camera: Option<Camera>,
     /// Numbers of the assets by name.
@@ -59,16 +112,117 @@ impl Summary {
     fn of(finish: &Finish) -> Result<Self> {
         let mut summary = Self::default();
         for &scene in finish.scenes() {
-            for_each_value_of(finish, scene, |view: ViewRecord| {
-                summary.images += 1;
+            let mut numbers = Vec::new();
+            for view in shard::views(finish, scene)? {
+                numbers.push(ViewId(view.view));
                 summary.camera.get_or_insert(view.camera);
                 summary.obj_ids.extend(view.objects.into_iter().map(|object| (object.asset, 0)));
-                Ok(())
-            })?;
+            }
+            summary.images.push((scene, numbers));
         }
         (1..).zip(summary.obj_ids.values_mut()).for_each(|(number, obj_id)| *obj_id = number);
         Ok(summary)
     }
+}
+
+/// An entry of the targets of BOP Challenge 2019.
+#[derive(Serialize)]
+struct Target {
+    im_id: u32,
+    inst_count: u64,
+    obj_id: u64,
+    scene_id: u32,
+}
+
+/// Writes which objects methods are to find: those of which enough is visible.
+fn write_targets(finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()> {
+    let mut lines: Vec<u8> = Vec::new();
+    for &scene in finish.scenes() {
+        for view in shard::views(finish, scene)? {
+            let mut counts: BTreeMap<u64, u64> = BTreeMap::new();
+            for object in view.objects.iter().filter(|object| object.visib_fract >= IGNORED_BELOW) {
+                *counts.entry(obj_ids[&object.asset]).or_default() += 1;
+            }
+            for (obj_id, inst_count) in counts {
+                let target = Target { im_id: view.view, inst_count, obj_id, scene_id: scene.0 };
+                lines.extend(if lines.is_empty() { &b"[\n  "[..] } else { b",\n  " });
+                lines.extend(line(&target)?.trim_ascii_end());
+            }
+        }
+    }
+    lines.extend(if lines.is_empty() { &b"[]\n"[..] } else { b"\n]\n" });
+    write_bytes(finish, &format!("{}/{TARGETS}", finish.id()), &lines)
+}
+
+/// Writes the mesh of each asset, from the first scene that has it.
+fn write_models(config: &Bop, finish: &Finish, obj_ids: &BTreeMap<String, u64>) -> Result<()> {
+    let mut infos = BTreeMap::new();
+    for &scene in finish.scenes() {
+        let mut found: Vec<(u64, Model)> = Vec::new();
+        let wanted = |asset: &str| obj_ids.get(asset).is_some_and(|obj_id| !infos.contains_key(obj_id));
+        shard::for_each_model(finish, scene, wanted, |asset, model| {
+            found.push((obj_ids[asset], model.clone()));
+            Ok(())
+        })?;
+        for (obj_id, model) in found {
+            for folder in config.models.folders() {
+                let path = model_path(finish.id(), folder, obj_id);
+                finish.write(&path, |out| model.write(out).map_err(|error| Error::io(&path, &error)))?;
+            }
+            infos.insert(obj_id, model.info());
+        }
+    }
+    let mut entries = Entries::default();
+    infos.iter().try_for_each(|(obj_id, info)| entries.push(obj_id, info))?;
+    let entries = entries.finish();
+    let mut folders = config.models.folders().iter();
+    folders.try_for_each(|folder| write_bytes(finish, &format!("{}/{folder}/{MODELS_INFO}", finish.id()), &entries))
+}
+
+/// Writes all images as tar files.
+fn write_web_shards(config: &Bop, finish: &Finish, summary: &Summary) -> Result<()> {
+    let mut numbers = Entries::default();
+    let images = summary.images.iter().flat_map(|(scene, views)| views.iter().map(move |view| (*scene, *view)));
+    let images: Vec<(SceneId, ViewId)> = images.collect();
+    for (number, images) in images.chunks(IMAGES_PER_SHARD).enumerate() {
+        let path = web_shard(config, finish.id(), number);
+        finish.write(&path, |out| {
+            let mut archive = Archive::new(out, &path);
+            for images in images.chunk_by(|a, b| a.0 == b.0) {
+                let (Some(&(scene, first)), Some((_, last))) = (images.first(), images.last()) else { continue };
+                add_samples(&mut archive, finish, scene, first.0..=last.0, &summary.obj_ids)?;
+            }
+            archive.finish()
+        })?;
+        images.iter().try_for_each(|&(scene, view)| numbers.push(key(scene, view), &number))?;
+    }
+    write_bytes(finish, &format!("{}/{KEY_TO_SHARD}", config.web_folder(finish.id())), &numbers.finish())
+}
+
+/// Adds the samples of some views of a scene, with the poses that have `obj_id`.
+fn add_samples(
+    archive: &mut Archive<&mut dyn Write>,
+    finish: &Finish,
+    scene: SceneId,
+    views: RangeInclusive<u32>,
+    obj_ids: &BTreeMap<String, u64>,
+) -> Result<()> {
+    let truths = shard::views(finish, scene)?.into_iter().filter(|view| views.contains(&view.view));
+    let mut truths: BTreeMap<String, Vec<u8>> =
+        truths.map(|view| Ok((key(scene, ViewId(view.view)), line(&truth(&view, obj_ids))?))).collect::<Result<_>>()?;
+    let mut current = None;
+    shard::for_each_sample(finish, scene, |key, field, bytes| {
+        if let Some(truth) = truths.remove(key) {
+            archive.add(&format!("{key}.gt.json"), &truth)?;
+            current = Some(key.to_owned());
+        }
+        if current.as_deref() == Some(key) { archive.add(&format!("{key}.{field}"), bytes) } else { Ok(()) }
+    })
+}
+
+/// The entries of an image in `scene_gt.json`.
+fn truth(view: &ViewRecord, obj_ids: &BTreeMap<String, u64>) -> Vec<GroundTruth> {
+    view.objects.iter().map(|object| object.ground_truth(obj_ids[&object.asset])).collect()
 }
 
 fn write_scene(
@@ -78,23 +232,16 @@ fn write_scene(
     scene: SceneId,
     obj_ids: &BTreeMap<String, u64>,
 ) -> Result<()> {
-    let mut views: Vec<ViewRecord> = Vec::new();
-    for_each_value_of(finish, scene, |view| {
-        views.push(view);
-        Ok(())
-    })?;
-    let mut truth = Entries::default();
-    for view in &views {
-        let objects: Vec<_> = view.objects.iter().map(|object| object.ground_truth(obj_ids[&object.asset])).collect();
-        truth.push(view.view, &objects)?;
-    }
+    let views = shard::views(finish, scene)?;
+    let mut truths = Entries::default();
+    views.iter().try_for_each(|view| truths.push(view.view, &truth(view, obj_ids)))?;
     let folder = config.folder(finish.id(), scene);
     let [truth_file, coco_file, modal_file] = OF_SCENE;
-    write_bytes(finish, &format!("{folder}/{truth_file}"), &truth.finish())?;
+    write_bytes(finish, &format!("{folder}/{truth_file}"), &truths.finish())?;
     for (name, bbox) in [(coco_file, BoxOf::Amodal), (modal_file, BoxOf::Visible)] {
         let path = format!("{folder}/{name}");
         finish.write(&path, |out| {
-            let mut file = DatasetWriter::new(out, &path, Layout::Lines)?;
+            let mut file = DatasetWriter::new(out, &path, FileLayout::Lines)?;
             let category = |(asset, &id): (&String, &u64)| Category {
                 id,
                 name: asset.clone(),

@@ -1,28 +1,40 @@
 //! The format of the BOP benchmark for 6D object pose estimation.
 
 mod finish;
+mod model;
 mod read;
 mod record;
 mod scene;
+mod shard;
 
 use crate::annotation_file::check_split;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, RGB, VISIBILITY, VISIBLE_MASK,
+    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
 };
 use syntable_model::scene::{SceneId, ViewId};
 
-/// Writes BOP's scenewise layout, which bop_toolkit and the methods of the BOP challenge read.
+/// Writes BOP's scenewise layout or its tar files, which bop_toolkit and the methods of the BOP challenge read.
 ///
 /// # What it does
 ///
 /// Each scene of the dataset is a BOP scene, each view an image of it. Lengths are millimeters and poses map object frames
 /// to the camera frame: x right, y down, z forward. An object frame is that of the asset. `cam_K` has pixel centers at
-/// integers, as BlenderProc writes it and bop_toolkit reads depth with it: its `cx` and `cy` are those of the product
-/// `camera` minus 0.5.
+/// integers, as BlenderProc writes it and `depth_im_to_dist_im` of bop_toolkit reads depth with it: its `cx` and `cy` are
+/// those of the product `camera` minus 0.5.
 ///
 /// `obj_id` numbers all assets of the dataset from 1 in the order of their names; `objects.json` says which is which. It
-/// changes when the dataset grows by new assets. Models are not written.
+/// changes when the dataset grows by new assets.
+///
+/// `models` adds the meshes of these assets, in millimeters and in the frame that poses map from. They have no colors
+/// and no textures; symmetries are not in `models_info.json`. The `diameter` is the exact largest distance of two
+/// vertices.
+///
+/// A split `test`, or one that begins with `test_`, has the targets of BOP Challenge 2019: for each image and model the
+/// number of instances of which at least a tenth is visible.
+///
+/// With `layout = "webdataset"` images are in tar files for reading in one piece, up to 1000 in each. They can be written
+/// at the end alone, when `obj_id` is known, from copies in `.syntable` that take as much space again.
 ///
 /// `mask` is the object without its occluders, `mask_visib` what the image shows. Both are exact: there is no tolerance
 /// of depth as in masks that are estimated from depth images. `px_count_all` and `bbox_obj` reach one image size beyond
@@ -37,7 +49,8 @@ use syntable_model::scene::{SceneId, ViewId};
 ///
 /// # Output
 ///
-/// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, and in `{id}/{split}/{scene:06}`:
+/// In `{id}`: `camera.json`, `dataset_info.json`, `objects.json`, with a test split `test_targets_bop19.json`, with models
+/// `models/obj_{obj_id:06}.ply` and `models/models_info.json`, the same in `models_eval`; and in `{id}/{split}/{scene:06}`:
 ///
 /// - `rgb/{view:06}.png`: 8-bit RGB.
 /// - `depth/{view:06}.png`: 16-bit multiples of `depth_scale` along the optical axis; 0 where there is nothing.
@@ -46,6 +59,11 @@ use syntable_model::scene::{SceneId, ViewId};
 /// - `scene_camera.json`, `scene_gt.json`, `scene_gt_info.json`.
 /// - `scene_gt_coco.json` with boxes of whole objects, `scene_gt_coco_modal.json` with those of what is visible; both have
 ///   visible masks.
+///
+/// With `layout = "webdataset"` instead, in `{id}/{split}_web`: `shard-000000.tar` and so on, and `key_to_shard.json`, the
+/// number of the shard of each image. A sample has the key `{scene:06}_{view:06}` and the members `rgb.png`, `depth.png`,
+/// `camera.json`, `gt.json`, `gt_info.json`, `mask.json` and `mask_visib.json`: the entries of the files above for this image,
+/// and uncompressed run lengths of the masks by the number of the object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bop {
@@ -56,6 +74,43 @@ pub struct Bop {
     pub depth_scale: f64,
     /// Objects to list.
     pub objects: Objects,
+    /// How images are stored.
+    pub layout: Layout,
+    /// Meshes of the assets to write.
+    pub models: Models,
+}
+
+/// How images are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Layout {
+    /// A folder per scene.
+    Scenewise,
+    /// Tar files of samples.
+    Webdataset,
+}
+
+/// The meshes of the assets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Models {
+    /// No meshes.
+    None,
+    /// The folder `models`.
+    Models,
+    /// The folders `models` and `models_eval`, with the same meshes: evaluations read the latter.
+    ModelsAndEval,
+}
+
+impl Models {
+    /// Folders of meshes.
+    fn folders(self) -> &'static [&'static str] {
+        match self {
+            Self::None => &[],
+            Self::Models => &["models"],
+            Self::ModelsAndEval => &["models", "models_eval"],
+        }
+    }
 }
 
 /// A set of objects.
@@ -70,7 +125,13 @@ pub enum Objects {
 
 impl Default for Bop {
     fn default() -> Self {
-        Self { split: "train_pbr".into(), depth_scale: 0.1, objects: Objects::Annotated }
+        Self {
+            split: "train_pbr".into(),
+            depth_scale: 0.1,
+            objects: Objects::Annotated,
+            layout: Layout::Scenewise,
+            models: Models::None,
+        }
     }
 }
 
@@ -92,17 +153,21 @@ impl Writer for Bop {
         };
         let others =
             [Input::of(RGB), Input::of(DEPTH), Input::of(CAMERA), Input::of(OBJECT_INFO), Input::of(VISIBILITY)];
-        others.into_iter().chain(masks).collect()
+        let models =
+            (self.models != Models::None).then(|| Input { option: Some("models".into()), ..Input::of(OBJECT_MODELS) });
+        others.into_iter().chain(masks).chain(models).collect()
     }
 
     fn scene(&self, cx: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
         let folder = self.folder(output.id(), cx.scene.id);
-        Ok(Box::new(scene::BopScene::new(self.clone(), folder, output)))
+        Ok(Box::new(scene::BopScene::new(self.clone(), folder, output)?))
     }
 
     fn paths(&self, of: &FileOf) -> Result<Vec<String>> {
         let folder = |scene| self.folder(of.id, scene);
         Ok(match (of.scene, of.view) {
+            (None, _) => finish::paths(self, of.dataset, of.id),
+            (Some(_), _) if self.layout == Layout::Webdataset => Vec::new(),
             (Some(scene), Some(view)) => {
                 let masks = [Image::Mask(0), Image::MaskVisib(0)];
                 let images = [Image::Rgb, Image::Depth].into_iter().chain(masks);
@@ -112,7 +177,6 @@ impl Writer for Bop {
                 let names = scene::FILES.into_iter().chain(finish::OF_SCENE);
                 names.map(|name| format!("{}/{name}", folder(scene))).collect()
             }
-            _ => finish::FILES.map(|name| format!("{}/{name}", of.id)).to_vec(),
         })
     }
 
@@ -125,6 +189,16 @@ impl Bop {
     /// Folder of a scene.
     fn folder(&self, id: &str, scene: SceneId) -> String {
         format!("{id}/{}/{:06}", self.split, scene.0)
+    }
+
+    /// Folder of the tar files.
+    fn web_folder(&self, id: &str) -> String {
+        format!("{id}/{}_web", self.split)
+    }
+
+    /// Whether the split is one that methods are tested with.
+    fn is_test(&self) -> bool {
+        self.split == "test" || self.split.starts_with("test_")
     }
 }
 

@@ -1,14 +1,16 @@
 //! The files of one BOP scene that do not depend on the numbers of the assets.
 
-use super::record::{CameraView, Info, ObjectRecord, ObjectView, ViewRecord, VisibilityView, read};
-use super::{Bop, Image, Objects};
+use super::record::{CameraView, Info, ObjectRecord, ObjectView, SceneCamera, ViewRecord, VisibilityView, read};
+use super::shard::{Shard, key};
+use super::{Bop, Image, Layout, Models, Objects};
 use crate::labels;
 use std::borrow::Cow;
 use syntable_formats::encode::json_shard::push_line;
 use syntable_formats::encode::png::{self, Rounding, depth_units};
+use syntable_formats::segmentation::UncompressedRle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, RGB, VISIBILITY, VISIBLE_MASK,
+    AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
 };
 use syntable_model::scene::ViewId;
 
@@ -21,17 +23,62 @@ pub struct BopScene {
     output: Output,
     /// Content of [`FILES`].
     entries: [Entries; 2],
-    shard: Vec<u8>,
+    shard: Shard,
 }
 
 impl BopScene {
-    pub fn new(config: Bop, folder: String, output: Output) -> Self {
-        Self { config, folder, output, entries: Default::default(), shard: Vec::new() }
+    pub fn new(config: Bop, folder: String, output: Output) -> Result<Self> {
+        let shard = Shard::new(&output)?;
+        Ok(Self { config, folder, output, entries: Default::default(), shard })
     }
 
     fn write(&self, view: ViewId, image: Image, content: &png::Image) -> Result<()> {
         content.write(&self.output, &format!("{}/{}", self.folder, image.path(view)))
     }
+
+    /// Writes the files of a view, and its entries of those of the scene.
+    fn write_files(&mut self, view: ViewId, of: &ViewFiles, objects: &[Object]) -> Result<()> {
+        self.write(view, Image::Rgb, &of.rgb)?;
+        self.write(view, Image::Depth, &of.depth)?;
+        for (index, object) in objects.iter().enumerate() {
+            self.write(view, Image::Mask(index), &png::Image::mask(&object.amodal, u8::MAX))?;
+            self.write(view, Image::MaskVisib(index), &png::Image::mask(&object.visible, u8::MAX))?;
+        }
+        let [cameras, all_infos] = &mut self.entries;
+        cameras.push(view.0, &of.camera)?;
+        all_infos.push(view.0, &of.infos)
+    }
+
+    /// Adds the sample of a view without `gt.json`, which has `obj_id`.
+    fn add_sample(&mut self, key: &str, of: &ViewFiles, objects: &[Object]) -> Result<()> {
+        let masks = |mask: fn(&Object) -> Mask| {
+            let mut entries = Entries::default();
+            let mut numbered = objects.iter().map(mask).enumerate();
+            numbered.try_for_each(|(index, mask)| entries.push(index, &UncompressedRle::encode(&mask)))?;
+            Ok(entries.finish())
+        };
+        self.shard.sample(key, "rgb.png", &of.rgb.encode()?)?;
+        self.shard.sample(key, "depth.png", &of.depth.encode()?)?;
+        self.shard.sample(key, "camera.json", &json(&of.camera)?)?;
+        self.shard.sample(key, "gt_info.json", &json(&of.infos)?)?;
+        self.shard.sample(key, "mask.json", &masks(|object| object.amodal.clone().into_owned())?)?;
+        self.shard.sample(key, "mask_visib.json", &masks(|object| object.visible.clone().into_owned())?)
+    }
+}
+
+/// A value as a line of JSON.
+pub fn json(value: &impl Serialize) -> Result<Vec<u8>> {
+    let mut line = Vec::new();
+    push_line(&mut line, value)?;
+    Ok(line)
+}
+
+/// What is written of a view in either layout.
+struct ViewFiles {
+    rgb: png::Image,
+    depth: png::Image,
+    camera: SceneCamera,
+    infos: Vec<Info>,
 }
 
 impl SceneWriter for BopScene {
@@ -44,28 +91,31 @@ impl SceneWriter for BopScene {
                 .permanent());
         }
         let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, scale, Rounding::Nearest));
-        self.write(view, Image::Rgb, &png::Image::rgb(products.get(RGB)?))?;
-        self.write(view, Image::Depth, &png::Image::gray16(&depth))?;
-
-        let (mut infos, mut objects): (Vec<Info>, _) = (Vec::new(), Vec::new());
-        for (index, object) in self.config.objects.of(products)?.into_iter().enumerate() {
-            let Object { identity, visibility, amodal, visible } = object;
-            self.write(view, Image::Mask(index), &png::Image::mask(&amodal, u8::MAX))?;
-            self.write(view, Image::MaskVisib(index), &png::Image::mask(&visible, u8::MAX))?;
-            infos.push(visibility.info(visible.bbox()));
-            objects.push(ObjectRecord::new(identity, visibility.visib_fract, &visible, &amodal));
+        let objects = self.config.objects.of(products)?;
+        let files = ViewFiles {
+            rgb: png::Image::rgb(products.get(RGB)?),
+            depth: png::Image::gray16(&depth),
+            camera: camera.scene_camera(scale),
+            infos: objects.iter().map(|object| object.visibility.info(object.visible.bbox())).collect(),
+        };
+        match self.config.layout {
+            Layout::Scenewise => self.write_files(view, &files, &objects)?,
+            Layout::Webdataset => self.add_sample(&key(cx.scene.id, view), &files, &objects)?,
         }
-        let [cameras, all_infos] = &mut self.entries;
-        cameras.push(view.0, &camera.scene_camera(scale))?;
-        all_infos.push(view.0, &infos)?;
-        push_line(&mut self.shard, &ViewRecord { view: view.0, camera: camera.camera(scale), objects })
+        let objects = objects.into_iter().map(Object::record).collect();
+        self.shard.view(&ViewRecord { view: view.0, camera: camera.camera(scale), objects })
     }
 
-    fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
-        for (name, entries) in FILES.into_iter().zip(self.entries) {
-            self.output.write(&format!("{}/{name}", self.folder), &entries.finish())?;
+    fn close(mut self: Box<Self>, _: &SceneContext, products: &Products) -> Result<()> {
+        if self.config.layout == Layout::Scenewise {
+            for (name, entries) in FILES.into_iter().zip(self.entries) {
+                self.output.write(&format!("{}/{name}", self.folder), &entries.finish())?;
+            }
         }
-        self.output.write_shard(&self.shard)
+        if self.config.models != Models::None {
+            self.shard.models(products.get(OBJECT_MODELS)?)?;
+        }
+        self.shard.finish()
     }
 }
 
@@ -133,6 +183,10 @@ fn all(products: &Products) -> Result<Masks<'_>> {
 }
 
 impl Object<'_> {
+    fn record(self) -> ObjectRecord {
+        ObjectRecord::new(self.identity, self.visibility.visib_fract, &self.visible, &self.amodal)
+    }
+
     /// Checks that the masks have the pixels that `visibility` counted.
     fn check(&self, id: InstanceId) -> Result<()> {
         let masks = [&self.amodal, &self.visible].map(|mask| u64::from(mask.area()));

@@ -1,0 +1,41 @@
+//! The shapes of the scene's assets.
+
+use std::sync::Arc;
+use syntable_model::prelude::*;
+use syntable_model::product::ObjectModels as Models;
+use syntable_model::product::standard::OBJECT_MODELS;
+
+/// Triangle mesh of each asset that an object of the scene is of, in meters and in the object frame: a vertex times
+/// `camera_from_object` of `object_info` is a point of the object in the camera frame.
+///
+/// A pool scales and centers an asset once, so that all objects of an asset have one mesh. Materials are not in it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjectModels {}
+
+impl Config for ObjectModels {
+    type Stage = dyn SceneAnnotator;
+    const KIND: &'static str = "object_models";
+    const EXAMPLE: &'static str = "";
+    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl SceneAnnotator for ObjectModels {
+    fn reads(&self) -> Vec<KeyId> {
+        keys![]
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        keys![OBJECT_MODELS]
+    }
+
+    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
+        let objects = cx.scene.objects().iter();
+        let models = objects.map(|body| (body.asset.to_string(), Arc::clone(&body.object.mesh)));
+        products.put(OBJECT_MODELS, Models(models.collect()))
+    }
+}
+
+register!(ObjectModels);

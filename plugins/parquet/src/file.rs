@@ -1,0 +1,102 @@
+//! One table as a Parquet file.
+
+use crate::column::IMAGES;
+use crate::shred::{Leaf, Node, Values, push};
+use parquet::basic::Compression;
+use parquet::data_type::{BoolType, ByteArrayType, DoubleType, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
+use parquet::schema::types::{ColumnPath, Type};
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::sync::Arc;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Value;
+
+/// A table in memory, column by column.
+pub struct Table {
+    columns: Vec<(String, Node)>,
+    /// The leaves of each column.
+    leaves: Vec<Vec<Leaf>>,
+}
+
+impl Table {
+    /// A table without rows. Refuses two columns of one name.
+    pub fn new(columns: Vec<(String, Node)>) -> Result<Self> {
+        let mut seen = BTreeSet::new();
+        if let Some((name, _)) = columns.iter().find(|(name, _)| !seen.insert(name.as_str())) {
+            return Err(Error::new(format!("two products have a column `{name}`"))
+                .help("write one of them with another writer")
+                .permanent());
+        }
+        let leaves = columns.iter().map(|(_, node)| {
+            let mut leaves = Vec::new();
+            node.leaves(&mut leaves);
+            leaves
+        });
+        let leaves = leaves.collect();
+        Ok(Self { columns, leaves })
+    }
+
+    /// Appends a row, a cell per column.
+    pub fn push(&mut self, cells: impl IntoIterator<Item = Value>) -> Result<()> {
+        for (((name, node), leaves), cell) in self.columns.iter().zip(&mut self.leaves).zip(cells) {
+            push(node, &cell, leaves).map_err(|error| error.context(format!("column `{name}`")))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the table as a file of one row group, or of none if it has no rows. Nothing in it depends on time. `path` names it in errors.
+    pub fn write(self, out: impl Write + Send, path: &str, program: &str) -> Result<()> {
+        self.try_write(out, program).map_err(|error| Error::new(format!("cannot be written: {error}")).in_file(path))
+    }
+
+    fn try_write(self, out: impl Write + Send, program: &str) -> Result<(), ParquetError> {
+        let fields = self.columns.iter().map(|(name, node)| node.schema(name)).collect::<Result<_, _>>()?;
+        let schema = Type::group_type_builder("schema").with_fields(fields).build()?;
+        let [_, image] = IMAGES;
+        let embeds = self.columns.iter().any(|(name, _)| name == image);
+        let bytes = ColumnPath::new(vec![image.to_owned(), "bytes".to_owned()]);
+        let properties = WriterProperties::builder()
+            .set_created_by(program.to_owned())
+            .set_compression(Compression::SNAPPY)
+            // Images are compressed, and no two are alike.
+            .set_column_compression(bytes.clone(), Compression::UNCOMPRESSED)
+            .set_column_dictionary_enabled(bytes.clone(), false)
+            .set_column_statistics_enabled(bytes, EnabledStatistics::None)
+            .set_key_value_metadata(embeds.then(|| vec![hugging_face(image)]));
+        let mut file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties.build()))?;
+        // Hugging Face `datasets` fails at a row group without rows.
+        if self.leaves.iter().flatten().any(|leaf| !leaf.definition.is_empty()) {
+            let mut group = file.next_row_group()?;
+            for leaf in self.leaves.iter().flatten() {
+                let mut column = group.next_column()?.ok_or_else(|| ParquetError::General("too few columns".into()))?;
+                leaf.write(&mut column)?;
+                column.close()?;
+            }
+            group.close()?;
+        }
+        file.close().map(drop)
+    }
+}
+
+impl Leaf {
+    fn write(&self, column: &mut SerializedColumnWriter) -> Result<(), ParquetError> {
+        let levels = (Some(&*self.definition), Some(&*self.repetition));
+        match &self.values {
+            Values::Bool(values) => column.typed::<BoolType>().write_batch(values, levels.0, levels.1),
+            Values::Int(values) => column.typed::<Int64Type>().write_batch(values, levels.0, levels.1),
+            Values::Float(values) => column.typed::<DoubleType>().write_batch(values, levels.0, levels.1),
+            Values::Bytes(values) => column.typed::<ByteArrayType>().write_batch(values, levels.0, levels.1),
+        }
+        .map(drop)
+    }
+}
+
+/// What tells Hugging Face `datasets` that a column has images.
+fn hugging_face(column: &str) -> KeyValue {
+    let features = serde_json::json!({ "info": { "features": { column: { "_type": "Image" } } } });
+    KeyValue::new("huggingface".to_owned(), features.to_string())
+}

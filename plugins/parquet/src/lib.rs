@@ -1,0 +1,12 @@
+//! Parquet files.
+//!
+//! | kind | writes |
+//! | --- | --- |
+//! | [`parquet`] | tables of labels for pandas and Hugging Face `datasets`: a row per instance or per image |
+//!
+//! The only crate that knows the format's library.
+
+mod column;
+mod file;
+pub mod parquet;
+mod shred;

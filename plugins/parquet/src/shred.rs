@@ -1,0 +1,202 @@
+//! Nested values as the flat columns of Parquet.
+//!
+//! Each leaf of a column's type is a list of its values with two levels per entry: the definition level counts the optional
+//! and repeated nodes above the value that are there, the repetition level says which list the entry continues. All nodes
+//! are optional, and lists have the three levels of the format's specification, so that any reader takes them for lists.
+
+use parquet::basic::{ConvertedType, LogicalType, Repetition, Type as Physical};
+use parquet::data_type::ByteArray;
+use parquet::errors::ParquetError;
+use parquet::schema::types::{Type, TypePtr};
+use std::sync::Arc;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Value;
+
+/// The type of a cell. All cells may be null.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Node {
+    /// A truth value.
+    Bool,
+    /// A signed integer of 64 bits.
+    Int,
+    /// A double.
+    Float,
+    /// UTF-8 text.
+    Text,
+    /// Bytes.
+    Bytes,
+    /// Named fields.
+    Struct(Vec<(&'static str, Node)>),
+    /// A list of any length.
+    List(Box<Node>),
+}
+
+impl Node {
+    /// A list of elements of a type.
+    pub fn list(of: Self) -> Self {
+        Self::List(Box::new(of))
+    }
+
+    /// The type in Parquet's schema.
+    pub fn schema(&self, name: &str) -> Result<TypePtr, ParquetError> {
+        let leaf = |physical| Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
+        let group = |fields| Type::group_type_builder(name).with_repetition(Repetition::OPTIONAL).with_fields(fields);
+        let schema = match self {
+            Self::Bool => leaf(Physical::BOOLEAN).build()?,
+            Self::Int => leaf(Physical::INT64).build()?,
+            Self::Float => leaf(Physical::DOUBLE).build()?,
+            Self::Text => leaf(Physical::BYTE_ARRAY).with_logical_type(Some(LogicalType::String)).build()?,
+            Self::Bytes => leaf(Physical::BYTE_ARRAY).build()?,
+            Self::Struct(fields) => {
+                let fields = fields.iter().map(|(name, node)| node.schema(name)).collect::<Result<_, _>>()?;
+                group(fields).build()?
+            }
+            Self::List(of) => {
+                let list = Type::group_type_builder("list").with_repetition(Repetition::REPEATED);
+                let list = list.with_fields(vec![of.schema("element")?]).build()?;
+                group(vec![Arc::new(list)])
+                    .with_converted_type(ConvertedType::LIST)
+                    .with_logical_type(Some(LogicalType::List))
+                    .build()?
+            }
+        };
+        Ok(Arc::new(schema))
+    }
+
+    /// Appends an empty leaf for each leaf of the type.
+    pub fn leaves(&self, leaves: &mut Vec<Leaf>) {
+        match self {
+            Self::Bool => leaves.push(Leaf::new(Values::Bool(Vec::new()))),
+            Self::Int => leaves.push(Leaf::new(Values::Int(Vec::new()))),
+            Self::Float => leaves.push(Leaf::new(Values::Float(Vec::new()))),
+            Self::Text | Self::Bytes => leaves.push(Leaf::new(Values::Bytes(Vec::new()))),
+            Self::Struct(fields) => fields.iter().for_each(|(_, node)| node.leaves(leaves)),
+            Self::List(of) => of.leaves(leaves),
+        }
+    }
+
+    fn leaf_count(&self) -> usize {
+        match self {
+            Self::Struct(fields) => fields.iter().map(|(_, node)| node.leaf_count()).sum(),
+            Self::List(of) => of.leaf_count(),
+            _ => 1,
+        }
+    }
+}
+
+/// The values of a leaf.
+pub enum Values {
+    /// Truth values.
+    Bool(Vec<bool>),
+    /// Integers.
+    Int(Vec<i64>),
+    /// Doubles.
+    Float(Vec<f64>),
+    /// Bytes or text.
+    Bytes(Vec<ByteArray>),
+}
+
+/// A leaf of a column: its values, and the levels of all entries.
+pub struct Leaf {
+    /// Those that are not null.
+    pub values: Values,
+    /// Definition level of each entry.
+    pub definition: Vec<i16>,
+    /// Repetition level of each entry.
+    pub repetition: Vec<i16>,
+}
+
+/// Where an entry is in the nested lists.
+#[derive(Clone, Copy)]
+struct Place {
+    definition: i16,
+    repetition: i16,
+    /// Number of lists around it.
+    depth: i16,
+}
+
+impl Leaf {
+    fn new(values: Values) -> Self {
+        Self { values, definition: Vec::new(), repetition: Vec::new() }
+    }
+
+    fn entry(&mut self, place: Place) {
+        self.definition.push(place.definition);
+        self.repetition.push(place.repetition);
+    }
+}
+
+/// Appends the cell of a row to the leaves of its column.
+pub fn push(node: &Node, cell: &Value, leaves: &mut [Leaf]) -> Result<()> {
+    push_at(node, cell, leaves, Place { definition: 0, repetition: 0, depth: 0 })
+}
+
+fn push_at(node: &Node, cell: &Value, leaves: &mut [Leaf], place: Place) -> Result<()> {
+    let there = Place { definition: place.definition + 1, ..place };
+    match (node, cell) {
+        (_, Value::Null) => leaves.iter_mut().for_each(|leaf| leaf.entry(place)),
+        (Node::Struct(fields), Value::Record(values)) => {
+            let mut rest = leaves;
+            for (name, node) in fields {
+                let own;
+                (own, rest) = rest.split_at_mut(node.leaf_count());
+                let value = values.iter().find(|(other, _)| other == name).map_or(&Value::Null, |(_, value)| value);
+                push_at(node, value, own, there)?;
+            }
+        }
+        (Node::List(_), Value::List(values)) if values.is_empty() => {
+            leaves.iter_mut().for_each(|leaf| leaf.entry(there));
+        }
+        (Node::List(of), Value::List(values)) => {
+            let first = Place { definition: place.definition + 2, depth: place.depth + 1, ..place };
+            for (i, value) in values.iter().enumerate() {
+                let repetition = if i == 0 { place.repetition } else { first.depth };
+                push_at(of, value, leaves, Place { repetition, ..first })?;
+            }
+        }
+        (node, cell) => {
+            let [leaf] = leaves else { return Err(mismatch(node, cell)) };
+            match (&mut leaf.values, cell) {
+                (Values::Bool(values), &Value::Bool(value)) => values.push(value),
+                (Values::Int(values), &Value::Int(value)) => values.push(value),
+                (Values::Int(values), &Value::Uint(value)) => {
+                    values.push(i64::try_from(value).map_err(|_| mismatch(node, cell))?);
+                }
+                (Values::Float(values), &Value::Float(value)) => values.push(value),
+                (Values::Float(values), &Value::Int(value)) => values.push(value as f64),
+                (Values::Float(values), &Value::Uint(value)) => values.push(value as f64),
+                (Values::Bytes(values), Value::Text(value)) if *node == Node::Text => {
+                    values.push(value.as_str().into())
+                }
+                (Values::Bytes(values), Value::Bytes(value)) if *node == Node::Bytes => {
+                    values.push(value.clone().into());
+                }
+                _ => return Err(mismatch(node, cell)),
+            }
+            leaf.entry(there);
+        }
+    }
+    Ok(())
+}
+
+fn mismatch(node: &Node, cell: &Value) -> Error {
+    let cell = serde_json::to_string(cell).unwrap_or_default();
+    let start: String = cell.chars().take(40).collect();
+    Error::new(format!("the column holds {}, not {start}", node.name()))
+        .help("write the product with jsonl")
+        .permanent()
+}
+
+impl Node {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Bool => "truth values",
+            Self::Int => "integers of 64 bits",
+            Self::Float => "numbers",
+            Self::Text => "text",
+            Self::Bytes => "bytes",
+            Self::Struct(_) => "records",
+            Self::List(_) => "lists",
+        }
+    }
+}
