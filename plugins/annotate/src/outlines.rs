@@ -34,6 +34,10 @@ impl Config for Outlines {
     }
 }
 
+/// Masks, and what is provided of them.
+const OF_MASKS: [(Key<PerInstance<Mask>>, Key<PerInstance<Value>>); 2] =
+    [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)];
+
 impl Annotator for Outlines {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
@@ -47,9 +51,14 @@ impl Annotator for Outlines {
         true
     }
 
+    fn groups(&self) -> Vec<ProductGroup> {
+        let group = |(mask, outline): (Key<_>, Key<_>)| ProductGroup { reads: keys![mask], provides: keys![outline] };
+        OF_MASKS.into_iter().map(group).collect()
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
-        for (mask, outline) in [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)] {
-            let masks = products.get(mask)?;
+        for (mask, outline) in OF_MASKS {
+            let Some(masks) = products.optional(mask)? else { continue };
             let outlines = masks.iter().map(|(id, mask)| Ok((id, Value::of(&self.outline(mask))?)));
             let outlines = outlines.collect::<Result<_>>()?;
             products.put(outline, outlines)?;

@@ -85,7 +85,8 @@ fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
 }
 
 fn plan(stages: Vec<Candidate>, wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
-    let input = |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None };
+    let input =
+        |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None, is_optional: false };
     resolve(vec![PIXELS.id()], stages, Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
 }
 
@@ -204,7 +205,8 @@ fn an_ambiguity_is_resolved_by_what_its_help_says() {
 
 #[test]
 fn a_writer_refuses_what_it_cannot_store() {
-    let input = |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()) };
+    let input =
+        |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()), is_optional: false };
     let check = |accepts| resolve(vec![PIXELS.id()], vec![], vec![], &[("w".into(), vec![input(accepts)])]).err();
     assert!(check(Accepts::Type(PIXELS.id())).is_none());
     for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
@@ -242,7 +244,8 @@ impl Denoiser for Denoising {
 
 /// Plans what a writer reads of a renderer of light, with a denoiser.
 fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
-    let input = |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None };
+    let input =
+        |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None, is_optional: false };
     let denoiser =
         Candidate { stage: "denoise".into(), producer: Producer::Denoiser(Box::new(Denoising)), implied: None };
     let offers =
