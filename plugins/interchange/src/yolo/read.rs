@@ -47,6 +47,9 @@ struct Labeled {
     labels: Option<PathBuf>,
 }
 
+/// Error of sums of coordinates in text.
+const DECIMALS: f64 = 5e-6;
+
 /// What the lines of a dataset have after the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
@@ -128,7 +131,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         // What cannot be read is at fault when the image is read.
         for line in lines(path).unwrap_or_default() {
             found.insert(line.class);
-            shape = Some(Shape::of(line.values.len()).joined(shape));
+            shape = Shape::of(&line.values).map(|it| it.joined(shape)).or(shape);
         }
     }
     let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| path.is_file());
@@ -178,16 +181,22 @@ fn lines(path: &Path) -> Result<Vec<Line>> {
 }
 
 impl Shape {
-    /// What a line with this number of values has.
-    fn of(values: usize) -> Self {
-        match values {
-            4 => Self::Boxes,
-            8 => Self::RotatedBoxes,
-            _ => Self::Polygons,
+    /// What a line with these values has; none if it is a polygon and a rotated box alike: a rectangle along the edges of the
+    /// image.
+    fn of(values: &[f64]) -> Option<Self> {
+        let &[ax, ay, bx, by, cx, cy, dx, dy] = values else {
+            return Some(if values.len() == 4 { Self::Boxes } else { Self::Polygons });
+        };
+        let is = |a: f64, b: f64| (a - b).abs() < DECIMALS;
+        // Divided by width and height, a rectangle is still a parallelogram.
+        if !is(ax + cx, bx + dx) || !is(ay + cy, by + dy) {
+            return Some(Self::Polygons);
         }
+        let is_along = is(ax, bx) && is(by, cy) || is(ay, by) && is(bx, cx);
+        (!is_along).then_some(Self::RotatedBoxes)
     }
 
-    /// What lines have of which others have that. A polygon may have four points, too.
+    /// What lines have of which others have that. A polygon may be a parallelogram, too.
     fn joined(self, other: Option<Self>) -> Self {
         match other {
             Some(other) if other != self => Self::Polygons,
