@@ -85,7 +85,7 @@ fn mistakes_are_where_the_whole_file_has_them() {
     for (from, to) in [
         ("\"image_id\": 2", "\"image_id\": \"2\""),
         ("\"annotations\": [", "\"annotations\": 3, \"x\": ["),
-        ("\"images\"", "\"pictures\""),
+        ("\"images\"", "\"photos\""),
         ("\"file_name\": \"2.png\"", "\"file\": \"2.png\""),
         ("\"category_id\": 1,", "\"category_id\": 1"),
     ] {

@@ -815,7 +815,7 @@ fn out_of_range(name: &str) -> Option<String> {
     words.filter_map(|word| word.split_once(' ')).find_map(|(parameter, number)| {
         let number: u32 = number.parse().ok()?;
         match parameter {
-            "canvas" if number % 2 == 0 || !(3..=MAX_CANVAS).contains(&number) => {
+            "canvas" if number.is_multiple_of(2) || !(3..=MAX_CANVAS).contains(&number) => {
                 Some(format!("`canvas {number}` is out of range: a canvas is an odd number from 3 to {MAX_CANVAS}"))
             }
             "subpixels" if !(2..=MAX_SUBPIXELS).contains(&number) => {

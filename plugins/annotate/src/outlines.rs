@@ -34,9 +34,11 @@ impl Config for Outlines {
     }
 }
 
-/// Masks, and what is provided of them.
-const OF_MASKS: [(Key<PerInstance<Mask>>, Key<PerInstance<Value>>); 2] =
-    [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)];
+/// A product of masks, and what is provided of them.
+type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
+
+/// What is provided.
+const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)];
 
 impl Annotator for Outlines {
     fn reads(&self) -> Vec<KeyId> {

@@ -24,9 +24,11 @@ impl Config for RotatedBoxes {
     }
 }
 
-/// Masks, and what is provided of them.
-const OF_MASKS: [(Key<PerInstance<Mask>>, Key<PerInstance<Value>>); 2] =
-    [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)];
+/// A product of masks, and what is provided of them.
+type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
+
+/// What is provided.
+const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)];
 
 impl Annotator for RotatedBoxes {
     fn reads(&self) -> Vec<KeyId> {

@@ -68,12 +68,11 @@ pub fn fits_mask(
     tolerance_px2: f64,
 ) -> Vec<(&'static str, String)> {
     let mut faults = Vec::new();
-    // Not a number is no area, either.
-    if !((area - f64::from(mask.area())).abs() <= tolerance_px2) {
+    if (area - f64::from(mask.area())).abs() > tolerance_px2 {
         faults.push(("areas_are_those_of_masks", format!("{area_name} is {area}, its mask has {}", mask.area())));
     }
     let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
-    if bbox.iter().zip(&own).any(|(said, own)| !((said - own).abs() <= 1.0)) {
+    if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > 1.0) {
         faults.push(("bbox_is_that_of_a_mask", format!("{bbox_name} is {bbox:?}, that of its mask {own:?}")));
     }
     faults

@@ -259,6 +259,21 @@ fn names(keys: &[KeyId]) -> Vec<String> {
 }
 
 #[test]
+fn a_parameter_beyond_its_limit_is_named() {
+    for (name, help) in [
+        ("coverage (subpixels 9)", "`subpixels 9` is out of range: they are 2 to 8"),
+        ("coverage (canvas 3, subpixels 1)", "`subpixels 1` is out of range: they are 2 to 8"),
+        ("normal (canvas 4)", "`canvas 4` is out of range: a canvas is an odd number from 3 to 9"),
+        ("normal (canvas 11, next view)", "`canvas 11` is out of range"),
+        ("normal (canvas three)", "a rendered product may have `(canvas 3)`, up to 9, `(subpixels 2)`, up to 8"),
+        ("abnormal (canvas 4)", "`syntable list products`"),
+    ] {
+        let errors = lit(&[name]).err().expect("refused");
+        assert!(errors.iter().any(|error| error.help.starts_with(help)), "{name}: {errors:?}");
+    }
+}
+
+#[test]
 fn light_on_objects_is_denoised_as_that_of_the_image() {
     let found = lit(&[LIGHT_OF_ALL]).expect("planned");
     let alone = RenderParameters { objects: Some(Lighting::Alone), ..RenderParameters::IMAGE };

@@ -217,14 +217,14 @@ impl ImageAnnotation {
         let mut faults = Vec::new();
         let edge = edge_px2(amodal).max(1.0);
         let area = f64::from(amodal.area());
-        if let Some(said) = region.area.filter(|said| !((said - area).abs() <= edge)) {
+        if let Some(said) = region.area.filter(|said| (said - area).abs() > edge) {
             let message = format!("{} is {said}, its masks have {area}", self.key(number, "area"));
             faults.push(("areas_are_those_of_masks", message));
         }
         let rate = if area == 0.0 { 0.0 } else { f64::from(hidden.area()) / area };
         // A rate may be that of the polygon.
         let tolerance = edge / area.max(1.0);
-        if let Some(said) = region.occlude_rate.filter(|said| !((said - rate).abs() <= tolerance)) {
+        if let Some(said) = region.occlude_rate.filter(|said| (said - rate).abs() > tolerance) {
             let message = format!("{} is {said}, that of its masks {rate:.6}", self.key(number, "occlude_rate"));
             faults.push(("rate_is_ratio_of_areas", message));
         }
