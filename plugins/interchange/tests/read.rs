@@ -96,6 +96,9 @@ fn what_is_written_is_read() {
     }
 }
 
+/// Visible and amodal mask of an object as rows of pixels, and the name of its category.
+type True = (Vec<Vec<u8>>, Vec<Vec<u8>>, String);
+
 #[test]
 fn files_of_others_are_read() {
     for (kind, at) in
@@ -108,7 +111,7 @@ fn files_of_others_are_read() {
         let (format, read) =
             reader::open(&folder.path().join(at), None).unwrap_or_else(|error| panic!("{kind}: {error}"));
         assert_eq!((format.name, read.faults()), (kind, &[][..]));
-        let truth: Vec<Vec<(Vec<Vec<u8>>, Vec<Vec<u8>>, String)>> =
+        let truth: Vec<Vec<True>> =
             serde_json::from_slice(&fs::read(folder.path().join("truth.json")).expect("there")).expect("JSON");
         assert_eq!(read.images().len(), truth.len(), "{kind}");
         let name_of = |id: u32| {
