@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use support::{assert_same, fails, ok, syntable};
+use syntable_model::product::standard::{CATEGORY_ID, VISIBLE_MASK};
 use syntable_model::reader;
 use syntable_standard as _;
 
@@ -168,6 +169,10 @@ const PLANTED: &[(&str, &str, Plant)] = &[
         it.json["images"][0]["camera"]["world_from_camera"] =
             it.json["images"][1]["camera"]["world_from_camera"].clone();
     }),
+    ("poses_agree", "the two poses of a camera are not inverse", |it| {
+        let x = it.json["images"][0]["camera"]["camera_from_world"][0][3].as_f64().expect("a number");
+        it.json["images"][0]["camera"]["camera_from_world"][0][3] = json!(x + 0.01);
+    }),
     ("depth_agrees_with_poses", "depth is in tenths of a millimeter", |it| it.gray16(|depth| depth.saturating_mul(10))),
     ("depth_agrees_with_poses", "depth is 2 cm too large", |it| it.gray16(|depth| depth + 20)),
     ("visible_pixels_have_depth", "depth is missing", |it| it.gray16(|_| 0)),
@@ -242,12 +247,141 @@ fn what_is_converted_and_back_is_what_it_was() {
     assert_eq!(checks_that_fail(&path("coco").join("coco")), BTreeSet::new());
     ok(&mut convert("coco/coco", "coco", "coco again"));
     assert_same(&path("coco"), &path("coco again"));
-    // What a dataset lacks is said, and nothing is written.
-    let said = fails(&mut convert("coco/coco", "syntable", "lacking"), 2);
-    assert!(said.contains("reads `depth`, which the dataset does not have") && !path("lacking").exists(), "{said}");
+    // What a dataset lacks and our form can do without is said and left out, and what is there comes back.
+    let said = ok(&mut convert("coco/coco", "syntable", "lacking"));
+    let left_out = "left out: bodies, camera, denoiser, depth, exposure, label_policy, object_info, object_name\n";
+    assert!(said.contains(left_out), "{said}");
+    assert_eq!(checks_that_fail(&path("lacking")), BTreeSet::new());
+    let json: Value = serde_json::from_slice(&read("lacking")).expect("JSON");
+    let first = (&json["images"][0], &json["annotations"][0]);
+    assert!(["camera", "depth_file_name", "depth_unit_mm", "exposure"].iter().all(|key| first.0.get(key).is_none()));
+    assert!(first.1.get("object").is_none() && first.1.get("occluded_mask").is_some());
+    ok(&mut convert("lacking", "coco", "coco of lacking"));
+    assert_same(&path("coco"), &path("coco of lacking"));
+    // What another form cannot do without is said, and nothing is written.
+    let said = fails(&mut convert("coco/coco", "bop", "refused"), 2);
+    assert!(said.contains("reads `depth`, which the dataset does not have") && !path("refused").exists(), "{said}");
     let said = fails(&mut convert("ours", "gltf", "scene"), 2);
     assert!(said.contains("bodies of scenes"), "{said}");
     let said = fails(&mut convert("ours", "coco", "again"), 2);
     assert!(said.contains("not empty"), "{said}");
     assert!(fails(&mut convert("ours", "nothing", "none"), 2).contains("no such kind"));
+}
+
+/// A COCO dataset as others write it: polygons of what is visible, and nothing else.
+fn plain_coco(root: &Path) {
+    fs::create_dir_all(root.join("annotations")).expect("writable");
+    fs::create_dir_all(root.join("val2017")).expect("writable");
+    image::RgbImage::from_fn(60, 40, |x, y| image::Rgb([x as u8, y as u8, 7]))
+        .save(root.join("val2017/a.png"))
+        .expect("writable");
+    let annotation = |id: u32, category: u32, polygon: Value| {
+        json!({ "id": id, "image_id": 3, "category_id": category, "segmentation": [polygon], "area": 200.0,
+                "bbox": [10, 10, 20, 10], "iscrowd": 0 })
+    };
+    let json = json!({
+        "images": [{ "id": 3, "file_name": "a.png", "width": 60, "height": 40 }],
+        "annotations": [
+            annotation(8, 44, json!([10, 10, 30, 10, 30, 20, 10, 20])),
+            annotation(9, 47, json!([35, 5, 55, 5, 55, 15, 35, 15])),
+        ],
+        "categories": [{ "id": 44, "name": "bottle", "supercategory": "kitchen" }, { "id": 47, "name": "cup" }],
+    });
+    fs::write(root.join("annotations/instances_val2017.json"), json.to_string()).expect("writable");
+}
+
+#[test]
+fn datasets_without_amodal_masks_are_converted() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    plain_coco(&path("plain"));
+    let convert = |from: &str, to: &str, out: &str| {
+        let mut convert = syntable();
+        convert.arg("convert").arg(path(from)).args(["--to", to, "--out"]).arg(path(out));
+        convert
+    };
+    let masks = |name: &str| -> Vec<(String, Vec<u32>)> {
+        let (_, read) = reader::open(&path(name), None).expect("a dataset");
+        let (_, products) = read.read(0, &read.offers()).expect("readable");
+        let category = |id: u32| read.info().categories().find(|(other, _)| *other == id).expect("known").1.to_owned();
+        let visible = products.get(VISIBLE_MASK).expect("there").iter();
+        visible
+            .map(|(id, mask)| (category(products.get(CATEGORY_ID).expect("there").0[&id]), mask.counts().to_vec()))
+            .collect()
+    };
+    let want = masks("plain");
+    assert_eq!(want.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["bottle", "cup"]);
+    for (from, to) in [("plain", "syntable"), ("plain", "yolo"), ("plain", "coco"), ("plain", "coco_panoptic")] {
+        let said = ok(&mut convert(from, to, to));
+        assert!(
+            said.contains("left out: amodal_box, amodal_mask") || to == "syntable" && said.contains("amodal_mask"),
+            "{said}"
+        );
+    }
+    for name in ["syntable", "yolo", "coco"] {
+        assert_eq!(masks(name), want, "{name}");
+        assert_eq!(checks_that_fail(&path(name)), BTreeSet::new(), "{name}");
+    }
+    let json: Value =
+        serde_json::from_slice(&fs::read(path("syntable/annotation_final.json")).expect("there")).expect("JSON");
+    let annotation = &json["annotations"][0];
+    assert!(
+        ["occluded_mask", "occluded_rate", "amodal_bbox", "occluded_area"]
+            .iter()
+            .all(|key| annotation.get(key).is_none())
+    );
+    assert_eq!(annotation["area"], json!(200));
+    // And on from there.
+    ok(&mut convert("syntable", "coco", "coco again"));
+    assert_same(&path("coco"), &path("coco again"));
+    ok(&mut convert("yolo", "coco", "coco of yolo"));
+    assert_eq!(masks("coco of yolo"), want);
+    // Polygons around amodal masks need such masks.
+    let said = fails(convert("plain", "yolo", "refused").args(["--set", "yolo.masks=\"amodal\""]), 2);
+    assert!(said.contains("`amodal_mask`, which the dataset does not have"), "{said}");
+}
+
+#[test]
+fn a_request_that_cannot_succeed_is_at_fault() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    plain_coco(&path("plain"));
+    let image = path("plain/val2017/a.png");
+    let bytes = fs::read(&image).expect("there");
+    fs::write(&image, &bytes[..bytes.len() / 2]).expect("writable");
+    let convert = |out: &Path| {
+        let mut convert = syntable();
+        convert.arg("convert").arg(path("plain")).args(["--to", "coco", "--out"]).arg(out);
+        convert
+    };
+    let said = fails(&mut convert(&path("out")), 2);
+    assert!(said.contains("a.png: not a readable PNG file") && !path("out").exists(), "{said}");
+    fs::write(&image, bytes).expect("writable");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(path("nowhere"), path("link")).expect("a link");
+        let said = fails(&mut convert(&path("link")), 2);
+        assert!(said.contains("link: it is a link to what is not there"), "{said}");
+        let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
+        assert!(said.contains("it is a link to what is not there"), "{said}");
+    }
+    ok(&mut convert(&path("out")));
+}
+
+#[test]
+fn checks_that_find_nothing_to_compare_are_not_made() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    dataset(&path("ours"));
+    let checked = |name: &str, check: &str| {
+        let (_, dataset) = reader::open(&path(name), None).expect("a dataset");
+        let found = syntable_runtime::validate::validate(&*dataset, 2).expect("checked");
+        found.checks.iter().find(|it| it.check == check).expect("a check").images
+    };
+    ok(syntable().arg("convert").arg(path("ours")).args(["--to", "bop", "--out"]).arg(path("bop")));
+    for check in ["poses_reproject_into_masks", "depth_agrees_with_poses"] {
+        // BOP has the boxes of objects in `models`, which are not written.
+        assert_eq!((checked("ours", check), checked("bop", check)), (Some(4), Some(0)), "{check}");
+    }
+    assert_eq!(checked("bop", "poses_agree"), Some(4));
 }

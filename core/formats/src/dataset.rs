@@ -70,7 +70,7 @@ impl<I: Serialize, A: Serialize> Dataset<I, A> {
 }
 
 /// An error of the parser with its line and field.
-fn located(error: &serde_json::Error, field: Option<&str>) -> Error {
+pub(crate) fn located(error: &serde_json::Error, field: Option<&str>) -> Error {
     let text = error.to_string();
     let place = format!(" at line {} column {}", error.line(), error.column());
     let field = field.map_or(String::new(), |field| format!("`{field}`: "));

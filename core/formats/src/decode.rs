@@ -2,10 +2,14 @@
 
 use png::{BitDepth, ColorType, Decoder, Transformations};
 use std::fs::{self, File};
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Plane;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Most pixels that an image of a dataset may have.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -16,8 +20,14 @@ enum Samples {
     Sixteen(Vec<u16>, usize),
 }
 
-/// An 8-bit RGB image from a PNG file; gray becomes RGB, transparency is dropped.
+/// How JPEG files begin.
+const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
+
+/// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
 pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
+    if is_jpeg(path)? {
+        return jpeg(path);
+    }
     let ([width, height], samples) = read(path)?;
     match samples {
         Samples::Eight(samples, channels) => {
@@ -26,6 +36,34 @@ pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
         }
         Samples::Sixteen(..) => Err(unlike(path, "an 8-bit image", "16-bit")),
     }
+}
+
+fn is_jpeg(path: &Path) -> Result<bool> {
+    check_file(path)?;
+    let mut start = Vec::new();
+    let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+    file.take(JPEG.len() as u64).read_to_end(&mut start).map_err(|error| Error::io(path, &error))?;
+    Ok(start == JPEG)
+}
+
+fn jpeg(path: &Path) -> Result<Plane<[u8; 3]>> {
+    let bytes = fs::read(path).map_err(|error| Error::io(path, &error))?;
+    let refuse = |what: String| Error::new(what).in_file(path).permanent();
+    // The same pixels on every processor.
+    let options = DecoderOptions::new_safe().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes), options);
+    let fail = |error| refuse(format!("not a readable JPEG file: {error}"));
+    decoder.decode_headers().map_err(fail)?;
+    let [width, height] = decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]);
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(refuse(format!("{width} × {height} pixels are too many")));
+    }
+    let samples = decoder.decode().map_err(fail)?;
+    let pixels: Vec<[u8; 3]> = samples.as_chunks().0.to_vec();
+    if pixels.len() as u64 != u64::from(width) * u64::from(height) {
+        return Err(refuse(format!("not a color image of {width} × {height} pixels")));
+    }
+    Ok(Plane::from_vec(width, height, pixels))
 }
 
 /// A gray image of 8 or 16 bits from a PNG file.
@@ -63,7 +101,10 @@ fn unlike(path: &Path, expected: &str, found: &str) -> Error {
 
 fn read(path: &Path) -> Result<([u32; 2], Samples)> {
     let fail = |error: png::DecodingError| match error {
-        png::DecodingError::IoError(error) => Error::io(path, &error),
+        // That a file ends early says something about the file.
+        png::DecodingError::IoError(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
+            Error::io(path, &error)
+        }
         error => Error::new(format!("not a readable PNG file: {error}")).in_file(path).permanent(),
     };
     check_file(path)?;

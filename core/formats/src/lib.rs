@@ -6,6 +6,8 @@
 //! | [`syntable`] | SynTable's annotations: COCO's structure with visible, amodal and occluded masks |
 //! | [`segmentation`] | masks in JSON: run lengths, compressed or not, and polygons |
 //! | [`dataset`] | a whole annotation file: reading, and writing record by record |
+//! | [`index`] | a whole annotation file whose records stay in the file until they are asked for |
+//! | [`listing`] | the images of an annotation file in order, each with its annotations |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | the same, read back |
@@ -27,6 +29,8 @@ pub mod dataset;
 pub mod decode;
 pub mod encode;
 pub mod include;
+pub mod index;
+pub mod listing;
 mod polygon;
 pub mod read;
 pub mod segmentation;

@@ -116,7 +116,7 @@ pub fn view(id: ViewId, width: u32, height: u32) -> View {
 }
 
 /// The categories of an annotation file, and their ids in a dataset of ours.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Categories {
     names: BTreeMap<u64, String>,
     classes: Vec<String>,
@@ -131,10 +131,22 @@ impl Categories {
         Self { names, classes: classes.into_iter().collect() }
     }
 
+    /// Those of a format that has names of categories without ids: they have ids from 1, in this order.
+    pub fn named(names: impl IntoIterator<Item = String>) -> Self {
+        let category = |(id, name)| Category { id, name, ..Category::default() };
+        // No name is a background.
+        Self::of(&(BACKGROUND + 1..).zip(names).map(category).collect::<Vec<_>>())
+    }
+
+    /// The id of the category of a name in a dataset of ours.
+    pub fn id_of(&self, name: &str) -> u32 {
+        let place = self.classes.binary_search_by(|class| class.as_str().cmp(name));
+        place.map_or(DatasetInfo::OBJECT.0, |at| DatasetInfo::OBJECT.0 + 1 + at as u32)
+    }
+
     /// The id of a file's category in a dataset of ours.
     pub fn id(&self, id: u64) -> u32 {
-        let place = self.names.get(&id).and_then(|name| self.classes.binary_search(name).ok());
-        place.map_or(DatasetInfo::OBJECT.0, |at| DatasetInfo::OBJECT.0 + 1 + at as u32)
+        self.names.get(&id).map_or(DatasetInfo::OBJECT.0, |name| self.id_of(name))
     }
 
     /// What is known of a dataset with these images.
@@ -171,14 +183,14 @@ impl Faults {
         self.add("known_images", format!("annotation {annotation}"), &format!("there is no image {image}"));
     }
 
-    /// Ids that two annotations have, and categories that are not there.
-    pub fn of_annotations(&mut self, categories: &Categories, annotations: impl Iterator<Item = (u64, u64)>) {
+    /// Ids that two annotations have, and categories that are not there, of those that have one.
+    pub fn of_annotations(&mut self, categories: &Categories, annotations: impl Iterator<Item = (u64, Option<u64>)>) {
         let mut seen = BTreeSet::new();
         for (id, category) in annotations {
             if !seen.insert(id) {
                 self.add("unique_ids", format!("annotation {id}"), "two annotations have this id");
             }
-            if !categories.names.contains_key(&category) {
+            if let Some(category) = category.filter(|category| !categories.names.contains_key(category)) {
                 self.add("known_categories", format!("annotation {id}"), &format!("there is no category {category}"));
             }
         }
@@ -206,6 +218,11 @@ impl Faults {
             }
         }
         placed.into_values().unzip()
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &[DatasetFault] {
+        &self.0
     }
 
     /// All of them.

@@ -148,17 +148,20 @@ pub struct Annotation {
     /// Pixels of O.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_area: Option<u64>,
-    /// Pixels of O over pixels of A, in [0, 1]. Two decimals in the syntable_1 form.
-    pub occluded_rate: f64,
+    /// Pixels of O over pixels of A, in [0, 1]. Two decimals in the syntable_1 form. Missing where objects have visible masks
+    /// alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub occluded_rate: Option<f64>,
     /// The rate with two decimals, as the syntable_1 form has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occluded_rate_rounded: Option<f64>,
-    /// A.
+    /// A; V where objects have visible masks alone.
     pub segmentation: Rle,
     /// V.
     pub visible_mask: Rle,
-    /// O; empty if the object is not occluded.
-    pub occluded_mask: Rle,
+    /// O; empty if the object is not occluded. Missing where objects have visible masks alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub occluded_mask: Option<Rle>,
     /// The product `object_info` of the object, null if it has none; [`Annotation::object`] reads it.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "present")]
     pub object: Option<Json>,

@@ -127,7 +127,7 @@ fn the_released_form_is_read_and_written_byte_for_byte() {
     );
     assert_eq!((annotation.area, annotation.segmentation.area), (0, Some(40)), "neither is the area of the mask");
     assert_eq!(annotation.visible_mask.area, Some(u64::from(annotation.visible_mask.decode().expect("sound").area())));
-    assert!(annotation.occluded_mask.decode().expect("sound").is_empty());
+    assert!(annotation.occluded_mask.as_ref().expect("there").decode().expect("sound").is_empty());
 }
 
 #[test]
@@ -186,11 +186,11 @@ fn our_own_fields_survive_reading_and_writing() {
         area: 4,
         visible_area: Some(4),
         occluded_area: Some(0),
-        occluded_rate: 1.0 / 3.0,
+        occluded_rate: Some(1.0 / 3.0),
         occluded_rate_rounded: Some(0.33),
         segmentation: rle.clone(),
         visible_mask: rle.clone(),
-        occluded_mask: rle,
+        occluded_mask: Some(rle),
         object: Some(json!({ "name": "mug", "world_from_object": pose, "camera_from_object": pose, "mass_kg": 0.2 })),
         extra: Default::default(),
     };

@@ -14,6 +14,8 @@ pub struct Check {
     pub doc: &'static str,
     /// The products that it looks at. It is made where all of them are there.
     pub reads: fn() -> Vec<KeyId>,
+    /// Whether there is something in these that it can compare: a dataset that was read may lack a part of a record.
+    pub finds_subject: fn(&Products) -> bool,
     /// What does not hold, a sentence each. An error says that a product cannot be read.
     pub faults: fn(&Products) -> Result<Vec<String>>,
 }
@@ -36,9 +38,12 @@ pub fn linked() -> Vec<Check> {
 }
 
 impl Check {
+    /// [`finds_subject`](Self::finds_subject) of a check that needs nothing but its products.
+    pub const ALWAYS: fn(&Products) -> bool = |_| true;
+
     /// Whether all that it looks at is there.
     pub fn applies(&self, products: &Products) -> bool {
-        (self.reads)().iter().all(|key| products.contains(&key.name))
+        (self.reads)().iter().all(|key| products.contains(&key.name)) && (self.finds_subject)(products)
     }
 
     /// What does not hold in a view; nothing where a product is missing.

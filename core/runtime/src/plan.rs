@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 use syntable_model::error::Error;
 use syntable_model::product::standard::{COVERAGE, RADIANCE};
-use syntable_model::product::{KeyId, Name, RenderParameters, Scope};
+use syntable_model::product::{KeyId, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters, Scope};
 use syntable_model::registry::{Entry, Registry, Slot, Stage};
 use syntable_model::stage::{
     Annotator, DatasetAnnotator, Denoiser, Input, Renderer, Replacement, SceneAnnotator, Sensor, Writer,
@@ -722,14 +722,15 @@ impl Resolver {
         let rendered =
             self.offers.iter().any(|key| name.split_once(" (").is_some_and(|(base, _)| key.name.base == base));
         let help = match rendered {
-            true => {
-                "a rendered product may have `(canvas 3)`, 5, 7 or 9, `(subpixels 2)` to 8, `(next view)`, and coverage \
-                 `(before support)`, joined by commas; or, with one value per pixel, `(objects alone)` or `(objects in \
-                 scene)`"
-            }
-            false => "`syntable list products` shows all products of the linked plugins",
+            true => out_of_range(name).unwrap_or_else(|| {
+                format!(
+                    "a rendered product may have `(canvas 3)`, up to {MAX_CANVAS}, `(subpixels 2)`, up to {MAX_SUBPIXELS}, \
+                     `(next view)`, and coverage `(before support)`, joined by commas; or, with one value per pixel, `(objects \
+                     alone)` or `(objects in scene)`"
+                )
+            }),
+            false => "`syntable list products` shows all products of the linked plugins".to_owned(),
         };
-        let help = help.to_owned();
         self.fail(Fault::Unknown, by, name, message, help);
         if let Some(error) = self.errors.iter_mut().find(|error| error.product == name && error.fault == Fault::Unknown)
         {
@@ -806,6 +807,23 @@ impl Resolver {
         plan.entries = self.entries;
         Ok(plan)
     }
+}
+
+/// The limit that a parameter in the name of a rendered product is beyond.
+fn out_of_range(name: &str) -> Option<String> {
+    let words = name.split_once(" (")?.1.strip_suffix(')')?.split(", ");
+    words.filter_map(|word| word.split_once(' ')).find_map(|(parameter, number)| {
+        let number: u32 = number.parse().ok()?;
+        match parameter {
+            "canvas" if number.is_multiple_of(2) || !(3..=MAX_CANVAS).contains(&number) => {
+                Some(format!("`canvas {number}` is out of range: a canvas is an odd number from 3 to {MAX_CANVAS}"))
+            }
+            "subpixels" if !(2..=MAX_SUBPIXELS).contains(&number) => {
+                Some(format!("`subpixels {number}` is out of range: they are 2 to {MAX_SUBPIXELS}"))
+            }
+            _ => None,
+        }
+    })
 }
 
 #[cfg(test)]

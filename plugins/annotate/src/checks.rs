@@ -30,12 +30,14 @@ register_check!(
         name: "visible_masks_disjoint",
         doc: "No pixel is in the visible masks of two objects.",
         reads: || keys![VISIBLE_MASK],
+        finds_subject: Check::ALWAYS,
         faults: disjoint,
     },
     Check {
         name: "visible_within_amodal",
         doc: "The visible mask of an object lies within its amodal mask.",
         reads: || keys![VISIBLE_MASK, AMODAL_MASK],
+        finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, VISIBLE_MASK, AMODAL_MASK, |_, visible, amodal| {
             let outside = visible.minus(amodal).area();
             (outside > 0).then(|| format!("{outside} of its visible pixels are not in its amodal mask"))
@@ -45,6 +47,7 @@ register_check!(
         name: "occlusion_is_amodal_minus_visible",
         doc: "The occlusion mask of an object is its amodal mask without its visible mask.",
         reads: || keys![VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK],
+        finds_subject: Check::ALWAYS,
         faults: |products| {
             let visible = products.get(VISIBLE_MASK)?;
             each_pair(products, AMODAL_MASK, OCCLUSION_MASK, |id, amodal, occlusion| {
@@ -60,30 +63,35 @@ register_check!(
         name: "rate_is_ratio_of_areas",
         doc: "The occlusion rate is the area of the occlusion mask over that of the amodal mask.",
         reads: || keys![AMODAL_MASK, OCCLUSION_MASK, OCCLUSION_RATE],
+        finds_subject: Check::ALWAYS,
         faults: rates,
     },
     Check {
         name: "order_is_that_of_masks",
         doc: "An object occludes another one in the order if its visible mask meets the other's occlusion mask.",
         reads: || keys![VISIBLE_MASK, OCCLUSION_MASK, OCCLUSION_ORDER],
+        finds_subject: Check::ALWAYS,
         faults: order,
     },
     Check {
         name: "visible_box_is_that_of_mask",
         doc: "The visible box is the smallest one around the visible mask.",
         reads: || keys![VISIBLE_MASK, VISIBLE_BOX],
+        finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, VISIBLE_MASK, VISIBLE_BOX, box_of),
     },
     Check {
         name: "amodal_box_is_that_of_mask",
         doc: "The amodal box is the smallest one around the amodal mask.",
         reads: || keys![AMODAL_MASK, AMODAL_BOX],
+        finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, AMODAL_MASK, AMODAL_BOX, box_of),
     },
     Check {
         name: "masks_have_the_size_of_the_image",
         doc: "Masks and image have one size.",
         reads: || keys![RGB, AMODAL_MASK, VISIBLE_MASK],
+        finds_subject: Check::ALWAYS,
         faults: |products| {
             let size = [products.get(RGB)?.width(), products.get(RGB)?.height()];
             each_pair(products, AMODAL_MASK, VISIBLE_MASK, |_, amodal, visible| {
@@ -102,6 +110,7 @@ register_check!(
         name: "depth_has_the_size_of_the_image",
         doc: "Depth and image have one size.",
         reads: || keys![RGB, DEPTH],
+        finds_subject: Check::ALWAYS,
         faults: |products| {
             let (rgb, depth) = (products.get(RGB)?, products.get(DEPTH)?);
             let sizes = [[rgb.width(), rgb.height()], [depth.width(), depth.height()]];
@@ -115,6 +124,7 @@ register_check!(
         name: "camera_has_the_size_of_the_image",
         doc: "The intrinsics are those of an image of this size.",
         reads: || keys![RGB, CAMERA],
+        finds_subject: Check::ALWAYS,
         faults: |products| {
             let (rgb, camera) = (products.get(RGB)?, json(products, CAMERA)?);
             let size = [camera["width"].as_u64(), camera["height"].as_u64()];
@@ -128,6 +138,7 @@ register_check!(
         name: "visible_pixels_have_depth",
         doc: "Where an object is visible, there is a depth.",
         reads: || keys![VISIBLE_MASK, DEPTH],
+        finds_subject: Check::ALWAYS,
         faults: |products| {
             let depth = products.get(DEPTH)?;
             each(products, VISIBLE_MASK, |_, mask| {
@@ -138,15 +149,20 @@ register_check!(
     },
     Check {
         name: "poses_agree",
-        doc: "The pose in the world is that of the camera times the pose in the camera frame.",
+        doc: "The pose in the world is that of the camera times the pose in the camera frame, and the camera's two poses are \
+              inverse.",
         reads: || keys![CAMERA, OBJECT_INFO],
+        finds_subject: |products| json(products, CAMERA).is_ok_and(|camera| camera.get("world_from_camera").is_some()),
         faults: |products| {
             let camera = json(products, CAMERA)?;
-            // A dataset need not say where cameras are in the world.
-            let Some(said) = camera.get("world_from_camera") else { return Ok(Vec::new()) };
-            let Some(world_from_camera) = matrix(said) else {
+            let Some(world_from_camera) = matrix(&camera["world_from_camera"]) else {
                 return Ok(vec!["the pose of the camera is no 4 × 4 matrix of numbers".to_owned()]);
             };
+            if let Some(fault) =
+                camera.get("camera_from_world").and_then(|back| is_no_inverse(back, &world_from_camera))
+            {
+                return Ok(vec![fault]);
+            }
             each(products, OBJECT_INFO, |_, info| {
                 let info = serde_json::to_value(info).ok()?;
                 let [world, camera] = ["world_from_object", "camera_from_object"].map(|key| matrix(&info[key]));
@@ -154,7 +170,7 @@ register_check!(
                     return Some("a pose of it is no 4 × 4 matrix of numbers".to_owned());
                 };
                 let expected = product(&world_from_camera, &camera);
-                let differ = (0..16).map(|i| (world[i / 4][i % 4] - expected[i / 4][i % 4]).abs()).fold(0.0, f64::max);
+                let differ = difference(&world, &expected);
                 (differ > ROUNDING).then(|| format!("its poses in world and camera differ by {differ:.2e}"))
             })
         },
@@ -163,6 +179,7 @@ register_check!(
         name: "poses_are_rigid",
         doc: "The pose of an object in the camera frame is a rotation and a translation.",
         reads: || keys![OBJECT_INFO],
+        finds_subject: Check::ALWAYS,
         faults: |products| each(products, OBJECT_INFO, |_, info| {
             let info = serde_json::to_value(info).ok()?;
             let Some(pose) = matrix(&info["camera_from_object"]) else {
@@ -179,6 +196,7 @@ register_check!(
         name: "camera_is_sound",
         doc: "Focal lengths are positive, and the principal point is a number.",
         reads: || keys![CAMERA],
+        finds_subject: Check::ALWAYS,
         faults: |products| {
             let camera = json(products, CAMERA)?;
             let k = |row: usize, column: usize| camera["K"][row][column].as_f64().unwrap_or(f64::NAN);
@@ -190,12 +208,14 @@ register_check!(
         name: "poses_reproject_into_masks",
         doc: "The amodal mask of an object lies within the image of its box in space.",
         reads: || keys![CAMERA, OBJECT_INFO, AMODAL_MASK],
+        finds_subject: |products| has_box(products) && !is_distorted(products),
         faults: reprojected,
     },
     Check {
         name: "depth_agrees_with_poses",
         doc: "Where an object is visible, the depth is within its box in space.",
         reads: || keys![OBJECT_INFO, VISIBLE_MASK, DEPTH],
+        finds_subject: has_box,
         faults: |products| {
             let depth = products.get(DEPTH)?;
             each_pair(products, VISIBLE_MASK, OBJECT_INFO, |_, mask, info| {
@@ -213,6 +233,7 @@ register_check!(
         name: "counts_are_those_of_masks",
         doc: "Pixel counts are those of the masks, and the parts are not larger than the whole.",
         reads: || keys![VISIBILITY, VISIBLE_MASK],
+        finds_subject: Check::ALWAYS,
         faults: |products| each_pair(products, VISIBLE_MASK, VISIBILITY, |_, mask, counts| {
             let counts = serde_json::to_value(counts).ok()?;
             let [all, valid, visib] =
@@ -329,10 +350,6 @@ fn reprojected(products: &Products) -> Result<Vec<String>> {
     let (Some(fx), Some(fy), Some(cx), Some(cy)) = (k(0, 0), k(1, 1), k(0, 2), k(1, 2)) else {
         return Ok(vec!["the camera has no matrix K of numbers".to_owned()]);
     };
-    // A lens that distorts may show more of a box than its corners tell.
-    if camera.get("distortion_k1_k2_p1_p2_k3").is_some() {
-        return Ok(Vec::new());
-    }
     each_pair(products, AMODAL_MASK, OBJECT_INFO, |_, mask, info| {
         let corners = corners(info)?;
         // The image of a box that the camera is in has no bounds.
@@ -386,6 +403,32 @@ fn matrix(value: &Json) -> Option<[[f64; 4]; 4]> {
         }
     }
     Some(matrix)
+}
+
+/// Largest difference of two entries.
+fn difference(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> f64 {
+    (0..16).map(|i| (a[i / 4][i % 4] - b[i / 4][i % 4]).abs()).fold(0.0, f64::max)
+}
+
+/// What is wrong with `camera_from_world`.
+fn is_no_inverse(said: &Json, world_from_camera: &[[f64; 4]; 4]) -> Option<String> {
+    let Some(camera_from_world) = matrix(said) else {
+        return Some("`camera_from_world` is no 4 × 4 matrix of numbers".to_owned());
+    };
+    let identity = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let differ = difference(&product(&camera_from_world, world_from_camera), &identity);
+    (differ > ROUNDING)
+        .then(|| format!("`camera_from_world` is not the inverse of `world_from_camera`: off by {differ:.2e}"))
+}
+
+/// Whether the size of an object is known.
+fn has_box(products: &Products) -> bool {
+    products.get(OBJECT_INFO).is_ok_and(|infos| infos.iter().any(|(_, info)| corners(info).is_some()))
+}
+
+/// Whether a lens may show more of a box than its corners tell.
+fn is_distorted(products: &Products) -> bool {
+    json(products, CAMERA).is_ok_and(|camera| camera.get("distortion_k1_k2_p1_p2_k3").is_some())
 }
 
 fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {

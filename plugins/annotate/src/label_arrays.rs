@@ -35,13 +35,23 @@ impl Annotator for LabelArrays {
         true
     }
 
+    fn groups(&self) -> Vec<ProductGroup> {
+        vec![
+            ProductGroup { reads: keys![VISIBLE_MASK], provides: keys![VISIBLE_IDS] },
+            ProductGroup { reads: keys![AMODAL_MASK], provides: keys![AMODAL_BITS] },
+        ]
+    }
+
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let k = &cx.view.camera.intrinsics;
-        let mut ids = Plane::from_fn(k.width, k.height, |_, _| InstanceId::default());
-        for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
-            mask.pixels().for_each(|pixel| ids.data_mut()[pixel] = id);
+        if let Some(visible) = products.optional(VISIBLE_MASK)? {
+            let mut ids = Plane::from_fn(k.width, k.height, |_, _| InstanceId::default());
+            for (id, mask) in visible.iter() {
+                mask.pixels().for_each(|pixel| ids.data_mut()[pixel] = id);
+            }
+            products.put(VISIBLE_IDS, ids)?;
         }
-        let amodal = products.get(AMODAL_MASK)?;
+        let Some(amodal) = products.optional(AMODAL_MASK)? else { return Ok(()) };
         let (width, height, bytes) = (k.width as usize, k.height as usize, (k.width as usize).div_ceil(8));
         let mut bits = vec![0_u8; amodal.0.len() * height * bytes];
         for (plane, (_, mask)) in bits.chunks_exact_mut(height * bytes).zip(amodal.iter()) {
@@ -49,7 +59,6 @@ impl Annotator for LabelArrays {
                 .for_each(|pixel| plane[pixel / width * bytes + pixel % width / 8] |= 0x80 >> (pixel % width % 8));
         }
         let bits = Tensor::new(DType::U8, &["instance", "y", "byte"], vec![amodal.0.len(), height, bytes], bits);
-        products.put(VISIBLE_IDS, ids)?;
         products.put(AMODAL_BITS, Value::Tensor(bits))
     }
 }

@@ -34,6 +34,12 @@ impl Config for Outlines {
     }
 }
 
+/// A product of masks, and what is provided of them.
+type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
+
+/// What is provided.
+const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)];
+
 impl Annotator for Outlines {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
@@ -47,9 +53,14 @@ impl Annotator for Outlines {
         true
     }
 
+    fn groups(&self) -> Vec<ProductGroup> {
+        let group = |(mask, outline): (Key<_>, Key<_>)| ProductGroup { reads: keys![mask], provides: keys![outline] };
+        OF_MASKS.into_iter().map(group).collect()
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
-        for (mask, outline) in [(VISIBLE_MASK, VISIBLE_OUTLINE), (AMODAL_MASK, AMODAL_OUTLINE)] {
-            let masks = products.get(mask)?;
+        for (mask, outline) in OF_MASKS {
+            let Some(masks) = products.optional(mask)? else { continue };
             let outlines = masks.iter().map(|(id, mask)| Ok((id, Value::of(&self.outline(mask))?)));
             let outlines = outlines.collect::<Result<_>>()?;
             products.put(outline, outlines)?;

@@ -24,6 +24,12 @@ impl Config for RotatedBoxes {
     }
 }
 
+/// A product of masks, and what is provided of them.
+type OfMasks = (Key<PerInstance<Mask>>, Key<PerInstance<Value>>);
+
+/// What is provided.
+const OF_MASKS: [OfMasks; 2] = [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)];
+
 impl Annotator for RotatedBoxes {
     fn reads(&self) -> Vec<KeyId> {
         keys![VISIBLE_MASK, AMODAL_MASK]
@@ -37,9 +43,14 @@ impl Annotator for RotatedBoxes {
         true
     }
 
+    fn groups(&self) -> Vec<ProductGroup> {
+        let group = |(mask, rotated): (Key<_>, Key<_>)| ProductGroup { reads: keys![mask], provides: keys![rotated] };
+        OF_MASKS.into_iter().map(group).collect()
+    }
+
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
-        for (mask, rotated) in [(VISIBLE_MASK, VISIBLE_ROTATED_BOX), (AMODAL_MASK, AMODAL_ROTATED_BOX)] {
-            let masks = products.get(mask)?;
+        for (mask, rotated) in OF_MASKS {
+            let Some(masks) = products.optional(mask)? else { continue };
             let boxes = masks.iter().map(|(id, mask)| Ok((id, Value::of(&RotatedBox::around(mask))?)));
             let boxes = boxes.collect::<Result<_>>()?;
             products.put(rotated, boxes)?;

@@ -60,7 +60,9 @@ impl InstaOrder {
 
 impl Writer for InstaOrder {
     fn reads(&self) -> Vec<Input> {
-        std::iter::once(Input::of(RGB)).chain(order::inputs()).chain(labels::inputs()).collect()
+        // Depth is half of what the format says.
+        let orders = order::inputs().map(|input| Input { is_optional: false, ..input });
+        std::iter::once(Input::of(RGB)).chain(orders).chain(labels::inputs()).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -118,7 +120,7 @@ impl SceneWriter for InstaOrderScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let labels = Masks::Visible.shown(labels::labels(products)?);
         self.files.image(cx, products, labels.len())?;
-        labels.iter().try_for_each(|label| self.files.annotation(&Masks::Visible.annotation(label)))?;
+        labels.iter().try_for_each(|label| self.files.annotation(&Masks::Visible.annotation(&(*label).into())))?;
         if labels.len() < 2 {
             return Ok(());
         }

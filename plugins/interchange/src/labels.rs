@@ -40,6 +40,53 @@ pub struct Label<'a> {
     pub category: u32,
 }
 
+/// What formats read that can do without amodal masks.
+pub fn partial_inputs() -> Vec<Input> {
+    let needed = [VISIBLE_MASK.id(), VISIBLE_BOX.id(), CATEGORY_ID.id()];
+    let is_needed = |input: &Input| needed.iter().any(|key| key.name == *input.product);
+    inputs().into_iter().map(|input| if is_needed(&input) { input } else { input.optional() }).collect()
+}
+
+/// The labels of one object in a view of a dataset that need not have amodal masks.
+#[derive(Debug, Clone, Copy)]
+pub struct Partial<'a> {
+    /// Its id in the scene.
+    pub id: InstanceId,
+    /// Pixels at which it is the first body.
+    pub visible: &'a Mask,
+    /// Box of the visible mask; zeros if that is empty.
+    pub visible_box: BBox,
+    /// Id of its category.
+    pub category: u32,
+    /// All labels, where there are amodal masks.
+    pub all: Option<Label<'a>>,
+}
+
+impl<'a> From<Label<'a>> for Partial<'a> {
+    fn from(label: Label<'a>) -> Self {
+        let Label { id, visible, visible_box, category, .. } = label;
+        Self { id, visible, visible_box, category, all: Some(label) }
+    }
+}
+
+/// The labels of all objects of a view, by id, as far as they are there.
+pub fn partial(products: &Products) -> Result<Vec<Partial<'_>>> {
+    let has = |input: Input| products.contains(&*input.product);
+    if inputs().into_iter().all(has) {
+        return Ok(labels(products)?.into_iter().map(Partial::from).collect());
+    }
+    let of_object = |(id, visible)| {
+        Ok(Partial {
+            id,
+            visible,
+            visible_box: *of(products.get(VISIBLE_BOX)?, id, VISIBLE_BOX.name())?,
+            category: *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?,
+            all: None,
+        })
+    };
+    products.get(VISIBLE_MASK)?.iter().map(of_object).collect()
+}
+
 /// The labels of all annotated objects of a view, by id.
 pub fn labels(products: &Products) -> Result<Vec<Label<'_>>> {
     let amodal = products.get(AMODAL_MASK)?;

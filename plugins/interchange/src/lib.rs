@@ -29,5 +29,6 @@ mod labels;
 mod order;
 pub mod osd_amodal;
 mod outlines;
+mod read;
 pub mod uoais;
 pub mod yolo;

@@ -5,9 +5,9 @@ use syntable_model::prelude::*;
 use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
 
-/// The products that [`Order`] reads.
+/// The products that [`Order`] reads. Without depth, what it would decide is decided by ids.
 pub fn inputs() -> [Input; 2] {
-    [Input::of(OCCLUSION_ORDER), Input::of(DEPTH)]
+    [Input::of(OCCLUSION_ORDER), Input::of(DEPTH).optional()]
 }
 
 /// Depth of what an image shows of an object, m.
@@ -22,6 +22,9 @@ pub struct VisibleDepth {
 }
 
 impl VisibleDepth {
+    /// That of an object of which the image shows nothing.
+    const UNKNOWN: Self = Self { nearest: f32::INFINITY, farthest: f32::NEG_INFINITY, mean: f64::INFINITY };
+
     /// The depth at the pixels of a mask that have one.
     fn of(depth: &Plane<f32>, visible: &Mask) -> Self {
         let depths = || visible.pixels().map(|pixel| depth.data()[pixel]).filter(|depth| depth.is_finite());
@@ -45,10 +48,13 @@ pub struct Order {
 impl Order {
     /// The order of the objects of these labels.
     pub fn of(products: &Products, labels: &[Label]) -> Result<Self> {
-        let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.get(DEPTH)?);
+        let (order, depth) = (products.get(OCCLUSION_ORDER)?, products.optional(DEPTH)?);
         let rows = labels.iter().map(|label| row(order, label.id)).collect::<Result<Vec<usize>>>()?;
         let occludes = rows.iter().map(|&i| rows.iter().map(|&j| order.occludes(i, j)).collect()).collect();
-        let depths = labels.iter().map(|label| VisibleDepth::of(depth, label.visible)).collect();
+        let depths = labels
+            .iter()
+            .map(|label| depth.map_or(VisibleDepth::UNKNOWN, |depth| VisibleDepth::of(depth, label.visible)))
+            .collect();
         Ok(Self { occludes, depths })
     }
 

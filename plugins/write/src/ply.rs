@@ -62,6 +62,7 @@ impl Writer for Ply {
             product: self.depth.as_str().to_owned(),
             accepts: Accepts::Type(DEPTH.id()),
             option: Some("depth".into()),
+            is_optional: false,
         };
         let others = [(self.colors, Input::of(RGB)), (self.instances, Input::of(INSTANCE))];
         let others = others.into_iter().filter_map(|(wanted, input)| wanted.then_some(input));

@@ -26,7 +26,7 @@ pub use form::Form;
 pub use key::{Key, KeyId, Product, Scope, Semantic, first_sentence};
 pub use mask::Mask;
 pub use models::ObjectModels;
-pub use name::{Lighting, MAX_CANVAS, Name, RenderParameters};
+pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};
 pub use object_images::{ObjectImage, ObjectImages};
 pub use plane::{BitPlane, Plane};
 pub use store::Products;

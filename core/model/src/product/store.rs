@@ -50,6 +50,11 @@ impl Products {
         })
     }
 
+    /// The same of a product that need not be there, as an [optional input](crate::stage::Input::optional).
+    pub fn optional<T: Product>(&self, key: Key<T>) -> Result<Option<&T>> {
+        if self.contains(&key.id.name) || self.is_undeclared(key.name()) { self.get(key).map(Some) } else { Ok(None) }
+    }
+
     /// The generic encoding of a product, by name.
     pub fn value<N: Display + ?Sized>(&self, name: &N) -> Result<Value>
     where
@@ -123,14 +128,17 @@ impl Products {
         self.stored.iter().find(|(other, _)| **other == *name).map(|(_, stored)| stored)
     }
 
+    fn is_undeclared(&self, name: &str) -> bool {
+        self.declared.as_ref().is_some_and(|declared| !declared.iter().any(|other| other == name))
+    }
+
     fn stored<N: Display + ?Sized>(&self, name: &N) -> Result<&Stored>
     where
         Name: PartialEq<N>,
     {
         self.find(name).ok_or_else(|| {
             let name = name.to_string();
-            let undeclared = self.declared.as_ref().is_some_and(|declared| !declared.contains(&name));
-            let error = if undeclared {
+            let error = if self.is_undeclared(&name) {
                 Error::new(format!("product `{name}` is read but not declared"))
             } else {
                 Error::new(format!("product `{name}` has not been made"))
@@ -169,6 +177,9 @@ mod tests {
         let lent = products.only(&["b"]);
         assert!(lent.get(A).expect_err("not lent").to_string().contains("not declared"));
         assert!(lent.get(B).expect_err("missing").to_string().contains("has not been made"));
+        assert!(lent.optional(A).expect_err("not lent").to_string().contains("not declared"));
+        assert!(lent.optional(B).expect("lent").is_none());
+        assert!(products.optional(A).expect("there").is_some());
         let mut filled = lent.clone();
         filled.put(B, PerInstance::default()).expect("first");
         assert!(filled.get(B).is_ok());

@@ -20,6 +20,20 @@ pub trait Annotator: Send + Sync {
     fn is_of_products(&self) -> bool {
         false
     }
+    /// Groups of what it provides that can be made apart. A dataset that was read may lack what a group reads: then
+    /// [`annotate`](Self::annotate) finds it missing and leaves the group out.
+    fn groups(&self) -> Vec<ProductGroup> {
+        vec![ProductGroup { reads: self.reads(), provides: self.provides() }]
+    }
+}
+
+/// Products, and those that they are made from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ProductGroup {
+    /// What is read.
+    pub reads: Vec<KeyId>,
+    /// What is provided.
+    pub provides: Vec<KeyId>,
 }
 
 /// Annotates each scene, from its bodies or from the products of all its views.

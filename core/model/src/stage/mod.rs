@@ -19,7 +19,7 @@ mod settler;
 mod view_sampler;
 mod writer;
 
-pub use annotator::{Annotator, DatasetAnnotator, RecordedScene, SceneAnnotator, ViewProducts};
+pub use annotator::{Annotator, DatasetAnnotator, ProductGroup, RecordedScene, SceneAnnotator, ViewProducts};
 pub use asset_source::{AssetLimits, AssetSource};
 pub use atlas::{Atlas, AtlasTile};
 pub use camera_model::CameraModel;

@@ -83,6 +83,8 @@ pub struct Input {
     pub accepts: Accepts,
     /// The writer's option that names the product, such as `include[2]`, for diagnostics.
     pub option: Option<String>,
+    /// Whether the writer does without it where a dataset that was read lacks it. A run always makes it.
+    pub is_optional: bool,
 }
 
 /// What a writer can store.
@@ -101,7 +103,13 @@ pub enum Accepts {
 impl Input {
     /// A product that the writer knows, of exactly its type.
     pub fn of<T: Product>(key: Key<T>) -> Self {
-        Self { product: key.id().name.to_string(), accepts: Accepts::Type(key.id()), option: None }
+        Self { product: key.id().name.to_string(), accepts: Accepts::Type(key.id()), option: None, is_optional: false }
+    }
+
+    /// The same for a product that a dataset that was read may lack: then the writer leaves out what it would say, and finds
+    /// it with [`Products::optional`].
+    pub fn optional(self) -> Self {
+        Self { is_optional: true, ..self }
     }
 
     /// The products that an option named `include` lists.
@@ -110,6 +118,7 @@ impl Input {
             product: name.as_str().to_owned(),
             accepts,
             option: Some(format!("include[{i}]")),
+            is_optional: false,
         };
         include.iter().enumerate().map(input).collect()
     }

@@ -62,6 +62,9 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     if !converted.lost.is_empty() {
         out += &format!("not carried over: {}\n", converted.lost.join(", "));
     }
+    if !converted.lacking.is_empty() {
+        out += &format!("not in the dataset, and left out: {}\n", converted.lacking.join(", "));
+    }
     if converted.faults > 0 {
         let faults = count(converted.faults, "fault");
         let warning = Error::new(format!("{faults} in the dataset was carried over"))

@@ -85,7 +85,8 @@ fn stage(id: &str, reads: &[KeyId], provides: &[KeyId]) -> Candidate {
 }
 
 fn plan(stages: Vec<Candidate>, wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
-    let input = |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None };
+    let input =
+        |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None, is_optional: false };
     resolve(vec![PIXELS.id()], stages, Vec::new(), &[("w".into(), wants.iter().map(input).collect())])
 }
 
@@ -204,7 +205,8 @@ fn an_ambiguity_is_resolved_by_what_its_help_says() {
 
 #[test]
 fn a_writer_refuses_what_it_cannot_store() {
-    let input = |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()) };
+    let input =
+        |accepts| Input { product: "pixels".into(), accepts, option: Some("include[0]".into()), is_optional: false };
     let check = |accepts| resolve(vec![PIXELS.id()], vec![], vec![], &[("w".into(), vec![input(accepts)])]).err();
     assert!(check(Accepts::Type(PIXELS.id())).is_none());
     for accepts in [Accepts::Type(WRONG_PIXELS.id()), Accepts::If(|_| Err("no".into()))] {
@@ -242,7 +244,8 @@ impl Denoiser for Denoising {
 
 /// Plans what a writer reads of a renderer of light, with a denoiser.
 fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
-    let input = |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None };
+    let input =
+        |name: &&str| Input { product: (*name).to_owned(), accepts: Accepts::Any, option: None, is_optional: false };
     let denoiser =
         Candidate { stage: "denoise".into(), producer: Producer::Denoiser(Box::new(Denoising)), implied: None };
     let offers =
@@ -253,6 +256,21 @@ fn lit(wants: &[&str]) -> std::result::Result<Plan, Vec<PlanError>> {
 fn names(keys: &[KeyId]) -> Vec<String> {
     let names: BTreeSet<String> = keys.iter().map(|key| key.name.to_string()).collect();
     names.into_iter().collect()
+}
+
+#[test]
+fn a_parameter_beyond_its_limit_is_named() {
+    for (name, help) in [
+        ("coverage (subpixels 9)", "`subpixels 9` is out of range: they are 2 to 8"),
+        ("coverage (canvas 3, subpixels 1)", "`subpixels 1` is out of range: they are 2 to 8"),
+        ("normal (canvas 4)", "`canvas 4` is out of range: a canvas is an odd number from 3 to 9"),
+        ("normal (canvas 11, next view)", "`canvas 11` is out of range"),
+        ("normal (canvas three)", "a rendered product may have `(canvas 3)`, up to 9, `(subpixels 2)`, up to 8"),
+        ("abnormal (canvas 4)", "`syntable list products`"),
+    ] {
+        let errors = lit(&[name]).err().expect("refused");
+        assert!(errors.iter().any(|error| error.help.starts_with(help)), "{name}: {errors:?}");
+    }
 }
 
 #[test]

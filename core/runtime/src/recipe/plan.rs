@@ -124,6 +124,10 @@ fn diagnostic(error: &PlanError, built: &Built, elsewhere: &[(KeyId, &'static st
                 Some(_) => did_you_mean(&error.product, known.iter().copied()),
                 None => default(),
             });
+            // The name is known, and its parameters are wrong.
+            if error.product.split_once(" (").is_some_and(|(base, _)| error.known.iter().any(|known| known == base)) {
+                return diagnostic.help(error.help.clone());
+            }
             return match elsewhere.iter().find(|(key, _)| key.name == error.product) {
                 Some((_, kind)) => {
                     diagnostic.label(format!("offered by the renderer `{kind}`, which this recipe does not use"))

@@ -71,14 +71,10 @@ pub fn begin<'a>(
     for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
         reporter.event(&Event::Note { message });
     }
-    reporter.event(&Event::Started {
-        out: options.out.display().to_string(),
-        scenes: wanted.len() as u32,
-        views_per_scene: recipe.dataset.views_per_scene,
-        resumed: wanted.filter(|scene| !todo.scenes.contains_key(scene)).count() as u32,
-        images: todo.images(recipe),
-        threads: options.threads,
-    });
+    if ahead.is_none() {
+        let resumed = wanted.clone().filter(|scene| !todo.scenes.contains_key(scene)).count() as u32;
+        reporter.event(&started(recipe, options, resumed, todo.images(recipe)));
+    }
     if !todo.scenes.is_empty() && assets.is_none() {
         assets = Some(open_pools(recipe, log)?);
     }
@@ -91,6 +87,18 @@ pub fn begin<'a>(
         resolved = with_devices(&resolved, &before.union(&devices).cloned().collect());
     }
     Ok(Begun { folder, journal, resolved, growth, todo, assets, ahead })
+}
+
+/// The first event of a run.
+fn started(recipe: &Recipe, options: &RunOptions, resumed: u32, images: u64) -> Event {
+    Event::Started {
+        out: options.out.display().to_string(),
+        scenes: options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u32,
+        views_per_scene: recipe.dataset.views_per_scene,
+        resumed,
+        images,
+        threads: options.threads,
+    }
 }
 
 /// Opens the folder, and does to it what the options ask. A dataset that is overwritten is deleted once the first scene of
@@ -109,7 +117,12 @@ fn open_folder(recipe: &Recipe, options: &RunOptions, reporter: &dyn Reporter) -
         folder.recover()?;
         return Ok((folder, None));
     }
-    let ahead = folder.has_scenes().then(|| ahead::make(recipe, options, &folder, reporter)).transpose()?;
+    let ahead = folder.has_scenes().then(|| {
+        let scenes = options.scenes.clone().unwrap_or(0..recipe.dataset.scenes).len() as u64;
+        reporter.event(&started(recipe, options, 0, scenes * u64::from(recipe.dataset.views_per_scene)));
+        ahead::make(recipe, options, &folder, reporter)
+    });
+    let ahead = ahead.transpose()?;
     tell_foreign(reporter, &folder.discard()?);
     Ok((folder, ahead))
 }

@@ -269,7 +269,6 @@ impl Reporter for Human {
         let mut state = self.state.lock();
         match event {
             Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
-                // A scene that was made before the others is not among them.
                 (state.start, state.images, state.scenes) = (Instant::now(), 0, 0);
                 state.unfinished.clear();
                 state.scenes_total = scenes - resumed;

@@ -286,6 +286,7 @@ syntable_model::register_check!(syntable_model::check::Check {
     name: "thoughts_are_positive",
     doc: "No thought is negative.",
     reads: || keys![THOUGHT],
+    finds_subject: syntable_model::check::Check::ALWAYS,
     faults: |products| match products.get(THOUGHT)? {
         Value::Int(thought) if *thought < 0 => Ok(vec![format!("a thought is {thought}")]),
         _ => Ok(Vec::new()),

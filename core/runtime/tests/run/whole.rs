@@ -317,8 +317,14 @@ fn overwriting_takes_what_is_the_datasets() {
     struct Notes(std::sync::Mutex<Vec<String>>);
     impl Reporter for Notes {
         fn event(&self, event: &Event) {
-            if let Event::Note { message } = event {
-                self.0.lock().expect("notes").push(message.clone());
+            let mut told = self.0.lock().expect("notes");
+            match event {
+                Event::Note { message } => told.push(message.clone()),
+                Event::Started { scenes, resumed, .. } => {
+                    told.push(format!("started: {scenes}, {resumed} done before"))
+                }
+                Event::Image { .. } => told.push("image".to_owned()),
+                _ => {}
             }
         }
     }
@@ -326,6 +332,11 @@ fn overwriting_takes_what_is_the_datasets() {
     run_with(RECIPE, RunOptions { overwrite: true, ..options(&data, 2) }, &notes).expect("anew");
     let notes = notes.0.into_inner().expect("notes");
     assert!(notes.iter().any(|note| note.contains("1 file in the folder, such as lines/notes.txt, stay")), "{notes:?}");
+    // The first scene is made before the old dataset is deleted, and after the run is said to have started, once.
+    let place = |what: &str| notes.iter().position(|note| note.starts_with(what)).expect("told");
+    assert!(place("started") < place("image"), "{notes:?}");
+    assert_eq!(notes.iter().filter(|note| note.starts_with("started")).count(), 1, "{notes:?}");
+    assert!(notes[place("started")].ends_with(", 0 done before"), "{notes:?}");
     fs::remove_file(data.join("lines/notes.txt")).expect("still there");
     run(RECIPE, &whole, 2).expect("whole");
     assert_same(&whole, &data);

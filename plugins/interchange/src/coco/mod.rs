@@ -1,12 +1,13 @@
 //! COCO detection and instance segmentation.
 
 mod keypoints;
-mod read;
+pub(crate) mod read;
 
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
-use crate::labels::{self, Label};
+use crate::labels::{self, Label, Partial};
 use keypoints::Named;
 use serde_json::json;
+use syntable_formats::Extra;
 use syntable_formats::coco::Annotation;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
@@ -20,7 +21,8 @@ use syntable_model::product::standard::{KEYPOINTS, RGB};
 /// say; every annotation also has both masks, both boxes and the rate of occlusion under SynTable's names. Boxes are
 /// `[x, y, width, height]` with `width = last column - first column + 1`, areas whole pixels, masks compressed run lengths.
 /// Image ids are `scene · views_per_scene + view + 1`; images without objects are listed, too. Categories are `object` (1)
-/// and the classes of the recipe's pools.
+/// and the classes of the recipe's pools. Of a dataset without amodal masks that is converted, `segmentation` is the visible
+/// mask, and the fields of SynTable are left out.
 ///
 /// With `keypoints` annotations have these as well: x, y and visibility of each, 0 for one that is not labeled (then x and y
 /// are 0, too), 1 for a hidden one, 2 for one that is seen. As in COCO's files, (0, 0) is the center of the first pixel.
@@ -78,7 +80,7 @@ pub(crate) fn file(split: &str) -> String {
 impl Writer for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
-        std::iter::once(Input::of(RGB)).chain(labels::inputs()).chain(keypoints).collect()
+        std::iter::once(Input::of(RGB)).chain(labels::partial_inputs()).chain(keypoints).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -111,7 +113,8 @@ struct CocoScene {
 
 impl SceneWriter for CocoScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = self.masks.shown(labels::labels(products)?);
+        let mut labels = labels::partial(products)?;
+        labels.retain(|label| !self.masks.shown_of(label).is_empty());
         self.files.image(cx, products, labels.len())?;
         let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
         labels.iter().try_for_each(|label| {
@@ -143,31 +146,45 @@ impl Masks {
         labels
     }
 
+    /// The mask of an object; the visible one where there is no amodal one.
+    pub(crate) fn shown_of<'a>(self, label: &Partial<'a>) -> &'a Mask {
+        label.all.map_or(label.visible, |all| self.of(&all))
+    }
+
     /// The record of an object.
-    pub(crate) fn annotation(self, label: &Label) -> Annotation {
-        let boxes = [label.visible_box, label.amodal_box].map(<[i32; 4]>::from);
-        let bbox = boxes[self as usize].map(f64::from);
-        let extra = json!({
-            "instance_id": label.id.0,
-            "visible_mask": Rle::encode(label.visible),
-            "visible_bbox": boxes[0],
-            "amodal_mask": Rle::encode(label.amodal),
-            "amodal_bbox": boxes[1],
-            "occluded_mask": Rle::encode(label.occlusion),
-            "occluded_rate": label.rate,
-        });
-        let mask = self.of(label);
+    pub(crate) fn annotation(self, label: &Partial) -> Annotation {
+        let mask = self.shown_of(label);
+        let bbox = match (self, label.all) {
+            (Self::Amodal, Some(all)) => all.amodal_box,
+            _ => label.visible_box,
+        };
+        let mut extra = Extra::from_iter([("instance_id".to_owned(), label.id.0.into())]);
+        extra.extend(label.all.map(|all| of_hidden(&all)).unwrap_or_default());
         Annotation {
             id: 0,
             image_id: 0,
             category_id: label.category.into(),
             segmentation: Some(Segmentation::Rle(Rle::encode(mask))),
             area: mask.area().into(),
-            bbox,
+            bbox: <[i32; 4]>::from(bbox).map(f64::from),
             iscrowd: 0,
-            extra: extra.as_object().cloned().unwrap_or_default(),
+            extra,
         }
     }
+}
+
+/// What COCO has no fields for.
+fn of_hidden(label: &Label) -> Extra {
+    let boxes = [label.visible_box, label.amodal_box].map(<[i32; 4]>::from);
+    let fields = json!({
+        "visible_mask": Rle::encode(label.visible),
+        "visible_bbox": boxes[0],
+        "amodal_mask": Rle::encode(label.amodal),
+        "amodal_bbox": boxes[1],
+        "occluded_mask": Rle::encode(label.occlusion),
+        "occluded_rate": label.rate,
+    });
+    fields.as_object().cloned().unwrap_or_default()
 }
 
 register!(Coco);

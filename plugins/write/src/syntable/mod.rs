@@ -13,6 +13,7 @@ use syntable_formats::encode::png::{Image, Rounding, depth_units};
 use syntable_formats::shard;
 use syntable_formats::syntable::{depth_path, occlusion_order_path, rgb_path};
 use syntable_model::prelude::*;
+use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, DEPTH, EXPOSURE, INSTANCE, LABEL_POLICY,
     OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
@@ -32,6 +33,9 @@ const RECIPE: &str = "parameters/recipe.toml";
 /// the order of their names. `scenes` has a record per scene, whose `bodies` say what each id in the product `instance`
 /// stands for: role, asset, category, materials and pose of objects, distractors, table and room. Row and column n of the occlusion order belong to the n-th annotation of the
 /// image, which is `instance_ids[n]` of the image's record. Dates are constant.
+///
+/// What a dataset that is converted lacks is left out of the `coco` form: depth, order, camera and other fields. Without amodal
+/// masks, `segmentation` and `area` are those of the visible mask, and nothing is said of occlusion.
 ///
 /// # Output
 ///
@@ -118,21 +122,23 @@ impl Config for SynTable {
 
 impl Writer for SynTable {
     fn reads(&self) -> Vec<Input> {
-        let mut inputs = vec![
-            Input::of(RGB),
+        let mut inputs = vec![Input::of(RGB), Input::of(VISIBLE_MASK), Input::of(VISIBLE_BOX)];
+        let of_all = [
             Input::of(DEPTH),
-            Input::of(VISIBLE_MASK),
             Input::of(AMODAL_MASK),
             Input::of(OCCLUSION_MASK),
             Input::of(OCCLUSION_RATE),
             Input::of(OCCLUSION_ORDER),
-            Input::of(VISIBLE_BOX),
             Input::of(AMODAL_BOX),
-            Input::of(OBJECT_NAME),
         ];
+        // Programs that rely on the files of the release find all of this in them.
+        let needs_all = self.compat == Compat::Syntable1 || self.debug_masks;
+        inputs.push(Input::of(OBJECT_NAME).optional());
+        inputs.extend(of_all.into_iter().map(|input| if needs_all { input } else { input.optional() }));
         if self.compat == Compat::Coco {
-            inputs.extend([Input::of(CATEGORY_ID), Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)]);
-            inputs.extend([Input::of(DENOISER), Input::of(LABEL_POLICY), Input::of(BODIES)]);
+            let more = [Input::of(CATEGORY_ID), Input::of(OBJECT_INFO), Input::of(CAMERA), Input::of(EXPOSURE)];
+            let more = more.into_iter().chain([Input::of(DENOISER), Input::of(LABEL_POLICY), Input::of(BODIES)]);
+            inputs.extend(more.map(Input::optional));
         }
         if self.debug_masks {
             inputs.push(Input::of(INSTANCE));
@@ -195,10 +201,15 @@ impl SceneWriter for SynTableScene {
             Compat::Coco => Rounding::Truncate,
             Compat::Syntable1 => Rounding::TruncateSingle,
         };
-        let depth = products.get(DEPTH)?.map(|&depth| depth_units(depth, 1.0, rounding));
-        Image::gray16(&depth).write(output, &config.path(&depth_path(scene, view)))?;
+        if let Some(depth) = products.optional(DEPTH)? {
+            let depth = depth.map(|&depth| depth_units(depth, 1.0, rounding));
+            Image::gray16(&depth).write(output, &config.path(&depth_path(scene, view)))?;
+        }
         let labels = Labels::of(products)?.annotated_by(config.compat);
-        output.write(&config.path(&occlusion_order_path(scene, view)), &order_matrix(&labels).encode())?;
+        if let Some(order) = labels.order {
+            let matrix = order_matrix(order, labels.ids());
+            output.write(&config.path(&occlusion_order_path(scene, view)), &matrix.encode())?;
+        }
         if config.debug_masks {
             debug::write(config, output, cx, products, &labels, &view_stem(scene, view))?;
         }
@@ -218,18 +229,21 @@ impl SceneWriter for SynTableScene {
 
     fn close(self: Box<Self>, cx: &SceneContext, products: &Products) -> Result<()> {
         let Self { config, output, mut lines } = *self;
-        if config.compat == Compat::Coco {
-            shard::push_scene(&mut lines, &record::scene(cx, products)?)?;
+        if config.compat == Compat::Coco
+            && let Some(scene) = record::scene(cx, products)?
+        {
+            shard::push_scene(&mut lines, &scene)?;
         }
         output.write_shard(&lines)
     }
 }
 
 /// The occlusion order over the annotated instances.
-fn order_matrix(labels: &Labels) -> Array {
-    let rows = labels.rows();
+fn order_matrix(order: &OcclusionOrder, annotated: &[InstanceId]) -> Array {
+    let row = |id: &InstanceId| order.ids().binary_search(id).expect("the ids are those of the order");
+    let rows: Vec<usize> = annotated.iter().map(row).collect();
     let elements = rows.iter().flat_map(|&i| rows.iter().map(move |&j| (i, j)));
-    let bits = elements.map(|(i, j)| f64::from(u8::from(labels.order.occludes(i, j))));
+    let bits = elements.map(|(i, j)| f64::from(u8::from(order.occludes(i, j))));
     Array::matrix_f64(rows.len(), rows.len(), bits)
 }
 

@@ -1,12 +1,14 @@
 //! Reads datasets of SynTable's layout: ours, and those of the release and of UOAIS-Sim.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::decode;
-use syntable_formats::read::{self, BACKGROUND, Categories, Faults, Labels};
+use syntable_formats::index::{Record, Section};
+use syntable_formats::listing::Listing;
+use syntable_formats::read::{self, BACKGROUND, Labels};
 use syntable_formats::segmentation::Rle;
-use syntable_formats::syntable::{Annotation, Dataset, Image, Scene};
+use syntable_formats::syntable::{Annotation, Image, Scene};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBILITY,
@@ -22,21 +24,61 @@ syntable_model::register_format!(Format {
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-/// A dataset whose annotations are in memory.
+/// A dataset that is open.
 struct Reader {
     root: PathBuf,
     info: DatasetInfo,
-    categories: Categories,
-    refs: Vec<ImageRef>,
-    images: Vec<Record>,
-    scenes: BTreeMap<u32, Scene>,
-    faults: Vec<DatasetFault>,
+    listing: Listing,
+    /// Where the record of each scene is.
+    scenes: BTreeMap<u32, u32>,
+    has: Has,
 }
 
-/// An image with its annotations, in the order of the file.
-struct Record {
-    image: Image,
-    annotations: Vec<Annotation>,
+/// What all images of a dataset have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Has {
+    depth: bool,
+    camera: bool,
+    exposure: bool,
+    denoiser: bool,
+    label_policy: bool,
+    /// Whether all objects are described, and there are some.
+    objects: Option<bool>,
+    /// Whether all objects have a name, and there are some.
+    names: Option<bool>,
+    /// Whether an object says what is hidden of it.
+    amodal: bool,
+}
+
+impl Has {
+    const ALL: Self = Self {
+        depth: true,
+        camera: true,
+        exposure: true,
+        denoiser: true,
+        label_policy: true,
+        objects: None,
+        names: None,
+        amodal: false,
+    };
+
+    fn image(&mut self, image: &Image) {
+        self.depth &= image.depth_file_name.is_some();
+        self.camera &= image.camera.is_some();
+        self.exposure &= image.exposure.is_some();
+        self.denoiser &= image.denoiser.is_some();
+        self.label_policy &= image.label_policy.is_some();
+    }
+
+    fn annotation(&mut self, it: &Annotation) {
+        if it.category_id == BACKGROUND {
+            return;
+        }
+        let is_described = it.object.as_ref().is_some_and(|object| !object.is_null());
+        self.objects = Some(self.objects.unwrap_or(true) && is_described);
+        self.names = Some(self.names.unwrap_or(true) && it.object_name.is_some());
+        self.amodal |= it.occluded_mask.is_some() || it.occluded_rate.is_some();
+    }
 }
 
 /// Annotation files at the top of a dataset: `annotation_final.json`, else all other JSON files.
@@ -63,46 +105,31 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         .help("leave one of them there, or name it annotation_final.json")
         .of_request());
     };
-    let dataset = Dataset::read(file).map_err(|error| error.of_request())?;
-    let scenes = dataset.scenes().map_err(|error| error.in_file(file))?;
-    let mut faults = Faults::default();
-    let categories = Categories::of(&dataset.categories);
-    // In the form of the release, the n-th image is that of the n-th annotation.
-    let repeats = dataset.images.len() == dataset.annotations.len()
-        && dataset.images.iter().zip(&dataset.annotations).all(|(image, annotation)| image.id == annotation.image_id);
-    let mut by_id: BTreeMap<u64, Record> = BTreeMap::new();
-    for image in dataset.images {
-        match by_id.get(&image.id) {
-            Some(first) if first.image != image || !repeats => {
-                faults.add("unique_ids", format!("image {}", image.id), "two images have this id");
-            }
-            Some(_) => {}
-            None => drop(by_id.insert(image.id, Record { image, annotations: Vec::new() })),
+    let (mut has, mut scenes) = (Has::ALL, Vec::new());
+    let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, Scene>| match record {
+        Record::Image(image) => has.image(image),
+        Record::Annotation(annotation) => has.annotation(annotation),
+        Record::Scene(scene) => scenes.push(scene.id),
+    });
+    let mut listing = listing?;
+    let mut of_scene = BTreeMap::new();
+    for (record, scene) in (0..).zip(scenes) {
+        if of_scene.insert(scene, record).is_some() {
+            listing.faults.add("unique_ids", format!("scene {scene}"), "two scenes have this id");
         }
     }
-    faults.of_annotations(&categories, dataset.annotations.iter().map(|it| (it.id, it.category_id)));
-    for annotation in dataset.annotations {
-        match by_id.get_mut(&annotation.image_id) {
-            None => faults.unknown_image(annotation.id, annotation.image_id),
-            Some(record) if annotation.category_id != BACKGROUND => record.annotations.push(annotation),
-            Some(_) => {}
-        }
-    }
-    let of = |record: &Record| {
-        let Image { scene_id, view_id, .. } = record.image;
-        scene_id.zip(view_id)
-    };
-    let (refs, images) =
-        faults.in_order(by_id.into_values().collect(), |record: &Record| (&record.image.file_name, of(record)));
-    let mut numbers = BTreeSet::new();
-    for scene in scenes.iter().filter(|scene: &&Scene| !numbers.insert(scene.id)) {
-        faults.add("unique_ids", format!("scene {}", scene.id), "two scenes have this id");
-    }
+    // A file without annotations says of no object that it lacks something.
+    has.amodal |= listing.file.is_empty(Section::Annotations);
     let recipe = fs::read_to_string(root.join(super::RECIPE)).unwrap_or_default();
-    let info = categories.info(dataset.info.description, dataset.info.contributor, &refs, recipe);
-    let scenes = scenes.into_iter().map(|scene| (scene.id, scene)).collect();
-    let faults = faults.into_inner();
-    Ok(Box::new(Reader { root: root.to_owned(), info, categories, refs, images, scenes, faults }))
+    let about = &listing.file.info;
+    let info = listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, recipe);
+    Ok(Box::new(Reader { root: root.to_owned(), info, listing, scenes: of_scene, has }))
+}
+
+/// An image with its annotations, in the order of the file.
+struct Shown {
+    image: Image,
+    annotations: Vec<Annotation>,
 }
 
 impl DatasetReader for Reader {
@@ -111,38 +138,36 @@ impl DatasetReader for Reader {
     }
 
     fn images(&self) -> &[ImageRef] {
-        &self.refs
+        &self.listing.refs
     }
 
     fn faults(&self) -> &[DatasetFault] {
-        &self.faults
+        self.listing.faults.all()
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let all = |has: &dyn Fn(&Record) -> bool| !self.images.is_empty() && self.images.iter().all(has);
-        let mut keys = read::offers(true);
-        keys.extend(syntable_model::keys![RGB, OBJECT_NAME, VISIBILITY]);
-        let mut offer = |key: KeyId, has: fn(&Image) -> bool| keys.extend(all(&|it| has(&it.image)).then_some(key));
-        offer(DEPTH.id(), |image| image.depth_file_name.is_some());
-        offer(CAMERA.id(), |image| image.camera.is_some());
-        offer(EXPOSURE.id(), |image| image.exposure.is_some());
-        offer(DENOISER.id(), |image| image.denoiser.is_some());
-        offer(LABEL_POLICY.id(), |image| image.label_policy.is_some());
-        let described = |record: &Record| {
-            record.annotations.iter().all(|it| it.object.as_ref().is_some_and(|object| !object.is_null()))
-        };
-        if all(&described) && self.images.iter().any(|record| !record.annotations.is_empty()) {
-            keys.push(OBJECT_INFO.id());
+        if self.listing.images.is_empty() {
+            return keys![RGB];
         }
-        if !self.refs.is_empty() && self.refs.iter().all(|image| self.scenes.contains_key(&image.scene.0)) {
-            keys.push(BODIES.id());
-        }
+        let mut keys = read::offers(self.has.amodal);
+        keys.push(RGB.id());
+        let has = self.has;
+        let mut offer = |key: KeyId, has: bool| keys.extend(has.then_some(key));
+        offer(VISIBILITY.id(), has.amodal);
+        offer(OBJECT_NAME.id(), has.names.unwrap_or(true));
+        offer(DEPTH.id(), has.depth);
+        offer(CAMERA.id(), has.camera);
+        offer(EXPOSURE.id(), has.exposure);
+        offer(DENOISER.id(), has.denoiser);
+        offer(LABEL_POLICY.id(), has.label_policy);
+        offer(OBJECT_INFO.id(), has.objects.unwrap_or(false));
+        offer(BODIES.id(), self.listing.refs.iter().all(|image| self.scenes.contains_key(&image.scene.0)));
         keys
     }
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
-        let record = &self.images[image];
-        let labels = record.annotations.iter().enumerate().map(|(row, it)| (it, self.labels(&record.image, row, it)));
+        let Ok(shown) = self.shown(image) else { return Vec::new() };
+        let labels = shown.annotations.iter().enumerate().map(|(row, it)| (it, self.labels(&shown.image, row, it)));
         let read = labels.filter_map(|(annotation, labels)| Some((annotation, labels.ok()?)));
         read.flat_map(|(annotation, labels)| faults_of(annotation, &labels)).collect()
     }
@@ -157,7 +182,7 @@ impl DatasetReader for Reader {
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
-        let (at, record) = (&self.refs[image], &self.images[image]);
+        let (at, record) = (&self.listing.refs[image], self.shown(image)?);
         let mut products = Products::new();
         let labels = record.annotations.iter().enumerate().map(|(row, it)| self.labels(&record.image, row, it));
         let labels: Vec<Labels> = labels.collect::<Result<_>>()?;
@@ -194,8 +219,10 @@ impl DatasetReader for Reader {
             let infos = infos.map(|(id, json)| Ok((id, Value::of(json)?))).collect::<Result<_>>()?;
             products.put(OBJECT_INFO, infos)?;
         }
-        if let Some(scene) = self.scenes.get(&at.scene.0).filter(|_| wanted(BODIES.id())) {
-            products.put(BODIES, Value::of(&scene.bodies)?)?;
+        if let Some(&scene) = self.scenes.get(&at.scene.0).filter(|_| wanted(BODIES.id())) {
+            for scene in self.listing.file.records::<Scene>(Section::Scenes, &[scene])? {
+                products.put(BODIES, Value::of(&scene.bodies)?)?;
+            }
         }
         Ok((read::view(at.view, record.image.width, record.image.height), products))
     }
@@ -243,6 +270,12 @@ fn counts(labels: &Labels) -> PixelCounts {
 }
 
 impl Reader {
+    fn shown(&self, image: usize) -> Result<Shown> {
+        let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;
+        annotations.retain(|annotation| annotation.category_id != BACKGROUND);
+        Ok(Shown { image: self.listing.image(image)?, annotations })
+    }
+
     fn labels(&self, image: &Image, row: usize, annotation: &Annotation) -> Result<Labels> {
         let mask = |rle: &Rle, name: &str| -> Result<Mask> {
             let of = || format!("annotation {}: `{name}`", annotation.id);
@@ -259,12 +292,12 @@ impl Reader {
         Ok(Labels {
             id: annotation.instance_id.map_or(InstanceId(row as u16 + 1), InstanceId),
             visible,
-            amodal: Some(mask(&annotation.segmentation, "segmentation")?),
-            occlusion: Some(mask(&annotation.occluded_mask, "occluded_mask")?),
-            rate: Some(annotation.occluded_rate),
+            amodal: self.has.amodal.then(|| mask(&annotation.segmentation, "segmentation")).transpose()?,
+            occlusion: annotation.occluded_mask.as_ref().map(|rle| mask(rle, "occluded_mask")).transpose()?,
+            rate: annotation.occluded_rate,
             visible_box: visible_box.map(BBox::from),
             amodal_box: annotation.amodal_bbox.map(BBox::from),
-            category: self.categories.id(annotation.category_id),
+            category: self.listing.categories.id(annotation.category_id),
         })
     }
 

@@ -9,10 +9,10 @@ use syntable_formats::syntable::{
 };
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME,
-    OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
+    AMODAL_BOX, AMODAL_MASK, BODIES, CAMERA, CATEGORY_ID, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO,
+    OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB, VISIBLE_BOX, VISIBLE_MASK,
 };
-use syntable_model::product::{BBox, OcclusionOrder};
+use syntable_model::product::{BBox, OcclusionOrder, Product};
 
 /// The date of every record: files do not depend on the clock.
 pub const DATE: &str = "1970-01-01 00:00:00.000000";
@@ -20,48 +20,64 @@ pub const DATE: &str = "1970-01-01 00:00:00.000000";
 /// The labels of a view, and which of its instances are annotated.
 pub struct Labels<'a> {
     visible: &'a PerInstance<Mask>,
+    visible_box: &'a PerInstance<BBox>,
+    /// What a dataset without amodal masks does not have.
+    hidden: Option<Hidden<'a>>,
+    /// The order of all instances that have labels.
+    pub order: Option<&'a OcclusionOrder>,
+    ids: Vec<InstanceId>,
+}
+
+/// What is said of hidden parts.
+#[derive(Clone, Copy)]
+struct Hidden<'a> {
     amodal: &'a PerInstance<Mask>,
     occlusion: &'a PerInstance<Mask>,
     rate: &'a PerInstance<f64>,
-    visible_box: &'a PerInstance<BBox>,
     amodal_box: &'a PerInstance<BBox>,
-    /// The order of all instances that have labels.
-    pub order: &'a OcclusionOrder,
-    ids: Vec<InstanceId>,
 }
 
 /// The labels of one instance.
 struct ObjectLabels<'a> {
     visible: &'a Mask,
+    visible_box: BBox,
+    hidden: Option<HiddenOfObject<'a>>,
+}
+
+/// What is said of the hidden parts of one instance.
+#[derive(Clone, Copy)]
+struct HiddenOfObject<'a> {
     amodal: &'a Mask,
     occlusion: &'a Mask,
     rate: f64,
-    visible_box: BBox,
     amodal_box: BBox,
+}
+
+impl<'a> Hidden<'a> {
+    fn of(products: &'a Products) -> Result<Option<Self>> {
+        let masks = products.optional(AMODAL_MASK)?.zip(products.optional(OCCLUSION_MASK)?);
+        let numbers = products.optional(OCCLUSION_RATE)?.zip(products.optional(AMODAL_BOX)?);
+        let all = masks.zip(numbers);
+        Ok(all.map(|((amodal, occlusion), (rate, amodal_box))| Self { amodal, occlusion, rate, amodal_box }))
+    }
 }
 
 impl<'a> Labels<'a> {
     /// All labels of a view.
     pub fn of(products: &'a Products) -> Result<Self> {
-        let order = products.get(OCCLUSION_ORDER)?;
-        Ok(Self {
-            visible: products.get(VISIBLE_MASK)?,
-            amodal: products.get(AMODAL_MASK)?,
-            occlusion: products.get(OCCLUSION_MASK)?,
-            rate: products.get(OCCLUSION_RATE)?,
-            visible_box: products.get(VISIBLE_BOX)?,
-            amodal_box: products.get(AMODAL_BOX)?,
-            order,
-            ids: order.ids().to_vec(),
-        })
+        let order = products.optional(OCCLUSION_ORDER)?;
+        let visible = products.get(VISIBLE_MASK)?;
+        let ids = order.map_or_else(|| visible.iter().map(|(id, _)| id).collect(), |order| order.ids().to_vec());
+        Ok(Self { visible, visible_box: products.get(VISIBLE_BOX)?, hidden: Hidden::of(products)?, order, ids })
     }
 
     /// Drops what SynTable 1 drops: objects without a visible pixel, or with a rate that rounds to 1.00.
     pub fn annotated_by(mut self, compat: Compat) -> Self {
         if compat == Compat::Syntable1 {
             let seen = |id: &InstanceId| self.visible.get(*id).is_some_and(|mask| !mask.is_empty());
-            let hidden = |id: &InstanceId| self.rate.get(*id).is_some_and(|&rate| two_decimals(rate) >= 1.0);
-            self.ids.retain(|id| seen(id) && !hidden(id));
+            let rate = |id: &InstanceId| self.hidden?.rate.get(*id);
+            let is_hidden = |id: &InstanceId| rate(id).is_some_and(|&rate| two_decimals(rate) >= 1.0);
+            self.ids.retain(|id| seen(id) && !is_hidden(id));
         }
         self
     }
@@ -71,16 +87,11 @@ impl<'a> Labels<'a> {
         &self.ids
     }
 
-    /// The annotated instances' rows of the order.
-    pub fn rows(&self) -> Vec<usize> {
-        let row = |id: &InstanceId| self.order.ids().binary_search(id).expect("the ids are those of the order");
-        self.ids.iter().map(row).collect()
-    }
-
     /// The visible, amodal and occlusion mask of an instance.
     pub fn masks(&self, id: InstanceId) -> Result<[&'a Mask; 3]> {
         let object = self.object(id)?;
-        Ok([object.visible, object.amodal, object.occlusion])
+        let hidden = object.hidden()?;
+        Ok([object.visible, hidden.amodal, hidden.occlusion])
     }
 
     fn object(&self, id: InstanceId) -> Result<ObjectLabels<'a>> {
@@ -91,13 +102,18 @@ impl<'a> Labels<'a> {
                     .permanent()
             })
         }
+        let hidden = |hidden: Hidden<'a>| -> Result<HiddenOfObject<'a>> {
+            Ok(HiddenOfObject {
+                amodal: of(hidden.amodal, id, AMODAL_MASK.name())?,
+                occlusion: of(hidden.occlusion, id, OCCLUSION_MASK.name())?,
+                rate: *of(hidden.rate, id, OCCLUSION_RATE.name())?,
+                amodal_box: *of(hidden.amodal_box, id, AMODAL_BOX.name())?,
+            })
+        };
         Ok(ObjectLabels {
             visible: of(self.visible, id, VISIBLE_MASK.name())?,
-            amodal: of(self.amodal, id, AMODAL_MASK.name())?,
-            occlusion: of(self.occlusion, id, OCCLUSION_MASK.name())?,
-            rate: *of(self.rate, id, OCCLUSION_RATE.name())?,
             visible_box: *of(self.visible_box, id, VISIBLE_BOX.name())?,
-            amodal_box: *of(self.amodal_box, id, AMODAL_BOX.name())?,
+            hidden: self.hidden.map(hidden).transpose()?,
         })
     }
 }
@@ -108,13 +124,18 @@ pub fn image(cx: &ViewContext, products: &Products, labels: &Labels) -> Result<I
         scene_id: Some(cx.scene.id.0),
         view_id: Some(cx.view.id.0),
         instance_ids: Some(labels.ids().iter().map(|id| id.0).collect()),
-        depth_unit_mm: Some(1),
-        camera: Some(encoded(products, CAMERA.name())?),
-        exposure: Some(encoded(products, EXPOSURE.name())?),
-        denoiser: Some(encoded(products, DENOISER.name())?),
-        label_policy: Some(encoded(products, LABEL_POLICY.name())?),
+        depth_unit_mm: products.contains(&DEPTH.id().name).then_some(1),
+        camera: found(products, CAMERA)?,
+        exposure: found(products, EXPOSURE)?,
+        denoiser: found(products, DENOISER)?,
+        label_policy: found(products, LABEL_POLICY)?,
         ..image_1(cx, products)?
     })
+}
+
+/// A product as JSON, if it is there.
+fn found<T: Product>(products: &Products, key: Key<T>) -> Result<Option<Json>> {
+    products.optional(key)?.map(|_| encoded(products, key.name())).transpose()
 }
 
 /// The record of an image in the syntable_1 form, without its id.
@@ -124,8 +145,8 @@ pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
     Ok(Image {
         id: 0,
         file_name: rgb_path(scene, view),
-        depth_file_name: Some(depth_path(scene, view)),
-        occlusion_order_file_name: Some(occlusion_order_path(scene, view)),
+        depth_file_name: products.optional(DEPTH)?.map(|_| depth_path(scene, view)),
+        occlusion_order_file_name: products.optional(OCCLUSION_ORDER)?.map(|_| occlusion_order_path(scene, view)),
         width: rgb.width(),
         height: rgb.height(),
         date_captured: Some(DATE.into()),
@@ -136,38 +157,44 @@ pub fn image_1(cx: &ViewContext, products: &Products) -> Result<Image> {
     })
 }
 
-/// What the ids of a scene stand for: the product `bodies`.
-pub fn scene(cx: &SceneContext, products: &Products) -> Result<Scene> {
-    let bodies = serde_json::from_value(encoded(products, BODIES.name())?);
+/// What the ids of a scene stand for: the product `bodies`, if it is there.
+pub fn scene(cx: &SceneContext, products: &Products) -> Result<Option<Scene>> {
+    let Some(bodies) = found(products, BODIES)? else { return Ok(None) };
+    let bodies = serde_json::from_value(bodies);
     let bodies = bodies.map_err(|error| Error::new(format!("product `{}`: {error}", BODIES.name())).permanent())?;
-    Ok(Scene { id: cx.scene.id.0, bodies, extra: Default::default() })
+    Ok(Some(Scene { id: cx.scene.id.0, bodies, extra: Default::default() }))
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.
 pub fn annotation(products: &Products, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<Annotation> {
     let object = labels.object(id)?;
-    let info = products.get(OBJECT_INFO)?.get(id).map_or(Ok(Json::Null), serde_json::to_value);
+    let hidden = object.hidden;
+    // COCO's readers look for a mask here, whichever there is.
+    let whole = hidden.map_or(object.visible, |hidden| hidden.amodal);
+    let info = |infos: &PerInstance<Value>| infos.get(id).map_or(Ok(Json::Null), serde_json::to_value);
+    let info = products.optional(OBJECT_INFO)?.map(info).transpose();
+    let category = products.optional(CATEGORY_ID)?.and_then(|categories| categories.get(id));
     Ok(Annotation {
         id: 0,
         image_id: 0,
-        category_id: products.get(CATEGORY_ID)?.get(id).map_or(OBJECT_CATEGORY, |&category| category.into()),
+        category_id: category.map_or(OBJECT_CATEGORY, |&category| category.into()),
         instance_id: Some(id.0),
-        object_name: Some(object_name(products, id)?),
+        object_name: object_name(products, id)?,
         bbox: object.bbox(bbox),
         visible_bbox: Some(object.visible_box.into()),
-        amodal_bbox: Some(object.amodal_box.into()),
-        width: Some(object.amodal.width()),
-        height: Some(object.amodal.height()),
+        amodal_bbox: hidden.map(|it| it.amodal_box.into()),
+        width: Some(whole.width()),
+        height: Some(whole.height()),
         iscrowd: 0,
-        area: object.amodal.area().into(),
+        area: whole.area().into(),
         visible_area: Some(object.visible.area().into()),
-        occluded_area: Some(object.occlusion.area().into()),
-        occluded_rate: object.rate,
-        occluded_rate_rounded: Some(two_decimals(object.rate)),
-        segmentation: Rle::encode(object.amodal),
+        occluded_area: hidden.map(|it| it.occlusion.area().into()),
+        occluded_rate: hidden.map(|it| it.rate),
+        occluded_rate_rounded: hidden.map(|it| two_decimals(it.rate)),
+        segmentation: Rle::encode(whole),
         visible_mask: Rle::encode(object.visible),
-        occluded_mask: Rle::encode(object.occlusion),
-        object: Some(info.map_err(|error| Error::new(format!("instance {id} in `object_info`: {error}")))?),
+        occluded_mask: hidden.map(|it| Rle::encode(it.occlusion)),
+        object: info.map_err(|error| Error::new(format!("instance {id} in `object_info`: {error}")))?,
         extra: Default::default(),
     })
 }
@@ -180,39 +207,45 @@ pub fn annotation_1(
     bbox: BoxSource,
 ) -> Result<syntable_1::Annotation> {
     let object = labels.object(id)?;
+    let hidden = object.hidden()?;
     let with_area = |mask: &Mask, factor: u64| Rle { area: Some(factor * u64::from(mask.area())), ..Rle::encode(mask) };
     Ok(syntable_1::Annotation {
         id: 0,
         image_id: 0,
         category_id: OBJECT_CATEGORY,
         bbox: object.bbox(bbox),
-        width: object.amodal.width(),
-        height: object.amodal.height(),
-        object_name: object_name(products, id)?.replace('/', "_"),
+        width: object.visible.width(),
+        height: object.visible.height(),
+        object_name: object_name(products, id)?.unwrap_or_default().replace('/', "_"),
         iscrowd: 0,
-        segmentation: with_area(object.amodal, syntable_1::RENDERER_ID),
+        segmentation: with_area(hidden.amodal, syntable_1::RENDERER_ID),
         area: 0,
         visible_mask: with_area(object.visible, 1),
         visible_bbox: object.visible_box.into(),
-        occluded_mask: with_area(object.occlusion, 1),
-        occluded_rate: two_decimals(object.rate),
+        occluded_mask: with_area(hidden.occlusion, 1),
+        occluded_rate: two_decimals(hidden.rate),
         extra: Default::default(),
     })
 }
 
-impl ObjectLabels<'_> {
+impl<'a> ObjectLabels<'a> {
+    /// What is said of hidden parts, for a form that cannot do without.
+    fn hidden(&self) -> Result<HiddenOfObject<'a>> {
+        self.hidden.ok_or_else(|| Error::new("the objects have no amodal masks").permanent())
+    }
+
     /// The box of the source. An object without a visible pixel has no other box than the amodal one.
     fn bbox(&self, source: BoxSource) -> [i32; 4] {
-        match source {
-            BoxSource::Visible if !self.visible.is_empty() => self.visible_box.into(),
-            BoxSource::Visible | BoxSource::Amodal => self.amodal_box.into(),
+        match (source, self.hidden) {
+            (BoxSource::Visible, _) if !self.visible.is_empty() => self.visible_box.into(),
+            (_, hidden) => hidden.map_or(self.visible_box, |it| it.amodal_box).into(),
         }
     }
 }
 
-/// The asset's name; not unique within an image.
-fn object_name(products: &Products, id: InstanceId) -> Result<String> {
-    Ok(products.get(OBJECT_NAME)?.get(id).cloned().unwrap_or_default())
+/// The asset's name, if the dataset has names; not unique within an image.
+fn object_name(products: &Products, id: InstanceId) -> Result<Option<String>> {
+    Ok(products.optional(OBJECT_NAME)?.map(|names| names.get(id).cloned().unwrap_or_default()))
 }
 
 /// Rounds to two decimals as Python's `round` does: by the exact decimal value, ties to even.

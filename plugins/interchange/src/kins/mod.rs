@@ -1,5 +1,7 @@
 //! KINS.
 
+mod read;
+
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
 use crate::coco::Masks;
 use crate::labels::{self, Label};

@@ -1,5 +1,8 @@
 //! Ultralytics YOLO.
 
+mod data;
+mod read;
+
 use crate::annotation_file::{check_split, image_name};
 use crate::coco::Masks;
 use crate::labels;
@@ -103,7 +106,11 @@ impl Writer for Yolo {
             YoloTask::Segment => outline_key(self.masks),
             YoloTask::Obb => rotated_box_key(self.masks),
         };
-        [Input::of(RGB), Input::of(points)].into_iter().chain(labels::inputs()).collect()
+        let labels = match self.masks {
+            Masks::Visible => labels::partial_inputs(),
+            Masks::Amodal => labels::inputs(),
+        };
+        [Input::of(RGB), Input::of(points)].into_iter().chain(labels).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -154,7 +161,8 @@ impl SceneWriter for YoloScene {
         Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), config.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
-        for label in config.masks.shown(labels::labels(products)?) {
+        let labels = labels::partial(products)?;
+        for label in labels.iter().filter(|label| !config.masks.shown_of(label).is_empty()) {
             text += &line(class(label.category), &config.points(products, label.id, size)?, size);
         }
         output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())

@@ -1,5 +1,7 @@
 //! D2S amodal.
 
+mod read;
+
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
 use crate::coco::Masks;
 use crate::labels::{self, Label};
@@ -47,9 +49,12 @@ impl Config for D2sa {
     }
 }
 
+/// How the name of the annotation file begins.
+pub(crate) const FILE: &str = "D2S_amodal_";
+
 impl D2sa {
     fn file(&self) -> String {
-        format!("annotations/D2S_amodal_{}.json", self.split)
+        format!("annotations/{FILE}{}.json", self.split)
     }
 }
 

@@ -1,5 +1,7 @@
 //! OSD-Amodal.
 
+mod read;
+
 use crate::coco::Masks;
 use crate::depth::DepthSource;
 use crate::labels::{self, Label};

@@ -1,5 +1,7 @@
 //! COCO-Amodal.
 
+mod read;
+
 use crate::annotation_file::{self, Listed, SceneFiles, check_split, image_name, merge};
 use crate::coco::Masks;
 use crate::labels::{self, Label};
@@ -50,9 +52,12 @@ impl Config for Cocoa {
     }
 }
 
+/// How the name of the annotation file begins.
+pub(crate) const FILE: &str = "COCO_amodal_";
+
 impl Cocoa {
     fn file(&self) -> String {
-        format!("annotations/COCO_amodal_{}.json", self.split)
+        format!("annotations/{FILE}{}.json", self.split)
     }
 }
 

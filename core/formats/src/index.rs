@@ -1,0 +1,263 @@
+//! Annotation files whose records stay in the file: in memory is only where each of them is.
+//!
+//! A file is read once from end to end, record by record, and then again image by image. So memory holds eight bytes per
+//! record beside what a reader keeps of it, whatever the size of the file.
+
+use crate::coco::{Category, Info};
+use crate::dataset::located;
+use serde::de::{
+    DeserializeOwned, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
+};
+use std::cell::Cell;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+use syntable_model::error::{Error, Result};
+
+/// A list of records of an annotation file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Section {
+    /// `images`.
+    Images,
+    /// `annotations`.
+    Annotations,
+    /// `scenes`, as SynTable's own form has them.
+    Scenes,
+}
+
+impl Section {
+    const ALL: [Self; 3] = [Self::Images, Self::Annotations, Self::Scenes];
+
+    /// Its name in the file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Images => "images",
+            Self::Annotations => "annotations",
+            Self::Scenes => crate::syntable::SCENES,
+        }
+    }
+}
+
+/// A record, while a file is opened.
+#[derive(Debug)]
+pub enum Record<I, A, S> {
+    /// Of `images`.
+    Image(I),
+    /// Of `annotations`.
+    Annotation(A),
+    /// Of `scenes`.
+    Scene(S),
+}
+
+/// An annotation file of which only what covers the whole is in memory.
+#[derive(Debug)]
+pub struct Indexed {
+    path: PathBuf,
+    /// What the dataset is.
+    pub info: Info,
+    /// Categories that annotations refer to.
+    pub categories: Option<Vec<Category>>,
+    /// Of each section, where its first record may start and where each of its records ends, bytes.
+    ends: [Vec<u64>; 3],
+}
+
+impl Indexed {
+    /// Opens a file whose images, annotations and scenes are of these types, and gives each record to `each`. An error names
+    /// the line and the field.
+    pub fn open<I, A, S>(path: impl AsRef<Path>, each: &mut dyn FnMut(Record<I, A, S>)) -> Result<Self>
+    where
+        I: DeserializeOwned,
+        A: DeserializeOwned,
+        S: DeserializeOwned,
+    {
+        let path = path.as_ref();
+        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+        let at = Cell::new(0);
+        let mut index =
+            Self { path: path.to_owned(), info: Info::default(), categories: None, ends: Default::default() };
+        let mut json = serde_json::Deserializer::from_reader(Counted { from: BufReader::new(file), at: &at });
+        let mut track = serde_path_to_error::Track::new();
+        let whole = Whole { at: &at, index: &mut index, each };
+        let fail = |error: serde_json::Error, field: Option<String>| match error.io_error_kind() {
+            Some(kind) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
+            _ => located(&error, field.as_deref()).in_file(path),
+        };
+        let read = whole.deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track));
+        if let Err(error) = read {
+            let field = track.path().to_string();
+            return Err(fail(error, (field != ".").then_some(field)));
+        }
+        json.end().map_err(|error| fail(error, None))?;
+        Ok(index)
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Number of records of a section.
+    pub fn len(&self, section: Section) -> usize {
+        self.ends[section as usize].len().saturating_sub(1)
+    }
+
+    /// Whether a section has no record.
+    pub fn is_empty(&self, section: Section) -> bool {
+        self.len(section) == 0
+    }
+
+    /// Reads these records of a section, by their numbers from 0.
+    pub fn records<T: DeserializeOwned>(&self, section: Section, numbers: &[u32]) -> Result<Vec<T>> {
+        let fail = |error: &io::Error| Error::io(&self.path, error);
+        let mut file = File::open(&self.path).map_err(|error| fail(&error))?;
+        let ends = &self.ends[section as usize];
+        let mut records = Vec::with_capacity(numbers.len());
+        // Neighbors in the file are read at once.
+        for run in numbers.chunk_by(|one, next| one.checked_add(1) == Some(*next)) {
+            let [first, last] = [run[0] as usize, run[run.len() - 1] as usize];
+            let (Some(&start), Some(&end)) = (ends.get(first), ends.get(last + 1)) else {
+                return Err(Error::new(format!("there is no `{}[{last}]`", section.name())).in_file(&self.path));
+            };
+            let mut bytes = vec![0; (end - start) as usize];
+            file.seek(SeekFrom::Start(start))
+                .and_then(|_| file.read_exact(&mut bytes))
+                .map_err(|error| fail(&error))?;
+            for number in first..=last {
+                let of = |end: u64| (end - start) as usize;
+                records.push(self.record(section, number, &bytes[of(ends[number])..of(ends[number + 1])])?);
+            }
+        }
+        Ok(records)
+    }
+
+    /// Parses a record and the comma before it.
+    fn record<T: DeserializeOwned>(&self, section: Section, number: usize, bytes: &[u8]) -> Result<T> {
+        let is_before = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
+        let start = bytes.iter().position(|byte| !is_before(byte)).unwrap_or(bytes.len());
+        let mut json = serde_json::Deserializer::from_slice(&bytes[start..]);
+        serde_path_to_error::deserialize(&mut json).map_err(|error| {
+            let path = error.path().to_string();
+            let field = if path == "." { String::new() } else { format!(".{path}") };
+            Error::new(format!("`{}[{number}]{field}`: {}", section.name(), error.inner()))
+                .in_file(&self.path)
+                .help("leave the file alone while it is read")
+                .permanent()
+        })
+    }
+}
+
+/// Counts the bytes that the parser has taken. It takes no byte beyond the end of an object.
+struct Counted<'c, R> {
+    from: R,
+    at: &'c Cell<u64>,
+}
+
+impl<R: Read> Read for Counted<'_, R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let count = self.from.read(bytes)?;
+        self.at.set(self.at.get() + count as u64);
+        Ok(count)
+    }
+}
+
+/// Reads a file: an object with sections.
+struct Whole<'w, I, A, S> {
+    at: &'w Cell<u64>,
+    index: &'w mut Indexed,
+    each: &'w mut dyn FnMut(Record<I, A, S>),
+}
+
+impl<'de, I, A, S> DeserializeSeed<'de> for Whole<'_, I, A, S>
+where
+    I: DeserializeOwned,
+    A: DeserializeOwned,
+    S: DeserializeOwned,
+{
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de, I, A, S> Visitor<'de> for Whole<'_, I, A, S>
+where
+    I: DeserializeOwned,
+    A: DeserializeOwned,
+    S: DeserializeOwned,
+{
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("an annotation file: an object with `images` and `annotations`")
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<(), M::Error> {
+        let Self { at, index, each } = self;
+        while let Some(key) = map.next_key::<String>()? {
+            let Some(section) = Section::ALL.into_iter().find(|section| section.name() == key) else {
+                match key.as_str() {
+                    "info" => index.info = map.next_value()?,
+                    "categories" => index.categories = Some(map.next_value()?),
+                    _ => drop(map.next_value::<IgnoredAny>()?),
+                }
+                continue;
+            };
+            let ends = &mut index.ends[section as usize];
+            if !ends.is_empty() {
+                return Err(M::Error::duplicate_field(section.name()));
+            }
+            match section {
+                Section::Images => map.next_value_seed(List::of(at, ends, |it| each(Record::Image(it))))?,
+                Section::Annotations => map.next_value_seed(List::of(at, ends, |it| each(Record::Annotation(it))))?,
+                Section::Scenes => map.next_value_seed(List::of(at, ends, |it| each(Record::Scene(it))))?,
+            }
+        }
+        let needed = [Section::Images, Section::Annotations];
+        match needed.into_iter().find(|section| index.ends[*section as usize].is_empty()) {
+            Some(section) => Err(M::Error::missing_field(section.name())),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Reads a list of records, and where each ends.
+struct List<'l, T, F> {
+    at: &'l Cell<u64>,
+    ends: &'l mut Vec<u64>,
+    each: F,
+    of: PhantomData<T>,
+}
+
+impl<'l, T, F: FnMut(T)> List<'l, T, F> {
+    fn of(at: &'l Cell<u64>, ends: &'l mut Vec<u64>, each: F) -> Self {
+        Self { at, ends, each, of: PhantomData }
+    }
+}
+
+impl<'de, T: DeserializeOwned, F: FnMut(T)> DeserializeSeed<'de> for List<'_, T, F> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de, T: DeserializeOwned, F: FnMut(T)> Visitor<'de> for List<'_, T, F> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a list of records")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut list: A) -> Result<(), A::Error> {
+        self.ends.push(self.at.get());
+        while let Some(record) = list.next_element()? {
+            self.ends.push(self.at.get());
+            (self.each)(record);
+        }
+        Ok(())
+    }
+}

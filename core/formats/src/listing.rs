@@ -1,0 +1,184 @@
+//! The images of an annotation file in order, and where the annotations of each are.
+
+use crate::coco;
+use crate::index::{Indexed, Record, Section};
+use crate::read::{Categories, Faults};
+use crate::syntable;
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
+use syntable_model::error::Result;
+use syntable_model::reader::ImageRef;
+
+/// The record of an image, as files of COCO's structure have it.
+pub trait ImageRecord: DeserializeOwned {
+    /// What is kept of it in memory.
+    fn frame(&self) -> Frame;
+}
+
+/// The record of an annotation.
+pub trait AnnotationRecord: DeserializeOwned {
+    /// Its id.
+    fn id(&self) -> u64;
+    /// Id of its image.
+    fn image(&self) -> u64;
+    /// Id of its category; none in files without categories.
+    fn category(&self) -> Option<u64>;
+}
+
+/// An image of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Frame {
+    /// Its id in the file.
+    pub id: u64,
+    /// Path of the image, from the folder of the dataset that the format says.
+    pub file_name: String,
+    /// Width, px.
+    pub width: u32,
+    /// Height, px.
+    pub height: u32,
+    /// Scene and view, if the file says them.
+    pub place: Option<(u32, u32)>,
+}
+
+/// An image with the numbers of its records in the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// The image.
+    pub frame: Frame,
+    /// Number of its record in `images`.
+    pub record: u32,
+    /// Numbers of its records in `annotations`, ascending.
+    pub annotations: Vec<u32>,
+}
+
+/// The images of an annotation file.
+#[derive(Debug)]
+pub struct Listing {
+    /// The file.
+    pub file: Indexed,
+    /// The categories of the file.
+    pub categories: Categories,
+    /// What images are called, in order of scenes and views.
+    pub refs: Vec<ImageRef>,
+    /// The images, in the same order.
+    pub images: Vec<Listed>,
+    /// What is wrong with the file.
+    pub faults: Faults,
+}
+
+/// What an annotation says of itself.
+#[derive(Debug, Clone, Copy)]
+struct Of {
+    id: u64,
+    image: u64,
+    category: Option<u64>,
+}
+
+impl Listing {
+    /// Opens a file, and gives each of its records to `each`.
+    pub fn open<I, A, S>(path: &Path, each: &mut dyn FnMut(&Record<I, A, S>)) -> Result<Self>
+    where
+        I: ImageRecord,
+        A: AnnotationRecord,
+        S: DeserializeOwned,
+    {
+        let (mut frames, mut annotations) = (Vec::new(), Vec::new());
+        let file = Indexed::open(path, &mut |record: Record<I, A, S>| {
+            each(&record);
+            match record {
+                Record::Image(image) => frames.push(image.frame()),
+                Record::Annotation(it) => {
+                    annotations.push(Of { id: it.id(), image: it.image(), category: it.category() });
+                }
+                Record::Scene(_) => {}
+            }
+        })
+        .map_err(|error| error.of_request())?;
+        let categories = Categories::of(file.categories.as_deref().unwrap_or_default());
+        let mut faults = Faults::default();
+        let mut by_id = by_id(frames, &annotations, &mut faults);
+        faults.of_annotations(&categories, annotations.iter().map(|it| (it.id, it.category)));
+        for (number, annotation) in (0..).zip(&annotations) {
+            match by_id.get_mut(&annotation.image) {
+                None => faults.unknown_image(annotation.id, annotation.image),
+                Some(image) => image.annotations.push(number),
+            }
+        }
+        let (refs, images) = faults
+            .in_order(by_id.into_values().collect(), |image: &Listed| (&image.frame.file_name, image.frame.place));
+        Ok(Self { file, categories, refs, images, faults })
+    }
+
+    /// The annotations of an image, in the order of the file.
+    pub fn annotations<A: DeserializeOwned>(&self, image: usize) -> Result<Vec<A>> {
+        self.file.records(Section::Annotations, &self.images[image].annotations)
+    }
+
+    /// The whole record of an image.
+    pub fn image<I: DeserializeOwned>(&self, image: usize) -> Result<I> {
+        let records = self.file.records(Section::Images, &[self.images[image].record])?;
+        Ok(records.into_iter().next().expect("as many records as were asked for"))
+    }
+}
+
+/// The images by their ids. In the form of SynTable's release, the n-th image is that of the n-th annotation.
+fn by_id(frames: Vec<Frame>, annotations: &[Of], faults: &mut Faults) -> BTreeMap<u64, Listed> {
+    let repeats =
+        frames.len() == annotations.len() && frames.iter().zip(annotations).all(|(frame, it)| frame.id == it.image);
+    let mut by_id: BTreeMap<u64, Listed> = BTreeMap::new();
+    for (record, frame) in (0..).zip(frames) {
+        match by_id.entry(frame.id) {
+            Entry::Occupied(first) if first.get().frame != frame || !repeats => {
+                faults.add("unique_ids", format!("image {}", frame.id), "two images have this id");
+            }
+            Entry::Occupied(_) => {}
+            Entry::Vacant(entry) => drop(entry.insert(Listed { frame, record, annotations: Vec::new() })),
+        }
+    }
+    by_id
+}
+
+impl ImageRecord for coco::Image {
+    fn frame(&self) -> Frame {
+        let Self { id, file_name, width, height, .. } = self;
+        Frame { id: *id, file_name: file_name.clone(), width: *width, height: *height, place: None }
+    }
+}
+
+impl ImageRecord for syntable::Image {
+    fn frame(&self) -> Frame {
+        let Self { id, file_name, width, height, .. } = self;
+        let place = self.scene_id.zip(self.view_id);
+        Frame { id: *id, file_name: file_name.clone(), width: *width, height: *height, place }
+    }
+}
+
+impl AnnotationRecord for coco::Annotation {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn image(&self) -> u64 {
+        self.image_id
+    }
+
+    fn category(&self) -> Option<u64> {
+        Some(self.category_id)
+    }
+}
+
+impl AnnotationRecord for syntable::Annotation {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn image(&self) -> u64 {
+        self.image_id
+    }
+
+    fn category(&self) -> Option<u64> {
+        Some(self.category_id)
+    }
+}

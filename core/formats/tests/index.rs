@@ -1,0 +1,143 @@
+//! What is read record by record is what is read at once, and JPEG files are what Pillow reads.
+
+use serde_json::{Value as Json, json};
+use std::fs;
+use std::path::Path;
+use std::sync::OnceLock;
+use syntable_formats::coco::{Annotation, Dataset, Image};
+use syntable_formats::dataset::Layout;
+use syntable_formats::decode;
+use syntable_formats::index::{Indexed, Record, Section};
+use syntable_formats::listing::Listing;
+use syntable_model::random::Stream;
+use syntable_testing::tools::python_with;
+
+fn annotation(id: u64, image: u64, text: &str) -> Json {
+    json!({ "id": id, "image_id": image, "category_id": 1, "area": 1.5, "bbox": [0, 0, 1, 1], "note": text,
+            "segmentation": [[0.5, 0.5, 3.25, 0.5, 3.0, 2.0]], "deep": { "list": [{}, [], "]}"] } })
+}
+
+/// Files of the same records that are laid out in different ways.
+fn files() -> Vec<String> {
+    let images: Vec<Json> =
+        (1..4).map(|id| json!({ "id": id, "file_name": format!("{id}.png"), "width": 4, "height": 3 })).collect();
+    let texts = ["", "ä\"}]{[", "a\\u0041\\", "line\nbreak", ","];
+    let annotations: Vec<Json> = (0..10).map(|i| annotation(i + 1, i * 7 % 3 + 1, texts[i as usize % 5])).collect();
+    let json = json!({ "info": { "year": 3 }, "images": images, "categories": [{ "id": 1, "name": "x" }],
+                       "annotations": annotations, "more": [1, { "annotations": [] }] });
+    let dataset: Dataset = serde_json::from_value(json.clone()).expect("a dataset");
+    let written = |layout| {
+        let mut out = Vec::new();
+        dataset.write(&mut out, "a.json", layout).expect("written");
+        String::from_utf8(out).expect("UTF-8")
+    };
+    let spread = json.to_string().replace("},{", "}\t\n , \r\n{").replace(":[{", ": [ \n {").replace("}],", "} \n],");
+    let turned = format!(
+        "{{\"annotations\": {}, \"images\": {}, \"categories\": {}}}",
+        json["annotations"], json["images"], json["categories"]
+    );
+    vec![written(Layout::Lines), written(Layout::Indented), json.to_string(), spread, turned]
+}
+
+#[test]
+fn records_are_those_of_the_whole_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.json");
+    let mut stream = Stream::root(2);
+    for text in files() {
+        fs::write(&path, &text).expect("writable");
+        let whole = Dataset::read(&path).expect("reads");
+        let (mut images, mut annotations) = (Vec::new(), Vec::new());
+        let index = Indexed::open(&path, &mut |record: Record<Image, Annotation, Json>| match record {
+            Record::Image(image) => images.push(image),
+            Record::Annotation(annotation) => annotations.push(annotation),
+            Record::Scene(_) => panic!("there is none"),
+        })
+        .expect("opens");
+        assert_eq!((&images, &annotations), (&whole.images, &whole.annotations));
+        assert_eq!((index.len(Section::Images), index.len(Section::Annotations)), (3, 10));
+        assert!(index.is_empty(Section::Scenes));
+        assert_eq!(index.categories.as_ref(), Some(&whole.categories));
+        for _ in 0..30 {
+            let mut numbers: Vec<u32> = (0..10).filter(|_| stream.below(2) == 0).collect();
+            if stream.below(3) == 0 {
+                numbers.reverse();
+            }
+            let want: Vec<Annotation> = numbers.iter().map(|&i| whole.annotations[i as usize].clone()).collect();
+            assert_eq!(index.records::<Annotation>(Section::Annotations, &numbers).expect("reads"), want);
+        }
+        assert_eq!(index.records::<Image>(Section::Images, &[2]).expect("reads"), whole.images[2..]);
+        assert!(index.records::<Image>(Section::Images, &[3]).expect_err("none").to_string().contains("`images[3]`"));
+        let listing = Listing::open(&path, &mut |_: &Record<Image, Annotation, Json>| {}).expect("opens");
+        for (number, image) in listing.images.iter().enumerate() {
+            let want = whole.annotations.iter().filter(|it| it.image_id == image.frame.id).cloned().collect::<Vec<_>>();
+            assert_eq!(listing.annotations::<Annotation>(number).expect("reads"), want);
+            assert_eq!(listing.image::<Image>(number).expect("reads").id, image.frame.id);
+        }
+    }
+}
+
+#[test]
+fn mistakes_are_where_the_whole_file_has_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.json");
+    let good = files().remove(1);
+    for (from, to) in [
+        ("\"image_id\": 2", "\"image_id\": \"2\""),
+        ("\"annotations\": [", "\"annotations\": 3, \"x\": ["),
+        ("\"images\"", "\"photos\""),
+        ("\"file_name\": \"2.png\"", "\"file\": \"2.png\""),
+        ("\"category_id\": 1,", "\"category_id\": 1"),
+    ] {
+        assert!(good.contains(from), "{from}");
+        fs::write(&path, good.replacen(from, to, 1)).expect("writable");
+        let whole = Dataset::read(&path).expect_err("refused");
+        let indexed = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");
+        let bare = |text: &str| text.replace("a sequence", "a list of records");
+        assert_eq!(indexed.place(), whole.place(), "{from}");
+        assert_eq!(bare(indexed.message()), bare(whole.message()), "{from}");
+    }
+    let cut = &good[..good.len() / 2];
+    fs::write(&path, cut).expect("writable");
+    let error = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");
+    assert!(error.to_string().contains("EOF while parsing") && !error.is_io(), "{error}");
+    let missing = Indexed::open(folder.path().join("b"), &mut |_: Record<Image, Annotation, Json>| {});
+    assert!(missing.expect_err("missing").is_io());
+}
+
+#[test]
+fn jpeg_files_are_those_of_pillow() {
+    static HERE: OnceLock<bool> = OnceLock::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    let script = folder.path().join("write.py");
+    let code = "import sys, pathlib, numpy as np\nfrom PIL import Image\nroot = pathlib.Path(sys.argv[1])\n\
+                y, x = np.mgrid[:40, :56]\nrgb = np.stack([4 * x, 6 * y, 255 - 4 * x], -1).astype(np.uint8)\n\
+                Image.fromarray(rgb).save(root / 'color.jpg', quality=95)\n\
+                Image.fromarray(rgb[..., 0]).save(root / 'gray.jpg', quality=95)\n\
+                for name in 'color', 'gray':\n\
+                \x20   pixels = np.asarray(Image.open(root / f'{name}.jpg').convert('RGB'))\n\
+                \x20   (root / f'{name}.raw').write_bytes(pixels.tobytes())\n";
+    fs::write(&script, code).expect("writable");
+    if !python_with("numpy, PIL", &HERE, &script, &[folder.path().to_str().expect("UTF-8")]) {
+        return;
+    }
+    let path = |name: &str| folder.path().join(name);
+    for name in ["color", "gray"] {
+        let read = decode::rgb(&path(&format!("{name}.jpg"))).expect("reads");
+        let want = fs::read(path(&format!("{name}.raw"))).expect("there");
+        assert_eq!((read.width(), read.height(), 3 * read.data().len()), (56, 40, want.len()));
+        let differ = read.data().as_flattened().iter().zip(&want).map(|(a, b)| a.abs_diff(*b)).max();
+        // Decoders round the inverse transform in different ways.
+        assert!(differ <= Some(4), "{name}: {differ:?}");
+    }
+    broken(&path("color.jpg"));
+}
+
+fn broken(path: &Path) {
+    let bytes = fs::read(path).expect("there");
+    for length in [3, 20, bytes.len() / 2] {
+        fs::write(path, &bytes[..length]).expect("writable");
+        let error = decode::rgb(path).expect_err("refused");
+        assert!(error.is_permanent() && error.to_string().contains("not a readable JPEG file"), "{length}: {error}");
+    }
+}

@@ -1,0 +1,325 @@
+//! Reads COCO-Amodal: one annotation per image with its regions.
+
+use super::FILE;
+use crate::coco::read::{FOLDER, images_root};
+use crate::read::{self as shared, POLYGONS, edge_px2, settle_edges};
+use serde::de::IgnoredAny;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use syntable_formats::coco::Image;
+use syntable_formats::decode;
+use syntable_formats::index::Record;
+use syntable_formats::listing::{AnnotationRecord, Listing};
+use syntable_formats::read::{self, Categories, Labels};
+use syntable_formats::segmentation::{Rle, Segmentation};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RGB;
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+
+syntable_model::register_format!(Format {
+    name: "cocoa",
+    doc: "COCO-Amodal (`annotations/COCO_amodal_*.json` beside an image folder), as the writer `cocoa` writes it. Regions of \
+          stuff are no objects; of several annotations of an image the first one counts.",
+    detect: |root| {
+        let files = shared::json_files(&root.join(FOLDER));
+        files.is_ok_and(|files| files.iter().any(|file| shared::name_starts(file, FILE)))
+    },
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// The annotation of an image by one person.
+#[derive(Debug, Deserialize)]
+struct ImageAnnotation {
+    id: u64,
+    image_id: u64,
+    #[serde(default)]
+    size: Option<usize>,
+    #[serde(default)]
+    depth_constraint: String,
+    regions: Vec<Region>,
+}
+
+/// An object, or stuff.
+#[derive(Debug, Deserialize)]
+struct Region {
+    segmentation: Vec<f64>,
+    #[serde(default)]
+    name: String,
+    #[serde(default)]
+    area: Option<f64>,
+    #[serde(default, rename = "isStuff")]
+    is_stuff: u8,
+    #[serde(default)]
+    occlude_rate: Option<f64>,
+    #[serde(default)]
+    order: Option<usize>,
+    #[serde(default)]
+    visible_mask: Option<Rle>,
+    #[serde(default)]
+    invisible_mask: Option<Rle>,
+}
+
+impl AnnotationRecord for ImageAnnotation {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn image(&self) -> u64 {
+        self.image_id
+    }
+
+    fn category(&self) -> Option<u64> {
+        None
+    }
+}
+
+struct Reader {
+    images_root: PathBuf,
+    info: DatasetInfo,
+    /// The names of regions.
+    categories: Categories,
+    listing: Listing,
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let file = shared::only_file(&root.join(FOLDER), |file| shared::name_starts(file, FILE))?;
+    let mut names = BTreeSet::new();
+    let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| {
+        if let Record::Annotation(annotation) = record {
+            names.extend(annotation.objects().map(|(_, region)| region.name.clone()).filter(|name| !name.is_empty()));
+        }
+    })?;
+    let categories = Categories::named(names);
+    let first = listing.images.first().map(|image| image.frame.file_name.as_str());
+    let images_root = images_root(root, &file, first);
+    let about = &listing.file.info;
+    let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
+    Ok(Box::new(Reader { images_root, info, categories, listing }))
+}
+
+impl ImageAnnotation {
+    /// The regions of objects, each with its number from 1.
+    fn objects(&self) -> impl Iterator<Item = (usize, &Region)> {
+        (1..).zip(&self.regions).filter(|(_, region)| region.is_stuff == 0)
+    }
+
+    /// A key of a region, for messages.
+    fn key(&self, region: usize, key: &str) -> String {
+        format!("annotation {}: `regions[{}].{key}`", self.id, region - 1)
+    }
+
+    /// The pairs of regions, by their numbers from 1, of which the first is in front of the second.
+    fn constraints(&self) -> Result<Vec<[usize; 2]>, String> {
+        let number = |text: &str| {
+            let number = text.trim().parse().ok().filter(|number| (1..=self.regions.len()).contains(number));
+            number.ok_or_else(|| {
+                format!(
+                    "annotation {}: `depth_constraint` has `{text}`; regions are 1 to {}",
+                    self.id,
+                    self.regions.len()
+                )
+            })
+        };
+        let pair = |text: &str| {
+            let (front, back) = text.split_once('-').unwrap_or((text, ""));
+            Ok([number(front)?, number(back)?])
+        };
+        self.depth_constraint.split(',').filter(|text| !text.trim().is_empty()).map(pair).collect()
+    }
+
+    fn mask(&self, number: usize, (key, rle): (&str, &Rle), [width, height]: [u32; 2]) -> Result<Mask> {
+        let decoded = Segmentation::Rle(rle.clone()).decode(width, height);
+        decoded.map_err(|error| error.context(self.key(number, key)).permanent())
+    }
+
+    fn polygon(&self, number: usize, region: &Region, [width, height]: [u32; 2]) -> Result<Mask> {
+        let decoded = Segmentation::Polygons(vec![region.segmentation.clone()]).decode(width, height);
+        decoded.map_err(|error| error.context(self.key(number, "segmentation")).permanent())
+    }
+
+    /// Visible, amodal and occlusion mask of a region. Without occlusion there is only the polygon; else the masks are exact.
+    fn masks(&self, number: usize, region: &Region, size: [u32; 2]) -> Result<[Mask; 3]> {
+        let visible =
+            region.visible_mask.as_ref().map(|rle| self.mask(number, ("visible_mask", rle), size)).transpose()?;
+        let hidden =
+            region.invisible_mask.as_ref().map(|rle| self.mask(number, ("invisible_mask", rle), size)).transpose()?;
+        Ok(match (visible, hidden) {
+            (Some(visible), Some(hidden)) => [visible.clone(), visible.or(&hidden), hidden],
+            (Some(visible), None) => {
+                let amodal = self.polygon(number, region, size)?.or(&visible);
+                let hidden = amodal.minus(&visible);
+                [visible, amodal, hidden]
+            }
+            (None, Some(hidden)) => {
+                let amodal = self.polygon(number, region, size)?.or(&hidden);
+                [amodal.minus(&hidden), amodal, hidden]
+            }
+            (None, None) => {
+                let amodal = self.polygon(number, region, size)?;
+                [amodal.clone(), amodal, Mask::empty(size[0], size[1])]
+            }
+        })
+    }
+
+    fn labels(&self, categories: &Categories, size: [u32; 2]) -> Result<Vec<Labels>> {
+        let of = |(row, (number, region)): (usize, (usize, &Region))| {
+            let [visible, amodal, _] = self.masks(number, region, size)?;
+            Ok(Labels {
+                id: shared::id_of(row)?,
+                visible,
+                amodal: Some(amodal),
+                occlusion: None,
+                rate: None,
+                visible_box: None,
+                amodal_box: None,
+                category: categories.id_of(&region.name),
+            })
+        };
+        let mut labels = self.objects().enumerate().map(of).collect::<Result<Vec<_>>>()?;
+        settle_edges(&mut labels);
+        Ok(labels)
+    }
+
+    /// What it says beside its masks, and what contradicts them.
+    fn faults(&self, size: [u32; 2]) -> Vec<(&'static str, String)> {
+        let mut faults = Vec::new();
+        if let Some(count) = self.size.filter(|count| *count != self.regions.len()) {
+            let message = format!("annotation {}: `size` is {count}, it has {} regions", self.id, self.regions.len());
+            faults.push(("records_agree", message));
+        }
+        for (number, region) in self.objects() {
+            if let Some(order) = region.order.filter(|order| *order != number) {
+                let message = format!("{} is {order}, its place from the front {number}", self.key(number, "order"));
+                faults.push(("records_agree", message));
+            }
+            let (Ok([visible, amodal, hidden]), Ok(polygon)) =
+                (self.masks(number, region, size), self.polygon(number, region, size))
+            else {
+                continue;
+            };
+            faults.extend(self.faults_of_masks(number, region, [&visible, &amodal, &hidden], &polygon));
+        }
+        match self.constraints() {
+            Ok(pairs) => faults.extend(self.faults_of_order(&pairs, size)),
+            Err(message) => faults.push(("records_agree", message)),
+        }
+        faults
+    }
+
+    fn faults_of_masks(
+        &self,
+        number: usize,
+        region: &Region,
+        [visible, amodal, hidden]: [&Mask; 3],
+        polygon: &Mask,
+    ) -> Vec<(&'static str, String)> {
+        let mut faults = Vec::new();
+        let edge = edge_px2(amodal).max(1.0);
+        let area = f64::from(amodal.area());
+        if let Some(said) = region.area.filter(|said| (said - area).abs() > edge) {
+            let message = format!("{} is {said}, its masks have {area}", self.key(number, "area"));
+            faults.push(("areas_are_those_of_masks", message));
+        }
+        let rate = if area == 0.0 { 0.0 } else { f64::from(hidden.area()) / area };
+        // A rate may be that of the polygon.
+        let tolerance = edge / area.max(1.0);
+        if let Some(said) = region.occlude_rate.filter(|said| (said - rate).abs() > tolerance) {
+            let message = format!("{} is {said}, that of its masks {rate:.6}", self.key(number, "occlude_rate"));
+            faults.push(("rate_is_ratio_of_areas", message));
+        }
+        let both = visible.and(hidden).area();
+        if both > 0 {
+            let message = format!("{}: {both} of its pixels are visible, too", self.key(number, "invisible_mask"));
+            faults.push(("occlusion_is_amodal_minus_visible", message));
+        }
+        let differ = f64::from(amodal.minus(polygon).area() + polygon.minus(amodal).area());
+        if differ > edge {
+            let message = format!("{} differs from its masks at {differ} pixels", self.key(number, "segmentation"));
+            faults.push(("polygon_is_that_of_masks", message));
+        }
+        faults
+    }
+
+    /// Pairs whose order the masks contradict: the object behind hides a part of that in front, and not the other way round.
+    fn faults_of_order(&self, pairs: &[[usize; 2]], size: [u32; 2]) -> Vec<(&'static str, String)> {
+        let masks = |number: usize| {
+            let region = self.regions.get(number - 1).filter(|region| region.is_stuff == 0)?;
+            self.masks(number, region, size).ok()
+        };
+        let wrong = |&[front, back]: &[usize; 2]| {
+            let (Some([seen, _, hidden]), Some([seen_behind, _, hidden_behind])) = (masks(front), masks(back)) else {
+                return None;
+            };
+            let (said, opposite) = (seen.and(&hidden_behind), seen_behind.and(&hidden));
+            (said.is_empty() && !opposite.is_empty()).then(|| {
+                let message = format!(
+                    "annotation {}: `depth_constraint` has {front}-{back}, and by its masks region {back} hides {} pixels of \
+                     region {front}",
+                    self.id,
+                    opposite.area()
+                );
+                ("order_is_that_of_masks", message)
+            })
+        };
+        pairs.iter().filter_map(wrong).collect()
+    }
+}
+
+impl DatasetReader for Reader {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.listing.refs
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.listing.faults.all()
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = read::offers(true);
+        keys.push(RGB.id());
+        keys
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let frame = &self.listing.images[image].frame;
+        let Ok(Some(annotation)) = self.annotation(image) else { return Vec::new() };
+        annotation.faults([frame.width, frame.height])
+    }
+
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let reads_masks = reads.iter().any(|key| *key != RGB.id());
+        reads_masks.then(|| POLYGONS.to_owned()).into_iter().collect()
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let frame = &self.listing.images[image].frame;
+        let size = [frame.width, frame.height];
+        let mut products = Products::new();
+        if wants.iter().any(|want| *want != RGB.id()) {
+            let labels = match self.annotation(image)? {
+                Some(annotation) => annotation.labels(&self.categories, size)?,
+                None => Vec::new(),
+            };
+            read::put(&labels, None, wants, &mut products)?;
+        }
+        if wants.contains(&RGB.id()) {
+            products.put(RGB, decode::rgb(&self.images_root.join(&frame.file_name))?)?;
+        }
+        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+    }
+}
+
+impl Reader {
+    /// The first annotation of an image.
+    fn annotation(&self, image: usize) -> Result<Option<ImageAnnotation>> {
+        let numbers = &self.listing.images[image].annotations;
+        let first = numbers.get(..1).unwrap_or_default();
+        let records = self.listing.file.records(syntable_formats::index::Section::Annotations, first)?;
+        Ok(records.into_iter().next())
+    }
+}

@@ -1,0 +1,216 @@
+//! Reads KINS' layout, in its form of 2019 or of 2020.
+
+use crate::read::{self as shared, POLYGONS, edge_px2, fits_mask, settle_edges};
+use serde::de::IgnoredAny;
+use std::path::{Path, PathBuf};
+use syntable_formats::coco::Image;
+use syntable_formats::decode;
+use syntable_formats::index::Record;
+use syntable_formats::listing::{AnnotationRecord, Listing};
+use syntable_formats::read::{self, Labels};
+use syntable_formats::segmentation::Segmentation;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RGB;
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+
+syntable_model::register_format!(Format {
+    name: "kins",
+    doc: "KINS (`instances_*.json` or `update_*_2020.json` beside the images, or beside KITTI's `training` and `testing`), as \
+          the writer `kins` writes it.",
+    detect: |root| shared::json_files(root).is_ok_and(|files| files.iter().any(|file| is_one(file))),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// How the annotation files of both forms begin, and end.
+const NAMES: [(&str, &str); 2] = [("instances_", ""), ("update_", "_2020")];
+/// Folders of images: ours, then those of KITTI.
+const IMAGES: [&str; 4] = ["images", "training/image_2", "testing/image_2", "."];
+
+fn is_one(file: &Path) -> bool {
+    let stem = file.file_stem().map(|stem| stem.to_string_lossy());
+    stem.is_some_and(|stem| NAMES.iter().any(|(start, end)| stem.starts_with(start) && stem.ends_with(end)))
+}
+
+/// An object, in either form: amodal and visible mask with their numbers under the names of 2020, then those of 2019.
+#[derive(Debug, Deserialize)]
+struct Annotation {
+    id: u64,
+    image_id: u64,
+    category_id: u64,
+    a_segm: Option<Segmentation>,
+    a_bbox: Option<[f64; 4]>,
+    a_area: Option<f64>,
+    i_segm: Option<Segmentation>,
+    i_bbox: Option<[f64; 4]>,
+    i_area: Option<f64>,
+    segmentation: Option<Segmentation>,
+    bbox: Option<[f64; 4]>,
+    area: Option<f64>,
+    inmodal_seg: Option<Segmentation>,
+    inmodal_bbox: Option<[f64; 4]>,
+}
+
+impl AnnotationRecord for Annotation {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn image(&self) -> u64 {
+        self.image_id
+    }
+
+    fn category(&self) -> Option<u64> {
+        Some(self.category_id)
+    }
+}
+
+/// What an annotation says of a mask: names of keys with their values.
+struct Said<'a> {
+    mask: (&'static str, Option<&'a Segmentation>),
+    area: (&'static str, Option<f64>),
+    bbox: (&'static str, Option<[f64; 4]>),
+}
+
+impl Annotation {
+    /// What it says of the amodal and of the visible mask.
+    fn said(&self) -> [Said<'_>; 2] {
+        if self.a_segm.is_some() || self.i_segm.is_some() {
+            let amodal = Said {
+                mask: ("a_segm", self.a_segm.as_ref()),
+                area: ("a_area", self.a_area),
+                bbox: ("a_bbox", self.a_bbox),
+            };
+            let visible = Said {
+                mask: ("i_segm", self.i_segm.as_ref()),
+                area: ("i_area", self.i_area),
+                bbox: ("i_bbox", self.i_bbox),
+            };
+            return [amodal, visible];
+        }
+        let amodal = Said {
+            mask: ("segmentation", self.segmentation.as_ref()),
+            area: ("area", self.area),
+            bbox: ("bbox", self.bbox),
+        };
+        let visible = Said {
+            mask: ("inmodal_seg", self.inmodal_seg.as_ref()),
+            area: ("inmodal_area", None),
+            bbox: ("inmodal_bbox", self.inmodal_bbox),
+        };
+        [amodal, visible]
+    }
+
+    /// A key of it, for messages.
+    fn key(&self, key: &str) -> String {
+        format!("annotation {}: `{key}`", self.id)
+    }
+
+    fn mask(&self, said: &Said, [width, height]: [u32; 2]) -> Result<Mask> {
+        let (key, segmentation) = said.mask;
+        let missing = || {
+            Error::new("it is missing")
+                .help("an object has `a_segm` and `i_segm`, or `segmentation` and `inmodal_seg`")
+                .context(self.key(key))
+                .permanent()
+        };
+        let decoded = segmentation.ok_or_else(missing)?.decode(width, height);
+        decoded.map_err(|error| error.context(self.key(key)).permanent())
+    }
+
+    /// What it says of its masks in numbers, which need not be those of polygons to the pixel.
+    fn faults(&self, size: [u32; 2]) -> Vec<(&'static str, String)> {
+        let mut faults = Vec::new();
+        for said in self.said() {
+            let Ok(mask) = self.mask(&said, size) else { continue };
+            let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
+            let area = said.area.1.unwrap_or(mask.area().into());
+            let tolerance = match said.mask.1 {
+                Some(Segmentation::Polygons(_)) => edge_px2(&mask).max(1.0),
+                _ => 0.5,
+            };
+            let bbox = said.bbox.1.unwrap_or(own);
+            faults.extend(fits_mask(&mask, (area, self.key(said.area.0)), (bbox, self.key(said.bbox.0)), tolerance));
+        }
+        faults
+    }
+}
+
+struct Reader {
+    images_root: PathBuf,
+    info: DatasetInfo,
+    listing: Listing,
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let file = shared::only_file(root, is_one)?;
+    let listing = Listing::open(&file, &mut |_: &Record<Image, Annotation, IgnoredAny>| {})?;
+    let first = listing.images.first().map(|image| image.frame.file_name.as_str());
+    let images_root = shared::images_root(root, &IMAGES, first);
+    let info = shared::info(&listing);
+    Ok(Box::new(Reader { images_root, info, listing }))
+}
+
+impl DatasetReader for Reader {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.listing.refs
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.listing.faults.all()
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = read::offers(true);
+        keys.push(RGB.id());
+        keys
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let frame = &self.listing.images[image].frame;
+        let Ok(annotations) = self.listing.annotations::<Annotation>(image) else { return Vec::new() };
+        annotations.iter().flat_map(|annotation| annotation.faults([frame.width, frame.height])).collect()
+    }
+
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let reads_masks = reads.iter().any(|key| *key != RGB.id());
+        reads_masks.then(|| POLYGONS.to_owned()).into_iter().collect()
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let frame = &self.listing.images[image].frame;
+        let size = [frame.width, frame.height];
+        let mut products = Products::new();
+        if wants.iter().any(|want| *want != RGB.id()) {
+            let annotations: Vec<Annotation> = self.listing.annotations(image)?;
+            let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
+            let mut labels = labels.collect::<Result<Vec<_>>>()?;
+            settle_edges(&mut labels);
+            read::put(&labels, None, wants, &mut products)?;
+        }
+        if wants.contains(&RGB.id()) {
+            products.put(RGB, decode::rgb(&self.images_root.join(&frame.file_name))?)?;
+        }
+        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+    }
+}
+
+impl Reader {
+    fn labels(&self, size: [u32; 2], row: usize, annotation: &Annotation) -> Result<Labels> {
+        let [amodal, visible] = annotation.said();
+        Ok(Labels {
+            id: shared::id_of(row)?,
+            visible: annotation.mask(&visible, size)?,
+            amodal: Some(annotation.mask(&amodal, size)?),
+            occlusion: None,
+            rate: None,
+            visible_box: None,
+            amodal_box: None,
+            category: self.listing.categories.id(annotation.category_id),
+        })
+    }
+}

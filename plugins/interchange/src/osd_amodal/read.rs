@@ -1,0 +1,187 @@
+//! Reads OSD-Amodal's folders.
+
+use super::{IMAGES, MASKS};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_formats::decode;
+use syntable_formats::read::{self, Categories, Faults, Labels};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::{DEPTH, RGB};
+use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+
+syntable_model::register_format!(Format {
+    name: "osd_amodal",
+    doc: "OSD-Amodal's folders `image_color`, `disparity`, `annotation`, `amodal_annotation` and `occlusion_annotation`, as the \
+          writer `osd_amodal` writes them.",
+    detect: |root| IMAGES.iter().chain([&MASKS[0]]).all(|folder| root.join(folder).is_dir()),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// Millimeters per step of depth images.
+const STEP_MM: f64 = 1.0;
+
+struct Reader {
+    root: PathBuf,
+    info: DatasetInfo,
+    refs: Vec<ImageRef>,
+    images: Vec<Named>,
+    faults: Faults,
+}
+
+/// An image.
+struct Named {
+    name: String,
+    /// Labels that have an amodal mask, and those that have an occlusion mask.
+    masks: [BTreeSet<u16>; 2],
+}
+
+fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
+    let mut faults = Faults::default();
+    let [color, depth, labels] = IMAGES.map(|folder| stems(&root.join(folder)));
+    let names = color?;
+    for (folder, stems) in IMAGES[1..].iter().zip([depth?, labels?]) {
+        for name in names.difference(&stems) {
+            faults.add("records_agree", format!("{folder}/{name}.png"), "it is not there, and its image is");
+        }
+        for name in stems.difference(&names) {
+            faults.add(
+                "records_agree",
+                format!("{folder}/{name}.png"),
+                &format!("there is no {}/{name}.png", IMAGES[0]),
+            );
+        }
+    }
+    let mut images: BTreeMap<String, [BTreeSet<u16>; 2]> =
+        names.into_iter().map(|name| (name, Default::default())).collect();
+    for (which, folder) in MASKS.iter().enumerate() {
+        // Without occlusion there is no folder of it.
+        if which == 1 && !root.join(folder).is_dir() {
+            continue;
+        }
+        for stem in stems(&root.join(folder))? {
+            let place = || format!("{folder}/{stem}.png");
+            let Some((name, label)) = stem.rsplit_once('_').and_then(|(name, label)| Some((name, label.parse().ok()?)))
+            else {
+                faults.add("records_agree", place(), "its name does not end with `_` and a label");
+                continue;
+            };
+            match images.get_mut(name) {
+                Some(masks) => drop(masks[which].insert(label)),
+                None => faults.add("known_images", place(), &format!("there is no {}/{name}.png", IMAGES[0])),
+            }
+        }
+    }
+    let images: Vec<Named> = images.into_iter().map(|(name, masks)| Named { name, masks }).collect();
+    let (refs, images) = faults.in_order(images, |image| (&image.name, place_of(&image.name)));
+    let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let info = Categories::default().info(name, String::new(), &refs, String::new());
+    Ok(Box::new(Reader { root: root.to_owned(), info, refs, images, faults }))
+}
+
+/// Names of the PNG files of a folder, without their ends.
+fn stems(folder: &Path) -> Result<BTreeSet<String>> {
+    let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
+    let mut stems = BTreeSet::new();
+    for entry in fs::read_dir(folder).map_err(fail)? {
+        let path = entry.map_err(fail)?.path();
+        if path.extension().is_some_and(|it| it == "png") {
+            stems.extend(path.file_stem().and_then(|stem| Some(stem.to_str()?.to_owned())));
+        }
+    }
+    Ok(stems)
+}
+
+/// Scene and view of a name as the writer gives it.
+fn place_of(name: &str) -> Option<(u32, u32)> {
+    let (scene, view) = name.strip_prefix('s')?.split_once('v')?;
+    Some((scene.parse().ok()?, view.parse().ok()?))
+}
+
+impl DatasetReader for Reader {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.refs
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.faults.all()
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = read::offers(true);
+        keys.extend(keys![RGB, DEPTH]);
+        keys
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let of = &self.images[image];
+        let mut products = Products::new();
+        let rgb = decode::rgb(&self.path(IMAGES[0], &of.name))?;
+        let size = [rgb.width(), rgb.height()];
+        if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
+            read::put(&self.labels(of, size)?, None, wants, &mut products)?;
+        }
+        if wants.contains(&RGB.id()) {
+            products.put(RGB, rgb)?;
+        }
+        if wants.contains(&DEPTH.id()) {
+            products.put(DEPTH, decode::depth(&self.path(IMAGES[1], &of.name), STEP_MM)?)?;
+        }
+        Ok((read::view(self.refs[image].view, size[0], size[1]), products))
+    }
+}
+
+impl Reader {
+    fn path(&self, folder: &str, name: &str) -> PathBuf {
+        self.root.join(folder).join(format!("{name}.png"))
+    }
+
+    /// The objects: those that the image shows or that have an amodal mask.
+    fn labels(&self, image: &Named, size: [u32; 2]) -> Result<Vec<Labels>> {
+        let shown = self.gray(IMAGES[2], &image.name, size)?;
+        let mut all: BTreeSet<u16> = shown.data().iter().copied().filter(|label| *label > 0).collect();
+        all.extend(image.masks.iter().flatten());
+        let of = |label: u16| -> Result<Labels> {
+            let mask = |which: usize| -> Result<Option<Mask>> {
+                if !image.masks[which].contains(&label) {
+                    return Ok(None);
+                }
+                let plane = self.gray(MASKS[which], &format!("{}_{label}", image.name), size)?;
+                Ok(Some(Mask::from_fn(size[0], size[1], |x, y| *plane.at(x, y) > 0)))
+            };
+            let missing = || {
+                Error::new(format!("label {label} of {} has no mask there", image.name))
+                    .in_file(self.root.join(MASKS[0]))
+                    .help("every label has an amodal mask `NAME_LABEL.png`")
+                    .permanent()
+            };
+            Ok(Labels {
+                id: InstanceId(label),
+                visible: Mask::from_fn(size[0], size[1], |x, y| *shown.at(x, y) == label),
+                amodal: Some(mask(0)?.ok_or_else(missing)?),
+                // An object without this file is not occluded.
+                occlusion: Some(mask(1)?.unwrap_or_else(|| Mask::empty(size[0], size[1]))),
+                rate: None,
+                visible_box: None,
+                amodal_box: None,
+                category: DatasetInfo::OBJECT.0,
+            })
+        };
+        all.into_iter().map(of).collect()
+    }
+
+    fn gray(&self, folder: &str, name: &str, [width, height]: [u32; 2]) -> Result<Plane<u16>> {
+        let path = self.path(folder, name);
+        let image = decode::gray(&path)?;
+        if [image.width(), image.height()] == [width, height] {
+            return Ok(image);
+        }
+        let message = format!("it has {} × {} pixels, its image {width} × {height}", image.width(), image.height());
+        Err(Error::new(message).in_file(path).permanent())
+    }
+}

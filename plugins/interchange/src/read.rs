@@ -1,0 +1,138 @@
+//! What the readers of this crate share.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_formats::listing::Listing;
+use syntable_formats::read::Labels;
+use syntable_model::prelude::*;
+
+/// What readers of polygons say of them.
+pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
+
+/// JSON files in a folder, sorted.
+pub fn json_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    let is_json = |path: &PathBuf| path.is_file() && path.extension().is_some_and(|it| it == "json");
+    let mut files: Vec<PathBuf> = files.into_iter().filter(is_json).collect();
+    files.sort();
+    Ok(files)
+}
+
+/// Whether the name of a file begins so.
+pub fn name_starts(path: &Path, start: &str) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(start))
+}
+
+/// The one JSON file of a folder that is one of a format.
+pub fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
+    let mut files = json_files(folder).map_err(|error| Error::io(folder, &error).of_request())?;
+    files.retain(|file| is_one(file));
+    match <[PathBuf; 1]>::try_from(files) {
+        Ok([file]) => Ok(file),
+        Err(files) => Err(Error::new(format!("one annotation file was expected, and there are {}", files.len()))
+            .in_file(folder)
+            .help("leave the one to read there")
+            .of_request()),
+    }
+}
+
+/// The first of these folders in which an image is, or the first.
+pub fn images_root(root: &Path, names: &[&str], image: Option<&str>) -> PathBuf {
+    let has = |folder: &PathBuf| image.is_some_and(|image| folder.join(image).is_file());
+    let folders = || names.iter().map(|name| root.join(name));
+    folders().find(has).or_else(|| folders().next()).unwrap_or_else(|| root.to_owned())
+}
+
+/// What the file of a listing says of the dataset.
+pub fn info(listing: &Listing) -> DatasetInfo {
+    let about = &listing.file.info;
+    listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new())
+}
+
+/// The id of an object by its place among those of the image, from 0.
+pub fn id_of(row: usize) -> Result<InstanceId> {
+    match u16::try_from(row + 1) {
+        Ok(id) => Ok(InstanceId(id)),
+        Err(_) => Err(Error::new(format!("an image has more than {} objects", u16::MAX))
+            .help("split the image, or remove objects")
+            .permanent()),
+    }
+}
+
+/// Compares what a file says of a mask in numbers with the mask. Each number comes with its name; areas may differ by
+/// `tolerance_px2`.
+pub fn fits_mask(
+    mask: &Mask,
+    (area, area_name): (f64, String),
+    (bbox, bbox_name): ([f64; 4], String),
+    tolerance_px2: f64,
+) -> Vec<(&'static str, String)> {
+    let mut faults = Vec::new();
+    if (area - f64::from(mask.area())).abs() > tolerance_px2 {
+        faults.push(("areas_are_those_of_masks", format!("{area_name} is {area}, its mask has {}", mask.area())));
+    }
+    let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
+    if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > 1.0) {
+        faults.push(("bbox_is_that_of_a_mask", format!("{bbox_name} is {bbox:?}, that of its mask {own:?}")));
+    }
+    faults
+}
+
+/// Pixels that a polygon around a mask may have more or less than the mask.
+pub fn edge_px2(mask: &Mask) -> f64 {
+    f64::from(mask.minus(&eroded(mask)).area())
+}
+
+/// Settles what polygons leave open: they are around a mask to within a pixel. What is seen of an object is a part of it, and
+/// a pixel at the edges of two objects is seen of the first one. Faults beyond the edges stay.
+pub fn settle_edges(labels: &mut [Labels]) {
+    for label in labels.iter_mut() {
+        if let Some(amodal) = &mut label.amodal
+            && label.visible.minus(&dilated(amodal)).is_empty()
+        {
+            *amodal = amodal.or(&label.visible);
+        }
+    }
+    let boxes: Vec<[i32; 4]> = labels.iter().map(|label| label.visible.bbox().into()).collect();
+    for back in 0..labels.len() {
+        for front in 0..back {
+            if !meet(boxes[front], boxes[back]) {
+                continue;
+            }
+            let shared = labels[front].visible.and(&labels[back].visible);
+            let is_edge = || shared.and(&eroded(&labels[front].visible)).and(&eroded(&labels[back].visible)).is_empty();
+            if !shared.is_empty() && is_edge() {
+                labels[back].visible = labels[back].visible.minus(&shared);
+            }
+        }
+    }
+}
+
+fn meet(a: [i32; 4], b: [i32; 4]) -> bool {
+    (0..2).all(|axis| a[axis] < b[axis] + b[axis + 2] && b[axis] < a[axis] + a[axis + 2])
+}
+
+/// The pixels of a mask all of whose neighbors in the image are in it.
+fn eroded(mask: &Mask) -> Mask {
+    surroundings(mask, |inside, all| inside == all)
+}
+
+/// The pixels of a mask and their neighbors.
+fn dilated(mask: &Mask) -> Mask {
+    surroundings(mask, |inside, _| inside > 0)
+}
+
+/// The pixels by the numbers of pixels of the mask and of the image in their surroundings of 3 × 3 pixels.
+fn surroundings(mask: &Mask, holds: impl Fn(usize, usize) -> bool) -> Mask {
+    let (plane, [width, height]) = (mask.to_plane(), [mask.width(), mask.height()]);
+    let [left, top, columns, rows] = <[i32; 4]>::from(mask.bbox()).map(i64::from);
+    let (near_x, near_y) = (left - 1..=left + columns, top - 1..=top + rows);
+    let around = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
+    Mask::from_fn(width, height, |x, y| {
+        if mask.is_empty() || !near_x.contains(&i64::from(x)) || !near_y.contains(&i64::from(y)) {
+            return false;
+        }
+        let pixels = || around(y, height).flat_map(|y| around(x, width).map(move |x| (x, y)));
+        holds(pixels().filter(|&(x, y)| *plane.at(x, y)).count(), pixels().count())
+    })
+}

@@ -1,0 +1,154 @@
+//! The names of classes in `data.yaml`, of which YAML's lists, maps and strings of one line are read.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+
+/// Key of the names.
+const NAMES: &str = "names";
+
+/// The names of classes by their numbers.
+pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {
+    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    let refuse = |number: usize, what: &str| {
+        Error::new(format!("`{NAMES}` cannot be read: {what}"))
+            .in_file(path)
+            .at_line(number)
+            .help("write a list of names, or a map such as `0: mug`, a line each")
+            .of_request()
+    };
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !uncommented(line).trim().is_empty());
+    let found = lines.by_ref().find_map(|(number, line)| {
+        let (key, rest) = uncommented(line).split_once(':')?;
+        (scalar(key)? == NAMES && !key.starts_with(char::is_whitespace)).then(|| (number, rest.trim().to_owned()))
+    });
+    let Some((number, inline)) = found else { return Err(refuse(1, "it is missing")) };
+    let mut names = BTreeMap::new();
+    let mut add = |number: usize, entry: &str, is_list: bool| {
+        let (class, name) = if is_list {
+            (Some(names.len() as u64), entry)
+        } else {
+            let (class, name) =
+                entry.split_once(':').ok_or_else(|| refuse(number, &format!("`{entry}` has no `:`")))?;
+            (scalar(class).and_then(|class| class.parse().ok()), name)
+        };
+        let class = class.ok_or_else(|| refuse(number, &format!("`{entry}` does not begin with a number")))?;
+        let name = scalar(name).ok_or_else(|| refuse(number, &format!("`{name}` is no name")))?;
+        match names.insert(class, name) {
+            None => Ok(()),
+            Some(_) => Err(refuse(number, &format!("class {class} is there twice"))),
+        }
+    };
+    if !inline.is_empty() {
+        let bare = |open, close| inline.strip_prefix(open)?.strip_suffix(close);
+        let (entries, is_list) = match (bare('[', ']'), bare('{', '}')) {
+            (Some(list), _) => (list, true),
+            (_, Some(map)) => (map, false),
+            _ => return Err(refuse(number, &format!("`{inline}` is no list and no map of one line"))),
+        };
+        for entry in split(entries).into_iter().filter(|entry| !entry.trim().is_empty()) {
+            add(number, entry, is_list)?;
+        }
+        return Ok(names);
+    }
+    for (number, line) in lines {
+        let entry = uncommented(line);
+        match entry.trim_start().strip_prefix("- ") {
+            Some(name) => add(number, name, true)?,
+            // The next key of the file.
+            None if !entry.starts_with(char::is_whitespace) => break,
+            None => add(number, entry, false)?,
+        }
+    }
+    Ok(names)
+}
+
+/// A line without its comment.
+fn uncommented(line: &str) -> &str {
+    let mut quote = None;
+    let mut before = ' ';
+    for (at, c) in line.char_indices() {
+        match quote {
+            Some(open) if c == open && !(open == '"' && before == '\\') => quote = None,
+            None if (c == '"' || c == '\'') && " [{,:-".contains(before) => quote = Some(c),
+            None if c == '#' && before.is_whitespace() => return &line[..at],
+            _ => {}
+        }
+        before = c;
+    }
+    line
+}
+
+/// The entries of a list of one line: commas in quotes are part of names.
+fn split(list: &str) -> Vec<&str> {
+    let (mut entries, mut start, mut quote, mut before) = (Vec::new(), 0, None, ' ');
+    for (at, c) in list.char_indices() {
+        match quote {
+            Some(open) if c == open && before != '\\' => quote = None,
+            None if c == '"' || c == '\'' => quote = Some(c),
+            None if c == ',' => {
+                entries.push(&list[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+        before = c;
+    }
+    entries.push(&list[start..]);
+    entries
+}
+
+/// A string, quoted or not.
+fn scalar(text: &str) -> Option<String> {
+    let text = text.trim();
+    if text.starts_with('"') {
+        return serde_json::from_str(text).ok();
+    }
+    if let Some(quoted) = text.strip_prefix('\'') {
+        return Some(quoted.strip_suffix('\'')?.replace("''", "'"));
+    }
+    (!text.is_empty()).then(|| text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Vec<(u64, String)>, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("data.yaml");
+        fs::write(&path, text).expect("writable");
+        names(&path).map(|names| names.into_iter().collect()).map_err(|error| error.message().to_owned())
+    }
+
+    #[test]
+    fn names_are_lists_or_maps() {
+        let want = Ok(vec![(0, "a mug".to_owned()), (1, "b: \"c\", d".to_owned())]);
+        for text in [
+            "path: .\nnames:\n  0: a mug # comment\n  1: \"b: \\\"c\\\", d\"\nnc: 2\n",
+            "names:\n- 'a mug'\n- 'b: \"c\", d'\ntrain: images\n",
+            "# names: no\nnc: 2\nnames: ['a mug', 'b: \"c\", d']\n",
+            "names: {0: a mug, 1: 'b: \"c\", d'}",
+            "names:\n\n    - a mug\n    # none\n    - \"b: \\\"c\\\", d\"\n",
+        ] {
+            assert_eq!(read(text), want, "{text}");
+        }
+        assert_eq!(read("names:\n  3: it's\n"), Ok(vec![(3, "it's".to_owned())]));
+    }
+
+    #[test]
+    fn what_is_no_name_is_refused() {
+        for (text, says) in [
+            ("nc: 1\n", "missing"),
+            ("names: mug\n", "no list and no map"),
+            ("names:\n  a: b\n", "does not begin with a number"),
+            ("names:\n  0: a\n  0: b\n", "twice"),
+            ("names:\n  0\n", "has no `:`"),
+            ("names: [\"a]\n", "is no name"),
+        ] {
+            let message = read(text).expect_err(text);
+            assert!(message.contains(says), "{text}: {message}");
+        }
+    }
+}
