@@ -41,13 +41,18 @@ impl Annotator for AmodalDepth {
 /// Depth of an object at the pixels of its mask, infinite elsewhere.
 pub(crate) fn depth_of(id: InstanceId, mask: &Mask, depths: &ObjectDepths) -> Plane<f32> {
     let mut plane = Plane::from_fn(mask.width(), mask.height(), |_, _| f32::INFINITY);
-    for pixel in mask.pixels() {
-        let (x, y) = (pixel as u32 % mask.width(), pixel as u32 / mask.width());
-        if let Some((_, depth)) = depths.at(x, y).iter().find(|(other, _)| *other == id) {
-            plane.data_mut()[pixel] = *depth;
-        }
+    for ([x, y], depth) in depths_of(id, mask, depths) {
+        plane.data_mut()[y as usize * mask.width() as usize + x as usize] = depth;
     }
     plane
+}
+
+/// The pixels of an object's mask, column and row, with its depth where its surface is on their rays.
+pub(crate) fn depths_of(id: InstanceId, mask: &Mask, depths: &ObjectDepths) -> impl Iterator<Item = ([u32; 2], f32)> {
+    mask.pixels().filter_map(move |pixel| {
+        let [x, y] = [pixel as u32 % mask.width(), pixel as u32 / mask.width()];
+        depths.at(x, y).iter().find(|(other, _)| *other == id).map(|(_, depth)| ([x, y], *depth))
+    })
 }
 
 register!(AmodalDepth);

@@ -1,6 +1,6 @@
 //! Normalized object coordinates.
 
-use crate::amodal_depth::depth_of;
+use crate::amodal_depth::depths_of;
 use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -38,11 +38,16 @@ impl Annotator for ObjectCoordinates {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (visible, depths) = (products.get(VISIBLE_MASK)?, products.get(OBJECT_DEPTHS)?);
-        let mut seen = Plane::from_fn(depths.width(), depths.height(), |_, _| [0.0; 3]);
+        let (width, height) = (depths.width(), depths.height());
+        let nowhere = || Plane::from_vec(width, height, vec![[0.0; 3]; width as usize * height as usize]);
+        let mut seen = nowhere();
         let mut amodal = PerInstance::default();
         for (id, mask) in products.get(AMODAL_MASK)?.iter() {
             let Some(body) = cx.scene.body(id) else { continue };
-            let coordinates = coordinates_of(body, &cx.view.camera, &depth_of(id, mask, depths));
+            let (place, mut coordinates) = (on_body(body, &cx.view.camera), nowhere());
+            for (pixel @ [x, y], depth) in depths_of(id, mask, depths) {
+                coordinates.data_mut()[y as usize * width as usize + x as usize] = place(pixel, depth);
+            }
             for pixel in visible.get(id).into_iter().flat_map(Mask::pixels) {
                 seen.data_mut()[pixel] = coordinates.data()[pixel];
             }
@@ -53,19 +58,17 @@ impl Annotator for ObjectCoordinates {
     }
 }
 
-/// Where on a body its depth puts each pixel.
-fn coordinates_of(body: &Body, camera: &Camera, depth: &Plane<f32>) -> Plane<[f32; 3]> {
+/// Where on a body its depth puts a pixel, by column and row; zero beyond what the lens shows.
+fn on_body(body: &Body, camera: &Camera) -> impl Fn([u32; 2], f32) -> [f32; 3] {
     let body_from_camera = body.world_from_body.inverse() * camera.world_from_camera;
     let bounds = body.object.mesh.bounds();
     let (center, diagonal) = (bounds.center(), bounds.size().norm());
-    Plane::from_fn(depth.width(), depth.height(), |x, y| {
-        let z = f64::from(*depth.at(x, y));
-        let ray = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5).filter(|_| z.is_finite());
-        let Some(ray) = ray else { return [0.0; 3] };
-        let place = (body_from_camera * Point3::from(ray * z) - center) / diagonal;
+    move |[x, y], depth| {
+        let Some(ray) = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5) else { return [0.0; 3] };
+        let place = (body_from_camera * Point3::from(ray * f64::from(depth)) - center) / diagonal;
         // Rounding may lead out of the box.
         std::array::from_fn(|axis| (place[axis] + 0.5).clamp(0.0, 1.0) as f32)
-    })
+    }
 }
 
 register!(ObjectCoordinates);

@@ -1,7 +1,6 @@
 //! Masks with fractions of pixels.
 
 use crate::masks::TableAndRoom;
-use std::collections::BTreeMap;
 use syntable_model::prelude::*;
 use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_SOFT_MASK, INSTANCE, VISIBLE_SOFT_MASK};
@@ -66,15 +65,31 @@ impl Annotator for SoftMasks {
         let (annotated, instance, coverage) =
             (products.get(AMODAL_MASK)?, products.get(self.instance())?, products.get(self.coverage())?);
         let size = [instance.width() / self.subpixels, instance.height() / self.subpixels];
-        let (mut visible, mut amodal) = (Counts::new(annotated, size), Counts::new(annotated, size));
-        for (y, x) in (0..instance.height()).flat_map(|y| (0..instance.width()).map(move |x| (y, x))) {
-            let pixel = [x / self.subpixels, y / self.subpixels];
-            visible.add(*instance.at(x, y), pixel);
-            ids(coverage.set(x, y)).for_each(|id| amodal.add(id, pixel));
+        let (mut visible, mut amodal) = (Shares::new(annotated, size), Shares::new(annotated, size));
+        let times = self.subpixels;
+        let rays = times * times;
+        let (mut seen, mut sets, mut covered) = (Vec::new(), Vec::new(), Vec::new());
+        for [x, y] in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y])) {
+            for (i, j) in (0..times).flat_map(|j| (0..times).map(move |i| (x * times + i, y * times + j))) {
+                count(&mut seen, *instance.at(i, j), 1);
+                count(&mut sets, coverage.set(i, j), 1);
+            }
+            for (set, hits) in sets.drain(..) {
+                ids(set).for_each(|id| count(&mut covered, id, hits));
+            }
+            seen.drain(..).for_each(|(id, hits)| visible.put(id, [x, y], hits, rays));
+            covered.drain(..).for_each(|(id, hits)| amodal.put(id, [x, y], hits, rays));
         }
-        let rays = (self.subpixels * self.subpixels) as f32;
-        products.put(VISIBLE_SOFT_MASK, visible.shares(rays))?;
-        products.put(AMODAL_SOFT_MASK, amodal.shares(rays))
+        products.put(VISIBLE_SOFT_MASK, visible.finish())?;
+        products.put(AMODAL_SOFT_MASK, amodal.finish())
+    }
+}
+
+/// Adds hits of something that rays met; most rays of a pixel meet the same.
+fn count<T: PartialEq>(found: &mut Vec<(T, u32)>, what: T, hits: u32) {
+    match found.iter_mut().find(|(it, _)| *it == what) {
+        Some((_, sum)) => *sum += hits,
+        None => found.push((what, hits)),
     }
 }
 
@@ -87,23 +102,29 @@ fn ids(set: &[u64]) -> impl Iterator<Item = InstanceId> {
     })
 }
 
-/// Rays of each pixel that hit each of some objects.
-struct Counts(BTreeMap<InstanceId, Plane<u8>>);
+/// Shares of the rays of each pixel that hit each of some objects, by id; none of others.
+struct Shares(Vec<Option<Plane<f32>>>);
 
-impl Counts {
+impl Shares {
     fn new(objects: &PerInstance<Mask>, [width, height]: [u32; 2]) -> Self {
-        Self(objects.iter().map(|(id, _)| (id, Plane::from_fn(width, height, |_, _| 0))).collect())
+        let mut planes = Vec::new();
+        for (id, _) in objects.iter() {
+            planes.resize(planes.len().max(usize::from(id.0) + 1), None);
+            planes[usize::from(id.0)] = Some(Plane::from_vec(width, height, vec![0.0; (width * height) as usize]));
+        }
+        Self(planes)
     }
 
-    fn add(&mut self, id: InstanceId, [x, y]: [u32; 2]) {
-        if let Some(counts) = self.0.get_mut(&id) {
-            let width = counts.width() as usize;
-            counts.data_mut()[y as usize * width + x as usize] += 1;
+    fn put(&mut self, id: InstanceId, [x, y]: [u32; 2], hits: u32, rays: u32) {
+        if let Some(Some(shares)) = self.0.get_mut(usize::from(id.0)) {
+            let width = shares.width() as usize;
+            shares.data_mut()[y as usize * width + x as usize] = hits as f32 / rays as f32;
         }
     }
 
-    fn shares(self, rays: f32) -> PerInstance<Plane<f32>> {
-        self.0.into_iter().map(|(id, counts)| (id, counts.map(|&count| f32::from(count) / rays))).collect()
+    fn finish(self) -> PerInstance<Plane<f32>> {
+        let named = (0..).zip(self.0).filter_map(|(id, shares)| Some((InstanceId(id), shares?)));
+        named.collect()
     }
 }
 

@@ -61,8 +61,8 @@ struct Within<'r>(&'r dyn Reporter);
 
 impl Reporter for Within<'_> {
     fn event(&self, event: &Event) {
-        use Event::{Attempt, Image, Message, Scene, Working};
-        if let Image { .. } | Scene { .. } | Attempt { .. } | Message(_) | Working { .. } = event {
+        use Event::{Attempt, Image, Message, Scene, Stages, Working};
+        if let Image { .. } | Scene { .. } | Attempt { .. } | Message(_) | Working { .. } | Stages { .. } = event {
             self.0.event(event);
         }
     }

@@ -5,6 +5,7 @@
 use super::progress::{Guarded, Reporter, Warnings, count};
 use super::scene::{Writers, annotate, names};
 use super::stop::{self, Stop};
+use super::times::Times;
 use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::workers::Pool;
 use parking_lot::Mutex;
@@ -272,14 +273,14 @@ impl Conversion<'_> {
         if let Some(signal) = self.stop.requested() {
             return Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
         }
-        let scene = Scene::unknown(id);
+        let (scene, times) = (Scene::unknown(id), Times::default());
         let cx = self.cx.scene(&scene);
-        let mut writers = Writers::start(self.writers, &cx, self.part)?;
+        let mut writers = Writers::start(self.writers, &cx, self.part, &times)?;
         let mut of_scene = Products::new();
         for &image in images {
             let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
             let (view, mut products) = self.dataset.read(image, &self.plan.rendered).map_err(of)?;
-            annotate(self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
+            annotate(&times, self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
             }

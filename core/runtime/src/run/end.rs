@@ -6,6 +6,7 @@ use super::manifest::Written;
 use super::progress::{Event, Reporter, Warnings, count};
 use super::records::{self, Records};
 use super::scene::{lend, names};
+use super::times::Times;
 use super::{Outcome, panics, todo};
 use crate::plan::Producer;
 use crate::recipe::{Lock, Recipe, with_lock, without_lock};
@@ -183,7 +184,7 @@ fn annotate_dataset(
         let lacks = stage.reads.iter().find_map(|key| failed.iter().find(|(name, _)| key.name == **name));
         let made = match lacks {
             Some((_, error)) => Err(error.clone()),
-            None => lend(stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent)),
+            None => lend(&Times::default(), stage, &products, |lent| annotator.annotate(cx, &mut scenes, lent)),
         };
         if let Err(error) = made.and_then(|made| products.extend(made)) {
             failed.extend(stage.provides.iter().map(|key| (key.name.to_string(), error.clone())));

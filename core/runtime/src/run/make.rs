@@ -4,10 +4,11 @@ use super::begin::Begun;
 use super::end::{Ended, annotate_and_finish};
 use super::folder::Folder;
 use super::journal::{Journal, JournalEntry, Notice};
-use super::progress::{Reporter, Warnings, count};
+use super::progress::{Event, Reporter, Warnings, count};
 use super::queue::Queue;
 use super::scene::{self, Task};
 use super::sessions::{Sessions, scenes_in_flight};
+use super::times::Times;
 use super::todo::{Job, Todo, Works};
 use super::{RunOptions, panics, stop, stopping};
 use crate::pools::AssetStore;
@@ -93,7 +94,7 @@ fn make_scenes(
     let odd = ToldOdd::default();
     // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
     let held = Mutex::new(Vec::new());
-    let checks = check::linked();
+    let (checks, times) = (check::linked(), Times::default());
     let maker = scene::SceneMaker {
         recipe,
         assets,
@@ -104,6 +105,7 @@ fn make_scenes(
         folder,
         sessions: &sessions,
         checks: &checks,
+        times: &times,
         stop: &options.stop,
     };
     let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
@@ -159,6 +161,7 @@ fn make_scenes(
             }
         });
     });
+    reporter.event(&Event::Stages { stages: times.all() });
     if let Some(signal) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
         return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))

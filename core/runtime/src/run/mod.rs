@@ -33,6 +33,7 @@ mod seen;
 mod sessions;
 mod settled;
 pub mod stop;
+pub mod times;
 mod todo;
 mod verify;
 

@@ -1,5 +1,6 @@
 //! The events of a run, and how they are shown: on a terminal, as plain lines, or as JSON lines.
 
+use super::times::Worked;
 use crate::message::{Level, Record};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use parking_lot::Mutex;
@@ -69,6 +70,11 @@ pub enum Event {
     Note {
         /// What.
         message: String,
+    },
+    /// How long the stages of the scenes worked. Comes when all scenes are made.
+    Stages {
+        /// By stage, such as `place.objects`, `settle`, `render`, `annotate.masks`, `checks` or `write.syntable`.
+        stages: BTreeMap<String, Worked>,
     },
     /// The run ends.
     Finished {
@@ -315,6 +321,7 @@ impl Reporter for Human {
             }
             Event::Message(record) => self.say(&record.line()),
             Event::Note { message } => self.say(&format!("note: {message}")),
+            Event::Stages { .. } => {}
             Event::Finished { out, scenes, failed, images, made, grown, seconds } => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();

@@ -15,6 +15,7 @@ use super::seen::{Odd, Seen};
 use super::sessions::Sessions;
 use super::settled;
 use super::stop::{self, Stop};
+use super::times::Times;
 use super::todo;
 use crate::plan::{Plan, PlannedStage, Producer};
 use crate::pools::{AssetStore, RecordingAssets};
@@ -50,6 +51,8 @@ pub struct SceneMaker<'a> {
     pub sessions: &'a Sessions<'a>,
     /// What must hold in every view that is written.
     pub checks: &'a [Check],
+    /// How long the stages work.
+    pub times: &'a Times,
     pub stop: &'a Stop,
 }
 
@@ -264,7 +267,7 @@ impl<'m> Attempt<'m, '_> {
         self.maker.running()?;
         let SceneMaker { cache, workers, log, .. } = *self.maker;
         let context = Context { stream, assets: &self.assets, cache, workers, log };
-        let result = caught(stage, || work(&context));
+        let result = self.maker.times.of(stage, || work(&context));
         // An error of an asset that must stop the run comes before the errors that follow from it.
         self.maker.assets.refused()?;
         result
@@ -276,12 +279,12 @@ impl<'m> Attempt<'m, '_> {
         let cx = maker.scene_context(work, &scene);
         let mut products = Products::new();
         for stage in &work.plan.before_views {
-            run_in_scene(stage, &cx, &[], &mut products)?;
+            run_in_scene(maker.times, stage, &cx, &[], &mut products)?;
         }
         let views: Vec<Arc<View>> = (0..work.dataset.views_per_scene)
             .map(|number| self.view(&scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
-        let writers = Writers::start(work.writers.iter().copied(), &cx, staged)?;
+        let writers = Writers::start(work.writers.iter().copied(), &cx, staged, maker.times)?;
         let views = self.render(&scene, &views, writers, &products, queue)?;
         for stage in &work.plan.after_views {
             let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
@@ -290,11 +293,11 @@ impl<'m> Attempt<'m, '_> {
                 .iter()
                 .map(|view| ViewProducts { view: Arc::clone(&view.view), products: view.products.only(&reads) })
                 .collect();
-            run_in_scene(stage, &cx, &lent, &mut products)?;
+            run_in_scene(maker.times, stage, &cx, &lent, &mut products)?;
         }
         let mut written = views.writers.close(&cx, &products)?;
         let output = Output::new(staged, records::OWNER, self.scene);
-        caught("records", || views.records.write(&work.plan, &products, &output))?;
+        maker.times.of("records", || views.records.write(&work.plan, &products, &output))?;
         written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
         maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
@@ -375,7 +378,7 @@ impl<'m> Attempt<'m, '_> {
                 });
             }
             self.maker.sessions.with(|session| {
-                caught("render", || session.load(scene, self.maker.workers))?;
+                self.maker.times.of("render.load", || session.load(scene, self.maker.workers))?;
                 for view in views {
                     if !next()? {
                         break;
@@ -433,7 +436,7 @@ impl<'m> Attempt<'m, '_> {
                 _ => None,
             });
             let mut made = Products::new();
-            caught("render", || session.render(&request, &mut made))?;
+            self.maker.times.of("render", || session.render(&request, &mut made))?;
             provided(&wants, &made).map_err(|error| error.context("render"))?;
             for key in wants {
                 let before_support = key.name.parameters.before_support;
@@ -495,9 +498,9 @@ impl<'m> Line<'m> {
     ) {
         let cx = maker.scene_context(work, scene).view(&view).before(next.as_deref());
         let plan = &work.plan;
-        let checked =
-            |products: &Products| check(maker.checks, products).map_err(|it| it.context(format!("view {}", view.id.0)));
-        let make = || annotate(plan, &cx, sensing, &mut products).and_then(|()| checked(&products));
+        let of_view = |error: Error| error.context(format!("view {}", view.id.0));
+        let checked = |products: &Products| maker.times.of("checks", || check(maker.checks, products)).map_err(of_view);
+        let make = || annotate(maker.times, plan, &cx, sensing, &mut products).and_then(|()| checked(&products));
         let made = if self.has_failed() { Ok(()) } else { unwound(make) };
         let mut state = self.state.lock();
         while state.next != view.id.0 {
@@ -507,7 +510,7 @@ impl<'m> Line<'m> {
             let written = unwound(|| {
                 made?;
                 state.views.writers.view(&cx, &products)?;
-                caught("records", || state.views.records.view(plan, &products))?;
+                maker.times.of("records", || state.views.records.view(plan, &products))?;
                 state.views.seen.look(&view, &products);
                 state.views.keep(plan, &view, &products);
                 maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
@@ -556,6 +559,7 @@ struct Writing<'m> {
     reads: Vec<String>,
     writer: Box<dyn SceneWriter + 'm>,
     output: Output,
+    times: &'m Times,
 }
 
 impl<'m> Writers<'m> {
@@ -564,26 +568,27 @@ impl<'m> Writers<'m> {
         writers: impl IntoIterator<Item = &'m (String, Box<dyn Writer>)>,
         cx: &SceneContext,
         staged: &Path,
+        times: &'m Times,
     ) -> Result<Self> {
         let start = |(id, writer): &'m (String, Box<dyn Writer>)| {
             let (stage, output) = (format!("write.{id}"), Output::new(staged, id, cx.scene.id));
-            let scene_writer = caught(&stage, || writer.scene(cx, output.clone()))?;
-            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output })
+            let scene_writer = times.of(&stage, || writer.scene(cx, output.clone()))?;
+            Ok(Writing { stage, reads: names(&writer.reads()), writer: scene_writer, output, times })
         };
         writers.into_iter().map(start).collect::<Result<_>>().map(Self)
     }
 
     /// Writes a view.
     pub fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, .. }| {
-            caught(stage, || writer.view(cx, &products.only(reads)))
+        self.0.iter_mut().try_for_each(|Writing { stage, reads, writer, times, .. }| {
+            times.of(stage, || writer.view(cx, &products.only(reads)))
         })
     }
 
     /// Ends the files of the scene, and says whose they are.
     pub fn close(self, cx: &SceneContext, products: &Products) -> Result<Written> {
-        let close = |Writing { stage, reads, writer, output }: Writing| {
-            caught(&stage, || writer.close(cx, &products.only(&reads)))?;
+        let close = |Writing { stage, reads, writer, output, times }: Writing| {
+            times.of(&stage, || writer.close(cx, &products.only(&reads)))?;
             Ok((output.id().to_owned(), output.files()))
         };
         self.0.into_iter().map(close).collect()
@@ -597,13 +602,14 @@ pub fn names(inputs: &[Input]) -> Vec<String> {
 
 /// Runs all producers of a view.
 pub fn annotate(
+    times: &Times,
     plan: &Plan,
     cx: &ViewContext,
     sensing: &BTreeMap<String, Stream>,
     products: &mut Products,
 ) -> Result<()> {
     for stage in &plan.per_view {
-        let made = lend(stage, products, |lent| match &*stage.producer {
+        let made = lend(times, stage, products, |lent| match &*stage.producer {
             Producer::Denoiser(denoiser) => denoiser.denoise(cx, lent),
             Producer::Sensor(sensor) => sensor.sense(cx, &sensing[&stage.stage], lent),
             Producer::View(annotator) => annotator.annotate(cx, lent),
@@ -611,7 +617,7 @@ pub fn annotate(
         })?;
         keep(plan, made, products)?;
         if let Producer::Denoiser(denoiser) = &*stage.producer {
-            plan.denoised.iter().try_for_each(|&of| denoise_objects(stage, &**denoiser, of, cx, products))?;
+            plan.denoised.iter().try_for_each(|&of| denoise_objects(times, stage, &**denoiser, of, cx, products))?;
         }
     }
     Ok(())
@@ -619,6 +625,7 @@ pub fn annotate(
 
 /// Denoises the light on objects as that of the image.
 fn denoise_objects(
+    times: &Times,
     stage: &PlannedStage,
     denoiser: &dyn Denoiser,
     parameters: RenderParameters,
@@ -630,7 +637,7 @@ fn denoise_objects(
     for key in &stage.reads {
         of_image.rename(own(key), *key)?;
     }
-    let mut made = lend(stage, &of_image, |lent| denoiser.denoise(cx, lent))?.only(&[RADIANCE.id().name]);
+    let mut made = lend(times, stage, &of_image, |lent| denoiser.denoise(cx, lent))?.only(&[RADIANCE.id().name]);
     made.rename(RADIANCE.id(), own(&RADIANCE.id()))?;
     products.extend(made)
 }
@@ -647,25 +654,27 @@ fn check(checks: &[Check], products: &Products) -> Result<()> {
 
 /// Runs an annotator of the scene.
 fn run_in_scene(
+    times: &Times,
     stage: &PlannedStage,
     cx: &SceneContext,
     views: &[ViewProducts],
     products: &mut Products,
 ) -> Result<()> {
     let Producer::Scene(annotator) = &*stage.producer else { unreachable!("the plan sorts producers by scope") };
-    let made = lend(stage, products, |lent| annotator.annotate(cx, views, lent))?;
+    let made = lend(times, stage, products, |lent| annotator.annotate(cx, views, lent))?;
     products.extend(made)
 }
 
 /// Lends a producer what it declares to read, and returns what it made, which is what it declares to provide.
 pub fn lend(
+    times: &Times,
     stage: &PlannedStage,
     products: &Products,
     make: impl FnOnce(&mut Products) -> Result<()>,
 ) -> Result<Products> {
     let lent = products.only(&stage.reads.iter().map(|key| key.name).collect::<Vec<_>>());
     let mut filled = lent.clone();
-    caught(&stage.stage, || make(&mut filled))?;
+    times.of(&stage.stage, || make(&mut filled))?;
     let made = filled.without(&lent);
     provided(&stage.provides, &made).map_err(|error| error.context(&stage.stage))?;
     Ok(made)
