@@ -38,6 +38,17 @@ pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
     }
 }
 
+/// A color image of a file that has a record of its width and height.
+pub fn rgb_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<[u8; 3]>> {
+    let image = rgb(path)?;
+    let found = [image.width(), image.height()];
+    if found == size {
+        return Ok(image);
+    }
+    let said = |[width, height]: [u32; 2]| format!("{width} × {height}");
+    Err(Error::new(format!("it has {} pixels, its record says {}", said(found), said(size))).in_file(path).permanent())
+}
+
 fn is_jpeg(path: &Path) -> Result<bool> {
     check_file(path)?;
     let mut start = Vec::new();
@@ -54,6 +65,12 @@ fn jpeg(path: &Path) -> Result<Plane<[u8; 3]>> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes), options);
     let fail = |error| refuse(format!("not a readable JPEG file: {error}"));
     decoder.decode_headers().map_err(fail)?;
+    if let Some(turned) = decoder.exif().and_then(|exif| orientation(exif)).filter(|it| *it != 1) {
+        return Err(refuse(format!(
+            "its EXIF orientation is {turned}: viewers turn the image, its labels may or may not be"
+        ))
+        .help("turn the pixels and the labels alike, and set the orientation to 1"));
+    }
     let [width, height] = decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]);
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
         return Err(refuse(format!("{width} × {height} pixels are too many")));
@@ -64,6 +81,24 @@ fn jpeg(path: &Path) -> Result<Plane<[u8; 3]>> {
         return Err(refuse(format!("not a color image of {width} × {height} pixels")));
     }
     Ok(Plane::from_vec(width, height, pixels))
+}
+
+/// The tag `Orientation` (0x0112) of the first directory of an EXIF block, from its TIFF header on (Exif 2.32, section 4.6).
+fn orientation(exif: &[u8]) -> Option<u16> {
+    let is_little = match exif.get(..4)? {
+        [b'I', b'I', 42, 0] => true,
+        [b'M', b'M', 0, 42] => false,
+        _ => return None,
+    };
+    let number = |at: usize, size: usize| -> Option<u32> {
+        let bytes = exif.get(at..at.checked_add(size)?)?;
+        let add = |sum: u32, byte: &u8| sum << 8 | u32::from(*byte);
+        Some(if is_little { bytes.iter().rev().fold(0, add) } else { bytes.iter().fold(0, add) })
+    };
+    let directory = number(4, 4)? as usize;
+    let entries = (0..number(directory, 2)? as usize).map(|entry| directory + 2 + 12 * entry);
+    let mut of_tag = entries.filter(|&at| number(at, 2) == Some(0x0112));
+    number(of_tag.next()? + 8, 2).map(|value| value as u16)
 }
 
 /// A gray image of 8 or 16 bits from a PNG file.
@@ -164,5 +199,22 @@ pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
             Ok((rows, data.chunks_exact(8).map(entry).collect()))
         }
         _ => Err(refuse(&format!("its shape is ({shape}), and {} bytes follow", data.len()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_orientation_is_that_of_the_first_directory() {
+        // Two entries: the image's width (0x0100), then the orientation.
+        let little = b"II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x40\0\0\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0";
+        let big = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0";
+        assert_eq!((orientation(little), orientation(big)), (Some(6), Some(3)));
+        for end in 0..little.len() {
+            assert!(orientation(&little[..end]).is_none_or(|it| it == 6), "{end} bytes");
+        }
+        assert_eq!((orientation(b""), orientation(b"II*\0\xff\xff\xff\xff")), (None, None));
     }
 }

@@ -98,6 +98,7 @@ impl Listing {
         .map_err(|error| error.of_request())?;
         let categories = Categories::of(file.categories.as_deref().unwrap_or_default());
         let mut faults = Faults::default();
+        faults.of_categories(file.categories.as_deref().unwrap_or_default());
         let mut by_id = by_id(frames, &annotations, &mut faults);
         faults.of_annotations(&categories, annotations.iter().map(|it| (it.id, it.category)));
         for (number, annotation) in (0..).zip(&annotations) {

@@ -4,7 +4,7 @@ use crate::coco::Category;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use syntable_model::error::Result;
+use syntable_model::error::{Error, Result};
 use syntable_model::geometry::Pose;
 use syntable_model::product::standard::{
     AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_BOX, VISIBLE_MASK,
@@ -42,6 +42,33 @@ pub fn offers(amodal: bool) -> Vec<KeyId> {
         keys.extend(syntable_model::keys![AMODAL_MASK, AMODAL_BOX, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER]);
     }
     keys
+}
+
+/// Ids of the objects of an image: those that the file states, if it states all of them and they can be told apart, and none is
+/// 0, which is the background; else by place, from 1.
+///
+/// # Errors
+/// If there are more objects than ids.
+pub fn ids_of(stated: &[Option<u64>]) -> Result<Vec<InstanceId>> {
+    let own: Option<Vec<u16>> = stated.iter().map(|id| id.and_then(|id| u16::try_from(id).ok())).collect();
+    let are_told_apart = |ids: &Vec<u16>| !ids.contains(&0) && ids.iter().collect::<BTreeSet<_>>().len() == ids.len();
+    if let Some(own) = own.filter(are_told_apart) {
+        return Ok(own.into_iter().map(InstanceId).collect());
+    }
+    match u16::try_from(stated.len()) {
+        Ok(count) => Ok((1..=count).map(InstanceId).collect()),
+        Err(_) => Err(Error::new(format!("an image has {} objects, more than {}", stated.len(), u16::MAX))
+            .help("split the image, or remove objects")
+            .permanent()),
+    }
+}
+
+/// What is wrong with the ids that a file states of the objects of an image, by the name of the check.
+pub fn id_faults(stated: &[Option<u64>]) -> Option<(&'static str, String)> {
+    let ids = ids_of(stated).ok()?;
+    let differ = ids.iter().zip(stated).any(|(id, own)| Some(u64::from(id.0)) != *own);
+    let message = "the `instance_id` of its annotations are not numbers from 1 to 65535 of which no two are equal";
+    (differ && stated.iter().any(Option::is_some)).then(|| ("unique_ids", message.to_owned()))
 }
 
 /// Puts those of the products that are wanted. `order` is what the dataset says of it; else it follows from the masks.
@@ -95,7 +122,9 @@ impl Labels {
 
 /// SynTable's Algorithm 1: an object occludes another one if its visible mask meets the other's occlusion mask.
 fn order_of(labels: &[Labels]) -> OcclusionOrder {
-    let hidden: Vec<Option<Mask>> = labels.iter().map(Labels::hidden).collect();
+    let mut labels: Vec<&Labels> = labels.iter().collect();
+    labels.sort_by_key(|it| it.id);
+    let hidden: Vec<Option<Mask>> = labels.iter().map(|it| it.hidden()).collect();
     let mut order = OcclusionOrder::new(labels.iter().map(|it| it.id).collect());
     for (row, front) in labels.iter().enumerate() {
         for (column, hidden) in hidden.iter().enumerate().filter(|(column, _)| *column != row) {
@@ -123,10 +152,11 @@ pub struct Categories {
 }
 
 impl Categories {
-    /// Those of a file. Category 0 is the background in SynTable's files, and no class.
+    /// Those of a file. A category 0 of that name is the background, as in SynTable's files, and no class.
     pub fn of(categories: &[Category]) -> Self {
         let names: BTreeMap<u64, String> = categories.iter().map(|it| (it.id, it.name.clone())).collect();
-        let is_class = |(id, name): &(&u64, &String)| **id != BACKGROUND && *name != DatasetInfo::OBJECT.1;
+        let is_background = |id: u64, name: &str| id == BACKGROUND && name.eq_ignore_ascii_case("background");
+        let is_class = |(id, name): &(&u64, &String)| !is_background(**id, name) && *name != DatasetInfo::OBJECT.1;
         let classes: BTreeSet<String> = names.iter().filter(is_class).map(|(_, name)| name.clone()).collect();
         Self { names, classes: classes.into_iter().collect() }
     }
@@ -151,17 +181,9 @@ impl Categories {
 
     /// What is known of a dataset with these images.
     pub fn info(&self, name: String, program: String, images: &[ImageRef], recipe: String) -> DatasetInfo {
-        let (scenes, views) =
-            (images.iter().map(|it| it.scene.0 + 1).max(), images.iter().map(|it| it.view.0 + 1).max());
-        DatasetInfo {
-            name,
-            seed: 0,
-            scenes: scenes.unwrap_or(0),
-            views_per_scene: views.unwrap_or(0),
-            recipe,
-            program,
-            classes: self.classes.clone(),
-        }
+        let (scenes, views) = (images.iter().map(|it| it.scene.0).max(), images.iter().map(|it| it.view.0).max());
+        let [scenes, views] = [scenes, views].map(|last| last.map_or(0, |last| last.saturating_add(1)));
+        DatasetInfo { name, seed: 0, scenes, views_per_scene: views, recipe, program, classes: self.classes.clone() }
     }
 }
 
@@ -176,6 +198,15 @@ impl Faults {
     /// Adds one.
     pub fn add(&mut self, check: &'static str, place: String, message: &str) {
         self.0.push(DatasetFault { check, place, message: message.to_owned() });
+    }
+
+    /// Ids that two categories have.
+    pub fn of_categories(&mut self, categories: &[Category]) {
+        let mut seen = BTreeSet::new();
+        for category in categories.iter().filter(|category| !seen.insert(category.id)) {
+            let message = format!("two categories have this id; the last one, `{}`, counts", category.name);
+            self.add("unique_ids", format!("category {}", category.id), &message);
+        }
     }
 
     /// An annotation of an image that is not there.

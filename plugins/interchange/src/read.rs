@@ -83,8 +83,9 @@ pub fn edge_px2(mask: &Mask) -> f64 {
     f64::from(mask.minus(&eroded(mask)).area())
 }
 
-/// Settles what polygons leave open: they are around a mask to within a pixel. What is seen of an object is a part of it, and
-/// a pixel at the edges of two objects is seen of the first one. Faults beyond the edges stay.
+/// Settles what polygons leave open. They are around a mask to within a pixel, so what is seen of an object is a part of it, and
+/// a pixel at the edges of two objects is seen of the first one. They have no holes: what is seen of an object within the
+/// outline of another one, away from its edge, is in a hole of that one, or before it. Other faults stay.
 pub fn settle_edges(labels: &mut [Labels]) {
     for label in labels.iter_mut() {
         if let Some(amodal) = &mut label.amodal
@@ -100,11 +101,36 @@ pub fn settle_edges(labels: &mut [Labels]) {
                 continue;
             }
             let shared = labels[front].visible.and(&labels[back].visible);
-            let is_edge = || shared.and(&eroded(&labels[front].visible)).and(&eroded(&labels[back].visible)).is_empty();
-            if !shared.is_empty() && is_edge() {
-                labels[back].visible = labels[back].visible.minus(&shared);
+            if shared.is_empty() {
+                continue;
             }
+            let inner = [front, back].map(|of| eroded(&labels[of].visible));
+            let is_within = |inner: &Mask| shared.minus(inner).is_empty();
+            let loser = match inner.each_ref().map(is_within) {
+                [true, false] => front,
+                [_, true] => back,
+                _ if shared.and(&inner[0]).and(&inner[1]).is_empty() => {
+                    cut_edge(&mut labels[back], &shared);
+                    continue;
+                }
+                _ => continue,
+            };
+            labels[loser].visible = labels[loser].visible.minus(&shared);
         }
+    }
+}
+
+/// Takes pixels at the edge from an object; from all of it, if it is said to be seen whole, which it stays.
+fn cut_edge(label: &mut Labels, shared: &Mask) {
+    let is_whole = label.amodal.as_ref().is_some_and(|amodal| *amodal == label.visible);
+    // What is no wider than its edge is seen.
+    let rest = label.visible.minus(shared);
+    if rest.is_empty() {
+        return;
+    }
+    label.visible = rest;
+    if is_whole {
+        label.amodal = Some(label.visible.clone());
     }
 }
 
@@ -135,4 +161,57 @@ fn surroundings(mask: &Mask, holds: impl Fn(usize, usize) -> bool) -> Mask {
         let pixels = || around(y, height).flat_map(|y| around(x, width).map(move |x| (x, y)));
         holds(pixels().filter(|&(x, y)| *plane.at(x, y)).count(), pixels().count())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rectangle([x, y, w, h]: [u32; 4]) -> Mask {
+        Mask::from_fn(30, 20, |u, v| (x..x + w).contains(&u) && (y..y + h).contains(&v))
+    }
+
+    fn seen_whole(id: u16, visible: Mask) -> Labels {
+        let amodal = Some(visible.clone());
+        Labels {
+            id: InstanceId(id),
+            visible,
+            amodal,
+            occlusion: None,
+            rate: None,
+            visible_box: None,
+            amodal_box: None,
+            category: 1,
+        }
+    }
+
+    fn settled(shapes: [[u32; 4]; 2]) -> [Labels; 2] {
+        let mut labels = [1, 2].map(|id| seen_whole(id, rectangle(shapes[usize::from(id) - 1])));
+        settle_edges(&mut labels);
+        labels
+    }
+
+    #[test]
+    fn touching_objects_stay_whole() {
+        let [a, b] = settled([[2, 2, 8, 8], [9, 2, 8, 8]]);
+        assert_eq!((a.visible.area(), b.visible.area()), (64, 56));
+        assert!(a.visible.and(&b.visible).is_empty());
+        assert_eq!((a.amodal.as_ref(), b.amodal.as_ref()), (Some(&a.visible), Some(&b.visible)), "nothing is hidden");
+    }
+
+    #[test]
+    fn what_lies_on_an_object_is_seen() {
+        // A cable of 2 px across a plate, in either order.
+        let (plate, cable) = ([2, 2, 20, 14], [6, 8, 10, 2]);
+        for (shapes, at) in [([plate, cable], 1), ([cable, plate], 0)] {
+            let labels = settled(shapes);
+            assert_eq!((labels[at].visible.area(), labels[1 - at].visible.area()), (20, 260));
+        }
+    }
+
+    #[test]
+    fn deep_overlaps_stay_faults() {
+        let [a, b] = settled([[2, 2, 10, 10], [7, 2, 10, 10]]);
+        assert_eq!(a.visible.and(&b.visible).area(), 50);
+    }
 }

@@ -50,7 +50,13 @@ impl Table {
 
     /// Writes the table as a file of one row group, or of none if it has no rows. Nothing in it depends on time. `path` names it in errors.
     pub fn write(self, out: impl Write + Send, path: &str, program: &str) -> Result<()> {
-        self.try_write(out, program).map_err(|error| Error::new(format!("cannot be written: {error}")).in_file(path))
+        self.try_write(out, program).map_err(|error| match error {
+            // What the disk says is no fault of the scene.
+            ParquetError::External(cause) if cause.is::<std::io::Error>() => {
+                cause.downcast_ref().map_or_else(|| Error::new(cause.to_string()), |io| Error::io(path, io))
+            }
+            error => Error::new(format!("cannot be written: {error}")).in_file(path),
+        })
     }
 
     fn try_write(self, out: impl Write + Send, program: &str) -> Result<(), ParquetError> {

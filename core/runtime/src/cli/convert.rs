@@ -67,7 +67,7 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     }
     if converted.faults > 0 {
         let faults = count(converted.faults, "fault");
-        let warning = Error::new(format!("{faults} in the dataset was carried over"))
+        let warning = Error::new(format!("carried over: {faults} in the dataset"))
             .in_file(&args.dataset)
             .help("`syntable validate` lists what is wrong");
         console.say(&Message::Warning(warning));

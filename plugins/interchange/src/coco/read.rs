@@ -12,7 +12,7 @@ use syntable_formats::read::{self, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::RGB;
+use syntable_model::product::standard::{CATEGORY_ID, RGB, VISIBLE_BOX};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -46,15 +46,21 @@ struct Reader {
     images_root: PathBuf,
     info: DatasetInfo,
     listing: Listing,
+    /// Whether any annotation has a mask; else all have boxes alone.
+    has_masks: bool,
     is_amodal: bool,
+    /// Annotations of crowds.
+    crowds: u64,
 }
 
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
-    let mut is_amodal = false;
+    let (mut has_masks, mut is_amodal, mut crowds) = (false, false, 0);
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| {
         if let Record::Annotation(annotation) = record {
+            has_masks |= segmentation(annotation).is_some();
             is_amodal |= VISIBLE.iter().any(|key| annotation.extra.contains_key(*key));
+            crowds += u64::from(is_crowd(annotation));
         }
     })?;
     if listing.file.categories.is_none() {
@@ -62,7 +68,17 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     }
     let images_root = images_root(root, file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let info = shared::info(&listing);
-    Ok(Box::new(Reader { images_root, info, listing, is_amodal }))
+    Ok(Box::new(Reader { images_root, info, listing, has_masks, is_amodal, crowds }))
+}
+
+/// The mask of an annotation. An empty list of polygons is none: files of boxes have it.
+fn segmentation(annotation: &Annotation) -> Option<&Segmentation> {
+    annotation.segmentation.as_ref().filter(|it| !matches!(it, Segmentation::Polygons(all) if all.is_empty()))
+}
+
+/// Whether an annotation is of many objects together.
+fn is_crowd(annotation: &Annotation) -> bool {
+    annotation.iscrowd != 0
 }
 
 /// The folder beside `annotations` in which the first image is, as COCO, KINS and others call it.
@@ -86,15 +102,24 @@ impl DatasetReader for Reader {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(self.is_amodal);
+        let mut keys = if self.has_masks { read::offers(self.is_amodal) } else { keys![VISIBLE_BOX, CATEGORY_ID] };
         keys.push(RGB.id());
         keys
     }
 
+    fn caveats(&self, _: &[KeyId]) -> Vec<String> {
+        let crowds = format!("annotations of crowds (`iscrowd`) are no objects: {} were left out", self.crowds);
+        let boxes = "no annotation has a mask: boxes and categories are all that is known of objects".to_owned();
+        [(self.crowds > 0, crowds), (!self.has_masks, boxes)].into_iter().filter(|it| it.0).map(|it| it.1).collect()
+    }
+
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
-        let Ok(annotations) = self.listing.annotations::<Annotation>(image) else { return Vec::new() };
-        annotations.iter().flat_map(|annotation| faults_of([frame.width, frame.height], annotation)).collect()
+        let Ok(annotations) = self.objects(image) else { return Vec::new() };
+        let mut faults: Vec<_> =
+            annotations.iter().flat_map(|annotation| faults_of([frame.width, frame.height], annotation)).collect();
+        faults.extend(read::id_faults(&stated_ids(&annotations)));
+        faults
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
@@ -102,12 +127,18 @@ impl DatasetReader for Reader {
         let size = [frame.width, frame.height];
         let mut products = Products::new();
         if wants.iter().any(|want| *want != RGB.id()) {
-            let annotations: Vec<Annotation> = self.listing.annotations(image)?;
-            let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
-            read::put(&labels.collect::<Result<Vec<_>>>()?, None, wants, &mut products)?;
+            let annotations = self.objects(image)?;
+            let ids = read::ids_of(&stated_ids(&annotations))?;
+            match self.has_masks {
+                true => {
+                    let labels = ids.into_iter().zip(&annotations).map(|(id, it)| self.labels(size, id, it));
+                    read::put(&labels.collect::<Result<Vec<_>>>()?, None, wants, &mut products)?;
+                }
+                false => self.put_boxes(&ids, &annotations, wants, &mut products)?,
+            }
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb(&self.images_root.join(&frame.file_name))?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }
@@ -115,8 +146,7 @@ impl DatasetReader for Reader {
 
 /// What an annotation says of its mask in numbers. Polygons have areas and boxes of their own.
 fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'static str, String)> {
-    let Some(segmentation) = annotation.segmentation.as_ref().filter(|it| !matches!(it, Segmentation::Polygons(_)))
-    else {
+    let Some(segmentation) = segmentation(annotation).filter(|it| !matches!(it, Segmentation::Polygons(_))) else {
         return Vec::new();
     };
     let Ok(mask) = segmentation.decode(width, height) else { return Vec::new() };
@@ -124,8 +154,43 @@ fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'stati
     fits_mask(&mask, (annotation.area, of("area")), (annotation.bbox, of("bbox")), 0.5)
 }
 
+/// The ids that annotations state of their objects.
+fn stated_ids(annotations: &[Annotation]) -> Vec<Option<u64>> {
+    annotations.iter().map(|annotation| annotation.extra.get("instance_id")?.as_u64()).collect()
+}
+
 impl Reader {
-    fn labels(&self, [width, height]: [u32; 2], row: usize, annotation: &Annotation) -> Result<Labels> {
+    /// Annotations of single objects.
+    fn objects(&self, image: usize) -> Result<Vec<Annotation>> {
+        let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;
+        annotations.retain(|annotation| !is_crowd(annotation));
+        Ok(annotations)
+    }
+
+    fn put_boxes(
+        &self,
+        ids: &[InstanceId],
+        annotations: &[Annotation],
+        wants: &[KeyId],
+        products: &mut Products,
+    ) -> Result<()> {
+        let named = || ids.iter().copied().zip(annotations);
+        if wants.contains(&VISIBLE_BOX.id()) {
+            let around = |bbox: [f64; 4]| {
+                let [x, y] = [bbox[0], bbox[1]].map(|low| low.floor());
+                let [w, h] = [bbox[0] + bbox[2] - x, bbox[1] + bbox[3] - y].map(|size| size.ceil());
+                BBox::from([x, y, w, h].map(|edge| edge as i32))
+            };
+            products.put(VISIBLE_BOX, named().map(|(id, it)| (id, around(it.bbox))).collect())?;
+        }
+        if wants.contains(&CATEGORY_ID.id()) {
+            let category = |it: &Annotation| self.listing.categories.id(it.category_id);
+            products.put(CATEGORY_ID, named().map(|(id, it)| (id, category(it))).collect())?;
+        }
+        Ok(())
+    }
+
+    fn labels(&self, [width, height]: [u32; 2], id: InstanceId, annotation: &Annotation) -> Result<Labels> {
         let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
         let decoded = |segmentation: &Segmentation, key: &str| {
             segmentation.decode(width, height).map_err(|error| error.context(of(key)).permanent())
@@ -138,8 +203,8 @@ impl Reader {
             None => extra(keys[1]),
             some => Ok(some),
         };
-        let missing = || Error::new("it is missing").context(of("segmentation")).permanent();
-        let own = decoded(annotation.segmentation.as_ref().ok_or_else(missing)?, "segmentation")?;
+        let missing = || Error::new("it is missing or empty").context(of("segmentation")).permanent();
+        let own = decoded(segmentation(annotation).ok_or_else(missing)?, "segmentation")?;
         // Where the masks of others are amodal, an object without a visible one is not occluded.
         let amodal = if self.is_amodal { Some(extra("amodal_mask")?.unwrap_or_else(|| own.clone())) } else { None };
         let visible = either(VISIBLE)?.unwrap_or(own);
@@ -150,10 +215,7 @@ impl Reader {
         };
         let is_amodal = self.is_amodal;
         Ok(Labels {
-            id: match field(annotation, "instance_id")? {
-                Some(id) => InstanceId(id),
-                None => shared::id_of(row)?,
-            },
+            id,
             visible,
             amodal,
             occlusion: either(HIDDEN)?.filter(|_| is_amodal),

@@ -167,9 +167,12 @@ impl DatasetReader for Reader {
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let Ok(shown) = self.shown(image) else { return Vec::new() };
-        let labels = shown.annotations.iter().enumerate().map(|(row, it)| (it, self.labels(&shown.image, row, it)));
+        let stated = shown.stated_ids();
+        let Ok(ids) = read::ids_of(&stated) else { return Vec::new() };
+        let labels = ids.into_iter().zip(&shown.annotations).map(|(id, it)| (it, self.labels(&shown.image, id, it)));
         let read = labels.filter_map(|(annotation, labels)| Some((annotation, labels.ok()?)));
-        read.flat_map(|(annotation, labels)| faults_of(annotation, &labels)).collect()
+        let faults = read.flat_map(|(annotation, labels)| faults_of(annotation, &labels));
+        faults.chain(read::id_faults(&stated)).collect()
     }
 
     fn derived(&self) -> Vec<KeyId> {
@@ -184,7 +187,8 @@ impl DatasetReader for Reader {
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let (at, record) = (&self.listing.refs[image], self.shown(image)?);
         let mut products = Products::new();
-        let labels = record.annotations.iter().enumerate().map(|(row, it)| self.labels(&record.image, row, it));
+        let ids = read::ids_of(&record.stated_ids())?;
+        let labels = ids.into_iter().zip(&record.annotations).map(|(id, it)| self.labels(&record.image, id, it));
         let labels: Vec<Labels> = labels.collect::<Result<_>>()?;
         let wanted = |key: KeyId| wants.contains(&key);
         let order = wanted(OCCLUSION_ORDER.id()).then(|| self.order(&record.image, &labels)).transpose()?.flatten();
@@ -269,6 +273,13 @@ fn counts(labels: &Labels) -> PixelCounts {
     }
 }
 
+impl Shown {
+    /// The ids that annotations state of their objects.
+    fn stated_ids(&self) -> Vec<Option<u64>> {
+        self.annotations.iter().map(|annotation| annotation.instance_id.map(u64::from)).collect()
+    }
+}
+
 impl Reader {
     fn shown(&self, image: usize) -> Result<Shown> {
         let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;
@@ -276,7 +287,7 @@ impl Reader {
         Ok(Shown { image: self.listing.image(image)?, annotations })
     }
 
-    fn labels(&self, image: &Image, row: usize, annotation: &Annotation) -> Result<Labels> {
+    fn labels(&self, image: &Image, id: InstanceId, annotation: &Annotation) -> Result<Labels> {
         let mask = |rle: &Rle, name: &str| -> Result<Mask> {
             let of = || format!("annotation {}: `{name}`", annotation.id);
             let mask = rle.decode().map_err(|error| error.context(of()).permanent())?;
@@ -290,7 +301,7 @@ impl Reader {
         // The form of the release has no other box than the visible one.
         let visible_box = annotation.visible_bbox.or(Some(annotation.bbox)).filter(|_| !visible.is_empty());
         Ok(Labels {
-            id: annotation.instance_id.map_or(InstanceId(row as u16 + 1), InstanceId),
+            id,
             visible,
             amodal: self.has.amodal.then(|| mask(&annotation.segmentation, "segmentation")).transpose()?,
             occlusion: annotation.occluded_mask.as_ref().map(|rle| mask(rle, "occluded_mask")).transpose()?,

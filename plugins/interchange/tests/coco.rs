@@ -1,0 +1,141 @@
+//! COCO files of others: crowds, boxes without masks, ids that are none of ours.
+
+use serde_json::{Value as Json, json};
+use std::fs;
+use std::path::Path;
+use syntable_interchange as _;
+use syntable_model::prelude::*;
+use syntable_model::product::BBox;
+use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_ORDER, VISIBLE_BOX, VISIBLE_MASK};
+use syntable_model::reader::{self, DatasetReader};
+
+/// A square of 4 × 4 px as a polygon.
+fn square(x: u32, y: u32) -> Json {
+    json!([[x, y, x + 4, y, x + 4, y + 4, x, y + 4]])
+}
+
+/// Run lengths of a rectangle of 20 × 10 px, `[x, y, width, height]`, as columns.
+fn rectangle([x, y, w, h]: [u32; 4]) -> Json {
+    let mask = Mask::from_fn(20, 10, |u, v| (x..x + w).contains(&u) && (y..y + h).contains(&v));
+    json!({ "size": [10, 20], "counts": mask.to_coco() })
+}
+
+fn annotation(id: u64, segmentation: Option<Json>, more: Json) -> Json {
+    let mut annotation = json!({
+        "id": id, "image_id": 1, "category_id": 7, "iscrowd": 0, "area": 16.0, "bbox": [1.5, 2.0, 3.0, 4.0],
+    });
+    let fields = annotation.as_object_mut().expect("an object");
+    fields.extend(segmentation.map(|it| ("segmentation".to_owned(), it)));
+    fields.extend(more.as_object().expect("an object").clone());
+    annotation
+}
+
+fn open(root: &Path, annotations: &[Json]) -> Box<dyn DatasetReader> {
+    open_of(root, annotations, json!([{ "id": 7, "name": "mug" }]))
+}
+
+fn open_of(root: &Path, annotations: &[Json], categories: Json) -> Box<dyn DatasetReader> {
+    let file = json!({
+        "images": [{ "id": 1, "file_name": "a.png", "width": 20, "height": 10 }],
+        "annotations": annotations,
+        "categories": categories,
+    });
+    fs::create_dir_all(root.join("annotations")).expect("a folder");
+    fs::write(root.join("annotations/instances_val.json"), file.to_string()).expect("written");
+    reader::open(root, None).unwrap_or_else(|error| panic!("{error}")).1
+}
+
+fn read(reader: &dyn DatasetReader) -> Products {
+    let wants: Vec<KeyId> = reader.offers().into_iter().filter(|key| key.name.to_string() != "rgb").collect();
+    reader.read(0, &wants).unwrap_or_else(|error| panic!("{error}")).1
+}
+
+#[test]
+fn crowds_are_no_objects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let crowd = annotation(2, Some(rectangle([0, 0, 20, 10])), json!({ "iscrowd": 1 }));
+    let found = open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({})), crowd]);
+    let products = read(&*found);
+    let masks: Vec<u32> = products.get(VISIBLE_MASK).expect("there").iter().map(|(_, mask)| mask.area()).collect();
+    assert_eq!(masks, [16]);
+    assert!(
+        found.caveats(&[]).iter().any(|it| it.contains("crowds") && it.contains("1 were")),
+        "{:?}",
+        found.caveats(&[])
+    );
+}
+
+#[test]
+fn files_of_boxes_have_boxes_and_categories() {
+    for segmentation in [None, Some(json!([]))] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let found = open(folder.path(), &[annotation(1, segmentation, json!({}))]);
+        assert!(!found.offers().contains(&VISIBLE_MASK.id()));
+        let products = read(&*found);
+        // All pixels that [1.5, 4.5) × [2, 6) touches.
+        let boxes: Vec<BBox> = products.get(VISIBLE_BOX).expect("there").iter().map(|(_, it)| *it).collect();
+        assert_eq!(boxes, [BBox::from([1, 2, 4, 4])]);
+        assert_eq!(products.get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect::<Vec<_>>(), [2]);
+        assert!(found.caveats(&[]).iter().any(|it| it.contains("boxes")), "{:?}", found.caveats(&[]));
+    }
+    // One without among others that have masks is at fault, and named.
+    let folder = tempfile::tempdir().expect("a folder");
+    let found =
+        open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({})), annotation(5, Some(json!([])), json!({}))]);
+    let error = found.read(0, &[VISIBLE_MASK.id()]).err().expect("no mask").to_string();
+    assert!(error.contains("annotation 5") && error.contains("`segmentation`"), "{error}");
+}
+
+#[test]
+fn ids_in_any_order_tell_objects_apart() {
+    let amodal = |id: u64, own: Json, shape: [u32; 4], visible: [u32; 4]| {
+        let more = json!({ "instance_id": own, "visible_mask": rectangle(visible) });
+        annotation(id, Some(rectangle(shape)), more)
+    };
+    // The second annotation hides a part of the first.
+    let pair = |first: Json, second: Json| {
+        [amodal(1, first, [2, 2, 6, 4], [2, 2, 3, 4]), amodal(2, second, [5, 2, 6, 4], [5, 2, 6, 4])]
+    };
+    for (ids, expected, is_fault) in [
+        ([json!(2), json!(1)], [2, 1], false),
+        ([json!(40), json!(9)], [40, 9], false),
+        ([json!(3), json!(3)], [1, 2], true),
+        ([json!(0), json!(1)], [1, 2], true),
+        ([json!(70_000), json!(1)], [1, 2], true),
+        ([json!("a"), json!(1)], [1, 2], true),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [first, second] = ids.clone();
+        let found = open(folder.path(), &pair(first, second));
+        let products = read(&*found);
+        let [hidden, front] = expected.map(InstanceId);
+        let masks = products.get(VISIBLE_MASK).expect("there");
+        assert_eq!([hidden, front].map(|id| masks.get(id).expect("there").area()), [12, 24], "{ids:?}");
+        let order = products.get(OCCLUSION_ORDER).expect("there");
+        let [hidden, front] = [hidden, front].map(|id| order.ids().binary_search(&id).expect("there"));
+        assert!(order.occludes(front, hidden) && !order.occludes(hidden, front), "{ids:?}");
+        assert_eq!(found.image_faults(0).iter().any(|(check, _)| *check == "unique_ids"), is_fault, "{ids:?}");
+    }
+}
+
+#[test]
+fn a_category_may_have_the_id_0() {
+    for (name, classes) in [("cat", &["cat", "dog"][..]), ("Background", &["dog"])] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let of =
+            |id: u64, category: u64| annotation(id, Some(square(2 * id as u32, 2)), json!({ "category_id": category }));
+        let categories = json!([{ "id": 0, "name": name }, { "id": 1, "name": "dog" }]);
+        let found = open_of(folder.path(), &[of(1, 0), of(5, 1)], categories);
+        assert_eq!(found.info().classes, classes);
+        let ids: Vec<u32> = read(&*found).get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect();
+        assert_eq!(ids, [["cat"].map(|it| found.info().category_id(it))[0], found.info().category_id("dog")]);
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let twice = json!([{ "id": 7, "name": "cat" }, { "id": 7, "name": "dog" }]);
+    let found = open_of(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))], twice);
+    assert!(
+        found.faults().iter().any(|it| it.check == "unique_ids" && it.place == "category 7"),
+        "{:?}",
+        found.faults()
+    );
+}
