@@ -6,7 +6,7 @@ use std::path::Path;
 use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_ORDER, VISIBLE_BOX, VISIBLE_MASK};
+use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader};
 
 /// A square of 4 × 4 px as a polygon.
@@ -46,7 +46,7 @@ fn open_of(root: &Path, annotations: &[Json], categories: Json) -> Box<dyn Datas
 }
 
 fn read(reader: &dyn DatasetReader) -> Products {
-    let wants: Vec<KeyId> = reader.offers().into_iter().filter(|key| key.name.to_string() != "rgb").collect();
+    let wants: Vec<KeyId> = reader.offers().into_iter().filter(|key| *key != RGB.id()).collect();
     reader.read(0, &wants).unwrap_or_else(|error| panic!("{error}")).1
 }
 
