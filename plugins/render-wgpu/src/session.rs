@@ -256,7 +256,7 @@ impl GpuSession {
         // What was there is given back first.
         self.buffers.paths = self.device.storage("paths", 0)?;
         while bytes > least {
-            let reserve = self.device.storage_if_there_is_room("reserve", RESERVE)?;
+            let reserve = self.device.storage_if_there_is_room("reserve", RESERVE.min(self.device.max_buffer()))?;
             let paths = self.device.storage_if_there_is_room("paths", bytes)?;
             if let (Some(_), Some(paths)) = (reserve, paths) {
                 self.buffers.paths = paths;
@@ -392,6 +392,8 @@ mod tests {
         deep.short_stack = 0;
         assert_eq!(render(&mut deep, &all).get(RADIANCE), whole.get(RADIANCE), "with long stacks");
         assert!(deep.walks_deep && !one_pass.walks_deep);
+        // Room for more paths than a pass has at least, on a device whose buffers are small, too.
+        one_pass.make_room_for_paths(LEAST_PATHS * 16 * STATE_PLANES[1] + 256, LEAST_PATHS).expect("room");
         // A pixel is the same in a window that reaches beyond the image, rendered after another one without guides.
         let window = Window { x: -5, y: 3, width: 20, height: 30 };
         let part = render(&mut one_pass, &RenderRequest { wants: &[RADIANCE.id()], ..all.of(window, Bodies::All) });
