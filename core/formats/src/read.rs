@@ -55,9 +55,17 @@ pub fn ids_of(stated: &[Option<u64>]) -> Result<Vec<InstanceId>> {
     if let Some(own) = own.filter(are_told_apart) {
         return Ok(own.into_iter().map(InstanceId).collect());
     }
-    match u16::try_from(stated.len()) {
-        Ok(count) => Ok((1..=count).map(InstanceId).collect()),
-        Err(_) => Err(Error::new(format!("an image has {} objects, more than {}", stated.len(), u16::MAX))
+    (0..stated.len()).map(id_of).collect()
+}
+
+/// The id of an object by its place among those of the image, from 0.
+///
+/// # Errors
+/// If there are more objects than ids.
+pub fn id_of(row: usize) -> Result<InstanceId> {
+    match u16::try_from(row + 1) {
+        Ok(id) => Ok(InstanceId(id)),
+        Err(_) => Err(Error::new(format!("an image has more than {} objects", u16::MAX))
             .help("split the image, or remove objects")
             .permanent()),
     }

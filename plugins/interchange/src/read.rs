@@ -49,16 +49,6 @@ pub fn info(listing: &Listing) -> DatasetInfo {
     listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new())
 }
 
-/// The id of an object by its place among those of the image, from 0.
-pub fn id_of(row: usize) -> Result<InstanceId> {
-    match u16::try_from(row + 1) {
-        Ok(id) => Ok(InstanceId(id)),
-        Err(_) => Err(Error::new(format!("an image has more than {} objects", u16::MAX))
-            .help("split the image, or remove objects")
-            .permanent()),
-    }
-}
-
 /// Compares what a file says of a mask in numbers with the mask. Each number comes with its name; areas may differ by
 /// `tolerance_px2`.
 pub fn fits_mask(

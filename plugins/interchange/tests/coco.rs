@@ -1,8 +1,9 @@
-//! COCO files of others: crowds, boxes without masks, ids that are none of ours.
+//! Files of COCO's family as others write them: crowds, boxes without masks, ids that are none of ours, KITTI's folders.
 
 use serde_json::{Value as Json, json};
 use std::fs;
 use std::path::Path;
+use syntable_formats::encode::png;
 use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
@@ -138,4 +139,32 @@ fn a_category_may_have_the_id_0() {
         "{:?}",
         found.faults()
     );
+}
+
+#[test]
+fn images_of_kins_are_those_of_the_split() {
+    for (file, expected) in
+        [("update_train_2020.json", 10), ("update_test_2020.json", 200), ("instances_val.json", 200)]
+    {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (images, shade) in [("training/image_2", 10), ("testing/image_2", 200)] {
+            let path = folder.path().join(images);
+            fs::create_dir_all(&path).expect("a folder");
+            let image = png::Image::rgb(&Plane::from_fn(20, 10, |_, _| [shade; 3])).encode().expect("encoded");
+            fs::write(path.join("000003.png"), image).expect("written");
+        }
+        let annotation = json!({
+            "id": 1, "image_id": 1, "category_id": 7, "iscrowd": 0, "area": 16.0, "bbox": [2, 2, 4, 4],
+            "segmentation": square(2, 2), "inmodal_seg": square(2, 2), "inmodal_bbox": [2, 2, 4, 4],
+        });
+        let data = json!({
+            "images": [{ "id": 1, "file_name": "000003.png", "width": 20, "height": 10 }],
+            "annotations": [annotation],
+            "categories": [{ "id": 7, "name": "car" }],
+        });
+        fs::write(folder.path().join(file), data.to_string()).expect("written");
+        let found = reader::open(folder.path(), Some("kins")).unwrap_or_else(|error| panic!("{error}")).1;
+        let products = found.read(0, &[RGB.id()]).unwrap_or_else(|error| panic!("{error}")).1;
+        assert_eq!(products.get(RGB).expect("there").at(0, 0)[0], expected, "{file}");
+    }
 }

@@ -166,7 +166,7 @@ impl ImageAnnotation {
         let of = |(row, (number, region)): (usize, (usize, &Region))| {
             let [visible, amodal, _] = self.masks(number, region, size)?;
             Ok(Labels {
-                id: shared::id_of(row)?,
+                id: read::id_of(row)?,
                 visible,
                 amodal: Some(amodal),
                 occlusion: None,

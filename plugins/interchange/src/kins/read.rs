@@ -24,8 +24,18 @@ syntable_model::register_format!(Format {
 
 /// How the annotation files of both forms begin, and end.
 const NAMES: [(&str, &str); 2] = [("instances_", ""), ("update_", "_2020")];
-/// Folders of images: ours, then those of KITTI.
+/// Folders of images: ours, then those of KITTI, which have other images by the same names.
 const IMAGES: [&str; 4] = ["images", "training/image_2", "testing/image_2", "."];
+
+/// The folders in which the images of a file may be, those of its split first: KINS tests on KITTI's images of testing.
+fn image_folders(file: &Path) -> [&'static str; 4] {
+    let [own, training, testing, here] = IMAGES;
+    let is_of_testing = |stem: &str| ["test", "val"].iter().any(|split| stem.contains(split));
+    match file.file_stem().is_some_and(|stem| is_of_testing(&stem.to_string_lossy())) {
+        true => [own, testing, training, here],
+        false => IMAGES,
+    }
+}
 
 fn is_one(file: &Path) -> bool {
     let stem = file.file_stem().map(|stem| stem.to_string_lossy());
@@ -146,7 +156,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let file = shared::only_file(root, is_one)?;
     let listing = Listing::open(&file, &mut |_: &Record<Image, Annotation, IgnoredAny>| {})?;
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
-    let images_root = shared::images_root(root, &IMAGES, first);
+    let images_root = shared::images_root(root, &image_folders(&file), first);
     let info = shared::info(&listing);
     Ok(Box::new(Reader { images_root, info, listing }))
 }
@@ -193,7 +203,7 @@ impl DatasetReader for Reader {
             read::put(&labels, None, wants, &mut products)?;
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb(&self.images_root.join(&frame.file_name))?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }
@@ -203,7 +213,7 @@ impl Reader {
     fn labels(&self, size: [u32; 2], row: usize, annotation: &Annotation) -> Result<Labels> {
         let [amodal, visible] = annotation.said();
         Ok(Labels {
-            id: shared::id_of(row)?,
+            id: read::id_of(row)?,
             visible: annotation.mask(&visible, size)?,
             amodal: Some(annotation.mask(&amodal, size)?),
             occlusion: None,

@@ -1,7 +1,7 @@
 //! Reads the layout of Ultralytics YOLO: polygons, boxes and rotated boxes.
 
 use super::{DATA, data};
-use crate::read::{POLYGONS, id_of, settle_edges};
+use crate::read::{POLYGONS, settle_edges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -265,7 +265,7 @@ impl DatasetReader for Reader {
                     read::put(&labels, None, wants, &mut products)?;
                 }
                 Shape::Boxes | Shape::RotatedBoxes => {
-                    let of = |(row, line): (usize, &Line)| Ok((id_of(row)?, self.category(line)));
+                    let of = |(row, line): (usize, &Line)| Ok((read::id_of(row)?, self.category(line)));
                     products.put(CATEGORY_ID, lines.iter().enumerate().map(of).collect::<Result<_>>()?)?;
                 }
             }
@@ -294,7 +294,7 @@ impl Reader {
         let scale = [f64::from(width), f64::from(height)];
         let polygon = line.values.iter().enumerate().map(|(i, value)| value * scale[i % 2]).collect();
         Ok(Labels {
-            id: id_of(row)?,
+            id: read::id_of(row)?,
             visible: Segmentation::Polygons(vec![polygon]).decode(width, height).map_err(at)?,
             amodal: None,
             occlusion: None,
