@@ -138,7 +138,7 @@ for obj_id in names:
     count = int(next(line for line in lines if line.startswith("element vertex")).split()[2])
     start = lines.index("end_header") + 1
     meshes[obj_id] = np.array([line.split() for line in lines[start : start + count]], float)
-compared = 0
+found = []
 for folder in sorted((root / "bop/train_pbr").iterdir()):
     cameras, truth = (json.loads((folder / f"scene_{name}.json").read_text()) for name in ("camera", "gt"))
     for image, entries in truth.items():
@@ -151,11 +151,12 @@ for folder in sorted((root / "bop/train_pbr").iterdir()):
             near = np.logical_or.reduce([np.roll(mask, (a, b), (0, 1)) for a in (-1, 0, 1) for b in (-1, 0, 1)])
             inside = (x >= 0) & (x < 160) & (y >= 0) & (y < 120) & (points[:, 2] > 0)
             hits = near[y[inside] + 1, x[inside] + 1]
-            # What is thinner than a pixel lies between the centers of pixels.
+            # What is thinner than a pixel lies between the centers of pixels: ends of feathers and handles.
             if mask.sum() > 100:
-                assert hits.mean() > 0.99, f"{folder.name} {image} {index}: {hits.mean()}"
-                compared += int(inside.sum())
-assert compared > 1000, compared
+                assert hits.mean() > 0.9, f"{folder.name} {image} {index}: {hits.mean()}"
+                found.append(hits)
+found = np.concatenate(found)
+assert found.size > 1000 and found.mean() > 0.995, (found.size, found.mean())
 print("models")
 
 for path in sorted((root / "npz").glob("*.npz")):
