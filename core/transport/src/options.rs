@@ -1,5 +1,6 @@
 //! Options that all path tracers have.
 
+use crate::components::Light;
 use crate::film::Budget;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -132,25 +133,34 @@ pub struct Settings {
     pub filter: PixelFilter,
     /// Model of a dielectric's two lobes.
     pub dielectrics: Dielectrics,
+    /// Whether anything casts shadows.
+    pub shadows: bool,
 }
 
 impl PathTracing {
-    /// What paths read of the options.
-    pub fn settings(&self) -> Settings {
+    /// What paths read of the options, if they gather some light.
+    pub fn settings(&self, light: Light) -> Settings {
         Settings {
             samples: self.samples_per_pixel,
-            max_bounces: self.max_bounces,
+            max_bounces: match light {
+                Light::All => self.max_bounces,
+                Light::Direct | Light::Unshadowed => self.max_bounces.min(1),
+            },
             roulette_from: self.russian_roulette_from.max(1),
             max_indirect_luminance_nits: self.max_indirect_luminance_nits.map_or(f32::INFINITY, |nits| nits as f32),
             regularize: self.regularize as f32,
             filter: self.pixel_filter,
             dielectrics: self.dielectrics,
+            shadows: light != Light::Unshadowed,
         }
     }
 
-    /// Limits on samples and time.
-    pub fn budget(&self) -> Budget {
-        Budget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s }
+    /// Limits on samples and time. Components of light have as many samples everywhere.
+    pub fn budget(&self, light: Light) -> Budget {
+        match light {
+            Light::All => Budget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s },
+            Light::Direct | Light::Unshadowed => Budget { samples: self.samples_per_pixel, noise: None, seconds: None },
+        }
     }
 
     /// One line on what a view costs, for `syntable plan`.

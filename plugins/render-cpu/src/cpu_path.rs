@@ -7,10 +7,11 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::{Serial, Workers};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS};
+use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS, RADIANCE};
 use syntable_model::product::{BitPlane, ObjectDepths};
 use syntable_model::stage::{Bodies, Tile, Window};
 use syntable_simd::Processor;
+use syntable_transport::components::{self, Light};
 use syntable_transport::film::{Film, Statistics};
 use syntable_transport::light::Lights;
 use syntable_transport::{PathTracing, RayCamera, path_tracing_kind};
@@ -71,6 +72,7 @@ impl Renderer for CpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = keys![DEPTH, INSTANCE, COVERAGE, OBJECT_DEPTHS, NORMAL, ALBEDO];
         keys.extend(Film::offers());
+        keys.extend(components::offers());
         keys
     }
 
@@ -102,7 +104,13 @@ impl CpuPathSession {
     }
 
     /// Renders the tiles of a request.
-    fn render_tiles(&self, world: &World, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
+    fn render_tiles(
+        &self,
+        world: &World,
+        light: Light,
+        request: &RenderRequest,
+        frame: &mut Products,
+    ) -> Result<Statistics> {
         let ready = |tile: &Tile| -> Result<ReadyTile> {
             let world = match tile.bodies {
                 Bodies::All => Cow::Borrowed(world),
@@ -129,7 +137,7 @@ impl CpuPathSession {
         }
         self.cast(&tiles, &lights, request, frame)?;
         match traces {
-            true => self.trace(&tiles, &lights, request, frame),
+            true => self.trace(&tiles, light, &lights, request, frame),
             false => Ok(Statistics::default()),
         }
     }
@@ -177,6 +185,7 @@ impl CpuPathSession {
     fn trace(
         &self,
         tiles: &[ReadyTile],
+        light: Light,
         lights: &[Lights],
         request: &RenderRequest,
         frame: &mut Products,
@@ -184,12 +193,12 @@ impl CpuPathSession {
         let guides = Film::wants_guides(request.wants);
         let mut tracers = Vec::with_capacity(tiles.len());
         for (tile, lights) in tiles.iter().zip(lights) {
-            let settings = self.options.settings();
+            let settings = self.options.settings(light);
             let tracer = PathTracer::new(&tile.world, lights, &tile.camera, settings, request.stream.seed());
             let tracer = tracer.with(self.strategy, self.processor);
             tracers.push(tracer.with_guides(guides).with_background(request.background));
         }
-        let budget = self.options.budget();
+        let budget = self.options.budget(light);
         let film = Film::trace(&TileTracers(tracers), request.size, &request.tiles, &budget, request.workers)?;
         // What of a camera rotates its frame is the same for all windows.
         let camera = RayCamera::new(&request.view.camera, Window { x: 0, y: 0, width: 0, height: 0 });
@@ -222,7 +231,9 @@ impl RenderSession for CpuPathSession {
 
     fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<()> {
         let world = self.world.as_ref().ok_or_else(not_loaded)?;
-        let statistics = self.render_tiles(world, request, frame)?;
+        let statistics = components::render(request, RADIANCE, frame, |light, request, frame| {
+            self.render_tiles(world, light, request, frame)
+        })?;
         self.statistics.add(&statistics);
         Ok(())
     }

@@ -117,6 +117,7 @@ fn constants() -> String {
         ("BLENDED_BY_COVERAGE", view::BLENDED_BY_COVERAGE.into()),
         ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
         ("WITHOUT_BACKGROUND", view::WITHOUT_BACKGROUND.into()),
+        ("WITHOUT_SHADOWS", view::WITHOUT_SHADOWS.into()),
         ("GUIDE_BOUNCES", passes::GUIDE_BOUNCES.into()),
         ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
         ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),

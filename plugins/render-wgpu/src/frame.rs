@@ -187,7 +187,7 @@ impl GpuSession {
         frame: &mut Products,
     ) -> Result<Statistics> {
         let layout =
-            Layout::new(request, self.options.settings().samples, [views[0].words as usize, world.scene.objects]);
+            Layout::new(request, self.options.samples_per_pixel, [views[0].words as usize, world.scene.objects]);
         if layout.is_empty() {
             return Ok(Statistics::default());
         }

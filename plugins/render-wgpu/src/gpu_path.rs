@@ -10,6 +10,7 @@ use syntable_model::context::Workers;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{ALBEDO, COVERAGE, DEPTH, INSTANCE, NORMAL, OBJECT_DEPTHS};
 use syntable_model::stage::RenderDevice;
+use syntable_transport::components::{self, Light};
 use syntable_transport::film::Film;
 use syntable_transport::{PathTracing, path_tracing_kind};
 
@@ -82,6 +83,7 @@ impl Renderer for GpuPathRenderer {
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = keys![DEPTH, INSTANCE, COVERAGE, OBJECT_DEPTHS, NORMAL, ALBEDO];
         keys.extend(Film::offers());
+        keys.extend(components::offers());
         keys
     }
 
@@ -99,7 +101,7 @@ impl Renderer for GpuPathRenderer {
 
     fn denoises(&self, denoiser: &dyn Denoiser) -> bool {
         // Rounds of samples end on this side.
-        self.options.budget().is_fixed() && guided_of(Some(denoiser)).is_some()
+        self.options.budget(Light::All).is_fixed() && guided_of(Some(denoiser)).is_some()
     }
 
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>> {

@@ -34,7 +34,7 @@ impl GpuSession {
         let pixels = u64::from(width) * u64::from(height);
         let gathered = Gathered::wanted(request, Film::wants_guides(&light));
         let guides = gathered.guides;
-        let capacity = self.make_room(pixels, self.options.settings().samples, guides)?;
+        let capacity = self.make_room(pixels, self.options.samples_per_pixel, guides)?;
         let sums = 4 * sums(guides, gathered.opacity) * pixels;
         self.make_output(sums)?;
         self.make_readable(sums.max(4 * COUNTERS))?;
@@ -45,7 +45,8 @@ impl GpuSession {
         let counted = Mutex::default();
         let (size, tiles) = (request.size, &request.tiles[..]);
         let tracer = GpuTracer { session: self, world, size, tiles, view, guide_view, gathered, counted };
-        let film = Film::trace(&tracer, size, tiles, &tracer.session.options.budget(), request.workers)?;
+        let film =
+            Film::trace(&tracer, size, tiles, &tracer.session.options.budget(tracer.session.light), request.workers)?;
         film.put(&light, camera, request.workers, frame)?;
         Ok(film.statistics)
     }

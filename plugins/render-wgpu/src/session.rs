@@ -2,6 +2,7 @@
 
 use crate::arena::{Arena, Asset};
 use crate::device::{Bindings, Device, PASS_STRIDE, Variant};
+use crate::frame::guided_of;
 use crate::guided::GuidedFilter;
 use crate::passes::{COUNTERS, GROUP, GUIDE_BOUNCES};
 use crate::planes::PLANE_WORDS;
@@ -13,10 +14,11 @@ use syntable_model::context::Workers;
 use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
-use syntable_model::product::standard::OPACITY;
+use syntable_model::product::standard::{OPACITY, RADIANCE, RADIANCE_NOISY};
 use syntable_model::scene::Scene;
 use syntable_model::stage::RenderRequest;
 use syntable_prepare::{AssetCache, Bounds, LightTable, PreparedScene, SceneCache};
+use syntable_transport::components::{self, Light};
 use syntable_transport::film::{GUIDE_SAMPLES, Statistics};
 use syntable_transport::{Dielectrics, PathTracing, RayCamera};
 
@@ -90,6 +92,8 @@ impl Gathered {
 pub struct GpuSession {
     pub device: Arc<Device>,
     pub options: PathTracing,
+    /// What the paths of the image in progress gather.
+    pub light: Light,
     pub caches: Arc<Caches>,
     world: Option<World>,
     pub geometry: Arena,
@@ -131,6 +135,7 @@ impl GpuSession {
         Ok(Self {
             device,
             options,
+            light: Light::All,
             caches,
             world: None,
             geometry,
@@ -201,7 +206,11 @@ impl GpuSession {
     pub fn render(&mut self, request: &RenderRequest, frame: &mut Products) -> Result<Statistics> {
         let not_loaded = || Error::new("no scene was loaded before rendering").help("call `load` first");
         let world = self.world.take().ok_or_else(not_loaded)?;
-        let rendered = self.render_world(&world, request, frame);
+        let whole = if guided_of(request.denoiser).is_some() { RADIANCE_NOISY } else { RADIANCE };
+        let rendered = components::render(request, whole, frame, |light, request, frame| {
+            self.light = light;
+            self.render_world(&world, request, frame)
+        });
         self.world = Some(world);
         rendered
     }
@@ -211,7 +220,7 @@ impl GpuSession {
         let camera = RayCamera::new(&request.view.camera, shown.around());
         let lights = LightTable::new(&request.view.lights, &self.caches.scene)?;
         let views = self.upload(&Parts { world, request, camera: &camera, lights: &lights, shown: &shown })?;
-        match self.options.budget().is_fixed() {
+        match self.options.budget(self.light).is_fixed() {
             true => self.frame(world, request, views, frame),
             false => self.rounds(world, request, views, &camera, frame),
         }

@@ -27,6 +27,7 @@ pub const TENT: u32 = 2;
 pub const BLENDED_BY_COVERAGE: u32 = 4;
 pub const ONLY_GUIDES: u32 = 8;
 pub const WITHOUT_BACKGROUND: u32 = 16;
+pub const WITHOUT_SHADOWS: u32 = 32;
 
 /// `View` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -252,7 +253,7 @@ impl GpuSession {
     /// Completes uniforms by the camera, the order of samples and the options: those of paths, and of guides alone.
     fn with_camera(&self, tables: &mut Tables, view: View, parts: &Parts) -> [View; 2] {
         let &Parts { request, camera, shown, .. } = parts;
-        let (settings, around) = (self.options.settings(), shown.around());
+        let (settings, around) = (self.options.settings(self.light), shown.around());
         let order = SampleOrder::new(request.stream.seed(), settings.samples);
         let [blocks, block_columns] = tables.blocks(&order, around);
         let guide_order = SampleOrder::new(guide_seed(request.stream.seed()), GUIDE_SAMPLES);
@@ -281,6 +282,7 @@ impl GpuSession {
             flags: flag(WARPED, camera.is_warped())
                 | flag(TENT, settings.filter == PixelFilter::Tent)
                 | flag(WITHOUT_BACKGROUND, !request.background)
+                | flag(WITHOUT_SHADOWS, !settings.shadows)
                 | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage),
             max_bounces: settings.max_bounces,
             roulette_from: settings.roulette_from,

@@ -270,3 +270,32 @@ fn a_tile_is_the_window_of_its_object() {
         }
     }
 }
+
+#[test]
+fn components_of_light_are_those_of_the_cpu() {
+    if !has_adapter() {
+        return;
+    }
+    let wants = [RADIANCE.id(), RADIANCE_DIRECT.id(), RADIANCE_INDIRECT.id(), RADIANCE_UNSHADOWED.id()];
+    let fixed = PathTracing { samples_per_pixel: 4, max_bounces: 4, ..PathTracing::default() };
+    let rounds = PathTracing { noise: Some(1e-9), ..fixed.clone() };
+    for (options, look) in [(&fixed, Look::Mixed), (&fixed, Look::Glass), (&rounds, Look::Plastic)] {
+        let view = room::view(64, 48);
+        let frames = both(options, look, &RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2)));
+        let mean = |frame: &Products, key: Key<Plane<[f32; 3]>>| {
+            let data = frame.get(key).expect("made").data();
+            data.iter().flatten().map(|x| f64::from(*x)).sum::<f64>() / data.len() as f64
+        };
+        for key in [RADIANCE_DIRECT, RADIANCE_INDIRECT, RADIANCE_UNSHADOWED] {
+            let [cpu, gpu] = frames.each_ref().map(|frame| mean(frame, key));
+            println!("{look:?} {}: {cpu} {gpu}", key.name());
+            assert!((gpu / cpu - 1.0).abs() < 5e-3, "{look:?} {}: {cpu} {gpu}", key.name());
+            let unlike =
+                different(pair(&frames, key), |a, b| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3 * (a[c] + 1.0)));
+            assert!(unlike <= 30, "{look:?} {}: {unlike} pixels", key.name());
+        }
+        let [all, direct, unshadowed] =
+            [RADIANCE, RADIANCE_DIRECT, RADIANCE_UNSHADOWED].map(|key| mean(&frames[1], key));
+        assert!(direct < all && direct < unshadowed, "{look:?}: {all} {direct} {unshadowed}");
+    }
+}

@@ -21,6 +21,19 @@ products! {
     /// by the opacity.
     pub const OPACITY: Key<Plane<f32>> = view("opacity");
 
+    /// Direct light: what [`RADIANCE`] is after at most one reflection, of what emits and of surfaces that lights illuminate.
+    /// Light through glass is not direct. Rendered with the same paths, and never denoised.
+    pub const RADIANCE_DIRECT: Key<Plane<[f32; 3]>> = view("radiance_direct").semantic(Semantic::Color).unit("nit");
+
+    /// Indirect light: [`RADIANCE`] before the denoiser less [`RADIANCE_DIRECT`]. Of images with as many samples in every pixel
+    /// it is nowhere negative.
+    pub const RADIANCE_INDIRECT: Key<Plane<[f32; 3]>> = view("radiance_indirect").semantic(Semantic::Color).unit("nit");
+
+    /// Direct light as if nothing cast a shadow: every surface has the light of all that it faces. Never denoised. Its quotient
+    /// with [`RADIANCE_DIRECT`] is a map of shadows.
+    pub const RADIANCE_UNSHADOWED: Key<Plane<[f32; 3]>> =
+        view("radiance_unshadowed").semantic(Semantic::Color).unit("nit");
+
     /// Distance along the optical axis to the first surface at the pixel center. Infinite where there is none; never
     /// averaged. `depth (next view)` is that of the next view of the scene.
     pub const DEPTH: Key<Plane<f32>> = view("depth").semantic(Semantic::Depth).unit("m");

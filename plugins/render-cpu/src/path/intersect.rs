@@ -76,7 +76,6 @@ impl PathTracer<'_> {
             #[cfg(test)]
             Strategy::Bsdf => T::splat(1.0),
             // Light behind a transmitting surface contributes in no other way.
-            #[cfg(test)]
             Strategy::Emitters => T::select(bsdf.ge(T::splat(f32::INFINITY)), T::splat(1.0), T::splat(0.0)),
         }
     }

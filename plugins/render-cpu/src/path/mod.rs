@@ -45,7 +45,6 @@ pub(crate) enum Strategy {
     /// Both, combined.
     Combined,
     /// Emitter sampling alone.
-    #[cfg(test)]
     Emitters,
     /// BSDF sampling alone.
     #[cfg(test)]
@@ -84,12 +83,14 @@ impl<'a> PathTracer<'a> {
     pub fn new(world: &'a World, lights: &'a Lights<'a>, camera: &'a RayCamera, settings: Settings, seed: u64) -> Self {
         let order = SampleOrder::new(seed, settings.samples);
         let spread = settings.spread(camera.pixel_angle);
-        let (strategy, processor, gather) = (Strategy::Combined, Processor::detect(), Gather::Light);
+        let strategy = if settings.shadows { Strategy::Combined } else { Strategy::Emitters };
+        let (processor, gather) = (Processor::detect(), Gather::Light);
         Self { world, lights, camera, settings, strategy, processor, order, spread, gather, background: true }
     }
 
-    /// The same with other estimates of direct light, on another instruction set.
+    /// The same on another instruction set, and with shadows with other estimates of direct light.
     pub fn with(self, strategy: Strategy, processor: Processor) -> Self {
+        let strategy = if self.settings.shadows { strategy } else { self.strategy };
         Self { strategy, processor, ..self }
     }
 
@@ -167,10 +168,11 @@ impl<'a> PathTracer<'a> {
                 let shadow = &batch.shadows;
                 let ray = Ray { origin: get(&shadow.origin, i).array(), direction: get(&shadow.direction, i).array() };
                 let to = shadow.distance[i] * (1.0 - TOUCHING);
-                let Some(Passed { mut transmittance, panes }) = self.world.visibility(&ray, to, shadow.alpha_seed[i])
-                else {
-                    continue;
+                let passed = match self.settings.shadows {
+                    true => self.world.visibility(&ray, to, shadow.alpha_seed[i]),
+                    false => Some(Passed { transmittance: Rgb::ONE, panes: 0 }),
                 };
+                let Some(Passed { mut transmittance, panes }) = passed else { continue };
                 // A path counts panes as bounces, and may end among them: then no other estimate finds the light.
                 if panes > 0 && bounce + 1 + panes > self.settings.max_bounces {
                     transmittance = transmittance * (1.0 / shadow.weight[i]);

@@ -149,7 +149,6 @@ impl PathTracer<'_> {
         };
         let weight = match self.strategy {
             Strategy::Combined => power_heuristic(light.pdf, pdf),
-            #[cfg(test)]
             Strategy::Emitters => T::splat(1.0),
             #[cfg(test)]
             Strategy::Bsdf => T::splat(0.0),

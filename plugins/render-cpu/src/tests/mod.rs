@@ -1,5 +1,6 @@
 //! Whole images against what can be worked out on paper or by brute force.
 
+mod components;
 mod estimators;
 mod glass;
 mod ground;

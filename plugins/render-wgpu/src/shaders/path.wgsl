@@ -79,9 +79,21 @@ fn light_of(c: vec3<f32>) -> vec3<f32> {
     return limit_luminance(c);
 }
 
+fn casts_shadows() -> bool {
+    return (view.flags & WITHOUT_SHADOWS) == 0u;
+}
+
+fn emitter_sampled_weight(emitter: f32, pdf: f32) -> f32 {
+    return select(1.0, power_heuristic(emitter, pdf), casts_shadows());
+}
+
 fn bsdf_sampled_weight(pdf: f32, emitter: f32) -> f32 {
     if pass_.bounce == 0u {
         return 1.0;
+    }
+    if !casts_shadows() {
+        // Light behind a transmitting surface contributes in no other way.
+        return select(0.0, 1.0, pdf >= FAR);
     }
     return power_heuristic(pdf, emitter);
 }
@@ -393,7 +405,7 @@ fn step_path(path: u32) -> Step {
             } else {
                 lobes = bsdf_lobes(bsdf, wi);
             }
-            let weight = power_heuristic(light.pdf, lobes.pdf);
+            let weight = emitter_sampled_weight(light.pdf, lobes.pdf);
             let factor = shadow_terminator(face, normal, surface.is_perturbed, light.direction) * weight * (1.0 / light.pdf);
             let value = lobes.glossy + lobes.matte;
             let contribution = limit_luminance(throughput * value * lit.radiance * factor);
@@ -534,7 +546,9 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
     let r = state(SHADOW_RAY, path);
     let o = state(SHADOW_ORIGIN, path);
     let ray = Ray(o.xyz, r.xyz);
-    let passed = walk(PASSAGE_OF_LIGHT, top_level_of_all(), ray, 0.0, r.w * (1.0 - TOUCHING), bits(o.w), NONE);
+    // Rays of no length meet nothing.
+    let reach = select(0.0, r.w * (1.0 - TOUCHING), casts_shadows());
+    let passed = walk(PASSAGE_OF_LIGHT, top_level_of_all(), ray, 0.0, reach, bits(o.w), NONE);
     if !is_black(passed.transmittance) {
         let l = state(SHADOW_LIGHT, path);
         var transmittance = passed.transmittance;

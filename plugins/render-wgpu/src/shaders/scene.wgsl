@@ -58,7 +58,7 @@ struct View {
     sample_bits: u32,
     block_bits: u32,
     block_columns: u32,
-    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES, WITHOUT_BACKGROUND.
+    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES, WITHOUT_BACKGROUND, WITHOUT_SHADOWS.
     flags: u32,
     // Of paths.
     max_bounces: u32,
