@@ -176,8 +176,11 @@ const PLANTED: &[(&str, &str, Plant)] = &[
     ("depth_agrees_with_poses", "depth is in tenths of a millimeter", |it| it.gray16(|depth| depth.saturating_mul(10))),
     ("depth_agrees_with_poses", "depth is 2 cm too large", |it| it.gray16(|depth| depth + 20)),
     ("visible_pixels_have_depth", "depth is missing", |it| it.gray16(|_| 0)),
-    ("masks_have_the_size_of_the_image", "an image is of another size", |it| {
+    ("readable", "an image is of another size", |it| {
         image::RgbImage::new(80, 60).save(it.file("file_name")).expect("writable");
+    }),
+    ("records_agree", "the list of objects of an image is shorter than they are", |it| {
+        drop(it.json["images"][0]["instance_ids"].as_array_mut().expect("a list").pop());
     }),
     ("depth_has_the_size_of_the_image", "depth is of another size", |it| {
         image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(80, 60)
