@@ -368,7 +368,18 @@ fn a_request_that_cannot_succeed_is_at_fault() {
         let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
         assert!(said.contains("it is a link to what is not there"), "{said}");
     }
+    // A missing image stays missing; a file names the dataset as its folder does.
+    let away = path("a.png");
+    fs::rename(&image, &away).expect("there");
+    let said = fails(&mut convert(&path("out")), 2);
+    assert!(said.contains("a.png: no such file") && !path("out").exists(), "{said}");
+    fs::rename(away, &image).expect("there");
     ok(&mut convert(&path("out")));
+    let file = path("plain/annotations/instances_val2017.json");
+    let mut of_file = syntable();
+    ok(of_file.arg("convert").arg(&file).args(["--to", "coco", "--out"]).arg(path("of file")));
+    assert_same(&path("out"), &path("of file"));
+    assert!(ok(syntable().arg("validate").arg(&file)).contains("1 image, read as coco: no fault"));
 }
 
 #[test]
