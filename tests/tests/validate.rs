@@ -176,8 +176,11 @@ const PLANTED: &[(&str, &str, Plant)] = &[
     ("depth_agrees_with_poses", "depth is in tenths of a millimeter", |it| it.gray16(|depth| depth.saturating_mul(10))),
     ("depth_agrees_with_poses", "depth is 2 cm too large", |it| it.gray16(|depth| depth + 20)),
     ("visible_pixels_have_depth", "depth is missing", |it| it.gray16(|_| 0)),
-    ("masks_have_the_size_of_the_image", "an image is of another size", |it| {
+    ("readable", "an image is of another size", |it| {
         image::RgbImage::new(80, 60).save(it.file("file_name")).expect("writable");
+    }),
+    ("records_agree", "the list of objects of an image is shorter than they are", |it| {
+        drop(it.json["images"][0]["instance_ids"].as_array_mut().expect("a list").pop());
     }),
     ("depth_has_the_size_of_the_image", "depth is of another size", |it| {
         image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(80, 60)
@@ -365,7 +368,18 @@ fn a_request_that_cannot_succeed_is_at_fault() {
         let said = fails(syntable().args(["run", "builtin:quickstart", "--out"]).arg(path("link")), 2);
         assert!(said.contains("it is a link to what is not there"), "{said}");
     }
+    // A missing image stays missing; a file names the dataset as its folder does.
+    let away = path("a.png");
+    fs::rename(&image, &away).expect("there");
+    let said = fails(&mut convert(&path("out")), 2);
+    assert!(said.contains("a.png: no such file") && !path("out").exists(), "{said}");
+    fs::rename(away, &image).expect("there");
     ok(&mut convert(&path("out")));
+    let file = path("plain/annotations/instances_val2017.json");
+    let mut of_file = syntable();
+    ok(of_file.arg("convert").arg(&file).args(["--to", "coco", "--out"]).arg(path("of file")));
+    assert_same(&path("out"), &path("of file"));
+    assert!(ok(syntable().arg("validate").arg(&file)).contains("1 image, read as coco: no fault"));
 }
 
 #[test]

@@ -2,9 +2,10 @@
 
 use crate::Extra;
 use crate::segmentation::Segmentation;
-use serde::de::{Error as _, Unexpected};
+use serde::de::{Error as _, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value as Json;
+use std::fmt;
 
 /// A COCO annotation file.
 pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
@@ -14,16 +15,22 @@ pub type Dataset = crate::dataset::Dataset<Image, Annotation>;
 #[serde(default)]
 pub struct Info {
     /// Name or description of the dataset.
+    #[serde(deserialize_with = "or_default")]
     pub description: String,
     /// Home page.
+    #[serde(deserialize_with = "or_default")]
     pub url: String,
     /// Version of the dataset.
+    #[serde(deserialize_with = "or_default")]
     pub version: String,
     /// Year of release.
+    #[serde(deserialize_with = "or_default")]
     pub year: i64,
     /// Author, or the program that wrote it.
+    #[serde(deserialize_with = "or_default")]
     pub contributor: String,
     /// Date in any form.
+    #[serde(deserialize_with = "or_default")]
     pub date_created: String,
     /// Fields that this type does not know.
     #[serde(flatten)]
@@ -49,11 +56,12 @@ pub struct License {
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Category {
     /// Unique in the file.
+    #[serde(deserialize_with = "id")]
     pub id: u64,
     /// Such as `mug`.
     pub name: String,
     /// Such as `kitchen`; empty if there is none.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "or_default")]
     pub supercategory: String,
     /// Fields that this type does not know.
     #[serde(flatten)]
@@ -64,6 +72,7 @@ pub struct Category {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Image {
     /// Unique in the file.
+    #[serde(deserialize_with = "id")]
     pub id: u64,
     /// Path of the image, relative to the image folder of the dataset.
     pub file_name: String,
@@ -92,10 +101,13 @@ pub struct Image {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Annotation {
     /// Unique in the file.
+    #[serde(deserialize_with = "id")]
     pub id: u64,
     /// The image's id.
+    #[serde(deserialize_with = "id")]
     pub image_id: u64,
     /// The category's id.
+    #[serde(deserialize_with = "id")]
     pub category_id: u64,
     /// The mask; missing in files of boxes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -104,7 +116,8 @@ pub struct Annotation {
     pub area: f64,
     /// `[x, y, width, height]`, px; (0, 0) is the top left corner of the image.
     pub bbox: [f64; 4],
-    /// 1 for a crowd of objects, which evaluation ignores; 0 for a single object. Read from numbers and booleans.
+    /// 1 for a crowd of objects, which evaluation ignores; 0 for a single object. Read from numbers and booleans;
+    /// `null` is 0.
     #[serde(default, deserialize_with = "flag")]
     pub iscrowd: u8,
     /// Fields that this type does not know.
@@ -112,9 +125,49 @@ pub struct Annotation {
     pub extra: Extra,
 }
 
+/// An id. Some tools write whole numbers as floats, such as `1.0`.
+pub fn id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    deserializer.deserialize_any(Id)
+}
+
+struct Id;
+
+/// The first number from which on floats do not tell ids apart.
+const UNCLEAR: f64 = 9_007_199_254_740_992.0;
+
+impl Visitor<'_> for Id {
+    type Value = u64;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("an id: a whole number from 0 on")
+    }
+
+    fn visit_u64<E: serde::de::Error>(self, id: u64) -> Result<u64, E> {
+        Ok(id)
+    }
+
+    fn visit_i64<E: serde::de::Error>(self, id: i64) -> Result<u64, E> {
+        id.try_into().map_err(|_| E::invalid_value(Unexpected::Signed(id), &self))
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, id: f64) -> Result<u64, E> {
+        if (0.0..UNCLEAR).contains(&id) && id.fract() == 0.0 {
+            Ok(id as u64)
+        } else {
+            Err(E::invalid_value(Unexpected::Float(id), &self))
+        }
+    }
+}
+
+/// What a field says; nothing if it is `null`.
+fn or_default<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
+    Option::deserialize(deserializer).map(Option::unwrap_or_default)
+}
+
 /// A flag that some tools write as a boolean.
 fn flag<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
     match Json::deserialize(deserializer)? {
+        Json::Null => Ok(0),
         Json::Bool(flag) => Ok(flag.into()),
         Json::Number(number) if number.as_u64().is_some_and(|flag| flag < 2) => {
             Ok(u8::from(number.as_u64() == Some(1)))

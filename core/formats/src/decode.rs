@@ -124,9 +124,13 @@ pub fn depth(path: &Path, unit_mm: f64) -> Result<Plane<f32>> {
     Ok(gray(path)?.map(meters))
 }
 
-/// Refuses what is no file: reading a pipe would wait for ever.
+/// Refuses what is no file: reading a pipe would wait for ever. A file that a dataset names and does not have is a fault of the
+/// dataset.
 fn check_file(path: &Path) -> Result<()> {
-    let there = fs::metadata(path).map_err(|error| Error::io(path, &error))?;
+    let there = fs::metadata(path).map_err(|error| {
+        let error = Error::io(path, &error);
+        if error.is_transient() { error } else { error.of_request() }
+    })?;
     if there.is_file() { Ok(()) } else { Err(Error::new("it is not a file").in_file(path).permanent()) }
 }
 

@@ -11,10 +11,13 @@ use serde::de::{
 use std::cell::Cell;
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
+
+/// The byte order mark that some editors put before UTF-8.
+const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
 
 /// A list of records of an annotation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,11 +76,16 @@ impl Indexed {
         S: DeserializeOwned,
     {
         let path = path.as_ref();
-        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
+        let fail = |error: io::Error| Error::io(path, &error);
+        let mut file = BufReader::new(File::open(path).map_err(fail)?);
         let at = Cell::new(0);
+        if file.fill_buf().map_err(fail)?.starts_with(&MARK) {
+            file.consume(MARK.len());
+            at.set(MARK.len() as u64);
+        }
         let mut index =
             Self { path: path.to_owned(), info: Info::default(), categories: None, ends: Default::default() };
-        let mut json = serde_json::Deserializer::from_reader(Counted { from: BufReader::new(file), at: &at });
+        let mut json = serde_json::Deserializer::from_reader(Counted { from: file, at: &at });
         let mut track = serde_path_to_error::Track::new();
         let whole = Whole { at: &at, index: &mut index, each };
         let fail = |error: serde_json::Error, field: Option<String>| match error.io_error_kind() {
@@ -199,8 +207,8 @@ where
         while let Some(key) = map.next_key::<String>()? {
             let Some(section) = Section::ALL.into_iter().find(|section| section.name() == key) else {
                 match key.as_str() {
-                    "info" => index.info = map.next_value()?,
-                    "categories" => index.categories = Some(map.next_value()?),
+                    "info" => index.info = map.next_value::<Option<Info>>()?.unwrap_or_default(),
+                    "categories" => index.categories = map.next_value()?,
                     _ => drop(map.next_value::<IgnoredAny>()?),
                 }
                 continue;

@@ -16,9 +16,10 @@ pub struct Format {
     pub name: &'static str,
     /// What it is, in one sentence.
     pub doc: &'static str,
-    /// Whether a folder looks like one.
+    /// Whether a folder looks like one, or a file like the annotation file of one.
     pub detect: fn(&Path) -> bool,
-    /// Opens a dataset. An error says that there is none, or that nothing of it can be read.
+    /// Opens a dataset by its folder, or by an annotation file of it. An error says that there is none, or that nothing of it
+    /// can be read.
     pub open: fn(&Path) -> Result<Box<dyn DatasetReader>>,
     /// Crate that registers it.
     pub crate_name: &'static str,
@@ -45,20 +46,28 @@ pub fn linked() -> Vec<Format> {
 pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
     let formats = linked();
     let names = || formats.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
-    if !root.is_dir() {
-        return Err(Error::new("there is no such folder").in_file(root).of_request());
+    if !root.is_dir() && !root.is_file() {
+        return Err(Error::new("there is no such folder or file").in_file(root).of_request());
     }
     let looks_like = |folder: &Path| formats.iter().filter(|it| (it.detect)(folder)).count() > 0;
     let inside = || -> Vec<PathBuf> {
         let entries = std::fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-        entries.filter(|path| path.is_dir() && looks_like(path)).collect()
+        let mut found: Vec<PathBuf> = entries.filter(|path| path.is_dir() && looks_like(path)).collect();
+        found.sort();
+        found
     };
-    // A writer's folder in a folder of its own, as `convert` makes it.
-    if format.is_none()
-        && !looks_like(root)
-        && let [only] = inside().as_slice()
-    {
-        return open(only, None);
+    if format.is_none() && !looks_like(root) {
+        match inside().as_slice() {
+            // A writer's folder in a folder of its own, as `convert` makes it.
+            [only] => return open(only, None),
+            [] => {}
+            [first, others @ ..] => {
+                return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))
+                    .in_file(root)
+                    .help(format!("name one of them, such as {}", first.display()))
+                    .of_request());
+            }
+        }
     }
     let mut found = formats.iter().filter(|it| format.map_or_else(|| (it.detect)(root), |name| it.name == name));
     let (first, second) = (found.next(), found.next());

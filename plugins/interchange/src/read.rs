@@ -1,5 +1,6 @@
 //! What the readers of this crate share.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::listing::Listing;
@@ -12,10 +13,13 @@ pub const POLYGONS: &str = "outlines are polygons, which say what an object cove
 /// JSON files in a folder, sorted.
 pub fn json_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
-    let is_json = |path: &PathBuf| path.is_file() && path.extension().is_some_and(|it| it == "json");
-    let mut files: Vec<PathBuf> = files.into_iter().filter(is_json).collect();
+    let mut files: Vec<PathBuf> = files.into_iter().filter(|path| path.is_file() && is_json(path)).collect();
     files.sort();
     Ok(files)
+}
+
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|it| it == "json")
 }
 
 /// Whether the name of a file begins so.
@@ -23,16 +27,56 @@ pub fn name_starts(path: &Path, start: &str) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(start))
 }
 
+/// The folder above a file, whatever folder the process is in.
+fn above(file: &Path) -> PathBuf {
+    let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+    file.parent().map_or_else(|| file.clone(), Path::to_owned)
+}
+
+/// Whether a file lies in a folder of this name.
+pub fn is_in(file: &Path, folder: &str) -> bool {
+    above(file).file_name().is_some_and(|name| name == folder)
+}
+
+/// Whether a path is a dataset by its annotation files, of which `is_one` says which they are: such a file in a folder of this
+/// name, or what such a folder is in. Without a name, files lie in the dataset itself.
+pub fn is_dataset(path: &Path, folder: Option<&str>, is_one: impl Fn(&Path) -> bool) -> bool {
+    if path.is_file() {
+        return is_json(path) && is_one(path) && folder.is_none_or(|folder| is_in(path, folder));
+    }
+    let folder = folder.map_or_else(|| path.to_owned(), |folder| path.join(folder));
+    json_files(&folder).is_ok_and(|files| files.iter().any(|file| is_one(file)))
+}
+
+/// The folder of a dataset, and its annotation file: the one that the path names, or the only one of the dataset.
+pub fn root_and_file(path: &Path, folder: Option<&str>, is_one: impl Fn(&Path) -> bool) -> Result<[PathBuf; 2]> {
+    if !path.is_file() {
+        let folder = folder.map_or_else(|| path.to_owned(), |folder| path.join(folder));
+        return Ok([path.to_owned(), only_file(&folder, is_one)?]);
+    }
+    let root = match folder.is_some_and(|folder| is_in(path, folder)) {
+        true => above(&above(path)),
+        false => above(path),
+    };
+    Ok([root, path.to_owned()])
+}
+
 /// The one JSON file of a folder that is one of a format.
-pub fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
+fn only_file(folder: &Path, is_one: impl Fn(&Path) -> bool) -> Result<PathBuf> {
     let mut files = json_files(folder).map_err(|error| Error::io(folder, &error).of_request())?;
     files.retain(|file| is_one(file));
     match <[PathBuf; 1]>::try_from(files) {
         Ok([file]) => Ok(file),
-        Err(files) => Err(Error::new(format!("one annotation file was expected, and there are {}", files.len()))
-            .in_file(folder)
-            .help("leave the one to read there")
-            .of_request()),
+        Err(files) => {
+            let help = files.first().map_or_else(
+                || "name the annotation file in place of the folder".to_owned(),
+                |first| format!("name one of them in place of the folder, such as {}", first.display()),
+            );
+            Err(Error::new(format!("one annotation file was expected, and there are {}", files.len()))
+                .in_file(folder)
+                .help(help)
+                .of_request())
+        }
     }
 }
 
@@ -122,6 +166,49 @@ fn cut_edge(label: &mut Labels, shared: &Mask) {
     if is_whole {
         label.amodal = Some(label.visible.clone());
     }
+}
+
+/// Takes holes from the amodal mask of an object, which is read from outlines that have none: parts that are not seen and that
+/// the rest of the object encloses, `area_px2` in all. The part whose area comes nearest to what is left of it is taken, as
+/// long as at least half of the part is.
+pub fn cut_holes(label: &mut Labels, mut area_px2: f64) {
+    let Some(amodal) = label.amodal.as_mut().filter(|_| area_px2 > 0.0) else { return };
+    let mut parts = enclosed(&amodal.minus(&label.visible), amodal);
+    while area_px2 > 0.0 {
+        let differs = |part: &Mask| (f64::from(part.area()) - area_px2).abs();
+        let near = (0..parts.len()).min_by(|a, b| differs(&parts[*a]).total_cmp(&differs(&parts[*b])));
+        let Some(hole) = near.map(|at| parts.swap_remove(at)).filter(|it| f64::from(it.area()) <= 2.0 * area_px2)
+        else {
+            return;
+        };
+        *amodal = amodal.minus(&hole);
+        area_px2 -= f64::from(hole.area());
+    }
+}
+
+/// The connected parts of a mask, side by side, that do not reach the edge of the whole.
+fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
+    let [width, height] = [mask.width(), mask.height()];
+    let (mut open, inner) = (mask.to_plane(), eroded(whole).to_plane());
+    let mut parts = Vec::new();
+    for start in mask.pixels() {
+        let (mut part, mut todo) = (BTreeSet::new(), vec![start]);
+        while let Some(pixel) = todo.pop() {
+            if !std::mem::replace(&mut open.data_mut()[pixel], false) {
+                continue;
+            }
+            part.insert(pixel);
+            let (column, row, columns) = (pixel as u32 % width, pixel as u32 / width, width as usize);
+            todo.extend((column > 0).then(|| pixel - 1));
+            todo.extend((column + 1 < width).then(|| pixel + 1));
+            todo.extend((row > 0).then(|| pixel - columns));
+            todo.extend((row + 1 < height).then(|| pixel + columns));
+        }
+        if !part.is_empty() && part.iter().all(|&pixel| inner.data()[pixel]) {
+            parts.push(Mask::from_fn(width, height, |x, y| part.contains(&((y * width + x) as usize))));
+        }
+    }
+    parts
 }
 
 fn meet(a: [i32; 4], b: [i32; 4]) -> bool {

@@ -7,7 +7,7 @@ use syntable_formats::encode::png;
 use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK};
+use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader};
 
 /// A square of 4 × 4 px as a polygon.
@@ -139,6 +139,75 @@ fn a_category_may_have_the_id_0() {
         "{:?}",
         found.faults()
     );
+}
+
+#[test]
+fn harmless_habits_of_other_tools_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let more = json!({ "id": 1.0, "image_id": 1.0, "category_id": 7.0, "iscrowd": null, "visible_mask": null });
+    open(folder.path(), &[annotation(1, Some(square(2, 2)), more)]);
+    let path = folder.path().join("annotations/instances_val.json");
+    let mut data: Json = serde_json::from_slice(&fs::read(&path).expect("there")).expect("JSON");
+    data["info"] = json!(null);
+    data["licenses"] = json!(null);
+    data["categories"][0]["supercategory"] = json!(null);
+    data["images"][0]["license"] = json!(null);
+    data["images"][0]["id"] = json!(1.0);
+    let marked = |data: &Json| fs::write(&path, format!("\u{feff}{data}")).expect("written");
+    marked(&data);
+    let found = reader::open(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
+    assert_eq!(found.faults(), []);
+    assert_eq!(read(&*found).get(VISIBLE_MASK).expect("there").iter().next().expect("an object").1.area(), 16);
+    for id in [json!(1.5), json!(-1), json!("1"), json!(null), json!(1e300)] {
+        data["images"][0]["id"] = id;
+        marked(&data);
+        let error = reader::open(folder.path(), None).err().expect("no id");
+        assert!(error.is_permanent() && error.to_string().contains("`images[0]"), "{error}");
+    }
+}
+
+#[test]
+fn holes_of_kins_are_told_by_areas() {
+    let ring = |[x, y, w, h]: [u32; 4]| json!([[x, y, x + w, y, x + w, y + h, x, y + h]]);
+    let outline = |id: u64, shape: [u32; 4], amodal: u32, visible: u32| {
+        annotation(
+            id,
+            None,
+            json!({ "bbox": null, "area": null, "a_segm": ring(shape), "a_area": amodal, "i_segm": ring(shape), "i_area": visible }),
+        )
+    };
+    let first = |annotations: &[Json]| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = json!({
+            "images": [{ "id": 1, "file_name": "a.png", "width": 20, "height": 10 }],
+            "annotations": annotations,
+            "categories": [{ "id": 7, "name": "mug" }],
+        });
+        let path = folder.path().join("update_train_2020.json");
+        fs::write(&path, data.to_string()).expect("written");
+        let found = reader::open(&path, None).unwrap_or_else(|error| panic!("{error}")).1;
+        assert_eq!(found.image_faults(0).iter().filter(|it| it.0 == "areas_are_those_of_masks").count(), 0);
+        let products = read(&*found);
+        let area =
+            |key: Key<PerInstance<Mask>>| products.get(key).expect("there").iter().next().map(|(_, mask)| mask.area());
+        (area(VISIBLE_MASK), area(OCCLUSION_MASK))
+    };
+    let inner = outline(2, [6, 3, 4, 4], 16, 16);
+    // 10 × 8 px with another object within: through a hole of 16 px, or before it.
+    assert_eq!(first(&[outline(1, [2, 1, 10, 8], 64, 64), inner.clone()]), (Some(64), Some(0)));
+    assert_eq!(first(&[outline(1, [2, 1, 10, 8], 80, 64), inner.clone()]), (Some(64), Some(16)));
+    // The form of 2019 has exact visible masks, and no area of them.
+    let seen = |hole: [u32; 4]| {
+        let is_in = |[x, y, w, h]: [u32; 4], u: u32, v: u32| (x..x + w).contains(&u) && (y..y + h).contains(&v);
+        let mask = Mask::from_fn(20, 10, |u, v| is_in([2, 1, 10, 8], u, v) && !is_in(hole, u, v));
+        json!({ "size": [10, 20], "counts": mask.to_coco() })
+    };
+    let old = |area: u32| {
+        let more = json!({ "area": area, "bbox": [2, 1, 10, 8], "inmodal_seg": seen([6, 3, 4, 4]), "inmodal_bbox": [2, 1, 10, 8] });
+        annotation(1, Some(ring([2, 1, 10, 8])), more)
+    };
+    assert_eq!(first(&[old(64)]), (Some(64), Some(0)));
+    assert_eq!(first(&[old(80)]), (Some(64), Some(16)));
 }
 
 #[test]

@@ -15,7 +15,7 @@ use syntable_model::stage::Writer;
 
 #[derive(Args)]
 pub(super) struct ConvertArgs {
-    /// Folder of the dataset.
+    /// Folder of the dataset, or its annotation file where there are several.
     dataset: PathBuf,
     /// Kinds of writers (see `syntable list write`), separated by commas.
     #[arg(long, required = true, value_delimiter = ',')]

@@ -14,7 +14,7 @@ const SHOWN: usize = 30;
 
 #[derive(Args)]
 pub(super) struct ValidateArgs {
-    /// Folder of the dataset.
+    /// Folder of the dataset, or its annotation file where there are several.
     dataset: PathBuf,
     /// Its format (see `syntable list formats`); the one that it looks like if left out.
     #[arg(long)]

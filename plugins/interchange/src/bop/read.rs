@@ -17,7 +17,7 @@ use syntable_model::scene::{SceneId, ViewId};
 syntable_model::register_format!(Format {
     name: "bop",
     doc: "BOP's scenewise layout: a folder of a dataset with one split, or the split itself.",
-    detect: |root| split_of(root).is_some(),
+    detect: |root| !splits_of(root).is_empty(),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
@@ -51,15 +51,15 @@ fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
     scenes
 }
 
-/// The split of a dataset, if it has one alone, or is one.
-fn split_of(root: &Path) -> Option<PathBuf> {
+/// The splits of a dataset, sorted; a split is its own.
+fn splits_of(root: &Path) -> Vec<PathBuf> {
     if !scenes_of(root).is_empty() {
-        return Some(root.to_owned());
+        return vec![root.to_owned()];
     }
-    let folders = fs::read_dir(root).ok()?.flatten().map(|entry| entry.path());
-    let mut splits = folders.filter(|path| path.is_dir() && !scenes_of(path).is_empty());
-    let first = splits.next()?;
-    splits.next().is_none().then_some(first)
+    let folders = fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut splits: Vec<PathBuf> = folders.filter(|path| path.is_dir() && !scenes_of(path).is_empty()).collect();
+    splits.sort();
+    splits
 }
 
 fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
@@ -69,15 +69,20 @@ fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
-    let Some(split) = split_of(root) else {
-        return Err(Error::new("there is no split of scenes with a scene_gt.json, or there are several")
+    let splits = splits_of(root);
+    let [split] = splits.as_slice() else {
+        let help = splits.first().map_or_else(
+            || "a split has folders of scenes, each with a scene_gt.json".to_owned(),
+            |first| format!("name the folder of one split, such as {}", first.display()),
+        );
+        return Err(Error::new(format!("one split was expected, and there are {}", splits.len()))
             .in_file(root)
-            .help("name the folder of one split")
+            .help(help)
             .of_request());
     };
     let mut faults = Faults::default();
     let (mut refs, mut images) = (Vec::new(), Vec::new());
-    for (scene, folder) in scenes_of(&split) {
+    for (scene, folder) in scenes_of(split) {
         let mut cameras: BTreeMap<u32, SceneCamera> = json(&folder.join("scene_camera.json"))?;
         let mut infos: BTreeMap<u32, Vec<Info>> = json(&folder.join("scene_gt_info.json"))?;
         let all: BTreeMap<u32, Vec<GroundTruth>> = json(&folder.join("scene_gt.json"))?;
@@ -105,7 +110,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             );
         }
     }
-    let above = split.parent().unwrap_or(&split);
+    let above = split.parent().unwrap_or(split);
     let names = optional(&[root, above].map(|folder| folder.join("objects.json")))?;
     let models: BTreeMap<u64, BTreeMap<String, Json>> =
         optional(&[root, above].map(|folder| folder.join("models/models_info.json")))?;

@@ -19,12 +19,15 @@ syntable_model::register_format!(Format {
     name: "coco",
     doc: "COCO instance annotations (`annotations/*.json` beside an image folder), with amodal masks where annotations have \
           both, as the writer `coco` does.",
-    detect: |root| {
-        let files = shared::json_files(&root.join(FOLDER)).unwrap_or_default();
-        let is_other = |path: &PathBuf| OTHERS.iter().any(|start| shared::name_starts(path, start));
-        !files.is_empty() && !files.iter().any(is_other)
+    detect: |path| {
+        let is_other = |file: &Path| OTHERS.iter().any(|start| shared::name_starts(file, start));
+        let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
+        is(&|_| true) && !is(&is_other)
     },
-    open: |root| open_file(root, &shared::only_file(&root.join(FOLDER), |_| true)?),
+    open: |path| {
+        let [root, file] = shared::root_and_file(path, Some(FOLDER), |_| true)?;
+        open_file(&root, &file)
+    },
     crate_name: env!("CARGO_PKG_NAME"),
 });
 

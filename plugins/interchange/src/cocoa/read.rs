@@ -6,7 +6,7 @@ use crate::read::{self as shared, POLYGONS, edge_px2, settle_edges};
 use serde::de::IgnoredAny;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use syntable_formats::coco::Image;
+use syntable_formats::coco::{Image, id};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
@@ -20,10 +20,7 @@ syntable_model::register_format!(Format {
     name: "cocoa",
     doc: "COCO-Amodal (`annotations/COCO_amodal_*.json` beside an image folder), as the writer `cocoa` writes it. Regions of \
           stuff are no objects; of several annotations of an image the first one counts.",
-    detect: |root| {
-        let files = shared::json_files(&root.join(FOLDER));
-        files.is_ok_and(|files| files.iter().any(|file| shared::name_starts(file, FILE)))
-    },
+    detect: |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
@@ -31,7 +28,9 @@ syntable_model::register_format!(Format {
 /// The annotation of an image by one person.
 #[derive(Debug, Deserialize)]
 struct ImageAnnotation {
+    #[serde(deserialize_with = "id")]
     id: u64,
+    #[serde(deserialize_with = "id")]
     image_id: u64,
     #[serde(default)]
     size: Option<usize>,
@@ -82,8 +81,8 @@ struct Reader {
     listing: Listing,
 }
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
-    let file = shared::only_file(&root.join(FOLDER), |file| shared::name_starts(file, FILE))?;
+fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
+    let [root, file] = shared::root_and_file(path, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
     let mut names = BTreeSet::new();
     let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| {
         if let Record::Annotation(annotation) = record {
@@ -92,7 +91,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     })?;
     let categories = Categories::named(names);
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
-    let images_root = images_root(root, &file, first);
+    let images_root = images_root(&root, &file, first);
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     Ok(Box::new(Reader { images_root, info, categories, listing }))
@@ -308,7 +307,7 @@ impl DatasetReader for Reader {
             read::put(&labels, None, wants, &mut products)?;
         }
         if wants.contains(&RGB.id()) {
-            products.put(RGB, decode::rgb(&self.images_root.join(&frame.file_name))?)?;
+            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }

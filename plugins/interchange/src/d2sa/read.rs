@@ -2,15 +2,16 @@
 
 use super::FILE;
 use crate::coco::read::{FOLDER, open_file};
-use crate::read::{json_files, name_starts, only_file};
+use crate::read::{is_dataset, name_starts, root_and_file};
 use syntable_model::reader::Format;
 
 syntable_model::register_format!(Format {
     name: "d2sa",
     doc: "D2S amodal (`annotations/D2S_amodal_*.json` beside `images`), as the writer `d2sa` writes it.",
-    detect: |root| {
-        json_files(&root.join(FOLDER)).is_ok_and(|files| files.iter().any(|file| name_starts(file, FILE)))
+    detect: |path| is_dataset(path, Some(FOLDER), |file| name_starts(file, FILE)),
+    open: |path| {
+        let [root, file] = root_and_file(path, Some(FOLDER), |file| name_starts(file, FILE))?;
+        open_file(&root, &file)
     },
-    open: |root| open_file(root, &only_file(&root.join(FOLDER), |file| name_starts(file, FILE))?),
     crate_name: env!("CARGO_PKG_NAME"),
 });

@@ -1,9 +1,10 @@
 //! Reads KINS' layout, in its form of 2019 or of 2020.
 
-use crate::read::{self as shared, POLYGONS, edge_px2, fits_mask, settle_edges};
+use crate::coco::read::FOLDER;
+use crate::read::{self as shared, POLYGONS, cut_holes, edge_px2, fits_mask, settle_edges};
 use serde::de::IgnoredAny;
 use std::path::{Path, PathBuf};
-use syntable_formats::coco::Image;
+use syntable_formats::coco::{Image, id};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::{AnnotationRecord, Listing};
@@ -17,7 +18,7 @@ syntable_model::register_format!(Format {
     name: "kins",
     doc: "KINS (`instances_*.json` or `update_*_2020.json` beside the images, or beside KITTI's `training` and `testing`), as \
           the writer `kins` writes it.",
-    detect: |root| shared::json_files(root).is_ok_and(|files| files.iter().any(|file| is_one(file))),
+    detect: |path| shared::is_dataset(path, None, is_one) && !(path.is_file() && shared::is_in(path, FOLDER)),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
@@ -45,8 +46,11 @@ fn is_one(file: &Path) -> bool {
 /// An object, in either form: amodal and visible mask with their numbers under the names of 2020, then those of 2019.
 #[derive(Debug, Deserialize)]
 struct Annotation {
+    #[serde(deserialize_with = "id")]
     id: u64,
+    #[serde(deserialize_with = "id")]
     image_id: u64,
+    #[serde(deserialize_with = "id")]
     category_id: u64,
     a_segm: Option<Segmentation>,
     a_bbox: Option<[f64; 4]>,
@@ -111,6 +115,22 @@ impl Annotation {
         [amodal, visible]
     }
 
+    /// Area of holes that it says its amodal mask has and its outline does not, px², given what is read. In the form of 2020 the
+    /// areas say how much is hidden; in that of 2019 the area falls short of the outline, unless it is that of the outline.
+    fn holes_px2(&self, labels: &Labels) -> f64 {
+        let [amodal, visible] = self.said();
+        let (Some(Segmentation::Polygons(outline)), Some(area), Some(mask)) =
+            (amodal.mask.1, amodal.area.1, &labels.amodal)
+        else {
+            return 0.0;
+        };
+        match visible.area.1 {
+            Some(visible) => f64::from(mask.minus(&labels.visible).area()) - (area - visible),
+            None if (area - enclosed_px2(outline)).abs() < 1.0 => 0.0,
+            None => f64::from(mask.area()) - area,
+        }
+    }
+
     /// A key of it, for messages.
     fn key(&self, key: &str) -> String {
         format!("annotation {}: `{key}`", self.id)
@@ -134,10 +154,12 @@ impl Annotation {
         for said in self.said() {
             let Ok(mask) = self.mask(&said, size) else { continue };
             let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
-            let area = said.area.1.unwrap_or(mask.area().into());
-            let tolerance = match said.mask.1 {
-                Some(Segmentation::Polygons(_)) => edge_px2(&mask).max(1.0),
-                _ => 0.5,
+            let own_area = f64::from(mask.area());
+            let area = said.area.1.unwrap_or(own_area);
+            let (area, tolerance) = match said.mask.1 {
+                // What an outline has more than the mask may be a hole.
+                Some(Segmentation::Polygons(_)) => (area.max(own_area), edge_px2(&mask).max(1.0)),
+                _ => (area, 0.5),
             };
             let bbox = said.bbox.1.unwrap_or(own);
             faults.extend(fits_mask(&mask, (area, self.key(said.area.0)), (bbox, self.key(said.bbox.0)), tolerance));
@@ -146,17 +168,27 @@ impl Annotation {
     }
 }
 
+/// Area that outlines enclose, px²; that of what two of them have in common counts twice.
+fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
+    let of = |outline: &Vec<f64>| {
+        let corners = outline.as_chunks::<2>().0;
+        let next = corners.iter().cycle().skip(1);
+        (corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0).abs()
+    };
+    outlines.iter().map(of).sum()
+}
+
 struct Reader {
     images_root: PathBuf,
     info: DatasetInfo,
     listing: Listing,
 }
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
-    let file = shared::only_file(root, is_one)?;
+fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
+    let [root, file] = shared::root_and_file(path, None, is_one)?;
     let listing = Listing::open(&file, &mut |_: &Record<Image, Annotation, IgnoredAny>| {})?;
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
-    let images_root = shared::images_root(root, &image_folders(&file), first);
+    let images_root = shared::images_root(&root, &image_folders(&file), first);
     let info = shared::info(&listing);
     Ok(Box::new(Reader { images_root, info, listing }))
 }
@@ -200,6 +232,9 @@ impl DatasetReader for Reader {
             let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
             let mut labels = labels.collect::<Result<Vec<_>>>()?;
             settle_edges(&mut labels);
+            for (label, annotation) in labels.iter_mut().zip(&annotations) {
+                cut_holes(label, annotation.holes_px2(label));
+            }
             read::put(&labels, None, wants, &mut products)?;
         }
         if wants.contains(&RGB.id()) {

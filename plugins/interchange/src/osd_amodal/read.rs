@@ -1,9 +1,11 @@
 //! Reads OSD-Amodal's folders.
 
 use super::{IMAGES, MASKS};
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, Labels};
 use syntable_model::prelude::*;
@@ -28,13 +30,26 @@ struct Reader {
     refs: Vec<ImageRef>,
     images: Vec<Named>,
     faults: Faults,
+    /// Number of labels without an amodal mask, by the images that were read.
+    left_out: Mutex<BTreeMap<usize, usize>>,
 }
 
 /// An image.
 struct Named {
     name: String,
-    /// Labels that have an amodal mask, and those that have an occlusion mask.
-    masks: [BTreeSet<u16>; 2],
+    masks: Masks,
+}
+
+/// Names of the amodal masks by their labels, and those of the occlusion masks; without ends.
+type Masks = [BTreeMap<u16, String>; 2];
+
+impl Named {
+    /// Labels that are shown, or that have an occlusion mask, and have no amodal one.
+    fn without_amodal(&self, shown: &Plane<u16>) -> BTreeSet<u16> {
+        let [amodal, occluded] = &self.masks;
+        let labels = shown.data().iter().chain(occluded.keys()).copied();
+        labels.filter(|label| *label > 0 && !amodal.contains_key(label)).collect()
+    }
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
@@ -53,8 +68,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             );
         }
     }
-    let mut images: BTreeMap<String, [BTreeSet<u16>; 2]> =
-        names.into_iter().map(|name| (name, Default::default())).collect();
+    let mut images: BTreeMap<String, Masks> = names.into_iter().map(|name| (name, Default::default())).collect();
     for (which, folder) in MASKS.iter().enumerate() {
         // Without occlusion there is no folder of it.
         if which == 1 && !root.join(folder).is_dir() {
@@ -62,14 +76,19 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         }
         for stem in stems(&root.join(folder))? {
             let place = || format!("{folder}/{stem}.png");
-            let Some((name, label)) = stem.rsplit_once('_').and_then(|(name, label)| Some((name, label.parse().ok()?)))
-            else {
-                faults.add("records_agree", place(), "its name does not end with `_` and a label");
+            let Some((name, label)) = labeled(&stem) else {
+                faults.add("records_agree", place(), "its name does not end with `_` and a label from 1 to 65535");
                 continue;
             };
-            match images.get_mut(name) {
-                Some(masks) => drop(masks[which].insert(label)),
-                None => faults.add("known_images", place(), &format!("there is no {}/{name}.png", IMAGES[0])),
+            let Some(masks) = images.get_mut(name) else {
+                faults.add("known_images", place(), &format!("there is no {}/{name}.png", IMAGES[0]));
+                continue;
+            };
+            match masks[which].entry(label) {
+                Entry::Vacant(entry) => drop(entry.insert(stem)),
+                Entry::Occupied(first) => {
+                    faults.add("unique_ids", place(), &format!("{}.png is of the same label", first.get()));
+                }
             }
         }
     }
@@ -77,7 +96,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let (refs, images) = faults.in_order(images, |image| (&image.name, place_of(&image.name)));
     let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let info = Categories::default().info(name, String::new(), &refs, String::new());
-    Ok(Box::new(Reader { root: root.to_owned(), info, refs, images, faults }))
+    Ok(Box::new(Reader { root: root.to_owned(), info, refs, images, faults, left_out: Mutex::default() }))
 }
 
 /// Names of the PNG files of a folder, without their ends.
@@ -91,6 +110,13 @@ fn stems(folder: &Path) -> Result<BTreeSet<String>> {
         }
     }
     Ok(stems)
+}
+
+/// Image and label in the name of a mask: `NAME_LABEL`. Label 0 is the background.
+fn labeled(stem: &str) -> Option<(&str, u16)> {
+    let (name, digits) = stem.rsplit_once('_')?;
+    let label = digits.parse().ok().filter(|label| *label > 0)?;
+    digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((name, label))
 }
 
 /// Scene and view of a name as the writer gives it.
@@ -118,13 +144,29 @@ impl DatasetReader for Reader {
         keys
     }
 
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let of = &self.images[image];
+        let Ok(shown) = decode::gray(&self.path(IMAGES[2], &of.name)) else { return Vec::new() };
+        let message = |label| format!("label {label} has no mask in {}, and is no object", MASKS[0]);
+        of.without_amodal(&shown).into_iter().map(|label| ("records_agree", message(label))).collect()
+    }
+
+    fn caveats(&self, _: &[KeyId]) -> Vec<String> {
+        let left_out: usize = self.left_out.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
+        let labels = format!("labels without an amodal mask are no objects: {left_out} were left out");
+        (left_out > 0).then_some(labels).into_iter().collect()
+    }
+
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let of = &self.images[image];
         let mut products = Products::new();
         let rgb = decode::rgb(&self.path(IMAGES[0], &of.name))?;
         let size = [rgb.width(), rgb.height()];
         if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
-            read::put(&self.labels(of, size)?, None, wants, &mut products)?;
+            let shown = self.gray(IMAGES[2], &of.name, size)?;
+            read::put(&self.labels(of, &shown)?, None, wants, &mut products)?;
+            let without = of.without_amodal(&shown).len();
+            self.left_out.lock().unwrap_or_else(PoisonError::into_inner).insert(image, without);
         }
         if wants.contains(&RGB.id()) {
             products.put(RGB, rgb)?;
@@ -141,29 +183,19 @@ impl Reader {
         self.root.join(folder).join(format!("{name}.png"))
     }
 
-    /// The objects: those that the image shows or that have an amodal mask.
-    fn labels(&self, image: &Named, size: [u32; 2]) -> Result<Vec<Labels>> {
-        let shown = self.gray(IMAGES[2], &image.name, size)?;
-        let mut all: BTreeSet<u16> = shown.data().iter().copied().filter(|label| *label > 0).collect();
-        all.extend(image.masks.iter().flatten());
+    /// The objects: those that have an amodal mask. `shown` are the labels of the visible masks.
+    fn labels(&self, image: &Named, shown: &Plane<u16>) -> Result<Vec<Labels>> {
+        let size = [shown.width(), shown.height()];
         let of = |label: u16| -> Result<Labels> {
             let mask = |which: usize| -> Result<Option<Mask>> {
-                if !image.masks[which].contains(&label) {
-                    return Ok(None);
-                }
-                let plane = self.gray(MASKS[which], &format!("{}_{label}", image.name), size)?;
+                let Some(name) = image.masks[which].get(&label) else { return Ok(None) };
+                let plane = self.gray(MASKS[which], name, size)?;
                 Ok(Some(Mask::from_fn(size[0], size[1], |x, y| *plane.at(x, y) > 0)))
-            };
-            let missing = || {
-                Error::new(format!("label {label} of {} has no mask there", image.name))
-                    .in_file(self.root.join(MASKS[0]))
-                    .help("every label has an amodal mask `NAME_LABEL.png`")
-                    .permanent()
             };
             Ok(Labels {
                 id: InstanceId(label),
                 visible: Mask::from_fn(size[0], size[1], |x, y| *shown.at(x, y) == label),
-                amodal: Some(mask(0)?.ok_or_else(missing)?),
+                amodal: mask(0)?,
                 // An object without this file is not occluded.
                 occlusion: Some(mask(1)?.unwrap_or_else(|| Mask::empty(size[0], size[1]))),
                 rate: None,
@@ -172,7 +204,7 @@ impl Reader {
                 category: DatasetInfo::OBJECT.0,
             })
         };
-        all.into_iter().map(of).collect()
+        image.masks[0].keys().copied().map(of).collect()
     }
 
     fn gray(&self, folder: &str, name: &str, [width, height]: [u32; 2]) -> Result<Plane<u16>> {

@@ -1,5 +1,6 @@
-//! The names of classes in `data.yaml`, of which YAML's lists, maps and strings of one line are read.
+//! What `data.yaml` says of a dataset, of which YAML's lists, maps and strings of one line are read.
 
+use super::read::Shape;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -7,6 +8,35 @@ use syntable_model::error::{Error, Result};
 
 /// Key of the names.
 const NAMES: &str = "names";
+
+/// Key of the number of points of poses.
+const POSES: &str = "kpt_shape";
+/// Key of the task, which Ultralytics writes into models.
+const TASK: &str = "task";
+
+/// What lines have after the class, as far as the file says it.
+pub fn shape(path: &Path) -> Result<Option<Shape>> {
+    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    let value_of = |key: &str| {
+        (1..).zip(text.lines()).find_map(|(number, line)| {
+            let (found, value) = uncommented(line).split_once(':')?;
+            let is_it = !found.starts_with(char::is_whitespace) && scalar(found)? == key;
+            is_it.then(|| (number, scalar(value).unwrap_or_default()))
+        })
+    };
+    let Some((number, task)) = value_of(TASK) else { return Ok(value_of(POSES).map(|_| Shape::Poses)) };
+    match task.as_str() {
+        "segment" => Ok(Some(Shape::Polygons)),
+        "detect" => Ok(Some(Shape::Boxes)),
+        "obb" => Ok(Some(Shape::RotatedBoxes)),
+        "pose" => Ok(Some(Shape::Poses)),
+        _ => Err(Error::new(format!("`{TASK}` is `{task}`"))
+            .in_file(path)
+            .at_line(number)
+            .help("write segment, detect, obb or pose")
+            .of_request()),
+    }
+}
 
 /// The names of classes by their numbers.
 pub fn names(path: &Path) -> Result<BTreeMap<u64, String>> {

@@ -1,4 +1,8 @@
-//! Reads the layout of Ultralytics YOLO: polygons, boxes and rotated boxes.
+//! Reads the layout of Ultralytics YOLO: polygons, boxes, rotated boxes and poses.
+//!
+//! Lines do not say what they have. What `data.yaml` says counts first: its `task`, or `kpt_shape`, which poses have. Else all
+//! lines of the dataset decide: boxes if each has four numbers; rotated boxes if each has the corners of a parallelogram and one
+//! does not lie along the edges of the image; else polygons.
 
 use super::{DATA, data};
 use crate::read::{POLYGONS, settle_edges};
@@ -16,8 +20,8 @@ use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 syntable_model::register_format!(Format {
     name: "yolo",
     doc: "Ultralytics YOLO: `images/SPLIT` beside `labels/SPLIT`, one split, or its folder of images. Polygons are taken for \
-          visible masks; of boxes and rotated boxes only classes are read.",
-    detect: |root| folders(root).is_ok(),
+          visible masks; of boxes, rotated boxes and poses only classes are read.",
+    detect: |root| !splits_of(root).is_empty(),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
@@ -37,6 +41,8 @@ struct Reader {
     refs: Vec<ImageRef>,
     images: Vec<Labeled>,
     shape: Shape,
+    /// Lines of boxes among those of polygons.
+    boxes: usize,
     faults: Faults,
 }
 
@@ -52,13 +58,19 @@ const DECIMALS: f64 = 5e-6;
 
 /// What the lines of a dataset have after the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Shape {
+pub enum Shape {
+    /// Points.
     Polygons,
     /// x, y, width, height.
     Boxes,
     /// Four corners.
     RotatedBoxes,
+    /// A box, then points with or without a flag of visibility.
+    Poses,
 }
+
+/// Numbers of a box.
+const BOX: usize = 4;
 
 /// A line of a label file.
 struct Line {
@@ -67,58 +79,80 @@ struct Line {
     values: Vec<f64>,
 }
 
-/// Folders of the images and of the labels.
-fn folders(root: &Path) -> Result<[PathBuf; 2]> {
+impl Line {
+    fn is_box(&self) -> bool {
+        self.values.len() == BOX
+    }
+}
+
+/// Folders of the images and of the labels of each split, sorted.
+fn splits_of(root: &Path) -> Vec<[PathBuf; 2]> {
     let pair = |images: PathBuf, labels: PathBuf| (images.is_dir() && labels.is_dir()).then_some([images, labels]);
     // The folder of images itself.
     if let (Some(split), Some(above)) = (root.file_name(), root.parent())
         && above.file_name().is_some_and(|name| name == FOLDERS[0])
         && let Some(found) = pair(root.to_owned(), above.with_file_name(FOLDERS[1]).join(split))
     {
-        return Ok(found);
+        return vec![found];
     }
     let [images, labels] = FOLDERS.map(|folder| root.join(folder));
     let entries = fs::read_dir(&images).into_iter().flatten().flatten().map(|entry| entry.file_name());
     let mut splits: Vec<[PathBuf; 2]> =
         entries.filter_map(|split| pair(images.join(&split), labels.join(&split))).collect();
     splits.sort();
-    match splits.as_slice() {
-        [only] => Ok(only.clone()),
-        [] if images_of(&images).is_ok_and(|images| !images.is_empty()) && labels.is_dir() => Ok([images, labels]),
-        [] => {
-            Err(Error::new("there is no folder `images` with a folder `labels` beside it").in_file(root).of_request())
+    if splits.is_empty() && images_of(&images).is_ok_and(|images| !images.is_empty()) && labels.is_dir() {
+        splits.push([images, labels]);
+    }
+    splits
+}
+
+/// Folders of the images and of the labels of the one split.
+fn folders(root: &Path) -> Result<[PathBuf; 2]> {
+    match <[[PathBuf; 2]; 1]>::try_from(splits_of(root)) {
+        Ok([only]) => Ok(only),
+        Err(splits) => Err(match splits.first() {
+            None => Error::new("there is no folder `images` with a folder `labels` beside it"),
+            Some([first, _]) => Error::new(format!("there are {} splits", splits.len()))
+                .help(format!("name the folder of one split, such as {}", first.display())),
         }
-        [first, ..] => Err(Error::new(format!("there are {} splits", splits.len()))
-            .in_file(images)
-            .help(format!("name the folder of one split, such as {}", first[0].display()))
-            .of_request()),
+        .in_file(root)
+        .of_request()),
     }
 }
 
-/// Images of a folder by their names without ends.
-fn images_of(folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
+/// Images of a folder with their names without ends, sorted.
+fn images_of(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
     files_of(folder, |end| ENDS.iter().any(|other| other.eq_ignore_ascii_case(end)))
 }
 
-fn files_of(folder: &Path, is_one: impl Fn(&str) -> bool) -> Result<BTreeMap<String, PathBuf>> {
+fn files_of(folder: &Path, is_one: impl Fn(&str) -> bool) -> Result<Vec<(String, PathBuf)>> {
     let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
-    let mut files = BTreeMap::new();
+    let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(fail)? {
         let path = entry.map_err(fail)?.path();
         let is_one = path.extension().and_then(|end| end.to_str()).is_some_and(&is_one);
         if let Some(stem) = path.file_stem().and_then(|stem| stem.to_str()).filter(|_| is_one && path.is_file()) {
-            files.insert(stem.to_owned(), path.clone());
+            files.push((stem.to_owned(), path.clone()));
         }
     }
+    files.sort();
     Ok(files)
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let [images, labels] = folders(root)?;
     let mut faults = Faults::default();
-    let mut of_image = files_of(&labels, |end| end == "txt")?;
-    let labeled = |(name, image): (String, PathBuf)| Labeled { labels: of_image.remove(&name), name, image };
-    let all: Vec<Labeled> = images_of(&images)?.into_iter().map(labeled).collect();
+    let mut of_image: BTreeMap<String, PathBuf> = files_of(&labels, |end| end == "txt")?.into_iter().collect();
+    let mut all: Vec<Labeled> = Vec::new();
+    for (name, image) in images_of(&images)? {
+        match all.last().filter(|last| last.name == name) {
+            None => all.push(Labeled { labels: of_image.remove(&name), name, image }),
+            Some(first) => {
+                let message = format!("{} has the same labels, and is read", first.image.display());
+                faults.add("unique_views", image.display().to_string(), &message);
+            }
+        }
+    }
     for path in of_image.values() {
         faults.add(
             "known_images",
@@ -126,17 +160,19 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             &format!("{} has no image of this name", images.display()),
         );
     }
-    let (mut shape, mut found) = (None, BTreeSet::new());
+    let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| path.is_file());
+    let stated = description.as_deref().map(data::shape).transpose()?.flatten();
+    let (mut shape, mut boxes, mut found) = (None, 0, BTreeSet::new());
     for path in all.iter().filter_map(|image| image.labels.as_ref()) {
         // What cannot be read is at fault when the image is read.
-        for line in lines(path).unwrap_or_default() {
+        for line in lines(path, stated).unwrap_or_default() {
             found.insert(line.class);
+            boxes += usize::from(line.is_box());
             shape = Shape::of(&line.values).map(|it| it.joined(shape)).or(shape);
         }
     }
-    let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| path.is_file());
-    let names = match description {
-        Some(path) => data::names(&path)?,
+    let names = match &description {
+        Some(path) => data::names(path)?,
         None => found.iter().map(|class| (*class, format!("class {class}"))).collect(),
     };
     let classes = names.keys().copied().collect();
@@ -146,12 +182,12 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let (refs, images) = faults.in_order(all, |image| (&image.name, None));
     let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let info = categories.info(name, String::new(), &refs, String::new());
-    let shape = shape.unwrap_or(Shape::Polygons);
-    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, faults }))
+    let shape = stated.or(shape).unwrap_or(Shape::Polygons);
+    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, boxes, faults }))
 }
 
-/// The lines of a label file.
-fn lines(path: &Path) -> Result<Vec<Line>> {
+/// The lines of a label file of a dataset of which this is said.
+fn lines(path: &Path, stated: Option<Shape>) -> Result<Vec<Line>> {
     let text = fs::read_to_string(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::InvalidData => Error::new("it is no text").in_file(path).permanent(),
         _ => Error::io(path, &error),
@@ -172,7 +208,14 @@ fn lines(path: &Path) -> Result<Vec<Line>> {
             _ => Err(refuse(format!("`{word}` is no coordinate"))),
         };
         let values = words.map(value).collect::<Result<Vec<f64>>>()?;
-        if values.len() != 4 && (values.len() < 6 || values.len() % 2 == 1) {
+        let are_points = values.len() >= 6 && values.len() % 2 == 0;
+        let is_known = match stated {
+            Some(Shape::Boxes) => values.len() == BOX,
+            Some(Shape::RotatedBoxes) => values.len() == 2 * BOX,
+            Some(Shape::Poses) => values.len() > BOX,
+            Some(Shape::Polygons) | None => values.len() == BOX || are_points,
+        };
+        if !is_known {
             return Err(refuse(format!("a class and {} numbers are no points", values.len())));
         }
         Ok(Line { number, class, values })
@@ -185,7 +228,7 @@ impl Shape {
     /// image.
     fn of(values: &[f64]) -> Option<Self> {
         let &[ax, ay, bx, by, cx, cy, dx, dy] = values else {
-            return Some(if values.len() == 4 { Self::Boxes } else { Self::Polygons });
+            return Some(if values.len() == BOX { Self::Boxes } else { Self::Polygons });
         };
         let is = |a: f64, b: f64| (a - b).abs() < DECIMALS;
         // Divided by width and height, a rectangle is still a parallelogram.
@@ -221,16 +264,28 @@ impl DatasetReader for Reader {
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = match self.shape {
             Shape::Polygons => read::offers(false),
-            Shape::Boxes | Shape::RotatedBoxes => keys![CATEGORY_ID],
+            Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => keys![CATEGORY_ID],
         };
         keys.push(RGB.id());
         keys
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let reads_masks = self.shape == Shape::Polygons && reads.iter().any(|key| *key != RGB.id());
-        let visible = "polygons are taken for visible masks: the format does not say which they are";
-        if reads_masks { vec![POLYGONS.to_owned(), visible.to_owned()] } else { Vec::new() }
+        if !reads.iter().any(|key| *key != RGB.id()) {
+            return Vec::new();
+        }
+        let classes_alone = |what: &str| vec![format!("labels are {what}: of objects only classes are read")];
+        match self.shape {
+            Shape::Boxes => classes_alone("boxes"),
+            Shape::RotatedBoxes => classes_alone("rotated boxes"),
+            Shape::Poses => classes_alone("poses, boxes with points"),
+            Shape::Polygons => {
+                let visible = "polygons are taken for visible masks: the format does not say which they are".to_owned();
+                let boxes = format!("objects with a box and no polygon were left out: {}", self.boxes);
+                let boxes = (self.boxes > 0).then_some(boxes);
+                [POLYGONS.to_owned(), visible].into_iter().chain(boxes).collect()
+            }
+        }
     }
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
@@ -241,8 +296,14 @@ impl DatasetReader for Reader {
                 let message = format!("line {}: {DATA} has no class {}", line.number, line.class);
                 faults.push(("known_categories", message));
             }
-            // Corners of rotated boxes may lie outside.
-            let beyond = line.values.iter().find(|value| !(0.0..=1.0).contains(*value));
+            if self.shape == Shape::Polygons && line.is_box() {
+                let message =
+                    format!("line {}: a box among polygons: the object has no mask and is left out", line.number);
+                faults.push(("records_agree", message));
+            }
+            // Points of poses have flags; corners of rotated boxes may lie outside.
+            let coordinates = if self.shape == Shape::Poses { &line.values[..BOX] } else { &line.values };
+            let beyond = coordinates.iter().find(|value| !(0.0..=1.0).contains(*value));
             if let Some(value) = beyond.filter(|_| self.shape != Shape::RotatedBoxes) {
                 let message = format!("line {}: {value} is not in [0, 1]", line.number);
                 faults.push(("coordinates_are_within_the_image", message));
@@ -259,12 +320,13 @@ impl DatasetReader for Reader {
             let lines = self.lines(image)?;
             match self.shape {
                 Shape::Polygons => {
-                    let labels = lines.iter().enumerate().map(|(row, line)| self.labels(image, row, line, size));
+                    let polygons = lines.iter().enumerate().filter(|(_, line)| !line.is_box());
+                    let labels = polygons.map(|(row, line)| self.labels(image, row, line, size));
                     let mut labels = labels.collect::<Result<Vec<_>>>()?;
                     settle_edges(&mut labels);
                     read::put(&labels, None, wants, &mut products)?;
                 }
-                Shape::Boxes | Shape::RotatedBoxes => {
+                Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => {
                     let of = |(row, line): (usize, &Line)| Ok((read::id_of(row)?, self.category(line)));
                     products.put(CATEGORY_ID, lines.iter().enumerate().map(of).collect::<Result<_>>()?)?;
                 }
@@ -279,7 +341,7 @@ impl DatasetReader for Reader {
 
 impl Reader {
     fn lines(&self, image: usize) -> Result<Vec<Line>> {
-        self.images[image].labels.as_ref().map_or_else(|| Ok(Vec::new()), |path| lines(path))
+        self.images[image].labels.as_ref().map_or_else(|| Ok(Vec::new()), |path| lines(path, Some(self.shape)))
     }
 
     fn category(&self, line: &Line) -> u32 {

@@ -19,7 +19,9 @@ use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 syntable_model::register_format!(Format {
     name: "syntable",
     doc: "SynTable's layout, as the writer `syntable` and SynTable's release have it, and the annotation files of UOAIS-Sim.",
-    detect: |root| annotation_files(root).is_ok_and(|files| !files.is_empty()) && root.join("data/mono").is_dir(),
+    detect: |path| {
+        annotation_files(path).is_ok_and(|files| !files.is_empty()) && root_of(path).join("data/mono").is_dir()
+    },
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
@@ -81,8 +83,18 @@ impl Has {
     }
 }
 
-/// Annotation files at the top of a dataset: `annotation_final.json`, else all other JSON files.
+/// The folder of a dataset, which its annotation file may name.
+fn root_of(path: &Path) -> PathBuf {
+    let above = || Some(std::path::absolute(path).ok()?.parent()?.to_owned());
+    above().filter(|_| path.is_file()).unwrap_or_else(|| path.to_owned())
+}
+
+/// Annotation files at the top of a dataset: the named one, `annotation_final.json`, or all other JSON files.
 fn annotation_files(root: &Path) -> std::io::Result<Vec<PathBuf>> {
+    if root.is_file() {
+        let is_json = root.extension().is_some_and(|it| it == "json");
+        return Ok(is_json.then(|| root.to_owned()).into_iter().collect());
+    }
     let usual = root.join("annotation_final.json");
     if usual.is_file() {
         return Ok(vec![usual]);
@@ -94,15 +106,16 @@ fn annotation_files(root: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
-    let files = annotation_files(root).map_err(|error| Error::io(root, &error))?;
+fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
+    let root = root_of(path);
+    let files = annotation_files(path).map_err(|error| Error::io(path, &error))?;
     let [file] = files.as_slice() else {
         let found = files.len();
         return Err(Error::new(format!(
             "an annotation file was expected at the top of the dataset, and there are {found}"
         ))
-        .in_file(root)
-        .help("leave one of them there, or name it annotation_final.json")
+        .in_file(path)
+        .help("name one of them in place of the folder, or call it annotation_final.json")
         .of_request());
     };
     let (mut has, mut scenes) = (Has::ALL, Vec::new());
@@ -123,7 +136,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let recipe = fs::read_to_string(root.join(super::RECIPE)).unwrap_or_default();
     let about = &listing.file.info;
     let info = listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, recipe);
-    Ok(Box::new(Reader { root: root.to_owned(), info, listing, scenes: of_scene, has }))
+    Ok(Box::new(Reader { root, info, listing, scenes: of_scene, has }))
 }
 
 /// An image with its annotations, in the order of the file.
@@ -172,7 +185,7 @@ impl DatasetReader for Reader {
         let labels = ids.into_iter().zip(&shown.annotations).map(|(id, it)| (it, self.labels(&shown.image, id, it)));
         let read = labels.filter_map(|(annotation, labels)| Some((annotation, labels.ok()?)));
         let faults = read.flat_map(|(annotation, labels)| faults_of(annotation, &labels));
-        faults.chain(read::id_faults(&stated)).collect()
+        faults.chain(read::id_faults(&stated)).chain(shown.list_fault()).collect()
     }
 
     fn derived(&self) -> Vec<KeyId> {
@@ -186,6 +199,7 @@ impl DatasetReader for Reader {
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let (at, record) = (&self.listing.refs[image], self.shown(image)?);
+        let size = [record.image.width, record.image.height];
         let mut products = Products::new();
         let ids = read::ids_of(&record.stated_ids())?;
         let labels = ids.into_iter().zip(&record.annotations).map(|(id, it)| self.labels(&record.image, id, it));
@@ -194,7 +208,7 @@ impl DatasetReader for Reader {
         let order = wanted(OCCLUSION_ORDER.id()).then(|| self.order(&record.image, &labels)).transpose()?.flatten();
         read::put(&labels, order, wants, &mut products)?;
         if wanted(RGB.id()) {
-            products.put(RGB, decode::rgb(&self.root.join(&record.image.file_name))?)?;
+            products.put(RGB, decode::rgb_of_size(&self.root.join(&record.image.file_name), size)?)?;
         }
         if let Some(path) = record.image.depth_file_name.as_ref().filter(|_| wanted(DEPTH.id())) {
             let unit_mm = f64::from(record.image.depth_unit_mm.unwrap_or(1));
@@ -277,6 +291,18 @@ impl Shown {
     /// The ids that annotations state of their objects.
     fn stated_ids(&self) -> Vec<Option<u64>> {
         self.annotations.iter().map(|annotation| annotation.instance_id.map(u64::from)).collect()
+    }
+
+    /// What is wrong with the image's list of its objects.
+    fn list_fault(&self) -> Option<(&'static str, String)> {
+        let listed = self.image.instance_ids.as_ref()?;
+        let own: Vec<Option<u16>> = self.annotations.iter().map(|annotation| annotation.instance_id).collect();
+        let differ = listed.len() != own.len() || listed.iter().zip(&own).any(|(id, own)| Some(*id) != *own);
+        let message = format!(
+            "image {}: `instance_ids` are {listed:?}, and its annotations are not of these in this order",
+            self.image.id
+        );
+        differ.then_some(("records_agree", message))
     }
 }
 
