@@ -31,6 +31,14 @@ pub(super) struct ConvertArgs {
     set: Vec<String>,
 }
 
+/// The folder of a dataset that is named by it or by a file in it.
+fn folder_of(mut path: PathBuf) -> PathBuf {
+    if path.is_file() {
+        path.pop();
+    }
+    path
+}
+
 pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs) -> Result<(), Exit> {
     let writers = args.to.iter().map(|kind| writer(registry, kind, &args.set)).collect::<Result<Vec<_>, _>>();
     let writers = writers.map_err(Exit::wrong)?;
@@ -44,7 +52,7 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
         return Err(Exit::wrong(Error::new("--to names a kind twice").help("name each once")));
     }
     if let (Ok(source), Some(Ok(above))) = (
-        args.dataset.canonicalize(),
+        args.dataset.canonicalize().map(folder_of),
         args.out
             .parent()
             .map(|above| (if above.as_os_str().is_empty() { Path::new(".") } else { above }).canonicalize()),
