@@ -1,9 +1,16 @@
 //! What labels of a 640 × 480 view cost.
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use common::{World, annotator};
 use divan::{Bencher, black_box};
+use syntable_annotate::CANVAS;
 use syntable_annotate::masks::{area_outside, sweep};
 use syntable_model::prelude::*;
-use syntable_model::product::{BitPlane, Plane};
+use syntable_model::product::standard::{COVERAGE, DEPTH, INSTANCE, OBJECT_DEPTHS};
+use syntable_model::product::{BitPlane, ObjectDepths};
+use syntable_model::scene::{Camera, Intrinsics};
 
 const SIZE: [u32; 2] = [640, 480];
 
@@ -12,13 +19,19 @@ fn main() {
 }
 
 /// Disks scattered over an image of that size, the first in front, with a table behind the lower half.
-fn disks(objects: usize, [width, height]: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
+fn disks(objects: usize, size: [u32; 2]) -> (Plane<InstanceId>, BitPlane) {
+    disks_at(objects, size, 1)
+}
+
+/// The same with pixels divided into `times` × `times`.
+fn disks_at(objects: usize, size: [u32; 2], times: u32) -> (Plane<InstanceId>, BitPlane) {
+    let ([width, height], pixel) = (size.map(|edge| edge * times), 1.0 / f64::from(times));
     let mut stream = Stream::root(objects as u64);
     let disks: Vec<[f64; 3]> = (0..objects)
         .map(|_| [stream.uniform(40.0, 600.0), stream.uniform(60.0, 440.0), stream.uniform(25.0, 90.0)])
         .collect();
     let covers = |x: i32, y: i32, [cx, cy, r]: [f64; 3]| {
-        let (dx, dy) = (f64::from(x) + 0.5 - cx, f64::from(y) + 0.5 - cy);
+        let (dx, dy) = ((f64::from(x) + 0.5) * pixel - cx, (f64::from(y) + 0.5) * pixel - cy);
         // A scalloped outline, as of a real object.
         let r = r * (1.0 + 0.1 * (9.0 * dy.atan2(dx)).sin());
         dx * dx + dy * dy < r * r
@@ -61,4 +74,84 @@ fn masks_order_and_coco(bencher: Bencher, objects: usize) {
 fn areas_outside(bencher: Bencher, objects: usize) {
     let ((_, image), (_, canvas)) = (disks(objects, SIZE), disks(objects, SIZE.map(|edge| 3 * edge)));
     bencher.bench(|| area_outside(black_box(&image), black_box(&canvas)));
+}
+
+/// All labels of a view of 40 objects but their appearance and hidden normals, which need images of objects: each annotator
+/// of views with what it takes from the renderer and from those before it. They are named in an order in which each finds
+/// what it needs.
+const ANNOTATORS: &[&str] = &[
+    "masks",
+    "boxes",
+    "identity",
+    "object_info",
+    "camera",
+    "cuboids",
+    "keypoints",
+    "label_arrays",
+    "lights",
+    "visibility",
+    "outlines",
+    "rotated_boxes",
+    "occlusion_graph",
+    "occlusion_boundary",
+    "depth_relations",
+    "scene_masks",
+    "distance",
+    "optical_flow",
+    "amodal_depth",
+    "object_coordinates",
+    "soft_masks",
+];
+
+/// A view of 40 objects and what a renderer makes of it.
+fn rendered() -> (World, View, Products) {
+    const OBJECTS: usize = 40;
+    let mut world = World::new(OBJECTS);
+    let [width, height] = SIZE;
+    let intrinsics = Intrinsics { width, height, fx: 600.0, fy: 600.0, cx: 320.0, cy: 240.0 };
+    let pose = world.view.camera.world_from_camera;
+    world.view.camera = Camera::pinhole(intrinsics, pose);
+    let next =
+        View { camera: Camera::pinhole(intrinsics, pose * Pose::translation(0.02, 0.0, 0.0)), ..world.view.clone() };
+    let mut products = Products::new();
+    let (first, coverage) = disks(OBJECTS, SIZE);
+    let mut hits = Vec::new();
+    for (pixel, set) in (0..).zip(coverage.data().chunks_exact(coverage.words())) {
+        let ids = (1..=OBJECTS as u16).filter(|id| set[0] >> (id - 1) & 1 == 1);
+        hits.extend(ids.map(|id| (pixel, InstanceId(id), 0.8 + f32::from(id) * 0.001)));
+    }
+    let depth = first.map(|id| 0.8 + f32::from(id.0) * 0.001);
+    products.put(OBJECT_DEPTHS, ObjectDepths::from_hits(width, height, hits)).expect("new");
+    products.put(DEPTH.of_next_view(), depth.clone()).expect("new");
+    products.put(DEPTH, depth).expect("new");
+    let fine = disks_at(OBJECTS, SIZE, 4);
+    products.put(INSTANCE.in_subpixels(4), fine.0).expect("new");
+    products.put(COVERAGE.in_subpixels(4), fine.1).expect("new");
+    products.put(COVERAGE.on_canvas(CANVAS), disks(OBJECTS, SIZE.map(|edge| 3 * edge)).1).expect("new");
+    products.put(INSTANCE, first).expect("new");
+    products.put(COVERAGE, coverage).expect("new");
+    (world, next, products)
+}
+
+/// Each annotator of [`ANNOTATORS`] by itself.
+#[divan::bench(args = ANNOTATORS, sample_count = 20)]
+fn annotator_of_40(bencher: Bencher, kind: &str) {
+    let (world, next, mut products) = rendered();
+    let cx = world.of_view().before(Some(&next));
+    for before in ANNOTATORS.iter().take_while(|before| **before != kind) {
+        annotator(before, "").annotate(&cx, &mut products).expect("annotated");
+    }
+    let stage = annotator(kind, "");
+    bencher.with_inputs(|| products.clone()).bench_refs(|products| stage.annotate(&cx, products));
+}
+
+/// [`ANNOTATORS`] together.
+#[divan::bench(sample_count = 20)]
+fn all_of_40(bencher: Bencher) {
+    let (world, next, products) = rendered();
+    let cx = world.of_view().before(Some(&next));
+    let stages: Vec<_> = ANNOTATORS.iter().map(|kind| annotator(kind, "")).collect();
+    bencher
+        .with_inputs(|| products.clone())
+        .bench_refs(|products| stages.iter().try_for_each(|stage| stage.annotate(&cx, products)));
 }

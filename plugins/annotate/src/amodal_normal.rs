@@ -38,7 +38,7 @@ impl Annotator for AmodalNormal {
         for (id, mask) in products.get(AMODAL_MASK)?.iter() {
             let image = match atlas.tile(id) {
                 Some(tile) => normals_of(tile, mask, normal),
-                None => ObjectImage { x: 0, y: 0, pixels: Plane::from_vec(0, 0, Vec::new()) },
+                None => ObjectImage::of_mask(mask, [0.0; 3], |_| None),
             };
             images.insert(id, image);
         }
@@ -48,18 +48,14 @@ impl Annotator for AmodalNormal {
 
 /// Normals of an object at the pixels of its mask, zero elsewhere.
 fn normals_of(tile: &AtlasTile, mask: &Mask, normal: &Plane<[f32; 3]>) -> ObjectImage<[f32; 3]> {
-    let [left, top] = [tile.window.x, tile.window.y].map(|edge| edge as u32);
-    let mut pixels = Plane::from_fn(tile.window.width, tile.window.height, |_, _| [0.0; 3]);
-    for pixel in mask.pixels() {
-        let (x, y) = (pixel as u32 % mask.width(), pixel as u32 / mask.width());
+    let window = tile.window;
+    let (columns, rows) = (window.x..window.x + window.width as i32, window.y..window.y + window.height as i32);
+    ObjectImage::of_mask(mask, [0.0; 3], |pixel| {
+        let [x, y] = [pixel as u32 % mask.width(), pixel as u32 / mask.width()].map(|edge| edge as i32);
         // The mask is of what covers the image, and so within the window.
-        let (Some(x), Some(y)) = (x.checked_sub(left), y.checked_sub(top)) else { continue };
-        if x < tile.window.width && y < tile.window.height {
-            let at = (y * tile.window.width + x) as usize;
-            pixels.data_mut()[at] = *normal.at(tile.at[0] + x, tile.at[1] + y);
-        }
-    }
-    ObjectImage { x: left, y: top, pixels }
+        let is_there = columns.contains(&x) && rows.contains(&y);
+        is_there.then(|| *normal.at(tile.at[0] + (x - window.x) as u32, tile.at[1] + (y - window.y) as u32))
+    })
 }
 
 register!(AmodalNormal);

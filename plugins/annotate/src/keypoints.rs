@@ -86,6 +86,9 @@ pub(crate) fn pixel(camera: &Camera, point: &Point3<f64>) -> Option<[f64; 2]> {
         return None;
     }
     let [u, v] = camera.project(point);
+    if camera.distortion.is_none() {
+        return Some([u, v]);
+    }
     let direction = camera.unproject(u, v)?;
     let apart = (direction - point.coords / point.z).norm();
     (apart <= SAME_DIRECTION * direction.norm()).then_some([u, v])

@@ -64,3 +64,6 @@ pub mod seen_in_views;
 pub mod settle_report;
 pub mod soft_masks;
 pub mod visibility;
+
+/// Canvas of the parts of objects beyond the image: one image size beyond every edge, as in BOP's tools.
+pub const CANVAS: u32 = 3;

@@ -1,11 +1,10 @@
 //! Normalized object coordinates.
 
-use crate::amodal_depth::depths_of;
-use syntable_model::geometry::Point3;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_MASK, AMODAL_OBJECT_COORDINATES, OBJECT_COORDINATES, OBJECT_DEPTHS, VISIBLE_MASK,
 };
+use syntable_model::product::{ObjectImage, ObjectImages};
 use syntable_model::scene::{Body, Camera};
 
 /// Normalized object coordinates (NOCS, Wang et al. 2019): where on the object a pixel is, in the object's own box. The
@@ -38,34 +37,37 @@ impl Annotator for ObjectCoordinates {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (visible, depths) = (products.get(VISIBLE_MASK)?, products.get(OBJECT_DEPTHS)?);
-        let (width, height) = (depths.width(), depths.height());
-        let nowhere = || Plane::from_vec(width, height, vec![[0.0; 3]; width as usize * height as usize]);
-        let mut seen = nowhere();
-        let mut amodal = PerInstance::default();
+        let [width, height] = [depths.width(), depths.height()];
+        let mut seen = Plane::from_vec(width, height, vec![[0.0; 3]; width as usize * height as usize]);
+        let mut amodal = ObjectImages::new(width, height);
         for (id, mask) in products.get(AMODAL_MASK)?.iter() {
             let Some(body) = cx.scene.body(id) else { continue };
-            let (place, mut coordinates) = (on_body(body, &cx.view.camera), nowhere());
-            for (pixel @ [x, y], depth) in depths_of(id, mask, depths) {
-                coordinates.data_mut()[y as usize * width as usize + x as usize] = place(pixel, depth);
-            }
+            let place = on_body(body, &cx.view.camera);
+            let image = ObjectImage::of_mask(mask, [0.0; 3], |pixel| Some(place(pixel, depths.of(id, pixel)?)));
             for pixel in visible.get(id).into_iter().flat_map(Mask::pixels) {
-                seen.data_mut()[pixel] = coordinates.data()[pixel];
+                if let Some(place) = image.at(pixel as u32 % width, pixel as u32 / width) {
+                    seen.data_mut()[pixel] = *place;
+                }
             }
-            amodal.0.insert(id, coordinates);
+            amodal.insert(id, image);
         }
         products.put(OBJECT_COORDINATES, seen)?;
         products.put(AMODAL_OBJECT_COORDINATES, amodal)
     }
 }
 
-/// Where on a body its depth puts a pixel, by column and row; zero beyond what the lens shows.
-fn on_body(body: &Body, camera: &Camera) -> impl Fn([u32; 2], f32) -> [f32; 3] {
+/// Where on a body its depth puts a pixel, by the pixel's index; zero beyond what the lens shows.
+fn on_body(body: &Body, camera: &Camera) -> impl Fn(usize, f32) -> [f32; 3] {
     let body_from_camera = body.world_from_body.inverse() * camera.world_from_camera;
     let bounds = body.object.mesh.bounds();
     let (center, diagonal) = (bounds.center(), bounds.size().norm());
-    move |[x, y], depth| {
-        let Some(ray) = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5) else { return [0.0; 3] };
-        let place = (body_from_camera * Point3::from(ray * f64::from(depth)) - center) / diagonal;
+    let turn = body_from_camera.rotation.to_rotation_matrix().into_inner() / diagonal;
+    let start = (body_from_camera.translation.vector - center.coords) / diagonal;
+    let width = camera.intrinsics.width as usize;
+    move |pixel, depth| {
+        let [u, v] = [pixel % width, pixel / width].map(|edge| edge as f64 + 0.5);
+        let Some(ray) = camera.unproject(u, v) else { return [0.0; 3] };
+        let place = turn * ray * f64::from(depth) + start;
         // Rounding may lead out of the box.
         std::array::from_fn(|axis| (place[axis] + 0.5).clamp(0.0, 1.0) as f32)
     }

@@ -1,7 +1,7 @@
 //! Where the points of an image are in the next view.
 
 use crate::keypoints::pixel;
-use syntable_model::geometry::Point3;
+use syntable_model::geometry::{Point3, Rotation3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY};
 use syntable_model::scene::Camera;
@@ -48,12 +48,16 @@ impl Annotator for OpticalFlow {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (depth, next_depth) = (products.get(DEPTH)?, products.get(DEPTH.of_next_view())?);
-        let step = cx.next.map(|next| Step {
-            from: &cx.view.camera,
-            to: &next.camera,
-            next_from_this: next.camera.world_from_camera.inverse() * cx.view.camera.world_from_camera,
-            depth: next_depth,
-            tolerance_m: self.tolerance_m,
+        let step = cx.next.map(|next| {
+            let next_from_this = next.camera.world_from_camera.inverse() * cx.view.camera.world_from_camera;
+            Step {
+                from: &cx.view.camera,
+                to: &next.camera,
+                turn: next_from_this.rotation.to_rotation_matrix(),
+                start: next_from_this.translation.vector.into(),
+                depth: next_depth,
+                tolerance_m: self.tolerance_m,
+            }
         });
         let of = |x: u32, y: u32| step.as_ref()?.follow([x, y], *depth.at(x, y));
         let all = Plane::from_fn(depth.width(), depth.height(), |x, y| of(x, y).unwrap_or_default());
@@ -67,7 +71,10 @@ impl Annotator for OpticalFlow {
 struct Step<'a> {
     from: &'a Camera,
     to: &'a Camera,
-    next_from_this: Pose,
+    /// From the axes of this camera to those of the next.
+    turn: Rotation3<f64>,
+    /// The center of this camera in the frame of the next, meters.
+    start: Point3<f64>,
     /// Depth of the next view.
     depth: &'a Plane<f32>,
     tolerance_m: f64,
@@ -78,7 +85,7 @@ impl Step<'_> {
     fn follow(&self, [x, y]: [u32; 2], depth: f32) -> Option<([f32; 2], u8)> {
         let [u, v] = [x, y].map(|x| f64::from(x) + 0.5);
         let depth = Some(f64::from(depth)).filter(|depth| depth.is_finite() && *depth > 0.0)?;
-        let point = self.next_from_this * Point3::from(self.from.unproject(u, v)? * depth);
+        let point = self.start + self.turn * self.from.unproject(u, v)? * depth;
         let to = pixel(self.to, &point)?;
         let flow = [to[0] - u, to[1] - v].map(|x| x as f32);
         Some((flow, if !self.to.intrinsics.contains(to) { 0 } else { 2 - u8::from(self.is_hidden(to, point.z)) }))

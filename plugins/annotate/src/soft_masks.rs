@@ -2,8 +2,8 @@
 
 use crate::masks::TableAndRoom;
 use syntable_model::prelude::*;
-use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_SOFT_MASK, INSTANCE, VISIBLE_SOFT_MASK};
+use syntable_model::product::{BitPlane, ObjectImage, ObjectImages};
 
 /// The part of each pixel's area that annotated objects cover: `visible_soft_mask` where they are seen, `amodal_soft_mask`
 /// with what others hide. Both are the share of the rays through the centers of `subpixels` × `subpixels` equal squares of
@@ -62,34 +62,61 @@ impl Annotator for SoftMasks {
     }
 
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
-        let (annotated, instance, coverage) =
-            (products.get(AMODAL_MASK)?, products.get(self.instance())?, products.get(self.coverage())?);
-        let size = [instance.width() / self.subpixels, instance.height() / self.subpixels];
-        let (mut visible, mut amodal) = (Shares::new(annotated, size), Shares::new(annotated, size));
-        let times = self.subpixels;
-        let rays = times * times;
-        let (mut seen, mut sets, mut covered) = (Vec::new(), Vec::new(), Vec::new());
-        for [x, y] in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y])) {
-            for (i, j) in (0..times).flat_map(|j| (0..times).map(move |i| (x * times + i, y * times + j))) {
-                count(&mut seen, *instance.at(i, j), 1);
-                count(&mut sets, coverage.set(i, j), 1);
-            }
-            for (set, hits) in sets.drain(..) {
-                ids(set).for_each(|id| count(&mut covered, id, hits));
-            }
-            seen.drain(..).for_each(|(id, hits)| visible.put(id, [x, y], hits, rays));
-            covered.drain(..).for_each(|(id, hits)| amodal.put(id, [x, y], hits, rays));
+        let (instance, coverage) = (products.get(self.instance())?, products.get(self.coverage())?);
+        let [width, height] = [instance.width(), instance.height()].map(|edge| edge / self.subpixels);
+        let annotated = products.get(AMODAL_MASK)?;
+        let (mut visible, mut amodal) = (Hits::new(annotated), Hits::new(annotated));
+        let mut pixel = PixelRays::default();
+        for [x, y] in (0..height).flat_map(|y| (0..width).map(move |x| [x, y])) {
+            pixel.cast(instance, coverage, [x, y], self.subpixels);
+            pixel.seen.drain(..).for_each(|(id, hits)| visible.add(id, [x, y], hits));
+            pixel.covered.drain(..).for_each(|(id, hits)| amodal.add(id, [x, y], hits));
         }
-        products.put(VISIBLE_SOFT_MASK, visible.finish())?;
-        products.put(AMODAL_SOFT_MASK, amodal.finish())
+        let rays = self.subpixels * self.subpixels;
+        products.put(VISIBLE_SOFT_MASK, visible.shares([width, height], rays))?;
+        products.put(AMODAL_SOFT_MASK, amodal.shares([width, height], rays))
     }
 }
 
-/// Adds hits of something that rays met; most rays of a pixel meet the same.
-fn count<T: PartialEq>(found: &mut Vec<(T, u32)>, what: T, hits: u32) {
-    match found.iter_mut().find(|(it, _)| *it == what) {
-        Some((_, sum)) => *sum += hits,
-        None => found.push((what, hits)),
+/// What the rays of one pixel hit, each with their number.
+#[derive(Default)]
+struct PixelRays {
+    /// First bodies.
+    seen: Vec<(InstanceId, u32)>,
+    /// Objects at any depth.
+    covered: Vec<(InstanceId, u32)>,
+}
+
+impl PixelRays {
+    fn cast(&mut self, instance: &Plane<InstanceId>, coverage: &BitPlane, [x, y]: [u32; 2], times: u32) {
+        let (words, row_of) = (coverage.words(), |j: u32| ((y * times + j) * instance.width() + x * times) as usize);
+        let rows = (0..times).map(|j| {
+            let (start, count) = (row_of(j), times as usize);
+            (&instance.data()[start..][..count], &coverage.data()[start * words..][..count * words])
+        });
+        let (first, set) = (instance.data()[row_of(0)], &coverage.data()[row_of(0) * words..][..words]);
+        // Most pixels are within an object or the background: all of their rays meet the same.
+        if rows.clone().all(|(ids, sets)| is_same(ids, first) && sets.chunks_exact(words).all(|other| other == set)) {
+            self.seen.push((first, times * times));
+            self.covered.extend(ids(set).map(|id| (id, times * times)));
+            return;
+        }
+        for (row, sets) in rows {
+            row.iter().for_each(|&id| count(&mut self.seen, id));
+            sets.chunks_exact(words).flat_map(ids).for_each(|id| count(&mut self.covered, id));
+        }
+    }
+}
+
+fn is_same(ids: &[InstanceId], first: InstanceId) -> bool {
+    ids.iter().fold(0, |differ, id| differ | (id.0 ^ first.0)) == 0
+}
+
+/// Adds a ray that met something.
+fn count(found: &mut Vec<(InstanceId, u32)>, id: InstanceId) {
+    match found.iter_mut().find(|(it, _)| *it == id) {
+        Some((_, hits)) => *hits += 1,
+        None => found.push((id, 1)),
     }
 }
 
@@ -102,30 +129,48 @@ fn ids(set: &[u64]) -> impl Iterator<Item = InstanceId> {
     })
 }
 
-/// Shares of the rays of each pixel that hit each of some objects, by id; none of others.
-struct Shares(Vec<Option<Plane<f32>>>);
+/// The pixels in which rays hit each of some objects, by id, with the number of rays; none of other objects.
+struct Hits(Vec<Option<Vec<PixelHits>>>);
 
-impl Shares {
-    fn new(objects: &PerInstance<Mask>, [width, height]: [u32; 2]) -> Self {
-        let mut planes = Vec::new();
+/// A pixel, and how many of its rays hit.
+type PixelHits = ([u32; 2], u32);
+
+impl Hits {
+    fn new(objects: &PerInstance<Mask>) -> Self {
+        let mut hits = Vec::new();
         for (id, _) in objects.iter() {
-            planes.resize(planes.len().max(usize::from(id.0) + 1), None);
-            planes[usize::from(id.0)] = Some(Plane::from_vec(width, height, vec![0.0; (width * height) as usize]));
+            hits.resize(hits.len().max(usize::from(id.0) + 1), None);
+            hits[usize::from(id.0)] = Some(Vec::new());
         }
-        Self(planes)
+        Self(hits)
     }
 
-    fn put(&mut self, id: InstanceId, [x, y]: [u32; 2], hits: u32, rays: u32) {
-        if let Some(Some(shares)) = self.0.get_mut(usize::from(id.0)) {
-            let width = shares.width() as usize;
-            shares.data_mut()[y as usize * width + x as usize] = hits as f32 / rays as f32;
+    fn add(&mut self, id: InstanceId, pixel: [u32; 2], hits: u32) {
+        if let Some(Some(pixels)) = self.0.get_mut(usize::from(id.0)) {
+            pixels.push((pixel, hits));
         }
     }
 
-    fn finish(self) -> PerInstance<Plane<f32>> {
-        let named = (0..).zip(self.0).filter_map(|(id, shares)| Some((InstanceId(id), shares?)));
-        named.collect()
+    /// The share of so many rays in each pixel of a view.
+    fn shares(self, [width, height]: [u32; 2], rays: u32) -> ObjectImages<f32> {
+        let mut images = ObjectImages::new(width, height);
+        for (id, pixels) in (0..).zip(self.0).filter_map(|(id, pixels)| Some((InstanceId(id), pixels?))) {
+            let (left, top) = (edge(&pixels, 0, u32::min), edge(&pixels, 1, u32::min));
+            let (right, bottom) = (edge(&pixels, 0, u32::max), edge(&pixels, 1, u32::max));
+            let [width, height] = if pixels.is_empty() { [0; 2] } else { [right - left + 1, bottom - top + 1] };
+            let mut shares = Plane::from_vec(width, height, vec![0.0; width as usize * height as usize]);
+            for ([x, y], hits) in pixels {
+                shares.data_mut()[((y - top) * width + x - left) as usize] = hits as f32 / rays as f32;
+            }
+            images.insert(id, ObjectImage { x: left, y: top, pixels: shares });
+        }
+        images
     }
+}
+
+/// The least or greatest column or row of some pixels; 0 if there is none.
+fn edge(pixels: &[PixelHits], axis: usize, of: fn(u32, u32) -> u32) -> u32 {
+    pixels.iter().map(|(pixel, _)| pixel[axis]).reduce(of).unwrap_or(0)
 }
 
 register!(SoftMasks);

@@ -1,13 +1,11 @@
 //! How much of every object an image shows.
 
+use crate::CANVAS;
 use crate::object_info::Which;
 use syntable_model::prelude::*;
 use syntable_model::product::extents;
 use syntable_model::product::standard::{AMODAL_MASK, COVERAGE, DEPTH, INSTANCE, VISIBILITY};
 use syntable_model::product::{BitPlane, PixelCounts, Plane};
-
-/// Canvas of the parts of objects beyond the image: one image size beyond every edge, as in BOP's tools.
-const CANVAS: u32 = 3;
 
 /// How much of every object the image shows, counted as in BOP's `scene_gt_info.json`.
 ///

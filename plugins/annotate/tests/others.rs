@@ -532,7 +532,7 @@ fn depth_of_hidden_parts_is_that_of_the_object_alone() {
         run(&world, kind, "", &mut products);
     }
     let depths = products.get(AMODAL_DEPTH).expect("made");
-    let of = |id: u16| depths.get(InstanceId(id)).expect("annotated").data().to_vec();
+    let of = |id: u16| depths.whole(InstanceId(id)).expect("annotated").data().to_vec();
     assert_eq!(of(1), [1.0, 1.0, f32::INFINITY, f32::INFINITY]);
     assert_eq!(of(2), [f32::INFINITY, 2.0, 1.0, f32::INFINITY]);
     // The ray through the third pixel has the slope 2.
@@ -540,7 +540,7 @@ fn depth_of_hidden_parts_is_that_of_the_object_alone() {
     assert!((f64::from(distance[0]) - 1.0).abs() < 1e-6 && (f64::from(distance[2]) - 2.0 * 5_f64.sqrt()).abs() < 1e-6);
     assert_eq!(distance[3], f32::INFINITY);
     // A point of an object is where its pose puts it.
-    let coordinates = products.get(AMODAL_OBJECT_COORDINATES).expect("made").get(InstanceId(2)).expect("annotated");
+    let coordinates = products.get(AMODAL_OBJECT_COORDINATES).expect("made").whole(InstanceId(2)).expect("annotated");
     let body = world.scene.body(InstanceId(2)).expect("there");
     let point = world.view.camera.world_from_camera * syntable_model::geometry::Point3::new(2.0, 0.0, 2.0);
     let bounds = body.object.mesh.bounds();

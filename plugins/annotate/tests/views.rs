@@ -8,8 +8,8 @@ use std::sync::Arc;
 use syntable_model::digest::Digest;
 use syntable_model::geometry::{Point3, UnitQuaternion, Vector3};
 use syntable_model::prelude::*;
-use syntable_model::product::BitPlane;
 use syntable_model::product::standard::*;
+use syntable_model::product::{BitPlane, ObjectImages};
 use syntable_model::registry::Stage;
 use syntable_model::scene::{
     Camera, Distortion, Encoding, Intrinsics, Keypoint, Material, Mesh, MeshData, Object, Scalar, Texture,
@@ -69,7 +69,7 @@ fn soft_masks_are_the_areas_of_disks() {
     let within = move |u: f64, v: f64| (u - disk[0]).powi(2) + (v - disk[1]).powi(2) < disk[2] * disk[2];
     for (subpixels, worst) in [(2, 0.26), (4, 0.13), (8, 0.07)] {
         let products = in_subpixels(subpixels, |_, _| false, within);
-        let mask = products.get(VISIBLE_SOFT_MASK).expect("made").get(InstanceId(2)).expect("annotated").clone();
+        let mask = products.get(VISIBLE_SOFT_MASK).expect("made").whole(InstanceId(2)).expect("annotated");
         assert_eq!([mask.width(), mask.height()], SIZE);
         for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
             let (found, area) = (f64::from(*mask.at(x, y)), disk_area(disk, x, y));
@@ -89,8 +89,8 @@ fn soft_masks_of_rectangles_on_the_grid_are_exact() {
     let front = |u: f64, v: f64| (2.25..5.5).contains(&u) && (3.0..4.75).contains(&v);
     let back = |u: f64, v: f64| (4.0..9.75).contains(&u) && (2.5..4.75).contains(&v);
     let products = in_subpixels(4, front, back);
-    let share = |key: Key<PerInstance<Plane<f32>>>, id: u16, x: u32, y: u32| {
-        *products.get(key).expect("made").get(InstanceId(id)).expect("annotated").at(x, y)
+    let share = |key: Key<ObjectImages<f32>>, id: u16, x: u32, y: u32| {
+        *products.get(key).expect("made").whole(InstanceId(id)).expect("annotated").at(x, y)
     };
     let both = |id: u16, x: u32, y: u32| [share(VISIBLE_SOFT_MASK, id, x, y), share(AMODAL_SOFT_MASK, id, x, y)];
     assert_eq!(both(1, 2, 3), [0.75; 2]);

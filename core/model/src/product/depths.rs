@@ -45,7 +45,15 @@ impl ObjectDepths {
 
     /// Objects and depths of the pixel at column x of row y.
     pub fn at(&self, x: u32, y: u32) -> &[(InstanceId, f32)] {
-        let pixel = y as usize * self.width as usize + x as usize;
+        self.of_pixel(y as usize * self.width as usize + x as usize)
+    }
+
+    /// Depth of an object at a pixel, by the pixel's index in a [`Plane`](super::Plane); none where its ray misses the object.
+    pub fn of(&self, id: InstanceId, pixel: usize) -> Option<f32> {
+        self.of_pixel(pixel).iter().find(|(other, _)| *other == id).map(|(_, depth)| *depth)
+    }
+
+    fn of_pixel(&self, pixel: usize) -> &[(InstanceId, f32)] {
         &self.objects[self.starts[pixel] as usize..self.starts[pixel + 1] as usize]
     }
 }
@@ -82,6 +90,7 @@ mod tests {
         let depths = ObjectDepths::from_hits(3, 2, hits);
         assert_eq!(depths.at(2, 1), [(id(3), 1.0), (id(1), 2.0), (id(2), 2.0)]);
         assert_eq!(depths.at(0, 0), [(id(1), 1.0)]);
+        assert_eq!([depths.of(id(2), 5), depths.of(id(4), 5), depths.of(id(1), 1)], [Some(2.0), None, None]);
         let counts: Vec<usize> = depths.pixels().map(<[_]>::len).collect();
         assert_eq!(counts, [1, 0, 0, 0, 0, 3]);
     }

@@ -1,14 +1,15 @@
 //! Images of objects, each cut to where the object is.
 
-use super::{Form, Pixel, Plane, Product, Value};
+use super::{Form, Mask, Pixel, Plane, Product, Value};
 use crate::scene::InstanceId;
 use std::collections::BTreeMap;
 
-/// For each annotated instance an image of the size of the view, of which the part that may differ from zero is kept.
+/// For each annotated instance an image of the size of the view, of which the part that shows the instance is kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectImages<P> {
     width: u32,
     height: u32,
+    around: P,
     images: BTreeMap<InstanceId, ObjectImage<P>>,
 }
 
@@ -19,14 +20,44 @@ pub struct ObjectImage<P> {
     pub x: u32,
     /// Row of its top edge in the view.
     pub y: u32,
-    /// The pixels; those around them are zero.
+    /// The pixels; those around them are the same in all images.
     pub pixels: Plane<P>,
 }
 
+impl<P: Pixel> ObjectImage<P> {
+    /// The pixels of the box of a mask, each from its index in the mask's image. It is `around` outside of the mask and
+    /// where there is none.
+    pub fn of_mask(mask: &Mask, around: P, mut pixel: impl FnMut(usize) -> Option<P>) -> Self {
+        let [x, y, width, height] = <[i32; 4]>::from(mask.bbox()).map(|edge| edge as u32);
+        let mut pixels = Plane::from_vec(width, height, vec![around; width as usize * height as usize]);
+        let image_width = mask.width() as usize;
+        for index in mask.pixels() {
+            if let Some(value) = pixel(index) {
+                let [column, row] = [index % image_width - x as usize, index / image_width - y as usize];
+                pixels.data_mut()[row * width as usize + column] = value;
+            }
+        }
+        Self { x, y, pixels }
+    }
+
+    /// The pixel at a column and row of the view, where one is kept.
+    pub fn at(&self, x: u32, y: u32) -> Option<&P> {
+        let (x, y) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
+        (x < self.pixels.width() && y < self.pixels.height()).then(|| self.pixels.at(x, y))
+    }
+}
+
 impl<P: Pixel + Default> ObjectImages<P> {
-    /// No images, for a view of a width and height.
+    /// No images, for a view of a width and height; those to come are zero around what is kept.
     pub fn new(width: u32, height: u32) -> Self {
-        Self { width, height, images: BTreeMap::new() }
+        Self::within(P::default(), width, height)
+    }
+}
+
+impl<P: Pixel> ObjectImages<P> {
+    /// No images, for a view of a width and height; those to come are `around` what is kept.
+    pub fn within(around: P, width: u32, height: u32) -> Self {
+        Self { width, height, around, images: BTreeMap::new() }
     }
 
     /// Adds the image of an instance. Panics if it reaches beyond the view.
@@ -52,7 +83,7 @@ impl<P: Pixel + Default> ObjectImages<P> {
     }
 
     fn filled(&self, ObjectImage { x, y, pixels }: &ObjectImage<P>) -> Plane<P> {
-        let mut plane = Plane::from_vec(self.width, self.height, vec![P::default(); self.pixels()]);
+        let mut plane = Plane::from_vec(self.width, self.height, vec![self.around; self.pixels()]);
         plane.paste([*x, *y], pixels);
         plane
     }
@@ -62,7 +93,7 @@ impl<P: Pixel + Default> ObjectImages<P> {
     }
 }
 
-impl<P: Pixel + Default> Product for ObjectImages<P> {
+impl<P: Pixel> Product for ObjectImages<P> {
     fn encode(&self) -> Value {
         Value::PerInstance(self.iter().map(|(id, image)| (id, self.filled(image).encode())).collect())
     }
@@ -75,6 +106,24 @@ impl<P: Pixel + Default> Product for ObjectImages<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_image_of_a_mask_is_its_box() {
+        let mask = Mask::from_fn(5, 4, |x, y| (x, y) == (1, 2) || (x, y) == (3, 1) || (x, y) == (3, 2));
+        let image = ObjectImage::of_mask(&mask, -1.0_f32, |index| (index != 13).then_some(index as f32));
+        assert_eq!((image.x, image.y), (1, 1));
+        assert_eq!(
+            [(3, 1), (4, 1), (0, 1), (1, 0)].map(|(x, y)| image.at(x, y).copied()),
+            [Some(8.0), None, None, None]
+        );
+        assert_eq!(image.pixels, Plane::from_vec(3, 2, vec![-1.0, -1.0, 8.0, 11.0, -1.0, -1.0]));
+        let mut images = ObjectImages::within(-1.0, 5, 4);
+        images.insert(InstanceId(1), image);
+        images.insert(InstanceId(2), ObjectImage::of_mask(&Mask::empty(5, 4), -1.0, |_| None));
+        let of = |x, y| *images.whole(InstanceId(1)).expect("inserted").at(x, y);
+        assert_eq!([of(3, 1), of(1, 2), of(3, 2), of(0, 0), of(4, 3)], [8.0, 11.0, -1.0, -1.0, -1.0]);
+        assert_eq!(images.whole(InstanceId(2)), Some(Plane::from_vec(5, 4, vec![-1.0; 20])));
+    }
 
     #[test]
     fn images_are_zero_around_what_is_kept() {

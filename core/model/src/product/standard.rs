@@ -183,7 +183,7 @@ products! {
 
     /// Depth of each annotated object's first surface along the optical axis, hidden parts included. Infinite outside of its
     /// amodal mask.
-    pub const AMODAL_DEPTH: Key<PerInstance<Plane<f32>>> = view("amodal_depth").semantic(Semantic::Depth).unit("m");
+    pub const AMODAL_DEPTH: Key<ObjectImages<f32>> = view("amodal_depth").semantic(Semantic::Depth).unit("m");
 
     /// Unit shading normal of each annotated object's first surface in the camera frame, hidden parts included. Zero
     /// outside of its amodal mask.
@@ -202,7 +202,7 @@ products! {
 
     /// Normalized object coordinates of each annotated object's first surface, hidden parts included. Zero outside of its
     /// amodal mask.
-    pub const AMODAL_OBJECT_COORDINATES: Key<PerInstance<Plane<[f32; 3]>>> = view("amodal_object_coordinates");
+    pub const AMODAL_OBJECT_COORDINATES: Key<ObjectImages<[f32; 3]>> = view("amodal_object_coordinates");
 
     /// Where one body ends before another: 1 on the pixel of the body in front, 2 on that of the body behind, 0 elsewhere.
     pub const OCCLUSION_BOUNDARY: Key<Plane<u8>> = view("occlusion_boundary").semantic(Semantic::Label);
@@ -223,11 +223,11 @@ products! {
     pub const SEEN_IN_VIEWS: Key<Value> = scene("seen_in_views").form(|| Form::Records);
 
     /// How much of each pixel of the image an annotated object is seen in: the visible part of the pixel's area, in [0, 1].
-    pub const VISIBLE_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("visible_soft_mask");
+    pub const VISIBLE_SOFT_MASK: Key<ObjectImages<f32>> = view("visible_soft_mask");
 
     /// How much of each pixel of the image an annotated object covers, hidden parts included: the part of the pixel's area,
     /// in [0, 1].
-    pub const AMODAL_SOFT_MASK: Key<PerInstance<Plane<f32>>> = view("amodal_soft_mask");
+    pub const AMODAL_SOFT_MASK: Key<ObjectImages<f32>> = view("amodal_soft_mask");
 
     /// Optical flow to the next view of the scene: displacement (u, v) of the point that a pixel shows. There it may be
     /// hidden, or out of the image. Zero where there is none.

@@ -395,10 +395,6 @@ fn form_of<T: 'static>() -> Form {
         Form::Text
     } else if any_of!(BBox) {
         Form::Ints(4)
-    } else if any_of!(Plane<f32>) {
-        Plane::<f32>::form()
-    } else if any_of!(Plane<[f32; 3]>) {
-        Plane::<[f32; 3]>::form()
     } else {
         Form::Any
     }

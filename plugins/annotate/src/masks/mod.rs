@@ -4,14 +4,12 @@ mod sweep;
 
 pub use sweep::{ObjectMasks, Sweep, area_outside, sweep};
 
+use crate::CANVAS;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     AMODAL_MASK, COVERAGE, INSTANCE, LABEL_POLICY, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, VISIBLE_MASK,
 };
 use syntable_model::product::{BitPlane, OcclusionOrder};
-
-/// Canvas of the parts of objects beyond the image: one image size beyond every edge.
-const CANVAS: u32 = 3;
 
 /// Visible, amodal and occlusion masks, occlusion rates and the occlusion order matrix (OOAM), all from one ray per
 /// pixel center, so that the occlusion mask is exactly the amodal mask minus the visible mask.
