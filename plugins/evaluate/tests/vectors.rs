@@ -195,3 +195,50 @@ fn by_trial(scores: &[Vec<f64>], columns: usize) -> Vec<(usize, usize)> {
     go(scores, columns, 0, &mut Vec::new(), &mut best);
     best.1
 }
+
+#[test]
+fn nothing_labeled_predicted_or_to_be_seen() {
+    let some = |of: fn(Mask, Mask) -> Instance| vec![whole(rect([8, 6], [1, 3], [1, 3]), of)];
+    let all = |of: fn(Mask, Mask) -> Instance| vec![whole(rect([8, 6], [0, 7], [0, 5]), of)];
+    let (labeled, predicted) = (Instance::labeled, Instance::predicted);
+    for (labels, predictions, [p, r, f]) in [
+        (vec![], vec![], [1.0, 1.0, 1.0]),
+        (some(labeled), vec![], [1.0, 0.0, 0.0]),
+        (vec![], some(predicted), [0.0, 1.0, 0.0]),
+        // No boundary at all: not a number in the reference.
+        (all(labeled), all(predicted), [1.0, 1.0, 1.0]),
+    ] {
+        let found = values(&[Pair::new(labels, predictions).expect("one size")]);
+        for kind in ["amodal", "visible"] {
+            for measure in ["overlap", "boundary"] {
+                let of = |score: &str| found[format!("{kind}_{measure}_{score}").as_str()];
+                assert_eq!([of("p"), of("r"), of("f")], [p, r, f], "{kind} {measure}");
+            }
+            assert_eq!(found[format!("{kind}_f75").as_str()], f);
+        }
+        // No object is occluded, and no prediction says so.
+        check(&found, &[("invisible_overlap_f", 1.0), ("invisible_f75", 1.0)]);
+        assert!(!found.contains_key("acc_oo"));
+    }
+}
+
+#[test]
+fn later_predictions_are_painted_over_earlier_ones() {
+    let size = [10, 4];
+    let of = |masks: &[[u32; 2]], make: fn(Mask, Mask) -> Instance| -> Vec<Instance> {
+        masks.iter().map(|columns| whole(rect(size, *columns, [0, 3]), make)).collect()
+    };
+    let labels = of(&[[0, 2], [3, 8]], Instance::labeled);
+    // The last but one disappears below the last.
+    let predictions = of(&[[0, 5], [4, 7], [3, 8]], Instance::predicted);
+    let found = values(&[Pair::new(labels, predictions).expect("one size")]);
+    check(&found, &[("visible_overlap_p", 1.0), ("visible_overlap_r", 1.0), ("visible_f75", 1.0)]);
+    check(&found, &[("amodal_overlap_p", 9.0 / 16.0)]);
+}
+
+#[test]
+fn masks_of_another_size_are_refused() {
+    let [small, large] = [[8, 6], [8, 7]].map(|size| vec![whole(rect(size, [1, 2], [1, 2]), Instance::predicted)]);
+    let error = Pair::new(small, large).expect_err("two sizes").to_string();
+    assert!(error.contains("8 × 7") && error.contains("8 × 6"), "{error}");
+}
