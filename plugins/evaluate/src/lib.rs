@@ -1,0 +1,61 @@
+//! Scores of predicted masks against the labels of a dataset, with the conventions of SynTable's released evaluation.
+//!
+//! | module | holds |
+//! | --- | --- |
+//! | [`image`] | the objects of an image, labeled and predicted |
+//! | [`matching`] | which prediction stands for which object |
+//! | [`boundary`] | boundary maps and how many pixels of them lie near another |
+//! | [`masks`] | Overlap and Boundary P, R, F and F@.75 of amodal, visible and invisible masks |
+//! | [`occlusion`] | ACC_O and F_O, ACC_OO by the paper and by the release, scores of edges |
+//!
+//! Every score is a ratio of two sums over images ([`Ratio`]), so that only those are kept of an image.
+
+pub mod boundary;
+pub mod image;
+pub mod masks;
+pub mod matching;
+pub mod occlusion;
+
+use image::Pair;
+
+/// What an image adds to a score: the score of a dataset is the sum of `part` over the sum of `whole`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ratio {
+    /// Name of the score, in snake case.
+    pub name: &'static str,
+    /// What counts.
+    pub part: f64,
+    /// Out of what. 1 in scores that are means over images.
+    pub whole: f64,
+}
+
+impl Ratio {
+    /// The value of one image in a mean over images.
+    pub fn mean(name: &'static str, value: f64) -> Self {
+        Self { name, part: value, whole: 1.0 }
+    }
+
+    /// Counts that are summed over all images first.
+    pub fn micro(name: &'static str, part: usize, whole: usize) -> Self {
+        Self { name, part: part as f64, whole: whole as f64 }
+    }
+}
+
+/// All scores of an image, in the same order for every image.
+pub fn score(pair: &Pair) -> Vec<Ratio> {
+    let matched = matching::by_masks(&pair.labels, &pair.predictions, |it| &it.amodal);
+    let mut ratios = masks::score(pair, &matched);
+    ratios.extend(occlusion::score(pair, &matched));
+    ratios
+}
+
+/// Scores of a dataset by name, from those of its images in order. None where nothing was to be counted.
+pub fn dataset(images: &[Vec<Ratio>]) -> Vec<(&'static str, Option<f64>)> {
+    let Some(first) = images.first() else { return Vec::new() };
+    let sum = |index: usize, of: fn(&Ratio) -> f64| images.iter().map(|image| of(&image[index])).sum::<f64>();
+    let value = |(index, ratio): (usize, &Ratio)| {
+        let whole = sum(index, |it| it.whole);
+        (ratio.name, (whole > 0.0).then(|| sum(index, |it| it.part) / whole))
+    };
+    first.iter().enumerate().map(value).collect()
+}
