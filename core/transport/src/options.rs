@@ -38,8 +38,9 @@ pub struct PathTracing {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub noise: Option<f64>,
-    /// Time limit per image, seconds; `samples_per_pixel` is then the maximum. The number of samples depends on the
-    /// machine and its load, so such images are not reproducible; `render_report` has the number.
+    /// Time limit per image, seconds, and as much again for every component of light that is wanted; `samples_per_pixel` is
+    /// then the maximum. The number of samples depends on the machine and its load, so such images are not reproducible;
+    /// `render_report` has the number.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
@@ -155,11 +156,14 @@ impl PathTracing {
         }
     }
 
-    /// Limits on samples and time. Components of light have as many samples everywhere.
+    /// Limits on samples and time. Every component of light has the limit of time for itself, and as many samples in all of
+    /// its pixels.
     pub fn budget(&self, light: Light) -> Budget {
         match light {
             Light::All => Budget { samples: self.samples_per_pixel, noise: self.noise, seconds: self.time_s },
-            Light::Direct | Light::Unshadowed => Budget { samples: self.samples_per_pixel, noise: None, seconds: None },
+            Light::Direct | Light::Unshadowed => {
+                Budget { samples: self.samples_per_pixel, noise: None, seconds: self.time_s }
+            }
         }
     }
 

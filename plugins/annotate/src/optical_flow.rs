@@ -93,8 +93,8 @@ impl Step<'_> {
 
     fn is_hidden(&self, [u, v]: [f64; 2], depth_m: f64) -> bool {
         let around = |at: f64, edge: u32| {
-            let low = (at - 0.5).floor();
-            [low, low + 1.0].map(|at| at.clamp(0.0, f64::from(edge - 1)) as u32)
+            let after = (at + 0.5) as u32;
+            [after.saturating_sub(1), after.min(edge - 1)]
         };
         let (columns, rows) = (around(u, self.depth.width()), around(v, self.depth.height()));
         let is_nearer = |x: u32, y: u32| {

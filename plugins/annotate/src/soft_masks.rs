@@ -66,11 +66,30 @@ impl Annotator for SoftMasks {
         let [width, height] = [instance.width(), instance.height()].map(|edge| edge / self.subpixels);
         let annotated = products.get(AMODAL_MASK)?;
         let (mut visible, mut amodal) = (Hits::new(annotated), Hits::new(annotated));
-        let mut pixel = PixelRays::default();
-        for [x, y] in (0..height).flat_map(|y| (0..width).map(move |x| [x, y])) {
-            pixel.cast(instance, coverage, [x, y], self.subpixels);
-            pixel.seen.drain(..).for_each(|(id, hits)| visible.add(id, [x, y], hits));
-            pixel.covered.drain(..).for_each(|(id, hits)| amodal.add(id, [x, y], hits));
+        let (times, words) = (self.subpixels as usize, coverage.words());
+        let rows_of = |y: u32| {
+            let [start, count] = [y as usize, 1].map(|rows| rows * times * width as usize * times);
+            (&instance.data()[start..][..count], &coverage.data()[start * words..][..count * words])
+        };
+        let (mut found, mut mixed) = (Found::default(), Mixed::default());
+        for y in 0..height {
+            let (ids, sets) = rows_of(y);
+            mixed.pixels.clear();
+            mixed.pixels.resize(width as usize, false);
+            mixed.mark(ids, times, 1, |id| u64::from(id.0));
+            mixed.mark(sets, times, words, |set| *set);
+            for (x, &is_mixed) in (0..width).zip(&mixed.pixels) {
+                let column = x as usize * times;
+                if is_mixed {
+                    found.cast(ids, sets, column, times);
+                    found.seen.drain(..).for_each(|(id, hits)| visible.add(id, [x, y], hits));
+                    found.covered.drain(..).for_each(|(id, hits)| amodal.add(id, [x, y], hits));
+                } else {
+                    let hits = self.subpixels * self.subpixels;
+                    visible.add(ids[column], [x, y], hits);
+                    ids_of(&sets[column * words..][..words]).for_each(|id| amodal.add(id, [x, y], hits));
+                }
+            }
         }
         let rays = self.subpixels * self.subpixels;
         products.put(VISIBLE_SOFT_MASK, visible.shares([width, height], rays))?;
@@ -78,38 +97,52 @@ impl Annotator for SoftMasks {
     }
 }
 
+/// Pixels of a row whose rays do not all meet the same. Few pixels are: the others lie within objects or the background.
+#[derive(Default)]
+struct Mixed {
+    pixels: Vec<bool>,
+    /// Bits in which any other row of rays differs from the first.
+    differ: Vec<u64>,
+}
+
+impl Mixed {
+    /// Marks pixels by what their rays meet: `times` rows of `times` rays per pixel, each of some words.
+    fn mark<T>(&mut self, rays: &[T], times: usize, words: usize, bits: impl Fn(&T) -> u64 + Copy) {
+        let (first, others) = rays.split_at(rays.len() / times);
+        self.differ.clear();
+        self.differ.resize(first.len(), 0);
+        for row in others.chunks_exact(first.len()) {
+            for ((differ, a), b) in self.differ.iter_mut().zip(first).zip(row) {
+                *differ |= bits(a) ^ bits(b);
+            }
+        }
+        let (down, across) = (self.differ.chunks_exact(times * words), first.chunks_exact(times * words));
+        for ((mixed, down), across) in self.pixels.iter_mut().zip(down).zip(across) {
+            let differ = across.iter().zip(&across[words..]).fold(0, |differ, (a, b)| differ | (bits(a) ^ bits(b)));
+            *mixed |= down.iter().fold(differ, |differ, it| differ | it) != 0;
+        }
+    }
+}
+
 /// What the rays of one pixel hit, each with their number.
 #[derive(Default)]
-struct PixelRays {
+struct Found {
     /// First bodies.
     seen: Vec<(InstanceId, u32)>,
     /// Objects at any depth.
     covered: Vec<(InstanceId, u32)>,
 }
 
-impl PixelRays {
-    fn cast(&mut self, instance: &Plane<InstanceId>, coverage: &BitPlane, [x, y]: [u32; 2], times: u32) {
-        let (words, row_of) = (coverage.words(), |j: u32| ((y * times + j) * instance.width() + x * times) as usize);
-        let rows = (0..times).map(|j| {
-            let (start, count) = (row_of(j), times as usize);
-            (&instance.data()[start..][..count], &coverage.data()[start * words..][..count * words])
-        });
-        let (first, set) = (instance.data()[row_of(0)], &coverage.data()[row_of(0) * words..][..words]);
-        // Most pixels are within an object or the background: all of their rays meet the same.
-        if rows.clone().all(|(ids, sets)| is_same(ids, first) && sets.chunks_exact(words).all(|other| other == set)) {
-            self.seen.push((first, times * times));
-            self.covered.extend(ids(set).map(|id| (id, times * times)));
-            return;
-        }
-        for (row, sets) in rows {
-            row.iter().for_each(|&id| count(&mut self.seen, id));
-            sets.chunks_exact(words).flat_map(ids).for_each(|id| count(&mut self.covered, id));
+impl Found {
+    /// Counts what the rays of the pixel from a column on hit, of the rows of rays of a row of pixels.
+    fn cast(&mut self, ids: &[InstanceId], sets: &[u64], column: usize, times: usize) {
+        let (row, words) = (ids.len() / times, sets.len() / ids.len());
+        for start in (0..times).map(|j| j * row + column) {
+            ids[start..][..times].iter().for_each(|&id| count(&mut self.seen, id));
+            let sets = sets[start * words..][..times * words].chunks_exact(words);
+            sets.flat_map(ids_of).for_each(|id| count(&mut self.covered, id));
         }
     }
-}
-
-fn is_same(ids: &[InstanceId], first: InstanceId) -> bool {
-    ids.iter().fold(0, |differ, id| differ | (id.0 ^ first.0)) == 0
 }
 
 /// Adds a ray that met something.
@@ -121,7 +154,7 @@ fn count(found: &mut Vec<(InstanceId, u32)>, id: InstanceId) {
 }
 
 /// The instances of a set of objects.
-fn ids(set: &[u64]) -> impl Iterator<Item = InstanceId> {
+fn ids_of(set: &[u64]) -> impl Iterator<Item = InstanceId> {
     set.iter().enumerate().flat_map(|(word, &bits)| {
         let bits =
             std::iter::successors(Some(bits), |bits| Some(bits & bits.wrapping_sub(1))).take_while(|bits| *bits != 0);

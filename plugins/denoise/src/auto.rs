@@ -9,7 +9,7 @@ use syntable_model::registry::{Choice, Choose};
 /// says, or else where the system's loader finds installed libraries; one that the variable names must open.
 ///
 /// It is chosen when a dataset is begun: the dataset's recipe names the kind, and goes on with no other. Where the same
-/// images are needed everywhere, name `guided` or `oidn`.
+/// images are needed everywhere, name `guided`, and `cpu_path` as the renderer.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Auto {}

@@ -109,7 +109,7 @@ fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
 fn none() -> Error {
     Error::new("no graphics adapter was found")
         .help(
-            "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or render with `cpu_path`; \
+            "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or set `render.kind = \"cpu_path\"`; \
              `mesa-vulkan-drivers` has a program in place of a card, for tests",
         )
         .permanent()

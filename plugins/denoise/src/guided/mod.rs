@@ -32,7 +32,8 @@ use syntable_model::product::standard::{
 use tuning::{MOST_NITS, NEAREST, RESIDUAL, Tuning, WHOLE};
 
 /// Removes noise from images of few samples by averaging over similar neighbors, guided by albedo, normals, depth and ids.
-/// Runs on the CPU, gives the same image on every machine, and needs nothing installed.
+/// Needs nothing installed. With `cpu_path` it runs on the processor and gives the same image on every machine; with `gpu_path`
+/// it runs on the card, and its image is the same up to rounding.
 ///
 /// Made for 1 to 64 samples per pixel; with more it does less. Fireflies are clamped, and their light is spread over their
 /// surroundings.
