@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use support::{fails, ok, syntable};
+use support::{fails, ok, root, syntable};
 
 /// The folder of a small dataset that all tests share.
 fn dataset() -> &'static Path {
@@ -217,4 +217,31 @@ fn mistakes_are_named() {
     assert!(found.contains(&format!("image \"{name}\" of")) && found.contains("has no prediction"), "{found}");
     let found = syntable_form(&other, &inner(&data()));
     assert!(found.contains(&format!("image \"{name}\" is not in")), "{found}");
+}
+
+/// The block of the page makes a file of predictions that are read back as they are.
+#[test]
+fn the_pages_python_writes_what_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = fs::read_to_string(root().join("book/src/evaluation.md")).expect("readable");
+    let block = page.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a block");
+    let script = folder.path().join("predict.py");
+    let use_it = r#"
+import sys
+
+data = json.load(open(sys.argv[1]))
+decode = lambda rle: mask.decode(rle).astype(bool)
+names = {image["id"]: image["file_name"] for image in data["images"]}
+detections = [
+    (names[it["image_id"]] if index % 2 else it["image_id"], 0.9, decode(it["visible_mask"]), decode(it["segmentation"]))
+    for index, it in enumerate(data["annotations"])
+]
+write_results(sys.argv[2], detections)
+"#;
+    fs::write(&script, format!("{block}{use_it}")).expect("writable");
+    let file = inner(&data()).join("annotation_final.json").display().to_string();
+    let out = folder.path().join("results.json");
+    if syntable_testing::tools::python(&script, &[&file, &out.display().to_string()]) {
+        assert_perfect(&scores(&out, &["--occluded-from", "0"]));
+    }
 }
