@@ -52,7 +52,8 @@ impl Table<'_> {
 
     /// The table as text, laid out as in the paper.
     pub fn text(&self) -> String {
-        let mut out = format!("{:9}  {:^22}  {:^22}\n{:9}", "", "overlap", "boundary", "masks");
+        let mut out = format!("{:9}  {:^22}  {:^22}", "", "overlap", "boundary").trim_end().to_owned();
+        let _ = write!(out, "\n{:9}", "masks");
         for heading in ["P", "R", "F", "P", "R", "F", "F@.75"] {
             let _ = write!(out, "  {heading:>6}");
         }
