@@ -53,6 +53,8 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
             "syntable-standard" => {
                 crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
             }
+            // What adds a verb needs the command line.
+            "syntable-evaluate" => vec!["syntable-model", "syntable-formats", "syntable-runtime"],
             // The denoiser `guided` on a card is the same filter, with the same numbers.
             "syntable-render-wgpu" => ["syntable-model", "syntable-denoise"].into_iter().chain(NEUTRAL).collect(),
             _ => std::iter::once("syntable-model").chain(NEUTRAL).collect(),

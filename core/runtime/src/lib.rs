@@ -1,4 +1,4 @@
-//! Recipes, plans, runs and the command line of SynTable. No plugin depends on this crate.
+//! Recipes, plans, runs and the command line of SynTable. Of plugins, only those that add a verb depend on this crate.
 
 pub mod cache;
 pub mod cli;

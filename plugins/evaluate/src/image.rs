@@ -28,8 +28,14 @@ impl Instance {
 
     /// A predicted object: occluded if its rate is at least [`OCCLUDED_FROM`].
     pub fn predicted(amodal: Mask, visible: Mask) -> Self {
-        let occlusion = differ(&amodal, &visible);
-        let is_occluded = f64::from(occlusion.area()) >= OCCLUDED_FROM * f64::from(amodal.area());
+        Self::predicted_from(OCCLUDED_FROM, amodal, visible, None)
+    }
+
+    /// A predicted object, occluded if any pixel is hidden and the rate is at least `least`. Without an occlusion mask, that
+    /// follows from the others.
+    pub fn predicted_from(least: f64, amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
+        let occlusion = occlusion.unwrap_or_else(|| differ(&amodal, &visible));
+        let is_occluded = f64::from(occlusion.area()) >= least * f64::from(amodal.area());
         Self { is_occluded: is_occluded && !occlusion.is_empty(), amodal, visible, occlusion }
     }
 }

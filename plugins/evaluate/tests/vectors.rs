@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use syntable_evaluate::boundary::{Boundary, radius};
 use syntable_evaluate::image::{Instance, Pair};
 use syntable_evaluate::matching::assign;
-use syntable_evaluate::{dataset, score};
+use syntable_evaluate::{Convention, dataset, score};
 use syntable_model::product::Mask;
 
 /// A mask of inclusive ranges of columns and rows.
@@ -13,8 +13,8 @@ fn rect([width, height]: [u32; 2], [x0, x1]: [u32; 2], [y0, y1]: [u32; 2]) -> Ma
 }
 
 fn values(pairs: &[Pair]) -> BTreeMap<&'static str, f64> {
-    let images: Vec<_> = pairs.iter().map(score).collect();
-    dataset(&images).into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+    let images: Vec<_> = pairs.iter().map(|pair| score(pair, Convention::Release)).collect();
+    dataset(&images, Convention::Release).into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
 fn check(found: &BTreeMap<&str, f64>, wanted: &[(&str, f64)]) {

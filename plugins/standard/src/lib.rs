@@ -3,6 +3,7 @@
 use syntable_annotate as _;
 use syntable_assets as _;
 use syntable_denoise as _;
+use syntable_evaluate as _;
 #[cfg(feature = "hdf5")]
 use syntable_hdf5 as _;
 use syntable_household as _;

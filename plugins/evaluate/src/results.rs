@@ -1,0 +1,246 @@
+//! Result files as detectors write them: a JSON list of predictions, one object each.
+//!
+//! In memory is only where each prediction is in the file, and its image and score.
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use syntable_formats::index::{Indexed, Record};
+use syntable_formats::segmentation::Segmentation;
+use syntable_model::error::{Error, Result};
+use syntable_model::reader::ImageRef;
+
+use crate::image::Instance;
+
+/// A prediction. Keys beyond these, such as `category_id` and `bbox`, are not looked at.
+#[derive(Debug, Deserialize)]
+struct Prediction {
+    /// Visible mask.
+    segmentation: Segmentation,
+    /// Amodal mask; without it, the visible and the occlusion mask together.
+    amodal_segmentation: Option<Segmentation>,
+    /// Occlusion mask; without it, what the amodal mask has beyond the visible one.
+    occlusion_segmentation: Option<Segmentation>,
+    /// Whether the object is occluded, if the detector says so; else its masks do.
+    occluded: Option<bool>,
+}
+
+/// What is kept of a prediction.
+#[derive(Debug, Deserialize)]
+struct Head {
+    /// The image: its `id` in the annotation file of the ground truth, or its name.
+    image_id: ImageId,
+    /// Confidence of the detector.
+    score: f64,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(untagged)]
+enum ImageId {
+    Number(u64),
+    Name(String),
+}
+
+/// Where a prediction is in the file.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    start: u64,
+    length: usize,
+    line: usize,
+    score: f64,
+}
+
+/// A result file.
+#[derive(Debug)]
+pub struct Results {
+    path: PathBuf,
+    /// Predictions of each image of the ground truth, by falling score; of equal ones, the earlier first.
+    places: Vec<Vec<Place>>,
+}
+
+impl Results {
+    /// Whether a file is a JSON list.
+    pub fn is_one(path: &Path) -> bool {
+        let Ok(file) = File::open(path) else { return false };
+        let first = BufReader::new(file).bytes().map_while(Result::ok).find(|byte| !byte.is_ascii_whitespace());
+        path.is_file() && first == Some(b'[')
+    }
+
+    /// Opens a file with predictions for these images of a dataset. Those with a lower score than `least` are left out.
+    ///
+    /// # Errors
+    /// If it is no list of predictions, or one is of no image of the dataset.
+    pub fn open(path: &Path, least: f64, truth: &Path, images: &[ImageRef]) -> Result<Self> {
+        let mut places: Vec<Vec<Place>> = vec![Vec::new(); images.len()];
+        let names: BTreeMap<&str, usize> = images.iter().enumerate().map(|(i, it)| (it.name.as_str(), i)).collect();
+        let mut numbers = None;
+        elements(path, &mut |start, line, bytes| {
+            let head: Head = parse(path, line, bytes)?;
+            let wrong = |message: String, help: &str| {
+                Error::new(message).in_file(path).at_line(line).help(help.to_owned()).permanent()
+            };
+            if !head.score.is_finite() {
+                return Err(wrong(format!("the score {} is no number", head.score), "leave the prediction out"));
+            }
+            let name = match &head.image_id {
+                ImageId::Name(name) => Some(name),
+                ImageId::Number(id) => numbers.get_or_insert_with(|| numbers_of(truth)).get(id),
+            };
+            let Some(image) = name.and_then(|name| names.get(name.as_str())) else {
+                let id = match &head.image_id {
+                    ImageId::Name(name) => format!("\"{name}\""),
+                    ImageId::Number(id) => id.to_string(),
+                };
+                let example = images.first().map_or(String::new(), |image| format!(", such as \"{}\"", image.name));
+                let help = format!(
+                    "`image_id` is the `id` of an image in the annotation file of the ground truth, or its name{example}"
+                );
+                return Err(wrong(format!("`image_id` {id} is no image of {}", truth.display()), &help));
+            };
+            if head.score >= least {
+                places[*image].push(Place { start, length: bytes.len(), line, score: head.score });
+            }
+            Ok(())
+        })?;
+        places.iter_mut().for_each(|of| of.sort_by(|a, b| b.score.total_cmp(&a.score)));
+        Ok(Self { path: path.to_owned(), places })
+    }
+
+    /// The predictions of an image of `[width, height]` pixels, occluded from an occlusion rate on.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or a mask is damaged or of another size.
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<Vec<Instance>> {
+        let fail = |error: std::io::Error| Error::io(&self.path, &error);
+        let mut file = File::open(&self.path).map_err(fail)?;
+        let read = |place: &Place| {
+            let mut bytes = vec![0; place.length];
+            file.seek(SeekFrom::Start(place.start)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
+            let prediction: Prediction = parse(&self.path, place.line, &bytes)?;
+            prediction.instance(size, occluded_from).map_err(|error| {
+                error.in_file(&self.path).at_line(place.line).help("predict masks of the size of the image").permanent()
+            })
+        };
+        self.places[image].iter().map(read).collect()
+    }
+}
+
+impl Prediction {
+    fn instance(&self, [width, height]: [u32; 2], occluded_from: f64) -> Result<Instance> {
+        let decode = |key: &str, of: &Segmentation| {
+            let named =
+                |error: Error| Error::new(format!("`{key}` of an image {width} × {height}: {}", error.message()));
+            of.decode(width, height).map_err(named)
+        };
+        let visible = decode("segmentation", &self.segmentation)?;
+        let optional = |key, of: &Option<Segmentation>| of.as_ref().map(|it| decode(key, it)).transpose();
+        let amodal = optional("amodal_segmentation", &self.amodal_segmentation)?;
+        let occlusion = optional("occlusion_segmentation", &self.occlusion_segmentation)?;
+        let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |hidden| visible.or(hidden)));
+        let instance = Instance::predicted_from(occluded_from, amodal, visible, occlusion);
+        Ok(Instance { is_occluded: self.occluded.unwrap_or(instance.is_occluded), ..instance })
+    }
+}
+
+fn parse<T: for<'de> Deserialize<'de>>(path: &Path, line: usize, bytes: &[u8]) -> Result<T> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        let text = error.to_string();
+        let what = text.split(" at line ").next().unwrap_or_default();
+        Error::new(format!("not a prediction: {what}"))
+            .in_file(path)
+            .at_line(line)
+            .help("a prediction is an object with `image_id`, `score` and `segmentation`")
+            .permanent()
+    })
+}
+
+/// Takes an element of a JSON list: its first byte, its line and its text.
+type Each<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<()>;
+
+/// Gives each element of a JSON list to `each`.
+fn elements(path: &Path, each: Each) -> Result<()> {
+    let fail = |error: std::io::Error| Error::io(path, &error);
+    let mut file = BufReader::new(File::open(path).map_err(fail)?);
+    let (mut depth, mut in_text, mut is_escaped) = (0_usize, false, false);
+    let (mut element, mut begin) = (Vec::new(), (0, 1));
+    let (mut position, mut line) = (0_u64, 1);
+    loop {
+        let bytes = file.fill_buf().map_err(fail)?;
+        if bytes.is_empty() {
+            let cut = || Error::new("the list of predictions ends early").in_file(path).at_line(line);
+            return if depth == 0 { Ok(()) } else { Err(cut().help("write the file again").permanent()) };
+        }
+        for &byte in bytes {
+            let is_between = depth == 1 && !in_text && (byte == b',' || byte == b']');
+            if is_between && !element.is_empty() {
+                each(begin.0, begin.1, &element)?;
+                element.clear();
+            } else if depth > 0 && !is_between && !(element.is_empty() && byte.is_ascii_whitespace()) {
+                if element.is_empty() {
+                    begin = (position, line);
+                }
+                element.push(byte);
+            }
+            match byte {
+                _ if is_escaped => is_escaped = false,
+                b'\\' if in_text => is_escaped = true,
+                b'"' => in_text = !in_text,
+                b'[' | b'{' if !in_text => depth += 1,
+                b']' | b'}' if !in_text => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            position += 1;
+            line += usize::from(byte == b'\n');
+        }
+        let length = bytes.len();
+        file.consume(length);
+    }
+}
+
+#[derive(Deserialize)]
+struct Named {
+    id: u64,
+    file_name: String,
+}
+
+/// Names of images by their ids in the annotation files of a dataset. An id of two names is none.
+fn numbers_of(truth: &Path) -> BTreeMap<u64, String> {
+    let mut names: BTreeMap<u64, Option<String>> = BTreeMap::new();
+    for file in annotation_files(truth) {
+        let mut found = Vec::new();
+        let read = Indexed::open(&file, &mut |record: Record<Named, IgnoredAny, IgnoredAny>| {
+            if let Record::Image(image) = record {
+                found.push(image);
+            }
+        });
+        for image in read.map_or(Vec::new(), |_| found) {
+            let name = names.entry(image.id).or_insert_with(|| Some(image.file_name.clone()));
+            if name.as_ref().is_some_and(|name| *name != image.file_name) {
+                *name = None;
+            }
+        }
+    }
+    names.into_iter().filter_map(|(id, name)| Some((id, name?))).collect()
+}
+
+/// JSON files of a dataset: the named one, else those of the folder and of `annotations` in it, else those of a folder in it.
+fn annotation_files(truth: &Path) -> Vec<PathBuf> {
+    if truth.is_file() {
+        return vec![truth.to_owned()];
+    }
+    let entries = |folder: &Path| -> Vec<PathBuf> {
+        let found = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let mut found: Vec<PathBuf> = found.map(|entry| entry.path()).collect();
+        found.sort();
+        found
+    };
+    let of = |folder: &Path| -> Vec<PathBuf> {
+        let both = entries(folder).into_iter().chain(entries(&folder.join("annotations")));
+        both.filter(|path| path.extension().is_some_and(|it| it == "json")).collect()
+    };
+    let own = of(truth);
+    if own.is_empty() { entries(truth).iter().flat_map(|folder| of(folder)).collect() } else { own }
+}

@@ -1,0 +1,247 @@
+//! `eval` scores what detectors find: known predictions get the scores that follow from the definitions.
+
+mod support;
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use support::{fails, ok, root, syntable};
+
+/// The folder of a small dataset that all tests share.
+fn dataset() -> &'static Path {
+    static DATASET: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let make = || {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = syntable();
+        run.args(["run", "builtin:quickstart", "--out"]).arg(folder.path().join("data"));
+        for set in [
+            "camera.resolution=[160, 120]",
+            "render.samples_per_pixel=1",
+            "denoise.kind=\"none\"",
+            "place[2].count=8",
+            "write={ syntable = {} }",
+        ] {
+            run.args(["--set", set]);
+        }
+        ok(&mut run);
+        folder
+    };
+    DATASET.get_or_init(make).path()
+}
+
+fn data() -> PathBuf {
+    dataset().join("data")
+}
+
+/// The folder of the writer `syntable`.
+fn inner(data: &Path) -> PathBuf {
+    let folders = [data.to_owned(), data.join("syntable")];
+    folders.into_iter().find(|it| it.join("annotation_final.json").is_file()).expect("an annotation file")
+}
+
+fn annotations(data: &Path) -> Value {
+    let file = inner(data).join("annotation_final.json");
+    serde_json::from_str(&fs::read_to_string(file).expect("readable")).expect("JSON")
+}
+
+/// A prediction for each annotation, with the masks that it has.
+fn results(annotations: &Value, amodal: bool) -> Vec<Value> {
+    let of = |it: &Value| {
+        let mut result = json!({
+            "image_id": it["image_id"],
+            "category_id": it["category_id"],
+            "score": 0.9,
+            "segmentation": it["visible_mask"],
+        });
+        if amodal {
+            result["amodal_segmentation"] = it["segmentation"].clone();
+        }
+        result
+    };
+    annotations["annotations"].as_array().expect("a list").iter().map(of).collect()
+}
+
+fn write(folder: &Path, results: &[Value]) -> PathBuf {
+    let file = folder.join("results.json");
+    // An indented list, so that records span lines.
+    fs::write(&file, serde_json::to_string_pretty(results).expect("plain data")).expect("writable");
+    file
+}
+
+fn scores(pred: &Path, more: &[&str]) -> Value {
+    let said = ok(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(pred).arg("--json").args(more));
+    serde_json::from_str(&said).expect("JSON")
+}
+
+fn assert_perfect(found: &Value) {
+    let scores = found["scores"].as_object().expect("scores");
+    assert_eq!(scores.len(), 28);
+    // The edges of labels are wrong in the release: its score need not be 100.
+    for (name, value) in scores.iter().filter(|(name, _)| *name != "acc_oo_release") {
+        assert_eq!(value, &json!(100.0), "{name}");
+    }
+}
+
+#[test]
+fn perfect_predictions_score_100() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = annotations(&data());
+    let any = ["--occluded-from", "0"];
+    let itself = scores(&data(), &any);
+    assert_perfect(&itself);
+    assert_eq!(itself["objects"], json!(all["annotations"].as_array().expect("a list").len()));
+    let mut predicted = results(&all, true);
+    let file = write(folder.path(), &predicted);
+    assert_eq!(scores(&file, &any), itself);
+    assert_eq!(scores(&file, &[&any[..], &["--convention", "paper"]].concat())["scores"], itself["scores"]);
+    // By the rule of the release, hardly occluded objects count as occluded in labels alone, unless predictions say so.
+    let released = scores(&file, &[]);
+    let rate = |it: &Value| it["occluded_rate"].as_f64().expect("a rate");
+    let rates = all["annotations"].as_array().expect("a list").iter().map(rate);
+    let hardly = rates.filter(|rate| *rate > 0.0 && *rate < 0.05).count();
+    assert!(hardly > 0);
+    let agree = 100.0 * (1.0 - hardly as f64 / predicted.len() as f64);
+    assert!((released["scores"]["acc_o"].as_f64().expect("a number") - agree).abs() < 1e-9, "{released}");
+    for (result, it) in predicted.iter_mut().zip(all["annotations"].as_array().expect("a list")) {
+        result["occluded"] = json!(rate(it) > 0.0);
+    }
+    assert_eq!(scores(&write(folder.path(), &predicted), &[]), itself);
+    // Names stand for ids, occlusion masks for amodal ones, and low scores for nothing.
+    let images = all["images"].as_array().expect("a list");
+    for (result, it) in predicted.iter_mut().zip(all["annotations"].as_array().expect("a list")) {
+        let image = images.iter().find(|image| image["id"] == it["image_id"]).expect("an image");
+        result["image_id"] = image["file_name"].clone();
+        result.as_object_mut().expect("an object").remove("amodal_segmentation");
+        result["occlusion_segmentation"] = it["occluded_mask"].clone();
+    }
+    let mut low = predicted[0].clone();
+    low["score"] = json!(0.2);
+    predicted.insert(0, low);
+    let file = write(folder.path(), &predicted);
+    assert_eq!(scores(&file, &any), itself);
+    assert_eq!(scores(&file, &["--min-score", "0.1"])["predictions"], json!(predicted.len()));
+}
+
+#[test]
+fn edges_expose_who_never_predicts_occlusion() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = annotations(&data());
+    let found = scores(&write(folder.path(), &results(&all, false)), &[]);
+    let score = |name: &str| found["scores"][name].as_f64();
+    assert!(score("acc_oo") > Some(50.0) && score("acc_oo") < Some(100.0), "{found}");
+    assert_eq!((score("edge_p"), score("edge_r"), score("edge_f1")), (None, Some(0.0), Some(0.0)), "{found}");
+    assert_eq!(score("visible_overlap_f"), Some(100.0));
+    assert!(score("amodal_overlap_r") < Some(100.0) && score("amodal_overlap_p") == Some(100.0), "{found}");
+    assert!(score("invisible_overlap_r") < Some(50.0), "{found}");
+}
+
+/// Predictions that are not perfect: some are missing, others shifted to another object's mask.
+fn imperfect(folder: &Path) -> PathBuf {
+    let mut predicted = results(&annotations(&data()), true);
+    let other = predicted[0]["segmentation"].clone();
+    predicted[1]["amodal_segmentation"] = other;
+    predicted.remove(2);
+    write(folder, &predicted)
+}
+
+#[test]
+fn scores_do_not_depend_on_threads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = imperfect(folder.path());
+    let run = |threads: &str| {
+        let csv = folder.path().join(threads);
+        let csv_text = csv.display().to_string();
+        let found = scores(&file, &["--threads", threads, "--csv", &csv_text]);
+        (found, fs::read_to_string(csv).expect("written"))
+    };
+    let (one, two) = (run("1"), run("2"));
+    assert_eq!(one, two);
+    // The mean over images is that of the lines.
+    let lines: Vec<Vec<&str>> = one.1.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines.len() as u64, 1 + one.0["images"].as_u64().expect("a number"));
+    for name in ["amodal_overlap_f", "visible_boundary_p", "invisible_f75"] {
+        let column = lines[0].iter().position(|it| *it == name).expect("a column");
+        let values = lines[1..].iter().map(|line| line[column].parse::<f64>().expect("a number"));
+        let mean = values.sum::<f64>() / (lines.len() - 1) as f64;
+        assert!((mean - one.0["scores"][name].as_f64().expect("a number")).abs() < 1e-9, "{name}");
+    }
+    assert!(one.0["scores"]["amodal_overlap_f"].as_f64() < Some(100.0));
+    let paper = scores(&file, &["--convention", "paper"]);
+    let of = |name: &str| paper["scores"][name].as_f64().expect("a number");
+    let (p, r, f) = (of("amodal_overlap_p"), of("amodal_overlap_r"), of("amodal_overlap_f"));
+    assert!((f - 2.0 * p * r / (p + r)).abs() < 1e-9 && one.0["scores"]["amodal_overlap_f"] != json!(f));
+    let table = ok(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file));
+    assert!(table.contains("F@.75") && table.contains("ACC_OO (release)") && table.contains("results"), "{table}");
+}
+
+#[test]
+fn mistakes_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let good = results(&annotations(&data()), true);
+    let said = |change: &dyn Fn(&mut Vec<Value>)| {
+        let mut predicted = good.clone();
+        change(&mut predicted);
+        let file = write(folder.path(), &predicted);
+        let said = fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(file), 2);
+        assert!(said.contains("results.json:2"), "{said}");
+        said
+    };
+    let found = said(&|all| all[0]["image_id"] = json!(999_999));
+    assert!(found.contains("`image_id` 999999 is no image of") && found.contains("or its name, such as"), "{found}");
+    let found = said(&|all| all[0]["image_id"] = json!("nowhere.png"));
+    assert!(found.contains("`image_id` \"nowhere.png\" is no image of"), "{found}");
+    let found = said(&|all| all[0]["segmentation"]["size"] = json!([160, 120]));
+    assert!(found.contains("`segmentation` of an image 160 × 120") && found.contains("[160, 120]"), "{found}");
+    let found = said(&|all| drop(all[0].as_object_mut().expect("an object").remove("score")));
+    assert!(found.contains("missing field `score`"), "{found}");
+    let eval = |gt: &Path, pred: &Path| fails(syntable().arg("eval").arg("--gt").arg(gt).arg("--pred").arg(pred), 2);
+    let file = folder.path().join("cut.json");
+    fs::write(&file, "[{\"image_id\": 1,").expect("writable");
+    assert!(eval(&data(), &file).contains("the list of predictions ends early"));
+    assert!(eval(&data(), &folder.path().join("nothing")).contains("there is no such folder or file"));
+    // A dataset that lacks an image, and one that has one more.
+    let all = annotations(&data());
+    let mut fewer = all.clone();
+    let gone = fewer["images"].as_array_mut().expect("a list").pop().expect("an image");
+    fewer["annotations"].as_array_mut().expect("a list").retain(|it| it["image_id"] != gone["id"]);
+    let other = folder.path().join("other");
+    fs::create_dir(&other).expect("writable");
+    fs::write(other.join("annotation_final.json"), fewer.to_string()).expect("writable");
+    let name = gone["file_name"].as_str().expect("a name");
+    let syntable_form = |gt: &Path, pred: &Path| {
+        let mut eval = syntable();
+        eval.arg("eval").arg("--gt").arg(gt).arg("--pred").arg(pred);
+        fails(eval.args(["--gt-format", "syntable", "--pred-format", "syntable"]), 2)
+    };
+    let found = syntable_form(&inner(&data()), &other);
+    assert!(found.contains(&format!("image \"{name}\" of")) && found.contains("has no prediction"), "{found}");
+    let found = syntable_form(&other, &inner(&data()));
+    assert!(found.contains(&format!("image \"{name}\" is not in")), "{found}");
+}
+
+/// The block of the page makes a file of predictions that are read back as they are.
+#[test]
+fn the_pages_python_writes_what_is_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let page = fs::read_to_string(root().join("book/src/evaluation.md")).expect("readable");
+    let block = page.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a block");
+    let script = folder.path().join("predict.py");
+    let use_it = r#"
+import sys
+
+data = json.load(open(sys.argv[1]))
+decode = lambda rle: mask.decode(rle).astype(bool)
+names = {image["id"]: image["file_name"] for image in data["images"]}
+detections = [
+    (names[it["image_id"]] if index % 2 else it["image_id"], 0.9, decode(it["visible_mask"]), decode(it["segmentation"]))
+    for index, it in enumerate(data["annotations"])
+]
+write_results(sys.argv[2], detections)
+"#;
+    fs::write(&script, format!("{block}{use_it}")).expect("writable");
+    let file = inner(&data()).join("annotation_final.json").display().to_string();
+    let out = folder.path().join("results.json");
+    if syntable_testing::tools::python(&script, &[&file, &out.display().to_string()]) {
+        assert_perfect(&scores(&out, &["--occluded-from", "0"]));
+    }
+}
