@@ -5,6 +5,7 @@ mod common;
 
 use common::{World, annotator};
 use divan::{Bencher, black_box};
+use std::sync::OnceLock;
 use syntable_annotate::CANVAS;
 use syntable_annotate::masks::{area_outside, sweep};
 use syntable_model::prelude::*;
@@ -124,7 +125,8 @@ fn rendered() -> (World, View, Products) {
     products.put(OBJECT_DEPTHS, ObjectDepths::from_hits(width, height, hits)).expect("new");
     products.put(DEPTH.of_next_view(), depth.clone()).expect("new");
     products.put(DEPTH, depth).expect("new");
-    let fine = disks_at(OBJECTS, SIZE, 4);
+    static FINE: OnceLock<(Plane<InstanceId>, BitPlane)> = OnceLock::new();
+    let fine = FINE.get_or_init(|| disks_at(OBJECTS, SIZE, 4)).clone();
     products.put(INSTANCE.in_subpixels(4), fine.0).expect("new");
     products.put(COVERAGE.in_subpixels(4), fine.1).expect("new");
     products.put(COVERAGE.on_canvas(CANVAS), disks(OBJECTS, SIZE.map(|edge| 3 * edge)).1).expect("new");

@@ -1,8 +1,8 @@
 //! Depth of hidden parts.
 
 use syntable_model::prelude::*;
+use syntable_model::product::ObjectImages;
 use syntable_model::product::standard::{AMODAL_DEPTH, AMODAL_MASK, OBJECT_DEPTHS};
-use syntable_model::product::{ObjectImage, ObjectImages};
 
 /// Depth of every annotated object's first surface, where it is seen and where it is hidden, as if it stood there alone.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,11 +32,8 @@ impl Annotator for AmodalDepth {
     }
 
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
-        let depths = products.get(OBJECT_DEPTHS)?;
-        let mut images = ObjectImages::within(f32::INFINITY, depths.width(), depths.height());
-        for (id, mask) in products.get(AMODAL_MASK)?.iter() {
-            images.insert(id, ObjectImage::of_mask(mask, f32::INFINITY, |pixel| depths.of(id, pixel)));
-        }
+        let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
+        let images = ObjectImages::of_hits(masks, hits, f32::INFINITY, |_, _, depth| depth);
         products.put(AMODAL_DEPTH, images)
     }
 }

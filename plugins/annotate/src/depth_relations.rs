@@ -41,7 +41,9 @@ impl Annotator for DepthRelations {
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         let (seen, depths) = (products.get(INSTANCE)?, products.get(OBJECT_DEPTHS)?);
         let ids: Vec<InstanceId> = products.get(AMODAL_MASK)?.iter().map(|(id, _)| id).collect();
-        let row = |id: InstanceId| ids.binary_search(&id).ok();
+        let mut rows = vec![None; ids.last().map_or(0, |id| usize::from(id.0) + 1)];
+        ids.iter().enumerate().for_each(|(row, id)| rows[usize::from(id.0)] = Some(row));
+        let row = |id: InstanceId| rows.get(usize::from(id.0)).copied().flatten();
         let mut areas = Areas::new(&ids);
         let mut depths_of = vec![Vec::new(); ids.len()];
         for (objects, &first) in depths.pixels().zip(seen.data()) {

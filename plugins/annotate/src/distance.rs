@@ -29,12 +29,12 @@ impl Annotator for Distance {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let depth = products.get(DEPTH)?;
-        let camera = &cx.view.camera;
-        let distance = |x: u32, y: u32| {
-            let ray = camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            ray.map_or(f32::INFINITY, |ray| (f64::from(*depth.at(x, y)) * ray.norm()) as f32)
+        let rays = cx.view.camera.rays();
+        let distance = |x: u32, y: u32, depth: f32| {
+            let of_ray = |(x, y): (f64, f64)| (f64::from(depth) * (x * x + y * y + 1.0).sqrt()) as f32;
+            rays.at(x, y).map_or(f32::INFINITY, of_ray)
         };
-        let distance = Plane::from_fn(depth.width(), depth.height(), distance);
+        let distance = Plane::from_fn(depth.width(), depth.height(), |x, y| distance(x, y, *depth.at(x, y)));
         products.put(DISTANCE, distance)
     }
 }

@@ -81,6 +81,7 @@ impl Keypoints {
 }
 
 /// The pixel at which a point of the camera frame is seen, inside of the image or not.
+#[inline]
 pub(crate) fn pixel(camera: &Camera, point: &Point3<f64>) -> Option<[f64; 2]> {
     if point.z <= 0.0 {
         return None;

@@ -52,11 +52,13 @@ impl Annotator for LabelArrays {
             products.put(VISIBLE_IDS, ids)?;
         }
         let Some(amodal) = products.optional(AMODAL_MASK)? else { return Ok(()) };
-        let (width, height, bytes) = (k.width as usize, k.height as usize, (k.width as usize).div_ceil(8));
+        let (height, bytes) = (k.height as usize, (k.width as usize).div_ceil(8));
         let mut bits = vec![0_u8; amodal.0.len() * height * bytes];
         for (plane, (_, mask)) in bits.chunks_exact_mut(height * bytes).zip(amodal.iter()) {
-            mask.pixels()
-                .for_each(|pixel| plane[pixel / width * bytes + pixel % width / 8] |= 0x80 >> (pixel % width % 8));
+            for (x, rows) in mask.segments() {
+                let column = plane[rows.start as usize * bytes + x as usize / 8..].iter_mut().step_by(bytes);
+                column.take(rows.len()).for_each(|byte| *byte |= 0x80 >> (x % 8));
+            }
         }
         let bits = Tensor::new(DType::U8, &["instance", "y", "byte"], vec![amodal.0.len(), height, bytes], bits);
         products.put(AMODAL_BITS, Value::Tensor(bits))

@@ -1,10 +1,11 @@
 //! Normalized object coordinates.
 
+use syntable_model::geometry::{Matrix3, Vector3};
 use syntable_model::prelude::*;
+use syntable_model::product::ObjectImages;
 use syntable_model::product::standard::{
     AMODAL_MASK, AMODAL_OBJECT_COORDINATES, OBJECT_COORDINATES, OBJECT_DEPTHS, VISIBLE_MASK,
 };
-use syntable_model::product::{ObjectImage, ObjectImages};
 use syntable_model::scene::{Body, Camera};
 
 /// Normalized object coordinates (NOCS, Wang et al. 2019): where on the object a pixel is, in the object's own box. The
@@ -36,38 +37,65 @@ impl Annotator for ObjectCoordinates {
     }
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
-        let (visible, depths) = (products.get(VISIBLE_MASK)?, products.get(OBJECT_DEPTHS)?);
-        let [width, height] = [depths.width(), depths.height()];
+        let (masks, hits) = (products.get(AMODAL_MASK)?, products.get(OBJECT_DEPTHS)?);
+        let (frames, rays) = (Frames::of(cx, masks), cx.view.camera.rays());
+        let amodal = ObjectImages::of_hits(masks, hits, [0.0; 3], |id, [x, y], depth| {
+            let (Some(frame), Some((right, down))) = (frames.get(id), rays.at(x, y)) else { return [0.0; 3] };
+            frame.place(Vector3::new(right, down, 1.0) * f64::from(depth))
+        });
+        let [width, height] = [hits.width(), hits.height()];
         let mut seen = Plane::from_vec(width, height, vec![[0.0; 3]; width as usize * height as usize]);
-        let mut amodal = ObjectImages::new(width, height);
-        for (id, mask) in products.get(AMODAL_MASK)?.iter() {
-            let Some(body) = cx.scene.body(id) else { continue };
-            let place = on_body(body, &cx.view.camera);
-            let image = ObjectImage::of_mask(mask, [0.0; 3], |pixel| Some(place(pixel, depths.of(id, pixel)?)));
-            for pixel in visible.get(id).into_iter().flat_map(Mask::pixels) {
-                if let Some(place) = image.at(pixel as u32 % width, pixel as u32 / width) {
-                    seen.data_mut()[pixel] = *place;
+        for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
+            let Some(image) = amodal.get(id) else { continue };
+            for (x, y) in mask.segments().flat_map(|(x, rows)| rows.map(move |y| (x, y))) {
+                if let Some(place) = image.at(x, y) {
+                    seen.data_mut()[(y * width + x) as usize] = *place;
                 }
             }
-            amodal.insert(id, image);
         }
         products.put(OBJECT_COORDINATES, seen)?;
         products.put(AMODAL_OBJECT_COORDINATES, amodal)
     }
 }
 
-/// Where on a body its depth puts a pixel, by the pixel's index; zero beyond what the lens shows.
-fn on_body(body: &Body, camera: &Camera) -> impl Fn(usize, f32) -> [f32; 3] {
-    let body_from_camera = body.world_from_body.inverse() * camera.world_from_camera;
-    let bounds = body.object.mesh.bounds();
-    let (center, diagonal) = (bounds.center(), bounds.size().norm());
-    let turn = body_from_camera.rotation.to_rotation_matrix().into_inner() / diagonal;
-    let start = (body_from_camera.translation.vector - center.coords) / diagonal;
-    let width = camera.intrinsics.width as usize;
-    move |pixel, depth| {
-        let [u, v] = [pixel % width, pixel / width].map(|edge| edge as f64 + 0.5);
-        let Some(ray) = camera.unproject(u, v) else { return [0.0; 3] };
-        let place = turn * ray * f64::from(depth) + start;
+/// The frames of the boxes of bodies, by instance id.
+struct Frames(Vec<Option<BoxFrame>>);
+
+impl Frames {
+    fn of(cx: &ViewContext, masks: &PerInstance<Mask>) -> Self {
+        let mut frames = Vec::new();
+        for (id, body) in masks.iter().filter_map(|(id, _)| Some((id, cx.scene.body(id)?))) {
+            frames.resize_with(usize::from(id.0) + 1, || None);
+            frames[usize::from(id.0)] = Some(BoxFrame::of(body, &cx.view.camera));
+        }
+        Self(frames)
+    }
+
+    fn get(&self, id: InstanceId) -> Option<&BoxFrame> {
+        self.0.get(usize::from(id.0))?.as_ref()
+    }
+}
+
+/// From the frame of a camera to the box of a body.
+struct BoxFrame {
+    turn: Matrix3<f64>,
+    start: Vector3<f64>,
+}
+
+impl BoxFrame {
+    fn of(body: &Body, camera: &Camera) -> Self {
+        let body_from_camera = body.world_from_body.inverse() * camera.world_from_camera;
+        let bounds = body.object.mesh.bounds();
+        let (center, diagonal) = (bounds.center(), bounds.size().norm());
+        Self {
+            turn: body_from_camera.rotation.to_rotation_matrix().into_inner() / diagonal,
+            start: (body_from_camera.translation.vector - center.coords) / diagonal,
+        }
+    }
+
+    /// The coordinates of a point of the camera frame.
+    fn place(&self, point: Vector3<f64>) -> [f32; 3] {
+        let place = self.turn * point + self.start;
         // Rounding may lead out of the box.
         std::array::from_fn(|axis| (place[axis] + 0.5).clamp(0.0, 1.0) as f32)
     }

@@ -1,10 +1,10 @@
 //! Where the points of an image are in the next view.
 
 use crate::keypoints::pixel;
-use syntable_model::geometry::{Point3, Rotation3};
+use syntable_model::geometry::{Point3, Rotation3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{DEPTH, FLOW, FLOW_VISIBILITY};
-use syntable_model::scene::Camera;
+use syntable_model::scene::{Camera, Rays};
 
 /// Optical flow and correspondences from each view to the next one of its scene, in which nothing moves but the camera.
 ///
@@ -51,7 +51,7 @@ impl Annotator for OpticalFlow {
         let step = cx.next.map(|next| {
             let next_from_this = next.camera.world_from_camera.inverse() * cx.view.camera.world_from_camera;
             Step {
-                from: &cx.view.camera,
+                from: cx.view.camera.rays(),
                 to: &next.camera,
                 turn: next_from_this.rotation.to_rotation_matrix(),
                 start: next_from_this.translation.vector.into(),
@@ -59,9 +59,14 @@ impl Annotator for OpticalFlow {
                 tolerance_m: self.tolerance_m,
             }
         });
-        let of = |x: u32, y: u32| step.as_ref()?.follow([x, y], *depth.at(x, y));
-        let all = Plane::from_fn(depth.width(), depth.height(), |x, y| of(x, y).unwrap_or_default());
-        let (flow, visibility) = (all.map(|found| found.0), all.map(|found| found.1));
+        let mut visibility = Vec::with_capacity(depth.data().len());
+        let flow = Plane::from_fn(depth.width(), depth.height(), |x, y| {
+            let found = step.as_ref().and_then(|step| step.follow([x, y], *depth.at(x, y)));
+            let (flow, seen) = found.unwrap_or_default();
+            visibility.push(seen);
+            flow
+        });
+        let visibility = Plane::from_vec(depth.width(), depth.height(), visibility);
         products.put(FLOW, flow)?;
         products.put(FLOW_VISIBILITY, visibility)
     }
@@ -69,7 +74,7 @@ impl Annotator for OpticalFlow {
 
 /// From a view to the next one.
 struct Step<'a> {
-    from: &'a Camera,
+    from: Rays<'a>,
     to: &'a Camera,
     /// From the axes of this camera to those of the next.
     turn: Rotation3<f64>,
@@ -83,11 +88,11 @@ struct Step<'a> {
 impl Step<'_> {
     /// Displacement of the point that a pixel shows, and whether the next view shows it; none if there is no such point.
     fn follow(&self, [x, y]: [u32; 2], depth: f32) -> Option<([f32; 2], u8)> {
-        let [u, v] = [x, y].map(|x| f64::from(x) + 0.5);
         let depth = Some(f64::from(depth)).filter(|depth| depth.is_finite() && *depth > 0.0)?;
-        let point = self.start + self.turn * self.from.unproject(u, v)? * depth;
+        let (right, down) = self.from.at(x, y)?;
+        let point = self.start + self.turn * Vector3::new(right, down, 1.0) * depth;
         let to = pixel(self.to, &point)?;
-        let flow = [to[0] - u, to[1] - v].map(|x| x as f32);
+        let flow = [to[0] - (f64::from(x) + 0.5), to[1] - (f64::from(y) + 0.5)].map(|along| along as f32);
         Some((flow, if !self.to.intrinsics.contains(to) { 0 } else { 2 - u8::from(self.is_hidden(to, point.z)) }))
     }
 

@@ -100,35 +100,26 @@ const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// The edges between a mask's pixels and the others as rings of corners, with the mask to the right of whoever walks along
 /// them. Rings are in the order of their first corners, row by row.
 pub fn rings(mask: &Mask) -> Vec<Ring> {
-    let BBox { x: left, y: top, width, height } = mask.bbox();
+    let BBox { x: left, y: top, width, .. } = mask.bbox();
     if mask.is_empty() {
         return Vec::new();
     }
-    let mut inside = vec![false; (width * height) as usize];
-    let rows = mask.height() as i32;
-    for run in mask.runs() {
-        for position in run {
-            let (x, y) = (position as i32 / rows - left, position as i32 % rows - top);
-            inside[(y * width + x) as usize] = true;
-        }
-    }
-    let holds =
-        |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y) && inside[(y * width + x) as usize];
-    // The directions, as bits, in which edges leave a corner.
+    let inside = mask.within_box(1);
+    // The directions, as bits, in which edges leave a corner: each has one of its four pixels to the right.
     let columns = width + 1;
-    let mut leaving = vec![0_u8; (columns * (height + 1)) as usize];
-    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|&(x, y)| holds(x, y)) {
-        // The upper edge goes right from the pixel's corner, and so on around it.
-        for (direction, (corner, beside)) in
-            [([0, 0], [0, -1]), ([1, 0], [1, 0]), ([1, 1], [0, 1]), ([0, 1], [-1, 0])].into_iter().enumerate()
-        {
-            if !holds(x + beside[0], y + beside[1]) {
-                leaving[((y + corner[1]) * columns + x + corner[0]) as usize] |= 1 << direction;
-            }
-        }
+    let mut leaving = Vec::with_capacity(inside.data().len());
+    let rows = inside.data().chunks_exact(inside.width() as usize);
+    for (above, below) in rows.clone().zip(rows.skip(1)) {
+        let pixels = above.iter().zip(&above[1..]).zip(below.iter().zip(&below[1..]));
+        leaving.extend(pixels.map(|((&a, &b), (&c, &d))| {
+            let [right, down, left, up] = [d & !b, c & !d, a & !c, b & !a].map(u8::from);
+            right | down << 1 | left << 2 | up << 3
+        }));
     }
     let mut rings = Vec::new();
-    for start in 0..leaving.len() {
+    let mut start = 0;
+    while let Some(next) = leaving[start..].iter().position(|leaving| *leaving != 0) {
+        start += next;
         while leaving[start] != 0 {
             rings.push(ring_from(start, columns, &mut leaving).into_iter().map(|[x, y]| [x + left, y + top]).collect());
         }
@@ -178,9 +169,10 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     (kept[first], kept[second]) = (true, true);
     let mut open = vec![(first, second), (second, first + ring.len())];
     while let Some((a, b)) = open.pop() {
-        let at = |i: usize| ring[i % ring.len()];
-        let far = (a + 1..b).map(|i| (distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
-        if let Some((_, i)) = far.filter(|(far, _)| *far > tolerance) {
+        let at = |i: usize| if i < ring.len() { ring[i] } else { ring[i - ring.len()] };
+        let far =
+            (a + 1..b).map(|i| (squared_distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
+        if let Some((_, i)) = far.filter(|(far, _)| *far > tolerance * tolerance) {
             kept[i % ring.len()] = true;
             open.extend([(a, i), (i, b)]);
         }
@@ -191,13 +183,14 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     if same { corners } else { ring.clone() }
 }
 
-/// Distance of a point from a segment, px.
-fn distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
+/// Square of the distance of a point from a segment, px².
+fn squared_distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
     let [p, a, b] = [p, a, b].map(|q| q.map(f64::from));
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let length = along[0] * along[0] + along[1] * along[1];
     let t = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
-    libm::hypot(to[0] - t * along[0], to[1] - t * along[1])
+    let apart = [to[0] - t * along[0], to[1] - t * along[1]];
+    apart[0] * apart[0] + apart[1] * apart[1]
 }
 
 register!(Outlines);
@@ -269,7 +262,7 @@ mod tests {
                 prop_assert_eq!(doubled_area(&few).signum(), doubled_area(ring).signum());
                 for corner in ring {
                     let sides = few.iter().zip(few.iter().cycle().skip(1));
-                    let nearest = sides.map(|(a, b)| distance(*corner, *a, *b)).fold(f64::INFINITY, f64::min);
+                    let nearest = sides.map(|(a, b)| squared_distance(*corner, *a, *b).sqrt()).fold(f64::INFINITY, f64::min);
                     prop_assert!(nearest <= tolerance + 1e-9, "{nearest}");
                 }
             }

@@ -1,9 +1,8 @@
 //! Rotated boxes around the masks.
 
-use crate::outlines::rings;
 use syntable_model::prelude::*;
-use syntable_model::product::Mask;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_ROTATED_BOX, VISIBLE_MASK, VISIBLE_ROTATED_BOX};
+use syntable_model::product::{BBox, Mask};
 
 /// Rotated boxes of the visible and amodal masks: the rectangles of least area around all pixels of a mask.
 ///
@@ -72,29 +71,48 @@ impl RotatedBox {
     /// The rectangle of least area around a mask: one of its sides lies on one of the convex hull's (Freeman and Shapira,
     /// 1975).
     pub fn around(mask: &Mask) -> Self {
-        let hull = convex_hull(rings(mask).into_iter().flatten().collect());
+        let hull = convex_hull(&ends(mask));
         let sides = hull.iter().zip(hull.iter().cycle().skip(1));
-        let boxes = sides.map(|(a, b)| Self::along(&hull, *a, *b));
-        boxes.reduce(|best, other| if other.area() < best.area() { other } else { best }).unwrap_or_default()
+        let boxes = sides.map(|(a, b)| Around::new(&hull, *a, *b));
+        let least = boxes.reduce(|best, other| if other.area() < best.area() { other } else { best });
+        least.map(Self::from).unwrap_or_default()
     }
+}
 
-    fn area(&self) -> f64 {
-        self.size_px[0] * self.size_px[1]
-    }
+/// A rectangle around points, with a side along that from one to another.
+struct Around {
+    /// Directions of its sides. Clockwise in the image: the second is the first one turned from u to v.
+    axes: [[f64; 2]; 2],
+    /// Where it begins and ends along each.
+    ends: [[f64; 2]; 2],
+}
 
-    /// The rectangle around points with a side along a to b.
-    fn along(points: &[[i32; 2]], a: [i32; 2], b: [i32; 2]) -> Self {
+impl Around {
+    fn new(points: &[[i32; 2]], a: [i32; 2], b: [i32; 2]) -> Self {
         let [dx, dy] = [0, 1].map(|k| f64::from(b[k] - a[k]));
         let length = libm::hypot(dx, dy);
-        // Clockwise in the image: the second axis is the first one turned from u to v.
         let axes = [[dx / length, dy / length], [-dy / length, dx / length]];
-        let [across, down] = axes.map(|axis| {
+        let ends = axes.map(|axis| {
             let along = points.iter().map(|p| f64::from(p[0]) * axis[0] + f64::from(p[1]) * axis[1]);
             along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
         });
+        Self { axes, ends }
+    }
+
+    fn sides(&self) -> [f64; 2] {
+        self.ends.map(|[low, high]| high - low)
+    }
+
+    fn area(&self) -> f64 {
+        self.sides()[0] * self.sides()[1]
+    }
+}
+
+impl From<Around> for RotatedBox {
+    fn from(around: Around) -> Self {
+        let (axes, [across, down], [width, height]) = (around.axes, around.ends, around.sides());
         let point = |s: f64, t: f64| [0, 1].map(|k| s * axes[0][k] + t * axes[1][k]);
         let middle = |[low, high]: [f64; 2]| (low + high) / 2.0;
-        let (width, height) = (across[1] - across[0], down[1] - down[0]);
         let longer = if width >= height { axes[0] } else { axes[1] };
         let turned = libm::atan2(longer[1], longer[0]).to_degrees();
         let angle = if turned >= 90.0 {
@@ -118,11 +136,23 @@ impl RotatedBox {
     }
 }
 
-/// The corners of the convex hull of points, clockwise in the image from the leftmost (Andrew's monotone chain); none on
-/// its sides.
-fn convex_hull(mut points: Vec<[i32; 2]>) -> Vec<[i32; 2]> {
-    points.sort_unstable();
-    points.dedup();
+/// The ends of the columns of corners around a mask's pixels, from left to right, the upper one first: all that its convex
+/// hull depends on.
+fn ends(mask: &Mask) -> Vec<[i32; 2]> {
+    let BBox { x: left, width, .. } = mask.bbox();
+    let mut rows = vec![[i32::MAX, i32::MIN]; width as usize + 1];
+    for (column, segment) in mask.segments() {
+        for ends in rows[column as usize - left as usize..].iter_mut().take(2) {
+            *ends = [ends[0].min(segment.start as i32), ends[1].max(segment.end as i32)];
+        }
+    }
+    let columns = (left..).zip(rows).filter(|(_, [top, bottom])| top < bottom);
+    columns.flat_map(|(x, rows)| rows.map(|y| [x, y])).collect()
+}
+
+/// The corners of the convex hull of points in ascending order, clockwise in the image from the leftmost (Andrew's monotone
+/// chain); none on its sides.
+fn convex_hull(points: &[[i32; 2]]) -> Vec<[i32; 2]> {
     let turn = |a: [i32; 2], b: [i32; 2], c: [i32; 2]| {
         let [ab, ac] = [b, c].map(|p| [0, 1].map(|k| i64::from(p[k] - a[k])));
         ab[0] * ac[1] - ab[1] * ac[0]
@@ -184,7 +214,7 @@ mod tests {
             };
             for step in 0..720 {
                 let [width, height] = extent(f64::from(step) / 8.0);
-                prop_assert!(width * height >= found.area() - 1e-9);
+                prop_assert!(width * height >= found.size_px[0] * found.size_px[1] - 1e-9);
             }
             let [width, height] = extent(found.angle_deg);
             prop_assert!((width - found.size_px[0]).abs() < 1e-9 && (height - found.size_px[1]).abs() < 1e-9);

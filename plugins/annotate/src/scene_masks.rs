@@ -32,8 +32,12 @@ impl Annotator for SceneMasks {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let ids = products.get(INSTANCE)?;
-        let role = |x: u32, y: u32| cx.scene.body(*ids.at(x, y)).map(|body| body.role);
-        let mask = |is: fn(Option<Role>) -> bool| Mask::from_fn(ids.width(), ids.height(), |x, y| is(role(x, y)));
+        let roles: Vec<Option<Role>> = (0..=u16::MAX)
+            .map(|id| cx.scene.body(InstanceId(id)).map(|body| body.role))
+            .take(cx.scene.bodies().len() + 1)
+            .collect();
+        let roles = ids.map(|id| roles.get(usize::from(id.0)).copied().flatten());
+        let mask = |is: fn(Option<Role>) -> bool| Mask::from_fn(ids.width(), ids.height(), |x, y| is(*roles.at(x, y)));
         let tabletop = mask(|role| role == Some(Role::Support));
         let background = mask(|role| matches!(role, None | Some(Role::Room)));
         let categories = products.get(CATEGORY_ID)?;

@@ -1,6 +1,7 @@
 //! Masks with fractions of pixels.
 
 use crate::masks::TableAndRoom;
+use std::ops::{BitOr, BitXor};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{AMODAL_MASK, AMODAL_SOFT_MASK, INSTANCE, VISIBLE_SOFT_MASK};
 use syntable_model::product::{BitPlane, ObjectImage, ObjectImages};
@@ -71,55 +72,68 @@ impl Annotator for SoftMasks {
             let [start, count] = [y as usize, 1].map(|rows| rows * times * width as usize * times);
             (&instance.data()[start..][..count], &coverage.data()[start * words..][..count * words])
         };
-        let (mut found, mut mixed) = (Found::default(), Mixed::default());
+        let rays = self.subpixels * self.subpixels;
+        let (mut found, mut mixed) = (Found::default(), Vec::new());
         for y in 0..height {
             let (ids, sets) = rows_of(y);
-            mixed.pixels.clear();
-            mixed.pixels.resize(width as usize, false);
-            mixed.mark(ids, times, 1, |id| u64::from(id.0));
-            mixed.mark(sets, times, words, |set| *set);
-            for (x, &is_mixed) in (0..width).zip(&mixed.pixels) {
+            mixed.clear();
+            mixed.resize(width as usize, false);
+            mark_mixed(&mut mixed, ids, times, 1, |id| id.0);
+            mark_mixed(&mut mixed, sets, times, words, |set| *set);
+            let mut x = 0;
+            while x < width {
                 let column = x as usize * times;
-                if is_mixed {
+                if mixed[x as usize] {
                     found.cast(ids, sets, column, times);
-                    found.seen.drain(..).for_each(|(id, hits)| visible.add(id, [x, y], hits));
-                    found.covered.drain(..).for_each(|(id, hits)| amodal.add(id, [x, y], hits));
+                    found.seen.drain(..).for_each(|(id, hits)| visible.add(id, PixelHits { x, y, length: 1, hits }));
+                    found.covered.drain(..).for_each(|(id, hits)| amodal.add(id, PixelHits { x, y, length: 1, hits }));
+                    x += 1;
                 } else {
-                    let hits = self.subpixels * self.subpixels;
-                    visible.add(ids[column], [x, y], hits);
-                    ids_of(&sets[column * words..][..words]).for_each(|id| amodal.add(id, [x, y], hits));
+                    let set_at = |column: usize| &sets[column * words..][..words];
+                    let is_same = |&x: &u32| {
+                        let other = x as usize * times;
+                        !mixed[x as usize] && ids[other] == ids[column] && set_at(other) == set_at(column)
+                    };
+                    let end = (x + 1..width).find(|x| !is_same(x)).unwrap_or(width);
+                    let run = PixelHits { x, y, length: end - x, hits: rays };
+                    visible.add(ids[column], run);
+                    ids_of(set_at(column)).for_each(|id| amodal.add(id, run));
+                    x = end;
                 }
             }
         }
-        let rays = self.subpixels * self.subpixels;
         products.put(VISIBLE_SOFT_MASK, visible.shares([width, height], rays))?;
         products.put(AMODAL_SOFT_MASK, amodal.shares([width, height], rays))
     }
 }
 
-/// Pixels of a row whose rays do not all meet the same. Few pixels are: the others lie within objects or the background.
-#[derive(Default)]
-struct Mixed {
-    pixels: Vec<bool>,
-    /// Bits in which any other row of rays differs from the first.
-    differ: Vec<u64>,
-}
+/// Pixels of a row that are marked at once, so that all of their rays are in the fastest cache.
+const BLOCK: usize = 64;
 
-impl Mixed {
-    /// Marks pixels by what their rays meet: `times` rows of `times` rays per pixel, each of some words.
-    fn mark<T>(&mut self, rays: &[T], times: usize, words: usize, bits: impl Fn(&T) -> u64 + Copy) {
-        let (first, others) = rays.split_at(rays.len() / times);
-        self.differ.clear();
-        self.differ.resize(first.len(), 0);
-        for row in others.chunks_exact(first.len()) {
-            for ((differ, a), b) in self.differ.iter_mut().zip(first).zip(row) {
-                *differ |= bits(a) ^ bits(b);
+/// Marks pixels of a row whose rays do not all meet the same: `times` rows of `times` rays per pixel, each of some words. Few
+/// pixels are: the others lie within objects or the background.
+fn mark_mixed<T, B>(pixels: &mut [bool], rays: &[T], times: usize, words: usize, bits: impl Fn(&T) -> B)
+where
+    B: Copy + Default + PartialEq + BitXor<Output = B> + BitOr<Output = B>,
+{
+    let (row, of_pixel) = (rays.len() / times, times * words);
+    // Bits in which any other row of rays differs from the first.
+    let mut differ = Vec::with_capacity(BLOCK * of_pixel);
+    for (block, pixels) in pixels.chunks_mut(BLOCK).enumerate() {
+        let rays_of = |j: usize| &rays[j * row + block * BLOCK * of_pixel..][..pixels.len() * of_pixel];
+        let first = rays_of(0);
+        differ.clear();
+        differ.resize(first.len(), B::default());
+        for other in (1..times).map(rays_of) {
+            for ((differ, a), b) in differ.iter_mut().zip(first).zip(other) {
+                *differ = *differ | bits(a) ^ bits(b);
             }
         }
-        let (down, across) = (self.differ.chunks_exact(times * words), first.chunks_exact(times * words));
-        for ((mixed, down), across) in self.pixels.iter_mut().zip(down).zip(across) {
-            let differ = across.iter().zip(&across[words..]).fold(0, |differ, (a, b)| differ | (bits(a) ^ bits(b)));
-            *mixed |= down.iter().fold(differ, |differ, it| differ | it) != 0;
+        let of_pixels = differ.chunks_exact(of_pixel).zip(first.chunks_exact(of_pixel));
+        for (is_mixed, (down, across)) in pixels.iter_mut().zip(of_pixels) {
+            let across = across.iter().zip(&across[words..]).map(|(a, b)| bits(a) ^ bits(b));
+            let differ = down.iter().copied().chain(across).fold(B::default(), |all, differ| all | differ);
+            *is_mixed |= differ != B::default();
         }
     }
 }
@@ -162,11 +176,17 @@ fn ids_of(set: &[u64]) -> impl Iterator<Item = InstanceId> {
     })
 }
 
-/// The pixels in which rays hit each of some objects, by id, with the number of rays; none of other objects.
+/// The pixels in which rays hit each of some objects, by id; none of other objects.
 struct Hits(Vec<Option<Vec<PixelHits>>>);
 
-/// A pixel, and how many of its rays hit.
-type PixelHits = ([u32; 2], u32);
+/// A pixel or a run of them in a row from left to right, and how many of the rays of each hit.
+#[derive(Clone, Copy)]
+struct PixelHits {
+    x: u32,
+    y: u32,
+    length: u32,
+    hits: u32,
+}
 
 impl Hits {
     fn new(objects: &PerInstance<Mask>) -> Self {
@@ -178,32 +198,29 @@ impl Hits {
         Self(hits)
     }
 
-    fn add(&mut self, id: InstanceId, pixel: [u32; 2], hits: u32) {
-        if let Some(Some(pixels)) = self.0.get_mut(usize::from(id.0)) {
-            pixels.push((pixel, hits));
+    fn add(&mut self, id: InstanceId, run: PixelHits) {
+        if let Some(Some(runs)) = self.0.get_mut(usize::from(id.0)) {
+            runs.push(run);
         }
     }
 
     /// The share of so many rays in each pixel of a view.
     fn shares(self, [width, height]: [u32; 2], rays: u32) -> ObjectImages<f32> {
         let mut images = ObjectImages::new(width, height);
-        for (id, pixels) in (0..).zip(self.0).filter_map(|(id, pixels)| Some((InstanceId(id), pixels?))) {
-            let (left, top) = (edge(&pixels, 0, u32::min), edge(&pixels, 1, u32::min));
-            let (right, bottom) = (edge(&pixels, 0, u32::max), edge(&pixels, 1, u32::max));
-            let [width, height] = if pixels.is_empty() { [0; 2] } else { [right - left + 1, bottom - top + 1] };
-            let mut shares = Plane::from_vec(width, height, vec![0.0; width as usize * height as usize]);
-            for ([x, y], hits) in pixels {
-                shares.data_mut()[((y - top) * width + x - left) as usize] = hits as f32 / rays as f32;
+        for (id, runs) in (0..).zip(self.0).filter_map(|(id, runs)| Some((InstanceId(id), runs?))) {
+            let least = |of: fn(&PixelHits) -> u32| runs.iter().map(of).min().unwrap_or(0);
+            let greatest = |of: fn(&PixelHits) -> u32| runs.iter().map(of).max().unwrap_or(0);
+            let (left, top) = (least(|run| run.x), least(|run| run.y));
+            let (right, bottom) = (greatest(|run| run.x + run.length), greatest(|run| run.y + 1));
+            let mut shares = Plane::from_fn(right - left, bottom - top, |_, _| 0.0);
+            for run in runs {
+                let start = (run.y - top) as usize * (right - left) as usize + (run.x - left) as usize;
+                shares.data_mut()[start..][..run.length as usize].fill(run.hits as f32 / rays as f32);
             }
             images.insert(id, ObjectImage { x: left, y: top, pixels: shares });
         }
         images
     }
-}
-
-/// The least or greatest column or row of some pixels; 0 if there is none.
-fn edge(pixels: &[PixelHits], axis: usize, of: fn(u32, u32) -> u32) -> u32 {
-    pixels.iter().map(|(pixel, _)| pixel[axis]).reduce(of).unwrap_or(0)
 }
 
 register!(SoftMasks);

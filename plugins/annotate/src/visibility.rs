@@ -52,8 +52,8 @@ impl Annotator for Visibility {
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (image, canvas) = (products.get(COVERAGE)?, products.get(COVERAGE.on_canvas(CANVAS))?);
         let depth = products.get(DEPTH)?;
-        let valid = count_valid(image, depth);
         let (inside, whole) = (extents(image), extents(canvas));
+        let valid = count_valid(image, depth, inside.iter().map(|extent| extent.area).collect());
         let k = &cx.view.camera.intrinsics;
         let visible = count_visible(products.get(INSTANCE)?, image.objects());
         let of = |id: InstanceId| -> Result<Value> {
@@ -90,10 +90,9 @@ fn count_visible(first: &Plane<InstanceId>, objects: usize) -> Vec<u64> {
     counts
 }
 
-/// For each object, the number of its pixels in the image at which there is a depth.
-fn count_valid(image: &BitPlane, depth: &Plane<f32>) -> Vec<u64> {
+/// For each object, the number of its pixels in the image at which there is a depth: of so many, those without are taken away.
+fn count_valid(image: &BitPlane, depth: &Plane<f32>, mut counts: Vec<u64>) -> Vec<u64> {
     let missing = |depth: f32| !(depth.is_finite() && depth > 0.0);
-    let mut counts: Vec<u64> = extents(image).iter().map(|extent| extent.area).collect();
     for (set, _) in image.data().chunks_exact(image.words()).zip(depth.data()).filter(|(_, depth)| missing(**depth)) {
         for (word, &bits) in set.iter().enumerate() {
             let mut bits = bits;

@@ -2,15 +2,18 @@
 //! 640 × 480, with 8 bounces.
 //!
 //! `cargo bench -p syntable-render-wgpu --bench frame [-- ADAPTER]` prints the time to the first image, milliseconds per
-//! frame by samples, rays per second, what labels cost, what guides add, and how near the denoised image is to that of 4096
-//! samples.
+//! frame by samples, rays per second, what labels cost, what guides add, how near the denoised image is to that of 4096
+//! samples, and what a frame takes if several views are in flight, as in a run.
 
+use std::sync::Barrier;
+use std::thread;
 use std::time::Instant;
 use syntable_denoise::guided::Guided;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
     ALBEDO, COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, NORMAL, RADIANCE, RENDER_REPORT,
 };
+use syntable_model::scene::Scene;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer};
 use syntable_testing::errors::{psnr, white};
 use syntable_testing::room::{self, Look};
@@ -19,6 +22,10 @@ use syntable_transport::PathTracing;
 
 /// Frames of which the fastest counts.
 const FRAMES: usize = 5;
+
+/// Views that are rendered at the same time, and frames of each.
+const IN_FLIGHT: usize = 3;
+const FRAMES_IN_FLIGHT: usize = 30;
 
 /// Samples of the image that denoised ones are compared with.
 const CONVERGED: u32 = 4096;
@@ -79,23 +86,68 @@ fn main() {
                 }
                 _ => f64::NAN,
             };
+            let in_flight = |wants: &[KeyId], denoiser: Option<&dyn Denoiser>| {
+                1e3 * seconds_in_flight(&renderer, adapter, &scene, wants, denoiser)
+            };
+            let flying = [in_flight(&[RADIANCE.id()], None), in_flight(&[RADIANCE.id()], Some(&guided))];
             let (rays, shadows) = (count("rays"), count("shadow_rays"));
             println!(
                 "{look:?}, {samples} samples: {:.1} ms; {:.2} + {:.2} rays and shadow rays a path, {:.2} Grays/s; with guides {:.1} \
-                 ms, denoised {:.1} ms, {near:.1} dB; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
+                 ms, denoised {:.1} ms, {near:.1} dB; {IN_FLIGHT} in flight {:.1} ms, denoised {:.1} ms; loaded in {loaded:.2} s, first {FRAMES} frames {first:.2} s",
                 1e3 * light,
                 rays / count("paths"),
                 shadows / count("paths"),
                 (rays + shadows) / light / 1e9,
                 1e3 * guides,
                 1e3 * denoised,
+                flying[0],
+                flying[1],
             );
             if samples == 1 {
                 let masks = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), COVERAGE.before_support().id()];
                 let (labels, _) = best(&masks, None);
                 let (shaded, _) = best(&[NORMAL.id(), ALBEDO.id()], None);
-                println!("{look:?}, labels: {:.2} ms; normals and albedo {:.2} ms", 1e3 * labels, 1e3 * shaded);
+                println!(
+                    "{look:?}, labels: {:.2} ms, {IN_FLIGHT} in flight {:.2} ms; normals and albedo {:.2} ms",
+                    1e3 * labels,
+                    in_flight(&masks, None),
+                    1e3 * shaded
+                );
             }
         }
     }
+}
+
+/// Seconds per frame of views that are rendered at the same time by sessions of their own.
+fn seconds_in_flight(
+    renderer: &GpuPathRenderer,
+    adapter: usize,
+    scene: &Scene,
+    wants: &[KeyId],
+    denoiser: Option<&dyn Denoiser>,
+) -> f64 {
+    let (ready, done) = (Barrier::new(IN_FLIGHT + 1), Barrier::new(IN_FLIGHT + 1));
+    let cores = thread::available_parallelism().map_or(2, usize::from);
+    thread::scope(|scope| {
+        for _ in 0..IN_FLIGHT {
+            scope.spawn(|| {
+                let (view, workers) = (room::view(640, 480), Threads((cores / IN_FLIGHT).max(1)));
+                let mut session = renderer.open(adapter).expect("opens");
+                session.load(scene, &workers).expect("loads");
+                let mut render = || {
+                    let request =
+                        RenderRequest { denoiser, ..RenderRequest::new(&view, wants, Stream::root(1), &workers) };
+                    session.render(&request, &mut Products::new()).expect("renders");
+                };
+                render();
+                ready.wait();
+                (0..FRAMES_IN_FLIGHT).for_each(|_| render());
+                done.wait();
+            });
+        }
+        ready.wait();
+        let started = Instant::now();
+        done.wait();
+        started.elapsed().as_secs_f64() / (IN_FLIGHT * FRAMES_IN_FLIGHT) as f64
+    })
 }

@@ -121,24 +121,41 @@ impl Mask {
         })
     }
 
+    /// The runs cut at the ends of columns: the column, and the half-open range of its rows.
+    pub fn segments(&self) -> impl Iterator<Item = (u32, std::ops::Range<u32>)> {
+        let height = self.height;
+        self.runs().flat_map(move |run| {
+            let (first, last) = (run.start / height, (run.end - 1) / height);
+            (first..=last).map(move |x| {
+                let column = x * height;
+                (x, run.start.max(column) - column..run.end.min(column + height) - column)
+            })
+        })
+    }
+
     /// Tight box around the set pixels; all zeros if there are none.
     pub fn bbox(&self) -> BBox {
-        let Some(first) = self.runs().next() else { return BBox::default() };
-        let (mut x1, mut y0, mut y1) = (0, self.height, 0);
-        let x0 = first.start / self.height;
-        for run in self.runs() {
-            let last = run.end - 1;
-            x1 = last / self.height;
-            // A run that goes past the end of a column touches both the bottom and the top edge.
-            let (top, bottom) = if run.start / self.height == last / self.height {
-                (run.start % self.height, last % self.height)
-            } else {
-                (0, self.height - 1)
-            };
-            (y0, y1) = (y0.min(top), y1.max(bottom));
-        }
-        let [x, y, width, height] = [x0, y0, x1 - x0 + 1, y1 - y0 + 1].map(|v| v as i32);
+        let mut segments = self.segments();
+        let Some((left, rows)) = segments.next() else { return BBox::default() };
+        let around = |(_, top, bottom): (u32, u32, u32), (x, rows): (u32, std::ops::Range<u32>)| {
+            (x, top.min(rows.start), bottom.max(rows.end))
+        };
+        let (right, top, bottom) = segments.fold((left, rows.start, rows.end), around);
+        let [x, y, width, height] = [left, top, right + 1 - left, bottom - top].map(|edge| edge as i32);
         BBox { x, y, width, height }
+    }
+
+    /// The part of the mask within its [box](Self::bbox), with an edge of so many pixels around it that are not set.
+    pub fn within_box(&self, edge: u32) -> Plane<bool> {
+        let [left, top, width, height] = <[i32; 4]>::from(self.bbox()).map(|at| at as u32);
+        let (width, height) = (width + 2 * edge, height + 2 * edge);
+        let mut inside = vec![false; width as usize * height as usize];
+        for (x, rows) in self.segments() {
+            let first = (rows.start - top + edge) * width + x - left + edge;
+            let column = inside[first as usize..].iter_mut().step_by(width as usize);
+            column.take(rows.len()).for_each(|pixel| *pixel = true);
+        }
+        Plane::from_vec(width, height, inside)
     }
 
     /// Pixels in this mask and the other.
@@ -180,9 +197,8 @@ impl Mask {
 
     /// Indices of the mask's pixels in a [`Plane`], down the columns.
     pub fn pixels(&self) -> impl Iterator<Item = usize> {
-        let (width, height) = (self.width as usize, self.height as usize);
-        let positions = self.runs().flat_map(|run| run.start as usize..run.end as usize);
-        positions.map(move |position| position % height * width + position / height)
+        let width = self.width as usize;
+        self.segments().flat_map(move |(x, rows)| rows.map(move |y| y as usize * width + x as usize))
     }
 
     /// COCO's compressed `counts`: differences to the run before last, five bits a letter, low bits first.
@@ -321,6 +337,14 @@ mod tests {
             prop_assert_eq!(ma.or(&mb), zip(|a, b| a || b));
             prop_assert_eq!(ma.minus(&mb), zip(|a, b| a && !b));
             prop_assert_eq!(ma.to_plane().data().to_vec(), a.clone());
+            let inside = ma.within_box(1);
+            let BBox { x, y, width, height } = ma.bbox();
+            prop_assert_eq!([inside.width(), inside.height()], [width, height].map(|edge| edge as u32 + 2));
+            let set = |column: u32, row: u32| {
+                let (column, row) = (column as i32 + x - 1, row as i32 + y - 1);
+                (0..w as i32).contains(&column) && (0..h as i32).contains(&row) && a[(row * w as i32 + column) as usize]
+            };
+            prop_assert_eq!(&inside, &Plane::from_fn(inside.width(), inside.height(), set));
             prop_assert_eq!(ma.area() as usize, a.iter().filter(|&&bit| bit).count());
             prop_assert_eq!(Mask::from_coco(w, h, &ma.to_coco()).expect("reads back"), ma.clone());
             let set: Vec<(u32, u32)> = (0..w).flat_map(|x| (0..h).map(move |y| (x, y)))

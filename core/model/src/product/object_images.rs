@@ -1,6 +1,6 @@
 //! Images of objects, each cut to where the object is.
 
-use super::{Form, Mask, Pixel, Plane, Product, Value};
+use super::{Form, Mask, ObjectDepths, PerInstance, Pixel, Plane, Product, Value};
 use crate::scene::InstanceId;
 use std::collections::BTreeMap;
 
@@ -28,22 +28,35 @@ impl<P: Pixel> ObjectImage<P> {
     /// The pixels of the box of a mask, each from its index in the mask's image. It is `around` outside of the mask and
     /// where there is none.
     pub fn of_mask(mask: &Mask, around: P, mut pixel: impl FnMut(usize) -> Option<P>) -> Self {
-        let [x, y, width, height] = <[i32; 4]>::from(mask.bbox()).map(|edge| edge as u32);
-        let mut pixels = Plane::from_vec(width, height, vec![around; width as usize * height as usize]);
-        let image_width = mask.width() as usize;
-        for index in mask.pixels() {
-            if let Some(value) = pixel(index) {
-                let [column, row] = [index % image_width - x as usize, index / image_width - y as usize];
-                pixels.data_mut()[row * width as usize + column] = value;
+        let mut image = Self::around(mask, around);
+        let (width, image_width) = (image.pixels.width() as usize, mask.width() as usize);
+        for (column, rows) in mask.segments() {
+            for row in rows {
+                if let Some(value) = pixel(row as usize * image_width + column as usize) {
+                    let place = (row - image.y) as usize * width + (column - image.x) as usize;
+                    image.pixels.data_mut()[place] = value;
+                }
             }
         }
-        Self { x, y, pixels }
+        image
+    }
+
+    /// The box of a mask, all of one value.
+    fn around(mask: &Mask, value: P) -> Self {
+        let [x, y, width, height] = <[i32; 4]>::from(mask.bbox()).map(|edge| edge as u32);
+        Self { x, y, pixels: Plane::from_vec(width, height, vec![value; width as usize * height as usize]) }
     }
 
     /// The pixel at a column and row of the view, where one is kept.
     pub fn at(&self, x: u32, y: u32) -> Option<&P> {
+        self.place(x, y).map(|place| &self.pixels.data()[place])
+    }
+
+    /// Where the pixel at a column and row of the view is among those kept.
+    fn place(&self, x: u32, y: u32) -> Option<usize> {
         let (x, y) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
-        (x < self.pixels.width() && y < self.pixels.height()).then(|| self.pixels.at(x, y))
+        let (width, height) = (self.pixels.width(), self.pixels.height());
+        (x < width && y < height).then(|| y as usize * width as usize + x as usize)
     }
 }
 
@@ -58,6 +71,34 @@ impl<P: Pixel> ObjectImages<P> {
     /// No images, for a view of a width and height; those to come are `around` what is kept.
     pub fn within(around: P, width: u32, height: u32) -> Self {
         Self { width, height, around, images: BTreeMap::new() }
+    }
+
+    /// The boxes of masks in the image of a view, from the objects on its rays: `value` of the object, of column and row of the
+    /// pixel, and of the depth, where the ray of a pixel of the mask meets the object, and `around` elsewhere.
+    pub fn of_hits(
+        masks: &PerInstance<Mask>,
+        hits: &ObjectDepths,
+        around: P,
+        mut value: impl FnMut(InstanceId, [u32; 2], f32) -> P,
+    ) -> Self {
+        let places = masks.iter().map(|(id, _)| usize::from(id.0) + 1).max().unwrap_or(0);
+        let mut images: Vec<Option<(Plane<bool>, ObjectImage<P>)>> = vec![None; places];
+        for (id, mask) in masks.iter() {
+            images[usize::from(id.0)] = Some((mask.within_box(0), ObjectImage::around(mask, around)));
+        }
+        let mut pixels = hits.pixels();
+        for y in 0..hits.height() {
+            for (x, objects) in (0..hits.width()).zip(&mut pixels) {
+                for &(id, depth) in objects {
+                    let Some(Some((inside, image))) = images.get_mut(usize::from(id.0)) else { continue };
+                    if let Some(place) = image.place(x, y).filter(|&place| inside.data()[place]) {
+                        image.pixels.data_mut()[place] = value(id, [x, y], depth);
+                    }
+                }
+            }
+        }
+        let images = (0..).map(InstanceId).zip(images).filter_map(|(id, image)| Some((id, image?.1))).collect();
+        Self { width: hits.width(), height: hits.height(), around, images }
     }
 
     /// Adds the image of an instance. Panics if it reaches beyond the view.
@@ -123,6 +164,23 @@ mod tests {
         let of = |x, y| *images.whole(InstanceId(1)).expect("inserted").at(x, y);
         assert_eq!([of(3, 1), of(1, 2), of(3, 2), of(0, 0), of(4, 3)], [8.0, 11.0, -1.0, -1.0, -1.0]);
         assert_eq!(images.whole(InstanceId(2)), Some(Plane::from_vec(5, 4, vec![-1.0; 20])));
+    }
+
+    #[test]
+    fn an_image_of_hits_has_those_of_the_mask() {
+        let mask = Mask::from_fn(5, 4, |x, y| (x, y) == (1, 2) || (x, y) == (3, 1) || (x, y) == (3, 2));
+        let masks: PerInstance<Mask> =
+            [(InstanceId(2), mask), (InstanceId(4), Mask::empty(5, 4))].into_iter().collect();
+        // Of the second object: outside of its box, in it but not of the mask, and two of the mask's three.
+        let hits = [(0, 2, 9.0), (7, 2, 8.0), (8, 2, 2.0), (8, 1, 1.0), (11, 2, 3.0), (11, 4, 4.0), (19, 7, 1.0)];
+        let hits = hits.map(|(pixel, id, depth)| (pixel, InstanceId(id), depth)).to_vec();
+        let hits = ObjectDepths::from_hits(5, 4, hits);
+        let images =
+            ObjectImages::of_hits(&masks, &hits, [0; 3], |id, [x, y], depth| [id.0, (10 * x + y) as u16, depth as u16]);
+        let image = images.get(InstanceId(2)).expect("masked");
+        assert_eq!((image.x, image.y, image.pixels.width(), image.pixels.height()), (1, 1, 3, 2));
+        assert_eq!(image.pixels.data(), [[0; 3], [0; 3], [2, 31, 2], [2, 12, 3], [0; 3], [0; 3]]);
+        assert_eq!(images.iter().map(|(id, _)| id.0).collect::<Vec<_>>(), [2, 4]);
     }
 
     #[test]

@@ -19,7 +19,10 @@ impl<T> Plane<T> {
 
     /// An image from a function of (x, y).
     pub fn from_fn(width: u32, height: u32, mut f: impl FnMut(u32, u32) -> T) -> Self {
-        let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| f(x, y)).collect();
+        let mut data = Vec::with_capacity(width as usize * height as usize);
+        for y in 0..height {
+            data.extend((0..width).map(|x| f(x, y)));
+        }
         Self { width, height, data }
     }
 

@@ -22,16 +22,19 @@ pub struct Intrinsics {
 
 impl Intrinsics {
     /// Projects a point of the camera frame to (u, v), px. The point must be in front: z > 0.
+    #[inline]
     pub fn project(&self, p_camera: &Point3<f64>) -> [f64; 2] {
         [self.fx * p_camera.x / p_camera.z + self.cx, self.fy * p_camera.y / p_camera.z + self.cy]
     }
 
     /// The direction of (u, v) in the camera frame with z = 1, so that depth is the ray parameter.
+    #[inline]
     pub fn unproject(&self, u: f64, v: f64) -> Vector3<f64> {
         Vector3::new((u - self.cx) / self.fx, (v - self.cy) / self.fy, 1.0)
     }
 
     /// Whether (u, v) is in the image.
+    #[inline]
     pub fn contains(&self, [u, v]: [f64; 2]) -> bool {
         (0.0..f64::from(self.width)).contains(&u) && (0.0..f64::from(self.height)).contains(&v)
     }
@@ -158,6 +161,7 @@ impl Camera {
     }
 
     /// Projects a point of the camera frame to (u, v), px, distortion included. The point must be in front: z > 0.
+    #[inline]
     pub fn project(&self, p_camera: &Point3<f64>) -> [f64; 2] {
         match &self.distortion {
             None => self.intrinsics.project(p_camera),
@@ -168,13 +172,44 @@ impl Camera {
         }
     }
 
+    /// The directions that the centers of the pixels see.
+    pub fn rays(&self) -> Rays<'_> {
+        let k = &self.intrinsics;
+        let columns = (0..k.width).map(|x| k.unproject(f64::from(x) + 0.5, 0.0).x).collect();
+        let rows = (0..k.height).map(|y| k.unproject(0.0, f64::from(y) + 0.5).y).collect();
+        Rays { columns, rows, distortion: self.distortion.as_ref() }
+    }
+
     /// The direction that is seen at (u, v), in the camera frame with z = 1, so that depth is the ray parameter. None
     /// where the distortion has no inverse: such pixels see nothing.
+    #[inline]
     pub fn unproject(&self, u: f64, v: f64) -> Option<Vector3<f64>> {
         let straight = self.intrinsics.unproject(u, v);
         match &self.distortion {
             None => Some(straight),
             Some(distortion) => distortion.undistort([straight.x, straight.y]).map(|[x, y]| Vector3::new(x, y, 1.0)),
+        }
+    }
+}
+
+/// The directions that the centers of a camera's pixels see, in its frame with z = 1.
+#[derive(Debug, Clone)]
+pub struct Rays<'a> {
+    /// x of each column, without distortion.
+    columns: Vec<f64>,
+    /// y of each row.
+    rows: Vec<f64>,
+    distortion: Option<&'a Distortion>,
+}
+
+impl Rays<'_> {
+    /// x and y of the direction of the pixel at column x of row y, whose z is 1: [`Camera::unproject`] of its center.
+    #[inline]
+    pub fn at(&self, x: u32, y: u32) -> Option<(f64, f64)> {
+        let (x, y) = (self.columns[x as usize], self.rows[y as usize]);
+        match self.distortion {
+            None => Some((x, y)),
+            Some(distortion) => distortion.undistort([x, y]).map(|[x, y]| (x, y)),
         }
     }
 }
@@ -230,6 +265,15 @@ mod tests {
             for y in [-0.5, 0.1, 0.6] {
                 let back = lens.undistort(lens.distort([x, y])).expect("within the image");
                 assert!((back[0] - x).abs() < 1e-9 && (back[1] - y).abs() < 1e-9, "{x} {y}: {back:?}");
+            }
+        }
+        let intrinsics = Intrinsics { width: 6, height: 5, fx: 4.0, fy: 5.0, cx: 2.5, cy: 3.0 };
+        for distortion in [None, Some(lens)] {
+            let camera = Camera { distortion, ..Camera::pinhole(intrinsics, Pose::identity()) };
+            let rays = camera.rays();
+            for (x, y) in (0..5).flat_map(|y| (0..6).map(move |x| (x, y))) {
+                let ray = rays.at(x, y).map(|(x, y)| Vector3::new(x, y, 1.0));
+                assert_eq!(ray, camera.unproject(f64::from(x) + 0.5, f64::from(y) + 0.5));
             }
         }
         // A barrel that folds: nothing is seen beyond the fold.

@@ -18,7 +18,7 @@ mod topology;
 
 pub use asset::{Asset, AssetClass, AssetRef, Catalog, CatalogEntry, ConvexPart, EXTENT_M, Keypoint, Object};
 pub use body::{Body, BodyDraft, BodyHandle, InstanceId, Motion, Role};
-pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, ThinLens};
+pub use camera::{Camera, Distortion, Exposure, Intrinsics, Optics, Rays, ThinLens};
 pub use environment::EnvironmentMap;
 pub use light::{DirectionalLight, DiskLight, EnvironmentLight, Light, RectLight, SphereLight, WindowLight};
 pub use mass::{MassDistribution, MassOrigin, MassProperties, Moments};
