@@ -107,8 +107,9 @@ impl Listing {
                 Some(image) => image.annotations.push(number),
             }
         }
-        let (refs, images) = faults
+        let (mut refs, images) = faults
             .in_order(by_id.into_values().collect(), |image: &Listed| (&image.frame.file_name, image.frame.place));
+        refs.iter_mut().zip(&images).for_each(|(image, listed)| image.id = Some(listed.frame.id));
         Ok(Self { file, categories, refs, images, faults })
     }
 

@@ -247,7 +247,7 @@ impl Faults {
         for (number, record) in (0..).zip(records) {
             let (name, said) = of(&record);
             let place = said.or_else(|| place_in_name(name)).filter(|_| named).unwrap_or((number, 0));
-            let image = ImageRef { scene: SceneId(place.0), view: ViewId(place.1), name: name.clone() };
+            let image = ImageRef { scene: SceneId(place.0), view: ViewId(place.1), name: name.clone(), id: None };
             match placed.entry(place) {
                 Entry::Vacant(entry) => drop(entry.insert((image, record))),
                 Entry::Occupied(first) => {

@@ -4,7 +4,7 @@
 //! does not know where they came from. Registered with [`register_format!`](crate::register_format).
 
 use crate::error::{Error, Result};
-use crate::product::{KeyId, Products};
+use crate::product::{KeyId, Mask, Products};
 use crate::scene::{SceneId, View, ViewId};
 use crate::stage::DatasetInfo;
 use std::path::{Path, PathBuf};
@@ -119,6 +119,12 @@ pub trait DatasetReader: Send + Sync {
     fn derived(&self) -> Vec<KeyId> {
         Vec::new()
     }
+    /// Regions of an image in which objects are there and not told apart, such as COCO's crowds. They are no objects; a score
+    /// may neither count what is found in them nor hold it against a detector.
+    fn crowds(&self, image: usize) -> Result<Vec<Mask>> {
+        let _ = image;
+        Ok(Vec::new())
+    }
     /// In what products among these say less than those of a run, for people.
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let _ = reads;
@@ -135,6 +141,8 @@ pub struct ImageRef {
     pub view: ViewId,
     /// What the dataset calls it, such as its path.
     pub name: String,
+    /// The number that the dataset's annotation file gives it; none in formats without such numbers.
+    pub id: Option<u64>,
 }
 
 /// Something that is wrong with a dataset.

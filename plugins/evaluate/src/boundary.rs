@@ -1,81 +1,201 @@
 //! Boundary maps as the reference makes them: half a pixel to the top left, blind along the edges of the image.
+//!
+//! A map is kept as columns of bits, from the first to the last column that it can reach.
 
 use syntable_model::product::Mask;
 
 /// Tolerance as a share of the image's diagonal.
 const TOLERANCE: f64 = 0.003;
+/// Bits of a word.
+const WORD: usize = 64;
 
 /// Radius within which boundary pixels count as the same, px.
-pub fn radius(width: u32, height: u32) -> i64 {
+pub fn radius(width: u32, height: u32) -> usize {
     let [width, height] = [width, height].map(f64::from);
-    (TOLERANCE * (width * width + height * height).sqrt()).ceil() as i64
+    (TOLERANCE * (width * width + height * height).sqrt()).ceil() as usize
 }
 
 /// The boundary of a mask.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Boundary {
-    /// Its pixels (x, y), row by row.
-    pub pixels: Vec<[i64; 2]>,
-    radius: i64,
+    columns: Columns,
+    /// Number of columns of the image.
+    width: usize,
+    radius: usize,
+    len: usize,
+}
+
+/// Neighboring columns of an image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Columns {
+    /// The first one.
+    first: usize,
+    /// Words of each.
+    stride: usize,
+    words: Vec<u64>,
 }
 
 impl Boundary {
     /// Pixels that differ from that to the right, below, or both; in the last row and column from the one that is there.
     pub fn of(mask: &Mask) -> Self {
-        let [width, height] = [mask.width(), mask.height()].map(i64::from);
-        let area = mask.bbox();
-        let [x0, y0, w, h] = [area.x, area.y, area.width, area.height].map(i64::from);
-        let mut bits = vec![false; (w * h) as usize];
-        for position in mask.runs().flatten().map(i64::from) {
-            bits[((position % height - y0) * w + position / height - x0) as usize] = true;
+        let [width, height] = [mask.width(), mask.height()].map(|edge| edge as usize);
+        let inside = Columns::of(mask);
+        let below = below(height);
+        let mut columns = inside.widened(1, 0, width);
+        let empty = vec![0; inside.stride];
+        for at in columns.range() {
+            let own = inside.column(at).unwrap_or(&empty);
+            let next = (at + 1 < width).then(|| inside.column(at + 1).unwrap_or(&empty));
+            for (index, word) in columns.column_mut(at).iter_mut().enumerate() {
+                *word = (own[index] ^ up(own, index)) & below[index];
+                if let Some(next) = next {
+                    *word |= (own[index] ^ next[index]) | (own[index] ^ up(next, index)) & below[index];
+                }
+            }
         }
-        let at = |x: i64, y: i64| {
-            (x0..x0 + w).contains(&x) && (y0..y0 + h).contains(&y) && bits[((y - y0) * w + x - x0) as usize]
+        let len = columns.words.iter().map(|word| word.count_ones() as usize).sum();
+        Self { columns, width, radius: radius(mask.width(), mask.height()), len }
+    }
+
+    /// Its pixels (x, y), row by row.
+    pub fn pixels(&self) -> Vec<[usize; 2]> {
+        let bits = |x: usize| {
+            let column = self.columns.column(x).unwrap_or_default();
+            (0..WORD * column.len()).filter(|y| column[y / WORD] >> (y % WORD) & 1 == 1).map(move |y| [x, y])
         };
-        let is_boundary = |x: i64, y: i64| {
-            let (right, below) = (x + 1 < width, y + 1 < height);
-            let differs = |x, y, own| at(x, y) != own;
-            let own = at(x, y);
-            right && differs(x + 1, y, own)
-                || below && differs(x, y + 1, own)
-                || right && below && differs(x + 1, y + 1, own)
-        };
-        let columns = || (x0 - 1).max(0)..x0 + w;
-        let rows = (y0 - 1).max(0)..y0 + h;
-        let pixels = rows.flat_map(|y| columns().map(move |x| [x, y]));
-        let pixels = pixels.filter(|[x, y]| is_boundary(*x, *y)).collect();
-        Self { pixels, radius: radius(mask.width(), mask.height()) }
+        let mut pixels: Vec<[usize; 2]> = self.columns.range().flat_map(bits).collect();
+        pixels.sort_unstable_by_key(|[x, y]| (*y, *x));
+        pixels
     }
 
     /// Number of pixels.
     pub fn len(&self) -> usize {
-        self.pixels.len()
+        self.len
     }
 
     /// Whether there is no pixel.
     pub fn is_empty(&self) -> bool {
-        self.pixels.is_empty()
+        self.len == 0
     }
 
     /// Number of pixels that lie within the radius of one of the other's.
     pub fn near(&self, other: &Self) -> usize {
-        let Some(low) = corner(&other.pixels, i64::min).map(|low| low.map(|v| v - self.radius)) else { return 0 };
-        let Some(high) = corner(&other.pixels, i64::max).map(|high| high.map(|v| v + self.radius)) else { return 0 };
-        let width = high[0] - low[0] + 1;
-        let index = |[x, y]: [i64; 2]| ((y - low[1]) * width + x - low[0]) as usize;
-        let mut bits = vec![false; (width * (high[1] - low[1] + 1)) as usize];
-        for &[x, y] in &other.pixels {
-            for dy in -self.radius..=self.radius {
-                for dx in (-self.radius..=self.radius).filter(|dx| dx * dx + dy * dy <= self.radius * self.radius) {
-                    bits[index([x + dx, y + dy])] = true;
+        let [own, others] = [self.columns.range(), other.columns.range()];
+        if self.is_empty()
+            || other.is_empty()
+            || own.start >= others.end + self.radius
+            || others.start >= own.end + self.radius
+        {
+            return 0;
+        }
+        let grown = other.grown();
+        let both = |at: usize| {
+            let (Some(own), Some(grown)) = (self.columns.column(at), grown.column(at)) else { return 0 };
+            own.iter().zip(grown).map(|(a, b)| (a & b).count_ones() as usize).sum()
+        };
+        own.map(both).sum()
+    }
+
+    /// All pixels within the radius of the boundary.
+    fn grown(&self) -> Columns {
+        let radius = self.radius;
+        let mut out = self.columns.widened(radius, radius, self.width);
+        // By how much a column reaches up and down in one that is so far away.
+        let reach = |away: usize| (0..=radius).rev().find(|dy| dy * dy + away * away <= radius * radius).unwrap_or(0);
+        let reaches: Vec<usize> = (0..=radius).map(reach).collect();
+        for at in self.columns.range() {
+            let mut grown = self.columns.column(at).unwrap_or_default().to_vec();
+            if grown.iter().all(|word| *word == 0) {
+                continue;
+            }
+            for dy in 0..=radius {
+                if dy > 0 {
+                    grown =
+                        (0..grown.len()).map(|index| grown[index] | up(&grown, index) | down(&grown, index)).collect();
+                }
+                for away in (0..=radius).filter(|away| reaches[*away] == dy) {
+                    for to in [at.checked_sub(away), (away > 0).then_some(at + away)].into_iter().flatten() {
+                        out.add(to, &grown);
+                    }
                 }
             }
         }
-        let is_inside = |p: &[i64; 2]| (0..2).all(|axis| (low[axis]..=high[axis]).contains(&p[axis]));
-        self.pixels.iter().filter(|pixel| is_inside(pixel) && bits[index(**pixel)]).count()
+        out
     }
 }
 
-fn corner(pixels: &[[i64; 2]], choose: fn(i64, i64) -> i64) -> Option<[i64; 2]> {
-    pixels.iter().copied().reduce(|a, b| [choose(a[0], b[0]), choose(a[1], b[1])])
+impl Columns {
+    /// The columns of the box of a mask.
+    fn of(mask: &Mask) -> Self {
+        let (area, height) = (mask.bbox(), mask.height() as usize);
+        let (first, stride) = (area.x as usize, height.div_ceil(WORD));
+        let mut words = vec![0; area.width as usize * stride];
+        for run in mask.runs() {
+            let (mut from, end) = (run.start as usize, run.end as usize);
+            while from < end {
+                let (column, top) = (from / height, from % height);
+                let bottom = height.min(top + end - from);
+                fill(&mut words[(column - first) * stride..][..stride], top, bottom);
+                from += bottom - top;
+            }
+        }
+        Self { first, stride, words }
+    }
+
+    fn range(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.words.len() / self.stride.max(1)
+    }
+
+    /// As many empty columns, and some more on either side, within an image of `width` columns.
+    fn widened(&self, left: usize, right: usize, width: usize) -> Self {
+        let range = self.range();
+        if range.is_empty() {
+            return self.clone();
+        }
+        let (first, end) = (range.start.saturating_sub(left), (range.end + right).min(width));
+        Self { first, stride: self.stride, words: vec![0; (end - first) * self.stride] }
+    }
+
+    fn column(&self, at: usize) -> Option<&[u64]> {
+        let index = at.checked_sub(self.first)? * self.stride;
+        self.words.get(index..index + self.stride)
+    }
+
+    fn column_mut(&mut self, at: usize) -> &mut [u64] {
+        let index = (at - self.first) * self.stride;
+        &mut self.words[index..index + self.stride]
+    }
+
+    /// Adds bits to a column, if it is there.
+    fn add(&mut self, at: usize, bits: &[u64]) {
+        if self.range().contains(&at) {
+            self.column_mut(at).iter_mut().zip(bits).for_each(|(word, more)| *word |= more);
+        }
+    }
+}
+
+/// The rows that have one below.
+fn below(height: usize) -> Vec<u64> {
+    let mut words = vec![0; height.div_ceil(WORD)];
+    fill(&mut words, 0, height.saturating_sub(1));
+    words
+}
+
+fn fill(words: &mut [u64], top: usize, bottom: usize) {
+    for (index, word) in words.iter_mut().enumerate() {
+        let [from, to] = [top, bottom].map(|y| y.saturating_sub(index * WORD).min(WORD));
+        if from < to {
+            *word |= (u64::MAX >> (WORD - (to - from))) << from;
+        }
+    }
+}
+
+/// A word of a column whose pixels moved up by one.
+fn up(column: &[u64], index: usize) -> u64 {
+    column[index] >> 1 | column.get(index + 1).map_or(0, |next| next << (WORD - 1))
+}
+
+/// A word of a column whose pixels moved down by one.
+fn down(column: &[u64], index: usize) -> u64 {
+    column[index] << 1 | index.checked_sub(1).map_or(0, |before| column[before] >> (WORD - 1))
 }

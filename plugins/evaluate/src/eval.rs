@@ -1,22 +1,31 @@
 //! `syntable eval`.
 
 use crate::image::{Instance, OCCLUDED_FROM, Pair};
-use crate::predictions::{Predictions, check_masks, instances};
-use crate::table::{Scored, Table};
-use crate::{Convention, dataset, score};
+use crate::measure::{Measures, Tally, linked};
+use crate::predictions::{self, Predictions, check_masks, instances};
+use crate::table::{Score, Scored, Table};
+use crate::{Convention, bootstrap};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::{self, DatasetReader};
+use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Verb};
+use syntable_runtime::cli::{Console, Exit, Topic, Verb};
 use syntable_runtime::run::progress::{Event, Reporter};
 use syntable_runtime::workers::{self, Pool};
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+syntable_runtime::register_topic!(Topic { name: "metrics", rows });
+
+/// The metrics, for `syntable list`.
+fn rows() -> Result<Vec<[String; 3]>> {
+    let headings = ["metric", "crate", "what it is"].map(str::to_owned);
+    let row = |it: crate::measure::Metric| [it.name, it.crate_name, it.doc].map(str::to_owned);
+    Ok(std::iter::once(headings).chain(linked()?.into_iter().map(row)).collect())
+}
 
 /// How often the number of scored images is told.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -29,15 +38,16 @@ fn command() -> Command {
     Command::new("eval")
         .about("Score predicted masks against a dataset: overlap, boundary, occlusion and its order")
         .arg(path("gt", "DATASET").required(true).help(
-            "Ground truth: folder of a dataset with amodal and visible masks, of any format that can be read, or its \
-             annotation file",
+            "Ground truth: folder of a dataset with amodal and visible masks, of any format that can be read, its annotation \
+             file, or a folder of label maps",
         ))
         .arg(path("pred", "PREDICTIONS").required(true).help(
-            "Predictions: a dataset of the same images, or a result file: a JSON list of objects with `image_id`, `score`, \
-             `segmentation`",
+            "Predictions: a dataset or label maps of the same images, or a result file: a JSON list of objects with \
+             `image_id`, `score`, `segmentation`",
         ))
         .arg(flag("gt-format").value_name("FORMAT").help(
-            "Format of the ground truth (see `syntable list formats`); the one that it looks like if left out",
+            "Format of the ground truth (see `syntable list formats`, or `label_maps`); the one that it looks like if left \
+             out",
         ))
         .arg(flag("pred-format").value_name("FORMAT").help("Format of predictions that are a dataset"))
         .arg(
@@ -45,7 +55,7 @@ fn command() -> Command {
                 .value_name("SCORE")
                 .value_parser(value_parser!(f64))
                 .default_value("0.5")
-                .help("Least score of predictions that count; those of a dataset all do"),
+                .help("Least score of predictions that count; those of a dataset all do, and so do all in COCO's scores"),
         )
         .arg(
             flag("occluded-from")
@@ -58,6 +68,25 @@ fn command() -> Command {
             "Where SynTable's text and code differ: `release` takes F and F@.75 as means over images, `paper` F of mean \
              precision and recall, and F@.75 of all objects",
         ))
+        .arg(
+            flag("metrics")
+                .value_name("NAMES")
+                .value_delimiter(',')
+                .help("Metrics, separated by commas (see `syntable list metrics`); all if left out"),
+        )
+        .arg(
+            flag("bootstrap")
+                .value_name("N")
+                .value_parser(value_parser!(u32).range(1..=100_000))
+                .help("Add 95 % confidence intervals of N samples of the images, with replacement"),
+        )
+        .arg(
+            flag("seed")
+                .value_name("N")
+                .value_parser(value_parser!(u64))
+                .default_value("0")
+                .help("Seed of the samples of --bootstrap"),
+        )
         .arg(flag("json").action(ArgAction::SetTrue).help("Print the scores as one JSON object"))
         .arg(path("csv", "FILE").help("Write the scores of each image to a file"))
         .arg(
@@ -70,7 +99,8 @@ fn command() -> Command {
             "Examples:
   syntable eval --gt data --pred results.json                 a table as in the paper
   syntable eval --gt data --pred results.json --csv each.csv  and a line for each image
-  syntable eval --gt data --pred predicted --json             a dataset of predictions; for programs",
+  syntable eval --gt data --pred predicted --json             a dataset of predictions; for programs
+  syntable eval --gt data --pred results.json --metrics coco --bootstrap 1000",
         )
 }
 
@@ -82,15 +112,27 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let least = arguments.get_one("min-score").copied().unwrap_or(0.5);
     let occluded_from = arguments.get_one("occluded-from").copied().unwrap_or(OCCLUDED_FROM);
     let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
-    let (format, truth) = reader::open(gt, text("gt-format")).map_err(Exit::stopped)?;
+    let names: Vec<String> = arguments.get_many::<String>("metrics").into_iter().flatten().cloned().collect();
+    let measures = Measures::named(&names, convention).map_err(Exit::stopped)?;
+    let (format, truth) = predictions::open(gt, text("gt-format")).map_err(Exit::stopped)?;
     let opened = check_masks(&*truth, gt)
         .and_then(|()| check_images(&*truth, gt))
         .and_then(|()| Predictions::open(pred, text("pred-format"), least, (gt, truth.images())));
     let (pred_format, predictions) = opened.map_err(Exit::stopped)?;
-    let evaluation = Evaluation { truth: &*truth, predictions: &predictions, pred, convention, occluded_from };
-    let images = evaluation.images(threads, console.reporter()).map_err(Exit::stopped)?;
-    let ratios: Vec<_> = images.iter().map(|image| image.ratios.clone()).collect();
-    let table = Table { images: &images, convention, scores: dataset(&ratios, convention) };
+    let pool = Pool::new(threads).map_err(Exit::stopped)?;
+    let evaluation = Evaluation { truth: &*truth, predictions: &predictions, pred, measures: &measures, occluded_from };
+    let images = evaluation.images(&pool, console.reporter()).map_err(Exit::stopped)?;
+    let samples = arguments.get_one::<u32>("bootstrap").copied();
+    let seed = arguments.get_one("seed").copied().unwrap_or_default();
+    let tallies: Vec<&Tally> = ranked(&*truth, &images);
+    let intervals = samples.map(|samples| bootstrap::intervals(&measures, &tallies, samples as usize, seed, &pool));
+    let scores = measures.names().into_iter().zip(measures.values(&tallies)).enumerate();
+    let scores = scores.map(|(index, (name, value))| {
+        let interval = intervals.as_ref().and_then(|it| it.get(index).copied().flatten());
+        Score { name, value, interval }
+    });
+    let scores = scores.collect();
+    let table = Table { images: &images, convention, measures: &measures, scores, has_intervals: samples.is_some() };
     if let Some(file) = path("csv") {
         let csv = table.csv(|image| &truth.images()[image].name);
         std::fs::write(file, csv).map_err(|error| Exit::stopped(Error::io(file, &error)))?;
@@ -98,7 +140,15 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     if arguments.get_flag("json") {
         return console.print(&format!("{:#}\n", table.json()));
     }
-    console.print(&format!("{}read as: {} and {pred_format}\n", table.text(), format.name))
+    console.print(&format!("{}read as: {format} and {pred_format}\n", table.text()))
+}
+
+/// What is kept of the images, by their numbers in the annotation file as far as they have some: the order in which COCO's tools
+/// rank equal scores.
+fn ranked<'a>(truth: &dyn DatasetReader, images: &'a [Scored]) -> Vec<&'a Tally> {
+    let mut order: Vec<usize> = (0..images.len()).collect();
+    order.sort_by_key(|image| truth.images()[*image].id);
+    order.into_iter().map(|image| &images[image].tally).collect()
 }
 
 fn check_images(truth: &dyn DatasetReader, path: &Path) -> Result<()> {
@@ -112,16 +162,17 @@ struct Evaluation<'a> {
     truth: &'a dyn DatasetReader,
     predictions: &'a Predictions,
     pred: &'a Path,
-    convention: Convention,
+    measures: &'a Measures,
     occluded_from: f64,
 }
 
 impl Evaluation<'_> {
     /// Scores all images, in order. Of errors comes that of the first image.
-    fn images(&self, threads: usize, reporter: &dyn Reporter) -> Result<Vec<Scored>> {
+    fn images(&self, workers: &dyn Workers, reporter: &dyn Reporter) -> Result<Vec<Scored>> {
         let images = self.truth.images().len();
-        let state = Mutex::new(State { scored: vec![None; images], done: 0, said: Instant::now() });
-        Pool::new(threads)?.run(images, &|image| {
+        let scored = (0..images).map(|_| None).collect();
+        let state = Mutex::new(State { scored, done: 0, said: Instant::now() });
+        workers.run(images, &|image| {
             let scored = self.image(image);
             let Ok(mut state) = state.lock() else { return };
             state.scored[image] = Some(scored);
@@ -137,12 +188,15 @@ impl Evaluation<'_> {
 
     fn image(&self, image: usize) -> Result<Scored> {
         let name = || format!("image \"{}\"", self.truth.images()[image].name);
-        let (labels, size) = instances(self.truth, image, Instance::labeled).map_err(|error| error.context(name()))?;
+        let (labels, size) =
+            instances(self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
         let predictions = self.predictions.instances(image, size, self.occluded_from);
-        let predictions = predictions.map_err(|error| error.in_file(self.pred).context(name()))?;
-        let (objects, predicted) = (labels.len(), predictions.len());
-        let pair = Pair::new(labels, predictions).map_err(|error| error.in_file(self.pred).context(name()))?;
-        Ok(Scored { objects, predictions: predicted, ratios: score(&pair, self.convention) })
+        let [likely, unlikely] = predictions.map_err(|error| error.in_file(self.pred).context(name()))?;
+        let (objects, predictions) = (labels.len(), likely.len());
+        let crowds = self.truth.crowds(image).map_err(|error| error.context(name()))?;
+        let pair = Pair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
+        let pair = pair.map_err(|error| error.in_file(self.pred).context(name()))?;
+        Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
     }
 }
 

@@ -1,13 +1,15 @@
 //! The objects of an image, labeled and predicted.
 
+use crate::matching::{by_masks, pairs_of};
+use std::sync::OnceLock;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::Mask;
+use syntable_model::product::{BBox, Mask};
 
 /// Least occlusion rate of a predicted object that counts as occluded.
 pub const OCCLUDED_FROM: f64 = 0.05;
 
 /// An object with its masks.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Instance {
     /// The object without occluders, within the image.
     pub amodal: Mask,
@@ -17,13 +19,19 @@ pub struct Instance {
     pub occlusion: Mask,
     /// Whether it counts as occluded.
     pub is_occluded: bool,
+    /// Confidence of a prediction, if the detector says it.
+    pub score: Option<f64>,
 }
 
 impl Instance {
     /// A labeled object: occluded if any pixel is hidden.
     pub fn labeled(amodal: Mask, visible: Mask) -> Self {
-        let occlusion = differ(&amodal, &visible);
-        Self { is_occluded: !occlusion.is_empty(), amodal, visible, occlusion }
+        Self::labeled_with(amodal, visible, None)
+    }
+
+    /// A labeled object whose occlusion mask is known; without one, it follows from the others.
+    pub fn labeled_with(amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
+        Self::predicted_from(0.0, amodal, visible, occlusion)
     }
 
     /// A predicted object: occluded if its rate is at least [`OCCLUDED_FROM`].
@@ -36,7 +44,7 @@ impl Instance {
     pub fn predicted_from(least: f64, amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
         let occlusion = occlusion.unwrap_or_else(|| differ(&amodal, &visible));
         let is_occluded = f64::from(occlusion.area()) >= least * f64::from(amodal.area());
-        Self { is_occluded: is_occluded && !occlusion.is_empty(), amodal, visible, occlusion }
+        Self { is_occluded: is_occluded && !occlusion.is_empty(), amodal, visible, occlusion, score: None }
     }
 }
 
@@ -45,13 +53,22 @@ fn differ(amodal: &Mask, visible: &Mask) -> Mask {
     amodal.minus(visible).or(&visible.minus(amodal))
 }
 
-/// What an image shows, and what was predicted of it, by falling score.
-#[derive(Debug, Clone)]
+/// Pairs (label, prediction).
+pub type Pairs = Vec<(usize, usize)>;
+
+/// What an image shows, and what was predicted of it.
+#[derive(Debug, Clone, Default)]
 pub struct Pair {
     /// The labels.
     pub labels: Vec<Instance>,
-    /// The predictions.
+    /// The predictions that count, by falling score.
     pub predictions: Vec<Instance>,
+    /// Further ones whose scores are too low to count, by falling score, for metrics that rank predictions.
+    pub unlikely: Vec<Instance>,
+    /// Regions with objects that labels do not tell apart.
+    pub crowds: Vec<Mask>,
+    matched: OnceLock<Pairs>,
+    painted: OnceLock<([Vec<Mask>; 2], Pairs)>,
 }
 
 impl Pair {
@@ -60,17 +77,43 @@ impl Pair {
     /// # Errors
     /// If masks differ in size.
     pub fn new(labels: Vec<Instance>, predictions: Vec<Instance>) -> Result<Self> {
-        let masks = || labels.iter().chain(&predictions).flat_map(|it| [&it.amodal, &it.visible, &it.occlusion]);
-        let size = |mask: &Mask| (mask.width(), mask.height());
-        if let Some(first) = masks().next()
-            && let Some(other) = masks().find(|mask| size(mask) != size(first))
-        {
-            let [(a, b), (c, d)] = [size(other), size(first)];
+        Self { labels, predictions, ..Self::default() }.checked()
+    }
+
+    /// Adds what ranks predictions asks for: predictions with low scores, and crowds.
+    ///
+    /// # Errors
+    /// If masks differ in size.
+    pub fn with(self, unlikely: Vec<Instance>, crowds: Vec<Mask>) -> Result<Self> {
+        Self { unlikely, crowds, ..self }.checked()
+    }
+
+    fn checked(self) -> Result<Self> {
+        let instances = [&self.labels, &self.predictions, &self.unlikely].into_iter().flatten();
+        let masks = instances.flat_map(|it| [&it.amodal, &it.visible, &it.occlusion]).chain(&self.crowds);
+        let sizes: Vec<(u32, u32)> = masks.map(|mask| (mask.width(), mask.height())).collect();
+        if let Some(other) = sizes.iter().find(|size| **size != sizes[0]) {
+            let [(a, b), (c, d)] = [*other, sizes[0]];
             return Err(Error::new(format!("a mask has {a} × {b} pixels, another of its image {c} × {d}"))
                 .help("predict masks of the size of the image")
                 .permanent());
         }
-        Ok(Self { labels, predictions })
+        Ok(self)
+    }
+
+    /// Labels and predictions that stand for each other by their amodal masks, by label.
+    pub fn matched(&self) -> &[(usize, usize)] {
+        self.matched.get_or_init(|| by_masks(&self.labels, &self.predictions, |it| &it.amodal))
+    }
+
+    /// Visible masks of labels and of predictions as label maps have them, and which of them stand for each other.
+    pub fn painted(&self) -> (&[Vec<Mask>; 2], &[(usize, usize)]) {
+        let (masks, pairs) = self.painted.get_or_init(|| {
+            let masks = [painted(&self.labels), painted(&self.predictions)];
+            let pairs = pairs_of(&masks[0].iter().collect::<Vec<_>>(), &masks[1].iter().collect::<Vec<_>>());
+            (masks, pairs)
+        });
+        (masks, pairs)
     }
 }
 
@@ -100,4 +143,9 @@ pub fn intersection(a: &Mask, b: &Mask) -> u32 {
         };
     }
     area
+}
+
+/// Whether boxes have a common pixel.
+pub fn meet(a: &BBox, b: &BBox) -> bool {
+    a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height
 }

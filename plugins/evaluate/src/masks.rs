@@ -1,13 +1,14 @@
 //! Overlap and Boundary P, R, F and F@.75: means over images, each by itself.
 
 use crate::boundary::Boundary;
-use crate::image::{Pair, intersection, painted};
-use crate::matching::{assign, f_of};
-use crate::{Convention, Ratio};
+use crate::image::{Instance, Pair, intersection};
+use crate::matching::f_of;
+use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
+use crate::{Convention, register_metric};
 use syntable_model::product::Mask;
 
 /// F that a pair must exceed to count in F@.75.
-const DETECTED_ABOVE: f64 = 0.75;
+pub const DETECTED_ABOVE: f64 = 0.75;
 
 /// Seven scores of a kind of masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,66 +29,84 @@ impl Scores {
     }
 }
 
-/// Names of the scores of a kind of masks.
-type Names = [&'static str; 7];
+/// A kind of masks.
+struct Masks {
+    names: [&'static str; 7],
+    of: fn(&Pair) -> Scores,
+    convention: Convention,
+}
 
-macro_rules! names {
-    ($kind:literal) => {
-        [
-            concat!($kind, "_overlap_p"),
-            concat!($kind, "_overlap_r"),
-            concat!($kind, "_overlap_f"),
-            concat!($kind, "_boundary_p"),
-            concat!($kind, "_boundary_r"),
-            concat!($kind, "_boundary_f"),
-            concat!($kind, "_f75"),
-        ]
+impl Measure for Masks {
+    type Tally = [Ratio; 7];
+
+    fn names(&self) -> Vec<String> {
+        self.names.map(str::to_owned).to_vec()
+    }
+
+    fn tally(&self, pair: &Pair) -> [Ratio; 7] {
+        let scores = (self.of)(pair);
+        let weight = match self.convention {
+            Convention::Release => 1.0,
+            Convention::Paper => scores.objects as f64,
+        };
+        let [[op, or, of], [bp, br, bf]] = [scores.overlap, scores.boundary].map(|of| of.map(Ratio::mean));
+        [op, or, of, bp, br, bf, Ratio { part: scores.f75 * weight, whole: weight }]
+    }
+
+    fn values(&self, images: &[&[Ratio; 7]]) -> Vec<Option<f64>> {
+        let mut values = quotients(images);
+        if self.convention == Convention::Paper {
+            for first in [0, 3] {
+                values[first + 2] = values[first].zip(values[first + 1]).map(|(p, r)| harmonic(p, r));
+            }
+        }
+        values.to_vec()
+    }
+}
+
+macro_rules! register_masks {
+    ($($kind:literal, $of:expr, $doc:literal);+ $(;)?) => {
+        register_metric!($(Metric {
+            name: $kind,
+            doc: $doc,
+            build: |convention| Measurement::of(Masks {
+                names: [
+                    concat!($kind, "_overlap_p"),
+                    concat!($kind, "_overlap_r"),
+                    concat!($kind, "_overlap_f"),
+                    concat!($kind, "_boundary_p"),
+                    concat!($kind, "_boundary_r"),
+                    concat!($kind, "_boundary_f"),
+                    concat!($kind, "_f75"),
+                ],
+                of: $of,
+                convention,
+            }),
+            crate_name: env!("CARGO_PKG_NAME"),
+        }),+);
     };
 }
 
-const AMODAL: Names = names!("amodal");
-const VISIBLE: Names = names!("visible");
-const INVISIBLE: Names = names!("invisible");
-
-/// The scores of amodal, visible and invisible masks of an image. `matched` are the pairs by amodal masks.
-pub fn score(pair: &Pair, matched: &[(usize, usize)], convention: Convention) -> Vec<Ratio> {
-    let amodal = |of: &[crate::image::Instance]| of.iter().map(|it| it.amodal.clone()).collect::<Vec<_>>();
-    let kinds = [
-        (AMODAL, of_masks(&amodal(&pair.labels), &amodal(&pair.predictions), matched)),
-        (VISIBLE, visible(pair)),
-        (INVISIBLE, invisible(pair, matched)),
-    ];
-    kinds.iter().flat_map(|(names, scores)| named(names, scores, convention)).collect()
+register_masks! {
+    "amodal", amodal, "Overlap and Boundary P, R, F and F@.75 of amodal masks.";
+    "visible", visible, "Overlap and Boundary P, R, F and F@.75 of visible masks, painted into label maps.";
+    "invisible", invisible, "Overlap and Boundary P, R, F and F@.75 of occlusion masks of objects that are occluded.";
 }
 
-fn named(names: &Names, scores: &Scores, convention: Convention) -> Vec<Ratio> {
-    let values = scores.overlap.into_iter().chain(scores.boundary);
-    let mut ratios: Vec<Ratio> = names.iter().zip(values).map(|(name, value)| Ratio::mean(name, value)).collect();
-    let weight = match convention {
-        Convention::Release => 1.0,
-        Convention::Paper => scores.objects as f64,
-    };
-    ratios.push(Ratio { name: names[6], part: scores.f75 * weight, whole: weight });
-    ratios
-}
-
-/// Names of the precision, recall and F of each kind of masks, by area and by boundary.
-pub fn triples() -> impl Iterator<Item = [&'static str; 3]> {
-    [AMODAL, VISIBLE, INVISIBLE]
-        .into_iter()
-        .flat_map(|names| [[names[0], names[1], names[2]], [names[3], names[4], names[5]]])
+/// The scores of amodal masks.
+pub fn amodal(pair: &Pair) -> Scores {
+    let of = |of: &[Instance]| of.iter().map(|it| it.amodal.clone()).collect::<Vec<_>>();
+    of_masks(&of(&pair.labels), &of(&pair.predictions), pair.matched())
 }
 
 /// The scores of visible masks, painted into label maps and matched by themselves.
 pub fn visible(pair: &Pair) -> Scores {
-    let (labels, predictions) = (painted(&pair.labels), painted(&pair.predictions));
-    let scores: Vec<Vec<f64>> =
-        labels.iter().map(|label| predictions.iter().map(|it| f_of(label, it)).collect()).collect();
-    of_masks(&labels, &predictions, &assign(&scores, predictions.len()))
+    let (masks, pairs) = pair.painted();
+    of_masks(&masks[0], &masks[1], pairs)
 }
 
 /// The scores of occlusion masks of the pairs that are occluded in both; all of either count in denominators.
-pub fn invisible(pair: &Pair, matched: &[(usize, usize)]) -> Scores {
+pub fn invisible(pair: &Pair) -> Scores {
     let mut index = [Vec::new(), Vec::new()];
     let mut masks = [Vec::new(), Vec::new()];
     for (side, instances) in [&pair.labels, &pair.predictions].into_iter().enumerate() {
@@ -97,7 +116,7 @@ pub fn invisible(pair: &Pair, matched: &[(usize, usize)]) -> Scores {
         }
     }
     let both = |&(label, prediction): &(usize, usize)| index[0][label].zip(index[1][prediction]);
-    of_masks(&masks[0], &masks[1], &matched.iter().filter_map(both).collect::<Vec<_>>())
+    of_masks(&masks[0], &masks[1], &pair.matched().iter().filter_map(both).collect::<Vec<_>>())
 }
 
 /// The scores of masks with these pairs.

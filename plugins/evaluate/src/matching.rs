@@ -3,7 +3,7 @@
 //! As in the reference there is no gate: min(objects, predictions) pairs come out, also ones without a common pixel. Of equal
 //! sums the pairs are those whose list, by object, is the lexicographically lowest.
 
-use crate::image::{Instance, intersection};
+use crate::image::{Instance, Pairs, intersection, meet};
 use syntable_model::product::Mask;
 
 /// An F of 1 as an integer, so that equal sums are equal.
@@ -15,11 +15,19 @@ pub fn f_of(a: &Mask, b: &Mask) -> f64 {
     if both == 0.0 { 0.0 } else { 2.0 * both / (f64::from(a.area()) + f64::from(b.area())) }
 }
 
-/// Pairs (label, prediction) matched by one of their masks, by label.
-pub fn by_masks(labels: &[Instance], predictions: &[Instance], of: impl Fn(&Instance) -> &Mask) -> Vec<(usize, usize)> {
-    let scores: Vec<Vec<f64>> =
-        labels.iter().map(|label| predictions.iter().map(|it| f_of(of(label), of(it))).collect()).collect();
-    assign(&scores, predictions.len())
+/// Labels and predictions matched by one of their masks, by label.
+pub fn by_masks(labels: &[Instance], predictions: &[Instance], of: impl Fn(&Instance) -> &Mask) -> Pairs {
+    pairs_of(&labels.iter().map(&of).collect::<Vec<_>>(), &predictions.iter().map(&of).collect::<Vec<_>>())
+}
+
+/// Masks matched with others, by the first.
+pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> Pairs {
+    let boxes = [labels, predictions].map(|masks| masks.iter().map(|mask| mask.bbox()).collect::<Vec<_>>());
+    let score = |i: usize, j: usize| {
+        if meet(&boxes[0][i], &boxes[1][j]) { f_of(labels[i], predictions[j]) } else { 0.0 }
+    };
+    let row = |i: usize| (0..predictions.len()).map(|j| score(i, j)).collect();
+    assign(&(0..labels.len()).map(row).collect::<Vec<Vec<f64>>>(), predictions.len())
 }
 
 /// Pairs (row, column) with the greatest sum of scores in [0, 1], by row.

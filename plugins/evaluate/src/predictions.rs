@@ -1,13 +1,28 @@
-//! Where predictions come from: a dataset of any format that can be read, or a result file.
+//! Where labels and predictions come from: a dataset of any format that can be read, label maps, or a result file.
 
 use crate::image::Instance;
+use crate::label_maps::{self, LabelMaps};
+use crate::names::Names;
 use crate::results::Results;
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
-use syntable_model::product::standard::{AMODAL_MASK, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, OCCLUSION_MASK, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader, ImageRef};
+
+/// Opens a dataset or a folder of label maps, and says what it was read as.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn open(path: &Path, format: Option<&str>) -> Result<(&'static str, Box<dyn DatasetReader>)> {
+    let is_other = || reader::linked().iter().any(|format| (format.detect)(path));
+    let is_ours = format.map_or_else(|| LabelMaps::is_one(path) && !is_other(), |format| format == label_maps::NAME);
+    if is_ours {
+        return Ok((label_maps::NAME, Box::new(LabelMaps::open(path)?)));
+    }
+    let (format, dataset) = reader::open(path, format)?;
+    Ok((format.name, dataset))
+}
 
 /// Predictions for the images of a dataset.
 pub enum Predictions {
@@ -31,20 +46,24 @@ impl Predictions {
         if format.is_none() && Results::is_one(path) {
             return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
         }
-        let (format, dataset) = reader::open(path, format)?;
-        check_masks(&*dataset, path)?;
+        let (format, dataset) = open(path, format)?;
+        if !dataset.offers().contains(&VISIBLE_MASK.id()) {
+            return Err(lacks(VISIBLE_MASK.id().name, path));
+        }
         let pairs = paired(path, dataset.images(), truth)?;
-        Ok((format.name, Self::Dataset(dataset, pairs)))
+        Ok((format, Self::Dataset(dataset, pairs)))
     }
 
-    /// The predictions of an image of the ground truth of `[width, height]` pixels, occluded from an occlusion rate on.
+    /// The predictions of an image of the ground truth of `[width, height]` pixels, occluded from an occlusion rate on; those
+    /// that count, and others with lower scores.
     ///
     /// # Errors
     /// If they cannot be read, or are of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<Vec<Instance>> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<[Vec<Instance>; 2]> {
         match self {
             Self::Dataset(dataset, pairs) => {
-                let make = |amodal, visible| Instance::predicted_from(occluded_from, amodal, visible, None);
+                let make =
+                    |amodal, visible, occlusion| Instance::predicted_from(occluded_from, amodal, visible, occlusion);
                 let (instances, own) = instances(&**dataset, pairs[image], make)?;
                 if own != size {
                     let ([a, b], [c, d]) = (own, size);
@@ -52,24 +71,34 @@ impl Predictions {
                         .help("predict masks of the size of the image")
                         .permanent());
                 }
-                Ok(instances)
+                Ok([instances, Vec::new()])
             }
             Self::Results(results) => results.instances(image, size, occluded_from),
         }
     }
 }
 
-/// The objects of an image in the order of their ids, and `[width, height]` of the image.
+/// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` takes amodal, visible and
+/// occlusion mask. In a dataset without amodal masks, they are the visible ones.
 ///
 /// # Errors
-/// If the image cannot be read, or an object has no amodal or visible mask.
+/// If the image cannot be read, or an object has no amodal mask and others have.
 pub fn instances(
     dataset: &dyn DatasetReader,
     image: usize,
-    make: impl Fn(Mask, Mask) -> Instance,
+    make: impl Fn(Mask, Mask, Option<Mask>) -> Instance,
 ) -> Result<(Vec<Instance>, [u32; 2])> {
-    let (view, products) = dataset.read(image, &[AMODAL_MASK.id(), VISIBLE_MASK.id()])?;
-    let (amodal, visible) = (&products.get(AMODAL_MASK)?.0, &products.get(VISIBLE_MASK)?.0);
+    let offers = dataset.offers();
+    let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), OCCLUSION_MASK.id()];
+    let wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
+    let (view, products) = dataset.read(image, &wants)?;
+    let visible = &products.get(VISIBLE_MASK)?.0;
+    let size = [view.camera.intrinsics.width, view.camera.intrinsics.height];
+    if !wants.contains(&AMODAL_MASK.id()) {
+        return Ok((visible.values().map(|mask| make(mask.clone(), mask.clone(), None)).collect(), size));
+    }
+    let amodal = &products.get(AMODAL_MASK)?.0;
+    let occlusion = wants.contains(&OCCLUSION_MASK.id()).then(|| products.get(OCCLUSION_MASK)).transpose()?;
     if let Some(id) = visible.keys().find(|id| !amodal.contains_key(id)) {
         return Err(Error::new(format!("object {} has no amodal mask", id.0))
             .help("`syntable validate` lists what is wrong")
@@ -77,13 +106,12 @@ pub fn instances(
     }
     let of = |(id, amodal): (_, &Mask)| {
         let visible = visible.get(id).cloned().unwrap_or_else(|| Mask::empty(amodal.width(), amodal.height()));
-        make(amodal.clone(), visible)
+        make(amodal.clone(), visible, occlusion.and_then(|it| it.0.get(id)).cloned())
     };
-    let size = view.camera.intrinsics;
-    Ok((amodal.iter().map(of).collect(), [size.width, size.height]))
+    Ok((amodal.iter().map(of).collect(), size))
 }
 
-/// Refuses a dataset without amodal masks.
+/// Refuses a dataset without amodal or visible masks.
 ///
 /// # Errors
 /// If it has none.
@@ -91,30 +119,41 @@ pub fn check_masks(dataset: &dyn DatasetReader, path: &Path) -> Result<()> {
     let offers = dataset.offers();
     match [AMODAL_MASK.id(), VISIBLE_MASK.id()].into_iter().find(|key| !offers.contains(key)) {
         None => Ok(()),
-        Some(key) => Err(Error::new(format!("the dataset has no `{}`", key.name))
-            .in_file(path)
-            .help("evaluation needs amodal and visible masks of objects")
-            .permanent()),
+        Some(key) => Err(lacks(key.name, path)),
     }
 }
 
-/// For each image of the ground truth, the number of the predicted one of its name.
+fn lacks(name: impl std::fmt::Display, path: &Path) -> Error {
+    Error::new(format!("the dataset has no `{name}`"))
+        .in_file(path)
+        .help("evaluation needs visible masks of objects, and of labeled ones amodal masks, too")
+        .permanent()
+}
+
+/// For each image of the ground truth, the number of the predicted one.
 fn paired(path: &Path, own: &[ImageRef], (truth, images): (&Path, &[ImageRef])) -> Result<Vec<usize>> {
-    let numbers: BTreeMap<&str, usize> = own.iter().enumerate().map(|(i, it)| (it.name.as_str(), i)).collect();
-    let known: BTreeSet<&str> = images.iter().map(|it| it.name.as_str()).collect();
-    if let Some(image) = own.iter().find(|it| !known.contains(it.name.as_str())) {
-        return Err(Error::new(format!("image \"{}\" is not in {}", image.name, truth.display()))
-            .in_file(path)
-            .help("predictions call their images as the ground truth does; leave others out")
-            .permanent());
+    let known = Names::of(images.iter().map(|it| it.name.as_str()));
+    let mut pairs: Vec<Option<usize>> = vec![None; images.len()];
+    let refuse = |message: String, help: &'static str| Error::new(message).in_file(path).help(help).permanent();
+    for (number, image) in own.iter().enumerate() {
+        let Some(of) = known.find(&image.name) else {
+            let message = format!("image \"{}\" is not in {}", image.name, truth.display());
+            return Err(refuse(message, "predictions call their images as the ground truth does; leave others out"));
+        };
+        if let Some(other) = pairs[of].replace(number) {
+            let message = format!(
+                "images \"{}\" and \"{}\" are both of image \"{}\" of {}",
+                own[other].name,
+                image.name,
+                images[of].name,
+                truth.display()
+            );
+            return Err(refuse(message, "leave one of them out"));
+        }
     }
-    let number = |image: &ImageRef| {
-        numbers.get(image.name.as_str()).copied().ok_or_else(|| {
-            Error::new(format!("image \"{}\" of {} has no prediction", image.name, truth.display()))
-                .in_file(path)
-                .help("add the image, without objects if none was found")
-                .permanent()
-        })
+    let number = |(image, pair): (&ImageRef, Option<usize>)| {
+        let message = || format!("image \"{}\" of {} has no prediction", image.name, truth.display());
+        pair.ok_or_else(|| refuse(message(), "add the image, without objects if none was found"))
     };
-    images.iter().map(number).collect()
+    images.iter().zip(pairs).map(number).collect()
 }

@@ -2,18 +2,17 @@
 //!
 //! In memory is only where each prediction is in the file, and its image and score.
 
+use crate::coco::MOST;
+use crate::image::Instance;
+use crate::names::Names;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use syntable_formats::index::{Indexed, Record};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::ImageRef;
-
-use crate::image::Instance;
 
 /// A prediction. Keys beyond these, such as `category_id` and `bbox`, are not looked at.
 #[derive(Debug, Deserialize)]
@@ -57,6 +56,8 @@ struct Place {
 #[derive(Debug)]
 pub struct Results {
     path: PathBuf,
+    /// Least score of predictions that count.
+    least: f64,
     /// Predictions of each image of the ground truth, by falling score; of equal ones, the earlier first.
     places: Vec<Vec<Place>>,
 }
@@ -69,14 +70,16 @@ impl Results {
         path.is_file() && first == Some(b'[')
     }
 
-    /// Opens a file with predictions for these images of a dataset. Those with a lower score than `least` are left out.
+    /// Opens a file with predictions for these images of a dataset. Those with a lower score than `least` do not
+    /// count.
     ///
     /// # Errors
     /// If it is no list of predictions, or one is of no image of the dataset.
     pub fn open(path: &Path, least: f64, truth: &Path, images: &[ImageRef]) -> Result<Self> {
         let mut places: Vec<Vec<Place>> = vec![Vec::new(); images.len()];
-        let names: BTreeMap<&str, usize> = images.iter().enumerate().map(|(i, it)| (it.name.as_str(), i)).collect();
-        let mut numbers = None;
+        let names = Names::of(images.iter().map(|it| it.name.as_str()));
+        let numbers: BTreeMap<u64, usize> =
+            images.iter().enumerate().filter_map(|(number, image)| Some((image.id?, number))).collect();
         elements(path, &mut |start, line, bytes| {
             let head: Head = parse(path, line, bytes)?;
             let wrong = |message: String, help: &str| {
@@ -85,11 +88,11 @@ impl Results {
             if !head.score.is_finite() {
                 return Err(wrong(format!("the score {} is no number", head.score), "leave the prediction out"));
             }
-            let name = match &head.image_id {
-                ImageId::Name(name) => Some(name),
-                ImageId::Number(id) => numbers.get_or_insert_with(|| numbers_of(truth)).get(id),
+            let image = match &head.image_id {
+                ImageId::Name(name) => names.find(name),
+                ImageId::Number(id) => numbers.get(id).copied(),
             };
-            let Some(image) = name.and_then(|name| names.get(name.as_str())) else {
+            let Some(image) = image else {
                 let id = match &head.image_id {
                     ImageId::Name(name) => format!("\"{name}\""),
                     ImageId::Number(id) => id.to_string(),
@@ -100,39 +103,45 @@ impl Results {
                 );
                 return Err(wrong(format!("`image_id` {id} is no image of {}", truth.display()), &help));
             };
-            if head.score >= least {
-                places[*image].push(Place { start, length: bytes.len(), line, score: head.score });
-            }
+            places[image].push(Place { start, length: bytes.len(), line, score: head.score });
             Ok(())
         })?;
         places.iter_mut().for_each(|of| of.sort_by(|a, b| b.score.total_cmp(&a.score)));
-        Ok(Self { path: path.to_owned(), places })
+        Ok(Self { path: path.to_owned(), least, places })
     }
 
-    /// The predictions of an image of `[width, height]` pixels, occluded from an occlusion rate on.
+    /// The predictions of an image of `[width, height]` pixels, occluded from an occlusion rate on: those that count, and those
+    /// with lower scores that rankings look at.
     ///
     /// # Errors
     /// If the file cannot be read, or a mask is damaged or of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<Vec<Instance>> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<[Vec<Instance>; 2]> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let read = |place: &Place| {
             let mut bytes = vec![0; place.length];
             file.seek(SeekFrom::Start(place.start)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
             let prediction: Prediction = parse(&self.path, place.line, &bytes)?;
-            prediction.instance(size, occluded_from).map_err(|error| {
-                error.in_file(&self.path).at_line(place.line).help("predict masks of the size of the image").permanent()
-            })
+            let instance = prediction
+                .instance(size, occluded_from)
+                .map_err(|error| error.in_file(&self.path).at_line(place.line).permanent())?;
+            Ok(Instance { score: Some(place.score), ..instance })
         };
-        self.places[image].iter().map(read).collect()
+        let places = &self.places[image];
+        let kept = places.partition_point(|place| place.score >= self.least);
+        let mut likely = places[..kept.max(MOST.min(places.len()))].iter().map(read).collect::<Result<Vec<_>>>()?;
+        let unlikely = likely.split_off(kept);
+        Ok([likely, unlikely])
     }
 }
 
 impl Prediction {
     fn instance(&self, [width, height]: [u32; 2], occluded_from: f64) -> Result<Instance> {
         let decode = |key: &str, of: &Segmentation| {
-            let named =
-                |error: Error| Error::new(format!("`{key}` of an image {width} × {height}: {}", error.message()));
+            let named = |error: Error| {
+                let help = error.help_text().unwrap_or("predict masks of the size of the image").to_owned();
+                Error::new(format!("`{key}` of an image {width} × {height}: {}", error.message())).help(help)
+            };
             of.decode(width, height).map_err(named)
         };
         let visible = decode("segmentation", &self.segmentation)?;
@@ -198,49 +207,4 @@ fn elements(path: &Path, each: Each) -> Result<()> {
         let length = bytes.len();
         file.consume(length);
     }
-}
-
-#[derive(Deserialize)]
-struct Named {
-    id: u64,
-    file_name: String,
-}
-
-/// Names of images by their ids in the annotation files of a dataset. An id of two names is none.
-fn numbers_of(truth: &Path) -> BTreeMap<u64, String> {
-    let mut names: BTreeMap<u64, Option<String>> = BTreeMap::new();
-    for file in annotation_files(truth) {
-        let mut found = Vec::new();
-        let read = Indexed::open(&file, &mut |record: Record<Named, IgnoredAny, IgnoredAny>| {
-            if let Record::Image(image) = record {
-                found.push(image);
-            }
-        });
-        for image in read.map_or(Vec::new(), |_| found) {
-            let name = names.entry(image.id).or_insert_with(|| Some(image.file_name.clone()));
-            if name.as_ref().is_some_and(|name| *name != image.file_name) {
-                *name = None;
-            }
-        }
-    }
-    names.into_iter().filter_map(|(id, name)| Some((id, name?))).collect()
-}
-
-/// JSON files of a dataset: the named one, else those of the folder and of `annotations` in it, else those of a folder in it.
-fn annotation_files(truth: &Path) -> Vec<PathBuf> {
-    if truth.is_file() {
-        return vec![truth.to_owned()];
-    }
-    let entries = |folder: &Path| -> Vec<PathBuf> {
-        let found = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        let mut found: Vec<PathBuf> = found.map(|entry| entry.path()).collect();
-        found.sort();
-        found
-    };
-    let of = |folder: &Path| -> Vec<PathBuf> {
-        let both = entries(folder).into_iter().chain(entries(&folder.join("annotations")));
-        both.filter(|path| path.extension().is_some_and(|it| it == "json")).collect()
-    };
-    let own = of(truth);
-    if own.is_empty() { entries(truth).iter().flat_map(|folder| of(folder)).collect() } else { own }
 }

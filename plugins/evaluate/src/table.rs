@@ -1,33 +1,56 @@
 //! Scores as text, JSON and CSV, in percent.
 
-use crate::{Convention, Ratio};
+use crate::measure::{Measures, Tally};
+use crate::{Convention, coco, strata};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 
 /// An image that was scored.
-#[derive(Debug, Clone)]
 pub struct Scored {
     /// Number of labeled objects.
     pub objects: usize,
-    /// Number of predictions.
+    /// Number of predictions that count.
     pub predictions: usize,
-    /// Its scores.
-    pub ratios: Vec<Ratio>,
+    /// What the metrics keep of it.
+    pub tally: Tally,
+}
+
+/// A score of the dataset.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Score {
+    /// Its name, in snake case.
+    pub name: String,
+    /// Its value as a fraction; none where nothing was to be counted.
+    pub value: Option<f64>,
+    /// Its confidence interval, if one was asked for.
+    pub interval: Option<[f64; 2]>,
 }
 
 /// A dataset that was scored.
-#[derive(Debug)]
 pub struct Table<'a> {
     /// Its images, in order.
     pub images: &'a [Scored],
     /// How they were combined.
     pub convention: Convention,
-    /// The scores by name, as fractions.
-    pub scores: Vec<(&'static str, Option<f64>)>,
+    /// The metrics.
+    pub measures: &'a Measures,
+    /// Their scores.
+    pub scores: Vec<Score>,
+    /// Whether intervals were asked for.
+    pub has_intervals: bool,
 }
 
-/// Scores of a kind of masks, as columns.
-const COLUMNS: [&str; 7] = ["overlap_p", "overlap_r", "overlap_f", "boundary_p", "boundary_r", "boundary_f", "f75"];
+/// Scores side by side.
+struct Block {
+    /// Line above the headings.
+    above: String,
+    /// Heading of the labels of rows.
+    what: &'static str,
+    headings: Vec<String>,
+    /// Label of each row, and names of its scores.
+    rows: Vec<(String, Vec<String>)>,
+}
+
 /// Scores of occlusion: name and heading.
 const OCCLUSION: [(&str, &str); 7] = [
     ("acc_o", "ACC_O"),
@@ -39,73 +62,150 @@ const OCCLUSION: [(&str, &str); 7] = [
     ("edge_f1", "edge F1"),
 ];
 
+/// Least width of a column.
+const COLUMN: usize = 6;
+
+/// The scores that have places in tables; others follow in a list.
+fn blocks() -> Vec<Block> {
+    let columns = ["overlap_p", "overlap_r", "overlap_f", "boundary_p", "boundary_r", "boundary_f", "f75"];
+    let row = |kind: &str, columns: &[&str]| {
+        let rate = kind.strip_prefix("occluded_").map(|rate| rate.replace('_', "–"));
+        let label = rate.unwrap_or_else(|| kind.replace('_', " "));
+        (label, columns.iter().map(|column| format!("{kind}_{column}")).collect())
+    };
+    let owned = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<String>>();
+    let (kinds, scores) = coco::names();
+    vec![
+        Block {
+            above: format!("{:^22}  {:^22}", "overlap", "boundary"),
+            what: "masks",
+            headings: owned(&["P", "R", "F", "P", "R", "F", "F@.75"]),
+            rows: ["amodal", "visible", "invisible"].map(|kind| row(kind, &columns)).to_vec(),
+        },
+        Block {
+            above: String::new(),
+            what: "",
+            headings: OCCLUSION.iter().map(|it| it.1.to_owned()).collect(),
+            rows: vec![(String::new(), OCCLUSION.iter().map(|it| it.0.to_owned()).collect())],
+        },
+        Block {
+            above: String::new(),
+            what: "shapes",
+            headings: scores.iter().map(|score| format!("{}{}", score[..2].to_uppercase(), &score[2..])).collect(),
+            rows: kinds.iter().map(|kind| row(kind, &scores)).collect(),
+        },
+        Block {
+            above: String::new(),
+            what: "occluded, %",
+            headings: owned(&["share", "amodal F", "visible F", "F@.75"]),
+            rows: strata::bins().iter().map(|bin| row(bin, &strata::SCORES)).collect(),
+        },
+    ]
+}
+
 impl Table<'_> {
     fn sum(&self, of: fn(&Scored) -> usize) -> usize {
         self.images.iter().map(of).sum()
     }
 
+    fn score(&self, name: &str) -> Option<&Score> {
+        self.scores.iter().find(|it| it.name == name)
+    }
+
     /// A score in percent with one decimal, or a dash.
     fn cell(&self, name: &str) -> String {
-        let value = self.scores.iter().find(|it| it.0 == name).and_then(|it| it.1);
+        let value = self.score(name).and_then(|it| it.value);
         value.map_or_else(|| "-".to_owned(), |value| format!("{:.1}", 100.0 * value))
     }
 
-    /// The table as text, laid out as in the paper.
+    /// The scores as text, laid out as in the paper. With intervals, a list of all.
     pub fn text(&self) -> String {
-        let mut out = format!("{:9}  {:^22}  {:^22}", "", "overlap", "boundary").trim_end().to_owned();
-        let _ = write!(out, "\n{:9}", "masks");
-        for heading in ["P", "R", "F", "P", "R", "F", "F@.75"] {
-            let _ = write!(out, "  {heading:>6}");
+        let mut out = String::new();
+        let blocks = blocks();
+        let is_placed = |name: &String| blocks.iter().flat_map(|it| &it.rows).any(|row| row.1.contains(name));
+        let mut listed: Vec<&Score> = self.scores.iter().collect();
+        if !self.has_intervals {
+            blocks.iter().for_each(|block| out += &self.block(block));
+            listed.retain(|score| !is_placed(&score.name));
         }
-        for kind in ["amodal", "visible", "invisible"] {
-            let _ = write!(out, "\n{kind:9}");
-            for column in COLUMNS {
-                let _ = write!(out, "  {:>6}", self.cell(&format!("{kind}_{column}")));
+        let width = listed.iter().map(|score| score.name.len()).max().unwrap_or(0);
+        for score in &listed {
+            let _ = write!(out, "{:width$}  {:>COLUMN$}", score.name, self.cell(&score.name));
+            if let Some([low, high]) = score.interval {
+                let _ = write!(out, "  [{:.1}, {:.1}]", 100.0 * low, 100.0 * high);
             }
+            out.push('\n');
         }
-        out += "\n\n";
-        let columns: Vec<String> = OCCLUSION.iter().map(|(_, heading)| format!("{heading:>6}")).collect();
-        let cells = OCCLUSION.iter().zip(&columns).map(|((name, _), heading)| {
-            let width = heading.chars().count();
-            format!("{:>width$}", self.cell(name))
-        });
-        let cells: Vec<String> = cells.collect();
-        let _ = writeln!(out, "{}\n{}", columns.join("  "), cells.join("  "));
         let (objects, predictions) = (self.sum(|it| it.objects), self.sum(|it| it.predictions));
         let _ = writeln!(
             out,
-            "\npercent; images: {}, objects: {objects}, predictions: {predictions}, convention: {}",
+            "{}percent; images: {}, objects: {objects}, predictions: {predictions}, convention: {}",
+            if listed.is_empty() { "" } else { "\n" },
             self.images.len(),
             self.convention.name()
         );
         out
     }
 
+    /// A table of those of its scores that there are.
+    fn block(&self, block: &Block) -> String {
+        let rows: Vec<_> =
+            block.rows.iter().filter(|(_, names)| names.iter().any(|name| self.score(name).is_some())).collect();
+        if rows.is_empty() {
+            return String::new();
+        }
+        let labels = rows.iter().map(|row| row.0.as_str()).chain([block.what]);
+        let label = labels.map(|text| text.chars().count()).max().unwrap_or(0);
+        let gap = if label == 0 { "" } else { "  " };
+        let mut out = String::new();
+        if !block.above.is_empty() {
+            out += format!("{:label$}{gap}{}", "", block.above).trim_end();
+            out.push('\n');
+        }
+        let mut line = |first: &str, cells: Vec<String>| {
+            let cells = cells.iter().zip(&block.headings).map(|(cell, heading)| {
+                let width = heading.chars().count().max(COLUMN);
+                format!("{cell:>width$}")
+            });
+            let _ = writeln!(out, "{first:label$}{gap}{}", cells.collect::<Vec<_>>().join("  "));
+        };
+        line(block.what, block.headings.clone());
+        rows.iter().for_each(|(first, names)| line(first, names.iter().map(|name| self.cell(name)).collect()));
+        out.push('\n');
+        out
+    }
+
     /// All of it as a JSON object.
     pub fn json(&self) -> Value {
-        let percent = |value: &Option<f64>| value.map_or(Value::Null, |value| json!(100.0 * value));
-        let scores: Map<String, Value> =
-            self.scores.iter().map(|(name, value)| ((*name).to_owned(), percent(value))).collect();
-        json!({
+        let scores =
+            self.scores.iter().map(|it| (it.name.clone(), it.value.map_or(Value::Null, |value| json!(100.0 * value))));
+        let mut out = json!({
             "images": self.images.len(),
             "objects": self.sum(|it| it.objects),
             "predictions": self.sum(|it| it.predictions),
             "convention": self.convention.name(),
-            "scores": scores,
-        })
+            "scores": scores.collect::<Map<String, Value>>(),
+        });
+        if self.has_intervals {
+            let intervals = self.scores.iter().map(|it| {
+                (it.name.clone(), it.interval.map_or(Value::Null, |ends| json!(ends.map(|end| 100.0 * end))))
+            });
+            out["intervals"] = Value::Object(intervals.collect());
+        }
+        out
     }
 
     /// A line for each image, named by `name`. A score is empty where nothing was to be counted.
     pub fn csv<'n>(&self, name: impl Fn(usize) -> &'n str) -> String {
         let mut out = "image,objects,predictions".to_owned();
-        self.scores.iter().for_each(|(name, _)| out += &format!(",{name}"));
+        self.scores.iter().for_each(|score| out += &format!(",{}", score.name));
         for (index, image) in self.images.iter().enumerate() {
             let quoted = format!("\"{}\"", name(index).replace('"', "\"\""));
             let _ = write!(out, "\n{quoted},{},{}", image.objects, image.predictions);
-            for ratio in &image.ratios {
+            for value in self.measures.values(&[&image.tally]) {
                 out.push(',');
-                if ratio.whole > 0.0 {
-                    let _ = write!(out, "{}", 100.0 * ratio.part / ratio.whole);
+                if let Some(value) = value {
+                    let _ = write!(out, "{}", 100.0 * value);
                 }
             }
         }

@@ -1,10 +1,11 @@
 //! Values that the reference code gave for small images.
 
 use std::collections::BTreeMap;
+use syntable_evaluate::Convention;
 use syntable_evaluate::boundary::{Boundary, radius};
 use syntable_evaluate::image::{Instance, Pair};
 use syntable_evaluate::matching::assign;
-use syntable_evaluate::{Convention, dataset, score};
+use syntable_evaluate::measure::{Measures, Tally};
 use syntable_model::product::Mask;
 
 /// A mask of inclusive ranges of columns and rows.
@@ -12,14 +13,16 @@ fn rect([width, height]: [u32; 2], [x0, x1]: [u32; 2], [y0, y1]: [u32; 2]) -> Ma
     Mask::from_fn(width, height, |x, y| (x0..=x1).contains(&x) && (y0..=y1).contains(&y))
 }
 
-fn values(pairs: &[Pair]) -> BTreeMap<&'static str, f64> {
-    let images: Vec<_> = pairs.iter().map(|pair| score(pair, Convention::Release)).collect();
-    dataset(&images, Convention::Release).into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+fn values(pairs: &[Pair]) -> BTreeMap<String, f64> {
+    let measures = Measures::named(&[], Convention::Release).expect("metrics");
+    let tallies: Vec<Tally> = pairs.iter().map(|pair| measures.tally(pair)).collect();
+    let values = measures.values(&tallies.iter().collect::<Vec<_>>());
+    measures.names().into_iter().zip(values).filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-fn check(found: &BTreeMap<&str, f64>, wanted: &[(&str, f64)]) {
+fn check(found: &BTreeMap<String, f64>, wanted: &[(&str, f64)]) {
     for (name, value) in wanted {
-        assert!((found[name] - value).abs() < 5e-7, "{name} is {}, not {value}", found[name]);
+        assert!((found[*name] - value).abs() < 5e-7, "{name} is {}, not {value}", found[*name]);
     }
 }
 
@@ -66,6 +69,8 @@ fn label_maps() {
             ("visible_boundary_r", 1.0),
             ("visible_boundary_f", 0.903226),
             ("visible_f75", 0.5),
+            // 8 of 16 and 12 of 16 pixels.
+            ("visible_miou", 0.625),
         ],
     );
 }
@@ -143,11 +148,11 @@ fn occlusion_order() {
 
 #[test]
 fn boundaries_at_the_edges_of_the_image() {
-    let of = |x, y| Boundary::of(&rect([8, 6], x, y)).pixels;
+    let of = |x, y| Boundary::of(&rect([8, 6], x, y)).pixels();
     assert_eq!(of([0, 1], [0, 1]), [[1, 0], [0, 1], [1, 1]]);
     assert_eq!(of([6, 7], [4, 5]), [[5, 3], [6, 3], [7, 3], [5, 4], [5, 5]]);
     assert_eq!(of([3, 3], [2, 2]), [[2, 1], [3, 1], [2, 2], [3, 2]]);
-    assert_eq!(of([0, 7], [0, 5]), [[0; 2]; 0]);
+    assert_eq!(of([0, 7], [0, 5]), [[0_usize; 2]; 0]);
     let sizes = [[640, 480], [1280, 720], [1920, 1080], [320, 240], [12, 8]];
     assert_eq!(sizes.map(|[width, height]| radius(width, height)), [3, 5, 7, 2, 1]);
 }

@@ -1,5 +1,6 @@
 //! `syntable list`.
 
+use super::verb::topics;
 use super::{Console, Exit};
 use crate::plan::{available, table_within};
 use crate::recipe::{BUILTINS, description_of, nearest, options_of};
@@ -12,8 +13,8 @@ use syntable_model::registry::{Entry, Registry, Slot};
 
 #[derive(Args)]
 pub(super) struct ListArgs {
-    /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes` or `formats`;
-    /// everything if left out.
+    /// A slot such as `place` or `write`, a kind such as `drop_box` or `lights.sun`, `products`, `recipes`, `formats` or
+    /// `metrics`; everything if left out.
     what: Option<String>,
 }
 
@@ -26,6 +27,10 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
         Some("recipes") => return console.print(&recipes_table(width)),
         _ => {}
     }
+    if let Some(topic) = topics().iter().find(|topic| what == Some(topic.name)) {
+        let rows = (topic.rows)().map_err(Exit::stopped)?;
+        return console.print(&table_within(&rows, width));
+    }
     let kinds: Vec<&Entry> =
         registry.entries().iter().filter(|entry| what.is_some_and(|what| is_named(entry, what))).collect();
     if !kinds.is_empty() {
@@ -35,7 +40,8 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
     let slots: Vec<Slot> = Slot::ALL.into_iter().filter(|slot| what.is_none_or(|what| what == slot.name())).collect();
     if slots.is_empty() {
         let what = what.unwrap_or_default();
-        let names = Slot::ALL.map(Slot::name).join(", ");
+        let own = topics().into_iter().map(|topic| topic.name);
+        let names = own.chain(Slot::ALL.map(Slot::name)).collect::<Vec<_>>().join(", ");
         let error = Error::new(format!("there is nothing to list under `{what}`"));
         let near = nearest(what, registry.entries().iter().map(|entry| entry.kind));
         let near = near.map_or_else(String::new, |near| format!("did you mean {near}? "));
@@ -55,6 +61,10 @@ pub(super) fn list(console: &Console, registry: &Registry, args: &ListArgs) -> s
         out += &recipes_table(width);
         out.push('\n');
         out += &formats_table(width).map_err(Exit::wrong)?;
+        for topic in topics() {
+            out.push('\n');
+            out += &table_within(&(topic.rows)().map_err(Exit::stopped)?, width);
+        }
     }
     console.print(&out)
 }

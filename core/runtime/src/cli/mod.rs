@@ -13,7 +13,7 @@ mod verify;
 
 pub use crate::message::Message;
 pub use list::products;
-pub use verb::Verb;
+pub use verb::{Topic, Verb};
 
 use crate::message::Record;
 use crate::recipe::{self, Diagnostic, Overrides, Recipe, Report, Source};

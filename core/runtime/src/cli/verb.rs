@@ -43,6 +43,33 @@ macro_rules! register_verb {
     )+};
 }
 
+/// What `syntable list` shows under a name of a crate's own, such as the metrics of an evaluation. Registered with
+/// [`register_topic!`](crate::register_topic).
+#[derive(Clone, Copy)]
+pub struct Topic {
+    /// What users write: `syntable list metrics`.
+    pub name: &'static str,
+    /// Rows of a table, the first with headings: name, crate, what it is.
+    pub rows: fn() -> syntable_model::error::Result<Vec<[String; 3]>>,
+}
+
+inventory::collect!(Topic);
+
+/// Registers topics of `syntable list`.
+#[macro_export]
+macro_rules! register_topic {
+    ($($topic:expr),+ $(,)?) => {$(
+        $crate::inventory::submit! { $topic }
+    )+};
+}
+
+/// The topics of all linked crates, by name.
+pub(super) fn topics() -> Vec<Topic> {
+    let mut topics: Vec<Topic> = inventory::iter::<Topic>.into_iter().copied().collect();
+    topics.sort_by_key(|topic| topic.name);
+    topics
+}
+
 /// The verbs of all linked crates, sorted by name. One that is called like another is an error that names both crates.
 pub(super) fn linked(own: &Command) -> Result<Vec<(String, Verb)>, String> {
     let mut verbs: Vec<(String, Verb)> =

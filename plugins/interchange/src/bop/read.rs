@@ -99,7 +99,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
                 faults.add("records_agree", name, "it is in scene_gt.json and not in scene_camera.json");
                 continue;
             };
-            refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name });
+            refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name, id: None });
             images.push(Record { folder: folder.clone(), number, camera, objects, infos });
         }
         for number in cameras.into_keys() {

@@ -116,6 +116,19 @@ impl DatasetReader for Reader {
         [(self.crowds > 0, crowds), (!self.has_masks, boxes)].into_iter().filter(|it| it.0).map(|it| it.1).collect()
     }
 
+    fn crowds(&self, image: usize) -> Result<Vec<Mask>> {
+        if self.crowds == 0 {
+            return Ok(Vec::new());
+        }
+        let frame = &self.listing.images[image].frame;
+        let annotations: Vec<Annotation> = self.listing.annotations(image)?;
+        let of = |it: &Annotation| {
+            let mask = segmentation(it)?.decode(frame.width, frame.height);
+            Some(mask.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id)).permanent()))
+        };
+        annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
+    }
+
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
         let Ok(annotations) = self.objects(image) else { return Vec::new() };

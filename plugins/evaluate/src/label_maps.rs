@@ -1,0 +1,204 @@
+//! Folders of label maps: PNG files whose pixels are numbers of objects, with amodal and occlusion masks of single objects
+//! beside them, as OSD-Amodal's evaluation names them or shorter.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_formats::decode;
+use syntable_formats::read::{self, Categories, Labels};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::{KeyId, Mask, Plane, Products};
+use syntable_model::reader::{DatasetReader, ImageRef};
+use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
+use syntable_model::stage::DatasetInfo;
+
+/// What users call it.
+pub const NAME: &str = "label_maps";
+
+/// Names of the folders of label maps, of amodal masks and of occlusion masks.
+const FOLDERS: [[&str; 2]; 3] =
+    [["visible", "annotation"], ["amodal", "amodal_annotation"], ["occlusion", "occlusion_annotation"]];
+
+/// A folder of label maps.
+#[derive(Debug)]
+pub struct LabelMaps {
+    info: DatasetInfo,
+    refs: Vec<ImageRef>,
+    images: Vec<Files>,
+    is_amodal: bool,
+    /// Whether there is a folder of occlusion masks; an object without one is not occluded then.
+    says_occlusion: bool,
+}
+
+/// Files of an image.
+#[derive(Debug)]
+struct Files {
+    visible: PathBuf,
+    /// Amodal and occlusion masks by objects.
+    masks: [BTreeMap<u16, PathBuf>; 2],
+}
+
+/// The folders that are there: a folder of PNG files alone has label maps itself.
+fn folders(root: &Path) -> [Option<PathBuf>; 3] {
+    let [visible, amodal, occlusion] =
+        FOLDERS.map(|names| names.iter().map(|name| root.join(name)).find(|folder| folder.is_dir()));
+    [
+        visible.or_else(|| Some(root.to_owned()).filter(|root| stems(root).is_ok_and(|it| !it.is_empty()))),
+        amodal,
+        occlusion,
+    ]
+}
+
+/// PNG files of a folder by their names without end.
+fn stems(folder: &Path) -> Result<BTreeMap<String, PathBuf>> {
+    let fail = |error: std::io::Error| Error::io(folder, &error).of_request();
+    let mut stems = BTreeMap::new();
+    for entry in fs::read_dir(folder).map_err(fail)? {
+        let path = entry.map_err(fail)?.path();
+        if path.extension().is_some_and(|it| it.eq_ignore_ascii_case("png"))
+            && let Some(stem) = path.file_stem().and_then(|stem| stem.to_str())
+        {
+            stems.insert(stem.to_owned(), path);
+        }
+    }
+    Ok(stems)
+}
+
+impl LabelMaps {
+    /// Whether a folder has label maps.
+    pub fn is_one(root: &Path) -> bool {
+        root.is_dir() && folders(root)[0].is_some()
+    }
+
+    /// Opens a folder.
+    ///
+    /// # Errors
+    /// If it has no label maps, or a mask is of no image or no object.
+    pub fn open(root: &Path) -> Result<Self> {
+        let [visible, amodal, occlusion] = folders(root);
+        let none = || {
+            let names = FOLDERS[0].join("` or `");
+            Error::new("there are no label maps")
+                .in_file(root)
+                .help(format!("PNG files in it, or in `{names}`"))
+                .of_request()
+        };
+        let maps = stems(&visible.ok_or_else(none)?)?;
+        if maps.is_empty() {
+            return Err(none());
+        }
+        let (is_amodal, says_occlusion) = (amodal.is_some() || occlusion.is_some(), occlusion.is_some());
+        let mut masks: BTreeMap<&str, [BTreeMap<u16, PathBuf>; 2]> = BTreeMap::new();
+        for (which, folder) in [amodal, occlusion].into_iter().enumerate() {
+            for (stem, path) in folder.map_or_else(|| Ok(BTreeMap::new()), |folder| stems(&folder))? {
+                let wrong = |what: &str| {
+                    let help =
+                        "masks are called as the label map is, with `_` and the number of the object, from 1 to 65535";
+                    Error::new(what.to_owned()).in_file(&path).help(help).of_request()
+                };
+                let (name, label) =
+                    labeled(&stem).ok_or_else(|| wrong("its name does not end with the number of an object"))?;
+                let (name, _) = maps.get_key_value(name).ok_or_else(|| wrong("there is no label map of its image"))?;
+                if masks.entry(name).or_default()[which].insert(label, path.clone()).is_some() {
+                    return Err(wrong("another mask is of the same object"));
+                }
+            }
+        }
+        let refs = (0..).zip(maps.keys());
+        let refs = refs.map(|(number, name)| ImageRef {
+            scene: SceneId(number),
+            view: ViewId(0),
+            name: name.clone(),
+            id: None,
+        });
+        let refs: Vec<ImageRef> = refs.collect();
+        let files = |(name, visible): (&String, &PathBuf)| Files {
+            visible: visible.clone(),
+            masks: masks.remove(name.as_str()).unwrap_or_default(),
+        };
+        let images = maps.iter().map(files).collect();
+        let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let info = Categories::default().info(name, String::new(), &refs, String::new());
+        Ok(Self { info, refs, images, is_amodal, says_occlusion })
+    }
+}
+
+/// Image and object in the name of a mask: `NAME_LABEL`. 0 is the background.
+fn labeled(stem: &str) -> Option<(&str, u16)> {
+    let (name, digits) = stem.rsplit_once('_')?;
+    let label = digits.parse().ok().filter(|label| *label > 0)?;
+    digits.bytes().all(|byte| byte.is_ascii_digit()).then_some((name, label))
+}
+
+impl DatasetReader for LabelMaps {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.refs
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        read::offers(self.is_amodal)
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let files = &self.images[image];
+        let shown = decode::gray(&files.visible)?;
+        let [width, height] = [shown.width(), shown.height()];
+        let ids: BTreeSet<u16> =
+            shown.data().iter().chain(files.masks.iter().flat_map(BTreeMap::keys)).copied().collect();
+        let mut visible = masks_of(&shown);
+        let labels = ids.into_iter().filter(|id| *id > 0).map(|id| {
+            let visible = visible.remove(&id).unwrap_or_else(|| Mask::empty(width, height));
+            let mask = |of: usize| files.masks[of].get(&id).map(|path| mask(path, [width, height])).transpose();
+            let (amodal, occlusion) = (mask(0)?, mask(1)?);
+            let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |it| visible.or(it)));
+            Ok(Labels {
+                id: InstanceId(id),
+                visible,
+                amodal: self.is_amodal.then_some(amodal),
+                occlusion: occlusion.or_else(|| self.says_occlusion.then(|| Mask::empty(width, height))),
+                rate: None,
+                visible_box: None,
+                amodal_box: None,
+                category: DatasetInfo::OBJECT.0,
+            })
+        });
+        let mut products = Products::new();
+        read::put(&labels.collect::<Result<Vec<_>>>()?, None, wants, &mut products)?;
+        Ok((read::view(self.refs[image].view, width, height), products))
+    }
+}
+
+/// The pixels of each number but 0.
+fn masks_of(map: &Plane<u16>) -> BTreeMap<u16, Mask> {
+    let [width, height] = [map.width(), map.height()];
+    let mut flips: BTreeMap<u16, Vec<u32>> = BTreeMap::new();
+    let mut before = 0;
+    for x in 0..width {
+        for y in 0..height {
+            let label = *map.at(x, y);
+            if label != before {
+                for of in [before, label] {
+                    flips.entry(of).or_default().push(x * height + y);
+                }
+                before = label;
+            }
+        }
+    }
+    flips.remove(&0);
+    flips.into_iter().map(|(label, flips)| (label, Mask::from_flips(width, height, &flips))).collect()
+}
+
+/// A mask of one object: all pixels that are not 0.
+fn mask(path: &Path, [width, height]: [u32; 2]) -> Result<Mask> {
+    let plane = decode::gray(path)?;
+    if [plane.width(), plane.height()] != [width, height] {
+        let message =
+            format!("the mask has {} × {} pixels, its label map {width} × {height}", plane.width(), plane.height());
+        return Err(Error::new(message).in_file(path).help("write masks of the size of the image").permanent());
+    }
+    Ok(Mask::from_fn(width, height, |x, y| *plane.at(x, y) > 0))
+}

@@ -1,0 +1,224 @@
+//! Metrics, and how a crate adds one.
+
+use crate::Convention;
+use crate::image::Pair;
+use std::any::Any;
+use syntable_model::error::{Error, Result};
+use syntable_model::inventory;
+
+/// Scores of predictions: what an image adds to them, and what they are over all images.
+///
+/// ```
+/// use syntable_evaluate::image::Pair;
+/// use syntable_evaluate::measure::{Measure, Measurement, Metric};
+///
+/// /// How many predictions an object has.
+/// struct Surplus;
+///
+/// impl Measure for Surplus {
+///     type Tally = [usize; 2];
+///
+///     fn names(&self) -> Vec<String> {
+///         vec!["surplus".into()]
+///     }
+///
+///     fn tally(&self, pair: &Pair) -> [usize; 2] {
+///         [pair.predictions.len(), pair.labels.len()]
+///     }
+///
+///     fn values(&self, images: &[&[usize; 2]]) -> Vec<Option<f64>> {
+///         let [predictions, labels] = [0, 1].map(|of| images.iter().map(|tally| tally[of]).sum::<usize>());
+///         vec![(labels > 0).then(|| predictions as f64 / labels as f64)]
+///     }
+/// }
+///
+/// syntable_evaluate::register_metric!(Metric {
+///     name: "surplus",
+///     doc: "Predictions by labels.",
+///     build: |_| Measurement::of(Surplus),
+///     crate_name: env!("CARGO_PKG_NAME"),
+/// });
+/// # fn main() {}
+/// ```
+pub trait Measure: Send + Sync + 'static {
+    /// What is kept of an image.
+    type Tally: Send + Sync;
+    /// Names of the scores, in snake case.
+    fn names(&self) -> Vec<String>;
+    /// What an image adds.
+    fn tally(&self, pair: &Pair) -> Self::Tally;
+    /// The scores of these images in the order of their names, as fractions; none where nothing was to be counted. An image
+    /// may be there more than once: intervals come from such samples.
+    fn values(&self, images: &[&Self::Tally]) -> Vec<Option<f64>>;
+}
+
+/// A metric that `syntable eval` knows.
+#[derive(Clone, Copy)]
+pub struct Metric {
+    /// Its name, as users write it, in snake case.
+    pub name: &'static str,
+    /// What it is, in one sentence.
+    pub doc: &'static str,
+    /// Makes it.
+    pub build: fn(Convention) -> Measurement,
+    /// Crate that registers it.
+    pub crate_name: &'static str,
+}
+
+inventory::collect!(Metric);
+
+/// Registers metrics.
+#[macro_export]
+macro_rules! register_metric {
+    ($($metric:expr),+ $(,)?) => {$(
+        $crate::inventory::submit! { $metric }
+    )+};
+}
+
+/// The metrics of all linked crates, by name.
+///
+/// # Errors
+/// If two crates register one of the same name.
+pub fn linked() -> Result<Vec<Metric>> {
+    let mut metrics: Vec<Metric> = inventory::iter::<Metric>.into_iter().copied().collect();
+    metrics.sort_by_key(|metric| metric.name);
+    match metrics.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        None => Ok(metrics),
+        Some(pair) => Err(Error::new(format!(
+            "two crates register the metric `{}`: {} and {}",
+            pair[0].name, pair[0].crate_name, pair[1].crate_name
+        ))
+        .help("link one of them only")
+        .permanent()),
+    }
+}
+
+/// A metric whose type is erased.
+pub struct Measurement(Box<dyn Erased>);
+
+impl Measurement {
+    /// Erases the type of a metric.
+    pub fn of(measure: impl Measure) -> Self {
+        Self(Box::new(measure))
+    }
+}
+
+type Kept = Box<dyn Any + Send + Sync>;
+
+trait Erased: Send + Sync {
+    fn names(&self) -> Vec<String>;
+    fn tally(&self, pair: &Pair) -> Kept;
+    fn values(&self, images: &mut dyn Iterator<Item = &Kept>) -> Vec<Option<f64>>;
+}
+
+impl<M: Measure> Erased for M {
+    fn names(&self) -> Vec<String> {
+        Measure::names(self)
+    }
+
+    fn tally(&self, pair: &Pair) -> Kept {
+        Box::new(Measure::tally(self, pair))
+    }
+
+    fn values(&self, images: &mut dyn Iterator<Item = &Kept>) -> Vec<Option<f64>> {
+        let tallies: Vec<&M::Tally> = images.filter_map(|tally| tally.downcast_ref()).collect();
+        Measure::values(self, &tallies)
+    }
+}
+
+/// The metrics that were asked for.
+pub struct Measures(Vec<Measurement>);
+
+/// What these metrics keep of an image.
+pub struct Tally(Vec<Kept>);
+
+impl Measures {
+    /// Metrics by their names; all if there are none.
+    ///
+    /// # Errors
+    /// If there is none of a name.
+    pub fn named(names: &[String], convention: Convention) -> Result<Self> {
+        let all = linked()?;
+        if let Some(name) = names.iter().find(|name| all.iter().all(|it| it.name != name.as_str())) {
+            let known: Vec<&str> = all.iter().map(|it| it.name).collect();
+            return Err(Error::new(format!("there is no metric `{name}`"))
+                .help(format!("these are: {}", known.join(", ")))
+                .of_request());
+        }
+        let wanted = all.iter().filter(|it| names.is_empty() || names.iter().any(|name| it.name == name));
+        Ok(Self(wanted.map(|it| (it.build)(convention)).collect()))
+    }
+
+    /// Names of all scores.
+    pub fn names(&self) -> Vec<String> {
+        self.0.iter().flat_map(|it| it.0.names()).collect()
+    }
+
+    /// What an image adds.
+    pub fn tally(&self, pair: &Pair) -> Tally {
+        Tally(self.0.iter().map(|it| it.0.tally(pair)).collect())
+    }
+
+    /// The scores of these images, in the order of their names.
+    pub fn values(&self, images: &[&Tally]) -> Vec<Option<f64>> {
+        let of = |(index, it): (usize, &Measurement)| it.0.values(&mut images.iter().map(|image| &image.0[index]));
+        self.0.iter().enumerate().flat_map(of).collect()
+    }
+}
+
+/// What an image adds to a score that is the sum of `part` over the sum of `whole`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ratio {
+    /// What counts.
+    pub part: f64,
+    /// Out of what. 1 in scores that are means over images, 0 where an image says nothing.
+    pub whole: f64,
+}
+
+impl Ratio {
+    /// The value of an image in a mean over images.
+    pub fn mean(value: f64) -> Self {
+        Self { part: value, whole: 1.0 }
+    }
+
+    /// Counts that are summed over all images first.
+    pub fn micro(part: usize, whole: usize) -> Self {
+        Self { part: part as f64, whole: whole as f64 }
+    }
+}
+
+/// A metric of ratios.
+pub struct Ratios<const N: usize> {
+    /// Names of its scores.
+    pub names: [&'static str; N],
+    /// What an image adds to each.
+    pub of: fn(&Pair) -> [Ratio; N],
+}
+
+impl<const N: usize> Measure for Ratios<N> {
+    type Tally = [Ratio; N];
+
+    fn names(&self) -> Vec<String> {
+        self.names.map(str::to_owned).to_vec()
+    }
+
+    fn tally(&self, pair: &Pair) -> [Ratio; N] {
+        (self.of)(pair)
+    }
+
+    fn values(&self, images: &[&[Ratio; N]]) -> Vec<Option<f64>> {
+        quotients(images).to_vec()
+    }
+}
+
+/// Sums of parts over sums of wholes.
+pub fn quotients<const N: usize>(images: &[&[Ratio; N]]) -> [Option<f64>; N] {
+    let mut sums = [Ratio::default(); N];
+    for image in images {
+        for (sum, ratio) in sums.iter_mut().zip(*image) {
+            sum.part += ratio.part;
+            sum.whole += ratio.whole;
+        }
+    }
+    sums.map(|sum| (sum.whole > 0.0).then(|| sum.part / sum.whole))
+}

@@ -1,0 +1,129 @@
+//! Who occludes whom.
+
+use crate::image::{Instance, Pair, intersection};
+use crate::measure::{Measurement, Metric, Ratio, Ratios};
+use crate::register_metric;
+use syntable_model::product::Mask;
+
+/// IoU that makes an edge in SynTable's release.
+const RELEASE_IOU: f64 = 0.1;
+
+register_metric!(
+    Metric {
+        name: "order",
+        doc: "ACC_OO by the paper and by the released code, and precision, recall and F1 of edges \"i occludes j\".",
+        build: |_| {
+            let names = ["acc_oo", "acc_oo_release", "edge_p", "edge_r", "edge_f1"];
+            Measurement::of(Ratios { names, of: syntable })
+        },
+        crate_name: env!("CARGO_PKG_NAME"),
+    },
+    Metric {
+        name: "insta_order",
+        doc: "InstaOrder's recall, precision and F1 of the occlusion order: means over images of two objects or more.",
+        build: |_| {
+            let names = ["insta_order_r", "insta_order_p", "insta_order_f1"];
+            Measurement::of(Ratios { names, of: insta_order })
+        },
+        crate_name: env!("CARGO_PKG_NAME"),
+    },
+    Metric {
+        name: "deocclusion",
+        doc: "De-occlusion's accuracy of the order of all pairs of objects, and of the pairs that occlude each other.",
+        build: |_| { Measurement::of(Ratios { names: ["deocclusion_all", "deocclusion_occluded"], of: deocclusion }) },
+        crate_name: env!("CARGO_PKG_NAME"),
+    },
+);
+
+fn syntable(pair: &Pair) -> [Ratio; 5] {
+    let (labels, predictions, matched) = (&pair.labels, &pair.predictions, pair.matched());
+    let pairs = labels.len() * labels.len().saturating_sub(1);
+    let (truth, predicted) = (paper(labels), paper(predictions));
+    let edges = [&truth, &predicted].map(|order| order.iter().flatten().filter(|edge| **edge).count());
+    let found = equal(matched, &truth, &predicted, |edge| edge);
+    [
+        Ratio::micro(equal(matched, &truth, &predicted, |_| true), pairs),
+        Ratio::micro(equal(matched, &release(labels), &iou(predictions), |_| true), pairs),
+        Ratio::micro(found, edges[1]),
+        Ratio::micro(found, edges[0]),
+        Ratio::micro(2 * found, edges[0] + edges[1]),
+    ]
+}
+
+/// Edges among the labeled objects alone: predictions that are of none have none. 0 of 0 is 1.
+fn insta_order(pair: &Pair) -> [Ratio; 3] {
+    if pair.labels.len() < 2 {
+        return [Ratio::default(); 3];
+    }
+    let truth = paper(&pair.labels);
+    let predicted = of_labels(pair, &paper(&pair.predictions));
+    let count = |counts: fn(bool, bool) -> bool| {
+        let entries = truth.iter().flatten().zip(predicted.iter().flatten());
+        entries.filter(|(truth, predicted)| counts(**truth, **predicted)).count()
+    };
+    let (both, of_truth, of_predicted) = (count(|a, b| a && b), count(|a, _| a), count(|_, b| b));
+    let share = |part: usize, whole: usize| Ratio::mean(if whole == 0 { 1.0 } else { part as f64 / whole as f64 });
+    [share(both, of_truth), share(both, of_predicted), share(2 * both, of_truth + of_predicted)]
+}
+
+/// An order of predictions as one of the labels that they are matched with.
+fn of_labels(pair: &Pair, predicted: &Order) -> Order {
+    let mut own = vec![None; pair.labels.len()];
+    pair.matched().iter().for_each(|&(label, prediction)| own[label] = Some(prediction));
+    order(own.len(), |i, j| own[i].zip(own[j]).is_some_and(|(i, j)| predicted[i][j]))
+}
+
+/// Of two objects the one in front has 1, the other −1; both 0 if neither or each occludes the other.
+fn deocclusion(pair: &Pair) -> [Ratio; 2] {
+    let (truth, predicted) = (paper(&pair.labels), paper(&pair.predictions));
+    let sign = |order: &Order, i: usize, j: usize| i8::from(order[i][j]) - i8::from(order[j][i]);
+    let n = pair.labels.len();
+    let ordered = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|&(i, j)| sign(&truth, i, j) != 0).count();
+    let mut equal = [0; 2];
+    for &(i, p) in pair.matched() {
+        for &(j, q) in pair.matched() {
+            let said = sign(&truth, i, j);
+            if i != j && said == sign(&predicted, p, q) {
+                equal[0] += 1;
+                equal[1] += usize::from(said != 0);
+            }
+        }
+    }
+    [Ratio::micro(equal[0], n * n.saturating_sub(1)), Ratio::micro(equal[1], ordered)]
+}
+
+/// Who (row) occludes whom (column).
+type Order = Vec<Vec<bool>>;
+
+/// Ordered pairs of matched objects of which both say the same, if what they say counts.
+fn equal(matched: &[(usize, usize)], truth: &Order, predicted: &Order, counts: fn(bool) -> bool) -> usize {
+    let all = matched.iter().flat_map(|a| matched.iter().map(move |b| (a, b))).filter(|(a, b)| a != b);
+    all.filter(|((i, p), (j, q))| truth[*i][*j] == predicted[*p][*q] && counts(truth[*i][*j])).count()
+}
+
+fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> Order {
+    (0..n).map(|i| (0..n).map(|j| i != j && occludes(i, j)).collect()).collect()
+}
+
+/// The paper's Algorithm 1: the visible mask of one meets the occlusion mask of the other.
+pub fn paper(all: &[Instance]) -> Order {
+    order(all.len(), |i, j| intersection(&all[i].visible, &all[j].occlusion) > 0)
+}
+
+/// Edges of predictions as the release has them.
+fn iou(all: &[Instance]) -> Order {
+    order(all.len(), |i, j| exceeds(&all[i].visible, &all[j].occlusion))
+}
+
+/// Edges of labels as the release has them: every visible mask is the union of all, so that rows are equal.
+fn release(all: &[Instance]) -> Order {
+    let Some(first) = all.first() else { return Vec::new() };
+    let union = all[1..].iter().fold(first.visible.clone(), |union, it| union.or(&it.visible));
+    let is_hidden: Vec<bool> = all.iter().map(|it| exceeds(&union, &it.occlusion)).collect();
+    order(all.len(), |_, j| is_hidden[j])
+}
+
+fn exceeds(visible: &Mask, occlusion: &Mask) -> bool {
+    let both = intersection(visible, occlusion);
+    f64::from(both) > RELEASE_IOU * f64::from(visible.area() + occlusion.area() - both)
+}

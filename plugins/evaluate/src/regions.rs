@@ -1,0 +1,78 @@
+//! Panoptic quality and mean IoU.
+
+use crate::image::{Pair, intersection, meet};
+use crate::measure::{Measurement, Metric, Ratio, Ratios};
+use crate::register_metric;
+use syntable_model::product::Mask;
+
+/// IoU that a pair of segments must exceed.
+const MATCHED_ABOVE: f64 = 0.5;
+/// Share of a segment in crowds above which it is no false one.
+const IN_CROWDS_ABOVE: f64 = 0.5;
+
+register_metric!(
+    Metric {
+        name: "panoptic",
+        doc: "Panoptic quality, SQ and RQ of visible masks, painted into label maps, whatever the class.",
+        build: |_| Measurement::of(Ratios { names: ["pq", "sq", "rq"], of: panoptic }),
+        crate_name: env!("CARGO_PKG_NAME"),
+    },
+    Metric {
+        name: "miou",
+        doc: "Mean IoU of amodal and visible masks: intersections by unions of the pairs of an image.",
+        build: |_| Measurement::of(Ratios { names: ["amodal_miou", "visible_miou"], of: miou }),
+        crate_name: env!("CARGO_PKG_NAME"),
+    },
+);
+
+fn iou(a: &Mask, b: &Mask) -> f64 {
+    let both = f64::from(intersection(a, b));
+    if both == 0.0 { 0.0 } else { both / (f64::from(a.area()) + f64::from(b.area()) - both) }
+}
+
+fn panoptic(pair: &Pair) -> [Ratio; 3] {
+    let ([labels, predictions], _) = pair.painted();
+    let boxes: Vec<_> = labels.iter().map(Mask::bbox).collect();
+    let (mut sum, mut hits, mut spurious) = (0.0, 0, 0);
+    for prediction in predictions {
+        let area = prediction.bbox();
+        // Segments do not overlap, so that at most one label has such an IoU.
+        let ious = labels.iter().zip(&boxes).filter(|it| meet(it.1, &area)).map(|it| iou(it.0, prediction));
+        match ious.into_iter().find(|iou| *iou > MATCHED_ABOVE) {
+            Some(iou) => {
+                sum += iou;
+                hits += 1;
+            }
+            None => spurious += usize::from(!is_in_crowds(prediction, labels, &pair.crowds)),
+        }
+    }
+    let whole = hits as f64 + 0.5 * (spurious + labels.len() - hits) as f64;
+    let hits = hits as f64;
+    [Ratio { part: sum, whole }, Ratio { part: sum, whole: hits }, Ratio { part: hits, whole }]
+}
+
+/// Whether a segment is for the most part in crowds, where there are no labels.
+fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Mask]) -> bool {
+    let Some(first) = crowds.first() else { return false };
+    let all = crowds[1..].iter().fold(first.clone(), |all, it| all.or(it));
+    let inside = labels.iter().fold(all.and(prediction), |inside, label| inside.minus(label));
+    f64::from(inside.area()) > IN_CROWDS_ABOVE * f64::from(prediction.area())
+}
+
+fn miou(pair: &Pair) -> [Ratio; 2] {
+    let amodal = pair.matched().iter().map(|&(i, j)| (&pair.labels[i].amodal, &pair.predictions[j].amodal));
+    let (masks, pairs) = pair.painted();
+    let visible = pairs.iter().map(|&(i, j)| (&masks[0][i], &masks[1][j]));
+    [of_pairs(amodal, [pair.labels.len(), pair.predictions.len()]), of_pairs(visible, [masks[0].len(), masks[1].len()])]
+}
+
+/// Of an image without labels and predictions 1, without one of them 0.
+fn of_pairs<'a>(pairs: impl Iterator<Item = (&'a Mask, &'a Mask)>, counts: [usize; 2]) -> Ratio {
+    let (mut both, mut either) = (0.0, 0.0);
+    for (a, b) in pairs {
+        let shared = f64::from(intersection(a, b));
+        both += shared;
+        either += f64::from(a.area()) + f64::from(b.area()) - shared;
+    }
+    Ratio::mean(if either > 0.0 { both / either } else { f64::from(u8::from(counts == [0, 0])) })
+}

@@ -1,0 +1,183 @@
+"""Compares scores of random predictions with those of pycocotools, and with panoptic quality computed pixel by pixel.
+
+    check_scores.py make FOLDER            # labels as COCO annotations, and a result file
+    check_scores.py compare FOLDER SCORES  # the file that `syntable eval --json` printed
+
+Scores have many ties, images have crowds, too many predictions, none, or no labels, and objects are of all sizes. Image ids
+are not in the order of names.
+"""
+
+import contextlib
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from pycocotools import mask
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
+
+WIDTH, HEIGHT = 320, 240
+IMAGES = 14
+NO_LABELS, NO_RESULTS, MANY = 3, 5, 7
+SCORES = "ap ap50 ap75 aps apm apl ar1 ar10 ar100 ars arm arl".split()
+LEAST = 0.5
+
+
+def labels_of(folder: Path) -> Path:
+    return folder / "data" / "annotations" / "instances_train.json"
+
+
+def encode(pixels: np.ndarray) -> dict:
+    rle = mask.encode(np.asfortranarray(pixels.astype(np.uint8)))
+    return {"size": [HEIGHT, WIDTH], "counts": rle["counts"].decode()}
+
+
+def decode(rle: dict) -> np.ndarray:
+    return mask.decode(rle).astype(bool)
+
+
+def uncompressed(pixels: np.ndarray) -> dict:
+    flat = np.concatenate([[False], pixels.ravel(order="F")])
+    edges = np.flatnonzero(flat[1:] != flat[:-1])
+    return {"size": [HEIGHT, WIDTH], "counts": [int(n) for n in np.diff([0, *edges, flat.size - 1])]}
+
+
+def ellipse(at: list[float], axes: list[float]) -> np.ndarray:
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return ((x - at[0]) / axes[0]) ** 2 + ((y - at[1]) / axes[1]) ** 2 <= 1
+
+
+def shape(random: np.random.Generator) -> tuple[list[float], list[float]]:
+    size = random.choice([8, 18, 40, 75])
+    return [random.uniform(0, WIDTH), random.uniform(0, HEIGHT)], [size * random.uniform(0.6, 1.2) for _ in range(2)]
+
+
+def moved(random: np.random.Generator, at: list[float], axes: list[float]) -> tuple[list[float], list[float]]:
+    return [x + random.normal(0, 2) for x in at], [max(x * random.normal(1, 0.12), 2) for x in axes]
+
+
+def stacked(shapes: list) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Amodal and visible masks; later shapes are in front."""
+    hidden, out = np.zeros((HEIGHT, WIDTH), bool), []
+    for at, axes in reversed(shapes):
+        amodal = ellipse(at, axes)
+        out.append((amodal, amodal & ~hidden))
+        hidden |= amodal
+    return [it for it in out[::-1] if it[1].any()]
+
+
+def make(folder: Path) -> None:
+    random = np.random.default_rng(3)
+    images, annotations, results = [], [], []
+    for number in range(IMAGES):
+        ident = 100 - 7 * number
+        images.append({"id": ident, "file_name": f"image{number:02}.jpg", "width": WIDTH, "height": HEIGHT})
+        shapes = [] if number == NO_LABELS else [shape(random) for _ in range(random.integers(3, 9))]
+        for amodal, visible in stacked(shapes):
+            full, shown = encode(amodal), encode(visible)
+            annotations.append({"segmentation": full, "visible_mask": shown, "image_id": ident, "iscrowd": 0})
+        if number % 2:
+            crowd = ellipse([WIDTH / 2, HEIGHT / 2], [random.uniform(20, 60), random.uniform(20, 60)])
+            annotations.append({"segmentation": uncompressed(crowd), "image_id": ident, "iscrowd": 1})
+        found = [moved(random, *it) for it in shapes for _ in range(random.integers(0, 3))]
+        found += [shape(random) for _ in range(130 if number == MANY else 3)]
+        for amodal, visible in stacked([] if number == NO_RESULTS else found):
+            score = round(float(random.uniform(0.05, 1)), 1)
+            results.append(
+                {
+                    "image_id": ident,
+                    "category_id": 1,
+                    "score": score,
+                    "segmentation": encode(visible),
+                    "amodal_segmentation": encode(amodal),
+                }
+            )
+    for number, annotation in enumerate(annotations, 1):
+        rle = annotation["segmentation"]
+        rle = mask.frPyObjects(rle, HEIGHT, WIDTH) if isinstance(rle["counts"], list) else rle
+        annotation |= {"id": number, "category_id": 1, "area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
+    random.shuffle(results)
+    labels_of(folder).parent.mkdir(parents=True)
+    categories = [{"id": 1, "name": "object", "supercategory": ""}]
+    data = {"info": {}, "images": images, "annotations": annotations, "categories": categories}
+    labels_of(folder).write_text(json.dumps(data))
+    (folder / "results.json").write_text(json.dumps(results))
+
+
+def coco_scores(folder: Path, kind: str, what: str) -> list[float | None]:
+    data, results = json.loads(labels_of(folder).read_text()), json.loads((folder / "results.json").read_text())
+    if kind == "visible":
+        for it in data["annotations"]:
+            if not it["iscrowd"]:
+                rle = it["segmentation"] = it["visible_mask"]
+                it |= {"area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
+    key = "segmentation" if kind == "visible" else "amodal_segmentation"
+    results = [{**{k: it[k] for k in ("image_id", "category_id", "score")}, "segmentation": it[key]} for it in results]
+    with contextlib.redirect_stdout(io.StringIO()):
+        truth = COCO()
+        truth.dataset = data
+        truth.createIndex()
+        evaluation = COCOeval(truth, truth.loadRes(results), what)
+        evaluation.params.useCats = 0
+        evaluation.evaluate()
+        evaluation.accumulate()
+        evaluation.summarize()
+    return [None if value == -1 else 100 * float(value) for value in evaluation.stats]
+
+
+def panoptic(folder: Path) -> list[float]:
+    data, results = json.loads(labels_of(folder).read_text()), json.loads((folder / "results.json").read_text())
+    total, hits, missed, spurious = 0.0, 0, 0, 0
+    for image in data["images"]:
+        own = [it for it in data["annotations"] if it["image_id"] == image["id"]]
+        labels = [decode(it["visible_mask"]) for it in own if not it["iscrowd"]]
+        crowd = np.zeros((HEIGHT, WIDTH), bool)
+        for it in own:
+            if it["iscrowd"]:
+                crowd |= decode(mask.frPyObjects(it["segmentation"], HEIGHT, WIDTH))
+        crowd &= ~np.any([crowd & False, *labels], axis=0)
+        found = [it for it in results if it["image_id"] == image["id"] and it["score"] >= LEAST]
+        painted = np.zeros((HEIGHT, WIDTH), int)
+        for number, it in enumerate(sorted(found, key=lambda it: -it["score"]), 1):
+            painted[decode(it["segmentation"])] = number
+        taken = set()
+        for number in np.unique(painted[painted > 0]):
+            segment = painted == number
+            ious = [(segment & label).sum() / (segment | label).sum() for label in labels]
+            best = int(np.argmax(ious)) if ious else 0
+            if ious and ious[best] > 0.5:
+                assert best not in taken
+                taken.add(best)
+                total, hits = total + ious[best], hits + 1
+            elif (segment & crowd).sum() <= 0.5 * segment.sum():
+                spurious += 1
+        missed += len(labels) - len(taken)
+    whole = hits + 0.5 * (missed + spurious)
+    return [100 * total / whole, 100 * total / hits, 100 * hits / whole]
+
+
+def compare(folder: Path, scores: Path) -> None:
+    found, wrong = json.loads(scores.read_text())["scores"], []
+    wanted = dict(zip(("pq", "sq", "rq"), panoptic(folder)))
+    for kind in ("amodal", "visible"):
+        for what, name in (("segm", "mask"), ("bbox", "box")):
+            values = coco_scores(folder, kind, what)
+            wanted |= {f"{kind}_{name}_{score}": value for score, value in zip(SCORES, values)}
+    assert len(wanted) == 51 and sum(value is not None and 0 < value < 100 for value in wanted.values()) >= 49, wanted
+    for name, value in wanted.items():
+        if (value is None) != (found[name] is None) or value is not None and abs(found[name] - value) > 1e-7:
+            wrong.append(f"{name}: {found[name]}, not {value}")
+    if wrong:
+        sys.exit("\n".join(wrong))
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["make", folder]:
+            make(Path(folder))
+        case ["compare", folder, scores]:
+            compare(Path(folder), Path(scores))
+        case _:
+            sys.exit(__doc__)
