@@ -127,8 +127,7 @@ impl<'a> Caster<'a> {
         if materials(body).get(slot).is_none_or(|material| is_opaque(material)) {
             return true;
         }
-        let scene =
-            self.prepared.get_or_init(|| PreparedScene::new(self.cx.scene, &self.kept.scenes, self.cx.workers));
+        let scene = self.prepared.get_or_init(|| PreparedScene::new(self.cx.scene, &self.kept.scenes, self.cx.workers));
         let (u, v) = (hit.u as f32, hit.v as f32);
         let point = SurfacePoint { instance: index as u32, primitive: hit.triangle as u32, u, v };
         let (prepared, triangle) = scene.at(&point);
@@ -185,8 +184,12 @@ impl MeshTree {
             }
             match self.nodes[node].1 {
                 TreeNode::Item(triangle) => {
-                    let hit = meet(mesh.corners(triangle as usize), ray)
-                        .map(|[t, u, v]| Hit { t, triangle: triangle as usize, u, v });
+                    let hit = meet(mesh.corners(triangle as usize), ray).map(|[t, u, v]| Hit {
+                        t,
+                        triangle: triangle as usize,
+                        u,
+                        v,
+                    });
                     best = hit.filter(|hit| hit.t < reach(&best) && accept(hit)).or(best);
                 }
                 TreeNode::Pair(a, b) => {
