@@ -356,7 +356,7 @@ impl Bits {
             above.push(word << 1 | carry);
             carry = word >> 63;
         }
-        if self.width % 64 != 0 {
+        if !self.width.is_multiple_of(64) {
             above.iter_mut().last().into_iter().for_each(|word| *word &= (1 << (self.width % 64)) - 1);
         }
         for (y, row) in self.data.chunks_exact(self.words.max(1)).enumerate() {
