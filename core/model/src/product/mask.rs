@@ -59,21 +59,50 @@ impl Mask {
         runs.finish(width, height)
     }
 
+    /// The mask of the pixels that are set in an image.
+    pub fn from_plane(image: &Plane<bool>) -> Self {
+        let (width, height) = (image.width(), image.height());
+        let bits = Bits::of(image);
+        // Flips in the order of columns: first their number in each, then each in its place.
+        let mut places = vec![0_usize; width as usize + 1];
+        bits.flips(|x, _| places[x + 1] += 1);
+        for x in 1..places.len() {
+            places[x] += places[x - 1];
+        }
+        let mut flips = vec![0; places[width as usize]];
+        bits.flips(|x, y| {
+            flips[places[x]] = x as u32 * height + y as u32;
+            places[x] += 1;
+        });
+        Self::from_flips(width, height, &flips)
+    }
+
     /// The mask whose value flips at each of the given positions `x · height + y`, ascending, starting from 0.
     pub fn from_flips(width: u32, height: u32, flips: &[u32]) -> Self {
-        let mut runs = Runs::new();
+        let (mut counts, mut start) = (Vec::with_capacity(flips.len() + 1), 0);
         for &position in flips {
-            let value = !runs.value;
-            runs.set(position, value);
+            counts.push(position - start);
+            start = position;
         }
-        runs.finish(width, height)
+        let end = width * height;
+        if end > start || counts.is_empty() {
+            counts.push(end - start);
+        }
+        Self { width, height, counts }
     }
 
     /// A mask from run lengths, which must add up to width × height.
     pub fn from_counts(width: u32, height: u32, counts: &[u32]) -> Result<Self> {
+        Self::from_runs(width, height, counts.to_vec())
+    }
+
+    fn from_runs(width: u32, height: u32, counts: Vec<u32>) -> Result<Self> {
         let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
         if total != u64::from(width) * u64::from(height) {
             return Err(Error::new(format!("runs add up to {total}, not to {width} × {height} pixels")));
+        }
+        if !counts.is_empty() && counts.iter().skip(1).all(|&count| count > 0) {
+            return Ok(Self { width, height, counts });
         }
         let mut runs = Runs::new();
         let mut position = 0;
@@ -124,11 +153,22 @@ impl Mask {
     /// The runs cut at the ends of columns: the column, and the half-open range of its rows.
     pub fn segments(&self) -> impl Iterator<Item = (u32, std::ops::Range<u32>)> {
         let height = self.height;
+        let (mut x, mut top) = (0, 0);
         self.runs().flat_map(move |run| {
-            let (first, last) = (run.start / height, (run.end - 1) / height);
-            (first..=last).map(move |x| {
-                let column = x * height;
-                (x, run.start.max(column) - column..run.end.min(column + height) - column)
+            // Most runs are in the column of the one before, or in the next.
+            if run.start - top >= 2 * height {
+                x = run.start / height;
+                top = x * height;
+            } else if run.start - top >= height {
+                (x, top) = (x + 1, top + height);
+            }
+            let (first, first_top) = (x, top);
+            while run.end - top > height {
+                (x, top) = (x + 1, top + height);
+            }
+            (first..=x).map(move |x| {
+                let top = first_top + (x - first) * height;
+                (x, run.start.max(top) - top..(run.end - top).min(height))
             })
         })
     }
@@ -190,9 +230,31 @@ impl Mask {
 
     /// The mask as an image.
     pub fn to_plane(&self) -> Plane<bool> {
-        let mut plane = Plane::from_vec(self.width, self.height, vec![false; (self.width * self.height) as usize]);
-        self.pixels().for_each(|pixel| plane.data_mut()[pixel] = true);
-        plane
+        Plane::from_vec(self.width, self.height, self.rows(|bit| bit != 0))
+    }
+
+    /// The mask as an image of what `value` makes of 1 where it is set, and of 0 elsewhere.
+    fn rows<T>(&self, value: impl Fn(u8) -> T + Copy) -> Vec<T> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let words = width.div_ceil(64);
+        // Where the value changes on the way down a column, the first pixel against 0.
+        let mut changes = vec![0_u64; words * height];
+        for (x, rows) in self.segments() {
+            let (word, bit) = (x as usize / 64, 1 << (x % 64));
+            changes[rows.start as usize * words + word] ^= bit;
+            if rows.end < self.height {
+                changes[rows.end as usize * words + word] ^= bit;
+            }
+        }
+        let (mut data, mut row) = (Vec::with_capacity(width * height + 64), vec![0_u64; words]);
+        for (y, changes) in changes.chunks_exact(words.max(1)).enumerate() {
+            for (bits, change) in row.iter_mut().zip(changes) {
+                *bits ^= change;
+                bits.to_le_bytes().into_iter().for_each(|eight| data.extend(spread(eight).map(value)));
+            }
+            data.truncate((y + 1) * width);
+        }
+        data
     }
 
     /// Indices of the mask's pixels in a [`Plane`], down the columns.
@@ -203,25 +265,23 @@ impl Mask {
 
     /// COCO's compressed `counts`: differences to the run before last, five bits a letter, low bits first.
     pub fn to_coco(&self) -> String {
-        let mut out = String::new();
+        // A run of an object is seldom longer than 1023 pixels, or much longer than that beside it.
+        let mut out = Vec::with_capacity(self.counts.len() + self.counts.len() / 2 + 8);
+        let mut letter = |group: i64| out.push(48 + group as u8);
         for (i, &count) in self.counts.iter().enumerate() {
             let mut rest = i64::from(count) - if i > 2 { i64::from(self.counts[i - 2]) } else { 0 };
-            loop {
-                let group = (rest & 0x1f) as u8;
+            while !(-16..16).contains(&rest) {
+                letter(rest & 0x1f | 0x20);
                 rest >>= 5;
-                let last = rest == if group & 0x10 == 0 { 0 } else { -1 };
-                out.push(char::from(48 + (group | if last { 0 } else { 0x20 })));
-                if last {
-                    break;
-                }
             }
+            letter(rest & 0x1f);
         }
-        out
+        String::from_utf8(out).expect("letters of ASCII")
     }
 
     /// Reads COCO's compressed `counts`.
     pub fn from_coco(width: u32, height: u32, text: &str) -> Result<Self> {
-        let mut counts: Vec<u32> = Vec::new();
+        let mut counts: Vec<u32> = Vec::with_capacity(text.len());
         let mut letters = text.bytes();
         let wrong = |what: &str| Error::new(format!("run lengths {text:?}: {what}"));
         while let Some(mut letter) = letters.next() {
@@ -244,7 +304,75 @@ impl Mask {
             let before = if counts.len() > 2 { i64::from(counts[counts.len() - 2]) } else { 0 };
             counts.push(u32::try_from(value + before).map_err(|_| wrong("a negative run"))?);
         }
-        Self::from_counts(width, height, &counts)
+        Self::from_runs(width, height, counts)
+    }
+}
+
+/// Eight bits as bytes of 0 and 1, the lowest bit first.
+fn spread(bits: u8) -> [u8; 8] {
+    // Each byte keeps a bit of its own, which is then moved to the top and from there to the bottom.
+    let own = (u64::from(bits) * 0x0101_0101_0101_0101) & 0x8040_2010_0804_0201;
+    (((own + 0x7f7f_7f7f_7f7f_7f7f) >> 7) & 0x0101_0101_0101_0101).to_le_bytes()
+}
+
+/// Eight truth values as bits, the first the lowest.
+fn gather(values: [bool; 8]) -> u8 {
+    // The product has bit `i` of the result from byte `i`, and nothing else reaches the highest byte.
+    (u64::from_le_bytes(values.map(u8::from)).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
+}
+
+/// Up to 64 truth values as bits, the first the lowest.
+fn word(values: &[bool]) -> u64 {
+    let (eights, rest) = values.as_chunks();
+    let bits = eights.iter().rev().fold(0, |bits, &eight| bits << 8 | u64::from(gather(eight)));
+    if rest.is_empty() {
+        return bits;
+    }
+    let mut last = [false; 8];
+    last[..rest.len()].copy_from_slice(rest);
+    bits | u64::from(gather(last)) << (8 * eights.len())
+}
+
+/// An image of bits, 64 columns a word, the first the lowest bit; those beyond the image are 0.
+struct Bits {
+    width: usize,
+    words: usize,
+    data: Vec<u64>,
+}
+
+impl Bits {
+    fn of(image: &Plane<bool>) -> Self {
+        let width = image.width() as usize;
+        let words = width.div_ceil(64);
+        let mut data = Vec::with_capacity(words * image.height() as usize);
+        for row in image.data().chunks_exact(width.max(1)) {
+            data.extend(row.chunks(64).map(word));
+        }
+        Self { width, words, data }
+    }
+
+    /// Calls `flip` with column and row of each pixel that differs from the one before it down the columns, row by row. Above
+    /// the first pixel of a column is the last of the column before, and 0 before all.
+    fn flips(&self, mut flip: impl FnMut(usize, usize)) {
+        let Some(bottom) = self.data.len().checked_sub(self.words) else { return };
+        let mut above: Vec<u64> = Vec::with_capacity(self.words);
+        let mut carry = 0;
+        for &word in &self.data[bottom..] {
+            above.push(word << 1 | carry);
+            carry = word >> 63;
+        }
+        if !self.width.is_multiple_of(64) {
+            above.iter_mut().last().into_iter().for_each(|word| *word &= (1 << (self.width % 64)) - 1);
+        }
+        for (y, row) in self.data.chunks_exact(self.words.max(1)).enumerate() {
+            for (word, (&bits, above)) in row.iter().zip(&mut above).enumerate() {
+                let mut changed = bits ^ std::mem::replace(above, bits);
+                while changed != 0 {
+                    flip(64 * word + changed.trailing_zeros() as usize, y);
+                    changed &= changed - 1;
+                }
+            }
+        }
     }
 }
 
@@ -321,6 +449,22 @@ mod tests {
     }
 
     proptest! {
+        /// Blobs and noise on images of one and several words a row, whole and not.
+        #[test]
+        fn images_there_and_back((w, h) in (1_u32..200, 1_u32..9), seed: u64, size in 1_u32..20) {
+            let bits = |x: u32, y: u32| {
+                let cell = (u64::from(x / size) << 32 | u64::from(y / size)).wrapping_mul(seed | 1);
+                cell.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 63 == 1
+            };
+            let (mask, plane) = (Mask::from_fn(w, h, bits), Plane::from_fn(w, h, bits));
+            prop_assert_eq!(&mask.to_plane(), &plane);
+            prop_assert_eq!(&Mask::from_plane(&plane), &mask);
+            let pixels: Vec<usize> = (0..w).flat_map(|x| (0..h).map(move |y| (x, y)))
+                .filter(|&(x, y)| bits(x, y)).map(|(x, y)| (y * w + x) as usize).collect();
+            prop_assert_eq!(mask.pixels().collect::<Vec<_>>(), pixels);
+            prop_assert_eq!(Mask::from_coco(w, h, &mask.to_coco()).expect("reads back"), mask);
+        }
+
         #[test]
         fn algebra_is_that_of_pixels(
             (w, h, a, b) in (1_u32..9, 1_u32..9).prop_flat_map(|(w, h)| {
@@ -345,6 +489,7 @@ mod tests {
                 (0..w as i32).contains(&column) && (0..h as i32).contains(&row) && a[(row * w as i32 + column) as usize]
             };
             prop_assert_eq!(&inside, &Plane::from_fn(inside.width(), inside.height(), set));
+            prop_assert_eq!(Mask::from_plane(&ma.to_plane()), ma.clone());
             prop_assert_eq!(ma.area() as usize, a.iter().filter(|&&bit| bit).count());
             prop_assert_eq!(Mask::from_coco(w, h, &ma.to_coco()).expect("reads back"), ma.clone());
             let set: Vec<(u32, u32)> = (0..w).flat_map(|x| (0..h).map(move |y| (x, y)))

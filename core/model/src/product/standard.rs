@@ -219,6 +219,13 @@ products! {
     /// Category of the annotated object that a pixel shows, 0 where it shows none.
     pub const CATEGORY_MAP: Key<Plane<u16>> = view("category_map").semantic(Semantic::Label);
 
+    /// Material at the pixel center, by its id in [`MATERIALS`]: that of the first surface that is not glass. 0 where there is
+    /// none.
+    pub const MATERIAL_MAP: Key<Plane<u16>> = view("material_map").semantic(Semantic::Label);
+
+    /// Materials of the scene by their ids in [`MATERIAL_MAP`], with name, content digest, and the bodies that have them.
+    pub const MATERIALS: Key<Value> = scene("materials").form(|| Form::Records);
+
     /// For each object, the views of the scene that show it and how much of it they hide.
     pub const SEEN_IN_VIEWS: Key<Value> = scene("seen_in_views").form(|| Form::Records);
 
