@@ -20,7 +20,7 @@ fn dataset() -> &'static Path {
             "render.samples_per_pixel=1",
             "denoise.kind=\"none\"",
             "place[2].count=8",
-            "write={ syntable = {} }",
+            "write={ syntable = {}, osd_amodal = {} }",
         ] {
             run.args(["--set", set]);
         }
@@ -339,6 +339,29 @@ fn label_maps_are_read_as_either_side() {
     write_png(&osd.join("occlusion_annotation/other_3.png"), [4, 2], png::BitDepth::Eight, &[255; 8]);
     let said = eval(&data(), &osd);
     assert!(said.contains("other_3.png") && said.contains("there is no label map of its image"), "{said}");
+}
+
+/// OSD-Amodal's folders are labels; those of them that its evaluation compares are predictions.
+#[test]
+fn osd_amodal_is_read_as_either_side() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = inner(&data()).join("osd_amodal");
+    for name in ["annotation", "amodal_annotation", "occlusion_annotation"] {
+        fs::create_dir(folder.path().join(name)).expect("writable");
+        for file in fs::read_dir(truth.join(name)).expect("a folder") {
+            let file = file.expect("a file");
+            fs::copy(file.path(), folder.path().join(name).join(file.file_name())).expect("writable");
+        }
+    }
+    let any = ["--occluded-from", "0"];
+    let eval = |pred: &Path, more: &[&str]| {
+        ok(syntable().arg("eval").arg("--gt").arg(&truth).arg("--pred").arg(pred).args(any).args(more))
+    };
+    let itself = scores(&data(), &any);
+    for pred in [&*truth, folder.path()] {
+        assert_eq!(serde_json::from_str::<Value>(&eval(pred, &["--json"])).expect("JSON"), itself);
+    }
+    assert!(eval(folder.path(), &[]).contains("read as: osd_amodal and label_maps"));
 }
 
 /// A copy whose COCO scores are empty, as without scores of predictions.
