@@ -73,7 +73,7 @@ def make(folder: Path) -> None:
     images, annotations, results = [], [], []
     for number in range(IMAGES):
         ident = 100 - 7 * number
-        images.append({"id": ident, "file_name": f"image{number:02}.jpg", "width": WIDTH, "height": HEIGHT})
+        images.append({"id": ident, "file_name": f"{number:02}_0.jpg", "width": WIDTH, "height": HEIGHT})
         shapes = [] if number == NO_LABELS else [shape(random) for _ in range(random.integers(3, 9))]
         for amodal, visible in stacked(shapes):
             full, shown = encode(amodal), encode(visible)
@@ -82,7 +82,9 @@ def make(folder: Path) -> None:
             crowd = ellipse([WIDTH / 2, HEIGHT / 2], [random.uniform(20, 60), random.uniform(20, 60)])
             annotations.append({"segmentation": uncompressed(crowd), "image_id": ident, "iscrowd": 1})
         found = [moved(random, *it) for it in shapes for _ in range(random.integers(0, 3))]
-        found += [shape(random) for _ in range(130 if number == MANY else 3)]
+        found += [shape(random) for _ in range(3)]
+        # Small ones, of which more than a hundred are seen.
+        found += [([random.uniform(0, WIDTH), random.uniform(0, HEIGHT)], [4, 4]) for _ in range(200 * (number == MANY))]
         for amodal, visible in stacked([] if number == NO_RESULTS else found):
             score = round(float(random.uniform(0.05, 1)), 1)
             results.append(
@@ -98,6 +100,7 @@ def make(folder: Path) -> None:
         rle = annotation["segmentation"]
         rle = mask.frPyObjects(rle, HEIGHT, WIDTH) if isinstance(rle["counts"], list) else rle
         annotation |= {"id": number, "category_id": 1, "area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
+    assert max(sum(it["image_id"] == image["id"] for it in results) for image in images) > 130
     random.shuffle(results)
     labels_of(folder).parent.mkdir(parents=True)
     categories = [{"id": 1, "name": "object", "supercategory": ""}]

@@ -20,7 +20,7 @@ fn dataset() -> &'static Path {
             "render.samples_per_pixel=1",
             "denoise.kind=\"none\"",
             "place[2].count=8",
-            "write={ syntable = {} }",
+            "write={ syntable = {}, osd_amodal = {} }",
         ] {
             run.args(["--set", set]);
         }
@@ -202,6 +202,8 @@ fn scores_do_not_depend_on_threads() {
     assert!((f - 2.0 * p * r / (p + r)).abs() < 1e-9 && one.0["scores"]["amodal_overlap_f"] != json!(f));
     let table = ok(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file));
     assert!(table.contains("F@.75") && table.contains("ACC_OO (release)") && table.contains("results"), "{table}");
+    let lists = |name: &str| table.lines().any(|line| line.starts_with(name));
+    assert!(lists("visible_miou ") && !lists("amodal_overlap_f "), "{table}");
     // Asked for alone, a metric is alone; with intervals, all scores are in one list.
     let mut eval = syntable();
     eval.arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file).args(["--metrics", "panoptic,order"]);
@@ -328,9 +330,38 @@ fn label_maps_are_read_as_either_side() {
     let said = eval(&data(), &osd);
     assert!(said.contains(&format!("{named}_")) && said.contains("there is no label map of its image"), "{said}");
     fs::rename(osd.join("annotation/more.png"), &image).expect("writable");
+    // Objects without an occlusion mask are not occluded, unless there is no folder of them.
+    let hidden = osd.join("occlusion_annotation");
+    fs::remove_dir_all(&hidden).expect("a folder");
+    assert_eq!(scores(&osd, &any), itself);
+    fs::create_dir(&hidden).expect("writable");
+    assert_eq!(scores(&osd, &any)["scores"]["edge_r"], json!(0.0));
     write_png(&osd.join("occlusion_annotation/other_3.png"), [4, 2], png::BitDepth::Eight, &[255; 8]);
     let said = eval(&data(), &osd);
     assert!(said.contains("other_3.png") && said.contains("there is no label map of its image"), "{said}");
+}
+
+/// OSD-Amodal's folders are labels; those of them that its evaluation compares are predictions.
+#[test]
+fn osd_amodal_is_read_as_either_side() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let truth = inner(&data()).join("osd_amodal");
+    for name in ["annotation", "amodal_annotation", "occlusion_annotation"] {
+        fs::create_dir(folder.path().join(name)).expect("writable");
+        for file in fs::read_dir(truth.join(name)).expect("a folder") {
+            let file = file.expect("a file");
+            fs::copy(file.path(), folder.path().join(name).join(file.file_name())).expect("writable");
+        }
+    }
+    let any = ["--occluded-from", "0"];
+    let eval = |pred: &Path, more: &[&str]| {
+        ok(syntable().arg("eval").arg("--gt").arg(&truth).arg("--pred").arg(pred).args(any).args(more))
+    };
+    let itself = scores(&data(), &any);
+    for pred in [&*truth, folder.path()] {
+        assert_eq!(serde_json::from_str::<Value>(&eval(pred, &["--json"])).expect("JSON"), itself);
+    }
+    assert!(eval(folder.path(), &[]).contains("read as: osd_amodal and label_maps"));
 }
 
 /// A copy whose COCO scores are empty, as without scores of predictions.
@@ -398,6 +429,25 @@ fn mistakes_are_named() {
     fs::write(&file, "[{\"image_id\": 1,").expect("writable");
     assert!(eval(&data(), &file).contains("the list of predictions ends early"));
     assert!(eval(&data(), &folder.path().join("nothing")).contains("there is no such folder or file"));
+    // Two images of predictions that are one of labels.
+    let [labels, twice] = [&["1/a.png"][..], &["a.png", "2/a.jpg"]].map(|names| {
+        let at = folder.path().join(format!("coco{}", names.len()));
+        let image = |(id, name): (usize, &&str)| json!({ "id": id, "file_name": name, "width": 4, "height": 2 });
+        let mask = json!({ "size": [2, 4], "counts": [2, 3, 3] });
+        let annotation = json!({
+            "id": 1, "image_id": 0, "category_id": 1, "area": 3, "bbox": [1, 0, 2, 2], "segmentation": mask,
+            "visible_mask": mask,
+        });
+        let all = json!({
+            "images": names.iter().enumerate().map(image).collect::<Vec<_>>(), "annotations": [annotation],
+            "categories": [{ "id": 1, "name": "object" }],
+        });
+        fs::create_dir_all(at.join("annotations")).expect("writable");
+        fs::write(at.join("annotations/instances_train.json"), all.to_string()).expect("writable");
+        at
+    });
+    let found = eval(&labels, &twice);
+    assert!(found.contains("images \"a.png\" and \"2/a.jpg\" are both of image \"1/a.png\""), "{found}");
     // A dataset that lacks an image, and one that has one more.
     let all = annotations(&data());
     let mut fewer = all.clone();

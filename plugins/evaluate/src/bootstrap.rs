@@ -18,16 +18,17 @@ pub fn intervals(
     workers: &dyn Workers,
 ) -> Vec<Option<[f64; 2]>> {
     let stream = Stream::root(seed).child("bootstrap");
-    let drawn: Mutex<Vec<Vec<Option<f64>>>> = Mutex::new(vec![Vec::new(); samples]);
+    let drawn: Mutex<Vec<Vec<Option<f64>>>> = Mutex::new(Vec::with_capacity(samples));
     workers.run(samples, &|sample| {
         let mut stream = stream.at(sample as u64);
         let chosen: Vec<&Tally> = images.iter().filter_map(|_| stream.pick(images).copied()).collect();
         let values = measures.values(&chosen);
         if let Ok(mut drawn) = drawn.lock() {
-            drawn[sample] = values;
+            drawn.push(values);
         }
     });
     let drawn = drawn.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    // Samples come in any order, which sorting undoes.
     (0..measures.names().len())
         .map(|score| {
             let mut values: Vec<f64> = drawn.iter().filter_map(|values| values.get(score).copied().flatten()).collect();
