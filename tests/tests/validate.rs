@@ -294,6 +294,39 @@ fn plain_coco(root: &Path) {
 }
 
 #[test]
+fn labels_of_yolo_beside_those_of_coco_are_passed_over() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let root = folder.path().join("coco");
+    plain_coco(&root);
+    for name in ["images/val2017", "labels/val2017"] {
+        fs::create_dir_all(root.join(name)).expect("writable");
+    }
+    fs::copy(root.join("val2017/a.png"), root.join("images/val2017/a.png")).expect("writable");
+    fs::write(root.join("labels/val2017/a.txt"), "0 0.2 0.2 0.4 0.2 0.4 0.5\n").expect("writable");
+    let format = |format| reader::open(&root, format).map(|(found, _)| found.name).map_err(|error| error.to_string());
+    assert_eq!(format(None), Ok("coco"));
+    assert_eq!(format(Some("yolo")), Ok("yolo"));
+    // With a description it is a dataset of both formats, and nobody can tell which one is meant.
+    fs::write(root.join("data.yaml"), "train: images/val2017\nnames: [bottle]\n").expect("writable");
+    assert!(format(None).is_err_and(|error| error.contains("like coco and like yolo")));
+}
+
+#[test]
+fn faults_of_records_are_counted_as_validate_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (root, out) = (folder.path().join("coco"), folder.path().join("out"));
+    plain_coco(&root);
+    let file = root.join("annotations/instances_val2017.json");
+    let json = fs::read_to_string(&file).expect("there").replace("\"iscrowd\"", "\"instance_id\":5,\"iscrowd\"");
+    fs::write(&file, json).expect("writable");
+    assert_eq!(checks_that_fail(&root).len(), 1, "an id is there twice");
+    let mut convert = syntable();
+    convert.arg("convert").arg(&root).args(["--to", "coco", "--out"]).arg(&out);
+    let said = support::text(&convert.output().expect("the program starts"));
+    assert!(said.contains("1 fault in the dataset"), "{said}");
+}
+
+#[test]
 fn datasets_without_amodal_masks_are_converted() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);

@@ -36,8 +36,8 @@ impl Annotator for SceneMasks {
             .map(|id| cx.scene.body(InstanceId(id)).map(|body| body.role))
             .take(cx.scene.bodies().len() + 1)
             .collect();
-        let roles = ids.map(|id| roles.get(usize::from(id.0)).copied().flatten());
-        let mask = |is: fn(Option<Role>) -> bool| Mask::from_fn(ids.width(), ids.height(), |x, y| is(*roles.at(x, y)));
+        let role = |id: &InstanceId| roles.get(usize::from(id.0)).copied().flatten();
+        let mask = |is: fn(Option<Role>) -> bool| Mask::from_plane(&ids.map(|id| is(role(id))));
         let tabletop = mask(|role| role == Some(Role::Support));
         let background = mask(|role| matches!(role, None | Some(Role::Room)));
         let categories = products.get(CATEGORY_ID)?;

@@ -146,7 +146,7 @@ def check_coco(root, views, masks):
 def check_coco_keypoints(root, views, _):
     coco, views = instances(root, "annotations/instances_train.json", views, lambda v: True)
     for category in coco.loadCats(coco.getCatIds()):
-        same((category["keypoints"], category["skeleton"]), (["base", "rim"], []), "category")
+        same((category["keypoints"], category["skeleton"]), (["base", "rim"], [[2, 1]]), "category")
     # Pixels whose centers are at half-integers become COCO's, where the first pixel is at (0, 0).
     wanted = {1: [1.0, 2.0, 1, 2.75, 3.5, 2]}
     for a in coco.anns.values():

@@ -102,7 +102,8 @@ fn keypoints() -> PerInstance<Value> {
 #[test]
 fn coco_keypoints_are_evaluated() {
     let folder = tempfile::tempdir().expect("a folder");
-    let writer = writer("coco", "keypoints = [\"base\", \"rim\"]").expect("good options");
+    let writer =
+        writer("coco", "keypoints = [\"base\", \"rim\"]\nskeleton = [[\"rim\", \"base\"]]").expect("good options");
     let mut takes = takes();
     for (_, products) in takes.iter_mut().flat_map(|take| &mut take.views) {
         let all = products.get(AMODAL_MASK).expect("a product").map(|_, _| Value::List(Vec::new()));
@@ -118,7 +119,12 @@ fn coco_keypoints_are_evaluated() {
 
 #[test]
 fn names_of_keypoints_are_unique() {
-    for (options, says) in [("keypoints = [\"a\", \"a\"]", "keypoints"), ("keypoints = [\"\"]", "keypoints")] {
+    for (options, says) in [
+        ("keypoints = [\"a\", \"a\"]", "keypoints"),
+        ("keypoints = [\"\"]", "keypoints"),
+        ("keypoints = [\"a\", \"b\"]\nskeleton = [[\"a\", \"c\"]]", "`c` is not among the keypoints"),
+        ("keypoints = [\"a\", \"b\"]\nskeleton = [[\"a\", \"b\"], [\"b\", \"b\"]]", "`skeleton[1]`"),
+    ] {
         assert!(writer("coco", options).err().is_some_and(|error| error.to_string().contains(says)), "{options}");
     }
 }

@@ -238,7 +238,7 @@ struct Conversion<'a> {
     stop: &'a Stop,
     cx: DatasetContext<'a>,
     checks: &'a [Check],
-    /// Number of faults that the checks found.
+    /// Number of faults of images: of their records, and those that the checks found.
     faults: &'a AtomicU32,
 }
 
@@ -281,6 +281,7 @@ impl Conversion<'_> {
             let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
             let (view, mut products) = self.dataset.read(image, &self.plan.rendered).map_err(of)?;
             annotate(&times, self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
+            self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
             }

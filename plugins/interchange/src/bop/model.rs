@@ -1,6 +1,9 @@
 //! Meshes of assets as BOP has them.
 
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 use std::io::Write;
+use std::ops::Range;
 use syntable_model::prelude::*;
 use syntable_model::scene::Mesh;
 
@@ -83,30 +86,139 @@ impl Model {
     }
 
     /// The largest distance of two vertices, mm. `min` and `size` are those of the box around them.
-    ///
-    /// Vertices are taken from the farthest from the center of the box inwards: a pair cannot be farther apart than its
-    /// distances from the center together, so that few pairs are looked at.
     fn diameter(&self, min: [f64; 3], size: [f64; 3]) -> f64 {
-        let norm = |v: [f64; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
         let centered = |v: &[f32; 3]| -> [f64; 3] { std::array::from_fn(|i| f64::from(v[i]) - min[i] - size[i] / 2.0) };
-        let mut points: Vec<([f64; 3], f64)> =
-            self.vertices.iter().map(centered).map(|point| (point, norm(point))).collect();
-        points.sort_unstable_by(|(p, a), (q, b)| b.total_cmp(a).then_with(|| p[0].total_cmp(&q[0])));
-        let mut largest = 0.0_f64;
-        for (i, (p, radius)) in points.iter().enumerate() {
-            if 2.0 * radius <= largest {
+        let mut points: Vec<[f64; 3]> = self.vertices.iter().map(centered).collect();
+        let mut groups = Vec::new();
+        if !points.is_empty() {
+            Group::divide(&mut points, 0, &mut groups);
+        }
+        let mut largest = 0.0;
+        // Pairs of groups, first those of which most can be hoped.
+        let mut pending = BinaryHeap::new();
+        let pair = |a: usize, b: usize| Pair { reach: Group::reach(&groups[a], &groups[b]), groups: [a, b] };
+        pending.extend(groups.first().map(|_| pair(0, 0)));
+        while let Some(Pair { reach, groups: [a, b] }) = pending.pop() {
+            if reach <= largest {
                 break;
             }
-            for (q, other) in &points[i + 1..] {
-                if radius + other <= largest {
-                    break;
+            if a != b && Group::reach_along(&groups[a], &groups[b], &points) <= largest {
+                continue;
+            }
+            // The larger group is divided; two that are not are looked at point by point.
+            let [wide, other] = if groups[a].points.len() >= groups[b].points.len() { [a, b] } else { [b, a] };
+            match groups[wide].parts {
+                // A group with itself has three pairs of parts.
+                Some([left, right]) if a == b => {
+                    pending.extend([pair(left, left), pair(left, right), pair(right, right)]);
                 }
-                largest = largest.max(norm(std::array::from_fn(|axis| p[axis] - q[axis])));
+                Some([left, right]) => pending.extend([pair(left, other), pair(right, other)]),
+                None => {
+                    let (a, b) = (&points[groups[a].points.clone()], &points[groups[b].points.clone()]);
+                    let distances = a.iter().flat_map(|p| b.iter().map(move |q| distance(p, q)));
+                    largest = distances.fold(largest, f64::max);
+                }
             }
         }
         largest
     }
 }
+
+fn distance(p: &[f64; 3], q: &[f64; 3]) -> f64 {
+    let [x, y, z] = std::array::from_fn(|axis| p[axis] - q[axis]);
+    (x * x + y * y + z * z).sqrt()
+}
+
+/// Points near each other: a node of a binary tree, whose parts come after it.
+struct Group {
+    points: Range<usize>,
+    lo: [f64; 3],
+    hi: [f64; 3],
+    /// Largest distance of a point from the origin.
+    radius: f64,
+    parts: Option<[usize; 2]>,
+}
+
+impl Group {
+    /// Points of a group that is not divided.
+    const FEW: usize = 8;
+    /// Points of groups that are looked at along the line between them.
+    const MANY: usize = 256;
+
+    /// Divides points, of which the first has the number `first`, at the middle of their longest axis. Returns the number of
+    /// the group.
+    fn divide(points: &mut [[f64; 3]], first: usize, groups: &mut Vec<Self>) -> usize {
+        let axis = |axis: usize| points.iter().map(move |point| point[axis]);
+        let lo: [f64; 3] = std::array::from_fn(|i| axis(i).fold(f64::INFINITY, f64::min));
+        let hi: [f64; 3] = std::array::from_fn(|i| axis(i).fold(f64::NEG_INFINITY, f64::max));
+        let radius = points.iter().map(|point| distance(point, &[0.0; 3])).fold(0.0, f64::max);
+        let number = groups.len();
+        groups.push(Self { points: first..first + points.len(), lo, hi, radius, parts: None });
+        if points.len() > Self::FEW {
+            let longest = (1..3).fold(0, |best, i| if hi[i] - lo[i] > hi[best] - lo[best] { i } else { best });
+            let middle = points.len() / 2;
+            points.select_nth_unstable_by(middle, |p, q| p[longest].total_cmp(&q[longest]));
+            let (left, right) = points.split_at_mut(middle);
+            let parts = [Self::divide(left, first, groups), Self::divide(right, first + middle, groups)];
+            groups[number].parts = Some(parts);
+        }
+        number
+    }
+
+    /// A distance that no two points of the groups are beyond, rounded up: that of the corners of their boxes, or the sum of
+    /// their distances from the origin.
+    fn reach(a: &Self, b: &Self) -> f64 {
+        let along = |axis: usize| (a.hi[axis] - b.lo[axis]).max(b.hi[axis] - a.lo[axis]);
+        distance(&std::array::from_fn(along), &[0.0; 3]).min(a.radius + b.radius) * (1.0 + 4.0 * f64::EPSILON)
+    }
+
+    /// The same for small groups, by where their points are along the line between the centers of their boxes: of a rounded
+    /// surface they are nearly at one place.
+    fn reach_along(a: &Self, b: &Self, points: &[[f64; 3]]) -> f64 {
+        if a.points.len().max(b.points.len()) > Self::MANY {
+            return f64::INFINITY;
+        }
+        let [from, to] = [a, b].map(|group| -> [f64; 3] { std::array::from_fn(|i| (group.lo[i] + group.hi[i]) / 2.0) });
+        let apart = distance(&from, &to);
+        if apart == 0.0 {
+            return f64::INFINITY;
+        }
+        let line: [f64; 3] = std::array::from_fn(|i| (to[i] - from[i]) / apart);
+        let [[a_min, a_max], [b_min, b_max]] = [a, b].map(|group| {
+            let places = points[group.points.clone()].iter().map(|p| p[0] * line[0] + p[1] * line[1] + p[2] * line[2]);
+            places.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], at| [lo.min(at), hi.max(at)])
+        });
+        let along = (b_max - a_min).max(a_max - b_min);
+        let across = (distance(&a.lo, &a.hi) + distance(&b.lo, &b.hi)) / 2.0;
+        (along * along + across * across).sqrt() * (1.0 + 1e-12)
+    }
+}
+
+/// Two groups, ordered by what can be hoped of them.
+struct Pair {
+    reach: f64,
+    groups: [usize; 2],
+}
+
+impl Ord for Pair {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.reach.total_cmp(&other.reach).then_with(|| self.groups.cmp(&other.groups))
+    }
+}
+
+impl PartialOrd for Pair {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Pair {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Pair {}
 
 #[cfg(test)]
 mod tests {
@@ -131,6 +243,22 @@ mod tests {
             let got = model.info().diameter;
             assert!((got - want).abs() <= 1e-10 * want, "{i}: {got} {want}");
         }
+    }
+
+    /// Every vertex of a sphere is a corner of its hull, and nearly as far from its opposite as any.
+    #[test]
+    fn the_diameter_of_a_sphere_of_many_vertices() {
+        let mut stream = Stream::root(12);
+        let mut vertex = || {
+            let point = [(); 3].map(|()| stream.normal());
+            let norm = point.iter().map(|x| x * x).sum::<f64>().sqrt();
+            point.map(|x| (100.0 * x / norm) as f32)
+        };
+        let model = Model { vertices: (0..8000).map(|_| vertex()).collect(), faces: Vec::new() };
+        let points: Vec<[f64; 3]> = model.vertices.iter().map(|v| v.map(f64::from)).collect();
+        let pairs = points.iter().enumerate().flat_map(|(i, p)| points[i..].iter().map(move |q| distance(p, q)));
+        let want = pairs.fold(0.0, f64::max);
+        assert!((model.info().diameter - want).abs() <= 1e-10 * want);
     }
 
     #[test]

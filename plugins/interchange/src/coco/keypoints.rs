@@ -24,9 +24,26 @@ pub fn check_names(names: &[String]) -> Result<(), ConfigError> {
     }
 }
 
-/// What a category says of keypoints.
-pub fn of_category(names: &[String]) -> Extra {
-    fields(json!({ "keypoints": names, "skeleton": [] }))
+/// Checks the option `skeleton`.
+pub fn check_skeleton(names: &[String], skeleton: &[[String; 2]]) -> Result<(), ConfigError> {
+    let wrong = |i: usize, message: String| {
+        ConfigError::new("skeleton", format!("`skeleton[{i}]`: {message}"))
+            .help("each entry joins two names of `keypoints`, such as [\"base\", \"rim\"]")
+    };
+    skeleton.iter().enumerate().try_for_each(|(i, [a, b])| {
+        match [a, b].into_iter().find(|name| !names.contains(name)) {
+            Some(name) => Err(wrong(i, format!("`{name}` is not among the keypoints"))),
+            None if a == b => Err(wrong(i, format!("`{a}` is joined to itself"))),
+            None => Ok(()),
+        }
+    })
+}
+
+/// What a category says of keypoints. A limb of the skeleton is a pair of places in the list of names, counted from 1.
+pub fn of_category(names: &[String], skeleton: &[[String; 2]]) -> Extra {
+    let place = |name: &String| names.iter().position(|other| other == name).map_or(0, |place| place + 1);
+    let limbs: Vec<[usize; 2]> = skeleton.iter().map(|limb| [place(&limb[0]), place(&limb[1])]).collect();
+    fields(json!({ "keypoints": names, "skeleton": limbs }))
 }
 
 fn fields(json: Json) -> Extra {

@@ -26,7 +26,7 @@ use syntable_model::product::standard::{KEYPOINTS, RGB};
 ///
 /// With `keypoints` annotations have these as well: x, y and visibility of each, 0 for one that is not labeled (then x and y
 /// are 0, too), 1 for a hidden one, 2 for one that is seen. As in COCO's files, (0, 0) is the center of the first pixel.
-/// Every category lists the names.
+/// Every category lists the names, and the `skeleton` that joins them.
 ///
 /// # Output
 ///
@@ -43,6 +43,9 @@ pub struct Coco {
     /// object does not have, or that is outside of the image, counts as not labeled. Without names there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub keypoints: Vec<String>,
+    /// Pairs of names of keypoints that drawings join by a line.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub skeleton: Vec<[String; 2]>,
 }
 
 /// A mask of each object.
@@ -57,7 +60,7 @@ pub enum Masks {
 
 impl Default for Coco {
     fn default() -> Self {
-        Self { masks: Masks::Amodal, split: "train".into(), keypoints: Vec::new() }
+        Self { masks: Masks::Amodal, split: "train".into(), keypoints: Vec::new(), skeleton: Vec::new() }
     }
 }
 
@@ -68,6 +71,7 @@ impl Config for Coco {
     fn build(self) -> Result<Box<dyn Writer>, ConfigError> {
         check_split(&self.split)?;
         keypoints::check_names(&self.keypoints)?;
+        keypoints::check_skeleton(&self.keypoints, &self.skeleton)?;
         Ok(Box::new(self))
     }
 }
@@ -99,7 +103,9 @@ impl Writer for Coco {
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         let mut categories = categories(cx.dataset);
         if !self.keypoints.is_empty() {
-            categories.iter_mut().for_each(|category| category.extra = keypoints::of_category(&self.keypoints));
+            categories
+                .iter_mut()
+                .for_each(|category| category.extra = keypoints::of_category(&self.keypoints, &self.skeleton));
         }
         merge(cx, finish, &file(&self.split), Some(&categories), Listed::All)
     }

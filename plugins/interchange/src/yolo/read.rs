@@ -5,7 +5,7 @@
 //! does not lie along the edges of the image; else polygons.
 
 use super::{DATA, data};
-use crate::read::{POLYGONS, settle_edges};
+use crate::read::{POLYGONS, is_dataset, settle_edges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,10 +21,16 @@ syntable_model::register_format!(Format {
     name: "yolo",
     doc: "Ultralytics YOLO: `images/SPLIT` beside `labels/SPLIT`, one split, or its folder of images. Polygons are taken for \
           visible masks; of boxes, rotated boxes and poses only classes are read.",
-    detect: |root| !splits_of(root).is_empty(),
+    detect: |root| !splits_of(root).is_empty() && !is_beside_coco(root),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
+
+/// Whether annotation files of COCO say all and more: then the labels are what Ultralytics' tools made of them, with no
+/// description of their own.
+fn is_beside_coco(root: &Path) -> bool {
+    is_dataset(root, Some("annotations"), |_| true) && !root.join(DATA).is_file()
+}
 
 /// Names of the folders of images and labels.
 const FOLDERS: [&str; 2] = ["images", "labels"];
