@@ -5,7 +5,7 @@
 //! frame by samples, rays per second, what labels cost, what guides add, how near the denoised image is to that of 4096
 //! samples, and what a frame takes if several views are in flight, as in a run.
 
-use std::sync::Barrier;
+use std::sync::{Arc, Barrier};
 use std::thread;
 use std::time::Instant;
 use syntable_denoise::guided::Guided;
@@ -122,7 +122,7 @@ fn main() {
 fn seconds_in_flight(
     renderer: &GpuPathRenderer,
     adapter: usize,
-    scene: &Scene,
+    scene: &Arc<Scene>,
     wants: &[KeyId],
     denoiser: Option<&dyn Denoiser>,
 ) -> f64 {
