@@ -100,21 +100,22 @@ const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// The edges between a mask's pixels and the others as rings of corners, with the mask to the right of whoever walks along
 /// them. Rings are in the order of their first corners, row by row.
 pub fn rings(mask: &Mask) -> Vec<Ring> {
-    let BBox { x: left, y: top, width, .. } = mask.bbox();
+    let BBox { x: left, y: top, width, height } = mask.bbox();
     if mask.is_empty() {
         return Vec::new();
     }
     let inside = mask.within_box(1);
     // The directions, as bits, in which edges leave a corner: each has one of its four pixels to the right.
     let columns = width + 1;
-    let mut leaving = Vec::with_capacity(inside.data().len());
+    let mut leaving = vec![0_u8; (columns * (height + 1)) as usize];
     let rows = inside.data().chunks_exact(inside.width() as usize);
-    for (above, below) in rows.clone().zip(rows.skip(1)) {
-        let pixels = above.iter().zip(&above[1..]).zip(below.iter().zip(&below[1..]));
-        leaving.extend(pixels.map(|((&a, &b), (&c, &d))| {
+    let corners = leaving.chunks_exact_mut(columns as usize);
+    for ((above, below), corners) in rows.clone().zip(rows.skip(1)).zip(corners) {
+        let (left, right) = (above.iter().zip(below), above[1..].iter().zip(&below[1..]));
+        for ((corner, (&a, &c)), (&b, &d)) in corners.iter_mut().zip(left).zip(right) {
             let [right, down, left, up] = [d & !b, c & !d, a & !c, b & !a].map(u8::from);
-            right | down << 1 | left << 2 | up << 3
-        }));
+            *corner = right | down << 1 | left << 2 | up << 3;
+        }
     }
     let mut rings = Vec::new();
     let mut start = 0;
