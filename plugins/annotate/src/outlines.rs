@@ -172,8 +172,9 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     while let Some((a, b)) = open.pop() {
         let at = |i: usize| if i < ring.len() { ring[i] } else { ring[i - ring.len()] };
         let far =
-            (a + 1..b).map(|i| (squared_distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
-        if let Some((_, i)) = far.filter(|(far, _)| *far > tolerance * tolerance) {
+            (a + 1..b).map(|i| (scaled_distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
+        let limit = tolerance * tolerance * squared_length(at(a), at(b)) as f64;
+        if let Some((_, i)) = far.filter(|(far, _)| *far > limit) {
             kept[i % ring.len()] = true;
             open.extend([(a, i), (i, b)]);
         }
@@ -184,14 +185,27 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     if same { corners } else { ring.clone() }
 }
 
-/// Square of the distance of a point from a segment, px².
-fn squared_distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
-    let [p, a, b] = [p, a, b].map(|q| q.map(f64::from));
-    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let length = along[0] * along[0] + along[1] * along[1];
-    let t = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let apart = [to[0] - t * along[0], to[1] - t * along[1]];
-    apart[0] * apart[0] + apart[1] * apart[1]
+/// Square of the distance of a point from a segment, times the square of the segment's length, which counts as 1 if it is 0.
+fn scaled_distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
+    let from = |q: [i32; 2]| [i64::from(p[0]) - i64::from(q[0]), i64::from(p[1]) - i64::from(q[1])];
+    let (side, [x, y]) = ([0, 1].map(|k| i64::from(b[k]) - i64::from(a[k])), from(a));
+    let along = x * side[0] + y * side[1];
+    let length = squared_length(a, b);
+    let to_end = |[x, y]: [i64; 2]| (x * x + y * y) as f64 * length as f64;
+    if along <= 0 {
+        to_end([x, y])
+    } else if along >= length {
+        to_end(from(b))
+    } else {
+        let across = (side[0] * y - side[1] * x) as f64;
+        across * across
+    }
+}
+
+/// Square of the length of a segment; 1 if it is 0.
+fn squared_length(a: [i32; 2], b: [i32; 2]) -> i64 {
+    let [x, y] = [0, 1].map(|k| i64::from(b[k]) - i64::from(a[k]));
+    (x * x + y * y).max(1)
 }
 
 register!(Outlines);
@@ -214,6 +228,15 @@ mod tests {
             (a[1] > y) != (b[1] > y) && x > a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
         });
         meets.count() % 2 == 1
+    }
+
+    /// Distance of a point from a segment, px.
+    fn distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
+        let [p, a, b] = [p, a, b].map(|q| q.map(f64::from));
+        let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+        let length = along[0] * along[0] + along[1] * along[1];
+        let t = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
+        (to[0] - t * along[0]).hypot(to[1] - t * along[1])
     }
 
     #[test]
@@ -263,7 +286,7 @@ mod tests {
                 prop_assert_eq!(doubled_area(&few).signum(), doubled_area(ring).signum());
                 for corner in ring {
                     let sides = few.iter().zip(few.iter().cycle().skip(1));
-                    let nearest = sides.map(|(a, b)| squared_distance(*corner, *a, *b).sqrt()).fold(f64::INFINITY, f64::min);
+                    let nearest = sides.map(|(a, b)| distance(*corner, *a, *b)).fold(f64::INFINITY, f64::min);
                     prop_assert!(nearest <= tolerance + 1e-9, "{nearest}");
                 }
             }
