@@ -44,7 +44,7 @@ impl Annotator for DepthRelations {
         let mut rows = vec![None; ids.last().map_or(0, |id| usize::from(id.0) + 1)];
         ids.iter().enumerate().for_each(|(row, id)| rows[usize::from(id.0)] = Some(row));
         let row = |id: InstanceId| rows.get(usize::from(id.0)).copied().flatten();
-        let mut areas = Areas::new(&ids);
+        let mut pairs = vec![Pair::default(); ids.len() * ids.len()];
         let mut depths_of = vec![Vec::new(); ids.len()];
         for (objects, &first) in depths.pixels().zip(seen.data()) {
             for (place, &(id, depth)) in objects.iter().enumerate() {
@@ -52,7 +52,10 @@ impl Annotator for DepthRelations {
                 depths_of[hidden].push(depth);
                 for (before, &(other, _)) in objects[..place].iter().enumerate() {
                     if let Some(front) = row(other) {
-                        areas.add(front, hidden, before + 1 == place, other == first);
+                        let pair = &mut pairs[front * ids.len() + hidden];
+                        pair.all += 1;
+                        pair.direct += u32::from(before + 1 == place);
+                        pair.seen += u32::from(other == first);
                     }
                 }
             }
@@ -64,7 +67,7 @@ impl Annotator for DepthRelations {
             ("front_to_back", order.iter().map(|(_, id)| i64::from(id.0)).collect::<Vec<_>>().into()),
             ("median_depth_m", order.iter().map(|(depth, _)| f64::from(*depth)).collect::<Vec<_>>().into()),
         ]);
-        let areas = Value::of(&areas)?;
+        let areas = Value::of(&Areas::new(&ids, &pairs))?;
         products.put(OCCLUSION_AREAS, areas)?;
         products.put(DEPTH_ORDER, order)
     }
@@ -79,17 +82,27 @@ struct Areas {
     all: Vec<Vec<u32>>,
 }
 
-impl Areas {
-    fn new(ids: &[InstanceId]) -> Self {
-        let zeros = vec![vec![0; ids.len()]; ids.len()];
-        Self { ids: ids.iter().map(|id| id.0).collect(), seen: zeros.clone(), direct: zeros.clone(), all: zeros }
-    }
+/// What is counted of a pair of objects: pixels at which one is before the other at all, right before it, and as what the image
+/// shows.
+#[derive(Clone, Copy, Default)]
+struct Pair {
+    all: u32,
+    direct: u32,
+    seen: u32,
+}
 
-    /// Counts a pixel at which one object is before another: right before it, and as what the image shows.
-    fn add(&mut self, front: usize, hidden: usize, is_direct: bool, is_seen: bool) {
-        self.all[front][hidden] += 1;
-        self.direct[front][hidden] += u32::from(is_direct);
-        self.seen[front][hidden] += u32::from(is_seen);
+impl Areas {
+    /// Of pairs row by row: the object in front, then the hidden one.
+    fn new(ids: &[InstanceId], pairs: &[Pair]) -> Self {
+        let of = |count: fn(&Pair) -> u32| {
+            pairs.chunks(ids.len().max(1)).map(|row| row.iter().map(count).collect()).collect()
+        };
+        Self {
+            ids: ids.iter().map(|id| id.0).collect(),
+            seen: of(|pair| pair.seen),
+            direct: of(|pair| pair.direct),
+            all: of(|pair| pair.all),
+        }
     }
 }
 

@@ -28,7 +28,7 @@
 //! | [`keypoints`] | named points of objects in the image |
 //! | [`optical_flow`] | where the points of an image are in the next view |
 //! | [`material_statistics`] | mean color, roughness, metallic and transmission of bodies |
-//! | [`material_map`] | the material that every pixel shows, and the materials by their ids |
+//! | [`material_map`], [`materials`] | the material that every pixel shows, and the materials by their ids |
 //! | [`visibility`] | how much of every object the image shows, and what lies beyond its edges |
 //!
 //! [`checks`] says what must hold among their products.
@@ -52,6 +52,7 @@ pub mod lights;
 pub mod masks;
 pub mod material_map;
 pub mod material_statistics;
+pub mod materials;
 mod matrix;
 pub mod object_coordinates;
 pub mod object_info;

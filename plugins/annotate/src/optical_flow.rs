@@ -87,6 +87,7 @@ struct Step<'a> {
 
 impl Step<'_> {
     /// Displacement of the point that a pixel shows, and whether the next view shows it; none if there is no such point.
+    #[inline]
     fn follow(&self, [x, y]: [u32; 2], depth: f32) -> Option<([f32; 2], u8)> {
         let depth = Some(f64::from(depth)).filter(|depth| depth.is_finite() && *depth > 0.0)?;
         let (right, down) = self.from.at(x, y)?;
@@ -96,6 +97,7 @@ impl Step<'_> {
         Some((flow, if !self.to.intrinsics.contains(to) { 0 } else { 2 - u8::from(self.is_hidden(to, point.z)) }))
     }
 
+    #[inline]
     fn is_hidden(&self, [u, v]: [f64; 2], depth_m: f64) -> bool {
         let around = |at: f64, edge: u32| {
             let after = (at + 0.5) as u32;

@@ -100,21 +100,22 @@ const STEPS: [[i32; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 /// The edges between a mask's pixels and the others as rings of corners, with the mask to the right of whoever walks along
 /// them. Rings are in the order of their first corners, row by row.
 pub fn rings(mask: &Mask) -> Vec<Ring> {
-    let BBox { x: left, y: top, width, .. } = mask.bbox();
+    let BBox { x: left, y: top, width, height } = mask.bbox();
     if mask.is_empty() {
         return Vec::new();
     }
     let inside = mask.within_box(1);
     // The directions, as bits, in which edges leave a corner: each has one of its four pixels to the right.
     let columns = width + 1;
-    let mut leaving = Vec::with_capacity(inside.data().len());
+    let mut leaving = vec![0_u8; (columns * (height + 1)) as usize];
     let rows = inside.data().chunks_exact(inside.width() as usize);
-    for (above, below) in rows.clone().zip(rows.skip(1)) {
-        let pixels = above.iter().zip(&above[1..]).zip(below.iter().zip(&below[1..]));
-        leaving.extend(pixels.map(|((&a, &b), (&c, &d))| {
+    let corners = leaving.chunks_exact_mut(columns as usize);
+    for ((above, below), corners) in rows.clone().zip(rows.skip(1)).zip(corners) {
+        let (left, right) = (above.iter().zip(below), above[1..].iter().zip(&below[1..]));
+        for ((corner, (&a, &c)), (&b, &d)) in corners.iter_mut().zip(left).zip(right) {
             let [right, down, left, up] = [d & !b, c & !d, a & !c, b & !a].map(u8::from);
-            right | down << 1 | left << 2 | up << 3
-        }));
+            *corner = right | down << 1 | left << 2 | up << 3;
+        }
     }
     let mut rings = Vec::new();
     let mut start = 0;
@@ -171,8 +172,9 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     while let Some((a, b)) = open.pop() {
         let at = |i: usize| if i < ring.len() { ring[i] } else { ring[i - ring.len()] };
         let far =
-            (a + 1..b).map(|i| (squared_distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
-        if let Some((_, i)) = far.filter(|(far, _)| *far > tolerance * tolerance) {
+            (a + 1..b).map(|i| (scaled_distance(at(i), at(a), at(b)), i)).reduce(|x, y| if y.0 > x.0 { y } else { x });
+        let limit = tolerance * tolerance * squared_length(at(a), at(b)) as f64;
+        if let Some((_, i)) = far.filter(|(far, _)| *far > limit) {
             kept[i % ring.len()] = true;
             open.extend([(a, i), (i, b)]);
         }
@@ -183,14 +185,27 @@ fn simplified(ring: &Ring, tolerance: f64) -> Ring {
     if same { corners } else { ring.clone() }
 }
 
-/// Square of the distance of a point from a segment, px².
-fn squared_distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
-    let [p, a, b] = [p, a, b].map(|q| q.map(f64::from));
-    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
-    let length = along[0] * along[0] + along[1] * along[1];
-    let t = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
-    let apart = [to[0] - t * along[0], to[1] - t * along[1]];
-    apart[0] * apart[0] + apart[1] * apart[1]
+/// Square of the distance of a point from a segment, times the square of the segment's length, which counts as 1 if it is 0.
+fn scaled_distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
+    let from = |q: [i32; 2]| [i64::from(p[0]) - i64::from(q[0]), i64::from(p[1]) - i64::from(q[1])];
+    let (side, [x, y]) = ([0, 1].map(|k| i64::from(b[k]) - i64::from(a[k])), from(a));
+    let along = x * side[0] + y * side[1];
+    let length = squared_length(a, b);
+    let to_end = |[x, y]: [i64; 2]| (x * x + y * y) as f64 * length as f64;
+    if along <= 0 {
+        to_end([x, y])
+    } else if along >= length {
+        to_end(from(b))
+    } else {
+        let across = (side[0] * y - side[1] * x) as f64;
+        across * across
+    }
+}
+
+/// Square of the length of a segment; 1 if it is 0.
+fn squared_length(a: [i32; 2], b: [i32; 2]) -> i64 {
+    let [x, y] = [0, 1].map(|k| i64::from(b[k]) - i64::from(a[k]));
+    (x * x + y * y).max(1)
 }
 
 register!(Outlines);
@@ -213,6 +228,15 @@ mod tests {
             (a[1] > y) != (b[1] > y) && x > a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
         });
         meets.count() % 2 == 1
+    }
+
+    /// Distance of a point from a segment, px.
+    fn distance(p: [i32; 2], a: [i32; 2], b: [i32; 2]) -> f64 {
+        let [p, a, b] = [p, a, b].map(|q| q.map(f64::from));
+        let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
+        let length = along[0] * along[0] + along[1] * along[1];
+        let t = if length > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / length).clamp(0.0, 1.0) } else { 0.0 };
+        (to[0] - t * along[0]).hypot(to[1] - t * along[1])
     }
 
     #[test]
@@ -262,7 +286,7 @@ mod tests {
                 prop_assert_eq!(doubled_area(&few).signum(), doubled_area(ring).signum());
                 for corner in ring {
                     let sides = few.iter().zip(few.iter().cycle().skip(1));
-                    let nearest = sides.map(|(a, b)| squared_distance(*corner, *a, *b).sqrt()).fold(f64::INFINITY, f64::min);
+                    let nearest = sides.map(|(a, b)| distance(*corner, *a, *b)).fold(f64::INFINITY, f64::min);
                     prop_assert!(nearest <= tolerance + 1e-9, "{nearest}");
                 }
             }

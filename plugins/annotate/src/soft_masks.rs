@@ -92,7 +92,7 @@ impl Annotator for SoftMasks {
                     let set_at = |column: usize| &sets[column * words..][..words];
                     let is_same = |&x: &u32| {
                         let other = x as usize * times;
-                        !mixed[x as usize] && ids[other] == ids[column] && set_at(other) == set_at(column)
+                        !mixed[x as usize] && ids[other] == ids[column] && set_at(other).iter().eq(set_at(column))
                     };
                     let end = (x + 1..width).find(|x| !is_same(x)).unwrap_or(width);
                     let run = PixelHits { x, y, length: end - x, hits: rays };

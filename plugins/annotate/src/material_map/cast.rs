@@ -1,6 +1,7 @@
 //! Rays that find the surface of a pixel.
 
-use super::{is_opaque, materials, slot};
+use super::is_opaque;
+use crate::materials::{materials, slot};
 use std::sync::{Arc, OnceLock};
 use syntable_model::geometry::{Point3, Vector3};
 use syntable_model::prelude::*;

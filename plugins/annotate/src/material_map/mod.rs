@@ -1,15 +1,12 @@
-//! Materials of the scene, and which of them every pixel shows.
+//! Which material every pixel shows.
 
 mod cast;
 
+use crate::materials::Numbered;
 use cast::{Caster, Trees};
-use std::collections::BTreeMap;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{INSTANCE, MATERIAL_MAP, MATERIALS};
-use syntable_model::scene::{Alpha, Body, Material, Scene};
-
-/// Name of what a body without materials is made of.
-const NONE: &str = "none";
+use syntable_model::product::standard::{INSTANCE, MATERIAL_MAP};
+use syntable_model::scene::{Alpha, Material};
 
 /// The material that each pixel shows, as an id of the product `materials`: that of the surface at the pixel center, 0 where
 /// there is none.
@@ -78,131 +75,6 @@ impl Annotator for Mapper {
         let map = Plane::from_vec(instance.width(), instance.height(), rows.concat());
         products.put(MATERIAL_MAP, map)
     }
-}
-
-/// Materials of the scene by their ids in `material_map`: `id`, `name`, the `digest` of its content, which is the same in all
-/// scenes, and `bodies`, the ids of those that have faces of it.
-///
-/// Ids are 1 to M in the order of the bodies and of their material slots. Materials of one name and one content are one,
-/// whichever body they are on; the ids are those of the scene, names and digests those of the dataset.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Materials {}
-
-impl Config for Materials {
-    type Stage = dyn SceneAnnotator;
-    const KIND: &'static str = "materials";
-    const EXAMPLE: &'static str = "";
-    fn build(self) -> Result<Box<dyn SceneAnnotator>, ConfigError> {
-        Ok(Box::new(self))
-    }
-}
-
-register!(Materials);
-
-impl SceneAnnotator for Materials {
-    fn reads(&self) -> Vec<KeyId> {
-        keys![]
-    }
-
-    fn provides(&self) -> Vec<KeyId> {
-        keys![MATERIALS]
-    }
-
-    fn annotate(&self, cx: &SceneContext, _: &[ViewProducts], products: &mut Products) -> Result<()> {
-        let records = Numbered::new(cx.scene)?.table.iter().map(Value::of).collect::<Result<_>>()?;
-        products.put(MATERIALS, Value::List(records))
-    }
-}
-
-/// An entry of the product `materials`.
-#[derive(Debug, Serialize)]
-struct Record<'a> {
-    id: u16,
-    name: &'a str,
-    digest: String,
-    bodies: Vec<u16>,
-}
-
-/// Ids of the materials of a scene.
-struct Numbered<'a> {
-    table: Vec<Record<'a>>,
-    of_bodies: Vec<OfSlots>,
-}
-
-/// Ids of the materials of a body.
-struct OfSlots {
-    /// By slot of the mesh; 0 for a slot without faces.
-    slots: Vec<u16>,
-    /// That of all faces, if there is only one.
-    only: Option<u16>,
-}
-
-impl<'a> Numbered<'a> {
-    fn new(scene: &'a Scene) -> Result<Self> {
-        let mut numbers: BTreeMap<(&str, String), u16> = BTreeMap::new();
-        let mut table: Vec<Record> = Vec::new();
-        let mut of_bodies = Vec::new();
-        for body in scene.bodies() {
-            let materials = materials(body);
-            let mut slots = vec![0; materials.len().max(1)];
-            for slot in used_slots(body) {
-                let (name, digest) = materials
-                    .get(slot)
-                    .map_or((NONE, String::new()), |material| (&*material.name, material.digest.to_string()));
-                let next = table.len() + 1;
-                let id = match numbers.get(&(name, digest.clone())) {
-                    Some(&id) => id,
-                    None => {
-                        let id = u16::try_from(next).map_err(|_| {
-                            Error::new(format!("the scene has more than {} materials", u16::MAX))
-                                .help("leave out `material_map` and `materials`")
-                                .permanent()
-                        })?;
-                        numbers.insert((name, digest.clone()), id);
-                        table.push(Record { id, name, digest, bodies: Vec::new() });
-                        id
-                    }
-                };
-                slots[slot] = id;
-                let bodies = &mut table[usize::from(id) - 1].bodies;
-                if bodies.last() != Some(&body.id.0) {
-                    bodies.push(body.id.0);
-                }
-            }
-            let mut ids = slots.iter().copied().filter(|&id| id > 0);
-            let only = ids.next().filter(|first| ids.all(|id| id == *first));
-            of_bodies.push(OfSlots { slots, only });
-        }
-        Ok(Self { table, of_bodies })
-    }
-}
-
-/// Materials of a body by slot; none if it has none.
-fn materials(body: &Body) -> Vec<&Material> {
-    match &body.material_override {
-        Some(other) => vec![&other.material],
-        None => body.object.materials.iter().map(|material| &**material).collect(),
-    }
-}
-
-/// The slot that a triangle of a body counts as.
-fn slot(body: &Body, triangle: usize) -> usize {
-    body.object.mesh.slot(triangle).min(materials_count(body) - 1)
-}
-
-fn materials_count(body: &Body) -> usize {
-    match body.material_override {
-        Some(_) => 1,
-        None => body.object.materials.len().max(1),
-    }
-}
-
-/// Slots that have faces, ascending.
-fn used_slots(body: &Body) -> Vec<usize> {
-    let mut used = vec![false; materials_count(body)];
-    (0..body.object.mesh.data().triangles.len()).for_each(|triangle| used[slot(body, triangle)] = true);
-    (0..used.len()).filter(|&slot| used[slot]).collect()
 }
 
 /// Whether every surface of a material is there, and none is seen through.
