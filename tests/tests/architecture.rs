@@ -54,7 +54,7 @@ fn plugins_depend_on_the_model_and_on_neutral_libraries() {
                 crates.keys().map(String::as_str).filter(|name| *name != "syntable-testing").collect()
             }
             // What adds a verb needs the command line.
-            "syntable-evaluate" => vec!["syntable-model", "syntable-formats", "syntable-runtime"],
+            "syntable-evaluate" | "syntable-report" => vec!["syntable-model", "syntable-formats", "syntable-runtime"],
             // The denoiser `guided` on a card is the same filter, with the same numbers.
             "syntable-render-wgpu" => ["syntable-model", "syntable-denoise"].into_iter().chain(NEUTRAL).collect(),
             _ => std::iter::once("syntable-model").chain(NEUTRAL).collect(),
@@ -92,7 +92,7 @@ fn heavy_packages_stay_in_their_rooms() {
         ("hdf5-pure", &["syntable-hdf5"]),
         ("parquet", &["syntable-parquet"]),
         ("tar", &["syntable-formats"]),
-        ("tera", &["syntable-write"]),
+        ("tera", &["syntable-write", "syntable-report"]),
         ("clap", &["syntable-runtime"]),
         ("libloading", &["syntable-denoise"]),
     ];

@@ -15,6 +15,7 @@ use syntable_placement as _;
 use syntable_render_cpu as _;
 #[cfg(feature = "gpu")]
 use syntable_render_wgpu as _;
+use syntable_report as _;
 use syntable_sampling as _;
 use syntable_sensor as _;
 use syntable_write as _;
