@@ -40,7 +40,16 @@ pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
 
 /// A color image of a file that has a record of its width and height.
 pub fn rgb_of_size(path: &Path, size: [u32; 2]) -> Result<Plane<[u8; 3]>> {
-    let image = rgb(path)?;
+    of_size(rgb(path)?, path, size)
+}
+
+/// [`depth`] of a file that has a record of its width and height.
+pub fn depth_of_size(path: &Path, unit_mm: f64, size: [u32; 2]) -> Result<Plane<f32>> {
+    of_size(depth(path, unit_mm)?, path, size)
+}
+
+/// Refuses an image whose record says another width and height.
+fn of_size<T>(image: Plane<T>, path: &Path, size: [u32; 2]) -> Result<Plane<T>> {
     let found = [image.width(), image.height()];
     if found == size {
         return Ok(image);

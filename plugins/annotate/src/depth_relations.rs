@@ -46,20 +46,35 @@ impl Annotator for DepthRelations {
         let row = |id: InstanceId| rows.get(usize::from(id.0)).copied().flatten();
         let mut pairs = vec![Pair::default(); ids.len() * ids.len()];
         let mut depths_of = vec![Vec::new(); ids.len()];
-        for (objects, &first) in depths.pixels().zip(seen.data()) {
-            for (place, &(id, depth)) in objects.iter().enumerate() {
+        // Neighbors mostly have the same objects in the same order: their pairs are counted once, times their number.
+        let mut run: (&[(InstanceId, f32)], _, u32) = (&[], InstanceId::default(), 0);
+        let mut count = |(objects, first, pixels): (&[(InstanceId, f32)], InstanceId, u32)| {
+            for (place, &(id, _)) in objects.iter().enumerate() {
                 let Some(hidden) = row(id) else { continue };
-                depths_of[hidden].push(depth);
                 for (before, &(other, _)) in objects[..place].iter().enumerate() {
                     if let Some(front) = row(other) {
                         let pair = &mut pairs[front * ids.len() + hidden];
-                        pair.all += 1;
-                        pair.direct += u32::from(before + 1 == place);
-                        pair.seen += u32::from(other == first);
+                        pair.all += pixels;
+                        pair.direct += pixels * u32::from(before + 1 == place);
+                        pair.seen += pixels * u32::from(other == first);
                     }
                 }
             }
+        };
+        for (objects, &first) in depths.pixels().zip(seen.data()) {
+            for &(id, depth) in objects {
+                if let Some(row) = row(id) {
+                    depths_of[row].push(depth);
+                }
+            }
+            let is_same = first == run.1 && objects.iter().map(|hit| hit.0).eq(run.0.iter().map(|hit| hit.0));
+            if !is_same {
+                count(run);
+                run = (objects, first, 0);
+            }
+            run.2 += 1;
         }
+        count(run);
         let mut order: Vec<(f32, InstanceId)> =
             depths_of.iter_mut().zip(&ids).map(|(depths, &id)| (median(depths), id)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -151,29 +151,43 @@ impl Found {
     /// Counts what the rays of the pixel from a column on hit, of the rows of rays of a row of pixels.
     fn cast(&mut self, ids: &[InstanceId], sets: &[u64], column: usize, times: usize) {
         let (row, words) = (ids.len() / times, sets.len() / ids.len());
-        for start in (0..times).map(|j| j * row + column) {
-            ids[start..][..times].iter().for_each(|&id| count(&mut self.seen, id));
-            let sets = sets[start * words..][..times * words].chunks_exact(words);
-            sets.flat_map(ids_of).for_each(|id| count(&mut self.covered, id));
+        let rays_from = |j: usize| j * row + column;
+        for start in (0..times).map(rays_from) {
+            ids[start..][..times].iter().for_each(|&id| self.see(id));
+        }
+        for word in 0..words {
+            let rows = (0..times).map(|j| &sets[rays_from(j) * words..][..times * words]);
+            let rays = rows.flat_map(|row| row[word..].iter().step_by(words).copied());
+            let (all, any) = rays.clone().fold((!0, 0), |(all, any), set| (all & set, any | set));
+            let whole = ids_in(word, all).map(|id| (id, (times * times) as u32));
+            // Few objects have their edge in the pixel.
+            let part = ids_in(word, any & !all).map(|id| {
+                let bit = (usize::from(id.0) - 1) % 64;
+                (id, rays.clone().map(|set| (set >> bit & 1) as u32).sum())
+            });
+            self.covered.extend(whole.chain(part));
         }
     }
-}
 
-/// Adds a ray that met something.
-fn count(found: &mut Vec<(InstanceId, u32)>, id: InstanceId) {
-    match found.iter_mut().find(|(it, _)| *it == id) {
-        Some((_, hits)) => *hits += 1,
-        None => found.push((id, 1)),
+    /// Adds a ray that met a body first.
+    fn see(&mut self, id: InstanceId) {
+        match self.seen.iter_mut().find(|(it, _)| *it == id) {
+            Some((_, hits)) => *hits += 1,
+            None => self.seen.push((id, 1)),
+        }
     }
 }
 
 /// The instances of a set of objects.
 fn ids_of(set: &[u64]) -> impl Iterator<Item = InstanceId> {
-    set.iter().enumerate().flat_map(|(word, &bits)| {
-        let bits =
-            std::iter::successors(Some(bits), |bits| Some(bits & bits.wrapping_sub(1))).take_while(|bits| *bits != 0);
-        bits.map(move |bits| InstanceId((64 * word) as u16 + bits.trailing_zeros() as u16 + 1))
-    })
+    set.iter().enumerate().flat_map(|(word, &bits)| ids_in(word, bits))
+}
+
+/// The instances of one word of a set.
+fn ids_in(word: usize, bits: u64) -> impl Iterator<Item = InstanceId> {
+    let bits =
+        std::iter::successors(Some(bits), |bits| Some(bits & bits.wrapping_sub(1))).take_while(|bits| *bits != 0);
+    bits.map(move |bits| InstanceId((64 * word) as u16 + bits.trailing_zeros() as u16 + 1))
 }
 
 /// The pixels in which rays hit each of some objects, by id; none of other objects.
@@ -212,7 +226,8 @@ impl Hits {
             let greatest = |of: fn(&PixelHits) -> u32| runs.iter().map(of).max().unwrap_or(0);
             let (left, top) = (least(|run| run.x), least(|run| run.y));
             let (right, bottom) = (greatest(|run| run.x + run.length), greatest(|run| run.y + 1));
-            let mut shares = Plane::from_fn(right - left, bottom - top, |_, _| 0.0);
+            let size = (right - left) as usize * (bottom - top) as usize;
+            let mut shares = Plane::from_vec(right - left, bottom - top, vec![0.0; size]);
             for run in runs {
                 let start = (run.y - top) as usize * (right - left) as usize + (run.x - left) as usize;
                 shares.data_mut()[start..][..run.length as usize].fill(run.hits as f32 / rays as f32);

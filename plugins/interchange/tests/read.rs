@@ -58,6 +58,7 @@ fn what_is_written_is_read() {
         ("cocoa", ""),
         ("osd_amodal", ""),
         ("yolo", ""),
+        ("uoais", ""),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let takes = written(folder.path(), kind, options);
@@ -65,7 +66,7 @@ fn what_is_written_is_read() {
         assert!(read.faults().is_empty(), "{kind} {options}: {:?}", read.faults());
         // What formats leave out.
         let has_amodal = kind != "yolo";
-        let has_category = kind != "osd_amodal";
+        let has_category = !["osd_amodal", "uoais"].contains(&kind);
         let needs_seen = ["kins", "osd_amodal", "yolo"].contains(&kind) || options.contains("visible");
         let mut images = 0;
         for take in &takes {
@@ -74,7 +75,10 @@ fn what_is_written_is_read() {
                 want.retain(|(visible, ..)| !needs_seen || !visible.is_empty());
                 let is_it = |image: &&reader::ImageRef| (image.scene, image.view) == (take.scene.id, view.id);
                 let Some(image) = read.images().iter().find(is_it) else {
-                    assert!(want.is_empty() && ["cocoa", "osd_amodal"].contains(&kind), "{kind}: an image is missing");
+                    assert!(
+                        want.is_empty() && ["cocoa", "osd_amodal", "uoais"].contains(&kind),
+                        "{kind}: an image is missing"
+                    );
                     continue;
                 };
                 images += 1;
@@ -83,7 +87,7 @@ fn what_is_written_is_read() {
                 assert_eq!(seen.id, view.id);
                 assert!(objects(&found, has_amodal, has_category) == want, "{kind} {options}: {}", image.name);
                 assert!(found.get(RGB).expect("there") == products.get(RGB).expect("there"), "{kind}: {}", image.name);
-                if kind == "osd_amodal" {
+                if ["osd_amodal", "uoais"].contains(&kind) {
                     let millimeters =
                         |plane: &Plane<f32>| plane.map(|depth| (f64::from(*depth) * 1000.0).round() as u32);
                     let [found, want] = [&found, products].map(|it| millimeters(it.get(DEPTH).expect("there")));

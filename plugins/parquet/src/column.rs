@@ -32,7 +32,9 @@ fn fields(product: &str) -> Option<&'static [Field]> {
         ("px_count_visib", || Node::Int),
         ("visib_fract", || Node::Float),
     ];
-    const OF_CAMERA: &[Field] = &[("K", matrix), ("world_from_camera", matrix)];
+    // Without a value where the lens is free of distortion.
+    const OF_CAMERA: &[Field] =
+        &[("K", matrix), ("world_from_camera", matrix), ("distortion_k1_k2_p1_p2_k3", || Node::list(Node::Float))];
     let all = [(OBJECT_INFO.name(), OF_OBJECT), (VISIBILITY.name(), OF_VISIBILITY), (CAMERA.name(), OF_CAMERA)];
     all.into_iter().find(|(name, _)| *name == product).map(|(_, fields)| fields)
 }

@@ -25,7 +25,7 @@ use syntable_model::product::{Form, Scope};
 /// | mask, such as `amodal_mask` | `{product}`: struct of `size` and `counts`, COCO's compressed run lengths as pycocotools takes them, and `{product}_area`, px |
 /// | `category_id` | `category_id`, and its name, `category` |
 /// | `object_info` | `asset`, `mass_kg`, `world_from_object`, `camera_from_object` |
-/// | `camera` | `K`, `world_from_camera` |
+/// | `camera` | `K`, `world_from_camera`, `distortion_k1_k2_p1_p2_k3` (of OpenCV; null without distortion) |
 /// | `visibility` | `px_count_all`, `px_count_in_frame`, `px_count_valid`, `px_count_visib`, `visib_fract` |
 /// | other records and lists | `{product}`: JSON text |
 ///

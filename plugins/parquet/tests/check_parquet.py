@@ -75,6 +75,9 @@ def check_view(row, products):
     same((row["width"], row["height"]), (64, 48), f"{what}: size")
     same(row["K"], [x for r in products["camera"]["K"] for x in r], f"{what}: K")
     same(len(row["world_from_camera"]), 16, f"{what}: pose")
+    distortion = "distortion_k1_k2_p1_p2_k3"
+    same(row[distortion], products["camera"].get(distortion), f"{what}: distortion")
+    same(row[distortion] is not None, row["view"] == 1, f"{what}: which view has distortion")
     for name in ("label_policy", "note", "settle_report", "late"):
         text = row[name]
         same(None if text is None else strict(text), products[name], f"{what}: {name}")

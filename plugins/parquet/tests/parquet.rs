@@ -35,10 +35,21 @@ fn scenes() -> Vec<Take> {
                 .and_then(|()| products.put(WIDE, wide))
                 .and_then(|()| products.put(NOTE, note))
                 .expect("first");
+            if view.id.0 == 1 {
+                distort(products);
+            }
         }
         scene.products.put(LATE, Value::record([("number", Value::Int(number))])).expect("first");
     }
     scenes
+}
+
+/// Gives the camera of a view distortion.
+fn distort(products: &mut Products) {
+    let Value::Record(mut fields) = products.get(CAMERA).expect("made").clone() else { panic!("no record") };
+    fields.push(("distortion_k1_k2_p1_p2_k3".to_owned(), vec![0.1, -0.05, 0.001, 0.0, 0.25].into()));
+    *products = products.clone().without(&products.only(&[CAMERA.name()]));
+    products.put(CAMERA, Value::Record(fields)).expect("taken out");
 }
 
 fn info() -> DatasetInfo {

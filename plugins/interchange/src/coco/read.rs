@@ -12,13 +12,13 @@ use syntable_formats::read::{self, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, RGB, VISIBLE_BOX};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, RGB, VISIBLE_BOX};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
     name: "coco",
     doc: "COCO instance annotations (`annotations/*.json` beside an image folder), with amodal masks where annotations have \
-          both, as the writer `coco` does.",
+          both, as the writer `coco` does, and with depth where images name a file of it, as UOAIS-Sim's do.",
     detect: |path| {
         let is_other = |file: &Path| OTHERS.iter().any(|start| shared::name_starts(file, start));
         let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
@@ -43,6 +43,10 @@ const VISIBLE: [&str; 2] = ["visible_mask", "inmodal_seg"];
 const HIDDEN: [&str; 2] = ["occluded_mask", "invisible_mask"];
 /// Keys of occlusion rates: ours, then D2SA's.
 const RATE: [&str; 2] = ["occluded_rate", "occlude_rate"];
+/// Key of the depth image of an image, in whole millimeters, beside its `file_name`: UOAIS-Sim's.
+const DEPTH_FILE: &str = "depth_file_name";
+/// Millimeters per step of such a depth image.
+const DEPTH_UNIT_MM: f64 = 1.0;
 
 struct Reader {
     /// The folder that image names count from.
@@ -52,26 +56,36 @@ struct Reader {
     /// Whether any annotation has a mask; else all have boxes alone.
     has_masks: bool,
     is_amodal: bool,
+    /// Whether every image has a depth image.
+    has_depth: bool,
     /// Annotations of crowds.
     crowds: u64,
 }
 
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
-    let (mut has_masks, mut is_amodal, mut crowds) = (false, false, 0);
-    let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| {
-        if let Record::Annotation(annotation) = record {
+    let (mut has_masks, mut is_amodal, mut has_depth, mut crowds) = (false, false, true, 0);
+    let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
+        Record::Annotation(annotation) => {
             has_masks |= segmentation(annotation).is_some();
             is_amodal |= VISIBLE.iter().any(|key| annotation.extra.contains_key(*key));
             crowds += u64::from(is_crowd(annotation));
         }
+        Record::Image(image) => has_depth &= depth_file(image).is_some(),
+        Record::Scene(_) => {}
     })?;
     if listing.file.categories.is_none() {
         return Err(Error::new("missing field `categories`").in_file(file).of_request());
     }
     let images_root = images_root(root, file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let info = shared::info(&listing);
-    Ok(Box::new(Reader { images_root, info, listing, has_masks, is_amodal, crowds }))
+    let has_depth = has_depth && !listing.images.is_empty();
+    Ok(Box::new(Reader { images_root, info, listing, has_masks, is_amodal, has_depth, crowds }))
+}
+
+/// Path of the depth image of an image.
+fn depth_file(image: &Image) -> Option<&str> {
+    image.extra.get(DEPTH_FILE)?.as_str()
 }
 
 /// The mask of an annotation. An empty list of polygons is none: files of boxes have it.
@@ -107,6 +121,9 @@ impl DatasetReader for Reader {
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = if self.has_masks { read::offers(self.is_amodal) } else { keys![VISIBLE_BOX, CATEGORY_ID] };
         keys.push(RGB.id());
+        if self.has_depth {
+            keys.push(DEPTH.id());
+        }
         keys
     }
 
@@ -142,7 +159,7 @@ impl DatasetReader for Reader {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
-        if wants.iter().any(|want| *want != RGB.id()) {
+        if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
             let annotations = self.objects(image)?;
             let ids = read::ids_of(&stated_ids(&annotations))?;
             match self.has_masks {
@@ -155,6 +172,11 @@ impl DatasetReader for Reader {
         }
         if wants.contains(&RGB.id()) {
             products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
+        }
+        if self.has_depth && wants.contains(&DEPTH.id()) {
+            let record: Image = self.listing.image(image)?;
+            let path = self.images_root.join(depth_file(&record).unwrap_or_default());
+            products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }

@@ -212,7 +212,7 @@ impl DatasetReader for Reader {
         }
         if let Some(path) = record.image.depth_file_name.as_ref().filter(|_| wanted(DEPTH.id())) {
             let unit_mm = f64::from(record.image.depth_unit_mm.unwrap_or(1));
-            products.put(DEPTH, decode::depth(&self.root.join(path), unit_mm)?)?;
+            products.put(DEPTH, decode::depth_of_size(&self.root.join(path), unit_mm, size)?)?;
         }
         let Image { camera, exposure, denoiser, label_policy, .. } = &record.image;
         for (key, json) in [(CAMERA, camera), (EXPOSURE, exposure), (DENOISER, denoiser), (LABEL_POLICY, label_policy)]
