@@ -44,6 +44,16 @@ pub fn linked() -> Vec<Format> {
 
 /// Opens a dataset: of the format of a name, or of the one that it looks like.
 pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn DatasetReader>)> {
+    let (format, root) = find(root, format)?;
+    Ok((format, (format.open)(&root)?))
+}
+
+/// Finds the format of a dataset, and its folder or annotation file, without opening it: a folder that only holds a dataset is
+/// left for that one.
+///
+/// # Errors
+/// If nothing is there, or it is no dataset of a known format, or of several.
+pub fn find(root: &Path, format: Option<&str>) -> Result<(Format, PathBuf)> {
     let formats = linked();
     let names = || formats.iter().map(|format| format.name).collect::<Vec<_>>().join(", ");
     if !root.is_dir() && !root.is_file() {
@@ -59,7 +69,7 @@ pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn Datase
     if format.is_none() && !looks_like(root) {
         match inside().as_slice() {
             // A writer's folder in a folder of its own, as `convert` makes it.
-            [only] => return open(only, None),
+            [only] => return find(only, None),
             [] => {}
             [first, others @ ..] => {
                 return Err(Error::new(format!("there are {} datasets in it", 1 + others.len()))
@@ -91,7 +101,7 @@ pub fn open(root: &Path, format: Option<&str>) -> Result<(Format, Box<dyn Datase
                 .of_request());
         }
     };
-    Ok((chosen, (chosen.open)(root)?))
+    Ok((chosen, root.to_owned()))
 }
 
 /// A dataset that is open.

@@ -12,6 +12,8 @@ use syntable_model::reader::{DatasetFault, DatasetReader};
 
 /// Name of the check that files and records can be read.
 const READABLE: &str = "readable";
+/// What that check says.
+const CAN_BE_READ: &str = "Files are there, and files and records can be read.";
 
 /// What is known of a dataset after all checks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -81,11 +83,12 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
     };
     let mut all: Vec<Checked> =
         checks.iter().zip(counts).map(|(check, count)| checked(check.name, check.doc, Some(count))).collect();
-    all.push(checked(READABLE, "Files are there, and files and records can be read.", Some(images)));
+    all.push(checked(READABLE, CAN_BE_READ, Some(images)));
+    // Rules of the format, which a reader names when they are broken.
     let known: BTreeSet<&str> = all.iter().map(|it| it.check.as_str()).collect();
-    let of_dataset: BTreeSet<&str> = dataset.faults().iter().map(|fault| fault.check).collect();
+    let broken: BTreeSet<&str> = faults.iter().map(|fault| fault.check.as_str()).collect();
     let more: Vec<Checked> =
-        of_dataset.difference(&known).map(|name| checked(name, "Records fit together.", None)).collect();
+        broken.difference(&known).map(|name| checked(name, "Records fit together.", None)).collect();
     all.extend(more);
     Ok(Validated { images, checks: all, faults: faults.into_iter().collect() })
 }
@@ -119,6 +122,28 @@ impl From<&DatasetFault> for FaultAt {
 }
 
 impl Validated {
+    /// What is known of a dataset that cannot be opened: why.
+    pub fn unreadable(place: String, error: &Error) -> Self {
+        let check = READABLE.to_owned();
+        let message = error.help_text().map_or_else(|| error.to_string(), |help| format!("{error}; {help}"));
+        let checks = vec![Checked { check: check.clone(), says: CAN_BE_READ.to_owned(), images: None, faults: 1 }];
+        Self { images: 0, checks, faults: vec![FaultAt { check, place, message }] }
+    }
+
+    /// The faults of each check in turn, so that a few show all that is wrong: at most `most`.
+    pub fn some_of_each(&self, most: usize) -> Vec<&FaultAt> {
+        let mut turns: Vec<(usize, &FaultAt)> = Vec::new();
+        for fault in &self.faults {
+            let before = turns.iter().rev().take_while(|(_, it)| it.check == fault.check).count();
+            turns.push((before, fault));
+        }
+        turns.sort_by_key(|(turn, _)| *turn);
+        turns.truncate(most);
+        let mut shown: Vec<&FaultAt> = turns.into_iter().map(|(_, fault)| fault).collect();
+        shown.sort();
+        shown
+    }
+
     /// Whether nothing is wrong.
     pub fn is_sound(&self) -> bool {
         self.faults.is_empty()

@@ -9,7 +9,7 @@ use syntable_formats::encode::png::Image;
 use syntable_formats::encode::view_name;
 use syntable_formats::shard::{self, Line, for_each_line};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RGB;
+use syntable_model::product::standard::{LABEL_POLICY, RGB};
 use syntable_model::scene::{SceneId, ViewId};
 
 /// Folder of the images inside the writer's folder.
@@ -27,6 +27,12 @@ pub fn paths(of: &FileOf, files: &[String]) -> Vec<String> {
         (None, None) => files.iter().map(|file| format!("{}/{file}", of.id)).collect(),
         _ => Vec::new(),
     }
+}
+
+/// The policy of the labels, if they have one: records of images say it where masks end at the image and rates do not, so that
+/// both can be compared.
+pub fn policy() -> Input {
+    Input::of(LABEL_POLICY).optional()
 }
 
 /// Checks the option `split`, which is part of a file's name.
@@ -63,8 +69,16 @@ impl SceneFiles {
         name: String,
         products: &Products,
         annotations: usize,
-        extra: Extra,
+        mut extra: Extra,
     ) -> Result<()> {
+        // Formats without a place for it do not declare it.
+        if products.contains(LABEL_POLICY.name()) {
+            let policy = serde_json::to_value(products.get(LABEL_POLICY)?);
+            let policy = policy.map_err(|error| Error::new(error.to_string()).permanent())?;
+            if policy["image_frame"] == "extend" {
+                extra.insert(LABEL_POLICY.name().to_owned(), policy);
+            }
+        }
         let rgb = products.get(RGB)?;
         self.png(&format!("{folder}/{name}"), &Image::rgb(rgb))?;
         let (width, height) = (rgb.width(), rgb.height());

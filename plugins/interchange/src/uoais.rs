@@ -1,6 +1,6 @@
 //! UOAIS-Sim.
 
-use crate::annotation_file::{Listed, SceneFiles, check_split, image_name, merge};
+use crate::annotation_file::{Listed, SceneFiles, check_split, image_name, merge, policy};
 use crate::coco::Masks;
 use crate::depth::DepthSource;
 use crate::labels::{self, Label};
@@ -85,7 +85,7 @@ fn depth_path(image: &str) -> String {
 
 impl Writer for Uoais {
     fn reads(&self) -> Vec<Input> {
-        [Input::of(RGB), self.depth.input()].into_iter().chain(labels::inputs()).collect()
+        [Input::of(RGB), self.depth.input(), policy()].into_iter().chain(labels::inputs()).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {

@@ -2,7 +2,7 @@
 
 use super::{Console, Exit, Message};
 use crate::run::progress::count;
-use crate::validate::validate as validate_dataset;
+use crate::validate::{Validated, validate as validate_dataset};
 use crate::workers;
 use clap::Args;
 use std::path::PathBuf;
@@ -25,8 +25,13 @@ pub(super) struct ValidateArgs {
 }
 
 pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exit> {
-    let (format, dataset) = reader::open(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
-    let found = validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?;
+    let (format, root) = reader::find(&args.dataset, args.format.as_deref()).map_err(Exit::stopped)?;
+    let found = match (format.open)(&root) {
+        Ok(dataset) => validate_dataset(&*dataset, workers::available()).map_err(Exit::stopped)?,
+        Err(error) if error.is_transient() => return Err(Exit::stopped(error)),
+        // A dataset that cannot be opened is one with a fault.
+        Err(error) => Validated::unreadable(root.display().to_string(), &error),
+    };
     if args.json {
         let mut text = serde_json::to_string_pretty(&found).expect("plain data");
         text.push('\n');
@@ -38,7 +43,7 @@ pub(super) fn validate(console: &Console, args: &ValidateArgs) -> Result<(), Exi
             let images = it.images.map_or_else(|| "-".to_owned(), |images| images.to_string());
             out += &format!("{:width$}  {images:>6}  {:>6}\n", it.check, it.faults);
         }
-        for fault in found.faults.iter().take(SHOWN) {
+        for fault in found.some_of_each(SHOWN) {
             out += &format!("\n{}: {}\n  {}\n", fault.check, fault.place, fault.message);
         }
         if found.faults.len() > SHOWN {

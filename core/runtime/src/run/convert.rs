@@ -53,9 +53,7 @@ pub fn convert(
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
-    let part = staging(out)?;
-    let mark = part.join(syntable_model::stage::RESERVED[0]);
-    fs::create_dir_all(&mark).map_err(|error| Error::io(&part, &error).of_request())?;
+    let Staging { part, mark, lock } = Staging::begin(out)?;
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
     let (checks, faults) = (check::linked(), AtomicU32::new(0));
@@ -64,12 +62,16 @@ pub fn convert(
     let moved = done.and_then(|scenes| {
         super::folder::remove(&mark)?;
         if out.exists() {
-            fs::remove_dir(out).map_err(|error| Error::io(out, &error))?;
+            // A link gives way to the folder, too.
+            let is_link = fs::symlink_metadata(out).is_ok_and(|entry| entry.is_symlink());
+            let removed = if is_link { fs::remove_file(out) } else { fs::remove_dir(out) };
+            removed.map_err(|error| Error::io(out, &error))?;
         }
         fs::rename(&part, out).map_err(|error| Error::io(out, &error))?;
         Ok(scenes)
     });
     let scenes = moved.inspect_err(|_| drop(super::folder::remove(&part)))?;
+    drop(lock);
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
     let derived = dataset.derived();
     let stored = dataset.offers().into_iter().filter(|key| !derived.contains(key));
@@ -97,7 +99,57 @@ pub(super) fn check_link(out: &Path) -> Result<()> {
 }
 
 /// The folder beside `out` in which the dataset is made.
+struct Staging {
+    part: PathBuf,
+    /// The mark of a conversion, which holds the lock.
+    mark: PathBuf,
+    /// Held while the conversion works.
+    lock: fs::File,
+}
+
+impl Staging {
+    fn begin(out: &Path) -> Result<Self> {
+        let part = staging(out)?;
+        let mark = part.join(syntable_model::stage::RESERVED[0]);
+        // What an interrupted call has left has the mark of one, and no lock that is held.
+        if mark.is_dir() {
+            drop(lock(&mark, out)?);
+            super::folder::remove(&part)?;
+        }
+        if fs::symlink_metadata(&part).is_ok() {
+            return Err(Error::new("it stands where the dataset is made before it gets its name")
+                .in_file(part)
+                .help("move it away, or choose another --out")
+                .of_request());
+        }
+        fs::create_dir_all(&mark).map_err(|error| {
+            Error::io(&part, &error).help("choose an --out in a folder that can be written").of_request()
+        })?;
+        let lock = lock(&mark, out)?;
+        Ok(Self { part, mark, lock })
+    }
+}
+
+/// Locks the mark of a conversion, or says that another one works there.
+fn lock(mark: &Path, out: &Path) -> Result<fs::File> {
+    let path = mark.join("lock");
+    let file = fs::File::create(&path).map_err(|error| Error::io(&path, &error))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(fs::TryLockError::WouldBlock) => Err(Error::new("another conversion writes to this folder")
+            .in_file(out)
+            .help("wait until it has ended, or choose another --out")
+            .of_request()),
+        // Some file systems have no locks.
+        Err(fs::TryLockError::Error(_)) => Ok(file),
+    }
+}
+
+/// The path of the folder beside `out` in which the dataset is made.
 fn staging(out: &Path) -> Result<PathBuf> {
+    if out.is_file() {
+        return Err(Error::new("it is a file").in_file(out).help("choose a folder, new or empty").of_request());
+    }
     let is_empty = |folder: &Path| fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
     if out.exists() && !is_empty(out) {
         return Err(Error::new("the folder is there and not empty")
@@ -111,18 +163,7 @@ fn staging(out: &Path) -> Result<PathBuf> {
     };
     let mut part = name.to_owned();
     part.push(".part");
-    let part = out.with_file_name(part);
-    // What an interrupted call has left has the mark of one.
-    if part.join(syntable_model::stage::RESERVED[0]).is_dir() {
-        super::folder::remove(&part)?;
-    }
-    if fs::symlink_metadata(&part).is_ok() {
-        return Err(Error::new("it stands where the dataset is made before it gets its name")
-            .in_file(part)
-            .help("move it away, or choose another --out")
-            .of_request());
-    }
-    Ok(part)
+    Ok(out.with_file_name(part))
 }
 
 /// What is computed of a dataset, and what writers do without.

@@ -3,7 +3,7 @@
 mod keypoints;
 pub(crate) mod read;
 
-use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
+use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge, policy};
 use crate::labels::{self, Label, Partial};
 use keypoints::Named;
 use serde_json::json;
@@ -84,7 +84,7 @@ pub(crate) fn file(split: &str) -> String {
 impl Writer for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
-        std::iter::once(Input::of(RGB)).chain(labels::partial_inputs()).chain(keypoints).collect()
+        [Input::of(RGB), policy()].into_iter().chain(labels::partial_inputs()).chain(keypoints).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {

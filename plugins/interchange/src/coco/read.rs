@@ -12,7 +12,7 @@ use syntable_formats::read::{self, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, DEPTH, RGB, VISIBLE_BOX};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, VISIBLE_BOX};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -58,20 +58,25 @@ struct Reader {
     is_amodal: bool,
     /// Whether every image has a depth image.
     has_depth: bool,
+    /// Whether every image says the policy of its labels.
+    has_policy: bool,
     /// Annotations of crowds.
     crowds: u64,
 }
 
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
-    let (mut has_masks, mut is_amodal, mut has_depth, mut crowds) = (false, false, true, 0);
+    let (mut has_masks, mut is_amodal, mut has_depth, mut has_policy, mut crowds) = (false, false, true, true, 0);
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
             has_masks |= segmentation(annotation).is_some();
             is_amodal |= VISIBLE.iter().any(|key| annotation.extra.contains_key(*key));
             crowds += u64::from(is_crowd(annotation));
         }
-        Record::Image(image) => has_depth &= depth_file(image).is_some(),
+        Record::Image(image) => {
+            has_depth &= depth_file(image).is_some();
+            has_policy &= image.extra.contains_key(LABEL_POLICY.name());
+        }
         Record::Scene(_) => {}
     })?;
     if listing.file.categories.is_none() {
@@ -79,8 +84,8 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     }
     let images_root = images_root(root, file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let info = shared::info(&listing);
-    let has_depth = has_depth && !listing.images.is_empty();
-    Ok(Box::new(Reader { images_root, info, listing, has_masks, is_amodal, has_depth, crowds }))
+    let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
+    Ok(Box::new(Reader { images_root, info, listing, has_masks, is_amodal, has_depth, has_policy, crowds }))
 }
 
 /// Path of the depth image of an image.
@@ -121,9 +126,8 @@ impl DatasetReader for Reader {
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = if self.has_masks { read::offers(self.is_amodal) } else { keys![VISIBLE_BOX, CATEGORY_ID] };
         keys.push(RGB.id());
-        if self.has_depth {
-            keys.push(DEPTH.id());
-        }
+        let more = [(self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
+        keys.extend(more.into_iter().filter(|(has, _)| *has).map(|(_, key)| key));
         keys
     }
 
@@ -159,7 +163,7 @@ impl DatasetReader for Reader {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
-        if wants.iter().any(|want| ![RGB.id(), DEPTH.id()].contains(want)) {
+        if wants.iter().any(|want| ![RGB.id(), DEPTH.id(), LABEL_POLICY.id()].contains(want)) {
             let annotations = self.objects(image)?;
             let ids = read::ids_of(&stated_ids(&annotations))?;
             match self.has_masks {
@@ -173,10 +177,17 @@ impl DatasetReader for Reader {
         if wants.contains(&RGB.id()) {
             products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
         }
-        if self.has_depth && wants.contains(&DEPTH.id()) {
+        let wanted = |has: bool, key: KeyId| has && wants.contains(&key);
+        let (depth, policy) = (wanted(self.has_depth, DEPTH.id()), wanted(self.has_policy, LABEL_POLICY.id()));
+        if depth || policy {
             let record: Image = self.listing.image(image)?;
-            let path = self.images_root.join(depth_file(&record).unwrap_or_default());
-            products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
+            if depth {
+                let path = self.images_root.join(depth_file(&record).unwrap_or_default());
+                products.put(DEPTH, decode::depth_of_size(&path, DEPTH_UNIT_MM, size)?)?;
+            }
+            if policy {
+                products.put(LABEL_POLICY, Value::of(&record.extra[LABEL_POLICY.name()])?)?;
+            }
         }
         Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
     }

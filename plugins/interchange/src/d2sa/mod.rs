@@ -2,7 +2,7 @@
 
 mod read;
 
-use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge};
+use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge, policy};
 use crate::coco::Masks;
 use crate::labels::{self, Label};
 use crate::order::{self, Order};
@@ -60,7 +60,7 @@ impl D2sa {
 
 impl Writer for D2sa {
     fn reads(&self) -> Vec<Input> {
-        std::iter::once(Input::of(RGB)).chain(order::inputs()).chain(labels::inputs()).collect()
+        [Input::of(RGB), policy()].into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
