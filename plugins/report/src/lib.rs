@@ -2,5 +2,8 @@
 //!
 //! | module | holds |
 //! | --- | --- |
+//! | `serve` | a server of pages for the browser of this machine |
+
+pub mod serve;
 
 pub use syntable_model::inventory;
