@@ -1,7 +1,7 @@
 //! How long a save takes to show: `syntable preview --watch` on recipes whose camera, or whose seed, is saved anew.
 //!
-//! `cargo bench -p syntable-tests --bench preview [-- RECIPE …]`. Prints the median, the smallest and the largest time from a save
-//! to the first image in the sheet, and to the last one.
+//! `cargo bench -p syntable-tests --bench preview [-- RECIPE …]`. Prints the median, the smallest and the largest time
+//! from a save to the first image in the sheet, and to the last one.
 
 use std::fs;
 use std::io::{BufRead, BufReader};

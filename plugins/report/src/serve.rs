@@ -3,8 +3,8 @@
 //! It listens on the loopback address alone, answers GET and HEAD, and refuses requests whose `Host` is another name:
 //! a page from elsewhere whose name is made to mean this machine (DNS rebinding) reads nothing.
 //!
-//! Pages learn of changes by [`CHANGES`]: `GET /changes?after=3` is answered with `{"version": 4}` once there is a version
-//! after 3, or after [`PATIENCE`] with the version that is there. Requests that wait hold no thread.
+//! Pages learn of changes by [`CHANGES`]: `GET /changes?after=3` is answered with `{"version": 4}` once there is a
+//! version after 3, or after [`PATIENCE`] with the version that is there. Requests that wait hold no thread.
 
 use parking_lot::{Condvar, Mutex};
 use std::fs::File;

@@ -8,8 +8,8 @@ use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::Result;
 use syntable_model::registry::{Shape, Slot};
 
-/// Digests of the stages of a recipe, by slot and id as errors name them: `render`, `place.objects`. Equal digests mean the
-/// same kind, the same options, and the same content of the files that options name.
+/// Digests of the stages of a recipe, by slot and id as errors name them: `render`, `place.objects`. Equal digests mean
+/// the same kind, the same options, and the same content of the files that options name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parts(Vec<(Slot, String, Digest)>);
 
@@ -62,8 +62,8 @@ impl Parts {
 }
 
 impl Recipe {
-    /// Takes the stages of an earlier recipe that are the same in both: a stage never changes after it was built, but holds
-    /// what it loaded and computed.
+    /// Takes the stages of an earlier recipe that are the same in both: a stage never changes after it was built, but
+    /// holds what it loaded and computed.
     pub fn keep_stages(&mut self, earlier: Self, is_same: impl Fn(&str) -> bool) {
         fn listed<T>(own: &mut [(String, T)], earlier: Vec<(String, T)>, is_same: impl Fn(&str) -> bool) {
             for (id, stage) in earlier.into_iter().filter(|(id, _)| is_same(id)) {

@@ -1,5 +1,5 @@
-//! One attempt at a scene: what its stages are lent, and the random numbers that they draw. Runs compose and render scenes by
-//! it, and so do previews.
+//! One attempt at a scene: what its stages are lent, and the random numbers that they draw. Runs compose and render
+//! scenes by it, and so do previews.
 
 use super::panics::caught;
 use super::stop::{self, Stop};

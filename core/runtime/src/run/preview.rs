@@ -168,8 +168,8 @@ impl Pass<'_> {
         numbers.number(f64::from(scene)).number(f64::from(view)).finish()
     }
 
-    /// Makes views of a scene in the order given, and hands over each as soon as it is made. As in a run, an attempt that
-    /// fails is followed by the next one, which begins with the first view again.
+    /// Makes views of a scene in the order given, and hands over each as soon as it is made. As in a run, an attempt
+    /// that fails is followed by the next one, which begins with the first view again.
     pub fn scene(&mut self, scene: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
         let last = self.recipe.dataset.max_attempts.max(1) - 1;
         let mut number = 0;

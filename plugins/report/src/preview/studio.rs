@@ -126,8 +126,8 @@ impl<'a> Studio<'a> {
         })
     }
 
-    /// Loads the recipe and makes what is new in it. `show` is called whenever there is something to show; its error ends the
-    /// pass.
+    /// Loads the recipe and makes what is new in it. `show` is called whenever there is something to show; its error ends
+    /// the pass.
     pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
         let start = Instant::now();
         let doubts = Collected::default();

@@ -1,8 +1,9 @@
 //! Waiting for a save.
 //!
-//! Files are looked at a few times per second: that works on every file system, network folders included, follows editors that
-//! save by renaming, and needs no package; a recipe is few small files. What counts is content: a save without a change is
-//! none. A file is taken as changed when it is the same in two looks, and as gone when it stays so for a while.
+//! Files are looked at many times per second: that works on every file system, network folders included, follows
+//! editors that save by renaming, and needs no package; a recipe is few small files. What counts is content: a save
+//! without a change is none. A file is taken as changed when it is the same in two looks, and as gone when it stays so
+//! for a while.
 
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
