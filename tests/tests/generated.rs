@@ -672,6 +672,7 @@ fn diagnosed(registry: &Registry, text: &str) -> (Vec<Code>, String) {
         read: &|path: &Path| fs::read_to_string(root().join(path)),
         current_folder: "".into(),
         choose: false,
+        wanted: Vec::new(),
     };
     let found = match recipe::load(registry, Source::file("my.toml", text), &overrides) {
         Ok((_, warnings)) => warnings,

@@ -11,6 +11,7 @@
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | the same, read back |
+//! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | what readers of all formats share |
 //! | [`mod@include`] | the products that a generic writer includes, and their files |
 //!
@@ -27,6 +28,7 @@
 pub mod coco;
 pub mod dataset;
 pub mod decode;
+pub mod draw;
 pub mod encode;
 pub mod include;
 pub mod index;

@@ -295,6 +295,12 @@ impl Plan {
         self.before_views.iter().chain(&self.per_view).chain(&self.after_views).chain(&self.per_dataset)
     }
 
+    /// The same, to be replaced by what is the same.
+    pub(crate) fn stages_mut(&mut self) -> impl Iterator<Item = &mut PlannedStage> {
+        let of_views = self.before_views.iter_mut().chain(&mut self.per_view).chain(&mut self.after_views);
+        of_views.chain(&mut self.per_dataset)
+    }
+
     /// The products that a writer reads.
     pub fn read_by(&self, writer: &dyn Writer) -> Vec<KeyId> {
         let key = |input: Input| self.entries.iter().map(|entry| entry.key).find(|key| key.name == *input.product);

@@ -36,13 +36,39 @@ pub struct AssetStore<'a> {
     locked: BTreeMap<String, String>,
     on_bad_asset: OnBadAsset,
     log: &'a dyn Log,
-    loaded: Cache<AssetRef, Asset, ByBytes>,
+    loaded: Arc<Loaded>,
+    refused: Mutex<Option<Error>>,
+}
+
+/// What was loaded from pools: for the next scene, and for the next recipe that has the same pools.
+pub struct Loaded {
+    kept: Cache<AssetRef, Asset, ByBytes>,
     /// What was loaded, for as long as a scene has it.
     in_use: Mutex<BTreeMap<AssetRef, InUse>>,
     /// Assets whose warnings were told.
     told: Mutex<BTreeSet<AssetRef>>,
     bad: Mutex<BTreeMap<AssetRef, Error>>,
-    refused: Mutex<Option<Error>>,
+}
+
+impl Default for Loaded {
+    fn default() -> Self {
+        Self::within(KEEP_BYTES)
+    }
+}
+
+impl Loaded {
+    /// Nothing loaded yet. Assets that no scene uses take at most as many bytes.
+    fn within(bytes: u64) -> Self {
+        Self { kept: cache(bytes), in_use: Mutex::default(), told: Mutex::default(), bad: Mutex::default() }
+    }
+
+    /// Forgets the assets of all pools but some, and which assets were bad: they may be mended.
+    pub fn keep(&self, is_same: impl Fn(&str) -> bool) {
+        self.kept.retain(|asset, _| is_same(&asset.pool));
+        self.in_use.lock().retain(|asset, _| is_same(&asset.pool));
+        self.told.lock().retain(|asset| is_same(&asset.pool));
+        self.bad.lock().clear();
+    }
 }
 
 /// A log that says which pool a warning is about.
@@ -117,17 +143,7 @@ impl InUse {
 impl<'a> AssetStore<'a> {
     /// A store of open pools that depends on no digest and has loaded nothing.
     fn new(pools: BTreeMap<&'a str, Pool<'a>>, on_bad_asset: OnBadAsset, log: &'a dyn Log) -> Self {
-        Self {
-            pools,
-            locked: BTreeMap::new(),
-            on_bad_asset,
-            log,
-            loaded: cache(KEEP_BYTES),
-            in_use: Mutex::default(),
-            told: Mutex::default(),
-            bad: Mutex::default(),
-            refused: Mutex::default(),
-        }
+        Self { pools, locked: BTreeMap::new(), on_bad_asset, log, loaded: Arc::default(), refused: Mutex::default() }
     }
 
     /// Opens all pools: finds and selects their entries, and loads nothing yet.
@@ -135,6 +151,11 @@ impl<'a> AssetStore<'a> {
     pub fn open(recipe: &'a Recipe, log: &'a dyn Log) -> Result<Self> {
         let pools = open(&recipe.assets, log)?;
         Ok(Self { locked: recipe.lock.assets.clone(), ..Self::new(pools, recipe.dataset.on_bad_asset, log) })
+    }
+
+    /// The same with what was loaded before from these pools.
+    pub fn with(self, loaded: Arc<Loaded>) -> Self {
+        Self { loaded, ..self }
     }
 
     /// Names of the pools, with the number of entries of each.
@@ -172,7 +193,7 @@ impl<'a> AssetStore<'a> {
 
     /// Loads an asset; whoever asks for it meanwhile waits. A bad one is reported once and never loaded again.
     fn load_or_refuse(&self, asset: &AssetRef) -> Result<Asset> {
-        if let Some(error) = self.bad.lock().get(asset) {
+        if let Some(error) = self.loaded.bad.lock().get(asset) {
             return Err(error.clone());
         }
         self.load(asset).map_err(|error| {
@@ -183,7 +204,7 @@ impl<'a> AssetStore<'a> {
                 return error;
             }
             self.log.warn(&error);
-            self.bad.lock().insert(asset.clone(), error.clone());
+            self.loaded.bad.lock().insert(asset.clone(), error.clone());
             if self.on_bad_asset == OnBadAsset::Fail {
                 self.refuse(error.clone());
             }
@@ -196,14 +217,14 @@ impl<'a> AssetStore<'a> {
         let log = Named { asset, log: self.log };
         // An asset that a reader panics on is a bad one: it is named, and left out from then on.
         // What its warnings say of an asset that was let go they said before.
-        let first = !self.told.lock().contains(asset);
+        let first = !self.loaded.told.lock().contains(asset);
         let quiet = Collected::default();
         let log: &dyn Log = if first { &log } else { &quiet };
         let loaded = patiently(log, |log| {
             unwound(|| pool.load(&asset.name, log)).inspect(|loaded| pool.doubt_size(loaded, log))
         });
         if !loaded.as_ref().is_err_and(Error::is_transient) {
-            self.told.lock().insert(asset.clone());
+            self.loaded.told.lock().insert(asset.clone());
         }
         let locked = self.locked.get(&asset.to_string());
         let (was, is) = match (locked, &loaded) {
@@ -314,13 +335,13 @@ impl Assets for AssetStore<'_> {
     }
 
     fn get(&self, asset: &AssetRef) -> Result<Asset> {
-        self.loaded.get_or_insert_with(asset, || {
+        self.loaded.kept.get_or_insert_with(asset, || {
             // One that is too large to keep may still be in use.
-            if let Some(asset) = self.in_use.lock().get(asset).and_then(InUse::get) {
+            if let Some(asset) = self.loaded.in_use.lock().get(asset).and_then(InUse::get) {
                 return Ok(asset);
             }
             let loaded = self.load_or_refuse(asset)?;
-            self.in_use.lock().insert(asset.clone(), InUse::of(&loaded));
+            self.loaded.in_use.lock().insert(asset.clone(), InUse::of(&loaded));
             Ok(loaded)
         })
     }
@@ -713,7 +734,8 @@ mod tests {
         let (source, options, log) = (Long::default(), PoolOptions::default(), Collected::default());
         // Nothing is kept: the cache is too small for anything.
         let pools = BTreeMap::from([("p", pool(&source, &options))]);
-        let store = AssetStore { loaded: cache(1), ..AssetStore::new(pools, OnBadAsset::Skip, &log) };
+        let store =
+            AssetStore { loaded: Arc::new(Loaded::within(1)), ..AssetStore::new(pools, OnBadAsset::Skip, &log) };
         let asset = AssetRef { pool: "p".into(), name: "tin".into() };
         let loads = || source.0.load(std::sync::atomic::Ordering::SeqCst);
         let held: Vec<Asset> = std::thread::scope(|scope| {

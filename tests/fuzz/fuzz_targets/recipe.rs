@@ -20,6 +20,7 @@ fuzz_target!(|text: &str| {
         exists: &|_| true,
         current_folder: "/".into(),
         choose: false,
+        wanted: Vec::new(),
     };
     let _ = recipe::load(&registry, recipe::Source::embedded("fuzz", text), &overrides);
 });

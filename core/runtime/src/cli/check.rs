@@ -2,7 +2,7 @@
 
 use super::{Console, Exit, Message, RecipeArgs};
 use crate::pools::{self, AssetStore};
-use crate::recipe::{self, Checked};
+use crate::recipe::{self, Checked, Diagnostic, Overrides, Recipe, Source};
 use clap::Args;
 use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::path::PathBuf;
@@ -54,6 +54,17 @@ fn recipe(console: &Console, registry: &Registry, args: &CheckArgs) -> Result<()
     };
     console.print(&out)?;
     all_assets(console, &assets, wanted.as_deref())
+}
+
+/// Loads a recipe for a run, with all that `check` finds: the recipe and its warnings, or all messages of one with mistakes.
+pub fn load_checked(
+    registry: &Registry,
+    source: Source,
+    overrides: Overrides,
+    log: &dyn Log,
+) -> Result<(Recipe, Vec<Diagnostic>), Vec<Message>> {
+    let Checked { recipe, pools } = recipe::checked(registry, source, &overrides.for_run().with_existing_paths());
+    recipe.map_err(|report| report.messages_with(pools::open(&pools, log).err()))
 }
 
 /// Loads all assets of the pools, or of one. The bad ones are reported as they are found; the error counts them.

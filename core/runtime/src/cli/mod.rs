@@ -12,7 +12,9 @@ mod verb;
 mod verify;
 
 pub use crate::message::Message;
+pub use check::load_checked;
 pub use list::products;
+pub use run::{Scenes, parse_scenes};
 pub use verb::{Topic, Verb};
 
 use crate::message::Record;
@@ -124,21 +126,21 @@ enum BuiltIn {
     },
 }
 
-/// A recipe and changes to it.
-#[derive(Args)]
-struct RecipeArgs {
+/// A recipe and changes to it, as all verbs take them: [`Args::augment_args`] adds them to a command.
+#[derive(Debug, Clone, Args)]
+pub struct RecipeArgs {
     /// Recipe file, or `builtin:NAME` for a recipe of the program (see `syntable list recipes`); `builtin:quickstart` if
     /// left out.
-    recipe: Option<PathBuf>,
+    pub recipe: Option<PathBuf>,
     /// Set a key: `a.b=value`, `place[2].count=5`. The value is TOML; a bare word is text.
     #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    pub set: Vec<String>,
     /// Seed of all randomness: short for `--set dataset.seed=N`.
     #[arg(long)]
-    seed: Option<u64>,
+    pub seed: Option<u64>,
     /// Views of every scene: short for `--set dataset.views_per_scene=N`.
     #[arg(long)]
-    views: Option<u32>,
+    pub views: Option<u32>,
 }
 
 /// Ends a verb that did not work.
@@ -337,7 +339,7 @@ impl Console {
 
 impl RecipeArgs {
     /// The recipe's text, and the changes to it.
-    fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
+    pub fn read(&self) -> Result<(Source, Overrides<'static>), Exit> {
         let source = match &self.recipe {
             Some(path) => Source::read(path).map_err(Exit::wrong)?,
             None => recipe::Builtin::find("quickstart").map_err(Exit::wrong)?.source(),

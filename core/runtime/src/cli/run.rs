@@ -47,9 +47,10 @@ pub(super) struct RunArgs {
 
 /// Scenes asked for; open ends are closed by the recipe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Scenes(Option<u32>, Option<u32>);
+pub struct Scenes(Option<u32>, Option<u32>);
 
-fn parse_scenes(text: &str) -> Result<Scenes, String> {
+/// Reads scenes from an argument: `A..B` without B, `A..`, `..B`, or one number.
+pub fn parse_scenes(text: &str) -> Result<Scenes, String> {
     let number = |text: &str| text.parse::<u32>().map_err(|_| format!("`{text}` is not a scene number"));
     let optional = |text: &str| if text.is_empty() { Ok(None) } else { number(text).map(Some) };
     let scenes = match text.split_once("..") {
@@ -63,26 +64,22 @@ fn parse_scenes(text: &str) -> Result<Scenes, String> {
 }
 
 impl Scenes {
-    fn within(self, count: u32) -> Result<Range<u32>, Exit> {
+    /// The scenes of a recipe that has so many.
+    pub fn within(self, count: u32) -> Result<Range<u32>, Error> {
         let (low, high) = (self.0.unwrap_or(0), self.1.unwrap_or(count));
         if low < high && high <= count {
             Ok(low..high)
         } else {
-            Err(Exit::wrong(Error::new(format!("--scenes {low}..{high}: the recipe has scenes 0..{count}"))))
+            Err(Error::new(format!("--scenes {low}..{high}: the recipe has scenes 0..{count}")))
         }
     }
 }
 
 pub(super) fn run(console: &Console, registry: &Registry, args: &RunArgs) -> Result<(), Exit> {
     let recipe = console.load_for_run(registry, &args.recipe)?;
-    if let Some(library) = recipe.libraries.first().filter(|_| !args.allow_libraries) {
-        let error = Error::new(format!("the recipe brings a native library of its own: {library}"));
-        return Err(Exit::wrong(error.help(
-            "it runs with all your rights: if you trust it, add --allow-libraries; else name yours by ${NAME} or --set",
-        )));
-    }
+    recipe.trusted(args.allow_libraries).map_err(Exit::wrong)?;
     recipe.ready().map_err(Exit::wrong)?;
-    let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose()?;
+    let scenes = args.scenes.map(|scenes| scenes.within(recipe.dataset.scenes)).transpose().map_err(Exit::wrong)?;
     let stop = on_signals()?;
     let options = RunOptions {
         scenes,

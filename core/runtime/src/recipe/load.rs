@@ -94,7 +94,7 @@ fn load_parts(
     let loader = Loader { registry, schemas: &schemas, overrides, sources: &sources, renamed, paths };
     let mut built = loader.build(&mut tree, &mut diagnostics);
     diagnostics.extend(placers::check(&built));
-    let plan = plan(registry, &mut built, &mut diagnostics);
+    let plan = plan(registry, &mut built, &overrides.wanted, &mut diagnostics);
     if let Some(lock) = &lock {
         diagnostics.extend(lock_mismatches(&lock.0, &lock.1, registry));
     }

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use syntable_model::stage::Input;
 
 /// Overrides of a recipe, and access to variables, files and the current folder.
 pub struct Overrides<'a> {
@@ -17,6 +18,8 @@ pub struct Overrides<'a> {
     pub current_folder: PathBuf,
     /// Whether kinds that stand for others are replaced by what this machine has, as a run needs it.
     pub choose: bool,
+    /// Products that are wanted beside those that writers read.
+    pub wanted: Vec<Input>,
 }
 
 impl Overrides<'static> {
@@ -32,9 +35,12 @@ impl Overrides<'static> {
             exists: &|_| true,
             current_folder: std::env::current_dir().unwrap_or_default(),
             choose: false,
+            wanted: Vec::new(),
         }
     }
+}
 
+impl Overrides<'_> {
     /// The same, with kinds that stand for others replaced by what this machine has.
     pub fn for_run(self) -> Self {
         Self { choose: true, ..self }

@@ -11,9 +11,17 @@ use syntable_model::product::KeyId;
 use syntable_model::registry::{Registry, Shape, Slot, Stage};
 use syntable_model::stage::Input;
 
+/// Who wants products that no writer reads.
+const WANTED: &str = "preview";
+
 /// Plans the stages that were built, whose producers it takes. If the plan fails, or there is no renderer, everything
-/// that can be known is reported and there is no plan.
-pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec<DiagnosticBuilder>) -> Option<Plan> {
+/// that can be known is reported and there is no plan. Some products are `wanted` beside those that writers read.
+pub(crate) fn plan(
+    registry: &Registry,
+    built: &mut Built,
+    wanted: &[Input],
+    diagnostics: &mut Vec<DiagnosticBuilder>,
+) -> Option<Plan> {
     let own = built.stages.iter().find_map(|stage| match &stage.stage {
         Some(Stage::Render(renderer)) => Some(renderer.offers()),
         _ => None,
@@ -21,7 +29,7 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec
     let elsewhere = offered_by_others(registry);
     // Without its own renderer, a recipe may name what any renderer offers.
     let offers = own.clone().unwrap_or_else(|| elsewhere.iter().map(|(key, _)| *key).collect());
-    let writers: Vec<(String, Vec<Input>)> = built
+    let mut writers: Vec<(String, Vec<Input>)> = built
         .stages
         .iter()
         .filter_map(|stage| match &stage.stage {
@@ -29,6 +37,9 @@ pub(crate) fn plan(registry: &Registry, built: &mut Built, diagnostics: &mut Vec
             _ => None,
         })
         .collect();
+    if !wanted.is_empty() {
+        writers.push((WANTED.to_owned(), wanted.to_vec()));
+    }
     let mut explicit = Vec::new();
     for stage in &mut built.stages {
         match stage.stage.take().map(Producer::of) {

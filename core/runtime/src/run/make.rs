@@ -1,12 +1,13 @@
 //! Making scenes: several in flight, each committed when it is done.
 
+use super::attempt::Tools;
 use super::begin::Begun;
 use super::end::{Ended, annotate_and_finish};
 use super::folder::Folder;
 use super::journal::{Journal, JournalEntry, Notice};
 use super::progress::{Event, Reporter, Warnings, count};
 use super::queue::Queue;
-use super::scene::{self, Task};
+use super::scene::{self, SceneMaker, Task};
 use super::sessions::{Sessions, scenes_in_flight};
 use super::times::Times;
 use super::todo::{Job, Todo, Works};
@@ -95,19 +96,9 @@ fn make_scenes(
     // Scenes that failed before one was made by a recipe that adds stages: they may have failed by these.
     let held = Mutex::new(Vec::new());
     let (checks, times) = (check::linked(), Times::default());
-    let maker = scene::SceneMaker {
-        recipe,
-        assets,
-        cache: &options.cache,
-        workers: pool,
-        log: &log,
-        reporter,
-        folder,
-        sessions: &sessions,
-        checks: &checks,
-        times: &times,
-        stop: &options.stop,
-    };
+    let cache = &options.cache;
+    let tools = Tools { recipe, assets, cache, workers: pool, log: &log, times: &times, stop: &options.stop };
+    let maker = SceneMaker { tools, reporter, folder, sessions: &sessions, checks: &checks };
     let one = |task: &Task, made: Option<scene::Made>| -> Result<()> {
         let Some(made) = made else {
             lacking.fetch_add(1, Ordering::Relaxed);
@@ -146,7 +137,7 @@ fn make_scenes(
                 let (maker, tasks, next, made, stop, failure, one) =
                     (&maker, &tasks, &next, &made, &stop, &failure, &one);
                 threads.spawn(move || {
-                    while !stop.load(Ordering::Relaxed) && maker.stop.requested().is_none() {
+                    while !stop.load(Ordering::Relaxed) && maker.tools.stop.requested().is_none() {
                         let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
                         match panics::unwound(|| maker.make(task, &queue).and_then(|made| one(task, made))) {
                             Ok(()) => drop(made.fetch_add(1, Ordering::Relaxed)),

@@ -8,12 +8,14 @@
 //! |---|---|
 //! | [`folder`], [`journal`], `manifest` | the data model of a dataset on disk |
 //! | `begin`, `change`, `inputs`, `todo` | whether a run goes on with a dataset, lets it grow, or must not touch it; what there is to do |
-//! | `make`, `ahead`, `scene`, `sessions`, `queue`, `records`, `settled` | making scenes |
+//! | `make`, `ahead`, `scene`, `attempt`, `sessions`, `queue`, `records`, `settled` | making scenes |
 //! | `end` | annotators of the dataset, and writers that finish |
 //! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
+//! | [`preview`] | single views of a recipe that changes, without a dataset |
 //! | `convert` | writing datasets that were read in other formats |
 
 mod ahead;
+mod attempt;
 mod begin;
 mod change;
 mod convert;
@@ -25,6 +27,7 @@ mod make;
 mod manifest;
 mod merge;
 pub(crate) mod panics;
+pub mod preview;
 pub mod progress;
 mod queue;
 mod records;
@@ -39,6 +42,7 @@ mod verify;
 
 pub use convert::{Converted, convert};
 pub(crate) use end::dataset_info;
+pub(crate) use inputs::files as files_of;
 pub use merge::merge;
 pub use verify::{Verified, verify};
 

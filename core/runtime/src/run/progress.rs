@@ -274,6 +274,8 @@ impl Reporter for Human {
     fn event(&self, event: &Event) {
         let mut state = self.state.lock();
         match event {
+            // Previews have no end to count towards.
+            Event::Image { .. } | Event::Scene { .. } if state.total == 0 => {}
             Event::Started { out, scenes, views_per_scene, resumed, images, threads } => {
                 (state.start, state.images, state.scenes) = (Instant::now(), 0, 0);
                 state.unfinished.clear();

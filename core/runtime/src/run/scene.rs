@@ -4,56 +4,45 @@
 //! denoised, annotated and written while the next view is rendered. Views are written in order, and the error of an
 //! attempt is that of its first failing view, so nothing depends on the scheduling.
 
+use super::attempt::{self, Tools, keep, provided};
 use super::folder::Folder;
 use super::journal::{JournalEntry, SceneOutcome};
 use super::manifest::{Manifest, Written};
-use super::panics::{caught, unwound};
+use super::panics::unwound;
 use super::progress::{Event, Reporter};
 use super::queue::Queue;
 use super::records::{self, Records};
 use super::seen::{Odd, Seen};
 use super::sessions::Sessions;
 use super::settled;
-use super::stop::{self, Stop};
 use super::times::Times;
 use super::todo;
 use crate::plan::{Plan, PlannedStage, Producer};
-use crate::pools::{AssetStore, RecordingAssets};
-use crate::recipe::Recipe;
+use crate::pools::RecordingAssets;
 use parking_lot::{Condvar, Mutex};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use syntable_model::check::Check;
-use syntable_model::context::{Cache, Context, DatasetContext, Log, SceneContext, ViewContext, Workers};
+use syntable_model::context::{DatasetContext, SceneContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::standard::{COVERAGE, RADIANCE};
+use syntable_model::product::standard::RADIANCE;
 use syntable_model::product::{KeyId, Name, Products, RenderParameters, Scope};
 use syntable_model::random::Stream;
-use syntable_model::scene::{Camera, Optics, Placed, Scene, SceneBuilder, SceneId, Settled, View, ViewId};
-use syntable_model::stage::{
-    Atlas, Bodies, DatasetInfo, Denoiser, Input, Output, RenderRequest, RenderSession, SceneWriter, ViewProducts,
-    Window, Writer,
-};
+use syntable_model::scene::{Placed, Scene, SceneId, Settled, View, ViewId};
+use syntable_model::stage::{DatasetInfo, Denoiser, Input, Output, SceneWriter, ViewProducts, Writer};
 
 /// How often an attempt is repeated whose device failed.
 const DEVICE_REPEATS: u32 = 2;
 
 /// Makes scenes.
 pub struct SceneMaker<'a> {
-    pub recipe: &'a Recipe,
-    pub assets: &'a AssetStore<'a>,
-    pub cache: &'a dyn Cache,
-    pub workers: &'a dyn Workers,
-    pub log: &'a dyn Log,
+    pub tools: Tools<'a>,
     pub reporter: &'a dyn Reporter,
     pub folder: &'a Folder,
     pub sessions: &'a Sessions<'a>,
     /// What must hold in every view that is written.
     pub checks: &'a [Check],
-    /// How long the stages work.
-    pub times: &'a Times,
-    pub stop: &'a Stop,
 }
 
 /// What is made of a scene.
@@ -97,7 +86,7 @@ impl<'a> SceneMaker<'a> {
     /// that a stage is wrong: no other attempt hides it, and what was made is put aside.
     pub fn make<'env>(&'env self, task: &Task<'env>, queue: &Queue<'env>) -> Result<Option<Made>> {
         let (mut errors, mut first) = (Vec::new(), 0);
-        let mut last = self.recipe.dataset.max_attempts.saturating_sub(1);
+        let mut last = self.tools.recipe.dataset.max_attempts.saturating_sub(1);
         if let Some((present, work)) = task.extend {
             first = present.attempt;
             errors.clone_from(&present.errors);
@@ -120,7 +109,7 @@ impl<'a> SceneMaker<'a> {
             first += 1;
         }
         let kept = Manifest::default();
-        for number in first..self.recipe.dataset.max_attempts {
+        for number in first..self.tools.recipe.dataset.max_attempts {
             match self.attempt(task, number, (task.whole, false), queue)? {
                 Tried::Made(Attempted { views, objects, odd, written }, assets) => {
                     let outcome = outcome(views, objects, task.whole);
@@ -157,24 +146,26 @@ impl<'a> SceneMaker<'a> {
     ) -> Result<Tried> {
         let scene = task.scene;
         for repeat in 0..=DEVICE_REPEATS {
-            self.running()?;
+            self.tools.running()?;
             let staged = self.folder.stage(scene)?;
-            let assets = RecordingAssets::new(self.assets);
-            let attempt = Attempt { maker: self, work, scene: SceneId(scene), number, assets };
+            let assets = RecordingAssets::new(self.tools.assets);
+            let core =
+                attempt::Attempt { tools: self.tools, dataset: &work.dataset, scene: SceneId(scene), number, assets };
+            let attempt = Attempt { maker: self, work, core };
             let error = match unwound(|| attempt.run(&staged, stored, queue)) {
-                Ok(made) => return Ok(Tried::Made(made, attempt.assets.into_digests())),
+                Ok(made) => return Ok(Tried::Made(made, attempt.core.assets.into_digests())),
                 Err(error) => error,
             };
-            self.running()?;
+            self.tools.running()?;
             // A refused asset or a full disk concerns the run, and so does what other random numbers cannot change.
-            self.assets.refused()?;
+            self.tools.assets.refused()?;
             let again = error.is_passing() && repeat < DEVICE_REPEATS;
             if !again && (error.is_permanent() || error.is_io() || (error.is_device() && task.is_present)) {
                 return Err(error);
             }
             let error = if error.is_contradiction() { self.aside(scene, error)? } else { error };
             let no_other = error.is_device() || error.is_contradiction();
-            let last = !again && (no_other || number + 1 == self.recipe.dataset.max_attempts);
+            let last = !again && (no_other || number + 1 == self.tools.recipe.dataset.max_attempts);
             self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last });
             if !again {
                 return Ok(Tried::Failed(error));
@@ -191,13 +182,9 @@ impl<'a> SceneMaker<'a> {
         Ok(error.in_file(folder).help(help))
     }
 
-    /// An error once the run shall end.
-    fn running(&self) -> Result<()> {
-        self.stop.requested().map_or(Ok(()), |signal| Err(Error::new(format!("stopped by {}", stop::name_of(signal)))))
-    }
-
     fn scene_context<'s>(&'s self, work: &'s Work, scene: &'s Scene) -> SceneContext<'s> {
-        DatasetContext::new(&work.dataset, self.workers, self.log).with_cache(self.cache).scene(scene)
+        let Tools { workers, log, cache, .. } = self.tools;
+        DatasetContext::new(&work.dataset, workers, log).with_cache(cache).scene(scene)
     }
 }
 
@@ -241,50 +228,26 @@ struct Attempted {
     written: Written,
 }
 
-/// One attempt at a scene, with random numbers of its own.
+/// One attempt at a scene, with what is made of it.
 struct Attempt<'m, 'a> {
     maker: &'m SceneMaker<'a>,
     work: &'m Work<'a>,
-    scene: SceneId,
-    number: u32,
-    assets: RecordingAssets<'a>,
+    core: attempt::Attempt<'m>,
 }
 
 impl<'m> Attempt<'m, '_> {
-    /// The random numbers of a stage. They are those of the dataset's name and seed, so that splits are independent.
-    fn stream(&self, stage: &str) -> Stream {
-        let DatasetInfo { seed, name, .. } = &self.work.dataset;
-        Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
-    }
-
-    /// Runs a stage that composes the scene.
-    fn compose<T>(&self, stage: &str, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
-        self.sample(stage, self.stream(stage), work)
-    }
-
-    /// Runs a stage that is lent random numbers and assets.
-    fn sample<T>(&self, stage: &str, stream: Stream, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
-        self.maker.running()?;
-        let SceneMaker { cache, workers, log, .. } = *self.maker;
-        let context = Context { stream, assets: &self.assets, cache, workers, log };
-        let result = self.maker.times.of(stage, || work(&context));
-        // An error of an asset that must stop the run comes before the errors that follow from it.
-        self.maker.assets.refused()?;
-        result
-    }
-
     fn run(&self, staged: &Path, stored: bool, queue: &Queue<'m>) -> Result<Attempted> {
         let (maker, work) = (self.maker, self.work);
         let scene = Arc::new(self.scene(staged, stored)?);
         let cx = maker.scene_context(work, &scene);
         let mut products = Products::new();
         for stage in &work.plan.before_views {
-            run_in_scene(maker.times, stage, &cx, &[], &mut products)?;
+            run_in_scene(maker.tools.times, stage, &cx, &[], &mut products)?;
         }
         let views: Vec<Arc<View>> = (0..work.dataset.views_per_scene)
-            .map(|number| self.view(&scene, ViewId(number)).map(Arc::new))
+            .map(|number| self.core.view(&scene, ViewId(number)).map(Arc::new))
             .collect::<Result<_>>()?;
-        let writers = Writers::start(work.writers.iter().copied(), &cx, staged, maker.times)?;
+        let writers = Writers::start(work.writers.iter().copied(), &cx, staged, maker.tools.times)?;
         let views = self.render(&scene, &views, writers, &products, queue)?;
         for stage in &work.plan.after_views {
             let reads: Vec<Name> = stage.reads.iter().map(|key| key.name).collect();
@@ -293,58 +256,34 @@ impl<'m> Attempt<'m, '_> {
                 .iter()
                 .map(|view| ViewProducts { view: Arc::clone(&view.view), products: view.products.only(&reads) })
                 .collect();
-            run_in_scene(maker.times, stage, &cx, &lent, &mut products)?;
+            run_in_scene(maker.tools.times, stage, &cx, &lent, &mut products)?;
         }
         let mut written = views.writers.close(&cx, &products)?;
-        let output = Output::new(staged, records::OWNER, self.scene);
-        maker.times.of("records", || views.records.write(&work.plan, &products, &output))?;
+        let output = Output::new(staged, records::OWNER, self.core.scene);
+        maker.tools.times.of("records", || views.records.write(&work.plan, &products, &output))?;
         written.extend(Some((records::OWNER.to_owned(), output.files())).filter(|(_, files)| !files.is_empty()));
         let (removed, objects) = (scene.settle.removed.len() as u32, scene.objects().len() as u32);
-        maker.reporter.event(&Event::Scene { scene: self.scene.0, objects, removed });
+        maker.reporter.event(&Event::Scene { scene: self.core.scene.0, objects, removed });
         Ok(Attempted { views: work.dataset.views_per_scene, objects, odd: views.seen.odd(&scene), written })
     }
 
     /// Places the bodies, and lets them come to rest or does to them what settling did before, if that is `stored`.
     fn scene(&self, staged: &Path, stored: bool) -> Result<Scene> {
-        let recipe = self.maker.recipe;
-        let mut builder = SceneBuilder::default();
-        for (id, placer) in &recipe.place {
-            self.compose(&format!("place.{id}"), |context| placer.place(&mut builder, context))?;
-        }
-        let again = if stored { settled::read(self.maker.folder.root(), self.scene) } else { None };
+        let (scene, number) = (self.core.scene, self.core.number);
+        let mut builder = self.core.place()?;
+        let again = if stored { settled::read(self.maker.folder.root(), scene) } else { None };
         let report = match again.map(|settled| settled.apply(&mut builder)) {
             Some(Ok(report)) => report,
             _ => {
                 let placed = Placed::of(&builder);
-                let report = self.compose("settle", |context| recipe.settle.settle(&mut builder, context))?;
+                let report = self.core.settle(&mut builder)?;
                 if let Some(settled) = Settled::between(&placed, &builder, &report) {
-                    settled::write(staged, self.scene, &settled)?;
+                    settled::write(staged, scene, &settled)?;
                 }
                 report
             }
         };
-        builder.freeze(self.scene, self.number, report)
-    }
-
-    /// Samples camera and lights of a view.
-    fn view(&self, scene: &Scene, id: ViewId) -> Result<View> {
-        let recipe = self.maker.recipe;
-        let of_view = |stage: &str| self.stream(stage).at(u64::from(id.0));
-        let world_from_camera =
-            self.sample("views", of_view("views"), |context| recipe.views.pose(scene, id, context))?;
-        let Optics { intrinsics, distortion, lens, exposure } =
-            self.sample("camera", of_view("camera"), |context| {
-                recipe.camera.optics(scene, &world_from_camera, context)
-            })?;
-        let camera = Camera { intrinsics, distortion, lens, world_from_camera };
-        let shell = caught("views", || Ok(recipe.views.shell(scene)))?;
-        let mut lights = scene.lights.clone();
-        for (light, sampler) in &recipe.lights {
-            let stage = format!("lights.{light}");
-            let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_view(&stage) };
-            lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &camera, &shell, context))?);
-        }
-        Ok(View { id, camera, exposure, lights })
+        builder.freeze(scene, number, report)
     }
 
     /// Renders the views, and sees each through annotation and writing.
@@ -360,13 +299,13 @@ impl<'m> Attempt<'m, '_> {
         let work = self.work;
         let after = |view: &View| views.get(view.id.0 as usize + 1).cloned();
         let follow = |view: &Arc<View>, products: Products| {
-            let sensing: BTreeMap<String, Stream> = self.sensing(view.id);
+            let sensing: BTreeMap<String, Stream> = self.core.sensing(&work.plan, view.id);
             let (maker, scene, line) = (self.maker, Arc::clone(scene), Arc::clone(&line));
             let views = (Arc::clone(view), after(view));
             line.clone().announce();
             queue.add(move || line.follow((maker, work), &scene, views, products, &sensing));
         };
-        let next = || if line.has_failed() { Ok(false) } else { self.maker.running().map(|()| true) };
+        let next = || if line.has_failed() { Ok(false) } else { self.maker.tools.running().map(|()| true) };
         let render = || {
             if work.plan.rendered.is_empty() {
                 // Nothing of it needs an image: neither does it need a session.
@@ -378,13 +317,13 @@ impl<'m> Attempt<'m, '_> {
                 });
             }
             self.maker.sessions.with(|session| {
-                self.maker.times.of("render.load", || session.load(scene, self.maker.workers))?;
+                self.maker.tools.times.of("render.load", || session.load(scene, self.maker.tools.workers))?;
                 for view in views {
                     if !next()? {
                         break;
                     }
                     let mut products = of_scene.clone();
-                    self.render_view(session, (view, after(view).as_deref()), &mut products)?;
+                    self.core.render_view(&work.plan, session, (view, after(view).as_deref()), &mut products)?;
                     follow(view, products);
                 }
                 Ok(())
@@ -395,56 +334,6 @@ impl<'m> Attempt<'m, '_> {
         // The first failing view speaks for the attempt; the renderer's own error is of a later one.
         let views = line.join()?;
         rendered.map(|()| views)
-    }
-
-    /// The random numbers of the sensors that run.
-    fn sensing(&self, view: ViewId) -> BTreeMap<String, Stream> {
-        let sensors = self.work.plan.per_view.iter().filter(|it| matches!(*it.producer, Producer::Sensor(_)));
-        sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
-    }
-
-    fn render_view(
-        &self,
-        session: &mut dyn RenderSession,
-        (view, next): (&View, Option<&View>),
-        products: &mut Products,
-    ) -> Result<()> {
-        let plan = &self.work.plan;
-        let mut rendered = Products::new();
-        let mut atlas = None;
-        for (framing, wants) in plan.by_framing() {
-            let view = framed(view, next, framing);
-            let stream = self.stream("render").at(u64::from(view.id.0));
-            let mut request = RenderRequest::new(&view, &wants, stream, self.maker.workers);
-            let denoised = match framing.objects {
-                Some(lighting) => {
-                    let atlas = match &mut atlas {
-                        Some(atlas) => atlas,
-                        none => none.insert(Atlas::of(rendered.get(COVERAGE)?)),
-                    };
-                    request = request.of_objects(atlas, lighting);
-                    plan.denoised.contains(&framing)
-                }
-                None => {
-                    request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas), Bodies::All);
-                    framing == RenderParameters::IMAGE
-                }
-            };
-            check_pixels(request.size, framing)?;
-            request.denoiser = plan.denoiser.as_ref().filter(|_| denoised).and_then(|stage| match &*stage.producer {
-                Producer::Denoiser(denoiser) => Some(&**denoiser),
-                _ => None,
-            });
-            let mut made = Products::new();
-            self.maker.times.of("render", || session.render(&request, &mut made))?;
-            provided(&wants, &made).map_err(|error| error.context("render"))?;
-            for key in wants {
-                let before_support = key.name.parameters.before_support;
-                made.rename(key, key.with(RenderParameters { before_support, ..framing }))?;
-            }
-            rendered.extend(made)?;
-        }
-        keep(plan, rendered, products)
     }
 }
 
@@ -499,8 +388,9 @@ impl<'m> Line<'m> {
         let cx = maker.scene_context(work, scene).view(&view).before(next.as_deref());
         let plan = &work.plan;
         let of_view = |error: Error| error.context(format!("view {}", view.id.0));
-        let checked = |products: &Products| maker.times.of("checks", || check(maker.checks, products)).map_err(of_view);
-        let make = || annotate(maker.times, plan, &cx, sensing, &mut products).and_then(|()| checked(&products));
+        let checked =
+            |products: &Products| maker.tools.times.of("checks", || check(maker.checks, products)).map_err(of_view);
+        let make = || annotate(maker.tools.times, plan, &cx, sensing, &mut products).and_then(|()| checked(&products));
         let made = if self.has_failed() { Ok(()) } else { unwound(make) };
         let mut state = self.state.lock();
         while state.next != view.id.0 {
@@ -510,7 +400,7 @@ impl<'m> Line<'m> {
             let written = unwound(|| {
                 made?;
                 state.views.writers.view(&cx, &products)?;
-                maker.times.of("records", || state.views.records.view(plan, &products))?;
+                maker.tools.times.of("records", || state.views.records.view(plan, &products))?;
                 state.views.seen.look(&view, &products);
                 state.views.keep(plan, &view, &products);
                 maker.reporter.event(&Event::Image { scene: scene.id.0, view: view.id.0 });
@@ -653,7 +543,7 @@ fn check(checks: &[Check], products: &Products) -> Result<()> {
 }
 
 /// Runs an annotator of the scene.
-fn run_in_scene(
+pub fn run_in_scene(
     times: &Times,
     stage: &PlannedStage,
     cx: &SceneContext,
@@ -678,58 +568,4 @@ pub fn lend(
     let made = filled.without(&lent);
     provided(&stage.provides, &made).map_err(|error| error.context(&stage.stage))?;
     Ok(made)
-}
-
-/// Maximum number of pixels of a canvas.
-const MAX_PIXELS: u64 = 1 << 28;
-
-/// The view that products of a framing are of.
-fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
-    let mut view = next.filter(|_| framing.next_view).unwrap_or(view).clone();
-    view.camera.intrinsics = view.camera.intrinsics.subdivided(framing.subpixels);
-    view
-}
-
-/// Refuses a canvas or an atlas that no memory can hold.
-fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<()> {
-    if u64::from(width) * u64::from(height) <= MAX_PIXELS {
-        return Ok(());
-    }
-    let (what, help) = match framing.objects {
-        None => (
-            format!("`{}`", Name::new("").with(framing).to_string().trim_start()),
-            "ask for a smaller canvas or fewer sub-pixels, or set",
-        ),
-        Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
-    };
-    Err(Error::new(format!("{what} has {width} × {height} pixels, more than {MAX_PIXELS}"))
-        .help(format!("{help} a lower resolution in [camera]"))
-        .permanent())
-}
-
-/// Checks that a stage made what it had to, and nothing else.
-fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
-    if let Some(key) = declared.iter().find(|key| !made.contains(&key.name)) {
-        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).permanent());
-    }
-    match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
-        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name)).permanent()),
-        None => Ok(()),
-    }
-}
-
-/// Adds what a stage made. A product that another stage replaces is kept under the key of the original.
-fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
-    for replacement in &plan.replaced {
-        let image = replacement.product.name.parameters;
-        let parameters = plan.denoised.iter().copied().chain([image]);
-        for parameters in parameters.filter(|&of| plan.replaces_with(replacement, of)) {
-            let [product, original] = [replacement.product, replacement.original].map(|key| key.with(parameters));
-            // The stage that replaces a product reads the original, which is there by then.
-            if !products.contains(&original.name) {
-                made.rename(product, original)?;
-            }
-        }
-    }
-    products.extend(made)
 }

@@ -564,6 +564,7 @@ pub fn load(source: Source, set: &[(&str, &str)]) -> Result<(Recipe, Vec<Diagnos
             read: &|path| std::fs::read_to_string(path),
             current_folder: Path::new(env!("CARGO_MANIFEST_DIR")).to_owned(),
             choose: false,
+            wanted: Vec::new(),
         },
     )
 }

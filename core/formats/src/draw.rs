@@ -1,7 +1,7 @@
-//! Drawing: colors, masks, outlines, and panels side by side.
+//! Drawing for people: colors, masks and outlines over images, and panels side by side.
 
 use syntable_model::prelude::*;
-use syntable_model::product::Plane;
+use syntable_model::product::{PerInstance, Plane};
 
 /// An 8-bit RGB color.
 pub type Color = [u8; 3];
@@ -23,7 +23,7 @@ impl Canvas {
         let mut canvas = Self(Plane::from_fn(width, height, |_, _| BACKGROUND));
         let mut x = 0;
         for panel in panels {
-            canvas.paste(panel, x, 0);
+            paste(&mut canvas.0, panel, x, 0);
             x += panel.width() + GAP;
         }
         canvas
@@ -36,7 +36,7 @@ impl Canvas {
         let mut canvas = Self(Plane::from_fn(width, height, |_, _| BACKGROUND));
         let mut y = 0;
         for row in rows {
-            canvas.paste(&row.0, 0, y);
+            paste(&mut canvas.0, &row.0, 0, y);
             y += row.height() + GAP;
         }
         canvas
@@ -56,14 +56,41 @@ impl Canvas {
     pub fn data(&self) -> &[Color] {
         self.0.data()
     }
+}
 
-    fn paste(&mut self, panel: &Plane<Color>, x: u32, y: u32) {
-        let (stride, width) = (self.0.width() as usize, panel.width() as usize);
-        for (row, pixels) in panel.data().chunks_exact(width.max(1)).enumerate() {
-            let start = (y as usize + row) * stride + x as usize;
-            self.0.data_mut()[start..start + width].copy_from_slice(pixels);
-        }
+/// Puts a panel over an image, with its top-left corner at (x, y). It must fit.
+pub fn paste(onto: &mut Plane<Color>, panel: &Plane<Color>, x: u32, y: u32) {
+    let (stride, width) = (onto.width() as usize, panel.width() as usize);
+    for (row, pixels) in panel.data().chunks_exact(width.max(1)).enumerate() {
+        let start = (y as usize + row) * stride + x as usize;
+        onto.data_mut()[start..start + width].copy_from_slice(pixels);
     }
+}
+
+/// Visible masks over the image in gray, each in the color of its instance.
+pub fn visible(rgb: &Plane<Color>, visible: &PerInstance<Mask>) -> Plane<Color> {
+    let mut plane = gray(rgb, 1.0);
+    for (id, mask) in visible.iter() {
+        fill(&mut plane, mask, color(id), 0.65);
+    }
+    plane
+}
+
+/// Outlines of the amodal masks, `line` pixels wide, over the image in gray, with the occluded parts filled.
+pub fn occlusion(
+    rgb: &Plane<Color>,
+    amodal: &PerInstance<Mask>,
+    occluded: &PerInstance<Mask>,
+    line: u32,
+) -> Plane<Color> {
+    let mut plane = gray(rgb, 0.6);
+    for (id, mask) in occluded.iter() {
+        fill(&mut plane, mask, color(id), 0.8);
+    }
+    for (id, mask) in amodal.iter() {
+        fill(&mut plane, &outline(mask, line), color(id), 1.0);
+    }
+    plane
 }
 
 /// The color of an instance: hues a golden angle apart, so that neighboring ids differ most, in three tones.

@@ -1,8 +1,6 @@
 //! Contact sheets: views, masks and occlusion side by side.
 
-mod panel;
-
-use panel::Canvas;
+use syntable_formats::draw::{self, Canvas};
 use syntable_formats::encode::png::{Image, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::Plane;
@@ -107,7 +105,7 @@ impl SceneWriter for Sheets {
         let k = &cx.view.camera.intrinsics;
         let width = self.config.panel_width_px.min(k.width);
         let panels =
-            self.config.panels.iter().map(|panel| Ok(panel::shrink(&panel.draw(products, k.width, width)?, width)));
+            self.config.panels.iter().map(|panel| Ok(draw::shrink(&panel.draw(products, k.width, width)?, width)));
         let panels = panels.collect::<Result<Vec<_>>>()?;
         self.rows.push(Canvas::beside(&panels));
         if self.rows.len() as u32 == self.config.views_per_sheet {
@@ -138,22 +136,10 @@ impl Panel {
         let line = width.div_ceil(shown.max(1));
         match self {
             Self::Rgb => products.get(RGB).cloned(),
-            Self::Visible => {
-                let mut plane = panel::gray(products.get(RGB)?, 1.0);
-                for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
-                    panel::fill(&mut plane, mask, panel::color(id), 0.65);
-                }
-                Ok(plane)
-            }
+            Self::Visible => Ok(draw::visible(products.get(RGB)?, products.get(VISIBLE_MASK)?)),
             Self::Occlusion => {
-                let mut plane = panel::gray(products.get(RGB)?, 0.6);
-                for (id, mask) in products.get(OCCLUSION_MASK)?.iter() {
-                    panel::fill(&mut plane, mask, panel::color(id), 0.8);
-                }
-                for (id, mask) in products.get(AMODAL_MASK)?.iter() {
-                    panel::fill(&mut plane, &panel::outline(mask, line), panel::color(id), 1.0);
-                }
-                Ok(plane)
+                let [amodal, occluded] = [products.get(AMODAL_MASK)?, products.get(OCCLUSION_MASK)?];
+                Ok(draw::occlusion(products.get(RGB)?, amodal, occluded, line))
             }
             Self::Depth => Ok(crate::syntable::inverse_depth(products.get(DEPTH)?).map(|&v| [v; 3])),
         }

@@ -1,0 +1,211 @@
+//! One attempt at a scene: what its stages are lent, and the random numbers that they draw. Runs compose and render
+//! scenes by it, and so do previews.
+
+use super::panics::caught;
+use super::stop::{self, Stop};
+use super::times::Times;
+use crate::plan::{Plan, Producer};
+use crate::pools::{AssetStore, RecordingAssets};
+use crate::recipe::Recipe;
+use std::collections::BTreeMap;
+use syntable_model::context::{Cache, Context, Log, Workers};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::COVERAGE;
+use syntable_model::product::{KeyId, Name, Products, RenderParameters};
+use syntable_model::random::Stream;
+use syntable_model::scene::{Camera, Optics, Scene, SceneBuilder, SceneId, SettleReport, View, ViewId};
+use syntable_model::stage::{Atlas, Bodies, DatasetInfo, RenderRequest, RenderSession, Window};
+
+/// What the stages of all scenes are lent.
+#[derive(Clone, Copy)]
+pub struct Tools<'a> {
+    pub recipe: &'a Recipe,
+    pub assets: &'a AssetStore<'a>,
+    pub cache: &'a dyn Cache,
+    pub workers: &'a dyn Workers,
+    pub log: &'a dyn Log,
+    /// How long the stages work.
+    pub times: &'a Times,
+    pub stop: &'a Stop,
+}
+
+impl Tools<'_> {
+    /// An error once the work shall end.
+    pub fn running(&self) -> Result<()> {
+        let stopped = |signal| Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
+        self.stop.requested().map_or(Ok(()), stopped)
+    }
+}
+
+/// One attempt at a scene, with random numbers of its own.
+pub struct Attempt<'a> {
+    pub tools: Tools<'a>,
+    pub dataset: &'a DatasetInfo,
+    pub scene: SceneId,
+    pub number: u32,
+    pub assets: RecordingAssets<'a>,
+}
+
+impl Attempt<'_> {
+    /// The random numbers of a stage. They are those of the dataset's name and seed, so that splits are independent.
+    fn stream(&self, stage: &str) -> Stream {
+        let DatasetInfo { seed, name, .. } = self.dataset;
+        Stream::root(*seed).child(name).child(stage).at(u64::from(self.scene.0)).at(u64::from(self.number))
+    }
+
+    /// Runs a stage that composes the scene.
+    fn compose<T>(&self, stage: &str, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
+        self.sample(stage, self.stream(stage), work)
+    }
+
+    /// Runs a stage that is lent random numbers and assets.
+    fn sample<T>(&self, stage: &str, stream: Stream, work: impl FnOnce(&Context) -> Result<T>) -> Result<T> {
+        self.tools.running()?;
+        let Tools { cache, workers, log, .. } = self.tools;
+        let context = Context { stream, assets: &self.assets, cache, workers, log };
+        let result = self.tools.times.of(stage, || work(&context));
+        // An error of an asset that must stop the run comes before the errors that follow from it.
+        self.tools.assets.refused()?;
+        result
+    }
+
+    /// Places the bodies.
+    pub fn place(&self) -> Result<SceneBuilder> {
+        let mut builder = SceneBuilder::default();
+        for (id, placer) in &self.tools.recipe.place {
+            self.compose(&format!("place.{id}"), |context| placer.place(&mut builder, context))?;
+        }
+        Ok(builder)
+    }
+
+    /// Lets the bodies come to rest.
+    pub fn settle(&self, builder: &mut SceneBuilder) -> Result<SettleReport> {
+        self.compose("settle", |context| self.tools.recipe.settle.settle(builder, context))
+    }
+
+    /// Samples camera and lights of a view.
+    pub fn view(&self, scene: &Scene, id: ViewId) -> Result<View> {
+        let recipe = self.tools.recipe;
+        let of_view = |stage: &str| self.stream(stage).at(u64::from(id.0));
+        let world_from_camera =
+            self.sample("views", of_view("views"), |context| recipe.views.pose(scene, id, context))?;
+        let Optics { intrinsics, distortion, lens, exposure } =
+            self.sample("camera", of_view("camera"), |context| {
+                recipe.camera.optics(scene, &world_from_camera, context)
+            })?;
+        let camera = Camera { intrinsics, distortion, lens, world_from_camera };
+        let shell = caught("views", || Ok(recipe.views.shell(scene)))?;
+        let mut lights = scene.lights.clone();
+        for (light, sampler) in &recipe.lights {
+            let stage = format!("lights.{light}");
+            let stream = if sampler.once_per_scene() { self.stream(&stage) } else { of_view(&stage) };
+            lights.extend(self.sample(&stage, stream, |context| sampler.lights(scene, &camera, &shell, context))?);
+        }
+        Ok(View { id, camera, exposure, lights })
+    }
+
+    /// The random numbers of the sensors of a plan.
+    pub fn sensing(&self, plan: &Plan, view: ViewId) -> BTreeMap<String, Stream> {
+        let sensors = plan.per_view.iter().filter(|it| matches!(*it.producer, Producer::Sensor(_)));
+        sensors.map(|it| (it.stage.clone(), self.stream(&it.stage).at(u64::from(view.0)))).collect()
+    }
+
+    /// Renders what a plan wants of a view; the next one is that of optical flow.
+    pub fn render_view(
+        &self,
+        plan: &Plan,
+        session: &mut dyn RenderSession,
+        (view, next): (&View, Option<&View>),
+        products: &mut Products,
+    ) -> Result<()> {
+        let mut rendered = Products::new();
+        let mut atlas = None;
+        for (framing, wants) in plan.by_framing() {
+            let view = framed(view, next, framing);
+            let stream = self.stream("render").at(u64::from(view.id.0));
+            let mut request = RenderRequest::new(&view, &wants, stream, self.tools.workers);
+            let denoised = match framing.objects {
+                Some(lighting) => {
+                    let atlas = match &mut atlas {
+                        Some(atlas) => atlas,
+                        none => none.insert(Atlas::of(rendered.get(COVERAGE)?)),
+                    };
+                    request = request.of_objects(atlas, lighting);
+                    plan.denoised.contains(&framing)
+                }
+                None => {
+                    request = request.of(Window::canvas(&view.camera.intrinsics, framing.canvas), Bodies::All);
+                    framing == RenderParameters::IMAGE
+                }
+            };
+            check_pixels(request.size, framing)?;
+            request.denoiser = plan.denoiser.as_ref().filter(|_| denoised).and_then(|stage| match &*stage.producer {
+                Producer::Denoiser(denoiser) => Some(&**denoiser),
+                _ => None,
+            });
+            let mut made = Products::new();
+            self.tools.times.of("render", || session.render(&request, &mut made))?;
+            provided(&wants, &made).map_err(|error| error.context("render"))?;
+            for key in wants {
+                let before_support = key.name.parameters.before_support;
+                made.rename(key, key.with(RenderParameters { before_support, ..framing }))?;
+            }
+            rendered.extend(made)?;
+        }
+        keep(plan, rendered, products)
+    }
+}
+
+/// Maximum number of pixels of a canvas.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// The view that products of a framing are of.
+fn framed(view: &View, next: Option<&View>, framing: RenderParameters) -> View {
+    let mut view = next.filter(|_| framing.next_view).unwrap_or(view).clone();
+    view.camera.intrinsics = view.camera.intrinsics.subdivided(framing.subpixels);
+    view
+}
+
+/// Refuses a canvas or an atlas that no memory can hold.
+fn check_pixels([width, height]: [u32; 2], framing: RenderParameters) -> Result<()> {
+    if u64::from(width) * u64::from(height) <= MAX_PIXELS {
+        return Ok(());
+    }
+    let (what, help) = match framing.objects {
+        None => (
+            format!("`{}`", Name::new("").with(framing).to_string().trim_start()),
+            "ask for a smaller canvas or fewer sub-pixels, or set",
+        ),
+        Some(_) => ("the windows around the objects of a view".to_owned(), "place fewer objects, or set"),
+    };
+    Err(Error::new(format!("{what} has {width} × {height} pixels, more than {MAX_PIXELS}"))
+        .help(format!("{help} a lower resolution in [camera]"))
+        .permanent())
+}
+
+/// Checks that a stage made what it had to, and nothing else.
+pub fn provided(declared: &[KeyId], made: &Products) -> Result<()> {
+    if let Some(key) = declared.iter().find(|key| !made.contains(&key.name)) {
+        return Err(Error::new(format!("it declares to provide `{}` but did not", key.name)).permanent());
+    }
+    match made.keys().into_iter().find(|key| !declared.iter().any(|other| other.name == key.name)) {
+        Some(key) => Err(Error::new(format!("it provides `{}` without declaring it", key.name)).permanent()),
+        None => Ok(()),
+    }
+}
+
+/// Adds what a stage made. A product that another stage replaces is kept under the key of the original.
+pub fn keep(plan: &Plan, mut made: Products, products: &mut Products) -> Result<()> {
+    for replacement in &plan.replaced {
+        let image = replacement.product.name.parameters;
+        let parameters = plan.denoised.iter().copied().chain([image]);
+        for parameters in parameters.filter(|&of| plan.replaces_with(replacement, of)) {
+            let [product, original] = [replacement.product, replacement.original].map(|key| key.with(parameters));
+            // The stage that replaces a product reads the original, which is there by then.
+            if !products.contains(&original.name) {
+                made.rename(product, original)?;
+            }
+        }
+    }
+    products.extend(made)
+}

@@ -1,0 +1,326 @@
+//! Single views of a recipe that changes: made one after the other, in memory, without a dataset.
+//!
+//! An image is a pure function of recipe, seed, scene and view, so a [`Previewer`] keeps all that another recipe cannot
+//! change: stages with the same options and what they hold (loaded assets, collision shapes, trees), and scenes at rest
+//! whose pools, placers and settler are the same. [`Pass::key`] says which images are.
+
+use super::attempt::{Attempt, Tools};
+use super::panics;
+use super::progress::{Event, Reporter, Warnings};
+use super::scene::{annotate, run_in_scene};
+use super::stop::Stop;
+use super::times::Times;
+use super::{dataset_info, inputs};
+use crate::cache::DiskCache;
+use crate::plan::Plan;
+use crate::pools::{AssetStore, Loaded, RecordingAssets};
+use crate::recipe::{CatalogLock, Parts, Recipe};
+use crate::workers::Pool;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use syntable_model::context::{DatasetContext, Log};
+use syntable_model::digest::{Digest, Hasher};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Products;
+use syntable_model::registry::Slot;
+use syntable_model::scene::{Intrinsics, Scene, SceneId, View, ViewId};
+use syntable_model::stage::{DatasetInfo, RenderSession};
+
+/// Slots that a scene at rest follows from.
+const OF_SCENE: [Slot; 3] = [Slot::Assets, Slot::Place, Slot::Settle];
+/// Slots that an image follows from, beside those of its scene.
+const OF_IMAGE: [Slot; 7] =
+    [Slot::Camera, Slot::Views, Slot::Lights, Slot::Render, Slot::Denoise, Slot::Sensor, Slot::Annotate];
+
+/// Makes views, and keeps what the next recipe may use.
+pub struct Previewer {
+    pool: Pool,
+    cache: DiskCache,
+    current: Option<(Recipe, Parts)>,
+    loaded: Arc<Loaded>,
+    session: Option<Session>,
+    composed: BTreeMap<u32, Composed>,
+    /// What was said of this machine.
+    noted: BTreeSet<String>,
+}
+
+/// An open session, and what it has loaded.
+struct Session {
+    render: Option<Digest>,
+    session: Box<dyn RenderSession>,
+    loaded: Option<Arc<Scene>>,
+}
+
+/// What came of the attempts to compose a scene.
+struct Composed {
+    key: Digest,
+    attempts: BTreeMap<u32, Result<Arc<Scene>>>,
+}
+
+/// What is wanted of every view.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Wanted {
+    /// Names of products of the view. The recipe must have been loaded with them as
+    /// [`wanted`](crate::recipe::Overrides::wanted).
+    pub products: Vec<String>,
+    /// Maximum width of images, px: a larger image is rendered with fewer pixels, and shows the same.
+    pub width: u32,
+}
+
+impl Previewer {
+    /// Nothing made yet.
+    pub fn new(threads: usize, cache: DiskCache) -> Result<Self> {
+        Ok(Self {
+            pool: Pool::new(threads)?,
+            cache,
+            current: None,
+            loaded: Arc::default(),
+            session: None,
+            composed: BTreeMap::new(),
+            noted: BTreeSet::new(),
+        })
+    }
+
+    /// Takes a recipe in place of the one before. What is the same in both is kept.
+    pub fn set(&mut self, mut recipe: Recipe) -> Result<()> {
+        let parts = Parts::of(&recipe)?;
+        if let Some((earlier, before)) = self.current.take() {
+            recipe.keep_stages(earlier, |part| parts.agree(&before, part));
+            self.loaded.keep(|pool| parts.agree(&before, &format!("{}.{pool}", Slot::Assets)));
+        }
+        let render = parts.get(Slot::Render.name());
+        self.session = self.session.take().filter(|session| session.render == render);
+        self.current = Some((recipe, parts));
+        Ok(())
+    }
+
+    /// Begins to make views of the recipe: opens its pools.
+    pub fn pass<'p>(
+        &'p mut self,
+        wanted: &Wanted,
+        reporter: &'p dyn Reporter,
+        log: &'p Warnings<'p>,
+        stop: &'p Stop,
+    ) -> Result<Pass<'p>> {
+        let Some((recipe, parts)) = &self.current else { return Err(Error::new("there is no recipe yet")) };
+        recipe.ready()?;
+        for message in recipe.choices.iter().cloned().chain(inputs::emulated(recipe)?) {
+            if self.noted.insert(message.clone()) {
+                reporter.event(&Event::Note { message });
+            }
+        }
+        let assets = AssetStore::open(recipe, log)?.with(Arc::clone(&self.loaded));
+        let catalogs = assets.catalogs();
+        let hasher =
+            Hasher::new("scenes of a preview").text(&recipe.dataset.seed.to_string()).text(&recipe.dataset.name);
+        let hasher = catalogs.iter().fold(parts.hash(hasher, &OF_SCENE), |hasher, (pool, names)| {
+            hasher.text(pool).text(&CatalogLock::of(names).digest)
+        });
+        let scene_key = hasher.finish();
+        let hasher = Hasher::new("image of a preview").digest(scene_key).number(f64::from(wanted.width));
+        let hasher = wanted.products.iter().fold(hasher, |hasher, product| hasher.text(product));
+        let image_key = parts.hash(hasher, &OF_IMAGE).finish();
+        let plan = recipe.plan.part(wanted.products.iter().map(String::as_str), false).on(&*recipe.render);
+        Ok(Pass {
+            recipe,
+            assets,
+            plan,
+            info: dataset_info(recipe),
+            width: wanted.width,
+            render: parts.get(Slot::Render.name()),
+            keys: (scene_key, image_key),
+            pool: &self.pool,
+            cache: &self.cache,
+            session: &mut self.session,
+            composed: &mut self.composed,
+            times: Times::default(),
+            log,
+            reporter,
+            stop,
+        })
+    }
+}
+
+/// Views of one recipe in the making.
+pub struct Pass<'p> {
+    recipe: &'p Recipe,
+    assets: AssetStore<'p>,
+    plan: Plan,
+    info: DatasetInfo,
+    width: u32,
+    render: Option<Digest>,
+    /// What scenes and images follow from, beside their numbers.
+    keys: (Digest, Digest),
+    pool: &'p Pool,
+    cache: &'p DiskCache,
+    session: &'p mut Option<Session>,
+    composed: &'p mut BTreeMap<u32, Composed>,
+    times: Times,
+    log: &'p dyn Log,
+    reporter: &'p dyn Reporter,
+    stop: &'p Stop,
+}
+
+impl Pass<'_> {
+    /// Digest of all that a view of a scene follows from: equal keys have equal products.
+    pub fn key(&self, scene: u32, view: u32) -> Digest {
+        let numbers = Hasher::new("view of a preview").digest(self.keys.1);
+        numbers.number(f64::from(scene)).number(f64::from(view)).finish()
+    }
+
+    /// Makes views of a scene in the order given, and hands over each as soon as it is made. As in a run, an attempt
+    /// that fails is followed by the next one, which begins with the first view again.
+    pub fn scene(&mut self, scene: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
+        let last = self.recipe.dataset.max_attempts.max(1) - 1;
+        let mut number = 0;
+        loop {
+            let error = match panics::quiet(|| panics::unwound(|| self.attempt(scene, number, views, each))) {
+                Ok(()) => return Ok(()),
+                Err(error) => error,
+            };
+            if self.stop.requested().is_some() {
+                return Err(error);
+            }
+            self.assets.refused()?;
+            let hopeless = error.is_permanent() || error.is_io() || error.is_device() || error.is_contradiction();
+            let is_last = hopeless || number == last;
+            self.reporter.event(&Event::Attempt { scene, attempt: number, error: error.to_string(), last: is_last });
+            if is_last {
+                return Err(error);
+            }
+            number += 1;
+        }
+    }
+
+    /// Tells how long the stages worked.
+    pub fn end(self) {
+        self.reporter.event(&Event::Stages { stages: self.times.all() });
+    }
+
+    fn attempt(&mut self, scene: u32, number: u32, views: &[u32], each: &mut dyn FnMut(u32, &Products)) -> Result<()> {
+        let tools = Tools {
+            recipe: self.recipe,
+            assets: &self.assets,
+            cache: self.cache,
+            workers: self.pool,
+            log: self.log,
+            times: &self.times,
+            stop: self.stop,
+        };
+        let recorded = RecordingAssets::new(&self.assets);
+        let attempt = Attempt { tools, dataset: &self.info, scene: SceneId(scene), number, assets: recorded };
+        let frozen = composed(self.composed, self.keys.0, &attempt, self.reporter)?;
+        let cx = DatasetContext::new(&self.info, self.pool, self.log).with_cache(self.cache).scene(&frozen);
+        let mut of_scene = Products::new();
+        for stage in &self.plan.before_views {
+            run_in_scene(&self.times, stage, &cx, &[], &mut of_scene)?;
+        }
+        let count = self.recipe.dataset.views_per_scene;
+        let needs_next = self.plan.rendered.iter().any(|key| key.name.parameters.next_view);
+        for &id in views {
+            tools.running()?;
+            let sampled = |id: u32| attempt.view(&frozen, ViewId(id)).map(|view| smaller(view, self.width));
+            let view = sampled(id)?;
+            // Optical flow and its like see what the next camera sees.
+            let next = (needs_next && id + 1 < count).then(|| sampled(id + 1)).transpose()?;
+            let mut products = of_scene.clone();
+            if !self.plan.rendered.is_empty() {
+                let session = ready(self.session, self.recipe, self.render)?;
+                let rendered = (|| {
+                    // The scene is kept, so that no other one has its address.
+                    if !session.loaded.as_ref().is_some_and(|loaded| Arc::ptr_eq(loaded, &frozen)) {
+                        session.loaded = None;
+                        self.times.of("render.load", || session.session.load(&frozen, self.pool))?;
+                        session.loaded = Some(Arc::clone(&frozen));
+                    }
+                    attempt.render_view(&self.plan, &mut *session.session, (&view, next.as_ref()), &mut products)
+                })();
+                if let Err(error) = rendered {
+                    *self.session = None;
+                    return Err(error);
+                }
+            }
+            let of_view = cx.view(&view).before(next.as_ref());
+            let sensing = attempt.sensing(&self.plan, view.id);
+            annotate(&self.times, &self.plan, &of_view, &sensing, &mut products)?;
+            each(id, &products);
+            self.reporter.event(&Event::Image { scene, view: id });
+        }
+        Ok(())
+    }
+}
+
+/// The session of the renderer, opened if there is none.
+fn ready<'s>(session: &'s mut Option<Session>, recipe: &Recipe, render: Option<Digest>) -> Result<&'s mut Session> {
+    let opened = match session.take() {
+        Some(session) => session,
+        None => Session { render, session: panics::caught("render", || recipe.render.open(0))?, loaded: None },
+    };
+    Ok(session.insert(opened))
+}
+
+/// The scene of an attempt at rest, or why it could not be composed: made once for as long as it follows from the same.
+fn composed(
+    all: &mut BTreeMap<u32, Composed>,
+    key: Digest,
+    attempt: &Attempt,
+    reporter: &dyn Reporter,
+) -> Result<Arc<Scene>> {
+    let own = all.entry(attempt.scene.0).or_insert_with(|| Composed { key, attempts: BTreeMap::new() });
+    if own.key != key {
+        *own = Composed { key, attempts: BTreeMap::new() };
+    }
+    if let Some(known) = own.attempts.get(&attempt.number) {
+        return known.clone();
+    }
+    let made = panics::unwound(|| {
+        let mut builder = attempt.place()?;
+        let report = attempt.settle(&mut builder)?;
+        builder.freeze(attempt.scene, attempt.number, report).map(Arc::new)
+    });
+    if let Ok(scene) = &made {
+        let (objects, removed) = (scene.objects().len() as u32, scene.settle.removed.len() as u32);
+        reporter.event(&Event::Scene { scene: scene.id.0, objects, removed });
+    }
+    // What stopped it from outside says nothing about the scene.
+    let is_its_own = |error: &Error| !(error.is_io() || error.is_device() || error.is_transient());
+    let stopped = attempt.tools.stop.requested().is_some();
+    if made.as_ref().err().is_none_or(|error| is_its_own(error) && !stopped) {
+        own.attempts.insert(attempt.number, made.clone());
+    }
+    made
+}
+
+/// A view with at most as many pixels along its width, which sees the same.
+fn smaller(mut view: View, width: u32) -> View {
+    let Intrinsics { width: w, height: h, fx, fy, cx, cy } = view.camera.intrinsics;
+    if w > width {
+        let height = (u64::from(h) * u64::from(width) + u64::from(w) / 2) / u64::from(w);
+        let height = (height as u32).max(1);
+        let (x, y) = (f64::from(width) / f64::from(w), f64::from(height) / f64::from(h));
+        view.camera.intrinsics = Intrinsics { width, height, fx: fx * x, fy: fy * y, cx: cx * x, cy: cy * y };
+    }
+    view
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use syntable_model::geometry::{Point3, Pose};
+    use syntable_model::scene::{Camera, Exposure};
+
+    #[test]
+    fn a_smaller_view_sees_the_same() {
+        let intrinsics = Intrinsics { width: 641, height: 479, fx: 500.0, fy: 510.0, cx: 300.0, cy: 250.5 };
+        let camera = Camera { intrinsics, distortion: None, lens: None, world_from_camera: Pose::identity() };
+        let view = View { id: ViewId(0), camera, exposure: Exposure::Fixed { ev100: 8.0 }, lights: Vec::new() };
+        let small = smaller(view.clone(), 160).camera.intrinsics;
+        assert_eq!((small.width, small.height), (160, 120));
+        for p in [[0.1, 0.2, 1.0], [-0.3, 0.05, 0.7], [0.0, 0.0, 2.0]].map(Point3::from) {
+            let ([u, v], [a, b]) = (intrinsics.project(&p), small.project(&p));
+            assert!((u / 641.0 - a / 160.0).abs() < 1e-12 && (v / 479.0 - b / 120.0).abs() < 1e-12, "{p}");
+        }
+        assert_eq!(smaller(view.clone(), 641).camera.intrinsics, intrinsics);
+        assert_eq!(smaller(view, 5000).camera.intrinsics, intrinsics);
+    }
+}

@@ -1,0 +1,228 @@
+//! The verb `preview`: its arguments, and who runs beside whom.
+
+use super::load::Wishes;
+use super::page::{Page, png_of};
+use super::studio::{Ended, News, Shown, Studio};
+use super::watch::Watch;
+use crate::serve::Server;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+use syntable_model::error::{Error, Result};
+use syntable_model::registry::Registry;
+use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
+use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, parse_scenes};
+use syntable_runtime::run::progress::count;
+use syntable_runtime::run::stop::{self, Stop};
+use syntable_runtime::workers;
+
+syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+
+/// How often a recipe with mistakes is looked at anew: files and assets that it misses may come.
+const AGAIN: Duration = Duration::from_secs(1);
+/// What is appended to the recipe's name.
+const ENDING: &str = "preview.png";
+
+fn command() -> Command {
+    let flag = |name: &'static str, help: &'static str| Arg::new(name).long(name).action(ArgAction::SetTrue).help(help);
+    let number = |name: &'static str| Arg::new(name).long(name).value_name("N");
+    RecipeArgs::augment_args(Command::new("preview"))
+        .about("Render a few views of a few scenes fast, on one contact sheet; again after every save")
+        .arg(
+            Arg::new("scenes")
+                .long("scenes")
+                .value_name("A..B")
+                .value_parser(parse_scenes)
+                .help("Scenes to show: `A..B` without B, `A..`, `..B`, or one number; the first two if left out"),
+        )
+        .arg(
+            number("samples")
+                .default_value("4")
+                .value_parser(value_parser!(u32).range(1..=1_048_576))
+                .help("Maximum number of samples per pixel; images are denoised"),
+        )
+        .arg(
+            number("width")
+                .default_value("320")
+                .value_parser(value_parser!(u32).range(16..=4096))
+                .help("Maximum width of an image, px: larger images are rendered with fewer pixels"),
+        )
+        .arg(flag("labels", "Show labels beside the images: visible masks, and amodal outlines with what is occluded"))
+        .arg(Arg::new("out").long("out").value_name("FILE").value_parser(value_parser!(PathBuf)).help(
+            "PNG file of the sheet; `<recipe>.preview.png` in the current folder if left out, and none with --serve",
+        ))
+        .arg(flag("watch", "Go on: render what changes whenever the recipe, or a file that it names, is saved"))
+        .arg(flag("serve", "Show the sheet in the browser, on this machine only, and follow every save"))
+        .arg(
+            number("port")
+                .default_value("0")
+                .value_parser(value_parser!(u16))
+                .requires("serve")
+                .help("Port of --serve; 0 for any free one"),
+        )
+        .arg(
+            number("threads")
+                .value_parser(value_parser!(u16).range(1..=1024))
+                .help("Worker threads; all cores if left out. The images do not depend on it"),
+        )
+        .arg(flag("allow-libraries", "Load native libraries that the recipe names by a path beside itself"))
+        .after_help(
+            "Examples:
+  syntable preview recipe.toml                     recipe.preview.png
+  syntable preview recipe.toml --watch --labels    the same with labels, again after every save
+  syntable preview recipe.toml --serve             in the browser
+  syntable preview recipe.toml --scenes 3..6 --views 4 --width 160",
+        )
+}
+
+fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+    let recipe =
+        RecipeArgs::from_arg_matches(arguments).map_err(|error| Exit::wrong(Error::new(error.to_string().trim())))?;
+    let number = |name: &str| arguments.get_one::<u32>(name).copied().unwrap_or(1);
+    let serves = arguments.get_flag("serve");
+    let out = arguments.get_one::<PathBuf>("out").cloned();
+    let out = out.or_else(|| (!serves).then(|| default_out(recipe.recipe.as_deref())));
+    let wishes = Wishes {
+        recipe,
+        samples: number("samples"),
+        labels: arguments.get_flag("labels"),
+        allow_libraries: arguments.get_flag("allow-libraries"),
+    };
+    let scenes = arguments.get_one::<Scenes>("scenes").copied();
+    let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |&threads| usize::from(threads));
+    let studio = Studio::new(console, registry, (wishes, scenes, number("width")), threads);
+    let stop =
+        Stop::on_signals().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))?;
+    let mut preview = Preview { studio: studio.map_err(Exit::stopped)?, out, page: serves.then(Page::default), stop };
+    if serves || arguments.get_flag("watch") {
+        let port = arguments.get_one::<u16>("port").copied().unwrap_or_default();
+        let server = serves.then(|| Server::bind(port)).transpose().map_err(Exit::stopped)?;
+        return preview.watch(console, server.as_ref());
+    }
+    preview.once(console)
+}
+
+/// The sheet's file, if no other is asked for: named after the recipe, in the current folder.
+fn default_out(recipe: Option<&Path>) -> PathBuf {
+    let name = recipe.and_then(Path::file_stem).and_then(|stem| stem.to_str()).unwrap_or("quickstart");
+    PathBuf::from(format!("{}.{ENDING}", name.rsplit(':').next().unwrap_or(name)))
+}
+
+/// A preview with the places where it is shown.
+struct Preview<'a> {
+    studio: Studio<'a>,
+    out: Option<PathBuf>,
+    page: Option<Page>,
+    stop: Stop,
+}
+
+impl Preview<'_> {
+    /// Makes one sheet.
+    fn once(&mut self, console: &Console) -> Result<(), Exit> {
+        let (out, stop) = (self.out.as_deref(), self.stop.clone());
+        let mut show = |news: &News| match news.shown {
+            Shown::Sheet(_) => store(out, &png_of(news.shown)?),
+            // They are printed; an image of before stays.
+            Shown::Mistakes(_) => Ok(()),
+        };
+        match self.studio.pass(&Watch::default(), &stop, &mut show).map_err(Exit::stopped)? {
+            Ended::Done(failed) => {
+                console.print(&out.map_or_else(String::new, |out| format!("{}\n", out.display())))?;
+                match failed {
+                    0 => Ok(()),
+                    _ => Err(Exit { code: 3, ..Exit::wrong(Error::new(format!("{} failed", count(failed, "scene")))) }),
+                }
+            }
+            Ended::Mistaken => Err(Exit { code: 2, messages: Vec::new() }),
+            Ended::Stopped => {
+                let signal = stop.requested().unwrap_or_default();
+                let error = Error::new(format!("stopped by {}", stop::name_of(signal)));
+                Err(Exit { code: 128_u8.saturating_add(signal), ..Exit::stopped(error) })
+            }
+        }
+    }
+
+    /// Makes sheets until a signal ends it, which is no failure.
+    fn watch(&mut self, console: &Console, server: Option<&Server>) -> Result<(), Exit> {
+        let places = server.map(Server::url).into_iter().chain(self.out.as_ref().map(|out| out.display().to_string()));
+        console.print(&places.map(|place| format!("{place}\n")).collect::<String>())?;
+        let Self { studio, out, page, stop } = self;
+        let (watch, page, stop) = (Watch::default(), page.as_ref(), &*stop);
+        let mut show = |news: &News| {
+            let png = png_of(news.shown)?;
+            store(out.as_deref(), &png)?;
+            page.into_iter().for_each(|page| page.show(news, &png));
+            Ok(())
+        };
+        thread::scope(|scope| {
+            // However this ends, the other threads end, too.
+            let _end = End(stop);
+            scope.spawn(|| watch.run(stop));
+            if let (Some(server), Some(page)) = (server, page) {
+                scope.spawn(|| server.run(stop, &page.changes, &|request| page.answer(request)));
+            }
+            while stop.requested().is_none() {
+                let work = watch.begin();
+                let ended = studio.pass(&watch, &work, &mut show).map_err(Exit::stopped)?;
+                watch.wait((ended == Ended::Mistaken).then_some(AGAIN), stop);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Asks for the end when it is dropped.
+struct End<'a>(&'a Stop);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        if self.0.requested().is_none() {
+            self.0.request(15);
+        }
+    }
+}
+
+/// Writes a file that is whole at any moment.
+fn store(out: Option<&Path>, bytes: &[u8]) -> Result<()> {
+    let Some(out) = out else { return Ok(()) };
+    let mut part = out.file_name().unwrap_or_default().to_owned();
+    part.push(format!(".{}.part", std::process::id()));
+    let part = out.with_file_name(part);
+    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, out));
+    written.map_err(|error| {
+        let _ = std::fs::remove_file(&part);
+        Error::io(out, &error).help("name another file with --out")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_is_sound() {
+        command().debug_assert();
+    }
+
+    #[test]
+    fn the_sheet_is_named_after_the_recipe() {
+        for (recipe, wanted) in [
+            (None, "quickstart.preview.png"),
+            (Some("builtin:window-room"), "window-room.preview.png"),
+            (Some("../recipes/my.toml"), "my.preview.png"),
+        ] {
+            assert_eq!(default_out(recipe.map(Path::new)), Path::new(wanted));
+        }
+    }
+
+    #[test]
+    fn a_sheet_takes_the_place_of_another_one_and_leaves_nothing_beside_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("a.png");
+        store(Some(&out), b"one").and_then(|()| store(Some(&out), b"two")).expect("writable");
+        assert_eq!(std::fs::read(&out).expect("readable"), b"two");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
+        let error = store(Some(&folder.path().join("none/a.png")), b"x").expect_err("no folder").to_string();
+        assert!(error.contains("none/a.png") && error.contains("--out"), "{error}");
+    }
+}

@@ -1,0 +1,110 @@
+//! Loading a recipe as a preview wants it: few samples, denoised, with the products that are shown.
+
+use super::sheet;
+use super::watch::Files;
+use std::cell::RefCell;
+use std::path::Path;
+use syntable_model::context::Log;
+use syntable_model::error::Error;
+use syntable_model::registry::{Registry, Slot};
+use syntable_runtime::cli::{Message, RecipeArgs, load_checked};
+use syntable_runtime::recipe::{Diagnostic, Overrides, Recipe};
+
+/// The denoiser of a preview of a recipe that has none.
+const DENOISER: &str = "guided";
+/// The kind of the recipes that have none.
+const NO_DENOISER: &str = "none";
+
+/// What a preview changes in a recipe.
+pub struct Wishes {
+    /// The recipe and the user's own changes.
+    pub recipe: RecipeArgs,
+    /// Maximum number of samples per pixel.
+    pub samples: u32,
+    /// Whether labels are shown beside the images.
+    pub labels: bool,
+    /// Whether native libraries are loaded that the recipe names by a path beside itself.
+    pub allow_libraries: bool,
+}
+
+/// A recipe with its warnings, or all that is wrong with it; and the files that were read.
+pub struct Loaded {
+    /// The recipe.
+    pub recipe: Result<(Recipe, Vec<Diagnostic>), Vec<Message>>,
+    /// The recipe's files, as they were read.
+    pub files: Files,
+}
+
+impl Wishes {
+    /// Loads the recipe.
+    pub fn load(&self, registry: &Registry, log: &dyn Log) -> Loaded {
+        let mut loaded = self.load_with(registry, Vec::new(), log);
+        if let Ok((recipe, _)) = &loaded.recipe {
+            let more = self.changes(registry, recipe);
+            if !more.is_empty() {
+                loaded = self.load_with(registry, more, log);
+            }
+        }
+        if let Ok((recipe, _)) = &loaded.recipe {
+            recipe.files.iter().for_each(|(_, path)| loaded.files.add(path));
+            if let Err(error) = recipe.trusted(self.allow_libraries) {
+                loaded.recipe = Err(vec![Message::Error(error)]);
+            }
+        }
+        loaded
+    }
+
+    /// What makes a recipe fast that is sound, as `--set` takes it. Renderers without samples are left as they are.
+    fn changes(&self, registry: &Registry, recipe: &Recipe) -> Vec<(String, String)> {
+        let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
+        let option = |slot: Slot, option: &str| resolved.get(slot.name()).and_then(|table| table.get(option));
+        let mut changes = Vec::new();
+        let samples = option(Slot::Render, "samples_per_pixel").and_then(toml::Value::as_integer);
+        if samples.is_some_and(|samples| samples > i64::from(self.samples)) {
+            changes.push(("render.samples_per_pixel".to_owned(), self.samples.to_string()));
+        }
+        let is_there = registry.of_slot(Slot::Denoise).any(|entry| entry.kind == DENOISER);
+        if is_there && option(Slot::Denoise, "kind").and_then(toml::Value::as_str) == Some(NO_DENOISER) {
+            changes.push(("denoise.kind".to_owned(), format!("{DENOISER:?}")));
+        }
+        changes
+    }
+
+    fn load_with(&self, registry: &Registry, more: Vec<(String, String)>, log: &dyn Log) -> Loaded {
+        let files = RefCell::new(Files::default());
+        if let Some(path) = &self.recipe.recipe {
+            files.borrow_mut().expect(path);
+        }
+        let (source, mut base) = match self.recipe.read() {
+            Ok(read) => read,
+            Err(exit) => return Loaded { recipe: Err(exit.messages), files: files.into_inner() },
+        };
+        if let Some(path) = &source.path {
+            files.borrow_mut().read(path, source.text.as_bytes());
+        }
+        base.set.extend(more);
+        base.wanted = sheet::inputs(self.labels);
+        let read = |path: &Path| {
+            let text = (base.read)(path);
+            match &text {
+                Ok(text) => files.borrow_mut().read(path, text.as_bytes()),
+                Err(_) => files.borrow_mut().expect(path),
+            }
+            text
+        };
+        let overrides = Overrides { read: &read, ..base };
+        let recipe = load_checked(registry, source, overrides, log);
+        Loaded { recipe, files: files.into_inner() }
+    }
+}
+
+/// The messages as text for people, without colors.
+pub fn said(messages: &[Message]) -> String {
+    let lines: Vec<String> = messages.iter().map(|message| message.render(false).trim_end().to_owned()).collect();
+    lines.join("\n\n")
+}
+
+/// The messages that an error is.
+pub fn of_error(error: Error) -> Vec<Message> {
+    vec![Message::Error(error)]
+}

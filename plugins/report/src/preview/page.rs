@@ -1,0 +1,134 @@
+//! The sheet in the browser: a page that follows what is made.
+
+use super::sheet::{self, Cell};
+use super::studio::{News, Shown};
+use crate::serve::{Changes, Request, Response};
+use parking_lot::Mutex;
+use serde::Serialize;
+use syntable_model::error::{Error, Result};
+use syntable_runtime::run::progress::count;
+use tera::{Context, Tera};
+
+const PAGE: &str = include_str!("page.html");
+
+/// What the page shows.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+struct State {
+    /// Counts what was shown.
+    version: u64,
+    title: String,
+    status: String,
+    /// What is wrong with the recipe, as `check` words it; empty if nothing is.
+    mistakes: String,
+    warnings: String,
+    /// The image in words.
+    alt: String,
+}
+
+/// What the page shows, and the image.
+#[derive(Default)]
+pub struct Page {
+    shown: Mutex<(State, Vec<u8>)>,
+    /// Tells browsers of news.
+    pub changes: Changes,
+}
+
+impl Page {
+    /// Shows something new; `png` is the sheet.
+    pub fn show(&self, news: &News, png: &[u8]) {
+        let mut shown = self.shown.lock();
+        // The version is told once the state is there: both wait for each other by the lock.
+        let state = State { version: self.changes.version() + 1, ..state(news) };
+        *shown = (state, png.to_vec());
+        self.changes.publish();
+    }
+
+    /// Answers a browser.
+    pub fn answer(&self, request: &Request) -> Response {
+        match request.path.as_str() {
+            "/" => match self.html() {
+                Ok(text) => Response::html(text),
+                Err(error) => Response::failed(500, format!("{error}\n")),
+            },
+            "/state.json" => serde_json::to_value(&self.shown.lock().0)
+                .map_or_else(|error| Response::failed(500, format!("{error}\n")), |state| Response::json(&state)),
+            "/sheet.png" => match &self.shown.lock().1 {
+                png if png.is_empty() => Response::missing(),
+                png => Response::bytes("image/png", png.clone()),
+            },
+            _ => Response::missing(),
+        }
+    }
+
+    fn html(&self) -> Result<String> {
+        let mut state = self.shown.lock().0.clone();
+        if state.version == 0 {
+            state = State { title: "preview".to_owned(), status: "loading the recipe".to_owned(), ..state };
+        }
+        let context = Context::from_serialize(&state).map_err(|error| Error::new(format!("the page: {error}")))?;
+        Tera::one_off(PAGE, &context, true).map_err(|error| Error::new(format!("the page: {error}")))
+    }
+}
+
+fn state(news: &News) -> State {
+    let title = if news.name.is_empty() { "preview" } else { news.name }.to_owned();
+    let warnings = news.warnings.join("\n");
+    let state = State { title, warnings, ..State::default() };
+    match news.shown {
+        Shown::Mistakes(text) => {
+            State { mistakes: text.clone(), status: "the recipe has mistakes: mend and save it".to_owned(), ..state }
+        }
+        Shown::Sheet(sheet) => {
+            let of = |wanted: fn(&Cell) -> bool| sheet.cells.iter().filter(|cell| wanted(cell)).count() as u32;
+            let made = of(|cell| matches!(cell, Cell::Image { is_current: true, .. }));
+            let failed = of(|cell| matches!(cell, Cell::Failed(_)));
+            let all = count(sheet.cells.len() as u32, "image");
+            let status = match (news.is_busy, failed) {
+                (true, _) => format!("rendering: {made} of {all}"),
+                (false, 0) => all,
+                (false, _) => format!("{made} of {all}, {failed} failed"),
+            };
+            let alt = format!(
+                "{} of {} each; rows are scenes, columns are views",
+                count(sheet.scenes.len() as u32, "scene"),
+                count(sheet.views.len() as u32, "view")
+            );
+            State { status, alt, ..state }
+        }
+    }
+}
+
+/// The image of what is shown.
+pub fn png_of(shown: &Shown) -> Result<Vec<u8>> {
+    match shown {
+        Shown::Sheet(sheet) => sheet::png(&sheet.draw()),
+        Shown::Mistakes(text) => sheet::png(&sheet::mistakes(text)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::preview::sheet::Sheet;
+
+    #[test]
+    fn mistakes_are_escaped_and_take_the_place_of_the_image() {
+        let page = Page::default();
+        let html = page.html().expect("a page");
+        assert!(html.contains("loading the recipe") && html.contains("let version = 0;"), "{html}");
+        let shown = Shown::Mistakes("error[D0008]: unknown key `<b>&\"x\"</b>`".to_owned());
+        page.show(&News { shown: &shown, name: "a<b", warnings: &[], is_busy: false }, b"png");
+        let html = page.html().expect("a page");
+        assert!(html.contains("unknown key `&lt;b&gt;&amp;&quot;x&quot;&lt;&#x2F;b&gt;`"), "{html}");
+        assert!(html.contains("<title>a&lt;b</title>") && !html.contains("<b>"), "{html}");
+        assert_eq!(page.changes.version(), 1);
+    }
+
+    #[test]
+    fn the_status_counts_images() {
+        let cells = vec![Cell::Waiting, Cell::Failed("no".to_owned())];
+        let shown = Shown::Sheet(Sheet { scenes: vec![0], views: vec![0, 1], cells, expected: [4, 3] });
+        let of = |is_busy: bool| state(&News { shown: &shown, name: "", warnings: &[], is_busy }).status;
+        assert_eq!([of(true), of(false)], ["rendering: 0 of 2 images", "0 of 2 images, 1 failed"]);
+    }
+}

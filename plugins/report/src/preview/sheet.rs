@@ -1,0 +1,219 @@
+//! The contact sheet: a row per scene, a column per view, with captions. A cell that has no image says why.
+
+use super::text::{self, CHARACTER, LINE};
+use std::sync::Arc;
+use syntable_formats::draw::{self, Color};
+use syntable_formats::encode::png::Image;
+use syntable_model::error::Result;
+use syntable_model::prelude::*;
+use syntable_model::product::Plane;
+use syntable_model::product::standard::{AMODAL_MASK, OCCLUSION_MASK, RGB, VISIBLE_MASK};
+
+/// Distance of cells from each other and from the border, px.
+const GAP: u32 = 6;
+/// Distance of a text from the border of its cell, px.
+const PADDING: u32 = 6;
+/// Width of a sheet of mistakes, characters.
+const COLUMNS: usize = 120;
+/// Maximum number of lines of a text.
+const MAX_LINES: usize = 200;
+
+const BACKGROUND: Color = [24; 3];
+const EMPTY: Color = [38; 3];
+const CAPTION: Color = [190; 3];
+const OUTDATED: Color = [120; 3];
+const MISTAKE: Color = [255, 150, 130];
+
+/// What is shown of a view.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell {
+    /// Nothing yet.
+    Waiting,
+    /// An image, and whether it is of the recipe as it is now.
+    Image {
+        /// The image, with its labels beside it.
+        image: Arc<Plane<Color>>,
+        /// Whether nothing that it follows from has changed.
+        is_current: bool,
+    },
+    /// Why there is none.
+    Failed(String),
+}
+
+/// Views of scenes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sheet {
+    /// Numbers of the scenes: one row each.
+    pub scenes: Vec<u32>,
+    /// Numbers of the views: one column each.
+    pub views: Vec<u32>,
+    /// The cells, row by row.
+    pub cells: Vec<Cell>,
+    /// Size of a cell as long as no image is known, px.
+    pub expected: [u32; 2],
+}
+
+/// Products that cells are drawn from.
+pub fn inputs(labels: bool) -> Vec<Input> {
+    let masks = || [Input::of(VISIBLE_MASK), Input::of(AMODAL_MASK), Input::of(OCCLUSION_MASK)];
+    std::iter::once(Input::of(RGB)).chain(labels.then(masks).into_iter().flatten()).collect()
+}
+
+/// Draws a view: the image, and with `labels` beside it visible masks, and amodal outlines with what is occluded.
+pub fn cell(products: &Products, labels: bool) -> Result<Plane<Color>> {
+    let rgb = products.get(RGB)?;
+    if !labels {
+        return Ok(rgb.clone());
+    }
+    let visible = draw::visible(rgb, products.get(VISIBLE_MASK)?);
+    let occlusion = draw::occlusion(rgb, products.get(AMODAL_MASK)?, products.get(OCCLUSION_MASK)?, 1);
+    let [width, step] = [rgb.width(), rgb.width() + GAP];
+    let mut cell = Plane::from_fn(2 * step + width, rgb.height(), |_, _| BACKGROUND);
+    for (x, panel) in [(0, rgb), (step, &visible), (2 * step, &occlusion)] {
+        draw::paste(&mut cell, panel, x, 0);
+    }
+    Ok(cell)
+}
+
+impl Sheet {
+    /// Draws the sheet.
+    pub fn draw(&self) -> Plane<Color> {
+        let columns = self.views.len().max(1);
+        let size = |cell: &Cell| match cell {
+            Cell::Image { image, .. } => [image.width(), image.height()],
+            _ => self.images().next().map_or(self.expected, |image| [image.width(), image.height()]),
+        };
+        let sizes: Vec<[u32; 2]> = self.cells.iter().map(size).collect();
+        let largest = |sizes: &mut dyn Iterator<Item = &[u32; 2]>, axis: usize| sizes.map(|size| size[axis]).max();
+        let widths: Vec<u32> =
+            (0..columns).map(|x| largest(&mut sizes.iter().skip(x).step_by(columns), 0).unwrap_or(0)).collect();
+        let heights: Vec<u32> = sizes.chunks(columns).map(|row| largest(&mut row.iter(), 1).unwrap_or(0)).collect();
+        let whole = |sizes: &[u32], more: u32| sizes.iter().map(|size| size + more + GAP).sum::<u32>() + GAP;
+        let mut sheet = Plane::from_fn(whole(&widths, 0), whole(&heights, LINE), |_, _| BACKGROUND);
+        let mut y = GAP;
+        for (row, height) in heights.iter().enumerate() {
+            let mut x = GAP;
+            for (column, width) in widths.iter().enumerate() {
+                let index = row * columns + column;
+                if let (Some(cell), Some(view)) = (self.cells.get(index), self.views.get(column)) {
+                    let caption = format!("scene {}, view {view}", self.scenes[row]);
+                    put(&mut sheet, cell, &caption, [x, y], [*width, *height]);
+                }
+                x += width + GAP;
+            }
+            y += height + LINE + GAP;
+        }
+        sheet
+    }
+
+    fn images(&self) -> impl Iterator<Item = &Arc<Plane<Color>>> {
+        self.cells.iter().filter_map(|cell| match cell {
+            Cell::Image { image, .. } => Some(image),
+            _ => None,
+        })
+    }
+}
+
+/// Draws a cell below its caption.
+fn put(sheet: &mut Plane<Color>, cell: &Cell, caption: &str, [x, y]: [u32; 2], [width, height]: [u32; 2]) {
+    let fits = (width / CHARACTER) as usize;
+    let mut say = |text: String, color: Color| {
+        text::draw(sheet, &text.chars().take(fits).collect::<String>(), [x, y], color);
+    };
+    match cell {
+        Cell::Waiting => say(format!("{caption}: waiting"), OUTDATED),
+        Cell::Image { is_current: true, .. } => say(caption.to_owned(), CAPTION),
+        Cell::Image { .. } => say(format!("{caption}: before the change"), OUTDATED),
+        Cell::Failed(_) => say(format!("{caption}: failed"), MISTAKE),
+    }
+    let below = y + LINE;
+    match cell {
+        Cell::Image { image, is_current: true } => draw::paste(sheet, image, x, below),
+        Cell::Image { image, .. } => draw::paste(sheet, &image.map(|pixel| pixel.map(|v| v / 2 + 12)), x, below),
+        Cell::Waiting => draw::paste(sheet, &Plane::from_fn(width, height, |_, _| EMPTY), x, below),
+        Cell::Failed(reason) => {
+            let columns = width.saturating_sub(2 * PADDING) / CHARACTER;
+            let rows = height.saturating_sub(2 * PADDING) / LINE;
+            let mut panel = Plane::from_fn(width, height, |_, _| EMPTY);
+            write_lines(&mut panel, &text::wrapped(reason, columns as usize), rows as usize);
+            draw::paste(sheet, &panel, x, below);
+        }
+    }
+}
+
+/// A sheet that says what is wrong with a recipe, in place of its images.
+pub fn mistakes(said: &str) -> Plane<Color> {
+    let lines = text::wrapped(said, COLUMNS);
+    let rows = lines.len().min(MAX_LINES);
+    let mut sheet =
+        Plane::from_fn(COLUMNS as u32 * CHARACTER + 2 * PADDING, rows as u32 * LINE + 2 * PADDING, |_, _| BACKGROUND);
+    write_lines(&mut sheet, &lines, rows);
+    sheet
+}
+
+/// Writes lines, or as many as there is room for; the last one then says how many are missing.
+fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
+    let left_out = if lines.len() > rows { lines.len() - rows + 1 } else { 0 };
+    let shown = lines.len() - left_out;
+    let more = (left_out > 0).then(|| format!("... and {left_out} more lines"));
+    for (row, line) in lines[..shown].iter().chain(&more).enumerate() {
+        text::draw(panel, line, [PADDING, PADDING + row as u32 * LINE], MISTAKE);
+    }
+}
+
+/// Encodes a sheet as PNG: the same pixels give the same bytes.
+pub fn png(sheet: &Plane<Color>) -> Result<Vec<u8>> {
+    Image::rgb(sheet).encode()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheet(cells: Vec<Cell>) -> Sheet {
+        Sheet { scenes: vec![0, 1], views: vec![0, 1], cells, expected: [80, 60] }
+    }
+
+    fn image(width: u32, height: u32, value: u8) -> Cell {
+        let image = Arc::new(Plane::from_fn(width, height, |_, _| [value; 3]));
+        Cell::Image { image, is_current: true }
+    }
+
+    #[test]
+    fn cells_lie_in_a_grid_below_their_captions() {
+        let drawn = sheet(vec![image(90, 40, 200), image(80, 50, 201), Cell::Waiting, image(10, 10, 202)]).draw();
+        // Columns of 90 and 80 pixels; rows of 50 and, for what is waited for, 40 pixels.
+        assert_eq!((drawn.width(), drawn.height()), (3 * GAP + 170, 3 * GAP + 2 * LINE + 90));
+        let at = |x: u32, y: u32| drawn.at(x, y)[0];
+        assert_eq!(at(GAP, GAP + LINE), 200);
+        assert_eq!(at(GAP + 89, GAP + LINE + 39), 200);
+        assert_eq!(at(GAP + 89, GAP + LINE + 40), BACKGROUND[0]);
+        assert_eq!(at(2 * GAP + 90, GAP + LINE), 201);
+        assert_eq!(at(GAP, 2 * GAP + 2 * LINE + 50), EMPTY[0]);
+        assert_eq!(at(2 * GAP + 90, 2 * GAP + 2 * LINE + 50), 202);
+        let caption = (0..90).flat_map(|x| (0..LINE).map(move |y| (x, y)));
+        assert!(caption.into_iter().any(|(x, y)| *drawn.at(GAP + x, GAP + y) == CAPTION));
+    }
+
+    #[test]
+    fn what_failed_is_told_in_its_cell_and_what_is_outdated_is_dark() {
+        let reason = "settle: ".to_owned() + &"the pile does not come to rest; ".repeat(40);
+        let Cell::Image { image: old, .. } = image(120, 90, 200) else { return };
+        let old = Cell::Image { image: old, is_current: false };
+        let drawn = sheet(vec![old, Cell::Failed(reason), Cell::Waiting, Cell::Waiting]).draw();
+        assert_eq!(drawn.at(GAP, GAP + LINE), &[112; 3]);
+        let of = |color: Color| drawn.data().iter().filter(|pixel| **pixel == color).count();
+        assert!(of(MISTAKE) > 300, "{}", of(MISTAKE));
+        // Nothing of the text leaves the cell.
+        let right = (0..drawn.height()).filter(|&y| *drawn.at(drawn.width() - GAP, y) == MISTAKE).count();
+        assert_eq!(right, 0);
+    }
+
+    #[test]
+    fn mistakes_are_cut_where_they_are_too_many() {
+        let [few, many] = [3, 1000].map(|count| mistakes(&"error: no\n".repeat(count)));
+        assert_eq!(few.height(), 3 * LINE + 2 * PADDING);
+        assert_eq!(many.height(), MAX_LINES as u32 * LINE + 2 * PADDING);
+        assert_eq!(png(&few).expect("encodes"), png(&few).expect("encodes"));
+    }
+}

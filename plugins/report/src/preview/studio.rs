@@ -1,0 +1,303 @@
+//! Making what a recipe changes, image by image: what stays the same is kept.
+
+use super::load::{self, Loaded, Wishes};
+use super::sheet::{self, Cell, Sheet};
+use super::watch::{Files, Watch};
+use parking_lot::Mutex;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::time::Instant;
+use syntable_formats::draw::Color;
+use syntable_model::context::Collected;
+use syntable_model::digest::Digest;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Plane;
+use syntable_model::registry::Registry;
+use syntable_runtime::cache::DiskCache;
+use syntable_runtime::cli::{Console, Message, Scenes};
+use syntable_runtime::message::Level;
+use syntable_runtime::recipe::Recipe;
+use syntable_runtime::run::preview::{Previewer, Wanted};
+use syntable_runtime::run::progress::{Event, Reporter, Warnings, count};
+use syntable_runtime::run::stop::Stop;
+
+/// Scenes and views that are shown if nothing else is asked for.
+const SHOWN: u32 = 2;
+/// Maximum number of cells of a sheet.
+const MAX_CELLS: usize = 400;
+/// Images that are kept beside those of the sheet, for recipes that come back.
+const KEPT: usize = 200;
+
+/// What is shown.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shown {
+    /// Images, and how many of them are made.
+    Sheet(Sheet),
+    /// What is wrong with the recipe.
+    Mistakes(String),
+}
+
+/// Something to show, with what was said of it.
+pub struct News<'a> {
+    /// What is shown.
+    pub shown: &'a Shown,
+    /// Name of the dataset, once a recipe was loaded.
+    pub name: &'a str,
+    /// Warnings, one per line as they are printed.
+    pub warnings: &'a [String],
+    /// Whether there is more to come.
+    pub is_busy: bool,
+}
+
+/// How a pass ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// With all images, but those of as many scenes that failed.
+    Done(u32),
+    /// The recipe has mistakes.
+    Mistaken,
+    /// It was asked to end.
+    Stopped,
+}
+
+/// Makes sheets of a recipe, and keeps what the next one can use.
+pub struct Studio<'a> {
+    console: &'a Console,
+    registry: &'a Registry,
+    wishes: Wishes,
+    scenes: Option<Scenes>,
+    width: u32,
+    previewer: Previewer,
+    images: Images,
+    /// What was shown last, to be shown until something newer is there.
+    sheet: Option<Sheet>,
+    files: Files,
+    /// Mistakes that were told.
+    told: Option<String>,
+    name: String,
+}
+
+/// Images by what they follow from, the oldest first.
+#[derive(Default)]
+struct Images {
+    all: BTreeMap<Digest, Arc<Plane<Color>>>,
+    order: VecDeque<Digest>,
+}
+
+impl Images {
+    fn add(&mut self, key: Digest, image: Arc<Plane<Color>>, most: usize) {
+        if self.all.insert(key, image).is_none() {
+            self.order.push_back(key);
+        }
+        while self.order.len() > most {
+            if let Some(oldest) = self.order.pop_front() {
+                self.all.remove(&oldest);
+            }
+        }
+    }
+
+    /// Forgets an image that turned out to be of an attempt that failed.
+    fn remove(&mut self, key: &Digest) {
+        self.all.remove(key);
+        self.order.retain(|other| other != key);
+    }
+}
+
+impl<'a> Studio<'a> {
+    /// Nothing made yet.
+    pub fn new(
+        console: &'a Console,
+        registry: &'a Registry,
+        (wishes, scenes, width): (Wishes, Option<Scenes>, u32),
+        threads: usize,
+    ) -> Result<Self> {
+        Ok(Self {
+            console,
+            registry,
+            wishes,
+            scenes,
+            width,
+            previewer: Previewer::new(threads, DiskCache::of_user())?,
+            images: Images::default(),
+            sheet: None,
+            files: Files::default(),
+            told: None,
+            name: String::new(),
+        })
+    }
+
+    /// Loads the recipe and makes what is new in it. `show` is called whenever there is something to show; its error ends
+    /// the pass.
+    pub fn pass(&mut self, watch: &Watch, stop: &Stop, show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
+        let start = Instant::now();
+        let doubts = Collected::default();
+        let Loaded { recipe, mut files } = self.wishes.load(self.registry, &doubts);
+        let doubts: Vec<Message> = doubts.merged().into_iter().map(Message::Warning).collect();
+        if recipe.is_err() {
+            files.add_all(&self.files);
+        }
+        self.files = files.clone();
+        watch.set(files);
+        let (recipe, warnings) = match recipe {
+            Ok(loaded) => loaded,
+            Err(messages) => return self.mistaken(&[doubts, messages].concat(), show),
+        };
+        let (scenes, views) = match shown_of(&recipe, self.scenes, self.wishes.recipe.views) {
+            Ok(shown) => shown,
+            Err(error) => return self.mistaken(&load::of_error(error), show),
+        };
+        let said = Said { reporter: self.console.reporter(), warnings: Mutex::default() };
+        let log = Warnings(&said);
+        self.name.clone_from(&recipe.dataset.name);
+        for warning in doubts.into_iter().chain(warnings.into_iter().map(Message::Diagnostic)) {
+            self.console.say(&warning);
+            said.warnings.lock().push(warning.render(false).trim_end().to_owned());
+        }
+        self.previewer.set(recipe)?;
+        let products = sheet::inputs(self.wishes.labels).into_iter().map(|input| input.product).collect();
+        let wanted = Wanted { products, width: self.width };
+        let mut pass = match self.previewer.pass(&wanted, &said, &log, stop) {
+            Ok(pass) => pass,
+            Err(error) => return self.mistaken(&load::of_error(error), show),
+        };
+        self.told = None;
+        let columns = views.len();
+        let keys: Vec<Digest> = scenes
+            .iter()
+            .flat_map(|&scene| views.iter().map(move |&view| (scene, view)))
+            .map(|(s, v)| pass.key(s, v))
+            .collect();
+        let panels = if self.wishes.labels { 3 } else { 1 };
+        let expected = [self.width * panels, self.width * 3 / 4];
+        let before = self.sheet.take();
+        let cells = keys.iter().enumerate().map(|(index, key)| match self.images.all.get(key) {
+            Some(image) => Cell::Image { image: Arc::clone(image), is_current: true },
+            None => outdated(before.as_ref(), (scenes[index / columns], views[index % columns])),
+        });
+        let sheet = Sheet { cells: cells.collect(), scenes: scenes.clone(), views: views.clone(), expected };
+        let missing = |cell: &Cell| !matches!(cell, Cell::Image { is_current: true, .. });
+        let todo: Vec<Vec<u32>> = (sheet.cells.chunks(columns))
+            .map(|row| row.iter().zip(&views).filter(|(cell, _)| missing(cell)).map(|(_, &view)| view).collect())
+            .collect();
+        let is_busy = todo.iter().any(|views| !views.is_empty());
+        let mut shown = Shown::Sheet(sheet);
+        let (images, name) = (&mut self.images, self.name.as_str());
+        let mut tell = |shown: &Shown, is_busy: bool| {
+            let warnings = said.warnings.lock().clone();
+            show(&News { shown, name, warnings: &warnings, is_busy })
+        };
+        // What is there already is shown at once, and what is not yet there as such.
+        let mut result = tell(&shown, is_busy);
+        let (mut failed, mut made) = (0, 0);
+        for (row, missing) in todo.iter().enumerate().filter(|(_, views)| !views.is_empty()) {
+            if result.is_err() || stop.requested().is_some() {
+                break;
+            }
+            let of = |view: u32| row * columns + views.iter().position(|&other| other == view).unwrap_or(0);
+            let mut drawing: Result<()> = Ok(());
+            let done = pass.scene(scenes[row], missing, &mut |view, products| {
+                let drawn = sheet::cell(products, panels > 1).and_then(|image| {
+                    let (index, image) = (of(view), Arc::new(image));
+                    images.add(keys[index], Arc::clone(&image), KEPT + keys.len());
+                    put(&mut shown, index, Cell::Image { image, is_current: true });
+                    made += 1;
+                    tell(&shown, true)
+                });
+                if let (Err(error), Ok(())) = (drawn, &drawing) {
+                    drawing = Err(error);
+                }
+            });
+            result = drawing;
+            if let (Err(error), None) = (done, stop.requested()) {
+                failed += 1;
+                for &view in missing {
+                    images.remove(&keys[of(view)]);
+                    put(&mut shown, of(view), Cell::Failed(error.to_string()));
+                }
+            }
+        }
+        if result.is_ok() && stop.requested().is_none() && is_busy {
+            result = tell(&shown, false);
+        }
+        pass.end();
+        if let Shown::Sheet(sheet) = shown {
+            self.sheet = Some(sheet);
+        }
+        result?;
+        if stop.requested().is_some() {
+            return Ok(Ended::Stopped);
+        }
+        let message =
+            format!("{} of {} made in {:.1} s", made, count(keys.len() as u32, "image"), start.elapsed().as_secs_f64());
+        self.console.reporter().event(&Event::Note { message });
+        Ok(Ended::Done(failed))
+    }
+
+    /// Shows what is wrong with a recipe, unless that is what was shown last.
+    fn mistaken(&mut self, messages: &[Message], show: &mut dyn FnMut(&News) -> Result<()>) -> Result<Ended> {
+        let text = load::said(messages);
+        if self.told.as_ref() != Some(&text) {
+            messages.iter().for_each(|message| self.console.say(message));
+            let shown = Shown::Mistakes(text.clone());
+            show(&News { shown: &shown, name: &self.name, warnings: &[], is_busy: false })?;
+            self.told = Some(text);
+        }
+        Ok(Ended::Mistaken)
+    }
+}
+
+/// The numbers of the scenes and views that are shown.
+fn shown_of(recipe: &Recipe, scenes: Option<Scenes>, views: Option<u32>) -> Result<(Vec<u32>, Vec<u32>)> {
+    let dataset = &recipe.dataset;
+    let scenes = match scenes {
+        Some(scenes) => scenes.within(dataset.scenes)?,
+        None => 0..dataset.scenes.min(SHOWN),
+    };
+    let views = 0..views.unwrap_or_else(|| dataset.views_per_scene.min(SHOWN));
+    let cells = scenes.len() * views.len();
+    if cells > MAX_CELLS {
+        return Err(Error::new(format!("a sheet of {cells} images is more than {MAX_CELLS}"))
+            .help("show fewer with --scenes and --views"));
+    }
+    Ok((scenes.collect(), views.collect()))
+}
+
+/// What was shown of a view before, as no longer current.
+fn outdated(before: Option<&Sheet>, (scene, view): (u32, u32)) -> Cell {
+    let found = before.and_then(|sheet| {
+        let row = sheet.scenes.iter().position(|&other| other == scene)?;
+        let column = sheet.views.iter().position(|&other| other == view)?;
+        sheet.cells.get(row * sheet.views.len() + column)
+    });
+    match found {
+        Some(Cell::Image { image, .. }) => Cell::Image { image: Arc::clone(image), is_current: false },
+        _ => Cell::Waiting,
+    }
+}
+
+fn put(shown: &mut Shown, index: usize, cell: Cell) {
+    if let Shown::Sheet(sheet) = shown {
+        sheet.cells[index] = cell;
+    }
+}
+
+/// A reporter that remembers warnings, for the page.
+struct Said<'a> {
+    reporter: &'a dyn Reporter,
+    warnings: Mutex<Vec<String>>,
+}
+
+impl Reporter for Said<'_> {
+    fn event(&self, event: &Event) {
+        if let Event::Message(record) = event
+            && record.level == Level::Warning
+        {
+            self.warnings.lock().push(record.line());
+        }
+        self.reporter.event(event);
+    }
+
+    fn text(&self, text: &str) {
+        self.reporter.text(text);
+    }
+}

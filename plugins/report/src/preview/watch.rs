@@ -1,0 +1,258 @@
+//! Waiting for a save.
+//!
+//! Files are looked at many times per second: that works on every file system, network folders included, follows
+//! editors that save by renaming, and needs no package; a recipe is few small files. What counts is content: a save
+//! without a change is none. A file is taken as changed when it is the same in two looks, and as gone when it stays so
+//! for a while.
+
+use parking_lot::{Condvar, Mutex};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
+use syntable_model::digest::Digest;
+use syntable_runtime::run::stop::Stop;
+
+/// Time between two looks.
+const LOOK: Duration = Duration::from_millis(50);
+/// Time until a file that changed is looked at again, and must be the same.
+const SETTLED: Duration = Duration::from_millis(15);
+/// Time after which a file is taken as gone: editors that save by renaming leave none for a moment.
+const GONE: Duration = Duration::from_millis(500);
+/// Files up to this size are read at every look; of larger ones, size and time of the last change are compared first.
+const SMALL: u64 = 1 << 20;
+
+/// Files with what is known of their content.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Files(BTreeMap<PathBuf, Known>);
+
+/// What is known of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Known {
+    /// Digest of the content; none of a file that could not be read.
+    content: Option<Digest>,
+    /// Size and time of the last change, of a large file.
+    stamp: Option<(u64, SystemTime)>,
+}
+
+impl Files {
+    /// A file that was read, with the bytes that were in it then.
+    pub fn read(&mut self, path: &Path, bytes: &[u8]) {
+        // The same digest as that of a file that is read again.
+        let content = Digest::of_reader(bytes).ok().map(|(digest, _)| digest);
+        self.0.insert(path.to_owned(), Known { content, stamp: None });
+    }
+
+    /// A file that could not be read.
+    pub fn expect(&mut self, path: &Path) {
+        self.0.entry(path.to_owned()).or_insert(Known { content: None, stamp: None });
+    }
+
+    /// A file with the content that it has now. Folders are left out.
+    pub fn add(&mut self, path: &Path) {
+        if !path.is_dir() && !self.0.contains_key(path) {
+            self.0.insert(path.to_owned(), look(path, None));
+        }
+    }
+
+    /// Adds files of before that are not known here.
+    pub fn add_all(&mut self, others: &Self) {
+        for (path, known) in &others.0 {
+            self.0.entry(path.clone()).or_insert(*known);
+        }
+    }
+
+    /// Whether a file is not what it was, as two looks agree.
+    fn changed(&mut self, gone: &mut BTreeMap<PathBuf, Instant>) -> bool {
+        self.0.iter_mut().any(|(path, known)| {
+            let now = look(path, Some(known));
+            if now.content == known.content {
+                gone.remove(path);
+                *known = now;
+                return false;
+            }
+            if now.content.is_none() {
+                return gone.entry(path.clone()).or_insert_with(Instant::now).elapsed() >= GONE;
+            }
+            gone.remove(path);
+            thread::sleep(SETTLED);
+            look(path, None).content == now.content
+        })
+    }
+}
+
+/// What a file is now. What is known of a large one holds as long as its size and time do.
+fn look(path: &Path, known: Option<&Known>) -> Known {
+    let nothing = Known { content: None, stamp: None };
+    let Ok(metadata) = path.metadata() else { return nothing };
+    if !metadata.is_file() {
+        return nothing;
+    }
+    let large = metadata.len() > SMALL;
+    let stamp = metadata.modified().ok().filter(|_| large).map(|time| (metadata.len(), time));
+    if let Some(known) = known.filter(|known| known.stamp.is_some() && known.stamp == stamp) {
+        return *known;
+    }
+    let content = File::open(path).and_then(Digest::of_reader).ok().map(|(digest, _)| digest);
+    Known { content, stamp }
+}
+
+/// Files that are watched, while work that follows from them is done or waits.
+#[derive(Default)]
+pub struct Watch {
+    state: Mutex<State>,
+    told: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    files: Files,
+    has_changed: bool,
+    /// Ends the work that a change makes useless.
+    work: Stop,
+}
+
+impl Watch {
+    /// States that work begins on files that are about to be read. A change from now on ends it.
+    pub fn begin(&self) -> Stop {
+        let mut state = self.state.lock();
+        *state = State::default();
+        state.work.clone()
+    }
+
+    /// States what was read.
+    pub fn set(&self, files: Files) {
+        self.state.lock().files = files;
+    }
+
+    /// Waits for a change, or at most for some time; at once if the program shall stop.
+    pub fn wait(&self, time: Option<Duration>, stop: &Stop) {
+        let mut state = self.state.lock();
+        let until = time.map(|time| Instant::now() + time);
+        while !state.has_changed && stop.requested().is_none() {
+            let over = match until {
+                Some(until) => self.told.wait_until(&mut state, until).timed_out(),
+                None => {
+                    self.told.wait(&mut state);
+                    false
+                }
+            };
+            if over {
+                break;
+            }
+        }
+    }
+
+    /// Looks at the files until the program shall stop.
+    pub fn run(&self, stop: &Stop) {
+        let mut gone = BTreeMap::new();
+        while stop.requested().is_none() {
+            thread::sleep(LOOK);
+            let mut files = {
+                let state = self.state.lock();
+                if state.has_changed {
+                    continue;
+                }
+                state.files.clone()
+            };
+            let before = files.clone();
+            let has_changed = files.changed(&mut gone);
+            let mut state = self.state.lock();
+            // The work may have begun anew meanwhile.
+            if state.files == before {
+                state.files = files;
+                if has_changed {
+                    state.has_changed = true;
+                    state.work.request(15);
+                    self.told.notify_all();
+                }
+            }
+        }
+        let state = self.state.lock();
+        state.work.request(stop.requested().unwrap_or(15));
+        self.told.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// A watched file, and whether it was taken as changed after something was done to it.
+    fn changes(act: impl FnOnce(&Path), time: Duration) -> bool {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("recipe.toml");
+        fs::write(&path, "a = 1\n").expect("written");
+        let (watch, stop) = (Watch::default(), Stop::default());
+        thread::scope(|scope| {
+            scope.spawn(|| watch.run(&stop));
+            let work = watch.begin();
+            let mut files = Files::default();
+            files.read(&path, b"a = 1\n");
+            watch.set(files);
+            act(&path);
+            watch.wait(Some(time), &stop);
+            let changed = work.requested().is_some();
+            stop.request(15);
+            changed
+        })
+    }
+
+    const LONG: Duration = Duration::from_secs(20);
+
+    #[test]
+    fn a_save_is_seen() {
+        assert!(changes(|path| fs::write(path, "a = 2\n").expect("written"), LONG));
+        // By renaming, as many editors do.
+        let by_renaming = |path: &Path| {
+            let other = path.with_extension("swp");
+            fs::write(&other, "a = 3\n").expect("written");
+            fs::rename(other, path).expect("renamed");
+        };
+        assert!(changes(by_renaming, LONG));
+    }
+
+    #[test]
+    fn a_save_without_a_change_is_none_and_neither_is_a_moment_without_the_file() {
+        let short = Duration::from_millis(300);
+        assert!(!changes(|path| fs::write(path, "a = 1\n").expect("written"), short));
+        let gone_for_a_moment = |path: &Path| {
+            fs::remove_file(path).expect("removed");
+            thread::sleep(Duration::from_millis(120));
+            fs::write(path, "a = 1\n").expect("written");
+        };
+        assert!(!changes(gone_for_a_moment, short));
+        assert!(changes(|path| fs::remove_file(path).expect("removed"), LONG));
+    }
+
+    #[test]
+    fn a_change_of_before_the_files_were_known_is_seen() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("recipe.toml");
+        fs::write(&path, "old").expect("written");
+        let mut files = Files::default();
+        files.read(&path, b"read before that");
+        assert!(files.changed(&mut BTreeMap::new()));
+        // A file that was missing comes.
+        let mut files = Files::default();
+        let other = folder.path().join("other.toml");
+        files.expect(&other);
+        assert!(!files.changed(&mut BTreeMap::new()));
+        fs::write(&other, "new").expect("written");
+        assert!(files.changed(&mut BTreeMap::new()));
+    }
+
+    #[test]
+    fn large_files_are_read_when_size_or_time_change() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("list.txt");
+        fs::write(&path, vec![1; 2 << 20]).expect("written");
+        let mut files = Files::default();
+        files.add(&path);
+        assert!(!files.changed(&mut BTreeMap::new()));
+        fs::write(&path, vec![2; 3 << 20]).expect("written");
+        assert!(files.changed(&mut BTreeMap::new()));
+    }
+}

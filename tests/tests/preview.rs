@@ -1,0 +1,332 @@
+//! `syntable preview`: sheets of a recipe, made anew after every save, in a file and in the browser.
+
+mod support;
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use support::{fails, ok, root, skip, syntable};
+
+/// How long a preview on a busy machine may take.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// Arguments that make a preview small: two views of the first scene.
+const TINY: [&str; 12] = [
+    "--scenes",
+    "0",
+    "--width",
+    "48",
+    "--samples",
+    "1",
+    "--set",
+    "settle.duration_s=1.0",
+    "--set",
+    "place.objects.count={ integers = [2, 4] }",
+    "--threads",
+    "2",
+];
+
+fn preview(recipe: &Path, more: &[&str]) -> Command {
+    let mut command = syntable();
+    command.arg("preview").arg(recipe).args(TINY).args(more);
+    command
+}
+
+fn image(path: &Path) -> image::RgbImage {
+    image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgb8()
+}
+
+/// A part of an image: whether it has more than a few colors.
+fn shows_something(image: &image::RgbImage, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> bool {
+    let pixels = (0..width).flat_map(|i| (0..height).map(move |j| (x + i, y + j)));
+    let colors: std::collections::BTreeSet<[u8; 3]> = pixels.map(|(x, y)| image.get_pixel(x, y).0).collect();
+    colors.len() > 100
+}
+
+#[test]
+fn a_sheet_shows_views_side_by_side_and_is_the_same_every_time() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let quickstart = root().join("recipes/quickstart.toml");
+    let [one, two] = ["one.png", "two.png"].map(|name| folder.path().join(name));
+    let said = ok(preview(&quickstart, &["--out"]).arg(&one));
+    assert_eq!(said.trim(), one.display().to_string());
+    // Captions of 15 pixels, gaps of 6.
+    let sheet = image(&one);
+    assert_eq!(sheet.dimensions(), (3 * 6 + 2 * 48, 2 * 6 + 15 + 36));
+    for x in [6, 6 + 48 + 6] {
+        assert!(shows_something(&sheet, [x, 21], [48, 36]), "nothing at {x}");
+    }
+    ok(preview(&quickstart, &["--threads", "1", "--out"]).args(["--views", "2"]).arg(&two).args(["--seed", "7"]));
+    assert!(fs::read(&one).expect("a sheet") == fs::read(&two).expect("a sheet"), "the bytes differ");
+    ok(preview(&quickstart, &["--labels", "--views", "1", "--out"]).arg(&two));
+    assert_eq!(image(&two).dimensions(), (2 * 6 + 3 * 48 + 2 * 6, 2 * 6 + 15 + 36));
+    // The image beside its labels is that of the sheet without labels.
+    let part = |sheet: &image::RgbImage| image::imageops::crop_imm(sheet, 6, 21, 48, 36).to_image();
+    assert_eq!(part(&image(&two)), part(&sheet));
+}
+
+#[test]
+fn without_a_file_the_sheet_is_named_after_the_recipe() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let said = ok(preview(Path::new("builtin:quickstart"), &["--views", "1"]).current_dir(folder.path()));
+    assert_eq!(said.trim(), "quickstart.preview.png");
+    assert_eq!(image(&folder.path().join("quickstart.preview.png")).dimensions(), (60, 63));
+    assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 1);
+}
+
+#[test]
+fn mistakes_are_told_as_check_tells_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (recipe, out) = (folder.path().join("my.toml"), folder.path().join("out.png"));
+    fs::write(&recipe, with("samples_per_pixel = 16", "sampels_per_pixel = 16")).expect("written");
+    let checked = fails(syntable().arg("check").arg(&recipe), 2);
+    let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
+    assert!(said.contains("did you mean `samples_per_pixel`") || said.contains("samples_per_pixel"), "{said}");
+    assert_eq!(said.trim(), checked.trim());
+    assert!(!out.exists());
+    let scenes = fails(&mut preview(&root().join("recipes/quickstart.toml"), &["--views", "500"]), 2);
+    assert!(scenes.contains("--views"), "{scenes}");
+}
+
+#[test]
+fn a_scene_that_fails_is_told_in_its_cell() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out.png");
+    // The objects would start above the ceiling.
+    let mut command =
+        preview(&root().join("recipes/quickstart.toml"), &["--set", "place.objects.clearance_m=5.0", "--out"]);
+    let said = fails(command.arg(&out), 3);
+    assert!(said.contains("the ceiling is at 3.00 m") && said.contains("1 scene failed"), "{said}");
+    let sheet = image(&out);
+    assert_eq!(sheet.dimensions(), (3 * 6 + 2 * 48, 2 * 6 + 15 + 36));
+    assert!(sheet.pixels().filter(|pixel| pixel.0 == [255, 150, 130]).count() > 50, "the cells say nothing");
+}
+
+/// The quickstart recipe with another text in place of one that it has.
+fn with(from: &str, to: &str) -> String {
+    let recipe = fs::read_to_string(root().join("recipes/quickstart.toml")).expect("readable");
+    assert!(recipe.contains(from), "the recipe has no `{from}`");
+    recipe.replace(from, to)
+}
+
+/// A preview that watches a recipe, with the events that it reports.
+struct Watching {
+    child: Child,
+    events: Receiver<Value>,
+    /// What was printed at first: where the preview is.
+    said: String,
+    recipe: PathBuf,
+    out: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Watching {
+    fn start(more: &[&str]) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (recipe, out) = (folder.path().join("my.toml"), folder.path().join("out.png"));
+        fs::write(&recipe, with("", "")).expect("written");
+        let mut command = preview(&recipe, &["--log-format", "json", "--out"]);
+        command.arg(&out).args(more).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("starts");
+        let mut said = String::new();
+        BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut said).expect("it says where it is");
+        let errors = BufReader::new(child.stderr.take().expect("a pipe"));
+        let (sender, events) = channel();
+        std::thread::spawn(move || {
+            for line in errors.lines().map_while(Result::ok) {
+                let event = serde_json::from_str(&line).unwrap_or_else(|_| Value::String(line));
+                if sender.send(event).is_err() {
+                    break;
+                }
+            }
+        });
+        Self { child, events, said: said.trim().to_owned(), recipe, out, _folder: folder }
+    }
+
+    /// Saves the recipe as many editors do: by renaming.
+    fn save(&self, text: &str) {
+        let part = self.recipe.with_extension("swp");
+        fs::write(&part, text).and_then(|()| fs::rename(part, &self.recipe)).expect("written");
+    }
+
+    /// Events up to one of a kind, which comes last.
+    fn until(&self, kind: &str) -> Vec<Value> {
+        let (start, mut all) = (Instant::now(), Vec::new());
+        while start.elapsed() < PATIENCE {
+            match self.events.recv_timeout(Duration::from_millis(200)) {
+                Ok(event) => {
+                    all.push(event);
+                    if all.last().is_some_and(|event| event["event"] == kind) {
+                        return all;
+                    }
+                }
+                Err(_) => continue,
+            }
+        }
+        panic!("no event `{kind}`: {all:#?}");
+    }
+
+    /// How often stages worked until all images were made.
+    fn made(&self) -> impl Fn(&str) -> u64 + use<> {
+        let stages = self.until("stages").pop().expect("the last event");
+        self.until("note");
+        move |stage: &str| stages["stages"][stage]["calls"].as_u64().unwrap_or(0)
+    }
+
+    /// Ends it as a user does, and waits.
+    fn end(mut self) -> Option<i32> {
+        ok(Command::new("kill").args(["-TERM", &self.child.id().to_string()]));
+        self.child.wait().expect("ends").code()
+    }
+}
+
+#[test]
+fn only_what_a_save_changes_is_made_again() {
+    let watching = Watching::start(&["--watch"]);
+    assert_eq!(watching.said, watching.out.display().to_string());
+    let calls = watching.made();
+    assert_eq!([calls("settle"), calls("render"), calls("place.objects")], [1, 2, 1]);
+    let first = fs::read(&watching.out).expect("a sheet");
+
+    // Another camera sees the same scene.
+    let radius = with("radius = { of_table = [0.8, 1.36] }", "radius = { of_table = [0.7, 0.8] }");
+    watching.save(&radius);
+    let calls = watching.made();
+    assert_eq!([calls("settle"), calls("place.objects"), calls("render.load"), calls("render")], [0, 0, 0, 2]);
+    let second = fs::read(&watching.out).expect("a sheet");
+    assert!(first != second, "the edit is not seen");
+
+    // A mistake takes the place of the images, and the next good save that of the mistake.
+    watching.save(&radius.replace("kind = \"guided\"", "kind = \"guidde\""));
+    let message = watching.until("message").pop().expect("a message");
+    assert!(message["message"].as_str().is_some_and(|it| it.contains("guidde")), "{message}");
+    assert_eq!([&message["line"], &message["level"]], [&Value::from(mistake_line(&radius)), &Value::from("error")]);
+    let start = Instant::now();
+    while fs::read(&watching.out).expect("a sheet") == second && start.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let said = image(&watching.out);
+    assert!(said.pixels().any(|pixel| pixel.0 == [255, 150, 130]) && said.width() > 800, "no text in the sheet");
+
+    // What was there before is there again, without being made again; and so are bytes.
+    watching.save(&with("", ""));
+    let calls = watching.made();
+    assert_eq!([calls("settle"), calls("render")], [0, 0]);
+    assert!(fs::read(&watching.out).expect("a sheet") == first, "the bytes differ");
+
+    // What no image follows from makes none: the writers, and the number of scenes.
+    watching.save(&with("scenes = 2", "scenes = 3").replace("[write.contact_sheet]", "[write.png]"));
+    let calls = watching.made();
+    assert_eq!([calls("settle"), calls("render")], [0, 0]);
+
+    // Other physics is another scene.
+    watching.save(
+        &with("count = { integers = [16, 30] }", "count = { integers = [16, 31] }").replace("seed = 7", "seed = 8"),
+    );
+    let calls = watching.made();
+    assert_eq!([calls("settle"), calls("render")], [1, 2]);
+    assert_eq!(watching.end(), Some(0));
+}
+
+/// The line of the recipe that names the denoiser.
+fn mistake_line(recipe: &str) -> usize {
+    recipe.lines().position(|line| line == "kind = \"guided\"").expect("a denoiser") + 1
+}
+
+/// What a server answers to a path: head, and body.
+fn get(address: &str, path: &str) -> (String, Vec<u8>) {
+    let mut stream = TcpStream::connect(address).expect("it listens");
+    stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").expect("sent");
+    let mut all = Vec::new();
+    stream.read_to_end(&mut all).expect("answered");
+    let end = all.windows(4).position(|bytes| bytes == b"\r\n\r\n").expect("a head");
+    (String::from_utf8_lossy(&all[..end]).into_owned(), all[end + 4..].to_vec())
+}
+
+fn state(address: &str) -> Value {
+    serde_json::from_slice(&get(address, "/state.json").1).expect("JSON")
+}
+
+#[test]
+fn the_page_follows_what_is_saved() {
+    let watching = Watching::start(&["--serve"]);
+    let address = watching.said.trim_start_matches("http://").trim_end_matches('/').to_owned();
+    assert!(address.starts_with("127.0.0.1:"), "{}", watching.said);
+    let (head, page) = get(&address, "/");
+    assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
+    assert!(String::from_utf8_lossy(&page).contains("<img id=\"sheet\""));
+    assert!(get(&address, "/other").0.starts_with("HTTP/1.1 404"));
+    watching.made();
+    let made = state(&address);
+    assert_eq!([&made["status"], &made["mistakes"], &made["title"]], ["2 images", "", "quickstart"]);
+    let (head, png) = get(&address, "/sheet.png");
+    assert!(head.contains("image/png") && png == fs::read(&watching.out).expect("a sheet"), "{head}");
+
+    let wrong = with("kind = \"guided\"", "kind = \"<guidde>\"");
+    watching.save(&wrong);
+    let version = made["version"].as_u64().expect("a version");
+    // The page waits for it.
+    let (_, news) = get(&address, &format!("/changes?after={version}"));
+    assert_eq!(String::from_utf8_lossy(&news), format!("{{\"version\":{}}}", version + 1));
+    let checked = fails(syntable().arg("check").arg(&watching.recipe), 2);
+    assert_eq!(state(&address)["mistakes"].as_str().map(str::trim), Some(checked.trim()));
+    let page = String::from_utf8_lossy(&get(&address, "/").1).into_owned();
+    assert!(page.contains("&lt;guidde&gt;") && !page.contains("<guidde>"), "{page}");
+
+    watching.save(&with("", ""));
+    watching.made();
+    let mended = state(&address);
+    assert_eq!([&mended["status"], &mended["mistakes"]], ["2 images", ""]);
+    assert_eq!(watching.end(), Some(0));
+}
+
+/// A headless browser that is ready for an address, if there is one.
+fn browser(profile: &Path) -> Option<Command> {
+    let works = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|it| it.status.success());
+    let name = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(works)?;
+    let mut command = Command::new(name);
+    command.args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]);
+    command.args(["--disable-component-update", "--disable-sync", "--enable-logging=stderr"]);
+    command.arg(format!("--user-data-dir={}", profile.display()));
+    Some(command)
+}
+
+#[test]
+fn a_browser_shows_a_save_without_being_reloaded() {
+    let profile = tempfile::tempdir().expect("a folder");
+    let Some(mut browser) = browser(profile.path()) else { return skip("chromium") };
+    let watching = Watching::start(&["--serve"]);
+    watching.made();
+    let address = watching.said.trim_start_matches("http://").trim_end_matches('/').to_owned();
+    let first = state(&address)["version"].as_u64().expect("a version");
+    // Virtual time stands still while a request is open, such as that for the next version: the page is printed once
+    // the preview has ended.
+    browser.args(["--virtual-time-budget=2500", "--dump-dom", &watching.said]);
+    let page = browser.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    std::thread::sleep(Duration::from_secs(4));
+    watching.save(&with("radius = { of_table = [0.8, 1.36] }", "radius = { of_table = [0.7, 0.8] }"));
+    watching.made();
+    let last = state(&address)["version"].as_u64().expect("a version");
+    assert!(last > first);
+    std::thread::sleep(Duration::from_secs(6));
+    assert_eq!(watching.end(), Some(0));
+    let output = page.wait_with_output().expect("ends");
+    let (dom, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(dom.contains(&format!("/sheet.png?version={last}")), "not version {last}: {dom}\n{log}");
+    assert!(dom.contains("1 scene of 2 views each") && dom.contains("the preview has ended"), "{dom}");
+    let complaints: Vec<&str> = log.lines().filter(|line| line.contains(":CONSOLE")).collect();
+    let own = |line: &&&str| !line.contains("ERR_CONNECTION_REFUSED") && !line.contains("net::ERR");
+    assert_eq!(complaints.iter().filter(own).count(), 0, "{complaints:#?}");
+}
