@@ -26,7 +26,6 @@ struct Object {
 }
 
 /// A dataset in memory: for each image its scene and objects, and what else it has.
-#[derive(Default)]
 struct Paper {
     info: DatasetInfo,
     refs: Vec<ImageRef>,
@@ -42,7 +41,16 @@ const SIZE: [u32; 2] = [20, 16];
 
 impl Paper {
     fn new(images: Vec<(u32, Vec<Object>)>) -> Self {
-        let mut paper = Self::default();
+        let mut paper = Self {
+            info: read::Categories::default().info("paper".into(), String::new(), &[], String::new()),
+            refs: Vec::new(),
+            images: Vec::new(),
+            orders: Vec::new(),
+            rgb: Vec::new(),
+            depth: Vec::new(),
+            poses: false,
+            visible_alone: false,
+        };
         for (number, (scene, objects)) in (0..).zip(images) {
             paper.refs.push(ImageRef {
                 scene: SceneId(scene),
@@ -305,7 +313,7 @@ fn random(stream: &mut Stream, images: u32) -> Paper {
     let mut draw = |low: u32, high: u32| (stream.uniform(f64::from(low), f64::from(high)) as u32).min(high - 1);
     let image = |number: u32| {
         let shapes: Vec<Mask> =
-            (0..draw(0, 9)).map(|_| rect([draw(0, 15), draw(0, 12), draw(1, 8), draw(1, 6)])).collect();
+            (0..draw(0, 9)).map(|_| rect([draw(0, 9), draw(0, 7), draw(1, 9), draw(1, 8)])).collect();
         let n = shapes.len();
         let mut front = vec![false; n * n];
         for (i, j) in (0..n).flat_map(|i| (0..i).map(move |j| (i, j))) {
@@ -475,6 +483,6 @@ fn datasets_side_by_side() {
 
 #[test]
 fn an_empty_dataset_is_refused() {
-    let error = of(&Paper::default(), &Options::default(), (&Pool::new(1).expect("a thread"), &Quiet));
+    let error = of(&Paper::new(Vec::new()), &Options::default(), (&Pool::new(1).expect("a thread"), &Quiet));
     assert_eq!(error.expect_err("no image").to_string(), "the dataset has no image");
 }
