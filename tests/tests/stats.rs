@@ -84,6 +84,19 @@ fn numbers_are_those_of_the_annotation_file() {
 }
 
 #[test]
+fn numbers_are_those_of_numpy() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Beside a dataset of fewer objects.
+    let other = folder.path().join("other");
+    ok(&mut support::small_run(&other, &["--set", "dataset.scenes=2"]));
+    let printed = folder.path().join("statistics.json");
+    fs::write(&printed, stats(&[&syntable_folder(), &other], &[]).to_string()).expect("writable");
+    let arguments = [syntable_folder().display().to_string(), printed.display().to_string()];
+    let script = support::root().join("tests/check_statistics.py");
+    syntable_testing::tools::python(&script, &arguments.each_ref().map(String::as_str));
+}
+
+#[test]
 fn formats_have_the_same_numbers() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
