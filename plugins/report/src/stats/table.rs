@@ -3,7 +3,7 @@
 use super::distance::{Distance, distances};
 use super::distribution::Distribution;
 use super::image::ImageRow;
-use super::quantity::{Bins, Quantity};
+use super::quantity::Quantity;
 use super::{AssetCount, Statistics};
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -45,6 +45,8 @@ pub fn apart(all: &[Described]) -> Vec<Apart> {
 
 /// Assets that are listed for people: so many of the most and of the least frequent.
 const ASSETS: usize = 5;
+/// Length of the bar of all values.
+const BAR: f64 = 40.0;
 /// Groups of near-duplicates that are listed for people.
 const GROUPS: usize = 5;
 
@@ -174,65 +176,43 @@ fn of_all(all: &[Described], quantity: Quantity) -> impl Iterator<Item = (&Descr
     all.iter().filter_map(move |it| Some((it, it.statistics.distribution(quantity)?)))
 }
 
-/// A histogram in percent, a column for each dataset.
+/// A histogram in percent, a column for each dataset; of one dataset alone with bars.
 fn histogram(all: &[Described], quantity: Quantity) -> String {
     let of: Vec<(&Described, &Distribution)> = of_all(all, quantity).collect();
     let Some((_, first)) = of.first() else { return String::new() };
-    let is_whole = matches!(quantity.about().bins, Bins::Integers | Bins::Octaves);
-    let edges = first.edges();
-    let label = |bin: usize| {
-        let (low, high, is_last) = (edges[bin], edges[bin + 1], bin + 2 == edges.len());
-        match (is_whole && edges.iter().all(|edge| edge.fract() == 0.0), high - low <= 1.0) {
-            (true, true) => format!("{low}"),
-            (true, false) => format!("{low}–{}", high - 1.0),
-            (false, _) => {
-                format!("{}–{}{}", short(low), short(high), if is_last { "" } else { " " }).trim_end().to_owned()
-            }
-        }
-    };
-    let mut heading = vec![title(quantity)];
-    heading.extend(of.iter().map(|(it, _)| if all.len() > 1 { it.dataset.clone() } else { "%".to_owned() }));
-    let mut rows = vec![heading];
-    let bins: Vec<Vec<u64>> = of.iter().map(|(_, of)| of.histogram()).collect();
-    for bin in 0..edges.len().saturating_sub(1) {
-        let mut row = vec![label(bin)];
-        for ((_, of), bins) in of.iter().zip(&bins) {
-            row.push(format!("{:.1}", 100.0 * bins[bin] as f64 / of.n().max(1) as f64));
-        }
-        if let [(_, of)] = of.as_slice() {
-            row.push(bar(bins[0][bin] as f64 / of.n().max(1) as f64));
-        }
-        rows.push(row);
+    let mut rows = vec![vec![format!("{}: %", title(quantity))]];
+    rows[0].extend(of.iter().map(|(it, _)| if all.len() > 1 { it.dataset.clone() } else { String::new() }));
+    let part = |count: u64, of: &Distribution| count as f64 / of.n().max(1) as f64;
+    let counts: Vec<Vec<u64>> = of.iter().map(|(_, of)| of.histogram()).collect();
+    let mut bars = vec![String::new()];
+    for (bin, label) in labels(quantity, first.edges()).into_iter().enumerate() {
+        let parts: Vec<f64> = of.iter().zip(&counts).map(|((_, of), counts)| part(counts[bin], of)).collect();
+        bars.push("█".repeat(if all.len() > 1 { 0 } else { (BAR * parts[0]).round() as usize }));
+        rows.push(std::iter::once(label).chain(parts.iter().map(|part| format!("{:.1}", 100.0 * part))).collect());
     }
-    let note = if all.len() > 1 { ", %" } else { "" };
-    rows[0][0] += note;
-    format!("\n{}", left_bars(&rows))
+    let lines = columns(&rows).lines().zip(bars).fold(String::new(), |mut out, (line, bar)| {
+        let _ = writeln!(out, "{}", format!("{line}  {bar}").trim_end());
+        out
+    });
+    format!("\n{lines}")
+}
+
+/// What bins are called: their values if these are whole numbers, else their edges.
+fn labels(quantity: Quantity, edges: &[f64]) -> Vec<String> {
+    let has_values = quantity.about().step >= 1.0 && edges.iter().all(|edge| edge.fract() == 0.0);
+    let of = |ends: &[f64]| match (ends, has_values) {
+        ([low, high], true) if high - low <= 1.0 => format!("{low}"),
+        ([low, high], true) => format!("{low}–{}", high - 1.0),
+        ([low, high], false) => format!("{}–{}", short(*low), short(*high)),
+        _ => String::new(),
+    };
+    edges.windows(2).map(of).collect()
 }
 
 /// The edge of a bin with at most four decimals.
 fn short(edge: f64) -> String {
     let text = format!("{edge:.4}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
-}
-
-/// A bar of a length up to forty.
-fn bar(part: f64) -> String {
-    "█".repeat((40.0 * part).round() as usize)
-}
-
-/// Columns whose last one, the bars, begins at its left.
-fn left_bars(rows: &[Vec<String>]) -> String {
-    let most = rows.iter().filter_map(|row| row.get(2)).map(|cell| cell.chars().count()).max().unwrap_or(0);
-    let padded: Vec<Vec<String>> = rows
-        .iter()
-        .map(|row| match row.as_slice() {
-            [label, value, bar] if bar.is_empty() || bar.starts_with('█') => {
-                vec![label.clone(), value.clone(), format!("{bar:most$}")]
-            }
-            row => row.to_vec(),
-        })
-        .collect();
-    columns(&padded)
 }
 
 fn layers(all: &[Described]) -> String {
