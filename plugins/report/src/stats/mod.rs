@@ -38,6 +38,9 @@ use syntable_model::stage::DatasetInfo;
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::{Event, Reporter};
 
+/// Images from which on comparing all with each other takes a while.
+const MANY_IMAGES: usize = 5000;
+
 /// How a dataset is counted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
@@ -183,8 +186,9 @@ pub fn of(
     let work = |image: usize| tally(dataset, image, &wanted, options);
     each((workers, reporter), "counted", dataset.images().len(), &work, &mut |_, it| collected.add(it))?;
     let duplicates = wanted.has(&RGB.id()).then(|| {
-        let step = "comparing views with each other".to_owned();
-        reporter.event(&Event::Working { step });
+        if dataset.images().len() > MANY_IMAGES {
+            reporter.event(&Event::Working { step: "comparing views with each other".to_owned() });
+        }
         collected.near_duplicates(options.levels, workers)
     });
     let mut statistics = collected.finish(dataset.info(), duplicates);
