@@ -17,7 +17,7 @@ syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PK
 fn command() -> Command {
     let flag = |name: &'static str| Arg::new(name).long(name);
     Command::new("stats")
-        .about("Count what datasets have: objects, occlusion, sizes, distances, brightness, near-duplicate views")
+        .about("Count what datasets have: instances, occlusion, sizes, near-duplicate views")
         .arg(
             Arg::new("dataset")
                 .value_name("DATASET")
