@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times `syntable eval` beside pycocotools and a NumPy restatement of SynTable's evaluation. Not part of CI.
+"""Times `syntable eval` and `syntable stats` beside pycocotools and a NumPy restatement of SynTable's evaluation. Not part of CI.
 
     cargo build --release
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install numpy scipy pycocotools
@@ -194,16 +194,22 @@ def of_label(amodal: np.ndarray, visible: np.ndarray) -> dict:
 
 
 def ours(folder: Path, binary: Path, threads: int, options: list[str]) -> None:
-    command = [binary, "eval", "--gt", folder / "data", "--pred", folder / "results.json", "--threads", str(threads)]
+    data, threads = folder / "data", ["--threads", str(threads)]
+    print(timed("syntable eval", [binary, "eval", "--gt", data, "--pred", folder / "results.json", *threads, *options]))
+    print(timed("syntable stats", [binary, "stats", data, "--labels-only", *threads]), flush=True)
+
+
+def timed(what: str, command: list) -> str:
+    """Says time and memory of a command, and gives what it prints."""
     start = time.perf_counter()
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     assert process.stdout is not None
     said = process.stdout.read()
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     assert process.returncode == 0, said
-    say("syntable eval", time.perf_counter() - start, f"{used.ru_maxrss / 1024:.0f} MiB")
-    print(said, flush=True)
+    say(what, time.perf_counter() - start, f"{used.ru_maxrss / 1024:.0f} MiB")
+    return said
 
 
 def pycocotools(folder: Path) -> None:

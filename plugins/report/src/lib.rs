@@ -3,9 +3,11 @@
 //! | module | holds |
 //! | --- | --- |
 //! | `preview` | `syntable preview`: an edit of a recipe in images, within seconds |
-//! | `serve` | a server of pages for the browser of this machine |
+//! | [`serve`] | a server of pages for the browser of this machine |
+//! | [`stats`] | the numbers: Table 1 of the paper, distributions, near-duplicate views, distances between datasets |
 
 mod preview;
 pub mod serve;
+pub mod stats;
 
 pub use syntable_model::inventory;
