@@ -150,7 +150,7 @@ impl Kind {
         let both = if self.is_box {
             common(&prediction.bbox, &label.bbox)
         } else {
-            f64::from(prediction.mask.shared_area(&label.mask))
+            f64::from(prediction.mask.shared_area(label.mask))
         };
         let whole = if label.is_crowd { area(prediction) } else { area(prediction) + area(label) - both };
         both / whole
