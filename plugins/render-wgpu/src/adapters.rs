@@ -1,6 +1,7 @@
 //! The graphics adapters of a machine, and which of them render.
 
 use crate::device::STORAGE_BUFFERS;
+use crate::queries::{self, RayQueries};
 use std::cmp::Reverse;
 use std::fmt;
 use std::sync::LazyLock;
@@ -26,18 +27,21 @@ pub struct AdapterInfo {
     pub model: [u32; 2],
     /// Bytes of the largest buffer that kernels can read.
     pub max_buffer: u64,
+    /// Whether it traces rays itself. It rounds otherwise then, now and then.
+    pub ray_queries: RayQueries,
 }
 
 impl fmt::Display for AdapterInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, driver, backend, .. } = self;
         let kind = if self.is_hardware() { "" } else { ", a program that runs on the processor" };
-        write!(f, "{name} ({driver}, {backend}{kind})")
+        let rays = if self.ray_queries == RayQueries::Used { ", ray queries" } else { "" };
+        write!(f, "{name} ({driver}, {backend}{rays}{kind})")
     }
 }
 
 impl AdapterInfo {
-    fn of(adapter: &wgpu::Adapter) -> Self {
+    fn of(adapter: &wgpu::Adapter, walks: bool) -> Self {
         let (info, limits) = (adapter.get_info(), adapter.limits());
         Self {
             name: info.name,
@@ -46,6 +50,7 @@ impl AdapterInfo {
             class: info.device_type,
             model: [info.vendor, info.device],
             max_buffer: limits.max_buffer_size.min(limits.max_storage_buffer_binding_size).min(ADDRESSED) / 256 * 256,
+            ray_queries: RayQueries::of(adapter, walks),
         }
     }
 
@@ -78,7 +83,7 @@ impl AdapterInfo {
     /// Whether both round alike: cards of one model, with one driver and interface.
     fn is_like(&self, other: &Self) -> bool {
         let what = |info: &Self| (info.model, info.name.clone(), info.driver.clone(), info.backend.clone());
-        what(self) == what(other)
+        what(self) == what(other) && self.ray_queries == other.ray_queries
     }
 }
 
@@ -133,6 +138,8 @@ static INSTANCE: LazyLock<wgpu::Instance> = LazyLock::new(|| {
 /// The adapters of this machine that can run the kernels.
 pub struct Adapters {
     all: Vec<wgpu::Adapter>,
+    /// Whether ray queries are turned off.
+    walks: bool,
     /// The numbers of those that render, or why none does.
     used: Result<Vec<usize>>,
 }
@@ -140,13 +147,22 @@ pub struct Adapters {
 impl Adapters {
     /// Looks for adapters.
     pub fn find() -> Self {
+        Self::found(std::env::var_os(queries::SWITCH).is_some_and(|value| value == "0"))
+    }
+
+    /// The same, with ray queries turned off.
+    pub fn without_ray_queries() -> Self {
+        Self::found(true)
+    }
+
+    fn found(walks: bool) -> Self {
         let usable = |adapter: &wgpu::Adapter| required_limits().check_limits(&adapter.limits());
         let found = pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY));
         let all: Vec<_> = found.into_iter().filter(usable).collect();
-        let infos: Vec<AdapterInfo> = all.iter().map(AdapterInfo::of).collect();
+        let infos: Vec<AdapterInfo> = all.iter().map(|adapter| AdapterInfo::of(adapter, walks)).collect();
         let wanted = std::env::var(WANTED).ok().filter(|name| !name.is_empty());
         let used = chosen(&infos, wanted.as_deref());
-        Self { all, used }
+        Self { all, walks, used }
     }
 
     /// Those that render.
@@ -155,14 +171,19 @@ impl Adapters {
     /// If there is none, or not the one that is wanted.
     pub fn used(&self) -> Result<Vec<AdapterInfo>> {
         let used = self.used.as_ref().map_err(Error::clone)?;
-        Ok(used.iter().map(|&number| AdapterInfo::of(&self.all[number])).collect())
+        Ok(used.iter().map(|&number| self.info(number)).collect())
     }
 
     /// One of those that render, by its number among them.
     pub(crate) fn get(&self, number: usize) -> Result<(&wgpu::Adapter, AdapterInfo)> {
         let used = self.used.as_ref().map_err(Error::clone)?;
-        let adapter = used.get(number).map(|&number| &self.all[number]).ok_or_else(none)?;
-        Ok((adapter, AdapterInfo::of(adapter)))
+        let number = *used.get(number).ok_or_else(none)?;
+        Ok((&self.all[number], self.info(number)))
+    }
+
+    /// What an adapter is, by its number among all.
+    fn info(&self, number: usize) -> AdapterInfo {
+        AdapterInfo::of(&self.all[number], self.walks)
     }
 
     /// Those that render, as devices of a renderer.
@@ -173,7 +194,7 @@ impl Adapters {
         let device = |info: AdapterInfo| RenderDevice {
             name: info.to_string(),
             class: if info.is_hardware() { DeviceClass::Card } else { DeviceClass::Emulated },
-            limits: format!("buffers of up to {} MiB", info.max_buffer >> 20),
+            limits: limits_of(&info),
         };
         Ok(self.used()?.into_iter().map(device).collect())
     }
@@ -181,15 +202,21 @@ impl Adapters {
     /// The others, each with the reason.
     pub fn unused(&self) -> Vec<String> {
         let used = self.used.as_deref().unwrap_or_default();
-        let best = used.first().map(|&number| AdapterInfo::of(&self.all[number]));
-        let others = (self.all.iter().enumerate()).filter(|(number, _)| !used.contains(number));
+        let best = used.first().map(|&number| self.info(number));
+        let others = (0..self.all.len()).filter(|number| !used.contains(number));
         let why = |info: AdapterInfo| match &best {
             Some(best) if info.is_like(best) => format!("{info}: one program in place of a card is enough"),
             Some(best) => format!("{info}: unlike {}; {WANTED} chooses another one", best.name),
             None => info.to_string(),
         };
-        others.map(|(_, adapter)| why(AdapterInfo::of(adapter))).collect()
+        others.map(|number| why(self.info(number))).collect()
     }
+}
+
+/// What an adapter that renders holds at most, and what of it is not used.
+fn limits_of(info: &AdapterInfo) -> String {
+    let buffers = format!("buffers of up to {} MiB", info.max_buffer >> 20);
+    [Some(buffers), info.ray_queries.excuse()].into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
 #[cfg(test)]
@@ -200,7 +227,33 @@ mod tests {
     fn adapter(name: &str, class: wgpu::DeviceType, backend: &str) -> AdapterInfo {
         let model = [1, u32::from(name.as_bytes()[0])];
         let (name, driver, backend) = (name.into(), "driver 1".into(), backend.into());
-        AdapterInfo { name, driver, backend, class, model, max_buffer: 1 << 30 }
+        AdapterInfo { name, driver, backend, class, model, max_buffer: 1 << 30, ray_queries: RayQueries::Absent }
+    }
+
+    #[test]
+    fn what_made_a_dataset_says_whether_rays_were_queried() {
+        let plain = adapter("Big", DiscreteGpu, "vulkan");
+        let with = |ray_queries| AdapterInfo { ray_queries, ..plain.clone() };
+        for (ray_queries, name, limits) in [
+            (RayQueries::Absent, "Big (driver 1, vulkan)", "buffers of up to 1024 MiB"),
+            (RayQueries::Used, "Big (driver 1, vulkan, ray queries)", "buffers of up to 1024 MiB"),
+            (
+                RayQueries::Off,
+                "Big (driver 1, vulkan)",
+                "buffers of up to 1024 MiB; its ray queries are turned off by SYNTABLE_RAY_QUERIES",
+            ),
+            (
+                RayQueries::NotBuilt,
+                "Big (driver 1, vulkan)",
+                "buffers of up to 1024 MiB; its ray queries need a program built with `ray-query`",
+            ),
+        ] {
+            let info = with(ray_queries);
+            assert_eq!((info.to_string().as_str(), limits_of(&info).as_str()), (name, limits));
+        }
+        // Both would not make the same bytes.
+        let pair = [with(RayQueries::Used), with(RayQueries::Absent)];
+        assert_eq!(chosen(&pair, None).expect("two"), [0]);
     }
 
     #[test]

@@ -91,6 +91,11 @@ impl Arena {
         Ok(())
     }
 
+    /// Whether an asset is there.
+    pub fn holds(&self, digest: &Digest) -> bool {
+        self.places.contains_key(digest)
+    }
+
     /// Where an asset is that was asked for last.
     pub fn place(&self, digest: &Digest) -> Place {
         self.places[digest]

@@ -2,6 +2,7 @@
 
 use crate::adapters::{AdapterInfo, Adapters, required_limits};
 use crate::constants::declared;
+use crate::queries::RayQueries;
 use crate::tables::{BODY_SIZE, EMITTER_SIZE, NONE};
 use crate::{guided, passes, planes, trees, view};
 use bytemuck::Pod;
@@ -14,7 +15,10 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
 use syntable_transport::film;
 
-/// The WGSL of all kernels, module after module: those of the renderer, between them those that mirror its reference.
+/// What rays of paths meet: by walks, and by ray queries.
+const RAYS: [&str; 2] = [include_str!("shaders/rays.wgsl"), include_str!("shaders/queries.wgsl")];
+
+/// The WGSL of all other kernels, module after module: those of the renderer, between them those that mirror its reference.
 const SHADERS: &[&[&str]] = &[
     &[include_str!("shaders/scene.wgsl")],
     syntable_transport::wgsl::MODULES,
@@ -34,6 +38,9 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Storage buffers of the bind group; WebGPU promises eight.
 pub const STORAGE_BUFFERS: u32 = 8;
+
+/// Binding of what ray queries trace.
+const QUERIED: u32 = 10;
 
 /// Bytes between two uniforms of a pass in their buffer.
 pub const PASS_STRIDE: u64 = 256;
@@ -78,12 +85,14 @@ pub struct Variant {
     pub tiles: bool,
     /// The opacity of pixels is counted.
     pub opacity: bool,
+    /// Rays of paths are queried, on a device that can.
+    pub queries: bool,
 }
 
 impl Variant {
-    /// The kernels for labels do not depend on guides and opacity.
+    /// The kernels for labels do not depend on guides and opacity, and walk.
     pub fn of_labels(self) -> Self {
-        Self { guides: false, opacity: false, ..self }
+        Self { guides: false, opacity: false, queries: false, ..self }
     }
 }
 
@@ -153,6 +162,16 @@ pub struct Bindings<'a> {
     pub view: &'a wgpu::Buffer,
     /// Uniforms of passes, [`PASS_STRIDE`] apart.
     pub passes: &'a wgpu::Buffer,
+    /// What ray queries trace, on a device that has them.
+    pub queried: Option<&'a wgpu::Tlas>,
+}
+
+/// The WGSL of all kernels, that query rays or walk.
+fn source(queries: bool) -> String {
+    // What a module enables comes first.
+    let enabled = if queries { "enable wgpu_ray_query;\n" } else { "" };
+    let modules = SHADERS.concat().join("\n");
+    format!("{enabled}{}{modules}\n{}", constants(), RAYS[usize::from(queries)])
 }
 
 impl Device {
@@ -160,14 +179,25 @@ impl Device {
     pub fn open(adapters: &Adapters, number: usize) -> Result<Self> {
         let (adapter, info) = adapters.get(number)?;
         let offered = adapter.limits();
-        let limits = wgpu::Limits {
+        let queries = info.ray_queries == RayQueries::Used;
+        let mut limits = wgpu::Limits {
             max_buffer_size: offered.max_buffer_size,
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             ..required_limits()
         };
+        let (mut required_features, mut experimental_features) = Default::default();
+        if queries {
+            limits = limits.using_acceleration_structure_values(offered);
+            required_features = wgpu::Features::EXPERIMENTAL_RAY_QUERY;
+            // SAFETY: structures are built from buffers that stay unchanged until they are built, and queries keep the rules
+            // of `ShaderRuntimeChecks::ray_query_initialization_tracking`.
+            experimental_features = unsafe { wgpu::ExperimentalFeatures::enabled() };
+        }
         let request = wgpu::DeviceDescriptor {
             label: Some("syntable"),
+            required_features,
             required_limits: limits.clone(),
+            experimental_features,
             memory_hints: wgpu::MemoryHints::Performance,
             ..wgpu::DeviceDescriptor::default()
         };
@@ -205,6 +235,10 @@ impl Device {
         let entries: Vec<_> = (0..STORAGE_BUFFERS)
             .map(|binding| storage(binding, binding < 4))
             .chain([uniform(8, false), uniform(9, true)])
+            .chain(queries.then(|| wgpu::BindGroupLayoutEntry {
+                ty: wgpu::BindingType::AccelerationStructure { vertex_return: false },
+                ..storage(QUERIED, true)
+            }))
             .collect();
         let layout = device
             .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("kernels"), entries: &entries });
@@ -213,9 +247,10 @@ impl Device {
             bind_group_layouts: &[Some(&layout)],
             immediate_size: 0,
         });
-        let source = wgpu::ShaderSource::Wgsl((constants() + &SHADERS.concat().join("\n")).into());
+        let source = wgpu::ShaderSource::Wgsl(source(queries).into());
         let descriptor = wgpu::ShaderModuleDescriptor { label: Some("syntable"), source };
-        // SAFETY: loops of the shaders end, and their indices follow from tables and counts that this crate writes.
+        // SAFETY: loops of the shaders end, their indices follow from tables and counts that this crate writes, and they query
+        // finite rays, in the order that the checks ask for.
         let module = unsafe { device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
         let opened = Self {
             device,
@@ -242,6 +277,11 @@ impl Device {
         Err(Error::new(format!("{what} needs {mib} MiB, and a buffer of {name} holds {most}"))
             .help("lower the resolution, or render with `cpu_path`")
             .permanent())
+    }
+
+    /// Whether it traces rays itself.
+    pub fn has_queries(&self) -> bool {
+        self.info.ray_queries == RayQueries::Used
     }
 
     /// Name of the card.
@@ -307,7 +347,9 @@ impl Device {
     /// A buffer for kernels, of at least `size` bytes.
     pub fn storage(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         use wgpu::BufferUsages as Usage;
-        self.buffer(label, size, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
+        // Acceleration structures are built from the triangles of trees.
+        let input = if self.has_queries() { Usage::BLAS_INPUT } else { Usage::empty() };
+        self.buffer(label, size, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC | input)
     }
 
     /// The same with room for more, if the device has memory for that.
@@ -359,6 +401,7 @@ impl Device {
         let entries: Vec<_> = (bindings.storage.iter().enumerate())
             .map(|(binding, buffer)| entry(binding, buffer.as_entire_binding()))
             .chain([entry(8, bindings.view.as_entire_binding()), entry(9, wgpu::BindingResource::Buffer(pass))])
+            .chain(bindings.queried.map(|queried| entry(QUERIED as usize, queried.as_binding())))
             .collect();
         self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("kernels"),
@@ -370,7 +413,6 @@ impl Device {
     /// A kernel, compiled at first use.
     pub fn kernel(&self, kernel: Kernel, variant: Variant) -> Arc<wgpu::ComputePipeline> {
         let make = || {
-            let on = |flag: bool| if flag { 1.0 } else { 0.0 };
             let entry_point = match kernel {
                 Kernel::Start => "start",
                 Kernel::Extend => "extend",
@@ -381,29 +423,45 @@ impl Device {
                 Kernel::Choose => "choose",
                 Kernel::Resolve => "resolve",
             };
-            let constants = [
-                ("LAYERED", on(variant.layered)),
-                ("CUTOUTS", on(variant.cutouts)),
-                ("PANES", on(variant.panes)),
-                ("GUIDES", on(variant.guides)),
-                ("PLAIN_DIELECTRICS", on(variant.plain_dielectrics)),
-                ("DEEP", on(variant.deep)),
-                ("TILES", on(variant.tiles)),
-                ("OPACITY", on(variant.opacity)),
-            ];
-            Arc::new(self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry_point),
-                layout: Some(&self.pipeline_layout),
-                module: &self.module,
-                entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &constants,
-                    zero_initialize_workgroup_memory: false,
-                },
-                cache: None,
-            }))
+            Arc::new(self.compiled(&self.module, entry_point, variant))
         };
         self.pipelines.lock().entry((kernel, variant)).or_insert_with(make).clone()
+    }
+
+    fn compiled(&self, module: &wgpu::ShaderModule, entry_point: &str, variant: Variant) -> wgpu::ComputePipeline {
+        let on = |flag: bool| if flag { 1.0 } else { 0.0 };
+        let mut constants = vec![
+            ("LAYERED", on(variant.layered)),
+            ("CUTOUTS", on(variant.cutouts)),
+            ("PANES", on(variant.panes)),
+            ("GUIDES", on(variant.guides)),
+            ("PLAIN_DIELECTRICS", on(variant.plain_dielectrics)),
+            ("DEEP", on(variant.deep)),
+            ("TILES", on(variant.tiles)),
+            ("OPACITY", on(variant.opacity)),
+        ];
+        if self.has_queries() {
+            constants.push(("QUERIES", on(variant.queries)));
+        }
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry_point),
+            layout: Some(&self.pipeline_layout),
+            module,
+            entry_point: Some(entry_point),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &constants,
+                zero_initialize_workgroup_memory: false,
+            },
+            cache: None,
+        })
+    }
+
+    /// A kernel in WGSL that calls what all others call.
+    #[cfg(test)]
+    pub(crate) fn kernel_of(&self, added: &str, entry_point: &str, variant: Variant) -> wgpu::ComputePipeline {
+        let source = wgpu::ShaderSource::Wgsl((source(self.has_queries()) + added).into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(entry_point), source };
+        self.compiled(&self.device.create_shader_module(descriptor), entry_point, variant)
     }
 
     /// Records work.

@@ -49,6 +49,11 @@ impl GpuPathRenderer {
         Self { options, caches: Arc::default(), adapters: OnceLock::new(), devices: Mutex::default() }
     }
 
+    /// Renders on adapters that were found before.
+    pub fn on(self, adapters: Adapters) -> Self {
+        Self { adapters: adapters.into(), ..self }
+    }
+
     fn adapters(&self) -> &Adapters {
         self.adapters.get_or_init(Adapters::find)
     }

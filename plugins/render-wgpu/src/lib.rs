@@ -1,7 +1,7 @@
 //! GPU path tracer: the images and labels of the CPU path tracer, on any card with Vulkan, Metal or DirectX 12.
 //!
 //! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
-//! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `tables`
+//! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `queries`, what cards trace themselves; `tables`
 //! and `arena`, how scenes lie in buffers; `constants`, what shaders are told by name; `adapters`, the cards of a machine and those that render; `device`, kernels and errors; `tiles`, what a request shows; `view`, the tables of a view; `passes`, paths over the
 //! pixels of an image; `planes`, what becomes of them; `frame` and `rounds`, images in one go and in rounds; `session`, a
 //! scene on a device; `gpu_path`, the stage; and `guided`, the denoiser of that name on the images that it renders. The
@@ -19,6 +19,7 @@ mod gpu_path;
 mod guided;
 mod passes;
 mod planes;
+mod queries;
 mod rounds;
 mod session;
 mod tables;
@@ -30,3 +31,4 @@ pub use adapters::{AdapterInfo, Adapters};
 pub use device::Device;
 pub use gpu_path::{GpuPath, GpuPathRenderer};
 pub use guided::{GuidedFilter, Sections};
+pub use queries::RayQueries;

@@ -6,8 +6,9 @@ use crate::frame::guided_of;
 use crate::guided::GuidedFilter;
 use crate::passes::{COUNTERS, GROUP, GUIDE_BOUNCES};
 use crate::planes::PLANE_WORDS;
+use crate::queries::{QueriedBody, Structures};
 use crate::tiles::Shown;
-use crate::trees::{MeshTree, STACK, TopLevel};
+use crate::trees::{MeshTree, NODE_SIZE, STACK, TopLevel};
 use crate::view::{Parts, View};
 use std::sync::{Arc, OnceLock};
 use syntable_model::context::Workers;
@@ -16,7 +17,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{OPACITY, RADIANCE, RADIANCE_NOISY};
 use syntable_model::scene::Scene;
-use syntable_model::stage::RenderRequest;
+use syntable_model::stage::{Bodies, RenderRequest};
 use syntable_prepare::{AssetCache, Bounds, LightTable, PreparedScene, SceneCache};
 use syntable_transport::components::{self, Light};
 use syntable_transport::film::{GUIDE_SAMPLES, Statistics};
@@ -78,13 +79,16 @@ pub struct Gathered {
     pub opacity: bool,
     /// Of windows with bodies of their own.
     pub tiles: bool,
+    /// Rays meet all bodies of the scene.
+    pub all_bodies: bool,
 }
 
 impl Gathered {
     /// What a request wants.
     pub fn wanted(request: &RenderRequest, guides: bool) -> Self {
         let opacity = request.wants.contains(&OPACITY.id());
-        Self { guides, opacity, tiles: request.only_tile().is_none() }
+        let all_bodies = request.only_tile().is_some_and(|tile| matches!(tile.bodies, Bodies::All));
+        Self { guides, opacity, tiles: request.only_tile().is_none(), all_bodies }
     }
 }
 
@@ -100,6 +104,8 @@ pub struct GpuSession {
     pub shading: Arena,
     pub images: Arena,
     pub buffers: Buffers,
+    /// What ray queries trace, on a device that has them.
+    pub queried: Option<Structures>,
     /// The denoiser, once it was asked for.
     pub guided: Option<GuidedFilter>,
     /// Width and height whose pixels are listed in the queues, and where.
@@ -132,6 +138,7 @@ impl GpuSession {
         let (most_paths, most_bytes) = (device.most_paths(), device.max_buffer());
         let (geometry, shading) = (Arena::new(&device, "trees", 16)?, Arena::new(&device, "triangles", 16)?);
         let images = Arena::new(&device, "textures", 4)?;
+        let queried = device.has_queries().then(|| Structures::new(&device));
         Ok(Self {
             device,
             options,
@@ -142,6 +149,7 @@ impl GpuSession {
             shading,
             images,
             buffers,
+            queried,
             guided: None,
             listed: None,
             most_paths,
@@ -173,8 +181,10 @@ impl GpuSession {
         };
         let bodies: Vec<_> = trees.into_iter().enumerate().map(placed).collect();
 
-        // Room for two top levels: that of all bodies, and that of those which camera rays meet; and for each body alone.
-        let reserved = (2 * TopLevel::room(bodies.len()) + bodies.len() * TopLevel::room(1)) as u64;
+        // Room for two top levels: that of all bodies, and that of those which camera rays meet; and for each body alone. The
+        // vectors of bodies come after them.
+        let for_queries = if self.queried.is_some() { bodies.len() * NODE_SIZE } else { 0 };
+        let reserved = (body_nodes_at(bodies.len()) + for_queries) as u64;
         let tree_of = |(digest, tree, _): &(Digest, Arc<MeshTree>, Bounds)| {
             let tree = tree.clone();
             Asset {
@@ -198,6 +208,15 @@ impl GpuSession {
         let assets: Vec<_> = bodies.iter().enumerate().map(triangles_of).collect();
         self.shading.keep(&self.device, 0, &assets)?;
         drop(assets);
+        if let Some(queried) = &mut self.queried {
+            let of = |(body, (digest, tree, bounds)): (_, &(Digest, Arc<MeshTree>, Bounds))| {
+                let first = self.geometry.place(digest) + tree.nodes.len() as u32;
+                let count = if bounds.is_empty() { 0 } else { tree.triangles.len() as u32 / 3 };
+                QueriedBody { digest: *digest, body, triangles: [first, count] }
+            };
+            let all: Vec<_> = prepared.bodies.iter().zip(&bodies).map(of).collect();
+            queried.build(&self.device, &self.geometry, &all)?;
+        }
         self.world = Some(World { scene: prepared, bodies });
         self.device.check()
     }
@@ -308,11 +327,12 @@ impl GpuSession {
             ],
             view: &b.view,
             passes: &b.passes,
+            queried: self.queried.as_ref().map(Structures::scene),
         })
     }
 
     /// The kernels that a scene needs.
-    pub fn variant(&self, world: &World, Gathered { guides, opacity, tiles }: Gathered) -> Variant {
+    pub fn variant(&self, world: &World, Gathered { guides, opacity, tiles, all_bodies }: Gathered) -> Variant {
         Variant {
             layered: world.scene.is_layered,
             cutouts: world.scene.has_cutouts,
@@ -322,8 +342,14 @@ impl GpuSession {
             plain_dielectrics: self.options.dielectrics == Dielectrics::Gltf,
             tiles,
             opacity,
+            queries: self.queried.is_some() && all_bodies,
         }
     }
+}
+
+/// Where the vectors of bodies for ray queries start in the geometry of a scene with so many bodies: after all top levels.
+pub fn body_nodes_at(bodies: usize) -> usize {
+    2 * TopLevel::room(bodies) + bodies * TopLevel::room(1)
 }
 
 /// The box around placed boxes; empty if it is not finite.

@@ -1,7 +1,7 @@
 //! The tables and uniforms of a view.
 
 use crate::arena::{Arena, Asset, Place};
-use crate::session::{GpuSession, World};
+use crate::session::{GpuSession, World, body_nodes_at};
 use crate::tables::{BodyPlace, EMITTER_SIZE, EnvironmentPlaces, NONE, Tables, TilePlace};
 use crate::tiles::{SeenBodies, Shown};
 use crate::trees::{MeshTree, TopLevel, body_node};
@@ -82,7 +82,8 @@ pub struct View {
     pub around_height: u32,
     pub tiles: u32,
     pub tile_map: u32,
-    pub unused: [u32; 3],
+    pub body_nodes: u32,
+    pub unused: [u32; 2],
 }
 
 /// Uniforms are read in vectors.
@@ -162,6 +163,10 @@ impl GpuSession {
         let leaves: Vec<_> = (world.scene.bodies.iter().zip(places).enumerate())
             .map(|(number, (body, place))| body_node(number, body, place))
             .collect();
+        if self.device.has_queries() {
+            let at = 16 * body_nodes_at(world.bodies.len()) as u64;
+            self.device.write(self.geometry.buffer(), at, bytemuck::cast_slice(&leaves));
+        }
         let room = TopLevel::room(world.bodies.len()) as u32;
         let boxes = |keep: &dyn Fn(usize) -> bool| -> Vec<Bounds> {
             let of = |(number, (_, _, bounds)): (usize, &(Digest, Arc<MeshTree>, Bounds))| {
@@ -245,6 +250,7 @@ impl GpuSession {
             top_level,
             seen,
             tiles,
+            body_nodes: body_nodes_at(world.bodies.len()) as u32,
             reach: levels.reach,
             ..View::default()
         }

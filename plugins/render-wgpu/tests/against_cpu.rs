@@ -8,7 +8,7 @@ use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_render_cpu::CpuPathRenderer;
-use syntable_render_wgpu::{Adapters, GpuPathRenderer};
+use syntable_render_wgpu::{Adapters, GpuPathRenderer, RayQueries};
 use syntable_testing::room::{self, Look};
 use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
@@ -140,6 +140,58 @@ fn light_and_guides_are_the_cpus() {
             assert!((*a - *b).abs() * 500 < *a, "{look:?}: {a} and {b} {name}");
         }
     }
+}
+
+#[test]
+fn ray_queries_make_the_images_of_walks() {
+    if !cfg!(feature = "ray-query") {
+        return;
+    }
+    let there = Adapters::find().used().is_ok_and(|used| used[0].ray_queries == RayQueries::Used);
+    if !is_there(there, "a graphics adapter with ray queries (Mesa's lavapipe 25)") {
+        return;
+    }
+    // With thin glass, and few kernels: a program in place of a card takes longer to compile than to trace.
+    let look = Look::Glass;
+    let options = PathTracing { samples_per_pixel: 8, ..PathTracing::default() };
+    let view = room::view(40, 30);
+    let labels = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), NORMAL.id(), ALBEDO.id()];
+    let light = [RADIANCE.id(), RADIANCE_VARIANCE.id()];
+    let wants = [labels.as_slice(), &light].concat();
+    let request = RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2));
+    let scene = room::scene_of(look);
+    let mut sessions =
+        [(Adapters::without_ray_queries(), false), (Adapters::find(), true)].map(|(adapters, queries)| {
+            let renderer = GpuPathRenderer::new(options.clone()).on(adapters);
+            // What the lock of a dataset says of it.
+            assert_eq!(renderer.devices().expect("there")[0].name.contains(", ray queries"), queries);
+            let mut session = renderer.open(0).expect("opens");
+            session.load(&scene, &Threads(2)).expect("loads");
+            session
+        });
+    let mut both = |request: &RenderRequest| {
+        sessions.each_mut().map(|session| {
+            let mut frame = Products::new();
+            session.render(request, &mut frame).expect("renders");
+            frame
+        })
+    };
+    let frames = both(&request);
+    let (z2, ratio) = compare(&frames);
+    let unlike = different(pair(&frames, RADIANCE), |a, b| a != b);
+    println!("mean z² {z2:.5}, ratio of means {ratio:.5}, {unlike} pixels are not the same to the bit");
+    assert!(z2 < 0.05 && (ratio - 1.0).abs() < 5e-3, "{z2} {ratio}");
+    macro_rules! same {
+        ($frames:expr, $($key:ident),*) => {$({
+            let [a, b] = pair($frames, $key);
+            assert!(a == b, "{}", $key.name());
+        })*};
+    }
+    // Labels are walked for, and so is what shows some bodies.
+    same!(&frames, DEPTH, INSTANCE, COVERAGE, NORMAL, ALBEDO);
+    let (window, seen) = (Window::of(&view.camera.intrinsics), [InstanceId(3), InstanceId(5)]);
+    let frames = both(&RenderRequest { wants: &light, ..request }.of(window, Bodies::Seen(&seen)));
+    same!(&frames, RADIANCE, RADIANCE_VARIANCE);
 }
 
 #[test]

@@ -204,7 +204,7 @@ fn extend(@builtin(global_invocation_id) id: vec3<u32>) {
         seed = alpha_seed(bits(n.x), bits(n.y), pass_.bounce);
     }
     let top = select(top_level_of_all(), top_level_of_seen(), pass_.bounce == 0u);
-    let hit = walk(FIRST, top, Ray(o.xyz, d.xyz), o.w, FAR, seed, NONE).hit;
+    let hit = first_hit(top, Ray(o.xyz, d.xyz), o.w, seed);
     set_state(HIT, path, vec4(hit.t, hit.u, hit.v, as_float(hit.primitive)));
     paths[NUMBERS * view.capacity + path].w = as_float(hit.instance);
 }
@@ -548,7 +548,7 @@ fn shadow(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = Ray(o.xyz, r.xyz);
     // Rays of no length meet nothing.
     let reach = select(0.0, r.w * (1.0 - TOUCHING), casts_shadows());
-    let passed = walk(PASSAGE_OF_LIGHT, top_level_of_all(), ray, 0.0, reach, bits(o.w), NONE);
+    let passed = passage_of_light(top_level_of_all(), ray, reach, bits(o.w));
     if !is_black(passed.transmittance) {
         let l = state(SHADOW_LIGHT, path);
         var transmittance = passed.transmittance;

@@ -83,6 +83,8 @@ struct View {
     // Where the tiles start, and where the queues have the number of each pixel's tile, or NONE.
     tiles: u32,
     tile_map: u32,
+    // Where the geometry has the vectors of bodies by their number, for queries.
+    body_nodes: u32,
 }
 
 const TILE_SIZE: u32 = 2u;

@@ -1,0 +1,412 @@
+//! What ray queries trace: an acceleration structure per mesh, kept like its tree, and one over the bodies of a scene.
+//!
+//! A query only finds a triangle (`shaders/queries.wgsl`); its corners are read from the tree of its mesh, whose triangles
+//! are what the structure is built from. Bodies with cut-outs or panes ask the shader about each triangle, others do not.
+
+use crate::arena::Arena;
+use crate::device::Device;
+use std::collections::HashMap;
+use syntable_model::digest::Digest;
+use syntable_model::error::Result;
+use syntable_prepare::PreparedBody;
+
+/// Environment variable that turns ray queries off by `0`, so that the shaders walk.
+pub const SWITCH: &str = "SYNTABLE_RAY_QUERIES";
+
+/// Bytes of a corner of a triangle in the geometry.
+const CORNER: u64 = 16;
+
+/// Whether a device traces rays by queries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayQueries {
+    /// It has none, or not by Vulkan.
+    Absent,
+    /// It has them, and this program was built without the feature `ray-query`.
+    NotBuilt,
+    /// They are turned off by the environment variable `SYNTABLE_RAY_QUERIES`.
+    Off,
+    /// It does.
+    Used,
+}
+
+impl RayQueries {
+    /// What becomes of those of an adapter, unless they are turned off.
+    pub fn of(adapter: &wgpu::Adapter, are_off: bool) -> Self {
+        // Of Vulkan alone: there was nothing to test those of Metal and DirectX on.
+        let is_there = adapter.get_info().backend == wgpu::Backend::Vulkan
+            && adapter.features().contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY)
+            && adapter.limits().max_acceleration_structures_per_shader_stage > 0;
+        match (is_there, cfg!(feature = "ray-query"), are_off) {
+            (false, ..) => Self::Absent,
+            (_, false, _) => Self::NotBuilt,
+            (.., true) => Self::Off,
+            _ => Self::Used,
+        }
+    }
+
+    /// Why they are not used though they are there.
+    pub fn excuse(self) -> Option<String> {
+        match self {
+            Self::Absent | Self::Used => None,
+            Self::NotBuilt => Some("its ray queries need a program built with `ray-query`".into()),
+            Self::Off => Some(format!("its ray queries are turned off by {SWITCH}")),
+        }
+    }
+}
+
+/// A body of a scene: the digest of its object, and where its triangles are.
+pub struct QueriedBody<'a> {
+    pub digest: Digest,
+    pub body: &'a PreparedBody,
+    /// First vector of its triangles in the geometry, and their number; none for a body that rays do not meet.
+    pub triangles: [u32; 2],
+}
+
+/// The acceleration structures of a session.
+pub struct Structures {
+    /// Of the meshes, by digest and by whether every triangle stops a ray.
+    meshes: HashMap<(Digest, bool), wgpu::Blas>,
+    /// Of the scene.
+    scene: wgpu::Tlas,
+}
+
+impl Structures {
+    /// Those of a scene without bodies.
+    pub fn new(device: &Device) -> Self {
+        Self { meshes: HashMap::new(), scene: device.top_structure(1) }
+    }
+
+    /// What kernels bind.
+    pub fn scene(&self) -> &wgpu::Tlas {
+        &self.scene
+    }
+
+    /// Builds what a scene lacks: structures of meshes that are new, and that of the scene. Forgets those of meshes that
+    /// the geometry has forgotten.
+    ///
+    /// # Errors
+    /// If the device failed, or did not finish in time.
+    pub fn build(&mut self, device: &Device, geometry: &Arena, bodies: &[QueriedBody]) -> Result<()> {
+        self.meshes.retain(|(digest, _), _| geometry.holds(digest));
+        let room = self.scene.get().len();
+        if bodies.len() > room {
+            self.scene = device.top_structure(bodies.len().next_power_of_two() as u32);
+        }
+        let room = self.scene.get().len();
+        let instances = self.scene.get_mut_slice(0..room).unwrap_or_default();
+        instances.fill(None);
+        for (number, (instance, queried)) in instances.iter_mut().zip(bodies).enumerate() {
+            let [first, count] = queried.triangles;
+            if count == 0 {
+                continue;
+            }
+            let is_opaque = queried.body.flags == 0;
+            let mesh = self.meshes.entry((queried.digest, is_opaque)).or_insert_with(|| {
+                // One submission each, so that what builds them need not be there for all at once.
+                device.build_structure(geometry.buffer(), first, count, is_opaque)
+            });
+            let transform: [f32; 12] = std::array::from_fn(|i| queried.body.world_from_body()[i / 4][i % 4]);
+            *instance = Some(wgpu::TlasInstance::new(mesh, transform, number as u32, u8::MAX));
+        }
+        let mut encoder = device.encoder();
+        encoder.build_acceleration_structures([], [&self.scene]);
+        // What fails here fails the scene that is loaded, and what building takes is given back before it is rendered.
+        let built = device.submit(encoder);
+        device.wait(built)
+    }
+}
+
+impl Device {
+    /// A structure with room for a number of bodies.
+    fn top_structure(&self, max_instances: u32) -> wgpu::Tlas {
+        self.wgpu().create_tlas(&wgpu::CreateTlasDescriptor {
+            label: Some("bodies"),
+            max_instances,
+            flags: wgpu::AccelerationStructureFlags::PREFER_FAST_TRACE,
+            update_mode: wgpu::AccelerationStructureUpdateMode::Build,
+        })
+    }
+
+    /// Starts to build the structure of triangles, whose corners lie in a buffer from a vector on.
+    fn build_structure(&self, buffer: &wgpu::Buffer, first: u32, count: u32, is_opaque: bool) -> wgpu::Blas {
+        use wgpu::AccelerationStructureGeometryFlags as Flags;
+        let size = wgpu::BlasTriangleGeometrySizeDescriptor {
+            vertex_format: wgpu::VertexFormat::Float32x3,
+            vertex_count: 3 * count,
+            index_format: None,
+            index_count: None,
+            // A pane dims light once.
+            flags: if is_opaque { Flags::OPAQUE } else { Flags::NO_DUPLICATE_ANY_HIT_INVOCATION },
+        };
+        let descriptor = wgpu::CreateBlasDescriptor {
+            label: Some("mesh"),
+            flags: wgpu::AccelerationStructureFlags::PREFER_FAST_TRACE,
+            update_mode: wgpu::AccelerationStructureUpdateMode::Build,
+        };
+        let sizes = wgpu::BlasGeometrySizeDescriptors::Triangles { descriptors: vec![size.clone()] };
+        let blas = self.wgpu().create_blas(&descriptor, sizes);
+        let triangles = wgpu::BlasTriangleGeometry {
+            size: &size,
+            vertex_buffer: buffer,
+            first_vertex: first,
+            vertex_stride: CORNER,
+            index_buffer: None,
+            first_index: None,
+            transform_buffer: None,
+            transform_buffer_offset: None,
+        };
+        let geometry = wgpu::BlasGeometries::TriangleGeometries(vec![triangles]);
+        let mut encoder = self.encoder();
+        encoder.build_acceleration_structures([&wgpu::BlasBuildEntry { blas: &blas, geometry }], []);
+        self.submit(encoder);
+        blas
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adapters::Adapters;
+    use crate::device::Variant;
+    use crate::passes::{GROUP, groups};
+    use crate::session::GpuSession;
+    use crate::view::Pass;
+    use std::sync::Arc;
+    use syntable_model::geometry::{Pose, Translation3};
+    use syntable_model::prelude::*;
+    use syntable_model::product::standard::DEPTH;
+    use syntable_model::scene::{
+        Alpha, Color, Encoding, Material, Mesh, MeshData, Role, Scalar, SceneId, SettleReport, Texture, Transmission,
+        Wrap,
+    };
+    use syntable_testing::scenes;
+    use syntable_testing::tools::is_there;
+    use syntable_testing::workers::Threads;
+    use syntable_transport::PathTracing;
+
+    /// Scenes of triangles, every other one with holes and panes.
+    const SCENES: u64 = 2;
+
+    /// Rays that are traced in each.
+    const RAYS: u64 = 40_000;
+
+    /// Words of a result.
+    const RESULT: usize = 9;
+
+    /// Rays of which one may find something else: one that grazes an edge, or starts on a triangle.
+    const RAYS_OF_A_SLIP: usize = 10_000;
+
+    /// Of every ray, its first hit and what passes of light along it.
+    const PROBE: &str = "
+@compute @workgroup_size(GROUP)
+fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
+    let number = id.x + id.y * ROW;
+    if number >= pass_.pixels { return; }
+    let o = paths[2u * number];
+    let d = paths[2u * number + 1u];
+    let ray = Ray(o.xyz, d.xyz);
+    let hit = first_hit(view.top_level, ray, o.w, number);
+    let passed = passage_of_light(view.top_level, ray, d.w, number);
+    let at = 9u * number;
+    output[at] = hit.instance;
+    output[at + 1u] = hit.primitive;
+    output[at + 2u] = bits(hit.t);
+    output[at + 3u] = bits(hit.u);
+    output[at + 4u] = bits(hit.v);
+    output[at + 5u] = bits(passed.transmittance.x);
+    output[at + 6u] = bits(passed.transmittance.y);
+    output[at + 7u] = bits(passed.transmittance.z);
+    output[at + 8u] = select(passed.panes, 0u, is_black(passed.transmittance));
+}";
+
+    /// A soup of triangles in a cube of a size around the origin.
+    fn soup(random: &mut Stream, triangles: u32, size: f64) -> MeshData {
+        let mut data = MeshData::default();
+        for number in 0..triangles {
+            let center: [f64; 3] = std::array::from_fn(|_| random.uniform(-size, size));
+            // Small ones, and slivers across the cube.
+            let reach = [0.1, 0.1, 0.3, 2.0][number as usize % 4] * size;
+            for _ in 0..3 {
+                data.positions.push(center.map(|x| (x + random.uniform(-reach, reach)) as f32));
+                data.uvs.push([random.uniform(0.0, 3.0) as f32, random.uniform(0.0, 3.0) as f32]);
+            }
+            data.triangles.push([3 * number, 3 * number + 1, 3 * number + 2]);
+        }
+        data
+    }
+
+    /// The same in a mirror, larger.
+    fn mirrored(data: &MeshData) -> MeshData {
+        let mut other = data.clone();
+        other.positions.iter_mut().for_each(|[x, y, z]| (*x, *y, *z) = (-1.7 * *x, 1.7 * *y, 1.7 * *z));
+        other.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        other
+    }
+
+    /// Holes and half-covered parts.
+    fn lattice() -> Arc<Texture> {
+        let alpha = |x: u32, y: u32| [0, 90, 170, 255][((x / 3 + y / 5) % 4) as usize];
+        let texels = (0..32 * 32).flat_map(|i| [200, 120, 60, alpha(i % 32, i / 32)]).collect();
+        let digest = Digest::of(b"lattice");
+        Arc::new(Texture { width: 32, height: 32, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2], digest })
+    }
+
+    /// Soups and their mirror images: the same meshes several times, turned, with and without holes and panes.
+    fn scene(number: u64, special: bool) -> Scene {
+        let mut random = Stream::root(40 + number);
+        let mut builder = scenes::table();
+        let plain = soup(&mut random, 200, 0.2);
+        let meshes = [mirrored(&plain), plain, soup(&mut random, 1, 0.5), soup(&mut random, 37, 0.4)];
+        let cover =
+            |alpha| Material { base_color: Color::texture(lattice()), alpha, ..Material::plain("", [1.0; 3], 0.5) };
+        let glass = Transmission { fraction: Scalar::constant(0.9), volume: None };
+        let pane = Material { transmission: Some(glass), ..Material::plain("", [0.9, 0.7, 0.5], 0.0) };
+        let looks = [
+            Material::plain("", [0.5; 3], 0.5),
+            cover(Alpha::Mask { cutoff: 0.5 }),
+            cover(Alpha::Blend { factor: 0.8 }),
+            pane,
+        ];
+        for (shape, data) in meshes.iter().enumerate() {
+            for (look, material) in looks.iter().enumerate().take(if special { looks.len() } else { 1 }) {
+                let mut object = (*scenes::object(
+                    &format!("{number} {shape} {look}"),
+                    Mesh::new(data.clone()).expect("sound"),
+                    [0.5; 3],
+                ))
+                .clone();
+                object.materials = vec![Arc::new(material.clone())];
+                let object = Arc::new(object);
+                for _ in 0..2 {
+                    let mut body = scenes::body(object.clone(), [0.0; 3], Role::Object);
+                    let [x, y, z] = std::array::from_fn(|_| random.uniform(-0.8, 0.8));
+                    body.world_from_body = Pose::from_parts(Translation3::new(x, y, z), random.rotation());
+                    builder.add(body);
+                }
+            }
+        }
+        builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
+    }
+
+    /// Rays across the scene: origin, from where on, direction of any length, up to where.
+    fn rays(number: u64) -> Vec<[f32; 8]> {
+        let mut random = Stream::root(70 + number);
+        let ray = |i| {
+            let d = random.direction();
+            let length = [1.0, 1.0, 0.01, 30.0][i as usize % 4];
+            let [x, y, z] = std::array::from_fn(|_| random.uniform(-1.5, 1.5) as f32);
+            let [dx, dy, dz] = [d.x, d.y, d.z].map(|d| (d * length) as f32);
+            let from = if random.chance(0.5) { 0.0 } else { random.uniform(0.0, 0.5 / length) as f32 };
+            let to = random.uniform(0.0, 2.0 / length) as f32;
+            match i {
+                // No direction, none that is finite, none that is free, and along an axis.
+                0 => [x, y, z, from, 0.0, 0.0, 0.0, to],
+                1 => [x, y, z, from, f32::MAX, dy, dz, to],
+                2 => [x, y, z, from, dx, dy, dz, 0.0],
+                3 => [0.5 * x, 0.5 * y, 2.0, 0.0, 0.0, 0.0, -1.0, to],
+                _ => [x, y, z, from, dx, dy, dz, to],
+            }
+        };
+        (0..RAYS).map(ray).collect()
+    }
+
+    /// What rays find in a scene: of queries, and of walks.
+    fn traced(session: &mut GpuSession, scene: &Scene, special: bool, rays: &[[f32; 8]]) -> [Vec<[u32; RESULT]>; 2] {
+        let view = scenes::view([0.0, -2.0, 1.0], [0.0; 3], [8, 8], 60.0);
+        session.load(scene, &Threads(2)).expect("loads");
+        // That leaves the tables and uniforms of the view on the device.
+        let wants = [DEPTH.id()];
+        let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
+        session.render(&request, &mut Products::new()).expect("renders");
+        let device = session.device.clone();
+        let words = RAYS * RESULT as u64;
+        session.buffers.paths = device.storage("rays", 32 * RAYS).expect("room");
+        session.buffers.output = device.storage("results", 4 * words).expect("room");
+        let readable = device.readable("results", 4 * words).expect("room");
+        device.write(&session.buffers.paths, 0, bytemuck::cast_slice(rays));
+        let pass = Pass { pixels: RAYS as u32, ..Pass::default() };
+        device.write(&session.buffers.passes, 0, bytemuck::bytes_of(&pass));
+        [true, false].map(|queries| {
+            let variant = Variant { cutouts: special, panes: special, deep: true, queries, ..Variant::default() };
+            let kernel = device.kernel_of(PROBE, "probe", variant);
+            let mut encoder = device.encoder();
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                let [x, y] = groups(RAYS, GROUP);
+                pass.set_pipeline(&kernel);
+                pass.set_bind_group(0, &session.bind(), &[0]);
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            encoder.copy_buffer_to_buffer(&session.buffers.output, 0, &readable, 0, 4 * words);
+            device.read(encoder, &readable, words, |words: &[u32]| words.as_chunks().0.to_vec()).expect("runs")
+        })
+    }
+
+    /// A session with ray queries, if there is an adapter with them.
+    fn session() -> Option<GpuSession> {
+        let adapters = Adapters::find();
+        let queries = adapters.used().is_ok_and(|used| used[0].ray_queries == RayQueries::Used);
+        let what = "a graphics adapter with ray queries, and the feature `ray-query`";
+        if !cfg!(feature = "ray-query") || !is_there(queries, what) {
+            return None;
+        }
+        let device = Arc::new(Device::open(&adapters, 0).expect("opens"));
+        Some(GpuSession::new(device, PathTracing::default(), Arc::default()).expect("opens"))
+    }
+
+    #[test]
+    fn queries_find_what_walks_find() {
+        let Some(mut session) = session() else { return };
+        let (mut hits, mut lit, mut panes, mut covered) = (0, 0, 0, 0);
+        for number in 0..SCENES {
+            let special = number % 2 == 1;
+            let (scene, rays) = (scene(number, special), rays(number));
+            let [queried, walked] = traced(&mut session, &scene, special, &rays);
+            let nothing = [u32::MAX; 2];
+            hits += walked.iter().filter(|result| result[..2] != nothing).count();
+            lit += walked.iter().filter(|result| result[5..8] == [1.0_f32.to_bits(); 3]).count();
+            panes += walked.iter().filter(|result| result[8] > 0).count();
+            covered += walked.iter().filter(|result| result[5..8] == [0; 3]).count();
+            // To the bit, as a hit is computed in the same way.
+            let other_hit: Vec<usize> = (0..rays.len()).filter(|&i| queried[i][..5] != walked[i][..5]).collect();
+            // The order in which panes are met rounds otherwise.
+            let near = |a: u32, b: u32| (f32::from_bits(a) - f32::from_bits(b)).abs() <= 1e-6;
+            let alike = |i: usize| {
+                let [a, b] = [&queried[i], &walked[i]];
+                a[8] == b[8] && (5..8).all(|word| near(a[word], b[word]))
+            };
+            let other_light: Vec<usize> = (0..rays.len()).filter(|&i| !alike(i)).collect();
+            println!("scene {number}: {} hits and {} shadows of {RAYS} differ", other_hit.len(), other_light.len());
+            let most = rays.len() / RAYS_OF_A_SLIP;
+            for (which, what) in [(&other_hit, "first hit"), (&other_light, "passage of light")] {
+                let first = which.first().map(|&i| (rays[i], queried[i], walked[i]));
+                assert!(which.len() <= most, "{} of {what} differ in scene {number}: {first:?}", which.len());
+            }
+            assert!(queried[0][..2] == nothing && queried[1][..2] == nothing && queried[3][..2] != nothing);
+        }
+        let all = (SCENES * RAYS) as usize;
+        assert!(
+            hits > all / 4 && lit > all / 10 && covered > all / 10 && panes > all / 100,
+            "{hits} {lit} {covered} {panes}"
+        );
+    }
+
+    #[test]
+    fn structures_of_meshes_are_kept_for_as_long_as_their_trees() {
+        let Some(mut session) = session() else { return };
+        let kept = |session: &GpuSession| {
+            let structures = session.queried.as_ref().expect("queries");
+            (structures.meshes.clone(), structures.scene.get().iter().flatten().count())
+        };
+        session.load(&scene(0, false), &Threads(2)).expect("loads");
+        let (first, bodies) = kept(&session);
+        assert_eq!((first.len(), bodies), (5, 9), "four soups and the table");
+        session.load(&scene(1, true), &Threads(2)).expect("loads");
+        let (both, bodies) = kept(&session);
+        assert_eq!(bodies, 33, "four shapes in four looks, twice, and the table");
+        assert!(first.iter().all(|(key, blas)| both.get(key).is_none_or(|other| other == blas)), "none is built again");
+        session.load(&scene(0, false), &Threads(2)).expect("loads");
+        let (again, bodies) = kept(&session);
+        assert!(bodies == 9 && again.keys().all(|(digest, _)| session.geometry.holds(digest)));
+    }
+}
