@@ -2,6 +2,7 @@
 
 pub mod cache;
 pub mod cli;
+pub mod images;
 pub mod message;
 pub mod plan;
 pub mod pools;

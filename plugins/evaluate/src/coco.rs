@@ -3,7 +3,7 @@
 //! Boxes are those around masks, and areas those of masks. Predictions are ranked by score; of equal scores, the earlier image
 //! and then the earlier prediction comes first.
 
-use crate::image::{Instance, Pair, intersection, meet};
+use crate::image::{Instance, Pair, meet};
 use crate::measure::{Measure, Measurement, Metric};
 use crate::register_metric;
 use syntable_model::product::{BBox, Mask};
@@ -150,7 +150,7 @@ impl Kind {
         let both = if self.is_box {
             common(&prediction.bbox, &label.bbox)
         } else {
-            f64::from(intersection(prediction.mask, label.mask))
+            f64::from(prediction.mask.shared_area(&label.mask))
         };
         let whole = if label.is_crowd { area(prediction) } else { area(prediction) + area(label) - both };
         both / whole

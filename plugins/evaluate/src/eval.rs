@@ -6,15 +6,14 @@ use crate::predictions::{self, Predictions, check_masks, instances};
 use crate::table::{Score, Scored, Table};
 use crate::{Convention, bootstrap};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::time::{Duration, Instant};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_runtime::cli::{Console, Exit, Topic, Verb};
-use syntable_runtime::run::progress::{Event, Reporter};
+use syntable_runtime::images::each;
+use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::workers::{self, Pool};
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -26,9 +25,6 @@ fn rows() -> Result<Vec<[String; 3]>> {
     let row = |it: crate::measure::Metric| [it.name, it.crate_name, it.doc].map(str::to_owned);
     Ok(std::iter::once(headings).chain(linked()?.into_iter().map(row)).collect())
 }
-
-/// How often the number of scored images is told.
-const PATIENCE: Duration = Duration::from_secs(1);
 
 fn command() -> Command {
     let path = |name: &'static str, what: &'static str| {
@@ -169,21 +165,10 @@ struct Evaluation<'a> {
 impl Evaluation<'_> {
     /// Scores all images, in order. Of errors comes that of the first image.
     fn images(&self, workers: &dyn Workers, reporter: &dyn Reporter) -> Result<Vec<Scored>> {
+        let mut scored = Vec::with_capacity(self.truth.images().len());
         let images = self.truth.images().len();
-        let scored = (0..images).map(|_| None).collect();
-        let state = Mutex::new(State { scored, done: 0, said: Instant::now() });
-        workers.run(images, &|image| {
-            let scored = self.image(image);
-            let Ok(mut state) = state.lock() else { return };
-            state.scored[image] = Some(scored);
-            state.done += 1;
-            if state.said.elapsed() > PATIENCE {
-                state.said = Instant::now();
-                reporter.event(&Event::Working { step: format!("scored {} of {images} images", state.done) });
-            }
-        });
-        let state = state.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-        state.scored.into_iter().flatten().collect()
+        each((workers, reporter), "scored", images, &|image| self.image(image), &mut |_, it| scored.push(it))?;
+        Ok(scored)
     }
 
     fn image(&self, image: usize) -> Result<Scored> {
@@ -198,10 +183,4 @@ impl Evaluation<'_> {
         let pair = pair.map_err(|error| error.in_file(self.pred).context(name()))?;
         Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
     }
-}
-
-struct State {
-    scored: Vec<Option<Result<Scored>>>,
-    done: usize,
-    said: Instant,
 }

@@ -121,28 +121,13 @@ impl Pair {
 pub fn painted(instances: &[Instance]) -> Vec<Mask> {
     let mut shown: Vec<Mask> = Vec::new();
     for instance in instances {
-        shown.iter_mut().filter(|it| intersection(it, &instance.visible) > 0).for_each(|mask| {
+        shown.iter_mut().filter(|it| it.shared_area(&instance.visible) > 0).for_each(|mask| {
             *mask = mask.minus(&instance.visible);
         });
         shown.push(instance.visible.clone());
     }
     shown.retain(|mask| !mask.is_empty());
     shown
-}
-
-/// Number of pixels in both masks, which are of one image.
-pub fn intersection(a: &Mask, b: &Mask) -> u32 {
-    let (mut left, mut right) = (a.runs().peekable(), b.runs().peekable());
-    let mut area = 0;
-    while let (Some(x), Some(y)) = (left.peek(), right.peek()) {
-        area += x.end.min(y.end).saturating_sub(x.start.max(y.start));
-        if x.end < y.end {
-            left.next()
-        } else {
-            right.next()
-        };
-    }
-    area
 }
 
 /// Whether boxes have a common pixel.

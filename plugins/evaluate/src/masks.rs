@@ -1,7 +1,7 @@
 //! Overlap and Boundary P, R, F and F@.75: means over images, each by itself.
 
 use crate::boundary::Boundary;
-use crate::image::{Instance, Pair, intersection};
+use crate::image::{Instance, Pair};
 use crate::matching::f_of;
 use crate::measure::{Measure, Measurement, Metric, Ratio, quotients};
 use crate::{Convention, register_metric};
@@ -128,7 +128,7 @@ pub fn of_masks(labels: &[Mask], predictions: &[Mask], pairs: &[(usize, usize)])
         (false, false) => {}
     }
     let area = |masks: &[Mask]| masks.iter().map(|mask| u64::from(mask.area())).sum::<u64>() as usize;
-    let both = pairs.iter().map(|&(i, j)| intersection(&labels[i], &predictions[j]) as usize).sum();
+    let both = pairs.iter().map(|&(i, j)| labels[i].shared_area(&predictions[j]) as usize).sum();
     let lines = [labels, predictions].map(|masks| masks.iter().map(Boundary::of).collect::<Vec<_>>());
     let length = |side: usize| lines[side].iter().map(Boundary::len).sum();
     let hits = |a: usize, b: usize| -> usize {

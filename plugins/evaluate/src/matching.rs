@@ -3,7 +3,7 @@
 //! As in the reference there is no gate: min(objects, predictions) pairs come out, also ones without a common pixel. Of equal
 //! sums the pairs are those whose list, by object, is the lexicographically lowest.
 
-use crate::image::{Instance, Pairs, intersection, meet};
+use crate::image::{Instance, Pairs, meet};
 use syntable_model::product::Mask;
 
 /// An F of 1 as an integer, so that equal sums are equal.
@@ -11,7 +11,7 @@ const UNIT: f64 = (1_u64 << 40) as f64;
 
 /// F of two masks: harmonic mean of the shares of either that is in both. 0 if no pixel is.
 pub fn f_of(a: &Mask, b: &Mask) -> f64 {
-    let both = f64::from(intersection(a, b));
+    let both = f64::from(a.shared_area(b));
     if both == 0.0 { 0.0 } else { 2.0 * both / (f64::from(a.area()) + f64::from(b.area())) }
 }
 

@@ -1,6 +1,6 @@
 //! Who occludes whom.
 
-use crate::image::{Instance, Pair, intersection};
+use crate::image::{Instance, Pair};
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_model::product::Mask;
@@ -107,7 +107,7 @@ fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> Order {
 
 /// The paper's Algorithm 1: the visible mask of one meets the occlusion mask of the other.
 pub fn paper(all: &[Instance]) -> Order {
-    order(all.len(), |i, j| intersection(&all[i].visible, &all[j].occlusion) > 0)
+    order(all.len(), |i, j| all[i].visible.shared_area(&all[j].occlusion) > 0)
 }
 
 /// Edges of predictions as the release has them.
@@ -124,6 +124,6 @@ fn release(all: &[Instance]) -> Order {
 }
 
 fn exceeds(visible: &Mask, occlusion: &Mask) -> bool {
-    let both = intersection(visible, occlusion);
+    let both = visible.shared_area(occlusion);
     f64::from(both) > RELEASE_IOU * f64::from(visible.area() + occlusion.area() - both)
 }

@@ -1,6 +1,6 @@
 //! Panoptic quality and mean IoU.
 
-use crate::image::{Pair, intersection, meet};
+use crate::image::{Pair, meet};
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_model::product::Mask;
@@ -26,7 +26,7 @@ register_metric!(
 );
 
 fn iou(a: &Mask, b: &Mask) -> f64 {
-    let both = f64::from(intersection(a, b));
+    let both = f64::from(a.shared_area(b));
     if both == 0.0 { 0.0 } else { both / (f64::from(a.area()) + f64::from(b.area()) - both) }
 }
 
@@ -70,7 +70,7 @@ fn miou(pair: &Pair) -> [Ratio; 2] {
 fn of_pairs<'a>(pairs: impl Iterator<Item = (&'a Mask, &'a Mask)>, counts: [usize; 2]) -> Ratio {
     let (mut both, mut either) = (0.0, 0.0);
     for (a, b) in pairs {
-        let shared = f64::from(intersection(a, b));
+        let shared = f64::from(a.shared_area(b));
         both += shared;
         either += f64::from(a.area()) + f64::from(b.area()) - shared;
     }

@@ -213,6 +213,21 @@ impl Mask {
         self.merge(other, |a, b| a && !b)
     }
 
+    /// Number of pixels in this mask and the other. Both are of one image.
+    pub fn shared_area(&self, other: &Self) -> u32 {
+        let (mut left, mut right) = (self.runs().peekable(), other.runs().peekable());
+        let mut area = 0;
+        while let (Some(x), Some(y)) = (left.peek(), right.peek()) {
+            area += x.end.min(y.end).saturating_sub(x.start.max(y.start));
+            if x.end < y.end {
+                left.next()
+            } else {
+                right.next()
+            };
+        }
+        area
+    }
+
     /// Pixel-wise combination; `f(false, false)` must be false. Panics if the images differ in size.
     fn merge(&self, other: &Self, f: impl Fn(bool, bool) -> bool) -> Self {
         assert_eq!((self.width, self.height), (other.width, other.height), "masks of one image");
@@ -478,6 +493,7 @@ mod tests {
             };
             let (ma, mb) = (make(&a), make(&b));
             prop_assert_eq!(ma.and(&mb), zip(|a, b| a && b));
+            prop_assert_eq!(ma.shared_area(&mb), zip(|a, b| a && b).area());
             prop_assert_eq!(ma.or(&mb), zip(|a, b| a || b));
             prop_assert_eq!(ma.minus(&mb), zip(|a, b| a && !b));
             prop_assert_eq!(ma.to_plane().data().to_vec(), a.clone());

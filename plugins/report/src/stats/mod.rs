@@ -1,0 +1,336 @@
+//! What a dataset is in numbers: Table 1 of the SynTable paper, distributions, near-duplicate views, and how far datasets are
+//! apart.
+//!
+//! | module | holds |
+//! | --- | --- |
+//! | [`image`] | what is kept of an image |
+//! | [`quantity`] | quantities with their units and bins |
+//! | [`distribution`] | values of a quantity |
+//! | [`duplicates`] | views that look almost the same |
+//! | [`distance`] | distances between distributions |
+//! | [`table`] | all of it as text, JSON and CSV |
+//!
+//! An object counts in a view that shows a pixel of it; annotated objects without one are counted by themselves and nowhere
+//! else. Labels are those of the dataset's masks, so that a dataset has the same numbers in every format that keeps masks.
+
+pub mod distance;
+pub mod distribution;
+pub mod duplicates;
+pub mod image;
+pub mod quantity;
+pub mod table;
+mod verb;
+
+use distribution::{Binning, Distribution, bin};
+use duplicates::{Duplicates, LEVELS, Thumbnail};
+pub use image::{ImageRow, Layers, OcclusionRow};
+use image::{Tally, Wanted, tally};
+use quantity::Quantity;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use syntable_model::context::Workers;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::{
+    AMODAL_MASK, DEPTH, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBLE_MASK,
+};
+use syntable_model::reader::DatasetReader;
+use syntable_model::stage::DatasetInfo;
+use syntable_runtime::images::each;
+use syntable_runtime::run::progress::{Event, Reporter};
+
+/// How a dataset is counted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Options {
+    /// Whether color images and depth are read: they take most of the time.
+    pub images: bool,
+    /// What makes an edge of the occlusion graph.
+    pub edges: Edges,
+    /// Whether components are those of every prefix of a view's objects, as in the authors' figure, and not of all of them.
+    pub prefixes: bool,
+    /// Largest difference of near-duplicate views, see [`duplicates`].
+    pub levels: u8,
+    /// Bins of histograms.
+    pub binning: Binning,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { images: true, edges: Edges::Pixels, prefixes: false, levels: LEVELS, binning: Binning::Fixed }
+    }
+}
+
+/// What makes an edge "i occludes j" of the occlusion graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Edges {
+    /// A pixel of j's occlusion mask that shows i (SynTable, Algorithm 1).
+    Pixels,
+    /// An IoU of i's visible and j's occlusion mask above 0.1, as in some of the authors' notebooks.
+    Iou,
+    /// What the dataset says.
+    Stored,
+}
+
+/// A dataset in numbers. What is none is not known of its format, or was left out: `unknown` says which.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Its name.
+    pub name: String,
+    /// Its row of Table 1, and what goes with it.
+    pub totals: Totals,
+    /// Objects by their layers in the occlusion graph.
+    pub layers: Option<Layers>,
+    /// Its distributions, in the order of [`Quantity::ALL`]; those without values are left out.
+    pub distributions: Vec<Distribution>,
+    /// How often each asset is seen, most often first.
+    pub assets: Option<Vec<AssetCount>>,
+    /// Number of objects that views show, by class; empty in datasets with one class.
+    pub classes: BTreeMap<String, u64>,
+    /// Views that look almost the same.
+    pub near_duplicates: Option<Duplicates>,
+    /// What is not known, and why: sentences.
+    pub unknown: Vec<String>,
+    /// In what the dataset's format says less than a run, for people.
+    pub caveats: Vec<String>,
+    /// Its images, in order.
+    #[serde(skip)]
+    pub images: Vec<ImageRow>,
+}
+
+/// A dataset's row of Table 1 of the SynTable paper, and what goes with it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Totals {
+    /// Images, also those that show no object.
+    pub images: u64,
+    /// Images that show no object.
+    pub empty_images: u64,
+    /// Distinct assets of objects that views show.
+    pub objects: Option<u64>,
+    /// Scenes. In formats without scenes, each image is one.
+    pub scenes: u64,
+    /// Pairs of an object and a view that shows a pixel of it: #VI.
+    pub visible_instances: u64,
+    /// Those of which another object hides a pixel or more: #OI.
+    pub occluded_instances: Option<u64>,
+    /// Annotated objects of which a view shows no pixel. They count nowhere else.
+    pub hidden_instances: u64,
+    /// Sum of the areas of amodal masks, px.
+    pub amodal_px: Option<u64>,
+    /// Sum of the areas of occlusion masks, px.
+    pub occluded_px: Option<u64>,
+    /// `occluded_px` / `amodal_px`: "Avg. OR", weighted by pixels and so no mean of rates.
+    pub average_occlusion_rate: Option<f64>,
+    /// Mean of the occlusion rates of all visible instances.
+    pub mean_occlusion_rate: Option<f64>,
+    /// Mean of the occlusion rates of the occluded instances.
+    pub mean_occlusion_rate_of_occluded: Option<f64>,
+    /// Edges of occlusion graphs.
+    pub edges: Option<u64>,
+    /// Pairs of objects that occlude each other.
+    pub mutual_pairs: Option<u64>,
+    /// Views whose occlusion graph has a cycle.
+    pub cyclic_views: Option<u64>,
+}
+
+/// How often an asset is seen.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct AssetCount {
+    /// Its name, with its pool as far as that is known.
+    pub name: String,
+    /// Objects that views show, views apart.
+    pub instances: u64,
+    /// Views that show it.
+    pub views: u64,
+    /// Scenes with such views.
+    pub scenes: u64,
+}
+
+impl Statistics {
+    /// The values of a quantity, if the dataset has some.
+    pub fn distribution(&self, quantity: Quantity) -> Option<&Distribution> {
+        self.distributions.iter().find(|it| it.quantity() == quantity)
+    }
+}
+
+/// Gives the histograms of several datasets the same bins.
+pub fn bin_alike(all: &mut [&mut Statistics], binning: Binning) {
+    for quantity in Quantity::ALL {
+        let of = all.iter_mut().flat_map(|it| &mut it.distributions).filter(|it| it.quantity() == quantity);
+        bin(&mut of.collect::<Vec<_>>(), binning);
+    }
+}
+
+/// Counts what a dataset has. The numbers do not depend on threads. Of an image is kept its [`ImageRow`] and, unless images are
+/// left out, 256 bytes for near-duplicates.
+///
+/// # Errors
+/// If the dataset has no image, or one cannot be read.
+pub fn of(
+    dataset: &dyn DatasetReader,
+    options: &Options,
+    (workers, reporter): (&dyn Workers, &dyn Reporter),
+) -> Result<Statistics> {
+    if dataset.images().is_empty() {
+        return Err(Error::new("the dataset has no image").permanent());
+    }
+    let wanted = Wanted::of(dataset, options);
+    if options.edges == Edges::Stored && !wanted.has(&OCCLUSION_ORDER.id()) {
+        return Err(Error::new("the dataset has no `occlusion_order`")
+            .help("leave out --edges stored: the order then follows from masks")
+            .of_request());
+    }
+    let has_names = wanted.has(&OBJECT_INFO.id()) || wanted.has(&OBJECT_NAME.id());
+    let mut collected = Collected { has_names, ..Collected::default() };
+    let work = |image: usize| tally(dataset, image, &wanted, options);
+    each((workers, reporter), "counted", dataset.images().len(), &work, &mut |_, it| collected.add(it))?;
+    let duplicates = wanted.has(&RGB.id()).then(|| {
+        let step = "comparing views with each other".to_owned();
+        reporter.event(&Event::Working { step });
+        collected.near_duplicates(options.levels, workers)
+    });
+    let mut statistics = collected.finish(dataset.info(), duplicates);
+    statistics.unknown = unknown(&statistics, dataset, &wanted, options);
+    statistics.caveats = dataset.caveats(&wanted.keys);
+    bin_alike(&mut [&mut statistics], options.binning);
+    Ok(statistics)
+}
+
+/// What is not known of a dataset, and why.
+fn unknown(of: &Statistics, dataset: &dyn DatasetReader, wanted: &Wanted, options: &Options) -> Vec<String> {
+    let offers = dataset.offers();
+    let says = |quantity| of.distribution(quantity).is_some();
+    let is_empty = of.totals.visible_instances == 0;
+    let lacks = [
+        (!wanted.has(&VISIBLE_MASK.id()), "objects have no masks: areas, occlusion and its order are unknown"),
+        (
+            wanted.has(&VISIBLE_MASK.id()) && !wanted.has(&AMODAL_MASK.id()),
+            "objects have no amodal masks: occlusion and its order are unknown, areas are those of visible masks",
+        ),
+        (of.assets.is_none(), "objects have no names: how many there are and how often each is seen is unknown"),
+        (!is_empty && !says(Quantity::ObjectSize), "objects have no boxes in space: sizes in meters are unknown"),
+        (!is_empty && !says(Quantity::ObjectDistance), "objects have no poses: distances from the camera are unknown"),
+        (options.images && !offers.contains(&DEPTH.id()), "there are no depth images"),
+        (options.images && !offers.contains(&RGB.id()), "there are no color images: brightness is unknown"),
+        (!options.images, "images were left out: brightness, depth and near-duplicate views"),
+    ];
+    lacks.into_iter().filter(|it| it.0).map(|it| it.1.to_owned()).collect()
+}
+
+/// What was counted so far.
+#[derive(Default)]
+struct Collected {
+    images: Vec<ImageRow>,
+    thumbnails: Vec<Thumbnail>,
+    distributions: BTreeMap<Quantity, Distribution>,
+    assets: BTreeMap<String, (AssetCount, u32)>,
+    categories: BTreeMap<u32, u64>,
+    rates: f64,
+    has_names: bool,
+}
+
+impl Collected {
+    /// Adds the next image.
+    fn add(&mut self, tally: Tally) {
+        let scene = tally.row.scene;
+        let mut of = |quantity| self.distributions.entry(quantity).or_insert_with(|| Distribution::new(quantity));
+        tally.values.into_iter().for_each(|(quantity, value)| of(quantity).add(value));
+        if let Some(depths) = tally.depths {
+            let counts = (0..).zip(depths.counts).filter(|it| it.1 > 0);
+            of(Quantity::Depth).add_counts(counts, depths.sum, depths.range);
+        }
+        let mut names: BTreeMap<String, u64> = BTreeMap::new();
+        tally.assets.into_iter().for_each(|name| *names.entry(name).or_default() += 1);
+        for (name, instances) in names {
+            let (count, last) = self
+                .assets
+                .entry(name.clone())
+                .or_insert_with(|| (AssetCount { name, instances: 0, views: 0, scenes: 0 }, scene));
+            // Images are ordered by scene.
+            count.scenes += u64::from(count.views == 0 || *last != scene);
+            (count.instances, count.views, *last) = (count.instances + instances, count.views + 1, scene);
+        }
+        tally.categories.into_iter().for_each(|category| *self.categories.entry(category).or_default() += 1);
+        self.rates += tally.rates;
+        self.thumbnails.extend(tally.thumbnail);
+        self.images.push(tally.row);
+    }
+
+    /// Looks for views that look almost the same, and marks them.
+    fn near_duplicates(&mut self, levels: u8, workers: &dyn Workers) -> Duplicates {
+        let groups = duplicates::groups(&self.thumbnails, levels, workers);
+        let views: usize = groups.iter().map(Vec::len).sum();
+        let is_in_scene =
+            |group: &&Vec<usize>| group.iter().all(|image| self.images[*image].scene == self.images[group[0]].scene);
+        let found = Duplicates {
+            levels,
+            views: views as u64,
+            redundant: (views - groups.len()) as u64,
+            groups_in_scene: groups.iter().filter(is_in_scene).count() as u64,
+            groups: groups
+                .iter()
+                .map(|group| group.iter().map(|image| self.images[*image].name.clone()).collect())
+                .collect(),
+        };
+        for (number, group) in (0..).zip(groups) {
+            group.into_iter().for_each(|image| self.images[image].duplicates = Some(number));
+        }
+        found
+    }
+
+    fn finish(self, info: &DatasetInfo, near_duplicates: Option<Duplicates>) -> Statistics {
+        let sum = |of: fn(&ImageRow) -> u64| self.images.iter().map(of).sum::<u64>();
+        let occlusion = |of: fn(&OcclusionRow) -> u64| {
+            // Either all images have it or none.
+            self.images.iter().map(|it| it.occlusion.as_ref().map(of)).sum::<Option<u64>>()
+        };
+        let ratio = |part: Option<f64>, whole: Option<u64>| {
+            part.zip(whole.filter(|whole| *whole > 0)).map(|(part, whole)| part / whole as f64)
+        };
+        let (occluded, amodal_px) = (occlusion(|it| it.occluded.into()), occlusion(|it| it.amodal_px));
+        let occluded_px = occlusion(|it| it.occluded_px);
+        let visible_instances = sum(|it| it.objects.into());
+        let rates = occluded.map(|_| self.rates);
+        let mut scenes: Vec<u32> = self.images.iter().map(|it| it.scene).collect();
+        scenes.dedup();
+        let layers = self.images.iter().map(|it| Some(it.occlusion?.layers)).reduce(|sum, of| {
+            let mut sum = sum?;
+            sum.add(of?);
+            Some(sum)
+        });
+        let totals = Totals {
+            images: self.images.len() as u64,
+            empty_images: sum(|it| u64::from(it.objects == 0)),
+            objects: self.has_names.then_some(self.assets.len() as u64),
+            scenes: scenes.len() as u64,
+            visible_instances,
+            occluded_instances: occluded,
+            hidden_instances: sum(|it| it.hidden_objects.into()),
+            amodal_px,
+            occluded_px,
+            average_occlusion_rate: ratio(occluded_px.map(|px| px as f64), amodal_px),
+            mean_occlusion_rate: ratio(rates, Some(visible_instances)),
+            mean_occlusion_rate_of_occluded: ratio(rates, occluded),
+            edges: occlusion(|it| it.edges.into()),
+            mutual_pairs: occlusion(|it| it.mutual_pairs.into()),
+            cyclic_views: occlusion(|it| u64::from(it.cycles > 0)),
+        };
+        let mut assets: Vec<AssetCount> = self.assets.into_values().map(|it| it.0).collect();
+        assets.sort_by(|a, b| b.instances.cmp(&a.instances).then_with(|| a.name.cmp(&b.name)));
+        let class = |id: u32| match id.checked_sub(DatasetInfo::OBJECT.0 + 1) {
+            Some(place) => info.classes.get(place as usize).cloned(),
+            None => Some(DatasetInfo::OBJECT.1.to_owned()),
+        };
+        let classes = self.categories.into_iter().filter(|_| !info.classes.is_empty());
+        Statistics {
+            name: info.name.clone(),
+            totals,
+            layers: layers.flatten(),
+            distributions: self.distributions.into_values().collect(),
+            assets: self.has_names.then_some(assets),
+            classes: classes.filter_map(|(id, count)| Some((class(id)?, count))).collect(),
+            near_duplicates,
+            unknown: Vec::new(),
+            caveats: Vec::new(),
+            images: self.images,
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! `syntable stats`.
+
+use super::distribution::Binning;
+use super::duplicates::LEVELS;
+use super::table::{self, Described};
+use super::{Edges, Options, bin_alike, of};
+use std::path::PathBuf;
+use syntable_model::error::Error;
+use syntable_model::reader;
+use syntable_model::registry::Registry;
+use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
+use syntable_runtime::cli::{Console, Exit, Verb};
+use syntable_runtime::workers::{self, Pool};
+
+syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+
+fn command() -> Command {
+    let flag = |name: &'static str| Arg::new(name).long(name);
+    Command::new("stats")
+        .about("Count what datasets have: objects, occlusion, sizes, distances, brightness, near-duplicate views")
+        .arg(
+            Arg::new("dataset")
+                .value_name("DATASET")
+                .required(true)
+                .num_args(1..)
+                .value_parser(value_parser!(PathBuf))
+                .help("Folders of datasets of any format that can be read, or annotation files; several stand side by side"),
+        )
+        .arg(
+            flag("format")
+                .value_name("FORMAT")
+                .help("Their format (see `syntable list formats`); the one that each looks like if left out"),
+        )
+        .arg(flag("labels-only").action(ArgAction::SetTrue).help(
+            "Read no images, which takes most of the time: leaves out brightness, depth and near-duplicate views",
+        ))
+        .arg(flag("edges").value_parser(["pixels", "iou", "stored"]).default_value("pixels").help(
+            "What makes object i occlude j: a hidden pixel of j that shows i; an IoU of i's visible and j's occlusion mask \
+             above 0.1, as in some of SynTable's notebooks; or the order that the dataset has",
+        ))
+        .arg(flag("bins").value_parser(["fixed", "equal"]).default_value("fixed").help(
+            "Bins of histograms: fixed ones, or ten equal ones from the least to the greatest value, as in SynTable's figures",
+        ))
+        .arg(flag("prefixes").action(ArgAction::SetTrue).help(
+            "Count components of the first object of each view, of the first two and so on, as SynTable's figure does",
+        ))
+        .arg(
+            flag("duplicate-levels")
+                .value_name("N")
+                .value_parser(value_parser!(u8))
+                .default_value("5")
+                .help("Largest difference of the luma of a cell, of 255, in near-duplicate views"),
+        )
+        .arg(flag("json").action(ArgAction::SetTrue).help("Print all of it as one JSON object"))
+        .arg(
+            flag("csv")
+                .value_name("FILE")
+                .value_parser(value_parser!(PathBuf))
+                .help("Write a line for each image to a file"),
+        )
+        .arg(
+            flag("threads")
+                .value_name("N")
+                .value_parser(value_parser!(u16).range(1..=1024))
+                .help("Worker threads; all cores if left out. The numbers do not depend on it"),
+        )
+        .after_help(
+            "Examples:
+  syntable stats data                              tables and histograms
+  syntable stats data --csv each.csv --json        for programs; a line for each image
+  syntable stats ours theirs --labels-only         side by side, with distances between them",
+        )
+}
+
+fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Exit> {
+    let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
+    let options = Options {
+        images: !arguments.get_flag("labels-only"),
+        edges: match text("edges") {
+            Some("iou") => Edges::Iou,
+            Some("stored") => Edges::Stored,
+            _ => Edges::Pixels,
+        },
+        prefixes: arguments.get_flag("prefixes"),
+        levels: arguments.get_one("duplicate-levels").copied().unwrap_or(LEVELS),
+        binning: if text("bins") == Some("equal") { Binning::Equal } else { Binning::Fixed },
+    };
+    let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
+    let pool = Pool::new(threads).map_err(Exit::stopped)?;
+    let mut all = Vec::new();
+    for path in arguments.get_many::<PathBuf>("dataset").into_iter().flatten() {
+        let (format, dataset) = reader::open(path, text("format")).map_err(Exit::stopped)?;
+        let statistics = of(&*dataset, &options, (&pool, console.reporter()));
+        let statistics = statistics.map_err(|error| Exit::stopped(error.in_file(path)))?;
+        all.push(Described { dataset: path.display().to_string(), format: format.name, statistics });
+    }
+    bin_alike(&mut all.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);
+    if let Some(file) = arguments.get_one::<PathBuf>("csv") {
+        std::fs::write(file, table::csv(&all)).map_err(|error| Exit::stopped(Error::io(file, &error)))?;
+    }
+    console.print(&if arguments.get_flag("json") { table::json(&all) } else { table::text(&all) })
+}
