@@ -2,8 +2,14 @@
 //!
 //! | module | holds |
 //! | --- | --- |
+//! | [`report`] | pages that show a dataset, as a folder |
+//! | [`serve`] | a server of pages for the browser of this machine |
 //! | [`stats`] | the numbers: Table 1 of the paper, distributions, near-duplicate views, distances between datasets |
+//! | [`view`] | the pages of a dataset, served |
 
+pub mod report;
+pub mod serve;
 pub mod stats;
+pub mod view;
 
 pub use syntable_model::inventory;

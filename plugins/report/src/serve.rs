@@ -1,0 +1,520 @@
+//! Pages for the browser of this machine: a server that nobody else can reach.
+//!
+//! It listens on the loopback address alone, answers GET and HEAD, and refuses requests whose `Host` is another name:
+//! a page from elsewhere whose name is made to mean this machine (DNS rebinding) reads nothing.
+//!
+//! Pages learn of changes by [`CHANGES`]: `GET /changes?after=3` is answered with `{"version": 4}` once there is a version
+//! after 3, or after [`PATIENCE`] with the version that is there. Requests that wait hold no thread.
+
+use parking_lot::{Condvar, Mutex};
+use std::fs::File;
+use std::io::{Cursor, Read};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+use syntable_model::error::{Error, Result};
+use syntable_runtime::run::stop::Stop;
+use tiny_http::{Header, Method, StatusCode};
+
+/// Path where pages wait for the next version; no handler is asked for it.
+pub const CHANGES: &str = "/changes";
+/// How long a request waits for a version. Browsers give up later than that.
+const PATIENCE: Duration = Duration::from_secs(25);
+/// Maximum number of requests that wait; the one that waited longest is answered when there are more.
+const MAX_WAITING: usize = 64;
+/// Threads that answer requests.
+const THREADS: usize = 4;
+/// How often a thread without work looks for the signal to stop.
+const LOOK: Duration = Duration::from_millis(100);
+/// Names of this machine that a `Host` header may have.
+const HOSTS: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];
+/// What a page may load and run: what comes from this server, and what it has in itself.
+const POLICY: &str = "default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'none'";
+
+/// A request for something.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Request {
+    /// Path with a leading slash, percent-decoded; no segment of it is `.`, `..` or empty, apart from the last one.
+    pub path: String,
+    /// Names and values after the question mark, percent-decoded, in order.
+    pub query: Vec<(String, String)>,
+}
+
+impl Request {
+    /// Reads the target of a request line; none if it is no path, or not encoded as one.
+    fn parse(target: &str) -> Option<Self> {
+        let (path, query) = target.split_once('?').unwrap_or((target, ""));
+        let path = decoded(path, false)?;
+        let segments: Vec<&str> = path.strip_prefix('/')?.split('/').collect();
+        let (last, folders) = segments.split_last()?;
+        let climbs = |segment: &str| segment == "." || segment == ".." || segment.contains(['\\', '\0']);
+        if folders.iter().any(|it| it.is_empty()) || segments.iter().any(|it| climbs(it)) || last.starts_with("..") {
+            return None;
+        }
+        let pairs = query.split('&').filter(|pair| !pair.is_empty()).map(|pair| {
+            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+            Some((decoded(name, true)?, decoded(value, true)?))
+        });
+        Some(Self { query: pairs.collect::<Option<_>>()?, path })
+    }
+
+    /// The first value of a name after the question mark.
+    pub fn query(&self, name: &str) -> Option<&str> {
+        self.query.iter().find(|(other, _)| other == name).map(|(_, value)| value.as_str())
+    }
+}
+
+/// Undoes percent-encoding, and in queries `+` for a space; none if the text is not encoded right.
+fn decoded(text: &str, is_query: bool) -> Option<String> {
+    let mut bytes = text.bytes();
+    let mut out = Vec::with_capacity(text.len());
+    while let Some(byte) = bytes.next() {
+        out.push(match byte {
+            b'%' => {
+                let [high, low] = [bytes.next()?, bytes.next()?].map(|digit| char::from(digit).to_digit(16));
+                (high? * 16 + low?) as u8
+            }
+            b'+' if is_query => b' ',
+            other => other,
+        });
+    }
+    String::from_utf8(out).ok()
+}
+
+/// What is sent back.
+pub struct Response {
+    status: u16,
+    content_type: &'static str,
+    length: u64,
+    body: Box<dyn Read + Send>,
+}
+
+impl Response {
+    /// Bytes of a content type, such as `image/png`.
+    pub fn bytes(content_type: &'static str, bytes: impl Into<Vec<u8>>) -> Self {
+        let bytes = bytes.into();
+        Self { status: 200, content_type, length: bytes.len() as u64, body: Box::new(Cursor::new(bytes)) }
+    }
+
+    /// A page.
+    pub fn html(text: impl Into<String>) -> Self {
+        Self::bytes(content_type("html"), text.into())
+    }
+
+    /// JSON.
+    pub fn json(value: &serde_json::Value) -> Self {
+        Self::bytes(content_type("json"), value.to_string())
+    }
+
+    /// A file, with the content type of its extension. It is read while it is sent; one that is not there is a 404.
+    pub fn file(path: &Path) -> Self {
+        let open = || {
+            let file = File::open(path)?;
+            let metadata = file.metadata()?;
+            Ok::<_, std::io::Error>((metadata.is_file().then_some(file), metadata.len()))
+        };
+        match open() {
+            Ok((Some(file), length)) => {
+                let extension = path.extension().and_then(|it| it.to_str()).unwrap_or_default();
+                Self { status: 200, content_type: content_type(extension), length, body: Box::new(file) }
+            }
+            _ => Self::missing(),
+        }
+    }
+
+    /// 404: nothing is there.
+    pub fn missing() -> Self {
+        Self::failed(404, "nothing is here\n")
+    }
+
+    /// An error with a text.
+    pub fn failed(status: u16, text: impl Into<String>) -> Self {
+        Self { status, ..Self::bytes(content_type("txt"), text.into()) }
+    }
+}
+
+/// Content type of an extension, without its dot.
+pub fn content_type(extension: &str) -> &'static str {
+    match extension.to_ascii_lowercase().as_str() {
+        "html" => "text/html; charset=utf-8",
+        "css" => "text/css; charset=utf-8",
+        "js" => "text/javascript; charset=utf-8",
+        "txt" | "toml" | "md" | "jsonl" => "text/plain; charset=utf-8",
+        "csv" => "text/csv; charset=utf-8",
+        "json" => "application/json",
+        "png" => "image/png",
+        "jpg" | "jpeg" => "image/jpeg",
+        "webp" => "image/webp",
+        "svg" => "image/svg+xml",
+        "glb" => "model/gltf-binary",
+        _ => "application/octet-stream",
+    }
+}
+
+/// The version of what pages show. They wait for the next one.
+#[derive(Debug, Clone, Default)]
+pub struct Changes(Arc<(Mutex<u64>, Condvar)>);
+
+impl Changes {
+    /// States that there is something new, and gives its version: 1, 2, ….
+    pub fn publish(&self) -> u64 {
+        let mut version = self.0.0.lock();
+        *version += 1;
+        self.0.1.notify_all();
+        *version
+    }
+
+    /// The version that is there; 0 before the first.
+    pub fn version(&self) -> u64 {
+        *self.0.0.lock()
+    }
+
+    /// Waits until there is another version than `known`, not much longer than the given time.
+    fn wait(&self, known: u64, time: Duration) -> u64 {
+        let mut version = self.0.0.lock();
+        if *version == known {
+            self.0.1.wait_for(&mut version, time);
+        }
+        *version
+    }
+}
+
+/// A request that waits for a version after the one that it knows.
+struct Waiting {
+    request: tiny_http::Request,
+    after: u64,
+    until: Instant,
+}
+
+/// A server on a port of this machine.
+pub struct Server {
+    http: tiny_http::Server,
+    address: SocketAddr,
+}
+
+impl Server {
+    /// Listens on a port of the loopback address; 0 for any free one.
+    pub fn bind(port: u16) -> Result<Self> {
+        let refused = |reason: String| {
+            let error = Error::new(format!("port {port} of 127.0.0.1: {reason}"));
+            error.help("another program may listen there; --port 0 takes any free one").of_request()
+        };
+        let listener = TcpListener::bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
+        let listener = listener.map_err(|error| refused(error.to_string()))?;
+        let address = listener.local_addr().map_err(|error| refused(error.to_string()))?;
+        let http = tiny_http::Server::from_listener(listener, None).map_err(|error| refused(error.to_string()))?;
+        Ok(Self { http, address })
+    }
+
+    /// Address of the first page: `http://127.0.0.1:8000/`.
+    pub fn url(&self) -> String {
+        format!("http://{}/", self.address)
+    }
+
+    /// Answers requests until it shall stop. `handler` is called by several threads; one that panics answers with 500.
+    pub fn run(&self, stop: &Stop, changes: &Changes, handler: &(dyn Fn(&Request) -> Response + Sync)) {
+        let waiting = Mutex::new(Vec::new());
+        thread::scope(|scope| {
+            for _ in 0..THREADS {
+                scope.spawn(|| {
+                    while stop.requested().is_none() {
+                        match self.http.recv_timeout(LOOK) {
+                            Ok(Some(request)) => self.answer(request, changes, handler, &waiting),
+                            Ok(None) => {}
+                            // The listener is gone: others may still be answered, and the signal comes later.
+                            Err(_) => thread::sleep(LOOK),
+                        }
+                    }
+                });
+            }
+            let mut version = changes.version();
+            while stop.requested().is_none() {
+                version = changes.wait(version, LOOK);
+                release(&mut waiting.lock(), version, Instant::now());
+            }
+        });
+        for Waiting { request, .. } in waiting.into_inner() {
+            send(request, told(changes.version()));
+        }
+    }
+
+    fn answer(
+        &self,
+        request: tiny_http::Request,
+        changes: &Changes,
+        handler: &(dyn Fn(&Request) -> Response + Sync),
+        waiting: &Mutex<Vec<Waiting>>,
+    ) {
+        let asked = match self.accepted(&request) {
+            Ok(asked) => asked,
+            Err(refused) => return send(request, refused),
+        };
+        if asked.path == CHANGES {
+            // Without a number the answer is the version that is there.
+            let after = asked.query("after").and_then(|after| after.parse().ok());
+            let mut waiting = waiting.lock();
+            let version = changes.version();
+            match after.filter(|after| version <= *after) {
+                Some(after) => {
+                    if waiting.len() >= MAX_WAITING {
+                        send(waiting.remove(0).request, told(version));
+                    }
+                    waiting.push(Waiting { request, after, until: Instant::now() + PATIENCE });
+                }
+                None => send(request, told(version)),
+            }
+            return;
+        }
+        let answer = catch_unwind(AssertUnwindSafe(|| handler(&asked)));
+        send(request, answer.unwrap_or_else(|_| Response::failed(500, "the page could not be made\n")));
+    }
+
+    /// What is asked for, if the request may be answered.
+    fn accepted(&self, request: &tiny_http::Request) -> std::result::Result<Request, Response> {
+        if !matches!(request.method(), Method::Get | Method::Head) {
+            return Err(Response::failed(405, "only GET and HEAD are answered\n"));
+        }
+        let hosts: Vec<&str> =
+            request.headers().iter().filter(|it| it.field.equiv("Host")).map(|it| it.value.as_str()).collect();
+        if !matches!(hosts.as_slice(), [host] if self.is_own(host)) {
+            let text = format!("this server answers to {} only\n", self.url());
+            return Err(Response::failed(403, text));
+        }
+        Request::parse(request.url()).ok_or_else(|| Response::failed(400, "the path is not one of this server\n"))
+    }
+
+    /// Whether a `Host` header means this server by a name of its own.
+    fn is_own(&self, host: &str) -> bool {
+        let port = format!(":{}", self.address.port());
+        let name = host.strip_suffix(port.as_str()).unwrap_or(host).to_ascii_lowercase();
+        HOSTS.contains(&name.as_str())
+    }
+}
+
+/// Answers those that waited for this version, and those that waited long enough.
+fn release(waiting: &mut Vec<Waiting>, version: u64, now: Instant) {
+    for Waiting { request, .. } in waiting.extract_if(.., |it| version > it.after || now >= it.until) {
+        send(request, told(version));
+    }
+}
+
+/// Tells a page which version is there.
+fn told(version: u64) -> Response {
+    Response::json(&serde_json::json!({ "version": version }))
+}
+
+/// Sends an answer. Whoever has gone away misses nothing.
+fn send(request: tiny_http::Request, response: Response) {
+    let Response { status, content_type, length, body } = response;
+    let fields = [
+        ("Content-Type", content_type),
+        ("Cache-Control", "no-store"),
+        ("X-Content-Type-Options", "nosniff"),
+        ("Content-Security-Policy", POLICY),
+        ("Cross-Origin-Resource-Policy", "same-origin"),
+        ("Referrer-Policy", "no-referrer"),
+    ];
+    let mut headers: Vec<Header> =
+        fields.iter().filter_map(|(name, value)| Header::from_bytes(name.as_bytes(), value.as_bytes()).ok()).collect();
+    if status == 405 {
+        headers.extend(Header::from_bytes("Allow", "GET, HEAD"));
+    }
+    // A body has its length, never chunks: readers know when it is whole.
+    let answer = tiny_http::Response::new(StatusCode(status), headers, body, usize::try_from(length).ok(), None);
+    let _ = request.respond(answer.with_chunked_threshold(usize::MAX));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::net::TcpStream;
+
+    /// Runs a server whose pages say what was asked for, while `test` asks.
+    fn serving(test: impl FnOnce(&Server, &Changes)) {
+        let (server, stop, changes) = (Server::bind(0).expect("a port"), Stop::default(), Changes::default());
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                server.run(&stop, &changes, &|request| match request.path.as_str() {
+                    "/panic" => panic!("on purpose"),
+                    "/file" => Response::file(&Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")),
+                    "/folder" => Response::file(Path::new(env!("CARGO_MANIFEST_DIR"))),
+                    "/large" => Response::bytes("image/png", vec![7_u8; 3 << 20]),
+                    path => Response::html(format!("{path} {:?}", request.query)),
+                });
+            });
+            let done = catch_unwind(AssertUnwindSafe(|| test(&server, &changes)));
+            stop.request(15);
+            if let Err(panic) = done {
+                std::panic::resume_unwind(panic);
+            }
+        });
+    }
+
+    /// Sends the lines of a request, and gives all that comes back: head and body.
+    fn raw(server: &Server, lines: &[&str]) -> (String, Vec<u8>) {
+        let mut stream = TcpStream::connect(server.address).expect("listens");
+        stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+        stream.write_all(format!("{}\r\n\r\n", lines.join("\r\n")).as_bytes()).expect("sent");
+        let mut all = Vec::new();
+        stream.read_to_end(&mut all).expect("answered");
+        let end = all.windows(4).position(|bytes| bytes == b"\r\n\r\n").expect("a head");
+        (String::from_utf8(all[..end].to_vec()).expect("text"), all[end + 4..].to_vec())
+    }
+
+    /// The status of an answer, and its body.
+    fn get(server: &Server, target: &str) -> (u16, String) {
+        let (head, body) = raw(server, &[&format!("GET {target} HTTP/1.1"), "Host: localhost", "Connection: close"]);
+        (status(&head), String::from_utf8_lossy(&body).into_owned())
+    }
+
+    fn status(head: &str) -> u16 {
+        head.split(' ').nth(1).and_then(|code| code.parse().ok()).expect("a status")
+    }
+
+    #[test]
+    fn pages_come_with_their_type_and_length_and_are_not_stored() {
+        serving(|server, _| {
+            let (head, body) = raw(server, &["GET /a%20b?x=1+2&y HTTP/1.1", "Host: 127.0.0.1", "Connection: close"]);
+            assert_eq!((status(&head), &*body), (200, &br#"/a b [("x", "1 2"), ("y", "")]"#[..]), "{head}");
+            for line in ["Content-Type: text/html; charset=utf-8", "Cache-Control: no-store", "Content-Length: 30"] {
+                assert!(head.lines().any(|it| it.eq_ignore_ascii_case(line)), "{line}\n{head}");
+            }
+            let (head, body) = raw(server, &["HEAD /large HTTP/1.1", "Host: localhost", "Connection: close"]);
+            assert!(status(&head) == 200 && body.is_empty() && head.contains("Content-Length: 3145728"), "{head}");
+            let (head, body) = raw(server, &["GET /large HTTP/1.1", "Host: localhost", "Connection: close"]);
+            assert!(head.contains("image/png") && body == vec![7; 3 << 20], "{head}");
+        });
+    }
+
+    #[test]
+    fn files_are_sent_and_folders_are_not() {
+        serving(|server, _| {
+            let (status, text) = get(server, "/file");
+            assert!(status == 200 && text.contains("name = \"syntable-report\""), "{status} {text}");
+            assert_eq!(get(server, "/folder").0, 404);
+        });
+    }
+
+    #[test]
+    fn other_methods_are_refused() {
+        serving(|server, _| {
+            for method in ["POST", "PUT", "DELETE", "OPTIONS", "TRACE"] {
+                let line = format!("{method} / HTTP/1.1");
+                let (head, _) = raw(server, &[&line, "Host: localhost", "Content-Length: 0", "Connection: close"]);
+                assert!(status(&head) == 405 && head.contains("Allow: GET, HEAD"), "{method}: {head}");
+            }
+        });
+    }
+
+    #[test]
+    fn a_name_that_is_made_to_mean_this_machine_reads_nothing() {
+        serving(|server, _| {
+            let port = server.address.port();
+            let of =
+                |lines: &[&str]| status(&raw(server, &[&["GET / HTTP/1.1", "Connection: close"], lines].concat()).0);
+            for own in ["localhost", "LOCALHOST", "127.0.0.1", "[::1]"] {
+                assert_eq!(of(&[&format!("Host: {own}:{port}")]), 200, "{own}");
+            }
+            for other in ["evil.example", "localhost.evil.example", "evil.example:80", "127.0.0.1.evil.example", ""] {
+                assert_eq!(of(&[&format!("Host: {other}")]), 403, "{other:?}");
+            }
+            assert_eq!(of(&[&format!("Host: localhost:{}", port ^ 1)]), 403);
+            assert_eq!(of(&[]), 403);
+            assert_eq!(of(&["Host: localhost", "Host: evil.example"]), 403);
+        });
+    }
+
+    #[test]
+    fn paths_do_not_climb() {
+        for target in
+            ["/..", "/../a", "/a/../b", "/%2e%2e/a", "/a/%2E%2e", "/a/./b", "//a", "/a\\..\\b", "/a%5c..", "/%00"]
+        {
+            assert_eq!(Request::parse(target), None, "{target}");
+        }
+        for target in ["a", "http://localhost/", "*", "", "/%zz", "/%f", "/%ff", "/?%ff", "/...."] {
+            assert_eq!(Request::parse(target), None, "{target}");
+        }
+        let path = |target: &str| Request::parse(target).map(|it| it.path);
+        assert_eq!(path("/").as_deref(), Some("/"));
+        assert_eq!(path("/a/b.c/?q=..").as_deref(), Some("/a/b.c/"));
+        assert_eq!(path("/a+b/%C3%A4").as_deref(), Some("/a+b/ä"));
+        serving(|server, _| assert_eq!(get(server, "/../etc/passwd").0, 400));
+    }
+
+    #[test]
+    fn a_page_that_panics_is_an_error_and_the_next_is_served() {
+        serving(|server, _| {
+            for _ in 0..2 * THREADS {
+                assert_eq!(get(server, "/panic").0, 500);
+            }
+            assert_eq!(get(server, "/").0, 200);
+        });
+    }
+
+    #[test]
+    fn pages_wait_for_changes_without_holding_threads() {
+        serving(|server, changes| {
+            assert_eq!(get(server, "/changes").1, r#"{"version":0}"#);
+            let waiting: Vec<_> = (0..3 * THREADS)
+                .map(|_| {
+                    let mut stream = TcpStream::connect(server.address).expect("listens");
+                    let request = b"GET /changes?after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+                    stream.write_all(request).expect("sent");
+                    stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+                    stream
+                })
+                .collect();
+            // All threads are free for pages meanwhile.
+            (0..3 * THREADS).for_each(|_| assert_eq!(get(server, "/").0, 200));
+            assert_eq!(changes.publish(), 1);
+            for mut stream in waiting {
+                let mut text = String::new();
+                stream.read_to_string(&mut text).expect("answered");
+                assert!(text.ends_with(r#"{"version":1}"#), "{text}");
+            }
+            // What a page missed is there at once.
+            assert_eq!(get(server, "/changes?after=0").1, r#"{"version":1}"#);
+        });
+    }
+
+    #[test]
+    fn requests_that_wait_are_bounded_and_answered_at_the_end() {
+        let mut left: Vec<TcpStream> = Vec::new();
+        serving(|server, _| {
+            for _ in 0..MAX_WAITING + 1 {
+                let mut stream = TcpStream::connect(server.address).expect("listens");
+                stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+                stream.write_all(b"GET /changes?after=0 HTTP/1.0\r\nHost: localhost\r\n\r\n").expect("sent");
+                left.push(stream);
+            }
+            // One of them had to make room.
+            let answered = |stream: &TcpStream| {
+                stream.set_nonblocking(true).expect("a socket");
+                let some = stream.peek(&mut [0]).is_ok_and(|bytes| bytes > 0);
+                stream.set_nonblocking(false).expect("a socket");
+                some
+            };
+            let start = Instant::now();
+            while !left.iter().any(answered) && start.elapsed() < Duration::from_secs(20) {
+                thread::sleep(Duration::from_millis(10));
+            }
+            assert_eq!(left.iter().filter(|stream| answered(stream)).count(), 1);
+        });
+        for mut stream in left {
+            let mut text = String::new();
+            stream.read_to_string(&mut text).expect("answered");
+            assert!(text.ends_with(r#"{"version":0}"#), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_port_that_is_taken_is_an_error_with_a_remedy() {
+        let first = Server::bind(0).expect("a port");
+        let error = Server::bind(first.address.port()).err().expect("it is taken").to_string();
+        assert!(error.contains(&format!("port {} of 127.0.0.1", first.address.port())) && error.contains("--port 0"));
+    }
+}
