@@ -2,26 +2,26 @@
 //!
 //! A reader offers products as a renderer does; annotators that look at products alone derive from them what writers read.
 
-use super::derive::Derived;
 use super::progress::{Guarded, Reporter, Warnings, count};
 use super::scene::{Writers, annotate, names};
 use super::stop::{self, Stop};
 use super::times::Times;
-use crate::plan::Plan;
+use crate::plan::{self, Candidate, Fault, Implied, Plan, Producer};
 use crate::workers::Pool;
 use parking_lot::Mutex;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::{self, Check};
-use syntable_model::context::DatasetContext;
+use syntable_model::context::{DatasetContext, ViewContext};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{Products, Scope};
+use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_model::scene::{Scene, SceneId};
-use syntable_model::stage::{Finish, Writer};
+use syntable_model::stage::{Annotator, Finish, Input, ProductGroup, Writer};
 
 /// What a conversion wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,13 +52,7 @@ pub fn convert(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    if let Some((id, _)) = writers.iter().find(|(_, writer)| writer.needs_scene()) {
-        return Err(Error::new(format!("{id} writes the bodies of scenes, and no dataset that is read has them"))
-            .help("name it in the recipe of a run")
-            .of_request());
-    }
-    let readers = writers.iter().map(|(id, writer)| (id.clone(), writer.reads()));
-    let Derived { plan, lacking } = Derived::resolve(registry, dataset, readers)?;
+    let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
     let part = staging(out)?;
     let mark = part.join(syntable_model::stage::RESERVED[0]);
     fs::create_dir_all(&mark).map_err(|error| Error::io(&part, &error).of_request())?;
@@ -84,7 +78,7 @@ pub fn convert(
         scenes: scenes.len() as u32,
         images: dataset.images().len() as u32,
         lost: lost.collect(),
-        lacking: lacking.into_iter().collect(),
+        lacking,
         caveats: dataset.caveats(&plan.rendered),
         faults: faults.into_inner() + dataset.faults().len() as u32,
     })
@@ -129,6 +123,111 @@ fn staging(out: &Path) -> Result<PathBuf> {
             .of_request());
     }
     Ok(part)
+}
+
+/// What is computed of a dataset, and what writers do without.
+struct Resolved {
+    plan: Plan,
+    lacking: Vec<String>,
+}
+
+/// Plans what the writers read from what the dataset has.
+fn resolve(
+    registry: &Registry,
+    dataset: &dyn DatasetReader,
+    writers: &[(String, Box<dyn Writer>)],
+) -> Result<Resolved> {
+    if let Some((id, _)) = writers.iter().find(|(_, writer)| writer.needs_scene()) {
+        return Err(Error::new(format!("{id} writes the bodies of scenes, and no dataset that is read has them"))
+            .help("name it in the recipe of a run")
+            .of_request());
+    }
+    let offers = dataset.offers();
+    let parts: Vec<(String, Part)> =
+        plan::registered(registry).into_iter().flat_map(|candidate| parts_of(candidate, &offers)).collect();
+    let has = can_be_had(&offers, &parts);
+    let (mut wants, mut lacking) = (Vec::new(), BTreeSet::new());
+    for (id, writer) in writers {
+        let (without, reads): (Vec<Input>, Vec<Input>) =
+            writer.reads().into_iter().partition(|input| input.is_optional && !has.contains(&input.product));
+        lacking.extend(without.into_iter().map(|input| input.product));
+        wants.push((id.clone(), reads));
+    }
+    let candidate = |(stage, part): (String, Part)| {
+        let implied = part.implied.clone();
+        Candidate { stage, producer: Producer::View(Box::new(part)), implied }
+    };
+    let implied = parts.into_iter().map(candidate).collect();
+    let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
+        let of = |error: &plan::PlanError| match error.fault {
+            Fault::Unknown => format!("{} reads `{}`, which the dataset does not have", error.stage, error.product),
+            _ => error.message.clone(),
+        };
+        let messages: Vec<String> = errors.iter().map(of).collect();
+        let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
+        Error::new(messages.join("; ")).help(format!("the dataset has {}", has.join(", "))).of_request()
+    })?;
+    Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
+}
+
+/// A group of products that an annotator provides.
+struct Part {
+    annotator: Arc<dyn Annotator>,
+    implied: Option<Implied>,
+    group: ProductGroup,
+}
+
+impl Annotator for Part {
+    fn reads(&self) -> Vec<KeyId> {
+        self.group.reads.clone()
+    }
+
+    fn provides(&self) -> Vec<KeyId> {
+        self.group.provides.clone()
+    }
+
+    fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
+        // To the annotator, the rest of what it reads is not there.
+        let lent = products.only(&self.annotator.reads().iter().map(|key| key.name).collect::<Vec<_>>());
+        let mut filled = lent.clone();
+        self.annotator.annotate(cx, &mut filled)?;
+        products.extend(filled.without(&lent))
+    }
+}
+
+/// The groups of an annotator that needs nothing but products, but for those that a dataset has itself.
+fn parts_of(candidate: Candidate, offers: &[KeyId]) -> Vec<(String, Part)> {
+    let Producer::View(annotator) = candidate.producer else { return Vec::new() };
+    if !annotator.is_of_products() {
+        return Vec::new();
+    }
+    let annotator: Arc<dyn Annotator> = annotator.into();
+    let groups = annotator.groups();
+    let is_whole = groups.len() == 1;
+    let is_new = |group: &ProductGroup| !group.provides.iter().any(|key| offers.iter().any(|it| it.name == key.name));
+    let part = |group: ProductGroup| {
+        let names: Vec<String> = group.provides.iter().map(|key| key.name.to_string()).collect();
+        let stage = &candidate.stage;
+        let stage = if is_whole { stage.clone() } else { format!("{stage} ({})", names.join(", ")) };
+        (stage, Part { annotator: Arc::clone(&annotator), implied: candidate.implied.clone(), group })
+    };
+    groups.into_iter().filter(is_new).map(part).collect()
+}
+
+/// Names of the products that a dataset has, or that follow from them.
+fn can_be_had(offers: &[KeyId], parts: &[(String, Part)]) -> BTreeSet<String> {
+    let name = |key: &KeyId| key.name.to_string();
+    let mut has: BTreeSet<String> = offers.iter().map(name).collect();
+    loop {
+        let groups = parts.iter().map(|(_, part)| &part.group);
+        let made = groups.filter(|group| group.reads.iter().all(|key| has.contains(&name(key))));
+        let new: Vec<String> =
+            made.flat_map(|group| &group.provides).map(name).filter(|it| !has.contains(it)).collect();
+        if new.is_empty() {
+            return has;
+        }
+        has.extend(new);
+    }
 }
 
 struct Conversion<'a> {

@@ -11,13 +11,12 @@
 //! | `make`, `ahead`, `scene`, `sessions`, `queue`, `records`, `settled` | making scenes |
 //! | `end` | annotators of the dataset, and writers that finish |
 //! | [`verify`], `merge` | comparing a dataset with its journal; one dataset of several parts |
-//! | `derive`, `convert` | what follows from datasets that were read; writing them in other formats |
+//! | `convert` | writing datasets that were read in other formats |
 
 mod ahead;
 mod begin;
 mod change;
 mod convert;
-mod derive;
 mod end;
 pub mod folder;
 mod inputs;
@@ -39,7 +38,6 @@ mod todo;
 mod verify;
 
 pub use convert::{Converted, convert};
-pub use derive::Derived;
 pub(crate) use end::dataset_info;
 pub use merge::merge;
 pub use verify::{Verified, verify};
