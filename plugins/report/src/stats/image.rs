@@ -176,7 +176,8 @@ struct Info {
 pub(super) fn tally(dataset: &dyn DatasetReader, image: usize, wanted: &Wanted, options: &Options) -> Result<Tally> {
     let at = &dataset.images()[image];
     let of = |error: Error| error.context(format!("image \"{}\"", at.name));
-    let (_, products) = dataset.read(image, &wanted.keys).map_err(of)?;
+    let read = dataset.read(image, &wanted.keys);
+    let (_, products) = read.map_err(|error| of(without_images(error, dataset, image, wanted)))?;
     let mut tally = Tally {
         row: ImageRow {
             name: at.name.clone(),
@@ -208,6 +209,15 @@ pub(super) fn tally(dataset: &dyn DatasetReader, image: usize, wanted: &Wanted, 
         tally.depth(depth);
     }
     Ok(tally)
+}
+
+/// An error with the way out, if the image can be read without its files of color and depth.
+fn without_images(error: Error, dataset: &dyn DatasetReader, image: usize, wanted: &Wanted) -> Error {
+    let labels: Vec<KeyId> = wanted.keys.iter().filter(|key| ![RGB.id(), DEPTH.id()].contains(key)).copied().collect();
+    if labels.len() < wanted.keys.len() && dataset.read(image, &labels).is_ok() {
+        return error.help("--labels-only counts what labels say, without reading images");
+    }
+    error
 }
 
 impl Tally {

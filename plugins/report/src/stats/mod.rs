@@ -231,11 +231,10 @@ impl Collected {
     /// Adds the next image.
     fn add(&mut self, tally: Tally) {
         let scene = tally.row.scene;
-        let mut of = |quantity| self.distributions.entry(quantity).or_insert_with(|| Distribution::new(quantity));
-        tally.values.into_iter().for_each(|(quantity, value)| of(quantity).add(value));
+        tally.values.into_iter().for_each(|(quantity, value)| self.of(quantity).add(value));
         if let Some(depths) = tally.depths {
             let counts = (0..).zip(depths.counts).filter(|it| it.1 > 0);
-            of(Quantity::Depth).add_counts(counts, depths.sum, depths.range);
+            self.of(Quantity::Depth).add_counts(counts, depths.sum, depths.range);
         }
         let mut names: BTreeMap<String, u64> = BTreeMap::new();
         tally.assets.into_iter().for_each(|name| *names.entry(name).or_default() += 1);
@@ -252,6 +251,10 @@ impl Collected {
         self.rates += tally.rates;
         self.thumbnails.extend(tally.thumbnail);
         self.images.push(tally.row);
+    }
+
+    fn of(&mut self, quantity: Quantity) -> &mut Distribution {
+        self.distributions.entry(quantity).or_insert_with(|| Distribution::new(quantity))
     }
 
     /// Looks for views that look almost the same, and marks them.

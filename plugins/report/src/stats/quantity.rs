@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(of(Quantity::ObjectsPerView, [0.0, 99.0])[..3], [0.0, 5.0, 10.0]);
         assert_eq!(of(Quantity::ObjectArea, [3.0, 8.0]), [2.0, 4.0, 8.0, 16.0]);
         assert_eq!(of(Quantity::ObjectArea, [0.0, 1.0]), [0.0, 1.0, 2.0]);
-        assert_eq!(of(Quantity::Depth, [0.55, 0.93])[..3], [0.54, 0.56, 0.58]);
+        assert_eq!(of(Quantity::Depth, [0.55, 0.92])[..3], [0.54, 0.56, 0.58]);
         let deep = of(Quantity::Depth, [0.5, 7.145]);
         assert_eq!((deep[0], deep[deep.len() - 1], deep.len()), (0.5, 7.5, 15));
         assert_eq!(of(Quantity::ObjectSize, [0.25, 0.25]), [0.25, 0.251]);
