@@ -14,6 +14,8 @@
 //! | `data/scene/000003.js` | a scene's glTF file |
 //! | `image/000/000012.jpg`, `depth/000/000012.jpg` | color and depth of an image |
 
+#[cfg(test)]
+mod colors;
 pub mod image;
 mod overview;
 mod pixels;

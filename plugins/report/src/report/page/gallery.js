@@ -31,8 +31,9 @@
       frame.append(element("img", { src: imagePath("image", place), alt: "", loading: "lazy", width, height }));
     }
     frame.append(element("svg", { "aria-hidden": "true" }));
-    const says = row.most === null ? `${row.objects} objects` : `${row.objects} objects, to ${percent(row.most)}`;
-    const name = element("span", {}, element("bdi", {}, row.name));
+    const objects = `${row.objects} object${row.objects === 1 ? "" : "s"}`;
+    const says = row.most === null ? objects : `${objects} · max ${percent(row.most)}`;
+    const name = element("span", {}, element("bdi", {}, row.name.split("/").pop()));
     const link = element("a", {
       class: "card", href: `view.html#i=${place}`, "data-place": place,
       "aria-label": `Scene ${scene}, view ${view}: ${row.objects} objects${row.faults ? `, ${row.faults} faults` : ""}`,

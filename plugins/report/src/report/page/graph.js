@@ -47,8 +47,11 @@ syntable.graph = (() => {
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const place = new Map(), all = [];
     lists.forEach(([name, ids], row) => {
-      const y = 8 + ROW * (row + 0.5), gap = (widest * COLUMN) / ids.length;
-      ids.forEach((id, index) => place.set(id, [LEFT + gap * (index + 0.5), y + (index % 2 ? 5 : -5)]));
+      const y = 8 + ROW * (row + 0.5), isBetween = name === "intermediate" && ids.length < widest - 1;
+      // Rows of few are shifted against each other, so that links pass beside nodes.
+      const gap = isBetween ? COLUMN * 1.5 : (widest * COLUMN) / ids.length, free = widest * COLUMN - gap * ids.length;
+      const left = isBetween && free > 0 ? LEFT + free * (0.12 + 0.76 * ((row * 0.618) % 1)) : LEFT + Math.max(0, free) / 2;
+      ids.forEach((id, index) => place.set(id, [left + gap * (index + 0.5), y + (index % 2 ? 5 : -5)]));
       if (row === 0 || lists[row - 1][0] !== name) {
         if (row > 0) all.push(element("line", { class: "split", x1: 0, x2: width, y1: y - ROW / 2, y2: y - ROW / 2 }));
         all.push(element("text", { class: "band", x: 12, y: y + 4 }, name[0].toUpperCase() + name.slice(1)));

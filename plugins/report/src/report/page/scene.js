@@ -60,17 +60,17 @@
   const FRAGMENT = `#version 300 es
     precision highp float;
     in vec3 n, p; in vec2 t;
-    uniform vec4 base; uniform vec3 emitted, eye; uniform float cutoff; uniform sampler2D image;
+    uniform vec4 base; uniform vec3 emitted, eye; uniform float cutoff, opaque; uniform sampler2D image;
     out vec4 color;
     void main() {
-      vec4 texel = texture(image, t) * base;
+      vec4 encoded = texture(image, t), texel = vec4(pow(encoded.rgb, vec3(2.2)), encoded.a) * base;
       if (texel.a < cutoff) discard;
       vec3 v = normalize(eye - p), m = normalize(n);
       if (dot(m, v) < 0.0) m = -m;
       float sky = 0.62 + 0.38 * m.y, key = max(dot(m, normalize(vec3(0.35, 0.85, 0.4))), 0.0), head = max(dot(m, v), 0.0);
-      vec3 light = texel.rgb * (0.42 * sky + 0.45 * key + 0.28 * head) + emitted;
-      vec3 mapped = light / (1.0 + 0.18 * light);
-      color = vec4(pow(mapped, vec3(1.0 / 2.2)) * texel.a, texel.a);
+      vec3 light = texel.rgb * (0.34 * sky + 0.42 * key + 0.26 * head) + emitted;
+      float alpha = mix(texel.a, 1.0, opaque);
+      color = vec4(pow(min(light, 1.0), vec3(1.0 / 2.2)) * alpha, alpha);
     }`;
   const compile = () => {
     const program = gl.createProgram();
@@ -117,9 +117,8 @@
     const texture = (pixels, sampler = {}) => {
       const it = gl.createTexture();
       gl.bindTexture(gl.TEXTURE_2D, it);
-      // sRGB textures: what the shader reads is linear, as base color factors are.
-      if (pixels instanceof Uint8Array) gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-      else gl.texImage2D(gl.TEXTURE_2D, 0, gl.SRGB8_ALPHA8, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      if (pixels instanceof Uint8Array) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
       gl.generateMipmap(gl.TEXTURE_2D);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, sampler.wrapS ?? gl.REPEAT);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, sampler.wrapT ?? gl.REPEAT);
@@ -178,20 +177,28 @@
       return { array, count, isIndexed: "indices" in it, material: await materials.get(key) };
     };
     const meshes = await Promise.all((json.meshes ?? []).map(async (mesh) => Promise.all(mesh.primitives.map(primitive))));
-    const drawn = [], cameras = [], centers = [];
+    const drawn = [], cameras = [], centers = [], walls = [];
     const walk = (index, parent) => {
       const node = json.nodes[index], world = times(parent, ofNode(node));
       const middle = [world[12], world[13], world[14]];
-      if ("mesh" in node) for (const it of meshes[node.mesh]) drawn.push({ ...it, world, middle });
+      const isWall = node.extras?.role === "room";
+      if ("mesh" in node) {
+        const { min = [0, 0, 0], max = [0, 0, 0] } = json.accessors[json.meshes[node.mesh].primitives[0].attributes.POSITION];
+        const local = min.map((low, axis) => (low + max[axis]) / 2);
+        const center = [0, 1, 2].map((row) => world[12 + row] + local.reduce((sum, value, axis) => sum + value * world[axis * 4 + row], 0));
+        if (isWall) walls.push(center);
+        for (const it of meshes[node.mesh]) drawn.push({ ...it, world, middle: center, isWall });
+      }
       if ("camera" in node) cameras.push({ eye: middle, ahead: [-world[8], -world[9], -world[10]], lens: json.cameras[node.camera].perspective });
       if (node.extras?.role === "object") centers.push(middle);
       for (const child of node.children ?? []) walk(child, world);
     };
     for (const root of json.scenes[json.scene ?? 0].nodes) walk(root, ofNode({}));
+    const room = [0, 1, 2].map((axis) => walls.reduce((sum, at) => sum + at[axis], 0) / Math.max(1, walls.length));
     const list = centers.length ? centers : drawn.map((it) => it.middle);
     const target = [0, 1, 2].map((axis) => list.reduce((sum, at) => sum + at[axis], 0) / Math.max(1, list.length));
     gl.useProgram(program);
-    return { drawn, cameras, target };
+    return { drawn, cameras, target, room };
   };
 
   // ---- Camera and drawing --------------------------------------------------------------------------------------------------
@@ -232,10 +239,12 @@
     const blended = model.drawn.filter((it) => it.material.isBlended).sort((a, b) => far(b) - far(a));
     for (const it of [...model.drawn.filter((other) => !other.material.isBlended), ...blended]) {
       const { material, world } = it;
+      // From outside one looks into the room: a wall that is between is left out.
+      const [out, inside] = [minus(eye, it.middle), minus(model.room, it.middle)];
+      if (it.isWall && out[0] * inside[0] + out[1] * inside[1] + out[2] * inside[2] < 0) continue;
       gl[material.isBlended ? "enable" : "disable"](gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(!material.isBlended);
-      // Walls and ceilings have one side: from outside one looks into the room.
       gl[material.doubleSided ? "disable" : "enable"](gl.CULL_FACE);
       gl.uniformMatrix4fv(at.world, false, world);
       gl.uniformMatrix3fv(at.turn, false, [0, 1, 2].flatMap((column) => {
@@ -247,6 +256,7 @@
       gl.uniform1f(at.rotation, material.rotation);
       gl.uniform3fv(at.emitted, material.emitted);
       gl.uniform1f(at.cutoff, material.cutoff);
+      gl.uniform1f(at.opaque, material.isBlended ? 0 : 1);
       gl.bindTexture(gl.TEXTURE_2D, material.map);
       gl.bindVertexArray(it.array);
       if (it.isIndexed) gl.drawElements(gl.TRIANGLES, it.count, gl.UNSIGNED_INT, 0);
@@ -326,7 +336,7 @@
   if (gl) {
     program = compile();
     gl.useProgram(program);
-    for (const name of ["world", "camera", "turn", "mapping", "rotation", "base", "emitted", "eye", "cutoff"]) at[name] = gl.getUniformLocation(program, name);
+    for (const name of ["world", "camera", "turn", "mapping", "rotation", "base", "emitted", "eye", "cutoff", "opaque"]) at[name] = gl.getUniformLocation(program, name);
     choice.addEventListener("change", () => {
       setState({ scene: choice.value, view: null });
       show().catch(syntable.fail);

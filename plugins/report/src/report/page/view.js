@@ -39,10 +39,10 @@
   };
 
   const fill = () => {
-    by("title").textContent = image.name;
+    by("title").textContent = image.name.split("/").pop();
     document.title = `${image.name} · ${document.documentElement.dataset.name}`;
     const many = (list, one) => `${list.length} ${one}${list.length === 1 ? "" : "s"}`;
-    by("where").textContent = `Scene ${image.scene}, view ${image.view} · ${image.size.join(" × ")} px · ${many(image.objects, "object")}`;
+    by("where").textContent = `${image.name} · scene ${image.scene}, view ${image.view} · ${image.size.join(" × ")} px · ${many(image.objects, "object")}`;
     by("number").textContent = `${(image.place + 1).toLocaleString("en-US")} of ${facts.images.toLocaleString("en-US")}`;
     by("space").hidden = !image.has_scene;
     by("space").href = `scene.html#scene=${image.scene}&view=${image.view}`;
