@@ -74,7 +74,9 @@ fn the_report_lies_beside_the_dataset_and_is_the_same_again() {
 #[test]
 fn the_overview_says_what_the_run_says() {
     let text = fs::read_to_string(report().join("index.html")).expect("a page");
-    for part in ["quickstart", "cpu_path, 1 samples per pixel", "160 × 120 px", "CC0-1.0", "write.syntable", "household"] {
+    for part in
+        ["quickstart", "cpu_path, 1 samples per pixel", "160 × 120 px", "CC0-1.0", "write.syntable", "household"]
+    {
         assert!(text.contains(part), "{part} is not in the overview");
     }
     let script = format!(
@@ -82,7 +84,8 @@ fn the_overview_says_what_the_run_says() {
          return [...document.querySelectorAll('.cells > div')].map((it) => [it.querySelector('dt').textContent, it.querySelector('dd').textContent]);"
     );
     let Some(found) = look(&[job(&page("index.html"), &script)]) else { return };
-    let said = |name: &str| found[0].as_array().expect("cells").iter().find(|it| it[0] == name).expect("a cell")[1].clone();
+    let said =
+        |name: &str| found[0].as_array().expect("cells").iter().find(|it| it[0] == name).expect("a cell")[1].clone();
     assert_eq!((said("Images"), said("Scenes")), (json!("4"), json!("2")));
     let rows = ok(syntable().args(["stats", "--json", "--labels-only"]).arg(dataset()));
     let stats: Value = serde_json::from_str(&rows).expect("JSON");
@@ -254,7 +257,9 @@ fn view_serves_the_same_pages_and_nothing_else() {
     for target in ["/", "/gallery.html", "/data/rows/0.js", "/image/000/000003.jpg", "/data/scene/000001.js"] {
         assert_eq!(status(target, "GET"), "200", "{target}");
     }
-    for target in ["/../recipe.toml", "/%2e%2e/recipe.toml", "/..%2frecipe.toml", "/page/..%5c..%5crecipe.toml", "/recipe.toml"] {
+    for target in
+        ["/../recipe.toml", "/%2e%2e/recipe.toml", "/..%2frecipe.toml", "/page/..%5c..%5crecipe.toml", "/recipe.toml"]
+    {
         assert!(["400", "404"].contains(&status(target, "GET").as_str()), "{target}");
     }
     assert_eq!((status("/", "POST"), status("/", "PUT")), ("405".to_owned(), "405".to_owned()));

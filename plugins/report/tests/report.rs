@@ -181,7 +181,9 @@ fn an_image_has_its_masks_and_its_graph() {
 fn no_path_leads_out() {
     let report = report(Memory::new(3), vec![0, 1]);
     let status = |path: &str| answer(&report, &Request { path: path.to_owned(), query: Vec::new() }).status();
-    for path in ["/", "/index.html", "/data/rows/0.js", "/image/000/000001.jpg", "/depth/000/000000.jpg", "/page/view.js"] {
+    for path in
+        ["/", "/index.html", "/data/rows/0.js", "/image/000/000001.jpg", "/depth/000/000000.jpg", "/page/view.js"]
+    {
         assert_eq!(status(path), 200, "{path}");
     }
     let wrong = [
@@ -221,6 +223,7 @@ fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
 
 #[test]
 fn a_dataset_without_an_image_has_no_report() {
-    let report = Report::of(Box::new(Memory::new(0)), "memory", Path::new("x"), |_| Shown { images: Vec::new(), scenes: None });
+    let report =
+        Report::of(Box::new(Memory::new(0)), "memory", Path::new("x"), |_| Shown { images: Vec::new(), scenes: None });
     assert!(report.err().is_some_and(|error| error.to_string().contains("no image")));
 }

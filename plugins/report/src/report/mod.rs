@@ -83,7 +83,7 @@ pub struct Report {
     pages: Tera,
     /// What was read of shown images.
     rows: Vec<Mutex<Option<ImageRow>>>,
-    /// What checks found in shown images that were read whole, by place.
+    /// What checks found in shown images, by place; nothing of those that were not checked.
     faults: Mutex<BTreeMap<usize, Vec<[String; 2]>>>,
     /// The numbers of the dataset, once they are counted.
     statistics: Mutex<Counted>,
@@ -173,15 +173,19 @@ impl Report {
 
     /// The files that follow from single images, by the place of the image among those that are shown.
     pub fn files_of_image(&self, place: usize) -> Result<Vec<(String, Vec<u8>)>> {
-        let (view, products) = image::read(&*self.dataset, self.shown[place], true)?;
-        *self.rows[place].lock() = Some(view.row());
-        if !view.faults.is_empty() {
-            self.faults.lock().insert(place, view.faults.clone());
-        }
+        let (view, products) = self.read_whole(place)?;
         let mut files = vec![(view_path(place), self.put(&view_key(place), &self.with_scene(&view)))];
         files.extend(color(&products)?.map(|bytes| (image_path("image", place), bytes)));
         files.extend(depth(&products)?.map(|bytes| (image_path("depth", place), bytes)));
         Ok(files)
+    }
+
+    /// Reads an image with all that the checks look at, and keeps what they found.
+    fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
+        let read = image::read(&*self.dataset, self.shown[place], true)?;
+        *self.rows[place].lock() = Some(read.0.row());
+        self.faults.lock().insert(place, read.0.faults.clone());
+        Ok(read)
     }
 
     /// Paths of all files but those of single images.
@@ -213,7 +217,7 @@ impl Report {
         }
         let is_shown = |place: &usize| *place < self.shown.len();
         if let Some(place) = number("data/view/", ".js").filter(|place| is_shown(place) && view_path(*place) == path) {
-            let (view, _) = image::read(&*self.dataset, self.shown[place], true)?;
+            let (view, _) = self.read_whole(place)?;
             return Ok(Some(self.put(&view_key(place), &self.with_scene(&view))));
         }
         for (folder, key) in [("image", RGB.id()), ("depth", DEPTH.id())] {

@@ -122,7 +122,7 @@ pub fn of(report: &Report) -> Result<Overview> {
         occluded: statistics.map(|statistics| occluded(report, statistics)).unwrap_or_default(),
         more_faults: faults.len().saturating_sub(FAULTS),
         faults: faults.into_iter().take(FAULTS).collect(),
-        checked: report.rows.iter().filter(|row| row.lock().is_some()).count(),
+        checked: report.faults.lock().len(),
         failed: failed.collect(),
         has_journal: !record.journal.is_empty(),
         stages: stages(report),
