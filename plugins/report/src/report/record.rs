@@ -58,7 +58,7 @@ pub struct LicenseCount {
     pub names: Vec<String>,
 }
 
-/// Licenses by `pool/name`.
+/// Licenses by `pool/name`; of materials, whose pool a glTF file does not say, by `/name`.
 pub type Licenses = BTreeMap<String, String>;
 
 impl Record {
@@ -96,14 +96,15 @@ impl Record {
             }
         }
         for asset in licenses.keys() {
-            if let Some((pool, name)) = asset.split_once('/') {
+            if let Some((pool, name)) = asset.split_once('/').filter(|(pool, _)| !pool.is_empty()) {
                 used.entry(pool).or_default().insert(name);
             }
         }
         let pool = |(pool, names): (&str, BTreeSet<&str>)| {
             let mut by_license: BTreeMap<String, Vec<String>> = BTreeMap::new();
             for name in &names {
-                let license = licenses.get(&format!("{pool}/{name}")).cloned().unwrap_or_default();
+                let of = |pool: &str| licenses.get(&format!("{pool}/{name}")).cloned();
+                let license = of(pool).or_else(|| of("")).unwrap_or_default();
                 by_license.entry(license).or_default().push((*name).to_owned());
             }
             let count = |(license, names): (String, Vec<String>)| LicenseCount { license, assets: names.len(), names };
@@ -141,6 +142,12 @@ impl Record {
                 let text = |key: &str| node["extras"][key].as_str().unwrap_or_default();
                 if !text("asset").is_empty() && !text("license").is_empty() {
                     found.insert(text("asset").to_owned(), text("license").to_owned());
+                }
+            }
+            for material in json["materials"].as_array().into_iter().flatten() {
+                let (name, license) = (material["name"].as_str(), material["extras"]["license"].as_str());
+                if let (Some(name), Some(license)) = (name, license) {
+                    found.insert(format!("/{name}"), license.to_owned());
                 }
             }
         }
