@@ -219,7 +219,8 @@ fn occluded(report: &Report, statistics: &Statistics) -> Vec<Card> {
 fn card(report: &Report, place: usize, says: String) -> Card {
     let image = &report.dataset.images()[report.shown[place]];
     let has_image = report.dataset.offers().contains(&RGB.id());
-    Card { place, image: has_image.then(|| image_path("image", place)), name: image.name.clone(), says }
+    let base = image.name.rsplit('/').next().unwrap_or_default();
+    Card { place, image: has_image.then(|| image_path("image", place)), name: base.to_owned(), says }
 }
 
 /// Some images at even distances.

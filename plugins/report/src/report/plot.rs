@@ -72,9 +72,10 @@ pub fn histogram(of: &Distribution, number: usize) -> String {
     }
     let _ = write!(
         out,
-        r#"<line class="axis" x1="{left}" x2="{right}" y1="{below}" y2="{below}"/><text class="label middle" x="{:.1}" y="{:.1}">{title}{unit}</text><text class="label middle" transform="translate(11 {:.1}) rotate(-90)">% of {}</text></svg>"#,
+        r#"<line class="axis" x1="{left}" x2="{right}" y1="{below}" y2="{below}"/><text class="label middle" x="{:.1}" y="{:.1}">{title}{unit}</text><text class="tick end" x="{right}" y="9">N = {}</text><text class="label middle" transform="translate(11 {:.1}) rotate(-90)">% of {}</text></svg>"#,
         (left + right) / 2.0,
         SIZE[1] - 10.0,
+        grouped(&of.n().to_string()),
         (above + below) / 2.0,
         plural(about.per),
     );
@@ -144,9 +145,14 @@ mod tests {
             (heights[0] / heights[1] - 3.0).abs() < 0.01 && heights[2..].iter().all(|it| *it == 0.0),
             "{heights:?}"
         );
-        for part in
-            ["4 values", "mean 0.075", "% of objects in a view", "0 to 0.1: 3 (75.0 %)", "<title id=\"plot-3\">"]
-        {
+        for part in [
+            "4 values",
+            ">N = 4<",
+            "mean 0.075",
+            "% of objects in a view",
+            "0 to 0.1: 3 (75.0 %)",
+            "<title id=\"plot-3\">",
+        ] {
             assert!(svg.contains(part), "{part} is not in {svg}");
         }
     }
