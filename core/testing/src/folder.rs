@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Contents of all files below a folder, by path relative to it with `/` between folders.
+/// How long a run took: the one file of a dataset that its recipe does not determine.
+const TIMES: &str = ".syntable/times.jsonl";
+
+/// Contents of all files below a folder, by path relative to it with `/` between folders, but for [`TIMES`].
 pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     fn walk(folder: &Path, root: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
         for entry in std::fs::read_dir(folder).expect("readable") {
@@ -18,5 +21,6 @@ pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     }
     let mut found = BTreeMap::new();
     walk(folder, folder, &mut found);
+    found.remove(TIMES);
     found
 }

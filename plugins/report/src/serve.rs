@@ -93,6 +93,11 @@ pub struct Response {
 }
 
 impl Response {
+    /// Its status code.
+    pub fn status(&self) -> u16 {
+        self.status
+    }
+
     /// Bytes of a content type, such as `image/png`.
     pub fn bytes(content_type: &'static str, bytes: impl Into<Vec<u8>>) -> Self {
         let bytes = bytes.into();

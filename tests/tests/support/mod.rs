@@ -1,6 +1,7 @@
 //! What the whole-program tests share: the binary, small recipes, comparing folders.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+pub mod browser;
 pub mod gallery;
 pub mod language_server;
 pub mod samples;

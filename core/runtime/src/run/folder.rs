@@ -9,6 +9,7 @@
 //! <dataset>/.syntable/catalogs/<pool>.json names and categories of the assets of a pool
 //! <dataset>/.syntable/settled/000003.toml what settling did, so that the scene is had again without simulating it
 //! <dataset>/.syntable/shards/<writer>/    what `finish` merges, one file per scene
+//! <dataset>/.syntable/times.jsonl          how long stages worked, one line per run
 //! <dataset>/.syntable/staging/3.part/     a scene in the making
 //! <dataset>/.syntable/staging/3.ready/    a scene whose files are being moved into place
 //! <dataset>/.syntable/quarantine/000003/  what was made of a scene whose labels contradict each other, and why
@@ -67,7 +68,7 @@ const QUARANTINE: &str = "quarantine";
 const RECORD: &str = ".syntable/staged.json";
 /// What a dataset consists of beside its files and the lock, in the order in which `--overwrite` takes it away: without a
 /// journal there is no dataset.
-fn state(root: &Path) -> [PathBuf; 9] {
+fn state(root: &Path) -> [PathBuf; 10] {
     [
         journal_path(root),
         root.join(RECIPE),
@@ -76,6 +77,7 @@ fn state(root: &Path) -> [PathBuf; 9] {
         settled_folder(root),
         root.join(SHARDS),
         catalogs_folder(root),
+        times_path(root),
         staging_folder(root),
         root.join(MARK).join(QUARANTINE),
     ]
@@ -726,6 +728,11 @@ pub fn settled_path(root: &Path, scene: u32) -> PathBuf {
 /// Path of the names of a pool's assets.
 pub fn catalog_path(root: &Path, pool: &str) -> PathBuf {
     catalogs_folder(root).join(format!("{pool}.json"))
+}
+
+/// Path of how long the stages of runs worked.
+pub fn times_path(root: &Path) -> PathBuf {
+    root.join(MARK).join("times.jsonl")
 }
 
 fn finished_path(root: &Path) -> PathBuf {

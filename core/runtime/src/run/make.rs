@@ -3,13 +3,13 @@
 use super::attempt::Tools;
 use super::begin::Begun;
 use super::end::{Ended, annotate_and_finish};
-use super::folder::Folder;
+use super::folder::{Folder, times_path};
 use super::journal::{Journal, JournalEntry, Notice};
 use super::progress::{Event, Reporter, Warnings, count};
 use super::queue::Queue;
 use super::scene::{self, SceneMaker, Task};
 use super::sessions::{Sessions, scenes_in_flight};
-use super::times::Times;
+use super::times::{RunTimes, Times};
 use super::todo::{Job, Todo, Works};
 use super::{RunOptions, panics, stop, stopping};
 use crate::pools::AssetStore;
@@ -18,6 +18,7 @@ use crate::workers::Pool;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
+use std::time::Instant;
 use syntable_model::check;
 use syntable_model::context::Log;
 use syntable_model::error::{Error, Result};
@@ -84,7 +85,7 @@ fn make_scenes(
     (folder, journal): (&Folder, &Mutex<Journal>),
     todo: &Todo,
 ) -> Result<u32> {
-    let log = Warnings(reporter);
+    let (log, start) = (Warnings(reporter), Instant::now());
     let in_flight = scenes_in_flight(recipe, options.threads, todo.scenes.len());
     let works = Works::new(recipe, todo);
     let tasks: Vec<Task> = todo.scenes.iter().map(|(&scene, job)| works.task(scene, job)).collect();
@@ -153,6 +154,15 @@ fn make_scenes(
         });
     });
     reporter.event(&Event::Stages { stages: times.all() });
+    let devices = recipe.render.devices().unwrap_or_default().into_iter().map(|device| device.name).collect();
+    let took = RunTimes {
+        scenes: made.load(Ordering::Relaxed) as u32,
+        threads: options.threads,
+        devices,
+        seconds: start.elapsed().as_secs_f64(),
+        stages: times.all(),
+    };
+    took.append(&times_path(folder.root()))?;
     if let Some(signal) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
         return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))

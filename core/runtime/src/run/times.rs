@@ -1,19 +1,59 @@
-//! How long stages work.
+//! How long stages work, and what a dataset remembers of it.
 
 use super::panics::caught;
 use parking_lot::Mutex;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fs::{self, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
 use std::time::Instant;
-use syntable_model::error::Result;
+use syntable_model::error::{Error, Result};
 
 /// How often a stage worked, and how long altogether.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Worked {
     /// Calls.
     pub calls: u64,
     /// Seconds of all calls by the clock on the wall. Calls may overlap, and a stage may use several threads.
     pub seconds: f64,
+}
+
+/// A line of `.syntable/times.jsonl`: what a run that made scenes, or let them grow, took. The file is no part of what a recipe
+/// makes, and the only one of a dataset that differs from run to run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunTimes {
+    /// Scenes that were made or grew.
+    pub scenes: u32,
+    /// Threads.
+    pub threads: usize,
+    /// What rendered, as `syntable doctor` names it.
+    pub devices: Vec<String>,
+    /// Seconds of making the scenes by the clock on the wall.
+    pub seconds: f64,
+    /// The work of stages, by stage.
+    pub stages: BTreeMap<String, Worked>,
+}
+
+impl RunTimes {
+    /// Adds a line to a file. Of a file that cannot be written comes an error.
+    pub(super) fn append(&self, path: &Path) -> Result<()> {
+        let line = serde_json::to_string(self).expect("plain data") + "\n";
+        let file = OpenOptions::new().create(true).append(true).open(path);
+        file.and_then(|mut file| file.write_all(line.as_bytes())).map_err(|error| Error::io(path, &error))
+    }
+
+    /// The lines of a dataset's file, in order; none if there is no file. A line that cannot be read is left out.
+    pub fn of_dataset(root: &Path) -> Result<Vec<Self>> {
+        let path = super::folder::times_path(root);
+        match fs::read(&path) {
+            Ok(bytes) => {
+                Ok(bytes.split(|byte| *byte == b'\n').filter_map(|it| serde_json::from_slice(it).ok()).collect())
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
+            Err(error) => Err(Error::io(&path, &error)),
+        }
+    }
 }
 
 /// The work of the stages of a run, by stage as errors name it: `place.objects`, `settle`, `render`, `annotate.masks`.

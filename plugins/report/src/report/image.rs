@@ -1,0 +1,232 @@
+//! What the pages know of an image: its objects with their masks, and who occludes whom.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+use syntable_model::check;
+use syntable_model::error::Result;
+use syntable_model::product::standard::{
+    AMODAL_BOX, AMODAL_MASK, CATEGORY_ID, DEPTH, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, OCCLUSION_RATE, RGB,
+    VISIBLE_BOX, VISIBLE_MASK,
+};
+use syntable_model::product::{BBox, Graph, Key, KeyId, Mask, PerInstance, Product, Products};
+use syntable_model::reader::DatasetReader;
+use syntable_model::scene::{InstanceId, View};
+
+/// An image of a dataset as the pages show it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImageView {
+    /// What the dataset calls it.
+    pub name: String,
+    /// Its scene.
+    pub scene: u32,
+    /// Its view.
+    pub view: u32,
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Whether there is a color image.
+    pub has_image: bool,
+    /// Least and greatest depth, m; none without depths.
+    pub depth_m: Option<[f32; 2]>,
+    /// Its objects, in the order of their ids.
+    pub objects: Vec<ObjectView>,
+    /// Who occludes whom; none if that is not known.
+    pub graph: Option<GraphView>,
+    /// What is wrong with it: the check, and a sentence.
+    pub faults: Vec<[String; 2]>,
+}
+
+/// An object in an image. Masks are run lengths as in COCO files.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct ObjectView {
+    /// Its id.
+    pub id: u16,
+    /// Name of its asset; empty if it is not known.
+    pub name: String,
+    /// Name of its class.
+    pub category: String,
+    /// Hidden fraction of its amodal area, in [0, 1].
+    pub rate: Option<f64>,
+    /// Layer in the occlusion graph.
+    pub layer: Option<&'static str>,
+    /// Visible mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub visible: Option<String>,
+    /// Amodal mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amodal: Option<String>,
+    /// Occlusion mask; none if it is empty.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hidden: Option<String>,
+    /// Box of the visible mask: x, y, width, height.
+    pub visible_box: Option<[i32; 4]>,
+    /// Box of the amodal mask.
+    pub amodal_box: Option<[i32; 4]>,
+}
+
+/// The occlusion graph of an image, by ids of objects.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct GraphView {
+    /// Occluder and occludee.
+    pub edges: Vec<[u16; 2]>,
+    /// Sets of objects that occlude each other, directly or through others of the set.
+    pub cycles: Vec<Vec<u16>>,
+    /// All objects from front to back.
+    pub depth_layers: Vec<Vec<u16>>,
+}
+
+/// What a gallery tells of an image.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImageRow {
+    /// What the dataset calls it.
+    pub name: String,
+    /// Its scene and view.
+    pub place: [u32; 2],
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// Objects.
+    pub objects: usize,
+    /// Greatest occlusion rate of an object.
+    pub most: Option<f64>,
+    /// Number of faults.
+    pub faults: usize,
+}
+
+/// What is read of each image.
+fn wants(offers: &[KeyId]) -> Vec<KeyId> {
+    let own = syntable_model::keys![
+        VISIBLE_MASK,
+        AMODAL_MASK,
+        OCCLUSION_MASK,
+        OCCLUSION_RATE,
+        OCCLUSION_ORDER,
+        VISIBLE_BOX,
+        AMODAL_BOX,
+        CATEGORY_ID,
+        OBJECT_NAME
+    ];
+    own.into_iter().filter(|key| offers.contains(key)).collect()
+}
+
+/// Reads an image: what the pages know of it, and with `whole` all that the checks look at, its color and its depth.
+pub fn read(dataset: &dyn DatasetReader, image: usize, whole: bool) -> Result<(ImageView, Products)> {
+    let offers = dataset.offers();
+    let of = &dataset.images()[image];
+    let mut faults: Vec<[String; 2]> = Vec::new();
+    let (size, products) = if whole {
+        read_all(dataset, image, &offers, &mut faults)
+    } else {
+        let read = dataset.read(image, &wants(&offers));
+        let (view, products) = read.map_err(|error| error.context(format!("image \"{}\"", of.name)))?;
+        (size_of(&view), products)
+    };
+    let mut objects: BTreeMap<InstanceId, ObjectView> = BTreeMap::new();
+    let mut put = Objects { products: &products, objects: &mut objects };
+    put.each(VISIBLE_MASK, |object, mask: &Mask| object.visible = Some(mask.to_coco()))?;
+    put.each(AMODAL_MASK, |object, mask: &Mask| object.amodal = Some(mask.to_coco()))?;
+    put.each(OCCLUSION_MASK, |object, mask: &Mask| object.hidden = (!mask.is_empty()).then(|| mask.to_coco()))?;
+    put.each(OCCLUSION_RATE, |object, rate: &f64| object.rate = Some(*rate))?;
+    put.each(VISIBLE_BOX, |object, bbox: &BBox| object.visible_box = Some((*bbox).into()))?;
+    put.each(AMODAL_BOX, |object, bbox: &BBox| object.amodal_box = Some((*bbox).into()))?;
+    put.each(OBJECT_NAME, |object, name: &String| object.name.clone_from(name))?;
+    let classes: BTreeMap<u32, &str> = dataset.info().categories().collect();
+    put.each(CATEGORY_ID, |object, id: &u32| {
+        object.category = classes.get(id).copied().unwrap_or_default().to_owned()
+    })?;
+    let graph = match products.optional(OCCLUSION_ORDER)? {
+        Some(order) => {
+            let (graph, ids) = (Graph::new(order), order.ids());
+            for (node, id) in ids.iter().enumerate() {
+                if let Some(object) = objects.get_mut(id) {
+                    object.layer = Some(graph.layer(node).name());
+                }
+            }
+            let named = |sets: Vec<Vec<usize>>| {
+                sets.iter().map(|set| set.iter().map(|&node| ids[node].0).collect()).collect::<Vec<Vec<u16>>>()
+            };
+            Some(GraphView {
+                edges: graph.edges().map(|(i, j)| [ids[i].0, ids[j].0]).collect(),
+                cycles: named(graph.cycles()),
+                depth_layers: named(graph.depth_layers()),
+            })
+        }
+        None => None,
+    };
+    if whole {
+        for check in check::linked() {
+            let found = check.run(&products).unwrap_or_else(|error| vec![error.to_string()]);
+            faults.extend(found.into_iter().map(|message| [check.name.to_owned(), message]));
+        }
+        faults.extend(dataset.image_faults(image).into_iter().map(|(check, message)| [check.to_owned(), message]));
+    }
+    let depth_m = products.optional(DEPTH)?.and_then(super::pixels::range);
+    let has_image = if whole { products.contains(&RGB.id().name) } else { offers.contains(&RGB.id()) };
+    let objects = objects.into_values().collect();
+    let (name, scene, view) = (of.name.clone(), of.scene.0, of.view.0);
+    Ok((ImageView { name, scene, view, size, has_image, depth_m, objects, graph, faults }, products))
+}
+
+/// The size of a view's image, px.
+fn size_of(view: &View) -> [u32; 2] {
+    [view.camera.intrinsics.width, view.camera.intrinsics.height]
+}
+
+/// All that can be read of an image. What cannot be read is a fault.
+fn read_all(
+    dataset: &dyn DatasetReader,
+    image: usize,
+    offers: &[KeyId],
+    faults: &mut Vec<[String; 2]>,
+) -> ([u32; 2], Products) {
+    if let Ok((view, products)) = dataset.read(image, offers) {
+        return (size_of(&view), products);
+    }
+    let (mut size, mut all) = ([0; 2], Products::new());
+    for key in offers {
+        let one = dataset.read(image, std::slice::from_ref(key));
+        let kept = one.and_then(|(view, one)| {
+            size = size_of(&view);
+            all.extend(one)
+        });
+        if let Err(error) = kept {
+            let fault = ["readable".to_owned(), error.to_string()];
+            if !faults.contains(&fault) {
+                faults.push(fault);
+            }
+        }
+    }
+    (size, all)
+}
+
+struct Objects<'a> {
+    products: &'a Products,
+    objects: &'a mut BTreeMap<InstanceId, ObjectView>,
+}
+
+impl Objects<'_> {
+    fn each<T>(&mut self, key: Key<PerInstance<T>>, mut put: impl FnMut(&mut ObjectView, &T)) -> Result<()>
+    where
+        PerInstance<T>: Product,
+    {
+        let Some(values) = self.products.optional(key)? else { return Ok(()) };
+        for (id, value) in values.iter() {
+            let new = || ObjectView { id: id.0, ..ObjectView::default() };
+            put(self.objects.entry(id).or_insert_with(new), value);
+        }
+        Ok(())
+    }
+}
+
+impl ImageView {
+    /// What a gallery tells of it.
+    pub fn row(&self) -> ImageRow {
+        let rates = self.objects.iter().filter_map(|object| object.rate);
+        ImageRow {
+            name: self.name.clone(),
+            place: [self.scene, self.view],
+            size: self.size,
+            objects: self.objects.len(),
+            most: rates.reduce(f64::max),
+            faults: self.faults.len(),
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! Pages that show a dataset: what it is, its numbers, its images with their labels, its scenes in space.
+//!
+//! A report is a function from paths to files ([`Report::file`]). `syntable report` asks for all of them and writes a folder,
+//! `syntable view` for what a browser wants to see. Pages work without a server: what would be fetched is a script that calls
+//! `put` with a value, and a page loads the few that it shows.
+//!
+//! | path | is |
+//! | --- | --- |
+//! | `index.html` | the overview: card, statistics, views to look at, failed scenes, times |
+//! | `gallery.html`, `view.html`, `scene.html` | shells; what they show is behind the `#` of the address |
+//! | `page/…` | style sheet and scripts |
+//! | `data/rows/3.js` | what the gallery tells of images 3 · 60 to 4 · 60 |
+//! | `data/view/000/000012.js` | an image's objects, masks and graph |
+//! | `data/scene/000003.js` | a scene's glTF file |
+//! | `image/000/000012.jpg`, `depth/000/000012.jpg` | color and depth of an image |
+
+#[cfg(test)]
+mod colors;
+pub mod image;
+mod overview;
+mod pixels;
+mod plot;
+pub mod record;
+pub mod verb;
+
+use crate::stats::Statistics;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::{ImageRow, ImageView};
+use parking_lot::Mutex;
+use record::{Licenses, Record};
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+use syntable_model::product::Products;
+use syntable_model::product::standard::{DEPTH, RGB};
+use syntable_model::reader::{self, DatasetReader};
+use tera::{Context, Tera};
+
+/// Images on a page of the gallery.
+const PER_PAGE: usize = 60;
+/// Files in a folder.
+const PER_FOLDER: usize = 1000;
+
+/// Style sheet and scripts.
+const ASSETS: [(&str, &str); 8] = [
+    ("page/style.css", include_str!("page/style.css")),
+    ("page/theme.js", include_str!("page/theme.js")),
+    ("page/data.js", include_str!("page/data.js")),
+    ("page/overlay.js", include_str!("page/overlay.js")),
+    ("page/graph.js", include_str!("page/graph.js")),
+    ("page/gallery.js", include_str!("page/gallery.js")),
+    ("page/view.js", include_str!("page/view.js")),
+    ("page/scene.js", include_str!("page/scene.js")),
+];
+
+/// Templates of what pages share.
+const SHARED: [(&str, &str); 2] =
+    [("base.html", include_str!("page/base.html")), ("parts.html", include_str!("page/parts.html"))];
+
+/// Templates of pages.
+const PAGES: [(&str, &str); 4] = [
+    ("index.html", include_str!("page/index.html")),
+    ("gallery.html", include_str!("page/gallery.html")),
+    ("view.html", include_str!("page/view.html")),
+    ("scene.html", include_str!("page/scene.html")),
+];
+
+/// The pages of a dataset.
+pub struct Report {
+    dataset: Box<dyn DatasetReader>,
+    /// What it was read as.
+    format: &'static str,
+    /// The path that was asked for.
+    path: String,
+    record: Record,
+    /// Images that the pages show, ascending.
+    shown: Vec<usize>,
+    /// Scenes with a model that the pages show.
+    scenes: Vec<u32>,
+    licenses: Licenses,
+    pages: Tera,
+    /// What was read of shown images.
+    rows: Vec<Mutex<Option<ImageRow>>>,
+    /// What checks found in shown images, by place; nothing of those that were not checked.
+    faults: Mutex<BTreeMap<usize, Vec<[String; 2]>>>,
+    /// The numbers of the dataset, once they are counted.
+    statistics: Mutex<Counted>,
+}
+
+/// How far the statistics are.
+pub enum Counted {
+    /// They are counted, and a sentence that says how far.
+    Working(String),
+    /// They cannot be had, and why.
+    Failed(String),
+    /// They are there.
+    Done(Box<Statistics>),
+}
+
+/// What pages show of a dataset.
+pub struct Shown {
+    /// Images, ascending.
+    pub images: Vec<usize>,
+    /// Most scenes in space; all if not given.
+    pub scenes: Option<usize>,
+}
+
+impl Report {
+    /// Opens a dataset. `choose` says what of it is shown.
+    pub fn open(path: &Path, format: Option<&str>, choose: impl FnOnce(&dyn DatasetReader) -> Shown) -> Result<Self> {
+        let (format, dataset) = reader::open(path, format)?;
+        Self::of(dataset, format.name, path, choose)
+    }
+
+    /// The pages of a dataset that is open.
+    pub fn of(
+        dataset: Box<dyn DatasetReader>,
+        format: &'static str,
+        path: &Path,
+        choose: impl FnOnce(&dyn DatasetReader) -> Shown,
+    ) -> Result<Self> {
+        if dataset.images().is_empty() {
+            return Err(Error::new("the dataset has no image").in_file(path).permanent());
+        }
+        let record = Record::of(path)?;
+        let Shown { images: shown, scenes: most } = choose(&*dataset);
+        let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
+        let mut first: BTreeSet<u32> = BTreeSet::new();
+        let firsts = dataset.images().iter().enumerate().filter(|(_, image)| first.insert(image.scene.0));
+        let firsts: BTreeSet<usize> = firsts.map(|(index, _)| index).collect();
+        let licenses = record.licenses(&*dataset, firsts.into_iter())?;
+        let mut pages = Tera::default();
+        pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
+        let rows = shown.iter().map(|_| Mutex::new(None)).collect();
+        let statistics = Mutex::new(Counted::Working("nothing is counted yet".to_owned()));
+        let path = path.display().to_string();
+        Ok(Self {
+            dataset,
+            format,
+            path,
+            record,
+            shown,
+            scenes,
+            licenses,
+            pages,
+            rows,
+            faults: Mutex::default(),
+            statistics,
+        })
+    }
+
+    /// The dataset.
+    pub fn dataset(&self) -> &dyn DatasetReader {
+        &*self.dataset
+    }
+
+    /// Puts the statistics, or how far they are.
+    pub fn put_statistics(&self, counted: Counted) {
+        *self.statistics.lock() = counted;
+    }
+
+    /// Whether the statistics are there, or cannot be had.
+    pub fn is_counted(&self) -> bool {
+        !matches!(&*self.statistics.lock(), Counted::Working(_))
+    }
+
+    /// Number of images that are shown.
+    pub fn images(&self) -> usize {
+        self.shown.len()
+    }
+
+    /// The files that follow from single images, by the place of the image among those that are shown.
+    pub fn files_of_image(&self, place: usize) -> Result<Vec<(String, Vec<u8>)>> {
+        let (view, products) = self.read_whole(place)?;
+        let mut files = vec![(view_path(place), self.put(&view_key(place), &self.with_scene(&view)))];
+        files.extend(color(&products)?.map(|bytes| (image_path("image", place), bytes)));
+        files.extend(depth(&products)?.map(|bytes| (image_path("depth", place), bytes)));
+        Ok(files)
+    }
+
+    /// Reads an image with all that the checks look at, and keeps what they found.
+    fn read_whole(&self, place: usize) -> Result<(ImageView, Products)> {
+        let read = image::read(&*self.dataset, self.shown[place], true)?;
+        *self.rows[place].lock() = Some(read.0.row());
+        self.faults.lock().insert(place, read.0.faults.clone());
+        Ok(read)
+    }
+
+    /// Paths of all files but those of single images.
+    pub fn other_paths(&self) -> Vec<String> {
+        let pages = PAGES.iter().map(|(name, _)| (*name).to_owned());
+        let assets = ASSETS.iter().map(|(path, _)| (*path).to_owned());
+        let rows = (0..self.shown.len().div_ceil(PER_PAGE)).map(|page| format!("data/rows/{page}.js"));
+        let scenes = self.scenes.iter().map(|scene| format!("data/scene/{scene:06}.js"));
+        pages.chain(assets).chain(rows).chain(scenes).collect()
+    }
+
+    /// A file by its path; none if the report has no such file.
+    pub fn file(&self, path: &str) -> Result<Option<Vec<u8>>> {
+        if let Some((_, text)) = ASSETS.iter().find(|(name, _)| *name == path) {
+            return Ok(Some(text.as_bytes().to_vec()));
+        }
+        if let Some((name, _)) = PAGES.iter().find(|(name, _)| *name == path) {
+            return self.page(name).map(|text| Some(text.into_bytes()));
+        }
+        let number = |prefix: &str, suffix: &str| -> Option<usize> {
+            let inside = path.strip_prefix(prefix)?.strip_suffix(suffix)?;
+            inside.rsplit('/').next()?.parse().ok()
+        };
+        if let Some(page) = number("data/rows/", ".js").filter(|page| format!("data/rows/{page}.js") == path) {
+            return self.rows_of(page);
+        }
+        if let Some(scene) = number("data/scene/", ".js").filter(|scene| format!("data/scene/{scene:06}.js") == path) {
+            return self.scene(scene);
+        }
+        let is_shown = |place: &usize| *place < self.shown.len();
+        if let Some(place) = number("data/view/", ".js").filter(|place| is_shown(place) && view_path(*place) == path) {
+            let (view, _) = self.read_whole(place)?;
+            return Ok(Some(self.put(&view_key(place), &self.with_scene(&view))));
+        }
+        for (folder, key) in [("image", RGB.id()), ("depth", DEPTH.id())] {
+            let place = number(&format!("{folder}/"), ".jpg").filter(|place| is_shown(place));
+            let has = |place: &usize| image_path(folder, *place) == path && self.dataset.offers().contains(&key);
+            if let Some(place) = place.filter(has) {
+                let (_, products) = self.dataset.read(self.shown[place], &[key])?;
+                return if folder == "image" { color(&products) } else { depth(&products) };
+            }
+        }
+        Ok(None)
+    }
+
+    /// A script that hands a value to the page.
+    fn put(&self, key: &str, value: &impl Serialize) -> Vec<u8> {
+        let [key, value] = [serde_json::to_string(key), serde_json::to_string(value)].map(Result::unwrap_or_default);
+        format!("syntable.put({key}, {value});\n").into_bytes()
+    }
+
+    fn with_scene<'a>(&self, view: &'a ImageView) -> WithScene<'a> {
+        WithScene { image: view, has_scene: self.scenes.contains(&view.scene) }
+    }
+
+    fn row(&self, place: usize) -> Result<ImageRow> {
+        let mut row = self.rows[place].lock();
+        if let Some(row) = &*row {
+            return Ok(row.clone());
+        }
+        let read = image::read(&*self.dataset, self.shown[place], false)?.0.row();
+        *row = Some(read.clone());
+        Ok(read)
+    }
+
+    fn rows_of(&self, page: usize) -> Result<Option<Vec<u8>>> {
+        let first = page.saturating_mul(PER_PAGE);
+        if first >= self.shown.len() {
+            return Ok(None);
+        }
+        let rows: Vec<ImageRow> =
+            (first..self.shown.len().min(first + PER_PAGE)).map(|place| self.row(place)).collect::<Result<_>>()?;
+        Ok(Some(self.put(&format!("rows/{page}"), &rows)))
+    }
+
+    fn scene(&self, scene: usize) -> Result<Option<Vec<u8>>> {
+        let scene = u32::try_from(scene).ok().filter(|scene| self.scenes.contains(scene));
+        let Some((scene, path)) = scene.and_then(|scene| Some((scene, self.record.models.get(&scene)?))) else {
+            return Ok(None);
+        };
+        let bytes = std::fs::read(path).map_err(|error| Error::io(path, &error))?;
+        let key = serde_json::Value::from(format!("scene/{scene:06}"));
+        Ok(Some(format!("syntable.put({key}, \"{}\");\n", STANDARD.encode(bytes)).into_bytes()))
+    }
+
+    fn page(&self, name: &str) -> Result<String> {
+        let mut context = Context::new();
+        context.insert("name", &self.name());
+        context.insert("page", name);
+        let facts = PageFacts {
+            images: self.shown.len(),
+            all_images: self.dataset.images().len(),
+            per_page: PER_PAGE,
+            per_folder: PER_FOLDER,
+            has_image: self.dataset.offers().contains(&RGB.id()),
+            has_depth: self.dataset.offers().contains(&DEPTH.id()),
+        };
+        context.insert("facts", &facts);
+        context.insert("scenes", &self.scenes);
+        context.insert("models", &self.record.models.len());
+        if name == "index.html" {
+            context.insert("overview", &overview::of(self)?);
+        }
+        self.pages.render(name, &context).map_err(|error| wrong_page(&error))
+    }
+
+    /// Name of the dataset.
+    fn name(&self) -> String {
+        let named = Some(self.dataset.info().name.clone()).filter(|name| !name.is_empty());
+        named.unwrap_or_else(|| Path::new(&self.path).file_name().unwrap_or_default().to_string_lossy().into_owned())
+    }
+}
+
+/// What scripts of all pages know.
+#[derive(Serialize)]
+struct PageFacts {
+    images: usize,
+    all_images: usize,
+    per_page: usize,
+    per_folder: usize,
+    has_image: bool,
+    has_depth: bool,
+}
+
+#[derive(Serialize)]
+struct WithScene<'a> {
+    #[serde(flatten)]
+    image: &'a ImageView,
+    has_scene: bool,
+}
+
+fn wrong_page(error: &tera::Error) -> Error {
+    let mut text = error.to_string();
+    let mut source = std::error::Error::source(error);
+    while let Some(inner) = source {
+        text = format!("{text}: {inner}");
+        source = inner.source();
+    }
+    Error::new(format!("a page cannot be made: {text}")).permanent()
+}
+
+fn color(products: &Products) -> Result<Option<Vec<u8>>> {
+    products.optional(RGB)?.map(pixels::jpeg).transpose()
+}
+
+fn depth(products: &Products) -> Result<Option<Vec<u8>>> {
+    products.optional(DEPTH)?.map(|depth| pixels::jpeg(&pixels::colored(depth))).transpose()
+}
+
+fn view_key(place: usize) -> String {
+    format!("view/{:03}/{place:06}", place / PER_FOLDER)
+}
+
+fn view_path(place: usize) -> String {
+    format!("data/{}.js", view_key(place))
+}
+
+fn image_path(folder: &str, place: usize) -> String {
+    format!("{folder}/{:03}/{place:06}.jpg", place / PER_FOLDER)
+}

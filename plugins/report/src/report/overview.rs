@@ -1,0 +1,290 @@
+//! What the overview says: the dataset's card, its numbers, views to look at, failed scenes, times.
+
+use super::plot::{grouped, histogram};
+use super::record::PoolView;
+use super::{Counted, Report, image_path};
+use crate::stats::{ImageRow, Statistics};
+use serde::Serialize;
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::error::Result;
+use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_ORDER, RGB, VISIBLE_MASK};
+use syntable_runtime::run::times::Worked;
+
+/// Views of a row of images.
+pub const MOST_OCCLUDED: usize = 12;
+/// Faults that are listed.
+const FAULTS: usize = 24;
+
+/// What the template `index.html` shows.
+#[derive(Serialize)]
+pub struct Overview {
+    facts: Vec<Fact>,
+    cells: Vec<Fact>,
+    plots: Vec<String>,
+    /// A sentence while the statistics are counted, or why they are not there.
+    counting: Option<String>,
+    is_counting: bool,
+    unknown: Vec<String>,
+    pools: Vec<PoolView>,
+    recipe: String,
+    sample: Vec<Card>,
+    occluded: Vec<Card>,
+    faults: Vec<Fault>,
+    more_faults: usize,
+    checked: usize,
+    failed: Vec<SceneRow>,
+    has_journal: bool,
+    stages: Vec<StageRow>,
+    devices: Vec<String>,
+    made_in: String,
+    left_out: Option<String>,
+}
+
+/// A name and what is known under it.
+#[derive(Serialize)]
+struct Fact {
+    name: String,
+    value: String,
+}
+
+/// An image that leads to its page.
+#[derive(Serialize)]
+struct Card {
+    place: usize,
+    image: Option<String>,
+    name: String,
+    says: String,
+}
+
+#[derive(Serialize)]
+struct Fault {
+    place: Option<usize>,
+    name: String,
+    check: String,
+    message: String,
+}
+
+/// A scene that failed, or that needed more than one attempt.
+#[derive(Serialize)]
+struct SceneRow {
+    scene: u32,
+    attempts: u32,
+    outcome: &'static str,
+    errors: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct StageRow {
+    name: String,
+    calls: String,
+    seconds: String,
+    mean_ms: String,
+    percent: f64,
+}
+
+/// Gathers what the overview says.
+pub fn of(report: &Report) -> Result<Overview> {
+    let record = &report.record;
+    let counted = report.statistics.lock();
+    let (statistics, counting, is_counting) = match &*counted {
+        Counted::Done(statistics) => (Some(&**statistics), None, false),
+        Counted::Working(text) => (None, Some(text.clone()), true),
+        Counted::Failed(text) => (None, Some(text.clone()), false),
+    };
+    let faults = faults(report);
+    let failed = record.journal.values().filter(|entry| entry.failed() || entry.attempt > 0).map(|entry| SceneRow {
+        scene: entry.scene,
+        attempts: entry.attempt + 1,
+        outcome: if entry.failed() { "failed" } else { "made" },
+        errors: entry.errors.clone(),
+    });
+    let devices: BTreeSet<String> = record.times.iter().flat_map(|run| run.devices.clone()).collect();
+    let (shown, all) = (report.shown.len(), report.dataset.images().len());
+    let left_out = (shown < all).then(|| {
+        format!(
+            "Images and labels of {} of {} views are in this report: the most occluded ones, and others at even distances. The \
+             numbers are those of all views.",
+            grouped(&shown.to_string()),
+            grouped(&all.to_string())
+        )
+    });
+    Ok(Overview {
+        facts: facts(report, &devices),
+        cells: statistics.map(cells).unwrap_or_default(),
+        plots: statistics.map(plots).unwrap_or_default(),
+        counting,
+        is_counting,
+        unknown: statistics.map(|it| it.unknown.iter().chain(&it.caveats).cloned().collect()).unwrap_or_default(),
+        pools: record.pools(&report.licenses),
+        recipe: record.recipe.clone(),
+        sample: sample(report),
+        occluded: statistics.map(|statistics| occluded(report, statistics)).unwrap_or_default(),
+        more_faults: faults.len().saturating_sub(FAULTS),
+        faults: faults.into_iter().take(FAULTS).collect(),
+        checked: report.faults.lock().len(),
+        failed: failed.collect(),
+        has_journal: !record.journal.is_empty(),
+        stages: stages(report),
+        devices: devices.into_iter().collect(),
+        made_in: {
+            let seconds: f64 = record.times.iter().map(|run| run.seconds).sum();
+            format!(
+                "{} in {}",
+                plural(record.times.iter().map(|run| run.scenes as usize).sum(), "scene"),
+                span(seconds)
+            )
+        },
+        left_out,
+    })
+}
+
+fn facts(report: &Report, devices: &BTreeSet<String>) -> Vec<Fact> {
+    let (record, info) = (&report.record, report.dataset.info());
+    let images = report.dataset.images();
+    let scenes: BTreeSet<u32> = images.iter().map(|image| image.scene.0).collect();
+    let offers = report.dataset.offers();
+    let has = [
+        (RGB.id(), "color"),
+        (VISIBLE_MASK.id(), "visible masks"),
+        (AMODAL_MASK.id(), "amodal masks"),
+        (OCCLUSION_ORDER.id(), "occlusion order"),
+        (DEPTH.id(), "depth"),
+    ];
+    let has: Vec<&str> = has.into_iter().filter(|(key, _)| offers.contains(key)).map(|(_, name)| name).collect();
+    let not_known = || "not recorded".to_owned();
+    let mut facts = vec![
+        ("Images", grouped(&images.len().to_string())),
+        ("Scenes", grouped(&scenes.len().to_string())),
+        ("Labels", has.join(", ")),
+        ("Format", report.format.to_owned()),
+        ("Seed", record.value(&["dataset", "seed"]).unwrap_or_else(not_known)),
+        ("Made by", Some(info.program.clone()).filter(|it| !it.is_empty()).unwrap_or_else(not_known)),
+    ];
+    if !record.recipe.is_empty() {
+        let samples = record.value(&["render", "samples_per_pixel"]).map(|it| format!(", {it} samples per pixel"));
+        let renderer = record.value(&["render", "kind"]).unwrap_or_else(not_known);
+        facts.push(("Renderer", format!("{renderer}{}", samples.unwrap_or_default())));
+        facts.push(("Denoiser", record.value(&["denoise", "kind"]).unwrap_or_else(not_known)));
+        let devices: Vec<&str> = devices.iter().map(String::as_str).collect();
+        facts.push(("Devices", if devices.is_empty() { not_known() } else { devices.join("; ") }));
+        if let Some(size) = record.value(&["camera", "resolution"]) {
+            facts.push(("Resolution", format!("{} px", size.trim_matches(['[', ']']).replace(", ", " × "))));
+        }
+    }
+    facts.into_iter().map(|(name, value)| Fact { name: name.to_owned(), value }).collect()
+}
+
+/// The row of Table 1, and what goes with it.
+fn cells(of: &Statistics) -> Vec<Fact> {
+    let whole = |number: u64| grouped(&number.to_string());
+    let maybe = |number: Option<u64>| number.map_or_else(|| "–".to_owned(), whole);
+    let percent = |rate: Option<f64>| rate.map_or_else(|| "–".to_owned(), |rate| format!("{:.1} %", 100.0 * rate));
+    let totals = &of.totals;
+    [
+        ("Images", whole(totals.images)),
+        ("Objects", maybe(totals.objects)),
+        ("Scenes", whole(totals.scenes)),
+        ("Visible instances", whole(totals.visible_instances)),
+        ("Occluded instances", maybe(totals.occluded_instances)),
+        ("Average occlusion rate", percent(totals.average_occlusion_rate)),
+        ("Views with cycles", maybe(totals.cyclic_views)),
+    ]
+    .into_iter()
+    .map(|(name, value)| Fact { name: name.to_owned(), value })
+    .collect()
+}
+
+fn plots(of: &Statistics) -> Vec<String> {
+    of.distributions.iter().enumerate().map(|(number, it)| histogram(it, number)).filter(|it| !it.is_empty()).collect()
+}
+
+/// Images by the pixel-weighted occlusion rate, most occluded first, by their index in the dataset.
+pub fn by_occlusion(statistics: &Statistics) -> Vec<(usize, f64)> {
+    let rate = |(index, row): (usize, &ImageRow)| Some((index, row.occlusion.as_ref()?.rate?));
+    let mut rates: Vec<(usize, f64)> = statistics.images.iter().enumerate().filter_map(rate).collect();
+    rates.sort_by(|a, b| b.1.partial_cmp(&a.1).unwrap_or(Ordering::Equal).then(a.0.cmp(&b.0)));
+    rates
+}
+
+fn occluded(report: &Report, statistics: &Statistics) -> Vec<Card> {
+    let shown = by_occlusion(statistics).into_iter().filter(|(_, rate)| *rate > 0.0);
+    let place = |(image, rate): (usize, f64)| {
+        let place = report.shown.binary_search(&image).ok()?;
+        Some(card(report, place, format!("{:.0} % hidden", 100.0 * rate)))
+    };
+    shown.filter_map(place).take(MOST_OCCLUDED).collect()
+}
+
+fn card(report: &Report, place: usize, says: String) -> Card {
+    let image = &report.dataset.images()[report.shown[place]];
+    let has_image = report.dataset.offers().contains(&RGB.id());
+    let base = image.name.rsplit('/').next().unwrap_or_default();
+    Card { place, image: has_image.then(|| image_path("image", place)), name: base.to_owned(), says }
+}
+
+/// Some images at even distances.
+fn sample(report: &Report) -> Vec<Card> {
+    let count = report.shown.len().min(6);
+    (0..count)
+        .map(|number| {
+            let place = number * report.shown.len() / count;
+            let image = &report.dataset.images()[report.shown[place]];
+            card(report, place, format!("scene {}, view {}", image.scene.0, image.view.0))
+        })
+        .collect()
+}
+
+/// What the checks found in shown images that were read whole, and in the dataset.
+fn faults(report: &Report) -> Vec<Fault> {
+    let of_dataset = report.dataset.faults().iter().map(|fault| Fault {
+        place: None,
+        name: fault.place.clone(),
+        check: fault.check.to_owned(),
+        message: fault.message.clone(),
+    });
+    let of_images = report.faults.lock();
+    let of_images = of_images.iter().flat_map(|(place, faults)| {
+        let name = &report.dataset.images()[report.shown[*place]].name;
+        faults.iter().map(move |[check, message]| Fault {
+            place: Some(*place),
+            name: name.clone(),
+            check: check.clone(),
+            message: message.clone(),
+        })
+    });
+    of_dataset.chain(of_images).collect()
+}
+
+/// The work of stages in all runs of the dataset, longest first.
+fn stages(report: &Report) -> Vec<StageRow> {
+    let mut sums: BTreeMap<&str, Worked> = BTreeMap::new();
+    for (stage, worked) in report.record.times.iter().flat_map(|run| &run.stages) {
+        let sum = sums.entry(stage).or_default();
+        (sum.calls, sum.seconds) = (sum.calls + worked.calls, sum.seconds + worked.seconds);
+    }
+    let all: f64 = sums.values().map(|it| it.seconds).sum();
+    let mut stages: Vec<(&str, Worked)> = sums.into_iter().collect();
+    stages.sort_by(|a, b| b.1.seconds.partial_cmp(&a.1.seconds).unwrap_or(Ordering::Equal).then(a.0.cmp(b.0)));
+    let row = |(name, it): (&str, Worked)| StageRow {
+        name: name.to_owned(),
+        calls: grouped(&it.calls.to_string()),
+        seconds: format!("{:.1}", it.seconds),
+        mean_ms: format!("{:.1}", 1000.0 * it.seconds / it.calls.max(1) as f64),
+        percent: (1000.0 * it.seconds / all.max(1e-12)).round() / 10.0,
+    };
+    stages.into_iter().map(row).collect()
+}
+
+fn plural(count: usize, what: &str) -> String {
+    format!("{} {what}{}", grouped(&count.to_string()), if count == 1 { "" } else { "s" })
+}
+
+/// A span of time for people.
+fn span(seconds: f64) -> String {
+    match seconds {
+        it if it < 60.0 => format!("{it:.1} s"),
+        it if it < 3600.0 => format!("{:.0} min {:02.0} s", (it / 60.0).floor(), it % 60.0),
+        it => format!("{:.0} h {:02.0} min", (it / 3600.0).floor(), (it % 3600.0 / 60.0).floor()),
+    }
+}

@@ -1,0 +1,134 @@
+// Labels over an image.
+"use strict";
+syntable.overlay = (() => {
+  const { element, color, outline } = syntable;
+
+  /** The switches, in the order in which they are shown: name, what an object must have. */
+  const kinds = {
+    visible: (image) => image.objects.some((it) => it.visible),
+    amodal: (image) => image.objects.some((it) => it.amodal),
+    hidden: (image) => image.objects.some((it) => it.amodal),
+    boxes: (image) => image.objects.some((it) => it.visible_box || it.amodal_box),
+    order: (image) => image.graph !== null,
+    ids: (image) => image.objects.length > 0,
+  };
+
+  /** What is switched on, from the address. */
+  const on = () => (syntable.state().get("on") ?? "").split(".").filter((name) => Object.hasOwn(kinds, name));
+
+  const boxOf = (object) => {
+    const box = object.visible_box;
+    return box && box[2] > 0 ? box : object.amodal_box;
+  };
+  const center = (object) => {
+    const [x, y, width, height] = boxOf(object) ?? [0, 0, 0, 0];
+    return [x + width / 2, y + height / 2];
+  };
+
+  const paths = new WeakMap();
+  /** The outline of a mask, traced once. */
+  const path = (image, object, kind) => {
+    if (!object[kind]) return "";
+    if (!paths.has(object)) paths.set(object, {});
+    return paths.get(object)[kind] ??= outline(object[kind], image.size);
+  };
+
+  /** Puts what is switched on into an SVG. With `choose`, a click on an object calls it. */
+  const draw = (svg, image, shown, chosen = null, choose = null) => {
+    const [width, height] = image.size;
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const all = [], scale = width / 640;
+    const fill = (object, kind, opacity) => element("path", {
+      class: `fill ${kind}`, d: path(image, object, kind), fill: color(object.id), "fill-opacity": opacity, "fill-rule": "evenodd",
+    });
+    for (const object of image.objects) {
+      if (shown.includes("amodal") && object.amodal) {
+        all.push(fill(object, "amodal", 0.22), element("path", {
+          class: "outline amodal", d: path(image, object, "amodal"), stroke: color(object.id),
+        }));
+      }
+      if (shown.includes("visible") && object.visible) {
+        all.push(fill(object, "visible", 0.5), element("path", {
+          class: "outline visible", d: path(image, object, "visible"), stroke: color(object.id),
+        }));
+      }
+      if (shown.includes("hidden") && object.hidden) {
+        all.push(fill(object, "hidden", 0.75), element("path", {
+          class: "outline hidden", d: path(image, object, "hidden"), stroke: "#fff",
+        }));
+      }
+    }
+    if (shown.includes("boxes")) {
+      for (const object of image.objects) {
+        const box = object.amodal_box ?? object.visible_box;
+        if (box) {
+          const [x, y, w, h] = box;
+          all.push(element("rect", { class: "box", x, y, width: w, height: h, stroke: color(object.id) }));
+        }
+      }
+    }
+    if (shown.includes("order") && image.graph) {
+      const of = new Map(image.objects.map((object) => [object.id, object]));
+      for (const [front, back] of image.graph.edges) {
+        if (!of.has(front) || !of.has(back)) continue;
+        const [[x, y], [u, v]] = [center(of.get(front)), center(of.get(back))];
+        const length = Math.hypot(u - x, v - y) || 1, [dx, dy] = [(u - x) / length, (v - y) / length], head = 7 * scale;
+        const d = `M${x} ${y}L${u} ${v}M${u - head * (dx + dy / 2)} ${v - head * (dy - dx / 2)}L${u} ${v}L${u - head * (dx - dy / 2)} ${v - head * (dy + dx / 2)}`;
+        all.push(element("path", { class: "arrow under", d, fill: "none" }), element("path", { class: "arrow", d, fill: "none" }));
+      }
+    }
+    if (shown.includes("ids")) {
+      for (const object of image.objects) {
+        if (!boxOf(object)) continue;
+        const [x, y] = center(object);
+        const tag = element("text", { class: "tag", x, y }, String(object.id));
+        tag.style.fontSize = `${12 * scale}px`;
+        all.push(tag);
+      }
+    }
+    const picked = image.objects.find((object) => object.id === chosen);
+    if (picked) {
+      for (const kind of ["amodal", "visible"]) {
+        if (!picked[kind]) continue;
+        const d = path(image, picked, kind);
+        if (kind === "visible" || !picked.visible) {
+          all.push(element("path", { class: "fill", d, fill: color(picked.id), "fill-opacity": 0.55, "fill-rule": "evenodd" }));
+        }
+        all.push(element("path", { class: "chosen under", d }), element("path", { class: "chosen", d, "stroke-dasharray": kind === "amodal" ? "6 4" : null }));
+      }
+    }
+    if (choose) {
+      for (const object of image.objects) {
+        const d = path(image, object, object.visible ? "visible" : "amodal");
+        if (!d) continue;
+        const hit = element("path", { class: "hit", d, "fill-rule": "evenodd", "data-id": object.id },
+          element("title", {}, `${object.id} ${object.name || object.category}`));
+        hit.addEventListener("click", () => choose(object.id));
+        all.push(hit);
+      }
+    }
+    svg.replaceChildren(...all);
+  };
+
+  /** Makes switches follow the address, and calls `changed` when one is used. */
+  const switches = (changed) => {
+    const inputs = [...document.querySelectorAll("[data-switch]")];
+    const show = () => inputs.forEach((input) => { input.checked = on().includes(input.dataset.switch); });
+    for (const input of inputs) {
+      input.addEventListener("change", () => {
+        syntable.setState({ on: inputs.filter((it) => it.checked).map((it) => it.dataset.switch).join(".") });
+        changed();
+      });
+    }
+    addEventListener("keydown", (event) => {
+      const typing = event.target.closest("input[type=number], select");
+      const input = inputs.find((it) => it.dataset.key === event.key);
+      if (!input || input.disabled || typing || event.ctrlKey || event.metaKey || event.altKey) return;
+      input.click();
+    });
+    show();
+    return { show, enable: (image) => inputs.forEach((it) => { it.disabled = !kinds[it.dataset.switch](image); }) };
+  };
+
+  return { draw, on, switches };
+})();

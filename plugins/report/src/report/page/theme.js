@@ -1,0 +1,21 @@
+// Light or dark: what the system says, until the switch says otherwise.
+"use strict";
+{
+  const names = ["system", "light", "dark"];
+  const stored = () => {
+    try { return localStorage.getItem("syntable-theme"); } catch { return null; }
+  };
+  const apply = (name) => {
+    if (name === "light" || name === "dark") document.documentElement.dataset.theme = name;
+    else delete document.documentElement.dataset.theme;
+  };
+  apply(stored());
+  document.addEventListener("DOMContentLoaded", () => {
+    const choice = document.getElementById("theme");
+    choice.value = names.includes(stored()) ? stored() : "system";
+    choice.addEventListener("change", () => {
+      apply(choice.value);
+      try { localStorage.setItem("syntable-theme", choice.value); } catch { /* The choice holds for this page. */ }
+    });
+  });
+}

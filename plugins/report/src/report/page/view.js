@@ -1,0 +1,115 @@
+// One image: labels over it, its occlusion graph, its objects.
+"use strict";
+{
+  const { facts, element, overlay, graph, color, state, setState, whole, imagePath } = syntable;
+  const by = (id) => document.getElementById(id);
+  const place = () => whole(state().get("i") ?? "0", 0, facts.images - 1);
+  const chosen = () => Number(state().get("object") ?? 0) || null;
+  let image = null;
+
+  const choose = (id) => {
+    setState({ object: chosen() === id ? null : id });
+    draw();
+  };
+
+  const meters = (value) => `${value.toFixed(2)} m`;
+  const draw = () => {
+    if (!image) return;
+    const base = state().get("base") === "depth" && image.depth_m ? "depth" : "image";
+    const has = base === "depth" || image.has_image;
+    const img = by("image"), path = imagePath(base, image.place);
+    img.hidden = !has;
+    if (has && img.getAttribute("src") !== path) img.src = path;
+    img.alt = base === "depth" ? `Depth of ${image.name}` : image.name;
+    for (const input of document.querySelectorAll("[name=base]")) {
+      input.checked = input.value === base;
+      input.disabled = input.value === "depth" ? !image.depth_m : !image.has_image;
+    }
+    by("legend").hidden = base !== "depth";
+    if (image.depth_m) [by("near").textContent, by("far").textContent] = image.depth_m.map(meters);
+    overlay.draw(by("labels"), image, overlay.on(), chosen(), choose);
+    if (image.graph && image.objects.length > 0) graph.draw(by("graph"), image, chosen(), choose);
+    for (const row of by("objects").rows) {
+      const is = Number(row.dataset.id) === chosen();
+      row.setAttribute("aria-selected", String(is));
+      row.querySelector("button").setAttribute("aria-pressed", String(is));
+    }
+    const object = image.objects.find((it) => it.id === chosen());
+    by("picked").textContent = object ? `Object ${object.id} ${object.name || object.category} is highlighted.` : "";
+  };
+
+  const fill = () => {
+    by("title").textContent = image.name.split("/").pop();
+    document.title = `${image.name} · ${document.documentElement.dataset.name}`;
+    const many = (list, one) => `${list.length} ${one}${list.length === 1 ? "" : "s"}`;
+    by("where").textContent = `${image.name} · scene ${image.scene}, view ${image.view} · ${image.size.join(" × ")} px · ${many(image.objects, "object")}`;
+    by("number").textContent = `${(image.place + 1).toLocaleString("en-US")} of ${facts.images.toLocaleString("en-US")}`;
+    by("space").hidden = !image.has_scene;
+    by("space").href = `scene.html#scene=${image.scene}&view=${image.view}`;
+    const [width, height] = image.size;
+    by("frame").style.aspectRatio = `${width || 4} / ${height || 3}`;
+    const faults = image.faults.map(([check, message]) => element("li", {}, `${check}: ${message}`));
+    by("faults").hidden = faults.length === 0;
+    by("fault-list").replaceChildren(...faults);
+    const { edges = [], cycles = [] } = image.graph ?? {};
+    by("graph").toggleAttribute("hidden", !image.graph || image.objects.length === 0);
+    by("graph-says").textContent = image.graph
+      ? `${many(edges, "edge")}. ${cycles.length ? `${many(cycles, "cycle")}: ${cycles.map((set) => set.join(", ")).join("; ")}, dashed.` : "No cycle."} An arrow leads from the occluder to what it hides.`
+      : "The dataset has no occlusion order.";
+    by("graph").setAttribute("aria-label", `Occlusion graph: ${many(edges, "edge")}, ${many(cycles, "cycle")}`);
+    by("objects").replaceChildren(...image.objects.map((object) => {
+      const dot = element("i");
+      dot.style.background = color(object.id);
+      const button = element("button", { type: "button" }, dot, object.name || object.category || "object");
+      button.addEventListener("click", () => choose(object.id));
+      const rate = object.rate === null ? "–" : `${(100 * object.rate).toFixed(1)} %`;
+      return element("tr", { "data-id": object.id },
+        element("td", { class: "number" }, String(object.id)),
+        element("td", { class: "word" }, button),
+        element("td", { class: "word" }, object.category),
+        element("td", { class: "number" }, rate),
+        element("td", { class: object.layer ? `layer-${object.layer}` : "" }, object.layer ?? "–"));
+    }));
+  };
+
+  const { show: follow, enable } = overlay.switches(() => draw());
+  const show = async () => {
+    const now = place();
+    const buttons = [["back", now - 1], ["next", now + 1]];
+    for (const [id, to] of buttons) {
+      by(id).disabled = to < 0 || to >= facts.images;
+      by(id).onclick = () => go(to);
+    }
+    by("gallery").href = `gallery.html#page=${Math.floor(now / facts.per_page) + 1}${state().get("on") ? `&on=${state().get("on")}` : ""}`;
+    const read = await syntable.view(now);
+    if (now !== place()) return;
+    image = { ...read, place: now };
+    fill();
+    enable(image);
+    draw();
+    by("frame").dataset.ready = String(now);
+    // What comes next is read ahead.
+    if (now + 1 < facts.images) syntable.view(now + 1).catch(() => {});
+  };
+  const go = (to) => {
+    setState({ i: to, object: null });
+    show().catch(syntable.fail);
+  };
+  for (const input of document.querySelectorAll("[name=base]")) {
+    input.addEventListener("change", () => {
+      setState({ base: input.value === "depth" ? "depth" : null });
+      draw();
+    });
+  }
+  addEventListener("keydown", (event) => {
+    if (event.target.closest("select, input[type=radio], input[type=number]") || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "ArrowLeft") by("back").click();
+    else if (event.key === "ArrowRight") by("next").click();
+    else if (event.key === "Escape" && chosen()) choose(chosen());
+  });
+  addEventListener("hashchange", () => {
+    follow();
+    show().catch(syntable.fail);
+  });
+  show().catch(syntable.fail);
+}

@@ -1,0 +1,184 @@
+//! What the folder of a run says beyond its images: recipe, outcome of scenes, times, licenses, and glTF files.
+
+use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::OBJECT_INFO;
+use syntable_model::product::{PerInstance, Value};
+use syntable_model::reader::DatasetReader;
+use syntable_model::stage::RESERVED;
+use syntable_runtime::run::folder::journal_path;
+use syntable_runtime::run::journal::{Journal, JournalEntry};
+use syntable_runtime::run::times::RunTimes;
+
+/// Most bytes of the JSON in a glTF file.
+const MAX_JSON: u32 = 64 << 20;
+
+/// What is known of how a dataset was made. Of a dataset of another program that is little.
+#[derive(Debug, Default)]
+pub struct Record {
+    /// The resolved recipe; empty if there is none.
+    pub recipe: String,
+    /// The same as a table.
+    pub table: toml::Table,
+    /// The scenes of the run.
+    pub journal: BTreeMap<u32, JournalEntry>,
+    /// What runs took.
+    pub times: Vec<RunTimes>,
+    /// glTF files by scene.
+    pub models: BTreeMap<u32, PathBuf>,
+}
+
+/// An origin of assets: a pool of the recipe.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PoolView {
+    /// Its name.
+    pub name: String,
+    /// Kind of its source.
+    pub kind: String,
+    /// Folder of its files; empty where there are none.
+    pub folder: String,
+    /// Distinct assets that were used.
+    pub assets: usize,
+    /// Licenses, each with the number of assets, and what is not known.
+    pub licenses: Vec<LicenseCount>,
+}
+
+/// How many assets have a license.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LicenseCount {
+    /// What the asset's file or source says of it: the license, and whom to attribute.
+    pub license: String,
+    /// Number of assets.
+    pub assets: usize,
+    /// Their names.
+    pub names: Vec<String>,
+}
+
+/// Licenses by `pool/name`; of materials, whose pool a glTF file does not say, by `/name`.
+pub type Licenses = BTreeMap<String, String>;
+
+impl Record {
+    /// Reads what the folder of a run has; nothing of a folder that no run made.
+    pub fn of(dataset: &Path) -> Result<Self> {
+        let above = dataset.parent().map(Path::to_owned);
+        let is_run = |folder: &PathBuf| folder.join(RESERVED[0]).is_dir();
+        let Some(root) = [Some(dataset.to_owned()), above].into_iter().flatten().find(is_run) else {
+            return Ok(Self::default());
+        };
+        let recipe = std::fs::read_to_string(root.join(RESERVED[1])).unwrap_or_default();
+        let table: toml::Table = recipe.parse().unwrap_or_default();
+        let journal = Journal::entries_of(&journal_path(&root))?;
+        let models = models(&root, &table, journal.keys().copied());
+        Ok(Self { times: RunTimes::of_dataset(&root)?, recipe, table, journal, models })
+    }
+
+    /// A value of the recipe as text: `dataset.seed`.
+    pub fn value(&self, keys: &[&str]) -> Option<String> {
+        let (last, tables) = keys.split_last()?;
+        let table = tables.iter().try_fold(&self.table, |table, key| table.get(*key)?.as_table())?;
+        Some(match table.get(*last)? {
+            toml::Value::String(text) => text.clone(),
+            other => other.to_string(),
+        })
+    }
+
+    /// The assets that made scenes used, by pool, with what is known of their licenses.
+    pub fn pools(&self, licenses: &Licenses) -> Vec<PoolView> {
+        let mut used: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+        let made = self.journal.values().filter(|entry| !entry.failed());
+        for (asset, digest) in made.flat_map(|entry| &entry.assets) {
+            if let Some((pool, name)) = asset.split_once('/').filter(|_| digest != "bad") {
+                used.entry(pool).or_default().insert(name);
+            }
+        }
+        for asset in licenses.keys() {
+            if let Some((pool, name)) = asset.split_once('/').filter(|(pool, _)| !pool.is_empty()) {
+                used.entry(pool).or_default().insert(name);
+            }
+        }
+        let pool = |(pool, names): (&str, BTreeSet<&str>)| {
+            let mut by_license: BTreeMap<String, Vec<String>> = BTreeMap::new();
+            for name in &names {
+                let of = |pool: &str| licenses.get(&format!("{pool}/{name}")).cloned();
+                let license = of(pool).or_else(|| of("")).unwrap_or_default();
+                by_license.entry(license).or_default().push((*name).to_owned());
+            }
+            let count = |(license, names): (String, Vec<String>)| LicenseCount { license, assets: names.len(), names };
+            let folder = ["root", "folder", "path", "dir"].iter().find_map(|key| self.value(&["assets", pool, key]));
+            PoolView {
+                name: pool.to_owned(),
+                kind: self.value(&["assets", pool, "kind"]).unwrap_or_default(),
+                folder: folder.unwrap_or_default(),
+                assets: names.len(),
+                licenses: by_license.into_iter().map(count).collect(),
+            }
+        };
+        used.into_iter().map(pool).collect()
+    }
+
+    /// Licenses that objects of some images have, and bodies and materials in glTF files.
+    pub fn licenses(&self, dataset: &dyn DatasetReader, images: impl Iterator<Item = usize>) -> Result<Licenses> {
+        let mut found = Licenses::new();
+        if dataset.offers().contains(&OBJECT_INFO.id()) {
+            for image in images {
+                let (_, products) = dataset.read(image, &[OBJECT_INFO.id()])?;
+                let objects: &PerInstance<Value> = products.get(OBJECT_INFO)?;
+                for (_, object) in objects.iter() {
+                    let json = serde_json::to_value(object).unwrap_or_default();
+                    let text = |key: &str| json.get(key).and_then(|it| it.as_str()).unwrap_or_default().to_owned();
+                    if !text("license").is_empty() {
+                        found.insert(format!("{}/{}", text("pool"), text("name")), text("license"));
+                    }
+                }
+            }
+        }
+        for path in self.models.values() {
+            let json = gltf_json(path)?;
+            for node in json["nodes"].as_array().into_iter().flatten() {
+                let text = |key: &str| node["extras"][key].as_str().unwrap_or_default();
+                if !text("asset").is_empty() && !text("license").is_empty() {
+                    found.insert(text("asset").to_owned(), text("license").to_owned());
+                }
+            }
+            for material in json["materials"].as_array().into_iter().flatten() {
+                let (name, license) = (material["name"].as_str(), material["extras"]["license"].as_str());
+                if let (Some(name), Some(license)) = (name, license) {
+                    found.insert(format!("/{name}"), license.to_owned());
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some.
+fn models(root: &Path, recipe: &toml::Table, scenes: impl Iterator<Item = u32>) -> BTreeMap<u32, PathBuf> {
+    let writers = recipe.get("write").and_then(toml::Value::as_table);
+    let is_gltf =
+        |(_, options): &(&String, &toml::Value)| options.get("kind").and_then(toml::Value::as_str) == Some("gltf");
+    let Some((id, _)) = writers.and_then(|writers| writers.iter().find(is_gltf)) else { return BTreeMap::new() };
+    let file = |scene: u32| {
+        let names = [format!("{scene:06}.glb"), format!("{scene:06}_0000.glb")];
+        names.into_iter().map(|name| root.join(id).join(name)).find(|path| path.is_file())
+    };
+    scenes.filter_map(|scene| Some((scene, file(scene)?))).collect()
+}
+
+/// The JSON of a binary glTF file (glTF 2.0, section 4.4).
+fn gltf_json(path: &Path) -> Result<serde_json::Value> {
+    let refuse = |what: &str| Error::new(what).in_file(path).permanent();
+    let mut file = File::open(path).map_err(|error| Error::io(path, &error))?;
+    let mut head = [0; 20];
+    file.read_exact(&mut head).map_err(|error| Error::io(path, &error))?;
+    let length = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
+    if head[..4] != *b"glTF" || head[16..] != *b"JSON" || length > MAX_JSON {
+        return Err(refuse("it is no binary glTF file"));
+    }
+    let mut text = Vec::new();
+    file.take(u64::from(length)).read_to_end(&mut text).map_err(|error| Error::io(path, &error))?;
+    serde_json::from_slice(&text).map_err(|error| refuse(&format!("its JSON cannot be read: {error}")))
+}

@@ -1,0 +1,220 @@
+//! `syntable report`.
+
+use super::overview::{MOST_OCCLUDED, by_occlusion};
+use super::{Counted, Report, Shown};
+use crate::stats::{self, Options, Statistics};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_model::error::{Error, Result};
+use syntable_model::reader;
+use syntable_model::registry::Registry;
+use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
+use syntable_runtime::cli::{Console, Exit, Message, Verb};
+use syntable_runtime::images::each;
+use syntable_runtime::run::folder::{create_parent, remove};
+use syntable_runtime::run::progress::Reporter;
+use syntable_runtime::workers::{self, Pool};
+
+syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
+
+/// A file by which the folder of a report is known.
+const MARK: &str = ".syntable-report";
+/// Content of the mark.
+const MARK_TEXT: &str = "This folder was made by `syntable report`, which may replace it.\n";
+
+fn command() -> Command {
+    let flag = |name: &'static str| Arg::new(name).long(name);
+    Command::new("report")
+        .about("Make pages that show a dataset: card, statistics, images with labels, occlusion graphs, scenes in space")
+        .arg(
+            Arg::new("dataset")
+                .value_name("DATASET")
+                .required(true)
+                .value_parser(value_parser!(PathBuf))
+                .help("Folder of a dataset of any format that can be read, or its annotation file"),
+        )
+        .arg(flag("out").value_name("DIR").value_parser(value_parser!(PathBuf)).help(
+            "Folder of the report; the dataset's with `-report` after its name if left out. Open its index.html",
+        ))
+        .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace a report that is in the folder"))
+        .arg(
+            flag("format")
+                .value_name("FORMAT")
+                .help("Format of the dataset (see `syntable list formats`); the one that it looks like if left out"),
+        )
+        .arg(flag("images").value_name("N").value_parser(amount).default_value("500").help(
+            "Most images in the report, or `all`: the most occluded ones, and others at even distances. An image takes about \
+             0.1 MB. The numbers are always those of all",
+        ))
+        .arg(
+            flag("scenes")
+                .value_name("N")
+                .value_parser(amount)
+                .default_value("6")
+                .help("Most scenes to look at in space, or `all`: those that the writer `gltf` wrote, the first ones"),
+        )
+        .arg(flag("labels-only").action(ArgAction::SetTrue).help(
+            "Count labels alone, which is faster: leaves out brightness, depth and near-duplicate views",
+        ))
+        .arg(
+            flag("threads")
+                .value_name("N")
+                .value_parser(value_parser!(u16).range(1..=1024))
+                .help("Worker threads; all cores if left out. The report does not depend on it"),
+        )
+        .after_help(
+            "Examples:
+  syntable report data                             data-report/index.html
+  syntable report data --out pages --images all    with every image
+  syntable report coco/annotations.json --out pages --format coco",
+        )
+}
+
+/// A number, or all.
+fn amount(text: &str) -> std::result::Result<usize, String> {
+    match text {
+        "all" => Ok(usize::MAX),
+        _ => text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "a number from 1 on, or `all`".to_owned()),
+    }
+}
+
+fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::Result<(), Exit> {
+    let path = |name: &str| arguments.get_one::<PathBuf>(name);
+    let number = |name: &str| arguments.get_one::<usize>(name).copied().unwrap_or(usize::MAX);
+    let Some(dataset) = path("dataset") else { return Ok(()) };
+    let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
+    let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
+    let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
+    let pool = Pool::new(threads).map_err(Exit::stopped)?;
+    let format = arguments.get_one::<String>("format").map(String::as_str);
+    let (format, opened) = reader::open(dataset, format).map_err(Exit::stopped)?;
+    let options = Options { images: !arguments.get_flag("labels-only"), ..Options::default() };
+    let counted = match stats::of(&*opened, &options, (&pool, console.reporter())) {
+        Ok(statistics) => Counted::Done(Box::new(statistics)),
+        Err(error) => {
+            let error = error.in_file(dataset);
+            console.say(&Message::Warning(
+                Error::new(format!("no statistics: {error}")).help("`syntable validate` lists what is wrong"),
+            ));
+            Counted::Failed(error.to_string())
+        }
+    };
+    let (images, scenes) = (number("images"), number("scenes"));
+    let chosen = |of: &dyn reader::DatasetReader| Shown {
+        images: choose(of.images().len(), images, statistics(&counted)),
+        scenes: Some(scenes),
+    };
+    let report = Report::of(opened, format.name, dataset, chosen).map_err(Exit::stopped)?;
+    report.put_statistics(counted);
+    let written = write(&report, &part, (&pool, console.reporter()));
+    let written = written.and_then(|()| {
+        remove(&out)?;
+        fs::rename(&part, &out).map_err(|error| Error::io(&out, &error))
+    });
+    written.inspect_err(|_| drop(remove(&part))).map_err(Exit::stopped)?;
+    let (shown, all) = (report.images(), report.dataset().images().len());
+    let left_out = if shown < all { format!("; --images all adds the other {}", all - shown) } else { String::new() };
+    console.print(&format!(
+        "{}, read as {}: {shown} of {all} images with labels, {} in space{left_out}\n",
+        out.join("index.html").display(),
+        format.name,
+        report.scenes.len(),
+    ))
+}
+
+fn statistics(counted: &Counted) -> Option<&Statistics> {
+    match counted {
+        Counted::Done(statistics) => Some(statistics),
+        _ => None,
+    }
+}
+
+/// Images to show, ascending: the most occluded ones, and others at even distances.
+pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>) -> Vec<usize> {
+    if most >= all {
+        return (0..all).collect();
+    }
+    let occluded = statistics.map(by_occlusion).unwrap_or_default();
+    let mut chosen: BTreeSet<usize> =
+        occluded.into_iter().map(|(image, _)| image).take(MOST_OCCLUDED.min(most / 2)).collect();
+    let even = most - chosen.len();
+    chosen.extend((0..even).map(|number| number * all / even.max(1)));
+    chosen.into_iter().collect()
+}
+
+/// Where the report of a dataset lies if nothing is said: beside it, since what lies in the folder of a run belongs to the run.
+fn beside(dataset: &Path) -> Result<PathBuf> {
+    let whole = std::path::absolute(dataset).map_err(|error| Error::io(dataset, &error))?;
+    let folder = if whole.is_file() { whole.parent().unwrap_or(&whole) } else { &whole };
+    let Some(name) = folder.file_name() else {
+        return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
+    };
+    let mut named = name.to_owned();
+    named.push("-report");
+    let given = if dataset.is_file() { dataset.parent().unwrap_or(dataset) } else { dataset };
+    Ok(if given.file_name().is_some() { given.with_file_name(named) } else { folder.with_file_name(named) })
+}
+
+/// The folder in which the report is made before it gets its name.
+fn check_out(out: &Path, overwrite: bool) -> Result<PathBuf> {
+    let is_empty = fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none());
+    if fs::symlink_metadata(out).is_ok() && !is_empty {
+        let is_report = out.join(MARK).is_file();
+        let error = match (is_report, overwrite) {
+            (true, true) => None,
+            (true, false) => Some(("there is a report", "--overwrite replaces it")),
+            (false, _) => Some(("it is there, and no report", "choose another folder with --out; nothing was touched")),
+        };
+        if let Some((what, help)) = error {
+            return Err(Error::new(what).in_file(out).help(help).of_request());
+        }
+    }
+    let Some(name) = out.file_name() else {
+        return Err(Error::new("it is no name of a folder").in_file(out).of_request());
+    };
+    let mut part = name.to_owned();
+    part.push(".part");
+    let part = out.with_file_name(part);
+    if part.join(MARK).is_file() {
+        remove(&part)?;
+    }
+    if fs::symlink_metadata(&part).is_ok() {
+        return Err(Error::new("it stands where the report is made before it gets its name")
+            .in_file(part)
+            .help("move it away, or choose another --out")
+            .of_request());
+    }
+    Ok(part)
+}
+
+/// Writes all files of a report into a folder.
+pub fn write(report: &Report, folder: &Path, (pool, reporter): (&Pool, &dyn Reporter)) -> Result<()> {
+    let put = |path: &str, bytes: &[u8]| {
+        let path = folder.join(path);
+        create_parent(&path)?;
+        fs::write(&path, bytes).map_err(|error| Error::io(&path, &error))
+    };
+    fs::create_dir_all(folder).map_err(|error| Error::io(folder, &error).of_request())?;
+    put(MARK, MARK_TEXT.as_bytes())?;
+    let image = |place: usize| report.files_of_image(place)?.iter().try_for_each(|(path, bytes)| put(path, bytes));
+    each((pool, reporter), "showed", report.images(), &image, &mut |_, ()| {})?;
+    for path in report.other_paths() {
+        if let Some(bytes) = report.file(&path)? {
+            put(&path, &bytes)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_chosen_at_even_distances() {
+        assert_eq!(choose(5, 9, None), [0, 1, 2, 3, 4]);
+        assert_eq!(choose(100, 4, None), [0, 25, 50, 75]);
+        assert_eq!(choose(7, 3, None), [0, 2, 4]);
+    }
+}

@@ -1,0 +1,229 @@
+//! Reports of datasets in memory: names that are markup, paths that lead out, images that cannot be read, and the same bytes
+//! again.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use syntable_formats::read::{self, Labels};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::{DEPTH, OBJECT_NAME, RGB};
+use syntable_model::product::{KeyId, Mask, Plane, Products};
+use syntable_model::reader::{DatasetReader, ImageRef};
+use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
+use syntable_model::stage::DatasetInfo;
+use syntable_report::report::verb::write;
+use syntable_report::report::{Counted, Report, Shown};
+use syntable_report::serve::Request;
+use syntable_report::stats::{self, Options};
+use syntable_report::view::answer;
+use syntable_runtime::run::progress::Quiet;
+use syntable_runtime::workers::Pool;
+use syntable_testing::folder::files;
+
+/// A name that would run if a page took it for markup.
+const MARKUP: &str = "<script>alert('1')</script>\"&";
+const SIZE: [u32; 2] = [12, 8];
+
+/// Images of two objects: the first hides the left half of the second.
+struct Memory {
+    info: DatasetInfo,
+    images: Vec<ImageRef>,
+    /// An image whose color cannot be read.
+    broken: Option<usize>,
+}
+
+impl Memory {
+    fn new(images: u32) -> Self {
+        let image = |number: u32| ImageRef {
+            scene: SceneId(number / 4),
+            view: ViewId(number % 4),
+            name: format!("{MARKUP}{number}.png"),
+            id: None,
+        };
+        let info = read::Categories::named([MARKUP.to_owned()]).info(MARKUP.into(), MARKUP.into(), &[], String::new());
+        Self { info, images: (0..images).map(image).collect(), broken: None }
+    }
+}
+
+fn mask(columns: std::ops::Range<u32>) -> Mask {
+    Mask::from_fn(SIZE[0], SIZE[1], |x, y| columns.contains(&x) && (2..6).contains(&y))
+}
+
+impl DatasetReader for Memory {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.images
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = read::offers(true);
+        keys.extend([RGB.id(), DEPTH.id(), OBJECT_NAME.id()]);
+        keys
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let labels = |id: u16, visible: Mask, amodal: Mask| Labels {
+            id: InstanceId(id),
+            visible,
+            amodal: Some(amodal),
+            occlusion: None,
+            rate: None,
+            visible_box: None,
+            amodal_box: None,
+            category: 2,
+        };
+        let labels = [labels(1, mask(1..5), mask(1..5)), labels(2, mask(5..9), mask(1..9))];
+        let mut products = Products::new();
+        read::put(&labels, None, wants, &mut products)?;
+        if wants.contains(&RGB.id()) {
+            if self.broken == Some(image) {
+                return Err(Error::new("the file is not there"));
+            }
+            products.put(RGB, Plane::from_fn(SIZE[0], SIZE[1], |x, y| [image as u8, 20 * x as u8, 30 * y as u8]))?;
+        }
+        if wants.contains(&DEPTH.id()) {
+            products.put(DEPTH, Plane::from_fn(SIZE[0], SIZE[1], |x, _| 1.0 + x as f32))?;
+        }
+        if wants.contains(&OBJECT_NAME.id()) {
+            let names = [1, 2].map(|id| (InstanceId(id), MARKUP.to_owned()));
+            products.put(OBJECT_NAME, names.into_iter().collect())?;
+        }
+        Ok((read::view(self.images[image].view, SIZE[0], SIZE[1]), products))
+    }
+}
+
+fn report(memory: Memory, shown: Vec<usize>) -> Report {
+    let pool = Pool::new(2).expect("threads");
+    let counted = match stats::of(&memory, &Options::default(), (&pool, &Quiet)) {
+        Ok(statistics) => Counted::Done(Box::new(statistics)),
+        Err(error) => Counted::Failed(error.to_string()),
+    };
+    let path = Path::new("nowhere/a <b> dataset");
+    let report = Report::of(Box::new(memory), "memory", path, |_| Shown { images: shown, scenes: None });
+    let report = report.unwrap_or_else(|error| panic!("{error}"));
+    report.put_statistics(counted);
+    report
+}
+
+fn written(report: &Report, threads: usize) -> BTreeMap<String, Vec<u8>> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let pool = Pool::new(threads).expect("threads");
+    write(report, folder.path(), (&pool, &Quiet)).unwrap_or_else(|error| panic!("{error}"));
+    files(folder.path())
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).expect("text")
+}
+
+#[test]
+fn names_are_never_markup() {
+    let all = written(&report(Memory::new(5), (0..5).collect()), 2);
+    let pages: Vec<&String> = all.keys().filter(|path| path.ends_with(".html")).collect();
+    assert_eq!(pages.len(), 4, "{pages:?}");
+    for (path, bytes) in all.iter().filter(|(path, _)| path.ends_with(".html")) {
+        let page = text(bytes);
+        assert!(!page.contains("<script>alert"), "{path}");
+        // The only scripts are those of the report.
+        for script in page.split("<script").skip(1) {
+            assert!(script.starts_with(" src=\"page/"), "{path}: {script:.60}");
+        }
+        assert!(page.contains("&lt;script&gt;alert"), "{path} does not name the dataset");
+    }
+}
+
+#[test]
+fn the_report_does_not_depend_on_threads_or_time() {
+    let once = |threads| written(&report(Memory::new(70), (0..70).collect()), threads);
+    let (a, b) = (once(1), once(3));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (path, bytes) in &a {
+        assert!(bytes == &b[path], "{path} differs");
+    }
+    // 70 images are two pages of the gallery.
+    assert!(a.contains_key("data/rows/1.js") && !a.contains_key("data/rows/2.js"), "{:?}", a.keys());
+}
+
+#[test]
+fn what_is_written_is_what_is_served() {
+    let shown = vec![0, 2, 5];
+    let of_folder = written(&report(Memory::new(8), shown.clone()), 2);
+    let served = report(Memory::new(8), shown);
+    for (path, bytes) in of_folder.iter().filter(|(path, _)| !path.starts_with('.') && *path != "index.html") {
+        let file = served.file(path).expect("readable");
+        assert!(file.as_ref() == Some(bytes), "{path} is served differently");
+    }
+    let page = text(&of_folder["index.html"]);
+    assert!(page.contains("3 of 8 views are in this report"), "{page}");
+}
+
+/// The order, the layers and the rates of a scene that is worked out on paper.
+#[test]
+fn an_image_has_its_masks_and_its_graph() {
+    let report = report(Memory::new(1), vec![0]);
+    let file = report.file("data/view/000/000000.js").expect("readable").expect("there");
+    let json = text(&file).trim_start_matches("syntable.put(\"view/000/000000\", ").trim_end_matches(");\n");
+    let view: serde_json::Value = serde_json::from_str(json).expect("JSON");
+    assert_eq!(view["graph"]["edges"], serde_json::json!([[1, 2]]));
+    assert_eq!(view["graph"]["depth_layers"], serde_json::json!([[1], [2]]));
+    assert_eq!(view["depth_m"], serde_json::json!([1.0, 12.0]));
+    let object = &view["objects"][1];
+    assert_eq!((&object["layer"], object["rate"].as_f64()), (&"bottom".into(), Some(0.5)));
+    let hidden = Mask::from_coco(SIZE[0], SIZE[1], object["hidden"].as_str().expect("a mask")).expect("run lengths");
+    assert_eq!(hidden, mask(1..5));
+    assert_eq!(object["visible_box"], serde_json::json!([5, 2, 4, 4]));
+    assert_eq!(view["objects"][0].get("hidden"), None);
+}
+
+#[test]
+fn no_path_leads_out() {
+    let report = report(Memory::new(3), vec![0, 1]);
+    let status = |path: &str| answer(&report, &Request { path: path.to_owned(), query: Vec::new() }).status();
+    for path in
+        ["/", "/index.html", "/data/rows/0.js", "/image/000/000001.jpg", "/depth/000/000000.jpg", "/page/view.js"]
+    {
+        assert_eq!(status(path), 200, "{path}");
+    }
+    let wrong = [
+        "/../Cargo.toml",
+        "/page/../Cargo.toml",
+        "/page/base.html",
+        "/base.html",
+        "/etc/passwd",
+        "//etc/passwd",
+        "/image/../image/000/000001.jpg",
+        "/image/001/000001.jpg",
+        "/image/000/1.jpg",
+        "/image/000/000002.jpg",
+        "/image/000/000001.png",
+        "/data/rows/1.js",
+        "/data/rows/00.js",
+        "/data/rows/99999999999999999999.js",
+        "/data/rows/18446744073709551615.js",
+        "/data/view/000/-00001.js",
+        "/data/scene/000000.js",
+    ];
+    for path in wrong {
+        assert_eq!(status(path), 404, "{path}");
+    }
+}
+
+#[test]
+fn what_cannot_be_read_is_named_and_the_rest_is_shown() {
+    let broken = Memory { broken: Some(1), ..Memory::new(3) };
+    let all = written(&report(broken, vec![0, 1, 2]), 2);
+    assert!(!all.contains_key("image/000/000001.jpg") && all.contains_key("image/000/000002.jpg"));
+    let view = text(&all["data/view/000/000001.js"]);
+    assert!(view.contains("the file is not there") && view.contains("\"edges\":[[1,2]]"), "{view}");
+    let page = text(&all["index.html"]);
+    assert!(page.contains("readable") && page.contains("the file is not there"), "{page}");
+}
+
+#[test]
+fn a_dataset_without_an_image_has_no_report() {
+    let report =
+        Report::of(Box::new(Memory::new(0)), "memory", Path::new("x"), |_| Shown { images: Vec::new(), scenes: None });
+    assert!(report.err().is_some_and(|error| error.to_string().contains("no image")));
+}

@@ -1,0 +1,273 @@
+//! `syntable report` and `syntable view`, looked at in a browser.
+
+mod support;
+
+use serde_json::{Value, json};
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::sync::OnceLock;
+use support::browser::{address, job, look};
+use support::{fails, files, ok, root, syntable};
+
+/// Waits in a page until an expression is true.
+const WAIT: &str = "const wait = async (is) => { for (let i = 0; i < 400; i++) { if (is()) return; \
+     await new Promise((done) => setTimeout(done, 50)); } throw new Error(`not: ${is}`); };";
+
+/// A dataset of two scenes with two views each, and glTF files. Tests read it only.
+fn dataset() -> &'static Path {
+    static DATASET: OnceLock<PathBuf> = OnceLock::new();
+    DATASET.get_or_init(|| {
+        let folder = root().join("target/test-report");
+        let _ = fs::remove_dir_all(&folder);
+        let data = folder.join("data");
+        let sets = [
+            "dataset.scenes=2",
+            "dataset.views_per_scene=2",
+            "camera.resolution=[160,120]",
+            "render.samples_per_pixel=1",
+            "write.gltf.per=\"scene\"",
+        ];
+        let mut run = syntable();
+        run.args(["run", "recipes/quickstart.toml", "--out"]).arg(&data);
+        ok(run.args(sets.iter().flat_map(|set| ["--set", set])));
+        data
+    })
+}
+
+/// The report of the dataset.
+fn report() -> &'static Path {
+    static REPORT: OnceLock<PathBuf> = OnceLock::new();
+    REPORT.get_or_init(|| {
+        let said = ok(syntable().arg("report").arg(dataset()));
+        assert!(said.contains("4 of 4 images") && said.contains("2 in space"), "{said}");
+        dataset().with_file_name("data-report")
+    })
+}
+
+fn page(name: &str) -> String {
+    address(&report().join(name))
+}
+
+#[test]
+fn the_report_lies_beside_the_dataset_and_is_the_same_again() {
+    let (before, first) = (files(dataset()), files(report()));
+    let verified = ok(syntable().arg("verify").arg(dataset()));
+    assert!(!verified.contains("report"), "{verified}");
+    let again = report().with_file_name("again");
+    let _ = fs::remove_dir_all(&again);
+    ok(syntable().arg("report").arg(dataset()).arg("--out").arg(&again).args(["--threads", "1"]));
+    let second = files(&again);
+    assert!(first.keys().eq(second.keys()) && first.iter().all(|(path, bytes)| second[path] == *bytes));
+    assert!(before == files(dataset()), "the dataset has changed");
+    // A report is replaced on request alone, and nothing else ever is.
+    let said = fails(syntable().arg("report").arg(dataset()).arg("--out").arg(&again), 2);
+    assert!(said.contains("there is a report") && said.contains("--overwrite"), "{said}");
+    ok(syntable().arg("report").arg(dataset()).arg("--out").arg(&again).args(["--overwrite", "--images", "1"]));
+    assert!(again.join("image/000/000000.jpg").is_file() && !again.join("image/000/000001.jpg").exists());
+    let said = fails(syntable().arg("report").arg(dataset()).arg("--out").arg(dataset()).arg("--overwrite"), 2);
+    assert!(said.contains("no report") && before == files(dataset()), "{said}");
+}
+
+#[test]
+fn the_overview_says_what_the_run_says() {
+    let text = fs::read_to_string(report().join("index.html")).expect("a page");
+    for part in
+        ["quickstart", "cpu_path, 1 samples per pixel", "160 × 120 px", "CC0-1.0", "write.syntable", "household"]
+    {
+        assert!(text.contains(part), "{part} is not in the overview");
+    }
+    let script = format!(
+        "{WAIT} await wait(() => document.querySelectorAll('.plot').length > 4);
+         return [...document.querySelectorAll('.cells > div')].map((it) => [it.querySelector('dt').textContent, it.querySelector('dd').textContent]);"
+    );
+    let Some(found) = look(&[job(&page("index.html"), &script)]) else { return };
+    let said =
+        |name: &str| found[0].as_array().expect("cells").iter().find(|it| it[0] == name).expect("a cell")[1].clone();
+    assert_eq!((said("Images"), said("Scenes")), (json!("4"), json!("2")));
+    let rows = ok(syntable().args(["stats", "--json", "--labels-only"]).arg(dataset()));
+    let stats: Value = serde_json::from_str(&rows).expect("JSON");
+    let instances = stats.pointer("/datasets/0/totals/visible_instances").expect("a count");
+    assert_eq!(said("Visible instances"), json!(instances.to_string()), "{stats:#}");
+}
+
+#[test]
+fn a_click_changes_the_overlay_and_leads_from_graph_to_mask_and_back() {
+    let gallery = format!(
+        "{WAIT} await wait(() => document.querySelectorAll('#grid a').length === 4);
+         const paths = () => document.querySelectorAll('#grid path').length, before = paths();
+         document.querySelector('[data-switch=visible]').click();
+         await wait(() => paths() > 0);
+         document.querySelector('#grid a').focus();
+         document.activeElement.dispatchEvent(new KeyboardEvent('keydown', {{ key: 'ArrowRight', bubbles: true }}));
+         return [before, location.hash, document.activeElement.dataset.place];"
+    );
+    let view = format!(
+        "{WAIT} const by = (id) => document.getElementById(id);
+         await wait(() => by('frame').dataset.ready === '0');
+         const before = by('labels').querySelectorAll('.fill').length;
+         document.querySelector('[data-switch=amodal]').click();
+         const amodal = by('labels').querySelectorAll('.fill.amodal').length;
+         const node = by('graph').querySelector('.node'), id = node.dataset.id;
+         node.dispatchEvent(new MouseEvent('click', {{ bubbles: true }}));
+         const chosen = by('labels').querySelector('.chosen')?.getAttribute('d');
+         const own = by('labels').querySelector(`.hit[data-id='${{id}}']`)?.getAttribute('d');
+         const other = [...by('labels').querySelectorAll('.hit')].find((it) => it.dataset.id !== id);
+         other.dispatchEvent(new MouseEvent('click', {{ bubbles: true }}));
+         const pressed = [...by('graph').querySelectorAll('[aria-pressed=true]')].map((it) => it.dataset.id);
+         document.querySelector('[name=base][value=depth]').click();
+         await wait(() => by('image').complete && by('image').naturalWidth === 160);
+         const objects = by('objects').rows.length, nodes = by('graph').querySelectorAll('.node').length;
+         return {{ before, amodal, chosen: [...by('labels').querySelectorAll('.chosen')].length > 0 && chosen.length > 0,
+             own, id, other: other.dataset.id, pressed, source: by('image').getAttribute('src'), objects, nodes,
+             legend: by('legend').hidden }};"
+    );
+    let Some(found) = look(&[job(&page("gallery.html"), &gallery), job(&page("view.html"), &view)]) else { return };
+    assert_eq!(found[0], json!([0, "#on=visible", "1"]));
+    let seen = &found[1];
+    assert_eq!(seen["before"], 0);
+    assert_eq!((&seen["amodal"], &seen["nodes"]), (&seen["objects"], &seen["objects"]), "{seen}");
+    assert!(seen["objects"].as_u64() > Some(5) && seen["chosen"] == true, "{seen}");
+    assert_eq!(seen["pressed"], json!([seen["other"]]), "{seen}");
+    assert_eq!((&seen["source"], &seen["legend"]), (&json!("depth/000/000000.jpg"), &json!(false)));
+}
+
+/// The outlines that the browser traces, filled again, against the masks' areas.
+#[test]
+fn outlines_go_around_the_pixels_of_masks() {
+    let script = format!(
+        "{WAIT} const image = await syntable.view(0), [width, height] = image.size;
+         const canvas = new OffscreenCanvas(width, height), cx = canvas.getContext('2d', {{ willReadFrequently: true }}), found = [];
+         for (const object of image.objects) for (const kind of ['visible', 'amodal']) {{
+             const counts = syntable.runs(object[kind]);
+             const area = counts.filter((_, at) => at % 2).reduce((sum, count) => sum + count, 0);
+             cx.clearRect(0, 0, width, height);
+             cx.fill(new Path2D(syntable.outline(object[kind], image.size)), 'evenodd');
+             const pixels = cx.getImageData(0, 0, width, height).data;
+             let filled = 0;
+             for (let at = 3; at < pixels.length; at += 4) if (pixels[at] > 127) filled++;
+             found.push([area, filled, counts.reduce((sum, count) => sum + count, 0)]);
+         }}
+         return found;"
+    );
+    let Some(found) = look(&[job(&page("view.html"), &script)]) else { return };
+    let masks = found[0].as_array().expect("masks");
+    assert!(masks.len() > 10);
+    for mask in masks {
+        assert!(mask[0] == mask[1] && mask[0].as_u64() > Some(0) && mask[2] == 160 * 120, "{mask}");
+    }
+}
+
+#[test]
+fn a_scene_is_drawn_in_space_and_turns() {
+    let script = format!(
+        "{WAIT} const canvas = document.getElementById('canvas');
+         await wait(() => canvas.dataset.ready === '1' && Number(canvas.dataset.painted) > 0);
+         const colors = async () => {{
+             const image = await createImageBitmap(await new Promise((done) => requestAnimationFrame(() => canvas.toBlob(done))));
+             const cx = new OffscreenCanvas(64, 64).getContext('2d');
+             cx.drawImage(image, 0, 0, 64, 64);
+             return new Set(new Uint32Array(cx.getImageData(0, 0, 64, 64).data.buffer)).size;
+         }};
+         const painted = Number(canvas.dataset.painted);
+         canvas.focus();
+         canvas.dispatchEvent(new KeyboardEvent('keydown', {{ key: 'ArrowLeft', bubbles: true, cancelable: true }}));
+         const many = await colors();
+         await wait(() => Number(canvas.dataset.painted) > painted);
+         return {{ many, error: canvas.getContext('webgl2').getError() }};"
+    );
+    let Some(found) = look(&[job(&page("scene.html#scene=1"), &script)]) else { return };
+    assert_eq!(found[0]["error"], 0);
+    assert!(found[0]["many"].as_u64() > Some(100), "{}", found[0]);
+}
+
+#[test]
+fn every_page_is_quiet_and_fits_narrow_screens() {
+    let script = format!(
+        "{WAIT} await new Promise((done) => setTimeout(done, 400));
+         const named = [...document.querySelectorAll('button, input, select, a, canvas')].filter((it) => !(it.hidden
+             || it.closest('[hidden]') || it.textContent.trim() || it.getAttribute('aria-label') || it.closest('label')));
+         return [document.documentElement.scrollWidth <= innerWidth, named.map((it) => it.outerHTML)];"
+    );
+    let pages = ["index.html", "gallery.html", "view.html", "scene.html"];
+    let jobs: Vec<Value> = pages
+        .iter()
+        .flat_map(|name| [[1280, 900], [380, 800]].map(|size| (name, size)))
+        .map(|(name, size)| json!({ "url": page(name), "script": script, "size": size, "dark": size[0] < 500 }))
+        .collect();
+    let Some(found) = look(&jobs) else { return };
+    for (job, found) in jobs.iter().zip(found) {
+        assert_eq!(found, json!([true, []]), "{} {}", job["url"], job["size"]);
+    }
+}
+
+/// Datasets of others have pages, too, and say what they lack.
+#[test]
+fn a_foreign_dataset_has_a_report() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [coco, out] = ["coco", "pages"].map(|name| folder.path().join(name));
+    ok(syntable().arg("convert").arg(dataset()).args(["--to", "coco", "--out"]).arg(&coco));
+    let said = ok(syntable().arg("report").arg(&coco).arg("--out").arg(&out));
+    assert!(said.contains("read as coco"), "{said}");
+    let space = fs::read_to_string(out.join("scene.html")).expect("a page");
+    assert!(space.contains("[write.gltf]"), "{space}");
+    let script = format!(
+        "{WAIT} await wait(() => document.getElementById('frame').dataset.ready === '0');
+         return [document.getElementById('objects').rows.length, document.querySelector('[name=base][value=depth]').disabled];"
+    );
+    let Some(found) = look(&[job(&address(&out.join("view.html")), &script)]) else { return };
+    assert!(found[0][0].as_u64() > Some(5) && found[0][1] == true, "{}", found[0]);
+}
+
+/// A server that ends with the test.
+struct Served(Child, String);
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn serve() -> Served {
+    let mut child = syntable().arg("view").arg(dataset()).stdout(Stdio::piped()).spawn().expect("the program starts");
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().expect("a pipe")).read_line(&mut line).expect("an address");
+    let url = line.trim().to_owned();
+    assert!(url.starts_with("http://127.0.0.1:"), "{url}");
+    Served(child, url)
+}
+
+fn get(url: &str, target: &str, method: &str) -> String {
+    let host = url.trim_start_matches("http://").trim_end_matches('/');
+    let mut stream = TcpStream::connect(host).expect("it listens");
+    write!(stream, "{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).expect("an answer");
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+#[test]
+fn view_serves_the_same_pages_and_nothing_else() {
+    let before = files(dataset());
+    let served = serve();
+    let status = |target: &str, method: &str| get(&served.1, target, method)[9..12].to_owned();
+    for target in ["/", "/gallery.html", "/data/rows/0.js", "/image/000/000003.jpg", "/data/scene/000001.js"] {
+        assert_eq!(status(target, "GET"), "200", "{target}");
+    }
+    for target in
+        ["/../recipe.toml", "/%2e%2e/recipe.toml", "/..%2frecipe.toml", "/page/..%5c..%5crecipe.toml", "/recipe.toml"]
+    {
+        assert!(["400", "404"].contains(&status(target, "GET").as_str()), "{target}");
+    }
+    assert_eq!((status("/", "POST"), status("/", "PUT")), ("405".to_owned(), "405".to_owned()));
+    let script = format!(
+        "{WAIT} await wait(() => document.getElementById('frame').dataset.ready === '2' && document.getElementById('image').complete);
+         return [document.getElementById('image').naturalWidth, document.getElementById('objects').rows.length > 5];"
+    );
+    let seen = look(&[job(&format!("{}view.html#i=2&on=visible", served.1), &script)]);
+    assert!(seen.is_none_or(|seen| seen[0] == json!([160, true])));
+    assert!(before == files(dataset()), "viewing has written something");
+}
