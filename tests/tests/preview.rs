@@ -268,7 +268,7 @@ fn the_page_follows_what_is_saved() {
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
     assert!(String::from_utf8_lossy(&page).contains("<img id=\"sheet\""));
     assert!(get(&address, "/other").0.starts_with("HTTP/1.1 404"));
-    watching.made();
+    let _ = watching.made();
     let made = state(&address);
     assert_eq!([&made["status"], &made["mistakes"], &made["title"]], ["2 images", "", "quickstart"]);
     let (head, png) = get(&address, "/sheet.png");
@@ -286,7 +286,7 @@ fn the_page_follows_what_is_saved() {
     assert!(page.contains("&lt;guidde&gt;") && !page.contains("<guidde>"), "{page}");
 
     watching.save(&with("", ""));
-    watching.made();
+    let _ = watching.made();
     let mended = state(&address);
     assert_eq!([&mended["status"], &mended["mistakes"]], ["2 images", ""]);
     assert_eq!(watching.end(), Some(0));
@@ -308,7 +308,7 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     let profile = tempfile::tempdir().expect("a folder");
     let Some(mut browser) = browser(profile.path()) else { return skip("chromium") };
     let watching = Watching::start(&["--serve"]);
-    watching.made();
+    let _ = watching.made();
     let address = watching.said.trim_start_matches("http://").trim_end_matches('/').to_owned();
     let first = state(&address)["version"].as_u64().expect("a version");
     // Virtual time stands still while a request is open, such as that for the next version: the page is printed once
@@ -317,7 +317,7 @@ fn a_browser_shows_a_save_without_being_reloaded() {
     let page = browser.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
     std::thread::sleep(Duration::from_secs(4));
     watching.save(&with("radius = { of_table = [0.8, 1.36] }", "radius = { of_table = [0.7, 0.8] }"));
-    watching.made();
+    let _ = watching.made();
     let last = state(&address)["version"].as_u64().expect("a version");
     assert!(last > first);
     std::thread::sleep(Duration::from_secs(6));

@@ -44,7 +44,9 @@ fn stats(datasets: &[&Path], more: &[&str]) -> Value {
 fn converted(out: &Path, to: &str, set: &[&str]) -> PathBuf {
     let mut convert = syntable();
     convert.arg("convert").arg(syntable_folder()).args(["--to", to, "--out"]).arg(out);
-    set.iter().for_each(|set| drop(convert.args(["--set", set])));
+    for set in set {
+        convert.args(["--set", set]);
+    }
     ok(&mut convert);
     Some(out.join(to)).filter(|inner| inner.is_dir()).unwrap_or_else(|| out.to_owned())
 }
