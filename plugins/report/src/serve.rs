@@ -8,7 +8,7 @@
 
 use parking_lot::{Condvar, Mutex};
 use std::fs::File;
-use std::io::{Cursor, Read};
+use std::io::{Cursor, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -17,7 +17,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
 use syntable_runtime::run::stop::Stop;
-use tiny_http::{Header, Method, StatusCode};
+use tiny_http::{Method, StatusCode};
 
 /// Path where pages wait for the next version; no handler is asked for it.
 pub const CHANGES: &str = "/changes";
@@ -312,30 +312,45 @@ fn told(version: u64) -> Response {
 }
 
 /// Sends an answer. Whoever has gone away misses nothing.
+///
+/// Connections end with their answer. `tiny_http` gives each a thread of a pool for as long as it is open, and may leave one
+/// that comes at the same time as another in its queue until some thread is free: pages of browsers, which keep
+/// connections open, would wait for ever.
 fn send(request: tiny_http::Request, response: Response) {
     let Response { status, content_type, length, body } = response;
+    let wants_body = *request.method() != Method::Head;
+    let reason = StatusCode(status).default_reason_phrase();
+    let mut head = format!("HTTP/1.1 {status} {reason}\r\n");
+    let length_field = length.to_string();
     let fields = [
+        ("Connection", "close"),
         ("Content-Type", content_type),
+        ("Content-Length", &length_field),
         ("Cache-Control", "no-store"),
         ("X-Content-Type-Options", "nosniff"),
         ("Content-Security-Policy", POLICY),
         ("Cross-Origin-Resource-Policy", "same-origin"),
         ("Referrer-Policy", "no-referrer"),
     ];
-    let mut headers: Vec<Header> =
-        fields.iter().filter_map(|(name, value)| Header::from_bytes(name.as_bytes(), value.as_bytes()).ok()).collect();
-    if status == 405 {
-        headers.extend(Header::from_bytes("Allow", "GET, HEAD"));
+    let allow = (status == 405).then_some(("Allow", "GET, HEAD"));
+    for (name, value) in fields.into_iter().chain(allow) {
+        head += &format!("{name}: {value}\r\n");
     }
-    // A body has its length, never chunks: readers know when it is whole.
-    let answer = tiny_http::Response::new(StatusCode(status), headers, body, usize::try_from(length).ok(), None);
-    let _ = request.respond(answer.with_chunked_threshold(usize::MAX));
+    head += "\r\n";
+    let mut out = request.into_writer();
+    let write = move || -> std::io::Result<()> {
+        out.write_all(head.as_bytes())?;
+        if wants_body {
+            std::io::copy(&mut body.take(length), &mut out)?;
+        }
+        out.flush()
+    };
+    let _ = write();
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
     use std::net::TcpStream;
 
     /// Runs a server whose pages say what was asked for, while `test` asks.
@@ -514,6 +529,28 @@ mod tests {
             stream.read_to_string(&mut text).expect("answered");
             assert!(text.ends_with(r#"{"version":0}"#), "{text}");
         }
+    }
+
+    #[test]
+    fn connections_that_come_together_and_stay_open_are_all_answered() {
+        serving(|server, _| {
+            for _ in 0..50 {
+                // As a browser does: six at once, which it would use again.
+                let streams: Vec<TcpStream> = (0..6)
+                    .map(|_| {
+                        let mut stream = TcpStream::connect(server.address).expect("listens");
+                        stream.set_read_timeout(Some(Duration::from_secs(5))).expect("a timeout");
+                        stream.write_all(b"GET /a HTTP/1.1\r\nHost: localhost\r\n\r\n").expect("sent");
+                        stream
+                    })
+                    .collect();
+                for mut stream in &streams {
+                    let mut start = [0; 12];
+                    stream.read_exact(&mut start).expect("answered");
+                    assert_eq!(&start, b"HTTP/1.1 200");
+                }
+            }
+        });
     }
 
     #[test]
