@@ -56,10 +56,12 @@ impl Info {
         let [_, _, width, height] = self.bbox_obj;
         let most = (width + 1).max(0).saturating_mul((height + 1).max(0)) as u64;
         if self.px_count_all > most {
-            let message = format!("`px_count_all` is {}, `bbox_obj` {:?} has {most} pixels", self.px_count_all, self.bbox_obj);
+            let message =
+                format!("`px_count_all` is {}, `bbox_obj` {:?} has {most} pixels", self.px_count_all, self.bbox_obj);
             faults.push(("counts_are_those_of_masks", message));
         }
-        if reaches_out && !(0..4).any(is_beyond) && self.px_count_all as f64 > f64::from(amodal.area()) + slack(amodal) {
+        if reaches_out && !(0..4).any(is_beyond) && self.px_count_all as f64 > f64::from(amodal.area()) + slack(amodal)
+        {
             let message = format!(
                 "`px_count_all` is {}, its mask has {} pixels, and `bbox_obj` {:?} does not reach beyond the frame",
                 self.px_count_all,
@@ -162,8 +164,10 @@ impl CocoScene {
             let clip = |at: f64, axis: usize| at.clamp(0.0, f64::from(size[axis]));
             [clip(x, 0), clip(y, 1), clip(x + width, 0), clip(y + height, 1)]
         };
-        let masks = amodal.iter().map(|mask| <[i32; 4]>::from(mask.bbox()).map(f64::from));
-        let own: Vec<[f64; 4]> = masks.chain(infos.iter().map(|info| info.bbox_obj.map(|edge| edge as f64))).collect();
+        // Objects that are not seen have no annotation.
+        let seen = || infos.iter().zip(amodal).filter(|(info, _)| info.px_count_visib > 0);
+        let masks = seen().map(|(_, mask)| <[i32; 4]>::from(mask.bbox()).map(f64::from));
+        let own: Vec<[f64; 4]> = masks.chain(seen().map(|(info, _)| info.bbox_obj.map(|edge| edge as f64))).collect();
         let near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= COCO_BOX_PX);
         for &(id, bbox) in self.boxes.get(&image).into_iter().flatten() {
             if !own.iter().any(|own| near(inside(bbox), inside(*own))) {

@@ -142,7 +142,8 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let model_folders = [root, above].map(|folder| folder.join("models"));
     let models: Option<BTreeMap<u64, BTreeMap<String, Json>>> =
         optional(&model_folders.each_ref().map(|folder| folder.join(MODELS_INFO)))?;
-    if let Some((models, folder)) = models.as_ref().zip(model_folders.iter().find(|it| it.join(MODELS_INFO).is_file())) {
+    if let Some((models, folder)) = models.as_ref().zip(model_folders.iter().find(|it| it.join(MODELS_INFO).is_file()))
+    {
         faults::faults_of_models(folder, models, &mut faults);
     }
     let numbers = models.as_ref().map(|models| models.keys().copied().collect());
