@@ -208,7 +208,7 @@ const PLANTED: &[(&str, &str, Plant)] = &[
     ("records_agree", "the list of objects of an image is shorter than they are", |it| {
         drop(it.json["images"][0]["instance_ids"].as_array_mut().expect("a list").pop());
     }),
-    ("depth_has_the_size_of_the_image", "depth is of another size", |it| {
+    ("readable", "depth is of another size", |it| {
         image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(80, 60)
             .save(it.file("depth_file_name"))
             .expect("writable");
