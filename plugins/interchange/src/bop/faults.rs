@@ -50,7 +50,10 @@ impl Info {
         let last = [amodal.width(), amodal.height()].map(i64::from);
         let (bbox, inside) = (sides(self.bbox_obj), sides(own(amodal)));
         let is_beyond = |side: usize| if side < 2 { bbox[side] < 0 } else { bbox[side] >= last[side - 2] };
-        if (0..4).any(|side| bbox[side] != inside[side] && !(reaches_out && is_beyond(side))) {
+        // What is beyond one side of the frame may reach further along the others than what is in it.
+        let is_wider = reaches_out && (0..4).any(is_beyond);
+        let holds = |side: usize| if side < 2 { bbox[side] <= inside[side] } else { bbox[side] >= inside[side] };
+        if (0..4).any(|side| bbox[side] != inside[side] && !(is_wider && holds(side))) {
             faults.push(said("bbox_obj", self.bbox_obj, &format!("that of its mask in the frame {:?}", own(amodal))));
         }
         let [_, _, width, height] = self.bbox_obj;
