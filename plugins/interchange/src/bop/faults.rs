@@ -97,7 +97,7 @@ impl Info {
             None => {}
         }
         let share = if all == 0 { 0.0 } else { self.px_count_visib as f64 / all as f64 };
-        if !((self.visib_fract - share).abs() <= FRACTION) {
+        if (self.visib_fract - share).abs() > FRACTION {
             let said = self.visib_fract;
             fault(format!("`visib_fract` is {said}, {} of {all} pixels are {share:.6}", self.px_count_visib));
         }
