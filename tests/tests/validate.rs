@@ -137,6 +137,32 @@ const PLANTED: &[(&str, &str, Plant)] = &[
         }
         fs::write(path, bytes).expect("writable");
     }),
+    ("unique_names", "two images are of one file", |it| {
+        it.json["images"][1]["file_name"] = it.json["images"][0]["file_name"].clone();
+    }),
+    ("unique_names", "two categories have one name", |it| {
+        let name = it.json["categories"][0]["name"].clone();
+        it.json["categories"].as_array_mut().expect("a list").push(json!({ "id": 90, "name": name }));
+    }),
+    ("readable", "an entry of an order is no number", |it| {
+        let path = it.file("occlusion_order_file_name");
+        let mut bytes = fs::read(&path).expect("there");
+        let last = bytes.len() - 8;
+        bytes[last..].copy_from_slice(&f64::NAN.to_le_bytes());
+        fs::write(path, bytes).expect("writable");
+    }),
+    ("rate_is_ratio_of_areas", "a rate is missing", |it| it.annotation(0)["occluded_rate"] = json!(null)),
+    ("rate_is_ratio_of_areas", "a rate is rounded to another one", |it| {
+        it.annotation(0)["occluded_rate_rounded"] = json!(0.77);
+    }),
+    ("poses_are_rigid", "the poses of an object are mirrored", |it| {
+        for (pose, row) in
+            ["world_from_object", "camera_from_object"].iter().flat_map(|it| (0..3).map(move |row| (it, row)))
+        {
+            let entry = it.annotation(0)["object"][*pose][row][0].as_f64().expect("a number");
+            it.annotation(0)["object"][*pose][row][0] = json!(-entry);
+        }
+    }),
     ("visible_box_is_that_of_mask", "a box has corners in place of its size", |it| {
         let [x, y, w, h] = serde_json::from_value::<[i64; 4]>(it.annotation(0)["visible_bbox"].clone()).expect("a box");
         it.annotation(0)["visible_bbox"] = json!([x, y, x + w, y + h]);
@@ -182,7 +208,7 @@ const PLANTED: &[(&str, &str, Plant)] = &[
     ("records_agree", "the list of objects of an image is shorter than they are", |it| {
         drop(it.json["images"][0]["instance_ids"].as_array_mut().expect("a list").pop());
     }),
-    ("depth_has_the_size_of_the_image", "depth is of another size", |it| {
+    ("readable", "depth is of another size", |it| {
         image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::new(80, 60)
             .save(it.file("depth_file_name"))
             .expect("writable");
@@ -279,8 +305,9 @@ fn plain_coco(root: &Path) {
         .save(root.join("val2017/a.png"))
         .expect("writable");
     let annotation = |id: u32, category: u32, polygon: Value| {
+        let bbox = json!([polygon[0], polygon[1], 20, 10]);
         json!({ "id": id, "image_id": 3, "category_id": category, "segmentation": [polygon], "area": 200.0,
-                "bbox": [10, 10, 20, 10], "iscrowd": 0 })
+                "bbox": bbox, "iscrowd": 0 })
     };
     let json = json!({
         "images": [{ "id": 3, "file_name": "a.png", "width": 60, "height": 40 }],

@@ -100,6 +100,14 @@ impl Listing {
         let mut faults = Faults::default();
         faults.of_categories(file.categories.as_deref().unwrap_or_default());
         let mut by_id = by_id(frames, &annotations, &mut faults);
+        let mut names = BTreeMap::new();
+        for image in by_id.values() {
+            let name = &image.frame.file_name;
+            if let Some(first) = names.insert(name.clone(), image.frame.id) {
+                let message = format!("image {first} is of this file, too: {name}");
+                faults.add("unique_names", format!("image {}", image.frame.id), &message);
+            }
+        }
         faults.of_annotations(&categories, annotations.iter().map(|it| (it.id, it.category)));
         for (number, annotation) in (0..).zip(&annotations) {
             match by_id.get_mut(&annotation.image) {

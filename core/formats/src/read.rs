@@ -208,8 +208,16 @@ impl Faults {
         self.0.push(DatasetFault { check, place, message: message.to_owned() });
     }
 
-    /// Ids that two categories have.
+    /// Ids and names that two categories have.
     pub fn of_categories(&mut self, categories: &[Category]) {
+        let mut names = BTreeMap::new();
+        for category in categories {
+            if let Some(first) = names.insert(category.name.as_str(), category.id).filter(|first| *first != category.id)
+            {
+                let message = format!("category {first} has this name, too: `{}`", category.name);
+                self.add("unique_names", format!("category {}", category.id), &message);
+            }
+        }
         let mut seen = BTreeSet::new();
         for category in categories.iter().filter(|category| !seen.insert(category.id)) {
             let message = format!("two categories have this id; the last one, `{}`, counts", category.name);

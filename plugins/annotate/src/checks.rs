@@ -177,7 +177,7 @@ register_check!(
     },
     Check {
         name: "poses_are_rigid",
-        doc: "The pose of an object in the camera frame is a rotation and a translation.",
+        doc: "The pose of an object in the camera frame is a rotation, without a reflection, and a translation.",
         reads: || keys![OBJECT_INFO],
         finds_subject: Check::ALWAYS,
         faults: |products| each(products, OBJECT_INFO, |_, info| {
@@ -189,7 +189,12 @@ register_check!(
             let off =
                 (0..9).map(|k| (dot(k / 3, k % 3) - f64::from(u8::from(k / 3 == k % 3))).abs()).fold(0.0, f64::max);
             let ends = pose[3] == [0.0, 0.0, 0.0, 1.0];
-            (off > RIGID || off.is_nan() || !ends).then(|| "its pose is not a rotation and a translation".to_owned())
+            if off > RIGID || off.is_nan() || !ends {
+                return Some("its pose is not a rotation and a translation".to_owned());
+            }
+            let minor = |a: usize, b: usize| pose[1][a] * pose[2][b] - pose[1][b] * pose[2][a];
+            let determinant = pose[0][0] * minor(1, 2) - pose[0][1] * minor(0, 2) + pose[0][2] * minor(0, 1);
+            (determinant < 0.0).then(|| "its pose is mirrored: the determinant of its rotation is -1".to_owned())
         }),
     },
     Check {

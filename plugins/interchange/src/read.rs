@@ -10,6 +10,9 @@ use syntable_model::prelude::*;
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
 
+/// How far the box of polygons may be from them, px: some are around the pixels that they touch.
+const OUTLINE_BOX_PX: f64 = 1.0;
+
 /// JSON files in a folder, sorted.
 pub fn json_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let files = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
@@ -93,21 +96,82 @@ pub fn info(listing: &Listing) -> DatasetInfo {
     listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new())
 }
 
-/// Compares what a file says of a mask in numbers with the mask. Each number comes with its name; areas may differ by
-/// `tolerance_px2`.
+/// How far what a file says of a mask may be from the mask.
+#[derive(Debug, Clone, Copy)]
+pub struct Tolerance {
+    /// Of an area, px².
+    pub area_px2: f64,
+    /// Of the edges of a box, px.
+    pub box_px: f64,
+}
+
+/// Compares what a file says of a mask in numbers with the mask. Each number comes with its name.
 pub fn fits_mask(
     mask: &Mask,
     (area, area_name): (f64, String),
     (bbox, bbox_name): ([f64; 4], String),
-    tolerance_px2: f64,
+    tolerance: Tolerance,
 ) -> Vec<(&'static str, String)> {
     let mut faults = Vec::new();
-    if (area - f64::from(mask.area())).abs() > tolerance_px2 {
+    if (area - f64::from(mask.area())).abs() > tolerance.area_px2 {
         faults.push(("areas_are_those_of_masks", format!("{area_name} is {area}, its mask has {}", mask.area())));
     }
     let own = <[i32; 4]>::from(mask.bbox()).map(f64::from);
-    if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > 1.0) {
+    if bbox.iter().zip(&own).any(|(said, own)| (said - own).abs() > tolerance.box_px) {
         faults.push(("bbox_is_that_of_a_mask", format!("{bbox_name} is {bbox:?}, that of its mask {own:?}")));
+    }
+    faults
+}
+
+/// Area that outlines enclose, px²; that of what two of them have in common counts twice.
+pub fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
+    let of = |outline: &Vec<f64>| {
+        let corners = outline.as_chunks::<2>().0;
+        let next = corners.iter().cycle().skip(1);
+        (corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0).abs()
+    };
+    outlines.iter().map(of).sum()
+}
+
+/// Compares what a file says of outlines in numbers with these. The area may be that of the outlines or of their mask, and the
+/// box that of the outlines or of what the image has of them.
+pub fn fits_outlines(
+    (outlines, name): (&[Vec<f64>], String),
+    mask: &Mask,
+    (area, area_name): (f64, String),
+    (bbox, bbox_name): ([f64; 4], String),
+) -> Vec<(&'static str, String)> {
+    let mut faults = Vec::new();
+    let corners = || outlines.iter().flat_map(|outline| outline.as_chunks::<2>().0);
+    let low: [f64; 2] = std::array::from_fn(|axis| corners().map(|at| at[axis]).fold(f64::INFINITY, f64::min));
+    let high: [f64; 2] = std::array::from_fn(|axis| corners().map(|at| at[axis]).fold(f64::NEG_INFINITY, f64::max));
+    let image = [mask.width(), mask.height()].map(f64::from);
+    let enclosed = enclosed_px2(outlines);
+    if (0..2).any(|axis| high[axis] < 0.0 || low[axis] > image[axis]) {
+        faults.push(("polygons_are_in_the_image", format!("{name} is outside of the image: {low:?} to {high:?}")));
+        return faults;
+    }
+    if enclosed == 0.0 {
+        faults.push(("polygons_are_in_the_image", format!("{name} encloses no area")));
+        return faults;
+    }
+    let own_area = f64::from(mask.area());
+    let tolerance = edge_px2(mask).max(1.0);
+    if area < own_area.min(enclosed) - tolerance || area > own_area.max(enclosed) + tolerance {
+        let message = format!("{area_name} is {area}, its polygons enclose {enclosed:.1} px²");
+        faults.push(("areas_are_those_of_masks", message));
+    }
+    let said = [bbox[0], bbox[1], bbox[0] + bbox[2], bbox[1] + bbox[3]];
+    let own = [low[0], low[1], high[0], high[1]];
+    let off = |side: usize| {
+        let shown = own[side].clamp(0.0, image[side % 2]);
+        // A number that is none is off, too.
+        let is_near = |own: f64| (said[side] - own).abs() <= OUTLINE_BOX_PX;
+        !is_near(own[side]) && !is_near(shown)
+    };
+    if (0..4).any(off) {
+        let message = format!("{bbox_name} is {bbox:?}, its polygons reach from {low:?} to {high:?}");
+        faults.push(("bbox_is_that_of_a_mask", message));
     }
     faults
 }

@@ -213,6 +213,41 @@ const PLANTED: &[Plant] = &[
     ("kins", "version = \"2019\"", "`inmodal_bbox` is", &|it| {
         it["annotations"][0]["inmodal_bbox"] = json!([0, 0, 1, 1])
     }),
+    ("coco", "", "`bbox` is", &|it| {
+        let width = it["annotations"][0]["bbox"][2].as_f64().expect("a number");
+        it["annotations"][0]["bbox"][2] = json!(width - 1.0);
+    }),
+    ("coco", "", "`segmentation` differs from `amodal_mask`", &|it| {
+        it["annotations"][0]["segmentation"] = json!([[0, 0, 64, 0, 64, 48, 0, 48]]);
+    }),
+    ("coco", "", "outside of the image", &|it| {
+        it["annotations"][0]["segmentation"] = json!([[100, 100, 120, 100, 120, 120]]);
+    }),
+    ("coco", "", "encloses no area", &|it| {
+        it["annotations"][0]["segmentation"] = json!([[10, 10, 10, 10, 10, 10]]);
+    }),
+    ("coco", "", "its polygons reach from [10.0, 10.0] to [30.0, 20.0]", &|it| {
+        it["annotations"][0]["segmentation"] = json!([[10, 10, 30, 10, 30, 20, 10, 20]]);
+        it["annotations"][0]["bbox"] = json!([10, 10, 22, 10]);
+    }),
+    ("coco", "", "its polygons enclose 200.0 px²", &|it| {
+        it["annotations"][0]["segmentation"] = json!([[10, 10, 30, 10, 30, 20, 10, 20]]);
+        it["annotations"][0]["area"] = json!(300);
+    }),
+    ("coco", "", "has this name, too", &|it| {
+        it["categories"][1]["name"] = it["categories"][0]["name"].clone();
+    }),
+    ("coco", "", "is of this file, too", &|it| {
+        it["images"][1]["file_name"] = it["images"][0]["file_name"].clone();
+    }),
+    ("d2sa", "", "`amodal_region.area` is 1", &|it| it["annotations"][0]["amodal_region"]["area"] = json!(1)),
+    ("d2sa", "", "`amodal_region.bbox` is", &|it| {
+        it["annotations"][0]["amodal_region"]["bbox"] = json!([0, 0, 1, 1]);
+    }),
+    ("d2sa", "", "`occl_depth` is 99", &|it| it["annotations"][0]["occl_depth"] = json!(99)),
+    ("kins", "", "`a_area` less `i_area`", &|it| it["annotations"][0]["a_area"] = json!(1)),
+    ("kins", "", "`a_area` less `i_area`", &|it| it["annotations"][0]["i_area"] = json!(1)),
+    ("kins", "version = \"2019\"", "hidden part of `area`", &|it| it["annotations"][0]["area"] = json!(1)),
     ("cocoa", "", "`size` is 99", &|it| it["annotations"][0]["size"] = json!(99)),
     ("cocoa", "", "`depth_constraint` has `99`", &|it| it["annotations"][0]["depth_constraint"] = json!("1-99")),
     ("cocoa", "", "`depth_constraint` has ``", &|it| it["annotations"][0]["depth_constraint"] = json!("1")),
@@ -242,6 +277,96 @@ const PLANTED: &[Plant] = &[
         region["invisible_mask"] = region["visible_mask"].clone();
     }),
 ];
+
+/// A file of a dataset of BOP whose path ends so, a fault in it, and what is said.
+const PLANTED_BOP: &[(&str, &str, &dyn Fn(&mut Json))] = &[
+    ("000000/scene_gt_info.json", "`px_count_all` is 1,", &|it| seen(it)["px_count_all"] = json!(1)),
+    ("000000/scene_gt_info.json", "`px_count_all` is 90000,", &|it| seen(it)["px_count_all"] = json!(90_000)),
+    ("000000/scene_gt_info.json", "`px_count_valid` is 0,", &|it| seen(it)["px_count_valid"] = json!(0)),
+    ("000000/scene_gt_info.json", "`visib_fract` is 0.123,", &|it| seen(it)["visib_fract"] = json!(0.123)),
+    ("000000/scene_gt_info.json", "`bbox_obj` is [0, 0, 1, 1]", &|it| seen(it)["bbox_obj"] = json!([0, 0, 1, 1])),
+    ("000000/scene_gt_info.json", "`bbox_visib` is", &|it| {
+        let width = seen(it)["bbox_visib"][2].as_i64().expect("a number");
+        seen(it)["bbox_visib"][2] = json!(width + 1);
+    }),
+    ("000000/scene_gt.json", "`obj_id` is 0, and numbers of objects are from 1", &|it| {
+        it["0"][0]["obj_id"] = json!(0);
+    }),
+    ("000000/scene_gt_coco.json", "`bbox` is [0.0, 0.0, 1.0, 1.0]", &|it| {
+        it["annotations"][0]["bbox"] = json!([0, 0, 1, 1]);
+    }),
+    ("000000/scene_gt_coco.json", "the image has [1, 48] pixels", &|it| it["images"][0]["width"] = json!(1)),
+    ("000000/scene_gt_coco.json", "readable: ", &|it| *it = json!(3)),
+    ("camera.json", "its images have [1, 48] pixels", &|it| it["width"] = json!(1)),
+    ("camera.json", "`fx` is 0", &|it| it["fx"] = json!(0.0)),
+];
+
+/// The entry of the first object that is seen, of all views.
+fn seen(infos: &mut Json) -> &mut Json {
+    let views = infos.as_object_mut().expect("views").values_mut();
+    let entries = views.flat_map(|view| view.as_array_mut().expect("objects"));
+    entries.into_iter().find(|it| it["px_count_visib"].as_u64() > Some(20)).expect("one is seen")
+}
+
+#[test]
+fn planted_faults_of_bop_are_found() {
+    for (end, says, plant) in PLANTED_BOP {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), "bop", "");
+        let root = folder.path().join("data");
+        assert_eq!(said(&root, "bop"), Vec::<String>::new());
+        spoil(&file(&root, end), *plant);
+        let said = said(&root, "bop");
+        assert!(said.iter().any(|it| it.contains(says)), "{end}: {says}: {said:?}");
+    }
+}
+
+#[test]
+fn a_scene_of_bop_without_poses_is_at_fault() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "bop", "");
+    let root = folder.path().join("data");
+    fs::remove_file(file(&root, "000001/scene_gt.json")).expect("there");
+    let found = said(&root, "bop");
+    assert!(found.iter().any(|it| it.contains("files_are_there: 000001: the scene has no scene_gt.json")), "{found:?}");
+    // Cameras alone make a dataset, too.
+    for scene in ["000000/scene_gt.json", "000002/scene_gt.json"] {
+        fs::remove_file(file(&root, scene)).expect("there");
+    }
+    let read = open(&root);
+    assert_eq!((read.images().len(), read.faults().len()), (0, 3));
+}
+
+#[test]
+fn models_of_bop_fit_their_sizes_and_are_there() {
+    let model = |diameter: f64| {
+        json!({ "diameter": diameter, "min_x": -30.0, "min_y": -20.0, "min_z": 0.0,
+                "size_x": 60.0, "size_y": 40.0, "size_z": 120.0 })
+    };
+    // The diagonal of the box is 140 mm.
+    for (diameter, ids, has_mesh, says) in [
+        (130.0, 1..=99, true, None),
+        (119.0, 1..=99, true, Some("`diameter` is 119 mm")),
+        (141.0, 1..=99, true, Some("`diameter` is 141 mm")),
+        (130.0, 1..=99, false, Some("there is no obj_000001.ply beside it")),
+        (130.0, 200..=201, true, Some("models_info.json has no such model")),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        written(folder.path(), "bop", "");
+        let (root, models) = (folder.path().join("data"), folder.path().join("data/models"));
+        fs::create_dir(&models).expect("made");
+        let all: serde_json::Map<String, Json> = ids.map(|id| (id.to_string(), model(diameter))).collect();
+        for id in all.keys().filter(|_| has_mesh) {
+            fs::write(models.join(format!("obj_{id:0>6}.ply")), "ply").expect("writable");
+        }
+        fs::write(models.join("models_info.json"), Json::Object(all).to_string()).expect("writable");
+        let said = said(&root, "bop");
+        match says {
+            None => assert_eq!(said, Vec::<String>::new()),
+            Some(says) => assert!(said.iter().any(|it| it.contains(says)), "{says}: {said:?}"),
+        }
+    }
+}
 
 #[test]
 fn planted_faults_are_found() {

@@ -22,7 +22,7 @@ const FILES: [&str; 3] = ["camera.json", "dataset_info.json", "objects.json"];
 /// What methods are tested with.
 const TARGETS: &str = "test_targets_bop19.json";
 /// Sizes of the meshes, in each of their folders.
-const MODELS_INFO: &str = "models_info.json";
+pub const MODELS_INFO: &str = "models_info.json";
 /// Numbers of the shards of images.
 const KEY_TO_SHARD: &str = "key_to_shard.json";
 
@@ -40,9 +40,14 @@ fn web_shard(config: &Bop, id: &str, number: usize) -> String {
     format!("{}/shard-{number:06}.tar", config.web_folder(id))
 }
 
+/// Name of the file of a mesh.
+pub fn model_file(obj_id: u64) -> String {
+    format!("obj_{obj_id:06}.ply")
+}
+
 /// Path of a mesh.
 fn model_path(id: &str, folder: &str, obj_id: u64) -> String {
-    format!("{id}/{folder}/obj_{obj_id:06}.ply")
+    format!("{id}/{folder}/{}", model_file(obj_id))
 }
 
 /// Paths of the files of the dataset that are known before a run.

@@ -1,5 +1,6 @@
 //! The format of the BOP benchmark for 6D object pose estimation.
 
+mod faults;
 mod finish;
 mod model;
 mod read;

@@ -1,11 +1,14 @@
 //! Reads BOP's scenewise layout.
 
-use super::record::{CameraView, GroundTruth, Info, MM, SceneCamera};
+use super::faults::{self, CocoScene, Fault};
+use super::finish::{MODELS_INFO, OF_SCENE};
+use super::record::{Camera, CameraView, GroundTruth, Info, MM, SceneCamera};
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use syntable_formats::decode;
 use syntable_formats::read::{self, Faults, Labels};
 use syntable_model::prelude::*;
@@ -29,6 +32,11 @@ struct Reader {
     /// Names of assets and boxes of models in meters, by `obj_id`.
     names: BTreeMap<u64, String>,
     bounds: BTreeMap<u64, [[f64; 3]; 2]>,
+    /// Numbers of the models; none if the dataset has no list of them.
+    models: Option<BTreeSet<u64>>,
+    camera: Option<Camera>,
+    /// The annotation files of scenes, by folder, read when somebody asks.
+    coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
     faults: Vec<DatasetFault>,
 }
 
@@ -41,28 +49,38 @@ struct Record {
     infos: Vec<Info>,
 }
 
-/// Folders with a file of poses, sorted.
+/// The file of poses of a scene.
+const TRUTH: &str = OF_SCENE[0];
+/// The file of cameras of a scene.
+const CAMERAS: &str = "scene_camera.json";
+
+/// Folders that are called after a number, sorted.
 fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-    let scenes = entries.filter(|path| path.join("scene_gt.json").is_file());
+    let scenes = entries.filter(|path| path.is_dir());
     let mut scenes: Vec<(u32, PathBuf)> = scenes.filter_map(|path| Some((number(&path)?, path))).collect();
     scenes.sort();
     scenes
 }
 
-/// The splits of a dataset, sorted; a split is its own.
+/// The splits of a dataset, sorted; a split is its own. They have scenes with poses, or if there are none such, with cameras.
 fn splits_of(root: &Path) -> Vec<PathBuf> {
-    if !scenes_of(root).is_empty() {
-        return vec![root.to_owned()];
-    }
-    let folders = fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut splits: Vec<PathBuf> = folders.filter(|path| path.is_dir() && !scenes_of(path).is_empty()).collect();
-    splits.sort();
-    splits
+    let has = |folder: &Path, file: &str| scenes_of(folder).iter().any(|(_, scene)| scene.join(file).is_file());
+    let of = |file: &str| {
+        if has(root, file) {
+            return vec![root.to_owned()];
+        }
+        let folders = fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
+        let mut splits: Vec<PathBuf> = folders.filter(|path| path.is_dir() && has(path, file)).collect();
+        splits.sort();
+        splits
+    };
+    let splits = of(TRUTH);
+    if splits.is_empty() { of(CAMERAS) } else { splits }
 }
 
-fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
     serde_json::from_str(&text)
         .map_err(|error| Error::new(error.to_string()).in_file(path).at_line(error.line()).of_request())
@@ -82,10 +100,17 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     };
     let mut faults = Faults::default();
     let (mut refs, mut images) = (Vec::new(), Vec::new());
+    let mut coco = BTreeMap::new();
     for (scene, folder) in scenes_of(split) {
-        let mut cameras: BTreeMap<u32, SceneCamera> = json(&folder.join("scene_camera.json"))?;
+        if !folder.join(TRUTH).is_file() {
+            let message = format!("the scene has no {TRUTH}: nothing of it is read");
+            faults.add("files_are_there", format!("{scene:06}"), &message);
+            continue;
+        }
+        coco.insert(folder.clone(), OnceLock::new());
+        let mut cameras: BTreeMap<u32, SceneCamera> = json(&folder.join(CAMERAS))?;
         let mut infos: BTreeMap<u32, Vec<Info>> = json(&folder.join("scene_gt_info.json"))?;
-        let all: BTreeMap<u32, Vec<GroundTruth>> = json(&folder.join("scene_gt.json"))?;
+        let all: BTreeMap<u32, Vec<GroundTruth>> = json(&folder.join(TRUTH))?;
         for (number, objects) in all {
             let name = format!("{scene:06}/{number:06}");
             let infos = infos.remove(&number).unwrap_or_default();
@@ -112,12 +137,21 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     }
     let above = split.parent().unwrap_or(split);
     let names = optional(&[root, above].map(|folder| folder.join("objects.json")))?;
-    let models: BTreeMap<u64, BTreeMap<String, Json>> =
-        optional(&[root, above].map(|folder| folder.join("models/models_info.json")))?;
+    let camera: Option<Camera> = optional(&[root, above].map(|folder| folder.join("camera.json")))?;
+    camera.iter().for_each(|camera| faults::camera_is_sound(camera, &mut faults));
+    let model_folders = [root, above].map(|folder| folder.join("models"));
+    let models: Option<BTreeMap<u64, BTreeMap<String, Json>>> =
+        optional(&model_folders.each_ref().map(|folder| folder.join(MODELS_INFO)))?;
+    if let Some((models, folder)) = models.as_ref().zip(model_folders.iter().find(|it| it.join(MODELS_INFO).is_file()))
+    {
+        faults::faults_of_models(folder, models, &mut faults);
+    }
+    let numbers = models.as_ref().map(|models| models.keys().copied().collect());
+    let models = models.unwrap_or_default();
     let bounds = models.iter().filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
     let info = read::Categories::of(&[]).info(name_of(root), String::new(), &refs, String::new());
     let faults = faults.into_inner();
-    Ok(Box::new(Reader { info, refs, images, names, bounds, faults }))
+    Ok(Box::new(Reader { info, refs, images, names, bounds, models: numbers, camera, coco, faults }))
 }
 
 /// The first of these files that is there.
@@ -149,6 +183,14 @@ impl DatasetReader for Reader {
         &self.faults
     }
 
+    fn image_faults(&self, image: usize) -> Vec<Fault> {
+        let record = &self.images[image];
+        let mut faults: Vec<Fault> =
+            record.objects.iter().enumerate().filter_map(|(entry, it)| self.number_fault(entry, it)).collect();
+        faults.extend(self.faults_of_masks(record));
+        faults
+    }
+
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = read::offers(true);
         keys.extend(keys![RGB, DEPTH, CAMERA, OBJECT_INFO, OBJECT_NAME, VISIBILITY]);
@@ -168,8 +210,7 @@ impl DatasetReader for Reader {
             products.put(RGB, rgb)?;
         }
         if wanted(DEPTH.id()) {
-            let path = record.folder.join(format!("depth/{:06}.png", record.number));
-            products.put(DEPTH, decode::depth(&path, record.camera.depth_scale)?)?;
+            products.put(DEPTH, record.depth()?)?;
         }
         if wanted(CAMERA.id()) {
             products.put(CAMERA, Value::of(&CameraView::of(&record.camera, [width, height]))?)?;
@@ -203,6 +244,11 @@ impl Record {
     fn rgb(&self) -> PathBuf {
         let path = |extension: &str| self.folder.join(format!("rgb/{:06}.{extension}", self.number));
         ["png", "jpg"].map(path).into_iter().find(|path| path.is_file()).unwrap_or_else(|| path("png"))
+    }
+
+    fn depth(&self) -> Result<Plane<f32>> {
+        let path = self.folder.join(format!("depth/{:06}.png", self.number));
+        decode::depth(&path, self.camera.depth_scale)
     }
 
     fn mask(&self, folder: &str, entry: usize, [width, height]: [u32; 2]) -> Result<Mask> {
@@ -247,6 +293,40 @@ impl Record {
 }
 
 impl Reader {
+    /// An object whose number is that of no model.
+    fn number_fault(&self, entry: usize, object: &GroundTruth) -> Option<Fault> {
+        let id = object.obj_id;
+        let message = match &self.models {
+            _ if id < 1 => "numbers of objects are from 1".to_owned(),
+            Some(models) if !models.contains(&id) => format!("{MODELS_INFO} has no such model"),
+            _ => return None,
+        };
+        Some(("known_models", format!("instance {}: `obj_id` is {id}, and {message}", id_of(entry))))
+    }
+
+    /// What contradicts masks; nothing where these cannot be read, which is a fault of its own.
+    fn faults_of_masks(&self, record: &Record) -> Vec<Fault> {
+        let Ok(rgb) = decode::rgb(&record.rgb()) else { return Vec::new() };
+        let size = [rgb.width(), rgb.height()];
+        let mut all: Vec<Fault> =
+            self.camera.iter().filter_map(|camera| faults::faults_of_camera(camera, size)).collect();
+        let Ok(labels) = record.labels(size) else { return all };
+        let depth = record.depth().ok();
+        let mut amodal = Vec::new();
+        for (label, info) in labels.iter().zip(&record.infos) {
+            let Some(whole) = &label.amodal else { continue };
+            let of_object = info.faults([whole, &label.visible], depth.as_ref()).into_iter();
+            all.extend(of_object.map(|(check, message)| (check, format!("instance {}: {message}", label.id))));
+            amodal.push(whole);
+        }
+        match self.coco.get(&record.folder).map(|scene| scene.get_or_init(|| CocoScene::read(&record.folder))) {
+            Some(Ok(Some(scene))) => all.extend(scene.faults(record.number, &record.infos, &amodal)),
+            Some(Err(error)) => all.push(("readable", error.to_string())),
+            Some(Ok(None)) | None => {}
+        }
+        all
+    }
+
     fn asset(&self, object: &GroundTruth) -> String {
         self.names.get(&object.obj_id).cloned().unwrap_or_else(|| format!("obj_{:06}", object.obj_id))
     }

@@ -10,7 +10,7 @@ pub const MM: f64 = 1000.0;
 /// Position of the center of the first pixel in an image whose corner is (0, 0); it is 0 in BOP's matrices.
 const PIXEL_CENTER: f64 = 0.5;
 /// A box of nothing.
-const NO_BOX: [i64; 4] = [-1; 4];
+pub const NO_BOX: [i64; 4] = [-1; 4];
 
 /// The part of the product `camera` that BOP has.
 #[derive(Debug, Serialize, Deserialize)]
@@ -142,11 +142,11 @@ impl CameraView {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Info {
     pub bbox_obj: [i64; 4],
-    bbox_visib: [i64; 4],
+    pub bbox_visib: [i64; 4],
     pub px_count_all: u64,
     pub px_count_valid: u64,
     pub px_count_visib: u64,
-    visib_fract: f64,
+    pub visib_fract: f64,
 }
 
 impl VisibilityView {
@@ -165,7 +165,7 @@ impl VisibilityView {
 }
 
 /// A box of whole pixels as the distances between the centers of its outermost pixels.
-fn between_centers([x, y, width, height]: [i32; 4]) -> [i64; 4] {
+pub fn between_centers([x, y, width, height]: [i32; 4]) -> [i64; 4] {
     [x, y, width - 1, height - 1].map(i64::from)
 }
 

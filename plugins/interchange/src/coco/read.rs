@@ -1,7 +1,7 @@
 //! Reads COCO's layout, and those of its relatives that keep amodal and visible masks in one annotation: ours, D2SA,
 //! KINS.
 
-use crate::read::{self as shared, fits_mask};
+use crate::read::{self as shared, Tolerance, edge_px2, fits_mask, fits_outlines};
 use serde::de::{DeserializeOwned, IgnoredAny};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::{Annotation, Image};
@@ -155,6 +155,7 @@ impl DatasetReader for Reader {
         let Ok(annotations) = self.objects(image) else { return Vec::new() };
         let mut faults: Vec<_> =
             annotations.iter().flat_map(|annotation| faults_of([frame.width, frame.height], annotation)).collect();
+        faults.extend(faults_of_depth(&annotations));
         faults.extend(read::id_faults(&stated_ids(&annotations)));
         faults
     }
@@ -193,14 +194,69 @@ impl DatasetReader for Reader {
     }
 }
 
-/// What an annotation says of its mask in numbers. Polygons have areas and boxes of their own.
+/// What an annotation says of its mask in numbers, and a mask that contradicts it.
 fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'static str, String)> {
-    let Some(segmentation) = segmentation(annotation).filter(|it| !matches!(it, Segmentation::Polygons(_))) else {
-        return Vec::new();
-    };
+    let Some(segmentation) = segmentation(annotation) else { return Vec::new() };
     let Ok(mask) = segmentation.decode(width, height) else { return Vec::new() };
     let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
-    fits_mask(&mask, (annotation.area, of("area")), (annotation.bbox, of("bbox")), 0.5)
+    let (area, bbox) = ((annotation.area, of("area")), (annotation.bbox, of("bbox")));
+    let (mut faults, edge_px2) = match segmentation {
+        Segmentation::Polygons(outlines) => {
+            (fits_outlines((outlines, of("segmentation")), &mask, area, bbox), edge_px2(&mask).max(1.0))
+        }
+        _ => {
+            // A box with fractions is that of polygons that the mask was made from.
+            let is_whole = annotation.bbox.iter().all(|edge| edge.fract() == 0.0);
+            let box_px = if is_whole { 0.0 } else { 1.0 };
+            (fits_mask(&mask, area, bbox, Tolerance { area_px2: 0.5, box_px }), 0.0)
+        }
+    };
+    let other = |key: &str| field::<Segmentation>(annotation, key).ok()??.decode(width, height).ok();
+    if let Some(amodal) = other("amodal_mask") {
+        let differ = |other: &Mask| f64::from(mask.minus(other).area() + other.minus(&mask).area());
+        let is_one = differ(&amodal) <= edge_px2 || other(VISIBLE[0]).is_some_and(|it| differ(&it) <= edge_px2);
+        if !is_one {
+            let message = format!(
+                "{} differs from `amodal_mask` at {} pixels, and is not `{}` either",
+                of("segmentation"),
+                differ(&amodal),
+                VISIBLE[0]
+            );
+            faults.push(("segmentation_is_a_mask_of_the_object", message));
+        }
+    }
+    faults.extend(faults_of_order(annotation));
+    faults
+}
+
+/// D2SA's `amodal_region` says the area and the box again, and what occludes nothing has no `occl_depth`.
+fn faults_of_order(annotation: &Annotation) -> Vec<(&'static str, String)> {
+    let mut faults = Vec::new();
+    let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
+    let region = annotation.extra.get("amodal_region");
+    if let Some(area) = region.and_then(|it| it.get("area")?.as_f64()).filter(|it| (it - annotation.area).abs() > 0.5) {
+        let message = format!("{} is {area}, its `area` {}", of("amodal_region.area"), annotation.area);
+        faults.push(("records_agree", message));
+    }
+    let bbox = region.and_then(|it| serde_json::from_value::<[f64; 4]>(it.get("bbox")?.clone()).ok());
+    if let Some(bbox) = bbox.filter(|it| it.iter().zip(annotation.bbox).any(|(a, b)| (a - b).abs() > 0.5)) {
+        let message = format!("{} is {bbox:?}, its `bbox` {:?}", of("amodal_region.bbox"), annotation.bbox);
+        faults.push(("records_agree", message));
+    }
+    faults
+}
+
+/// The most objects that can be in front of another one are all others: what D2SA says of more.
+fn faults_of_depth(annotations: &[Annotation]) -> impl Iterator<Item = (&'static str, String)> {
+    annotations.iter().filter_map(|annotation| {
+        let depth = annotation.extra.get("occl_depth")?.as_u64()?;
+        (depth >= annotations.len() as u64).then(|| {
+            let others = annotations.len() - 1;
+            let message =
+                format!("annotation {}: `occl_depth` is {depth}, and there are {others} others", annotation.id);
+            ("order_is_that_of_masks", message)
+        })
+    })
 }
 
 /// The ids that annotations state of their objects.

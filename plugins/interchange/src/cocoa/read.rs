@@ -25,6 +25,9 @@ syntable_model::register_format!(Format {
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
+/// Largest error of a rate of two decimals.
+const TWO_DECIMALS: f64 = 0.005;
+
 /// The annotation of an image by one person.
 #[derive(Debug, Deserialize)]
 struct ImageAnnotation {
@@ -221,8 +224,14 @@ impl ImageAnnotation {
             faults.push(("areas_are_those_of_masks", message));
         }
         let rate = if area == 0.0 { 0.0 } else { f64::from(hidden.area()) / area };
-        // A rate may be that of the polygon.
-        let tolerance = edge / area.max(1.0);
+        // A rate may be that of the polygon, whose area is off by the pixels at its edge: the rate by the same part of it.
+        let of_edge = if area <= edge { 1.0 } else { rate * edge / (area - edge) };
+        let tolerance = TWO_DECIMALS
+            + match (&region.visible_mask, &region.invisible_mask) {
+                // What is hidden is what the polygon has more.
+                (Some(_), None) => edge / area.max(1.0),
+                _ => of_edge,
+            };
         if let Some(said) = region.occlude_rate.filter(|said| (said - rate).abs() > tolerance) {
             let message = format!("{} is {said}, that of its masks {rate:.6}", self.key(number, "occlude_rate"));
             faults.push(("rate_is_ratio_of_areas", message));

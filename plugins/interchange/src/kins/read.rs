@@ -1,7 +1,7 @@
 //! Reads KINS' layout, in its form of 2019 or of 2020.
 
 use crate::coco::read::FOLDER;
-use crate::read::{self as shared, POLYGONS, cut_holes, edge_px2, fits_mask, settle_edges};
+use crate::read::{self as shared, POLYGONS, Tolerance, cut_holes, edge_px2, enclosed_px2, fits_mask, settle_edges};
 use serde::de::IgnoredAny;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::{Image, id};
@@ -131,6 +131,26 @@ impl Annotation {
         }
     }
 
+    /// Areas that leave room for fewer or more hidden pixels than outlines do, whatever holes they have, given what is read.
+    fn fault_of_areas(&self, labels: &Labels) -> Option<(&'static str, String)> {
+        let [amodal, visible] = self.said();
+        let (Some(Segmentation::Polygons(_)), Some(area), Some(mask)) = (amodal.mask.1, amodal.area.1, &labels.amodal)
+        else {
+            return None;
+        };
+        let edges = edge_px2(mask).max(1.0) + edge_px2(&labels.visible);
+        let hidden = f64::from(mask.minus(&labels.visible).area());
+        let (name, said) = match visible.area.1 {
+            Some(visible) => ("`a_area` less `i_area`", area - visible),
+            // Holes are nowhere where the object is seen.
+            None => ("the hidden part of `area`", area - f64::from(labels.visible.area())),
+        };
+        (said < -edges || said > hidden + edges).then(|| {
+            let message = format!("annotation {}: {name} is {said}, outlines leave 0 to {hidden}", self.id);
+            ("areas_are_those_of_masks", message)
+        })
+    }
+
     /// A key of it, for messages.
     fn key(&self, key: &str) -> String {
         format!("annotation {}: `{key}`", self.id)
@@ -162,20 +182,11 @@ impl Annotation {
                 _ => (area, 0.5),
             };
             let bbox = said.bbox.1.unwrap_or(own);
+            let tolerance = Tolerance { area_px2: tolerance, box_px: 1.0 };
             faults.extend(fits_mask(&mask, (area, self.key(said.area.0)), (bbox, self.key(said.bbox.0)), tolerance));
         }
         faults
     }
-}
-
-/// Area that outlines enclose, px²; that of what two of them have in common counts twice.
-fn enclosed_px2(outlines: &[Vec<f64>]) -> f64 {
-    let of = |outline: &Vec<f64>| {
-        let corners = outline.as_chunks::<2>().0;
-        let next = corners.iter().cycle().skip(1);
-        (corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0).abs()
-    };
-    outlines.iter().map(of).sum()
 }
 
 struct Reader {
@@ -215,7 +226,14 @@ impl DatasetReader for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
         let Ok(annotations) = self.listing.annotations::<Annotation>(image) else { return Vec::new() };
-        annotations.iter().flat_map(|annotation| annotation.faults([frame.width, frame.height])).collect()
+        let size = [frame.width, frame.height];
+        let mut faults: Vec<_> = annotations.iter().flat_map(|annotation| annotation.faults(size)).collect();
+        let labels = annotations.iter().enumerate().map(|(row, it)| self.labels(size, row, it));
+        if let Ok(mut labels) = labels.collect::<Result<Vec<_>>>() {
+            settle_edges(&mut labels);
+            faults.extend(annotations.iter().zip(&labels).filter_map(|(it, label)| it.fault_of_areas(label)));
+        }
+        faults
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {

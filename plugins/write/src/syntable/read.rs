@@ -1,5 +1,6 @@
 //! Reads datasets of SynTable's layout: ours, and those of the release and of UOAIS-Sim.
 
+use super::record::two_decimals;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -248,6 +249,26 @@ impl DatasetReader for Reader {
 
 /// What an annotation of our form says of its masks in numbers. The form of the release has other areas.
 fn faults_of(annotation: &Annotation, labels: &Labels) -> Vec<(&'static str, String)> {
+    let mut faults: Vec<_> = fault_of_rate(annotation).into_iter().collect();
+    faults.extend(faults_of_numbers(annotation, labels));
+    faults
+}
+
+/// A rate that is missing beside masks, or that is rounded to another one.
+fn fault_of_rate(annotation: &Annotation) -> Option<(&'static str, String)> {
+    let fault = |what: String| Some(("rate_is_ratio_of_areas", format!("annotation {}: {what}", annotation.id)));
+    match (annotation.occluded_rate, annotation.occluded_rate_rounded) {
+        (None, _) if annotation.occluded_mask.is_some() => {
+            fault("it has `occluded_mask` and no number as `occluded_rate`".to_owned())
+        }
+        (Some(rate), Some(rounded)) if (rounded - two_decimals(rate)).abs() > 1e-9 => {
+            fault(format!("`occluded_rate_rounded` is {rounded}, `occluded_rate` {rate}"))
+        }
+        _ => None,
+    }
+}
+
+fn faults_of_numbers(annotation: &Annotation, labels: &Labels) -> Vec<(&'static str, String)> {
     let Some(amodal) = labels.amodal.as_ref().filter(|_| annotation.amodal_bbox.is_some()) else { return Vec::new() };
     let (visible, occluded) = (&labels.visible, labels.occlusion.as_ref());
     let areas = [
@@ -345,6 +366,12 @@ impl Reader {
         let (edge, entries) = decode::square_npy(&path)?;
         if edge != labels.len() {
             return Err(Error::new(format!("it is of {edge} objects, the image has {} annotations", labels.len()))
+                .in_file(&path)
+                .permanent());
+        }
+        if let Some(at) = entries.iter().position(|entry| *entry != 0.0 && *entry != 1.0) {
+            let (row, column) = (at / edge, at % edge);
+            return Err(Error::new(format!("row {row}, column {column} is {}, not 0 or 1", entries[at]))
                 .in_file(&path)
                 .permanent());
         }

@@ -249,7 +249,7 @@ fn object_name(products: &Products, id: InstanceId) -> Result<Option<String>> {
 }
 
 /// Rounds to two decimals as Python's `round` does: by the exact decimal value, ties to even.
-fn two_decimals(rate: f64) -> f64 {
+pub fn two_decimals(rate: f64) -> f64 {
     format!("{rate:.2}").parse().unwrap_or(rate)
 }
 

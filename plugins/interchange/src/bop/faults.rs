@@ -1,0 +1,231 @@
+//! What is wrong with BOP's numbers: `scene_gt_info.json` and `scene_gt_coco.json` against masks and depth, and the files of
+//! the dataset against each other.
+
+use super::finish::{MODELS_INFO, OF_SCENE, model_file};
+use super::record::{Camera, Info, NO_BOX, between_centers};
+use crate::read::edge_px2;
+use serde_json::Value as Json;
+use std::collections::BTreeMap;
+use std::path::Path;
+use syntable_formats::read::Faults;
+use syntable_model::prelude::*;
+
+/// A fault of an image: the rule, and what breaks it.
+pub type Fault = (&'static str, String);
+
+/// How far a fraction may be off, which some files have with three decimals.
+const FRACTION: f64 = 1e-3;
+/// Part of an outline that may be other pixels in another rendering, as BOP's tools make one for masks and one for counts.
+const OTHER_RENDERING: f64 = 0.1;
+/// How far a size of a model may be off, relative to it.
+const SIZE: f64 = 1e-3;
+/// How far a box of `scene_gt_coco.json` may be off, px: those of BlenderProc have no + 1.
+const COCO_BOX_PX: f64 = 1.0;
+
+/// The sides of a box: left, top, right and bottom pixel that are in it.
+fn sides([x, y, width, height]: [i64; 4]) -> [i64; 4] {
+    [x, y, x + width, y + height]
+}
+
+impl Info {
+    /// What contradicts the masks of its object, and the depth of the image if it is known.
+    pub fn faults(&self, [amodal, visible]: [&Mask; 2], depth: Option<&Plane<f32>>) -> Vec<Fault> {
+        let mut faults = self.faults_of_counts(amodal, depth);
+        let seen = self.px_count_visib > 0;
+        let said = |name: &str, bbox: [i64; 4], own: &str| {
+            ("bbox_is_that_of_a_mask", format!("`{name}` is {bbox:?}, {own} (BOP's sizes have no + 1)"))
+        };
+        let own = |mask: &Mask| if seen { between_centers(mask.bbox().into()) } else { NO_BOX };
+        if self.bbox_visib != own(visible) {
+            faults.push(said("bbox_visib", self.bbox_visib, &format!("that of its mask {:?}", own(visible))));
+        }
+        if !seen {
+            if self.bbox_obj != NO_BOX {
+                faults.push(said("bbox_obj", self.bbox_obj, &format!("that of an object that is not seen {NO_BOX:?}")));
+            }
+            return faults;
+        }
+        // Beyond the frame there may be parts that no mask has.
+        let reaches_out = self.px_count_all > u64::from(amodal.area());
+        let last = [amodal.width(), amodal.height()].map(i64::from);
+        let (bbox, inside) = (sides(self.bbox_obj), sides(own(amodal)));
+        let is_beyond = |side: usize| if side < 2 { bbox[side] < 0 } else { bbox[side] >= last[side - 2] };
+        // What is beyond one side of the frame may reach further along the others than what is in it.
+        let is_wider = reaches_out && (0..4).any(is_beyond);
+        let holds = |side: usize| if side < 2 { bbox[side] <= inside[side] } else { bbox[side] >= inside[side] };
+        if (0..4).any(|side| bbox[side] != inside[side] && !(is_wider && holds(side))) {
+            faults.push(said("bbox_obj", self.bbox_obj, &format!("that of its mask in the frame {:?}", own(amodal))));
+        }
+        let [_, _, width, height] = self.bbox_obj;
+        let most = (width + 1).max(0).saturating_mul((height + 1).max(0)) as u64;
+        if self.px_count_all > most {
+            let message =
+                format!("`px_count_all` is {}, `bbox_obj` {:?} has {most} pixels", self.px_count_all, self.bbox_obj);
+            faults.push(("counts_are_those_of_masks", message));
+        }
+        if reaches_out && !(0..4).any(is_beyond) && self.px_count_all as f64 > f64::from(amodal.area()) + slack(amodal)
+        {
+            let message = format!(
+                "`px_count_all` is {}, its mask has {} pixels, and `bbox_obj` {:?} does not reach beyond the frame",
+                self.px_count_all,
+                amodal.area(),
+                self.bbox_obj
+            );
+            faults.push(("counts_are_those_of_masks", message));
+        }
+        faults
+    }
+
+    fn faults_of_counts(&self, amodal: &Mask, depth: Option<&Plane<f32>>) -> Vec<Fault> {
+        let mut faults = Vec::new();
+        let mut fault = |message: String| faults.push(("counts_are_those_of_masks", message));
+        let (all, valid) = (self.px_count_all, self.px_count_valid);
+        if (all as f64) < f64::from(amodal.area()) - slack(amodal) {
+            fault(format!("`px_count_all` is {all}, its mask has {} pixels", amodal.area()));
+        }
+        match depth.filter(|depth| [depth.width(), depth.height()] == [amodal.width(), amodal.height()]) {
+            Some(depth) => {
+                let has_depth = |pixel: &usize| depth.data()[*pixel] > 0.0;
+                let own = amodal.pixels().filter(has_depth).count();
+                if (valid as f64 - own as f64).abs() > slack(amodal) {
+                    fault(format!("`px_count_valid` is {valid}, {own} pixels of its mask have depth"));
+                }
+            }
+            None if valid as f64 > f64::from(amodal.area()) + slack(amodal) => {
+                fault(format!("`px_count_valid` is {valid}, its mask has {} pixels", amodal.area()));
+            }
+            None => {}
+        }
+        let share = if all == 0 { 0.0 } else { self.px_count_visib as f64 / all as f64 };
+        if (self.visib_fract - share).abs() > FRACTION {
+            let said = self.visib_fract;
+            fault(format!("`visib_fract` is {said}, {} of {all} pixels are {share:.6}", self.px_count_visib));
+        }
+        faults
+    }
+}
+
+/// Pixels that another rendering may have or not.
+fn slack(mask: &Mask) -> f64 {
+    (OTHER_RENDERING * edge_px2(mask)).floor()
+}
+
+/// The boxes of a scene's annotations by image.
+#[derive(Debug, Default)]
+pub struct CocoScene {
+    sizes: BTreeMap<u32, [u32; 2]>,
+    boxes: BTreeMap<u32, Vec<(u64, [f64; 4])>>,
+}
+
+/// What is read of `scene_gt_coco.json`.
+#[derive(Deserialize)]
+struct CocoFile {
+    images: Vec<CocoImage>,
+    annotations: Vec<CocoAnnotation>,
+}
+
+#[derive(Deserialize)]
+struct CocoImage {
+    id: u32,
+    width: u32,
+    height: u32,
+}
+
+#[derive(Deserialize)]
+struct CocoAnnotation {
+    id: u64,
+    image_id: u32,
+    bbox: [f64; 4],
+}
+
+impl CocoScene {
+    /// Those of the scene of a folder, if it has any.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(OF_SCENE[1]);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let file: CocoFile = super::read::json(&path)?;
+        let mut scene = Self::default();
+        scene.sizes.extend(file.images.iter().map(|image| (image.id, [image.width, image.height])));
+        for it in file.annotations {
+            scene.boxes.entry(it.image_id).or_default().push((it.id, it.bbox));
+        }
+        Ok(Some(scene))
+    }
+
+    /// What contradicts the masks of an image's objects: a size, and boxes that are those of no object.
+    pub fn faults(&self, image: u32, infos: &[Info], amodal: &[&Mask]) -> Vec<Fault> {
+        let file = OF_SCENE[1];
+        let Some(first) = amodal.first() else { return Vec::new() };
+        let mut faults = Vec::new();
+        let size = [first.width(), first.height()];
+        if let Some(said) = self.sizes.get(&image).filter(|said| **said != size) {
+            faults.push(("records_agree", format!("{file}: the image has {said:?} pixels, its masks {size:?}")));
+        }
+        let inside = |[x, y, width, height]: [f64; 4]| {
+            let clip = |at: f64, axis: usize| at.clamp(0.0, f64::from(size[axis]));
+            [clip(x, 0), clip(y, 1), clip(x + width, 0), clip(y + height, 1)]
+        };
+        // Objects that are not seen have no annotation.
+        let seen = || infos.iter().zip(amodal).filter(|(info, _)| info.px_count_visib > 0);
+        let masks = seen().map(|(_, mask)| <[i32; 4]>::from(mask.bbox()).map(f64::from));
+        let own: Vec<[f64; 4]> = masks.chain(seen().map(|(info, _)| info.bbox_obj.map(|edge| edge as f64))).collect();
+        let near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= COCO_BOX_PX);
+        for &(id, bbox) in self.boxes.get(&image).into_iter().flatten() {
+            if !own.iter().any(|own| near(inside(bbox), inside(*own))) {
+                let message = format!("{file}: annotation {id}: `bbox` is {bbox:?}, that of no object of the image");
+                faults.push(("bbox_is_that_of_a_mask", message));
+            }
+        }
+        faults
+    }
+}
+
+/// What `camera.json` says that an image of this size contradicts.
+pub fn faults_of_camera(camera: &Camera, [width, height]: [u32; 2]) -> Option<Fault> {
+    let said = [camera.width, camera.height];
+    let message = format!("camera.json: its images have {said:?} pixels, this one {:?}", [width, height]);
+    (said != [width, height]).then_some(("camera_has_the_size_of_the_image", message))
+}
+
+/// A `camera.json` without a focal length.
+pub fn camera_is_sound(camera: &Camera, faults: &mut Faults) {
+    let sound = camera.fx > 0.0 && camera.fy > 0.0 && camera.depth_scale > 0.0;
+    if !sound {
+        let message = format!(
+            "`fx` is {}, `fy` {} and `depth_scale` {}; all must be above 0",
+            camera.fx, camera.fy, camera.depth_scale
+        );
+        faults.add("camera_is_sound", "camera.json".to_owned(), &message);
+    }
+}
+
+/// What is wrong with `models_info.json` in a folder: models without a mesh, and sizes that contradict each other.
+pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BTreeMap<String, Json>>, faults: &mut Faults) {
+    for (&id, model) in models {
+        let place = format!("{MODELS_INFO}: {id}");
+        let mesh = model_file(id);
+        if !folder.join(&mesh).is_file() {
+            faults.add("files_are_there", place.clone(), &format!("there is no {mesh} beside it"));
+        }
+        let number = |key: &str| model.get(key).and_then(Json::as_f64);
+        let size: Option<Vec<f64>> = ["size_x", "size_y", "size_z"].iter().map(|key| number(key)).collect();
+        let low: Option<Vec<f64>> = ["min_x", "min_y", "min_z"].iter().map(|key| number(key)).collect();
+        let (Some(diameter), Some(size), Some(_)) = (number("diameter"), size, low) else {
+            let message = "it has no numbers `diameter`, `min_x` to `min_z` and `size_x` to `size_z`";
+            faults.add("sizes_of_models", place, message);
+            continue;
+        };
+        let longest = size.iter().copied().fold(0.0, f64::max);
+        let diagonal = size.iter().map(|side| side * side).sum::<f64>().sqrt();
+        if size.iter().any(|side| *side < 0.0) || longest == 0.0 {
+            faults.add("sizes_of_models", place, &format!("its sizes are {size:?} mm"));
+        } else if diameter < longest * (1.0 - SIZE) || diameter > diagonal * (1.0 + SIZE) {
+            let message = format!(
+                "`diameter` is {diameter} mm, its box {size:?} mm: it must be from {longest:.3} to the diagonal, {diagonal:.3}"
+            );
+            faults.add("sizes_of_models", place, &message);
+        }
+    }
+}
