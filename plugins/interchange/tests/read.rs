@@ -278,8 +278,11 @@ const PLANTED: &[Plant] = &[
     }),
 ];
 
+/// Changes a file.
+type Change = dyn Fn(&mut Json);
+
 /// A file of a dataset of BOP whose path ends so, a fault in it, and what is said.
-const PLANTED_BOP: &[(&str, &str, &dyn Fn(&mut Json))] = &[
+const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     ("000000/scene_gt_info.json", "`px_count_all` is 1,", &|it| seen(it)["px_count_all"] = json!(1)),
     ("000000/scene_gt_info.json", "`px_count_all` is 90000,", &|it| seen(it)["px_count_all"] = json!(90_000)),
     ("000000/scene_gt_info.json", "`px_count_valid` is 0,", &|it| seen(it)["px_count_valid"] = json!(0)),
