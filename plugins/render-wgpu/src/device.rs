@@ -482,8 +482,17 @@ impl Device {
         let submission_index = Some(submission);
         let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
         self.check()?;
-        let late = |error| self.fail(format!("it did not finish within {} s: {error}", PATIENCE.as_secs()));
+        let late = |error| {
+            self.abandon();
+            self.fail(format!("it did not finish within {} s: {error}", PATIENCE.as_secs()))
+        };
         waited.map(drop).map_err(late)
+    }
+
+    /// Never gives the queue back: wgpu waits without bound for a queue whose last handle goes, and this one may never
+    /// finish.
+    fn abandon(&self) {
+        std::mem::forget(self.queue.clone());
     }
 
     /// Starts work that ends by copying to a readable buffer, waits for it, and gives the first elements to `read`.
@@ -506,7 +515,10 @@ impl Device {
         match mapped.recv_timeout(PATIENCE) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(unreadable(error.to_string())),
-            Err(error) => return Err(unreadable(error.to_string())),
+            Err(error) => {
+                self.abandon();
+                return Err(unreadable(error.to_string()));
+            }
         }
         let result = {
             let view = through.get_mapped_range(0..bytes).map_err(|error| unreadable(error.to_string()))?;

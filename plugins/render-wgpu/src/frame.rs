@@ -191,6 +191,7 @@ impl GpuSession {
         if layout.is_empty() {
             return Ok(Statistics::default());
         }
+        self.device.check_image("an image of that size", 4 * layout.sums)?;
         self.make_output(4 * (layout.sums_at + layout.sums))?;
         let guides = layout.gathered.guides;
         let capacity = if layout.light { self.make_room(layout.pixels, layout.samples, guides)? } else { 0 };

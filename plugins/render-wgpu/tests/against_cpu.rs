@@ -135,6 +135,7 @@ fn light_and_guides_are_the_cpus() {
             }
             _ => Vec::new(),
         });
+        assert!(rays.iter().all(|counts| counts.len() == 2), "{look:?}: {rays:?}");
         for ((name, a), (_, b)) in rays[0].iter().zip(&rays[1]) {
             let (Value::Int(a), Value::Int(b)) = (a, b) else { panic!("{name} is a number") };
             assert!((*a - *b).abs() * 500 < *a, "{look:?}: {a} and {b} {name}");

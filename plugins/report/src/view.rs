@@ -80,7 +80,8 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         };
         scope.spawn(count);
         server.run(&stop, &Changes::default(), &|request| answer(&report, request));
-        if stop.requested().is_some() && !report.is_counted() {
+        // Nor for a browser that takes no more of an answer.
+        if stop.requested().is_some() {
             std::process::exit(0);
         }
     });

@@ -27,6 +27,10 @@ const SHOWN: u32 = 2;
 const MAX_CELLS: usize = 400;
 /// Images that are kept beside those of the sheet, for recipes that come back.
 const KEPT: usize = 200;
+/// Maximum number of pixels of the images that are kept.
+const KEPT_PIXELS: usize = 1 << 26;
+/// Maximum number of pixels of a sheet.
+const MAX_PIXELS: u64 = 1 << 27;
 
 /// What is shown.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,10 +93,11 @@ impl Images {
         if self.all.insert(key, image).is_none() {
             self.order.push_back(key);
         }
-        while self.order.len() > most {
-            if let Some(oldest) = self.order.pop_front() {
-                self.all.remove(&oldest);
-            }
+        let mut pixels: usize = self.all.values().map(|image| image.data().len()).sum();
+        // The sheet has its images without these.
+        while self.order.len() > 1 && (self.order.len() > most || pixels > KEPT_PIXELS) {
+            let oldest = self.order.pop_front().and_then(|oldest| self.all.remove(&oldest));
+            pixels -= oldest.map_or(0, |image| image.data().len());
         }
     }
 
@@ -146,6 +151,13 @@ impl<'a> Studio<'a> {
             Ok(shown) => shown,
             Err(error) => return self.mistaken(&load::of_error(error), show),
         };
+        let panels = if self.wishes.labels { 3 } else { 1 };
+        let expected = [self.width * panels, self.width * 3 / 4];
+        let cells = scenes.len() as u64 * views.len() as u64;
+        if cells * expected.map(u64::from).iter().product::<u64>() > MAX_PIXELS {
+            let error = Error::new(format!("a sheet of {cells} images of {} pixels across is too large", expected[0]));
+            return self.mistaken(&load::of_error(error.help("lower --width, or show fewer scenes or views")), show);
+        }
         let said = Said { reporter: self.console.reporter(), warnings: Mutex::default() };
         let log = Warnings(&said);
         self.name.clone_from(&recipe.dataset.name);
@@ -153,7 +165,10 @@ impl<'a> Studio<'a> {
             self.console.say(&warning);
             said.warnings.lock().push(warning.render(false).trim_end().to_owned());
         }
-        self.previewer.set(recipe)?;
+        // A file of the recipe may be gone for a moment while it is saved.
+        if let Err(error) = self.previewer.set(recipe) {
+            return self.mistaken(&load::of_error(error), show);
+        }
         let products = sheet::inputs(self.wishes.labels).into_iter().map(|input| input.product).collect();
         let wanted = Wanted { products, width: self.width };
         let mut pass = match self.previewer.pass(&wanted, &said, &log, stop) {
@@ -167,8 +182,6 @@ impl<'a> Studio<'a> {
             .flat_map(|&scene| views.iter().map(move |&view| (scene, view)))
             .map(|(s, v)| pass.key(s, v))
             .collect();
-        let panels = if self.wishes.labels { 3 } else { 1 };
-        let expected = [self.width * panels, self.width * 3 / 4];
         let before = self.sheet.take();
         let cells = keys.iter().enumerate().map(|(index, key)| match self.images.all.get(key) {
             Some(image) => Cell::Image { image: Arc::clone(image), is_current: true },

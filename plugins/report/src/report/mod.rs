@@ -130,7 +130,7 @@ impl Report {
         let mut first: BTreeSet<u32> = BTreeSet::new();
         let firsts = dataset.images().iter().enumerate().filter(|(_, image)| first.insert(image.scene.0));
         let firsts: BTreeSet<usize> = firsts.map(|(index, _)| index).collect();
-        let licenses = record.licenses(&*dataset, firsts.into_iter())?;
+        let licenses = record.licenses(&*dataset, firsts.into_iter());
         let mut pages = Tera::default();
         pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
         let rows = shown.iter().map(|_| Mutex::new(None)).collect();
@@ -246,7 +246,9 @@ impl Report {
         if let Some(row) = &*row {
             return Ok(row.clone());
         }
-        let read = image::read(&*self.dataset, self.shown[place], false)?.0.row();
+        let of = |whole: bool| image::read(&*self.dataset, self.shown[place], whole);
+        // With the checks, what cannot be read is a fault of the image.
+        let read = of(false).or_else(|_| of(true))?.0.row();
         *row = Some(read.clone());
         Ok(read)
     }

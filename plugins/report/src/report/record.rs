@@ -14,6 +14,8 @@ use syntable_runtime::run::folder::journal_path;
 use syntable_runtime::run::journal::{Journal, JournalEntry};
 use syntable_runtime::run::times::RunTimes;
 
+/// Folders between that of a run and an annotation file, such as `coco/annotations/instances_train.json`.
+const WITHIN_RUN: usize = 3;
 /// Most bytes of the JSON in a glTF file.
 const MAX_JSON: u32 = 64 << 20;
 
@@ -64,11 +66,7 @@ pub type Licenses = BTreeMap<String, String>;
 impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
     pub fn of(dataset: &Path) -> Result<Self> {
-        let above = dataset.parent().map(Path::to_owned);
-        let is_run = |folder: &PathBuf| folder.join(RESERVED[0]).is_dir();
-        let Some(root) = [Some(dataset.to_owned()), above].into_iter().flatten().find(is_run) else {
-            return Ok(Self::default());
-        };
+        let Some(root) = run_of(dataset) else { return Ok(Self::default()) };
         let recipe = std::fs::read_to_string(root.join(RESERVED[1])).unwrap_or_default();
         let table: toml::Table = recipe.parse().unwrap_or_default();
         let journal = Journal::entries_of(&journal_path(&root))?;
@@ -120,14 +118,14 @@ impl Record {
         used.into_iter().map(pool).collect()
     }
 
-    /// Licenses that objects of some images have, and bodies and materials in glTF files.
-    pub fn licenses(&self, dataset: &dyn DatasetReader, images: impl Iterator<Item = usize>) -> Result<Licenses> {
+    /// Licenses that objects of some images have, and bodies, materials and environment maps in glTF files. Those of what
+    /// cannot be read are not known.
+    pub fn licenses(&self, dataset: &dyn DatasetReader, images: impl Iterator<Item = usize>) -> Licenses {
         let mut found = Licenses::new();
         if dataset.offers().contains(&OBJECT_INFO.id()) {
             for image in images {
-                let (_, products) = dataset.read(image, &[OBJECT_INFO.id()])?;
-                let objects: &PerInstance<Value> = products.get(OBJECT_INFO)?;
-                for (_, object) in objects.iter() {
+                let Ok((_, products)) = dataset.read(image, &[OBJECT_INFO.id()]) else { continue };
+                for (_, object) in products.get(OBJECT_INFO).into_iter().flat_map(PerInstance::<Value>::iter) {
                     let json = serde_json::to_value(object).unwrap_or_default();
                     let text = |key: &str| json.get(key).and_then(|it| it.as_str()).unwrap_or_default().to_owned();
                     if !text("license").is_empty() {
@@ -137,22 +135,32 @@ impl Record {
             }
         }
         for path in self.models.values() {
-            let json = gltf_json(path)?;
+            let Ok(json) = gltf_json(path) else { continue };
             for node in json["nodes"].as_array().into_iter().flatten() {
                 let text = |key: &str| node["extras"][key].as_str().unwrap_or_default();
                 if !text("asset").is_empty() && !text("license").is_empty() {
                     found.insert(text("asset").to_owned(), text("license").to_owned());
                 }
             }
-            for material in json["materials"].as_array().into_iter().flatten() {
-                let (name, license) = (material["name"].as_str(), material["extras"]["license"].as_str());
-                if let (Some(name), Some(license)) = (name, license) {
+            let materials = json["materials"].as_array().into_iter().flatten();
+            let materials = materials.map(|it| (&it["name"], &it["extras"]["license"]));
+            let environments = json["scenes"][0]["extras"]["environments"].as_array().into_iter().flatten();
+            let environments = environments.map(|it| (&it["name"], &it["license"]));
+            for (name, license) in materials.chain(environments) {
+                if let (Some(name), Some(license)) = (name.as_str(), license.as_str()) {
                     found.insert(format!("/{name}"), license.to_owned());
                 }
             }
         }
-        Ok(found)
+        found
     }
+}
+
+/// The folder of the run that made what lies at a path, if one did: writers have folders of their own in it, and formats
+/// folders in these.
+pub fn run_of(path: &Path) -> Option<PathBuf> {
+    let path = std::path::absolute(path).ok()?;
+    path.ancestors().take(1 + WITHIN_RUN).find(|folder| folder.join(RESERVED[0]).is_dir()).map(Path::to_owned)
 }
 
 /// glTF files of whole scenes, or of the first view of each, of the first writer of the recipe that makes some.

@@ -1,6 +1,7 @@
 //! `syntable report`.
 
 use super::overview::{MOST_OCCLUDED, by_occlusion};
+use super::record::run_of;
 use super::{Counted, Report, Shown};
 use crate::stats::{self, Options, Statistics};
 use std::collections::BTreeSet;
@@ -150,6 +151,13 @@ fn beside(dataset: &Path) -> Result<PathBuf> {
     let Some(name) = folder.file_name() else {
         return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
     };
+    // Of the folder of a writer: beside the whole run.
+    if let Some(run) = run_of(folder).filter(|run| run != folder) {
+        let inner = folder.strip_prefix(&run).unwrap_or(folder).iter();
+        let names = run.file_name().into_iter().chain(inner).map(|name| name.to_string_lossy());
+        let names: Vec<_> = names.collect();
+        return Ok(run.with_file_name(format!("{}-report", names.join("-"))));
+    }
     let mut named = name.to_owned();
     named.push("-report");
     let given = if dataset.is_file() { dataset.parent().unwrap_or(dataset) } else { dataset };
@@ -173,6 +181,13 @@ fn check_out(out: &Path, overwrite: bool) -> Result<PathBuf> {
     let Some(name) = out.file_name() else {
         return Err(Error::new("it is no name of a folder").in_file(out).of_request());
     };
+    let above = std::path::absolute(out).ok().and_then(|out| run_of(out.parent()?));
+    if let Some(run) = above {
+        return Err(Error::new(format!("it lies in the folder of a run, {}", run.display()))
+            .in_file(out)
+            .help("choose a folder beside it: files of a run are compared with its journal")
+            .of_request());
+    }
     let mut part = name.to_owned();
     part.push(".part");
     let part = out.with_file_name(part);

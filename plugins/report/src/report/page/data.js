@@ -12,7 +12,11 @@ const syntable = (() => {
         const script = document.createElement("script");
         script.src = `data/${key}.js`;
         script.addEventListener("load", () => script.remove());
-        script.addEventListener("error", () => reject(new Error(`data/${key}.js cannot be loaded`)));
+        script.addEventListener("error", () => {
+          // The next one who asks tries again.
+          asked.delete(key);
+          reject(new Error(`data/${key}.js cannot be loaded`));
+        });
         document.head.append(script);
       }));
       // What was looked at long ago is forgotten.
