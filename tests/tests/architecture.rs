@@ -94,7 +94,7 @@ fn heavy_packages_stay_in_their_rooms() {
         ("tar", &["syntable-formats"]),
         ("tera", &["syntable-write", "syntable-report"]),
         ("clap", &["syntable-runtime"]),
-        ("tiny_http", &["syntable-report"]),
+        ("httparse", &["syntable-report"]),
         ("embedded-graphics", &["syntable-report"]),
         ("libloading", &["syntable-denoise"]),
     ];

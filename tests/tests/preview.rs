@@ -60,7 +60,14 @@ fn a_sheet_shows_views_side_by_side_and_is_the_same_every_time() {
     for x in [6, 6 + 48 + 6] {
         assert!(shows_something(&sheet, [x, 21], [48, 36]), "nothing at {x}");
     }
-    ok(preview(&quickstart, &["--threads", "1", "--out"]).args(["--views", "2"]).arg(&two).args(["--seed", "7"]));
+    // Nothing depends on the number of threads.
+    let one_thread = TINY.map(|argument| if argument == "2" { "1" } else { argument });
+    ok(syntable()
+        .arg("preview")
+        .arg(&quickstart)
+        .args(one_thread)
+        .args(["--views", "2", "--seed", "7", "--out"])
+        .arg(&two));
     assert!(fs::read(&one).expect("a sheet") == fs::read(&two).expect("a sheet"), "the bytes differ");
     ok(preview(&quickstart, &["--labels", "--views", "1", "--out"]).arg(&two));
     assert_eq!(image(&two).dimensions(), (2 * 6 + 3 * 48 + 2 * 6, 2 * 6 + 15 + 36));
@@ -85,7 +92,7 @@ fn mistakes_are_told_as_check_tells_them() {
     fs::write(&recipe, with("samples_per_pixel = 16", "sampels_per_pixel = 16")).expect("written");
     let checked = fails(syntable().arg("check").arg(&recipe), 2);
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
-    assert!(said.contains("did you mean `samples_per_pixel`") || said.contains("samples_per_pixel"), "{said}");
+    assert!(said.contains("did you mean `samples_per_pixel`"), "{said}");
     assert_eq!(said.trim(), checked.trim());
     assert!(!out.exists());
     let scenes = fails(&mut preview(&root().join("recipes/quickstart.toml"), &["--views", "500"]), 2);

@@ -8,16 +8,16 @@
 
 use parking_lot::{Condvar, Mutex};
 use std::fs::File;
-use std::io::{Cursor, Read, Write};
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
+use std::io::{Cursor, ErrorKind, Read, Write};
+use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use syntable_model::error::{Error, Result};
 use syntable_runtime::run::stop::Stop;
-use tiny_http::{Method, StatusCode};
 
 /// Path where pages wait for the next version; no handler is asked for it.
 pub const CHANGES: &str = "/changes";
@@ -25,10 +25,16 @@ pub const CHANGES: &str = "/changes";
 const PATIENCE: Duration = Duration::from_secs(25);
 /// Maximum number of requests that wait; the one that waited longest is answered when there are more.
 const MAX_WAITING: usize = 64;
-/// Threads that answer requests.
-const THREADS: usize = 4;
-/// How often a thread without work looks for the signal to stop.
-const LOOK: Duration = Duration::from_millis(100);
+/// Maximum number of connections that are answered at once; others wait.
+const MAX_CONNECTIONS: usize = 64;
+/// Maximum number of bytes of the head of a request.
+const MAX_HEAD: usize = 16 << 10;
+/// How long a client may take to ask, and to take a part of the answer.
+const CLIENT: Duration = Duration::from_secs(10);
+/// How long what a refused client still sends is read.
+const LINGER: Duration = Duration::from_secs(1);
+/// How often the server looks for connections, and for the signal to stop.
+const LOOK: Duration = Duration::from_millis(10);
 /// Names of this machine that a `Host` header may have.
 const HOSTS: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];
 /// What a page may load and run: what comes from this server, and what it has in itself.
@@ -189,29 +195,130 @@ impl Changes {
 
 /// A request that waits for a version after the one that it knows.
 struct Waiting {
-    request: tiny_http::Request,
+    from: Client,
     after: u64,
     until: Instant,
 }
 
+/// A connection that has asked for something.
+struct Client {
+    stream: TcpStream,
+    wants_body: bool,
+}
+
+impl Client {
+    /// Sends the answer and ends the connection: one that stays open would hold a thread. Whoever has gone away misses
+    /// nothing.
+    fn send(self, response: Response) {
+        let Self { mut stream, wants_body } = self;
+        let Response { status, content_type, length, body } = response;
+        let length_field = length.to_string();
+        let fields = [
+            ("Connection", "close"),
+            ("Content-Type", content_type),
+            ("Content-Length", &length_field),
+            ("Cache-Control", "no-store"),
+            ("X-Content-Type-Options", "nosniff"),
+            ("Content-Security-Policy", POLICY),
+            ("Cross-Origin-Resource-Policy", "same-origin"),
+            ("Referrer-Policy", "no-referrer"),
+        ];
+        let allow = (status == 405).then_some(("Allow", "GET, HEAD"));
+        let fields = fields.into_iter().chain(allow).map(|(name, value)| format!("{name}: {value}\r\n"));
+        let head = format!("HTTP/1.1 {status} {}\r\n{}\r\n", reason(status), fields.collect::<String>());
+        let send = || -> std::io::Result<()> {
+            stream.write_all(head.as_bytes())?;
+            if wants_body {
+                std::io::copy(&mut body.take(length), &mut stream)?;
+            }
+            stream.shutdown(Shutdown::Write)?;
+            // A connection that is closed with something unread, such as the body of a POST, is reset, and takes the answer
+            // along.
+            let (mut rest, start) = ([0; 1 << 10], Instant::now());
+            stream.set_read_timeout(Some(LINGER))?;
+            while status >= 400 && start.elapsed() < LINGER && stream.read(&mut rest)? > 0 {}
+            Ok(())
+        };
+        let _ = send();
+    }
+}
+
+/// Reason phrase of a status code (RFC 9110, section 15).
+fn reason(status: u16) -> &'static str {
+    match status {
+        200 => "OK",
+        400 => "Bad Request",
+        403 => "Forbidden",
+        404 => "Not Found",
+        405 => "Method Not Allowed",
+        431 => "Request Header Fields Too Large",
+        _ => "Internal Server Error",
+    }
+}
+
+/// The head of a request.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Head {
+    method: String,
+    target: String,
+    hosts: Vec<String>,
+}
+
+impl Head {
+    /// Reads it from a connection; the answer if it is none that can be read, and nothing if the client is gone or slow.
+    fn read(stream: &mut TcpStream) -> Option<std::result::Result<Self, Response>> {
+        let (mut bytes, mut part) = (Vec::new(), [0; 1 << 10]);
+        let start = Instant::now();
+        while start.elapsed() < CLIENT {
+            let count = stream.read(&mut part).ok().filter(|count| *count > 0)?;
+            bytes.extend_from_slice(&part[..count]);
+            if let Some(parsed) = Self::parse(&bytes) {
+                return Some(parsed);
+            }
+            if bytes.len() > MAX_HEAD {
+                return Some(Err(Response::failed(431, "the request is too long\n")));
+            }
+        }
+        None
+    }
+
+    /// Reads it from the bytes that have come; nothing if more must come.
+    fn parse(bytes: &[u8]) -> Option<std::result::Result<Self, Response>> {
+        let mut fields = [httparse::EMPTY_HEADER; 64];
+        let mut request = httparse::Request::new(&mut fields);
+        match request.parse(bytes) {
+            Ok(httparse::Status::Partial) => None,
+            Err(error) => Some(Err(Response::failed(400, format!("the request cannot be read: {error}\n")))),
+            Ok(httparse::Status::Complete(_)) => {
+                let is_host = |field: &&httparse::Header| field.name.eq_ignore_ascii_case("Host");
+                let hosts = request.headers.iter().filter(is_host);
+                Some(Ok(Self {
+                    method: request.method.unwrap_or_default().to_owned(),
+                    target: request.path.unwrap_or_default().to_owned(),
+                    hosts: hosts.map(|field| String::from_utf8_lossy(field.value).into_owned()).collect(),
+                }))
+            }
+        }
+    }
+}
+
 /// A server on a port of this machine.
 pub struct Server {
-    http: tiny_http::Server,
+    listener: TcpListener,
     address: SocketAddr,
 }
 
 impl Server {
     /// Listens on a port of the loopback address; 0 for any free one.
     pub fn bind(port: u16) -> Result<Self> {
-        let refused = |reason: String| {
-            let error = Error::new(format!("port {port} of 127.0.0.1: {reason}"));
+        let refused = |error: std::io::Error| {
+            let error = Error::new(format!("port {port} of 127.0.0.1: {error}"));
             error.help("another program may listen there; --port 0 takes any free one").of_request()
         };
-        let listener = TcpListener::bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port));
-        let listener = listener.map_err(|error| refused(error.to_string()))?;
-        let address = listener.local_addr().map_err(|error| refused(error.to_string()))?;
-        let http = tiny_http::Server::from_listener(listener, None).map_err(|error| refused(error.to_string()))?;
-        Ok(Self { http, address })
+        let listener = TcpListener::bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port)).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        Ok(Self { listener, address })
     }
 
     /// Address of the first page: `http://127.0.0.1:8000/`.
@@ -221,74 +328,87 @@ impl Server {
 
     /// Answers requests until it shall stop. `handler` is called by several threads; one that panics answers with 500.
     pub fn run(&self, stop: &Stop, changes: &Changes, handler: &(dyn Fn(&Request) -> Response + Sync)) {
-        let waiting = Mutex::new(Vec::new());
+        let (waiting, open) = (Mutex::new(Vec::new()), AtomicUsize::new(0));
         thread::scope(|scope| {
-            for _ in 0..THREADS {
-                scope.spawn(|| {
-                    while stop.requested().is_none() {
-                        match self.http.recv_timeout(LOOK) {
-                            Ok(Some(request)) => self.answer(request, changes, handler, &waiting),
-                            Ok(None) => {}
-                            // The listener is gone: others may still be answered, and the signal comes later.
-                            Err(_) => thread::sleep(LOOK),
-                        }
-                    }
-                });
-            }
+            let (waiting, open) = (&waiting, &open);
             let mut version = changes.version();
             while stop.requested().is_none() {
+                let is_full = open.load(Ordering::Acquire) >= MAX_CONNECTIONS;
+                match self.listener.accept() {
+                    Ok((stream, _)) => {
+                        open.fetch_add(1, Ordering::AcqRel);
+                        scope.spawn(move || {
+                            self.answer(stream, changes, handler, waiting);
+                            open.fetch_sub(1, Ordering::AcqRel);
+                        });
+                        if !is_full {
+                            continue;
+                        }
+                    }
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                    // A connection that was given up, or too many open files.
+                    Err(_) => thread::sleep(LOOK),
+                }
                 version = changes.wait(version, LOOK);
                 release(&mut waiting.lock(), version, Instant::now());
             }
+            for Waiting { from, .. } in waiting.lock().drain(..) {
+                from.send(told(changes.version()));
+            }
         });
-        for Waiting { request, .. } in waiting.into_inner() {
-            send(request, told(changes.version()));
-        }
     }
 
     fn answer(
         &self,
-        request: tiny_http::Request,
+        mut stream: TcpStream,
         changes: &Changes,
         handler: &(dyn Fn(&Request) -> Response + Sync),
         waiting: &Mutex<Vec<Waiting>>,
     ) {
-        let asked = match self.accepted(&request) {
+        let limits = stream.set_nonblocking(false).and_then(|()| stream.set_read_timeout(Some(CLIENT)));
+        if limits.and_then(|()| stream.set_write_timeout(Some(CLIENT))).is_err() {
+            return;
+        }
+        let Some(head) = Head::read(&mut stream) else { return };
+        let wants_body = !head.as_ref().is_ok_and(|head| head.method == "HEAD");
+        let from = Client { stream, wants_body };
+        let asked = match head.and_then(|head| self.accepted(&head)) {
             Ok(asked) => asked,
-            Err(refused) => return send(request, refused),
+            Err(refused) => return from.send(refused),
         };
         if asked.path == CHANGES {
             // Without a number the answer is the version that is there.
             let after = asked.query("after").and_then(|after| after.parse().ok());
             let mut waiting = waiting.lock();
             let version = changes.version();
-            match after.filter(|after| version <= *after) {
+            let at_once = match after.filter(|after| version <= *after) {
                 Some(after) => {
-                    if waiting.len() >= MAX_WAITING {
-                        send(waiting.remove(0).request, told(version));
-                    }
-                    waiting.push(Waiting { request, after, until: Instant::now() + PATIENCE });
+                    let longest = (waiting.len() >= MAX_WAITING).then(|| waiting.remove(0).from);
+                    waiting.push(Waiting { from, after, until: Instant::now() + PATIENCE });
+                    longest
                 }
-                None => send(request, told(version)),
+                None => Some(from),
+            };
+            drop(waiting);
+            if let Some(client) = at_once {
+                client.send(told(version));
             }
             return;
         }
         let answer = catch_unwind(AssertUnwindSafe(|| handler(&asked)));
-        send(request, answer.unwrap_or_else(|_| Response::failed(500, "the page could not be made\n")));
+        from.send(answer.unwrap_or_else(|_| Response::failed(500, "the page could not be made\n")));
     }
 
     /// What is asked for, if the request may be answered.
-    fn accepted(&self, request: &tiny_http::Request) -> std::result::Result<Request, Response> {
-        if !matches!(request.method(), Method::Get | Method::Head) {
+    fn accepted(&self, head: &Head) -> std::result::Result<Request, Response> {
+        if !["GET", "HEAD"].contains(&head.method.as_str()) {
             return Err(Response::failed(405, "only GET and HEAD are answered\n"));
         }
-        let hosts: Vec<&str> =
-            request.headers().iter().filter(|it| it.field.equiv("Host")).map(|it| it.value.as_str()).collect();
-        if !matches!(hosts.as_slice(), [host] if self.is_own(host)) {
+        if !matches!(head.hosts.as_slice(), [host] if self.is_own(host)) {
             let text = format!("this server answers to {} only\n", self.url());
             return Err(Response::failed(403, text));
         }
-        Request::parse(request.url()).ok_or_else(|| Response::failed(400, "the path is not one of this server\n"))
+        Request::parse(&head.target).ok_or_else(|| Response::failed(400, "the path is not one of this server\n"))
     }
 
     /// Whether a `Host` header means this server by a name of its own.
@@ -301,8 +421,8 @@ impl Server {
 
 /// Answers those that waited for this version, and those that waited long enough.
 fn release(waiting: &mut Vec<Waiting>, version: u64, now: Instant) {
-    for Waiting { request, .. } in waiting.extract_if(.., |it| version > it.after || now >= it.until) {
-        send(request, told(version));
+    for Waiting { from, .. } in waiting.extract_if(.., |it| version > it.after || now >= it.until) {
+        from.send(told(version));
     }
 }
 
@@ -311,47 +431,9 @@ fn told(version: u64) -> Response {
     Response::json(&serde_json::json!({ "version": version }))
 }
 
-/// Sends an answer. Whoever has gone away misses nothing.
-///
-/// Connections end with their answer. `tiny_http` gives each a thread of a pool for as long as it is open, and may leave one
-/// that comes at the same time as another in its queue until some thread is free: pages of browsers, which keep
-/// connections open, would wait for ever.
-fn send(request: tiny_http::Request, response: Response) {
-    let Response { status, content_type, length, body } = response;
-    let wants_body = *request.method() != Method::Head;
-    let reason = StatusCode(status).default_reason_phrase();
-    let mut head = format!("HTTP/1.1 {status} {reason}\r\n");
-    let length_field = length.to_string();
-    let fields = [
-        ("Connection", "close"),
-        ("Content-Type", content_type),
-        ("Content-Length", &length_field),
-        ("Cache-Control", "no-store"),
-        ("X-Content-Type-Options", "nosniff"),
-        ("Content-Security-Policy", POLICY),
-        ("Cross-Origin-Resource-Policy", "same-origin"),
-        ("Referrer-Policy", "no-referrer"),
-    ];
-    let allow = (status == 405).then_some(("Allow", "GET, HEAD"));
-    for (name, value) in fields.into_iter().chain(allow) {
-        head += &format!("{name}: {value}\r\n");
-    }
-    head += "\r\n";
-    let mut out = request.into_writer();
-    let write = move || -> std::io::Result<()> {
-        out.write_all(head.as_bytes())?;
-        if wants_body {
-            std::io::copy(&mut body.take(length), &mut out)?;
-        }
-        out.flush()
-    };
-    let _ = write();
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::net::TcpStream;
 
     /// Runs a server whose pages say what was asked for, while `test` asks.
     fn serving(test: impl FnOnce(&Server, &Changes)) {
@@ -468,7 +550,7 @@ mod tests {
     #[test]
     fn a_page_that_panics_is_an_error_and_the_next_is_served() {
         serving(|server, _| {
-            for _ in 0..2 * THREADS {
+            for _ in 0..8 {
                 assert_eq!(get(server, "/panic").0, 500);
             }
             assert_eq!(get(server, "/").0, 200);
@@ -479,7 +561,7 @@ mod tests {
     fn pages_wait_for_changes_without_holding_threads() {
         serving(|server, changes| {
             assert_eq!(get(server, "/changes").1, r#"{"version":0}"#);
-            let waiting: Vec<_> = (0..3 * THREADS)
+            let waiting: Vec<_> = (0..12)
                 .map(|_| {
                     let mut stream = TcpStream::connect(server.address).expect("listens");
                     let request = b"GET /changes?after=0 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
@@ -489,7 +571,7 @@ mod tests {
                 })
                 .collect();
             // All threads are free for pages meanwhile.
-            (0..3 * THREADS).for_each(|_| assert_eq!(get(server, "/").0, 200));
+            (0..12).for_each(|_| assert_eq!(get(server, "/").0, 200));
             assert_eq!(changes.publish(), 1);
             for mut stream in waiting {
                 let mut text = String::new();

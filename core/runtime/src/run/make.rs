@@ -162,13 +162,14 @@ fn make_scenes(
         seconds: start.elapsed().as_secs_f64(),
         stages: times.all(),
     };
-    took.append(&times_path(folder.root()))?;
+    let noted = took.append(&times_path(folder.root()));
     if let Some(signal) = options.stop.requested() {
         let (made, all) = (made.into_inner(), tasks.len());
         return Err(Error::new(format!("stopped by {}: {made} of {all} scenes are done", stop::name_of(signal)))
             .help("the same command goes on from there"));
     }
-    failure.into_inner().map_or(Ok(()), Err)?;
+    // What stopped the run comes first: a full disk takes no times, either.
+    failure.into_inner().map_or(noted, Err)?;
     let (held, lacking) = (held.into_inner(), lacking.into_inner());
     let without = lacking + held.len() as u32;
     if without > 0 && todo.adds && folder.is_proposed() {

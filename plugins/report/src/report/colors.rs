@@ -26,7 +26,7 @@ fn color(text: &str) -> [f64; 3] {
 
 /// Relative luminance (WCAG 2.2, definition).
 fn luminance(color: [f64; 3]) -> f64 {
-    let linear = |value: f64| if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
+    let linear = |value: f64| if value <= 0.04045 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) };
     let [red, green, blue] = color.map(linear);
     0.2126 * red + 0.7152 * green + 0.0722 * blue
 }

@@ -84,7 +84,7 @@ pub fn histogram(of: &Distribution, number: usize) -> String {
 
 /// The step of 1, 2 or 5 times a power of ten that is not below a positive length.
 fn round_step(least: f64) -> f64 {
-    let power = 10_f64.powi(least.max(1e-9).log10().floor() as i32);
+    let power = 10_f64.powi(libm::log10(least.max(1e-9)).floor() as i32);
     [1.0, 2.0, 5.0, 10.0].map(|it| it * power).into_iter().find(|it| *it >= least * 0.999).unwrap_or(10.0 * power)
 }
 

@@ -65,7 +65,7 @@ pub fn jensen_shannon(a: &[u64], b: &[u64]) -> Option<f64> {
     let (whole_a, whole_b) = (total(a)?, total(b)?);
     let bits = a.iter().zip(b).map(|(a, b)| {
         let (p, q) = (*a as f64 / whole_a, *b as f64 / whole_b);
-        let part = |x: f64| if x > 0.0 { 0.5 * x * (2.0 * x / (p + q)).log2() } else { 0.0 };
+        let part = |x: f64| if x > 0.0 { 0.5 * x * libm::log2(2.0 * x / (p + q)) } else { 0.0 };
         part(p) + part(q)
     });
     Some(bits.sum::<f64>().clamp(0.0, 1.0))
