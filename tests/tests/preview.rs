@@ -301,9 +301,7 @@ fn the_page_follows_what_is_saved() {
 
 /// A headless browser that is ready for an address, if there is one.
 fn browser(profile: &Path) -> Option<Command> {
-    let works = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|it| it.status.success());
-    let name = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(works)?;
-    let mut command = Command::new(name);
+    let mut command = Command::new(support::browser::program()?);
     command.args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]);
     command.args(["--disable-component-update", "--disable-sync", "--enable-logging=stderr"]);
     command.arg(format!("--user-data-dir={}", profile.display()));

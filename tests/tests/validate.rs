@@ -459,3 +459,62 @@ fn checks_that_find_nothing_to_compare_are_not_made() {
     }
     assert_eq!(checked("bop", "poses_agree"), Some(4));
 }
+
+#[test]
+fn a_dataset_that_cannot_be_opened_is_one_with_a_fault() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("annotations/instances_train.json");
+    fs::create_dir(folder.path().join("annotations")).expect("writable");
+    fs::write(&file, "{\"images\": [{\"id\": 1, ").expect("writable");
+    let output = syntable().args(["validate", "--json"]).arg(folder.path()).output().expect("starts");
+    assert_eq!(output.status.code(), Some(3));
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["faults"][0]["check"], "readable", "{found}");
+    assert!(found["faults"][0]["message"].as_str().is_some_and(|it| it.contains("instances_train.json:1")), "{found}");
+}
+
+#[test]
+fn rates_of_what_is_beyond_the_image_are_no_faults_of_other_formats() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = folder.path().join("data");
+    let mut run = syntable();
+    run.args(["run", "builtin:quickstart", "--scenes", "0", "--views", "1", "--out"]).arg(&data);
+    for set in [
+        "camera={ resolution=[160, 120], intrinsics={ fov_deg=22.0 } }",
+        "render.samples_per_pixel=1",
+        "denoise.kind=\"none\"",
+        "annotate.masks.image_frame=\"extend\"",
+        "write={ coco = {}, d2sa = {}, uoais = {} }",
+    ] {
+        run.args(["--set", set]);
+    }
+    ok(&mut run);
+    for format in ["coco", "d2sa", "uoais"] {
+        ok(syntable().arg("validate").arg(data.join(format)));
+    }
+    // The policy is what makes the rates sound.
+    let file = data.join("coco/annotations/instances_train.json");
+    let mut json: Value = serde_json::from_str(&fs::read_to_string(&file).expect("there")).expect("JSON");
+    json["images"][0].as_object_mut().expect("an object").remove("label_policy").expect("stated");
+    fs::write(&file, json.to_string()).expect("writable");
+    let said = fails(syntable().arg("validate").arg(data.join("coco")), 3);
+    assert!(said.contains("fault"), "{said}");
+}
+
+#[test]
+fn a_second_conversion_into_a_folder_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    dataset(&data);
+    let mark = folder.path().join("out.part/.syntable");
+    fs::create_dir_all(&mark).expect("writable");
+    let lock = fs::File::create(mark.join("lock")).expect("writable");
+    lock.lock().expect("locked");
+    let mut convert = syntable();
+    convert.arg("convert").arg(&data).args(["--to", "coco", "--out"]).arg(&out);
+    assert!(fails(&mut convert, 2).contains("another conversion writes to this folder"));
+    assert!(mark.is_dir());
+    drop(lock);
+    ok(&mut convert);
+    assert!(out.join("coco").is_dir() && !mark.exists());
+}

@@ -132,11 +132,9 @@ impl Validated {
 
     /// The faults of each check in turn, so that a few show all that is wrong: at most `most`.
     pub fn some_of_each(&self, most: usize) -> Vec<&FaultAt> {
-        let mut turns: Vec<(usize, &FaultAt)> = Vec::new();
-        for fault in &self.faults {
-            let before = turns.iter().rev().take_while(|(_, it)| it.check == fault.check).count();
-            turns.push((before, fault));
-        }
+        // They are ordered by check.
+        let of_checks = self.faults.chunk_by(|a, b| a.check == b.check);
+        let mut turns: Vec<(usize, &FaultAt)> = of_checks.flat_map(|faults| faults.iter().enumerate()).collect();
         turns.sort_by_key(|(turn, _)| *turn);
         turns.truncate(most);
         let mut shown: Vec<&FaultAt> = turns.into_iter().map(|(_, fault)| fault).collect();

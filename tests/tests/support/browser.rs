@@ -9,7 +9,7 @@ use std::process::Command;
 const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 /// The browser; `CHROMIUM` names another one.
-fn program() -> Option<PathBuf> {
+pub fn program() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
     let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).collect();
     let found = NAMES.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
