@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use support::{fails, ok, root, syntable};
+use support::{fails, ok, root, small_dataset, syntable};
 use syntable_model::product::Mask;
 
 /// The folder of a small dataset that all tests share.
@@ -13,18 +13,7 @@ fn dataset() -> &'static Path {
     static DATASET: OnceLock<tempfile::TempDir> = OnceLock::new();
     let make = || {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut run = syntable();
-        run.args(["run", "builtin:quickstart", "--out"]).arg(folder.path().join("data"));
-        for set in [
-            "camera.resolution=[160, 120]",
-            "render.samples_per_pixel=1",
-            "denoise.kind=\"none\"",
-            "place[2].count=8",
-            "write={ syntable = {}, osd_amodal = {} }",
-        ] {
-            run.args(["--set", set]);
-        }
-        ok(&mut run);
+        small_dataset(&folder.path().join("data"), &["write={ syntable = {}, osd_amodal = {} }"]);
         folder
     };
     DATASET.get_or_init(make).path()

@@ -5,26 +5,14 @@ use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use support::{fails, ok, syntable};
+use support::{fails, ok, small_dataset, syntable};
 
 /// A small dataset that all tests share: in the layout of SynTable and as BOP, and converted to other formats.
 fn data() -> PathBuf {
     static DATASET: OnceLock<tempfile::TempDir> = OnceLock::new();
     let make = || {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut run = syntable();
-        run.args(["run", "builtin:quickstart", "--out"]).arg(folder.path().join("data"));
-        for set in [
-            "camera.resolution=[160, 120]",
-            "render.samples_per_pixel=1",
-            "denoise.kind=\"none\"",
-            "dataset.views_per_scene=3",
-            "place[2].count=8",
-            "write={ syntable = {}, bop = {} }",
-        ] {
-            run.args(["--set", set]);
-        }
-        ok(&mut run);
+        small_dataset(&folder.path().join("data"), &["dataset.views_per_scene=3", "write={ syntable = {}, bop = {} }"]);
         folder
     };
     DATASET.get_or_init(make).path().join("data")

@@ -5,25 +5,14 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use support::{assert_same, fails, ok, syntable};
+use support::{assert_same, fails, ok, small_dataset, syntable};
 use syntable_model::product::standard::{CATEGORY_ID, VISIBLE_MASK};
 use syntable_model::reader;
 use syntable_standard as _;
 
 /// A small dataset with all labels of the `syntable` writer.
 fn dataset(out: &Path) {
-    let mut run = syntable();
-    run.args(["run", "builtin:quickstart", "--out"]).arg(out);
-    for set in [
-        "camera.resolution=[160, 120]",
-        "render.samples_per_pixel=1",
-        "denoise.kind=\"none\"",
-        "place[2].count=8",
-        "write={ syntable = {} }",
-    ] {
-        run.args(["--set", set]);
-    }
-    ok(&mut run);
+    small_dataset(out, &["write={ syntable = {} }"]);
 }
 
 fn copy(from: &Path, to: &Path) {

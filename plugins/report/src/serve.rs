@@ -7,11 +7,9 @@
 //! version after 3, or after [`PATIENCE`] with the version that is there. Requests that wait hold no thread.
 
 use parking_lot::{Condvar, Mutex};
-use std::fs::File;
 use std::io::{Cursor, ErrorKind, Read, Write};
 use std::net::{IpAddr, Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -118,22 +116,6 @@ impl Response {
     /// JSON.
     pub fn json(value: &serde_json::Value) -> Self {
         Self::bytes(content_type("json"), value.to_string())
-    }
-
-    /// A file, with the content type of its extension. It is read while it is sent; one that is not there is a 404.
-    pub fn file(path: &Path) -> Self {
-        let open = || {
-            let file = File::open(path)?;
-            let metadata = file.metadata()?;
-            Ok::<_, std::io::Error>((metadata.is_file().then_some(file), metadata.len()))
-        };
-        match open() {
-            Ok((Some(file), length)) => {
-                let extension = path.extension().and_then(|it| it.to_str()).unwrap_or_default();
-                Self { status: 200, content_type: content_type(extension), length, body: Box::new(file) }
-            }
-            _ => Self::missing(),
-        }
     }
 
     /// 404: nothing is there.
@@ -442,8 +424,6 @@ mod tests {
             scope.spawn(|| {
                 server.run(&stop, &changes, &|request| match request.path.as_str() {
                     "/panic" => panic!("on purpose"),
-                    "/file" => Response::file(&Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")),
-                    "/folder" => Response::file(Path::new(env!("CARGO_MANIFEST_DIR"))),
                     "/large" => Response::bytes("image/png", vec![7_u8; 3 << 20]),
                     path => Response::html(format!("{path} {:?}", request.query)),
                 });
@@ -489,15 +469,6 @@ mod tests {
             assert!(status(&head) == 200 && body.is_empty() && head.contains("Content-Length: 3145728"), "{head}");
             let (head, body) = raw(server, &["GET /large HTTP/1.1", "Host: localhost", "Connection: close"]);
             assert!(head.contains("image/png") && body == vec![7; 3 << 20], "{head}");
-        });
-    }
-
-    #[test]
-    fn files_are_sent_and_folders_are_not() {
-        serving(|server, _| {
-            let (status, text) = get(server, "/file");
-            assert!(status == 200 && text.contains("name = \"syntable-report\""), "{status} {text}");
-            assert_eq!(get(server, "/folder").0, 404);
         });
     }
 

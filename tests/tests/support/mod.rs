@@ -92,3 +92,15 @@ pub fn assert_same(left: &Path, right: &Path) {
         assert!(bytes == &b[name], "{name} differs between {} and {}", left.display(), right.display());
     }
 }
+
+/// Makes a dataset of the quickstart recipe with eight objects in a scene, of small and noisy images, with more settings.
+pub fn small_dataset(out: &Path, more: &[&str]) {
+    let mut run = syntable();
+    run.args(["run", "builtin:quickstart", "--out"]).arg(out);
+    let small =
+        ["camera.resolution=[160, 120]", "render.samples_per_pixel=1", "denoise.kind=\"none\"", "place[2].count=8"];
+    for set in small.iter().chain(more) {
+        run.args(["--set", set]);
+    }
+    ok(&mut run);
+}
