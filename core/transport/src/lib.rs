@@ -1,7 +1,7 @@
 //! What path tracers share, whatever they run on.
 //!
 //! [`PathTracing`] are their options, [`RayCamera`] gives the rays of a camera, [`surface`] the surface at a hit, [`bsdf`]
-//! how it scatters light, [`light`] samples the lights of a view, [`film`] makes an image of samples, and [`components`] parts its
+//! how it scatters light, [`light`] samples the lights of a view, [`path`] has numbers of paths, [`film`] makes an image of samples, and [`components`] parts its
 //! light. All of it computes
 //! in lanes of [`syntable_simd`], one or eight at a time, and is the reference of what a shader does.
 //!
@@ -15,6 +15,7 @@ pub mod film;
 pub mod layer;
 pub mod light;
 mod options;
+pub mod path;
 mod sums;
 pub mod surface;
 pub mod wgsl;

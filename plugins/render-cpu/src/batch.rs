@@ -5,14 +5,12 @@ use syntable_simd::Vec3;
 use syntable_simd::{Int, Real, max};
 use syntable_transport::bsdf::{BsdfParameters, CoatingParameters, LayerInputs, Layered, Lobe};
 use syntable_transport::layer::LayerSample;
+use syntable_transport::path::GLOSS;
 use syntable_transport::surface::Surface;
 
 /// Paths in a batch; a multiple of every number of lanes. Many, so that few lanes are idle when most paths have ended;
 /// few, so that the rows stay in the nearest caches.
 pub(crate) const BATCH: usize = 256;
-
-/// Least albedo of what guides see in mirrors or through glass: reflectance of a dielectric at normal incidence.
-const GLOSS: f32 = 0.04;
 
 /// One number of every path.
 pub(crate) type Row = [f32; BATCH];

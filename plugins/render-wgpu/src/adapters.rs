@@ -87,13 +87,10 @@ impl AdapterInfo {
     }
 }
 
-/// The numbers of the adapters that render, and for the others why they do not. Images must not depend on which adapter
+/// The numbers of the adapters that render. Images must not depend on which adapter
 /// has a free session, so all that render are alike: the best one, or the one that is wanted, and those of its model. A
 /// program takes the place of a card once.
 fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
-    if all.is_empty() {
-        return Err(none());
-    }
     let is_wanted =
         |info: &AdapterInfo| wanted.is_none_or(|wanted| info.name.to_lowercase().contains(&wanted.to_lowercase()));
     let alike = |info: &AdapterInfo| all.iter().filter(|other| other.is_like(info)).count();
@@ -110,9 +107,13 @@ fn chosen(all: &[AdapterInfo], wanted: Option<&str>) -> Result<Vec<usize>> {
     Ok(alike.take(if best.is_hardware() { all.len() } else { 1 }).collect())
 }
 
-/// The error of a machine without an adapter.
-fn none() -> Error {
-    Error::new("no graphics adapter was found")
+/// The error of a machine without an adapter that can run the kernels; with those that cannot, each with the reason.
+fn none(unable: &[String]) -> Error {
+    let found = match unable {
+        [] => "no graphics adapter was found".into(),
+        _ => format!("no graphics adapter that was found can render: {}", unable.join("; ")),
+    };
+    Error::new(found)
         .help(
             "install the driver of the card, with Vulkan (Linux: the loader `libvulkan1`, too), or set `render.kind = \"cpu_path\"`; \
              `mesa-vulkan-drivers` has a program in place of a card, for tests",
@@ -135,9 +136,21 @@ static INSTANCE: LazyLock<wgpu::Instance> = LazyLock::new(|| {
     wgpu::Instance::new(wgpu::InstanceDescriptor { flags, ..wgpu::InstanceDescriptor::new_without_display_handle() })
 });
 
-/// The adapters of this machine that can run the kernels.
+/// The first thing that an adapter's limits lack of what the kernels need.
+fn lack(limits: &wgpu::Limits) -> Option<String> {
+    let mut lack = None;
+    required_limits().check_limits_with_fail_fn(limits, true, |name, needed, offered| {
+        lack = Some(format!("its limit `{name}` is {offered}, and the kernels need {needed}"));
+    });
+    lack
+}
+
+/// The adapters of this machine.
 pub struct Adapters {
+    /// Those that can run the kernels.
     all: Vec<wgpu::Adapter>,
+    /// The others, each with the reason.
+    unable: Vec<String>,
     /// Whether ray queries are turned off.
     walks: bool,
     /// The numbers of those that render, or why none does.
@@ -156,13 +169,17 @@ impl Adapters {
     }
 
     fn found(walks: bool) -> Self {
-        let usable = |adapter: &wgpu::Adapter| required_limits().check_limits(&adapter.limits());
-        let found = pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY));
-        let all: Vec<_> = found.into_iter().filter(usable).collect();
+        let (mut all, mut unable) = (Vec::new(), Vec::new());
+        for adapter in pollster::block_on(INSTANCE.enumerate_adapters(wgpu::Backends::PRIMARY)) {
+            match lack(&adapter.limits()) {
+                None => all.push(adapter),
+                Some(lack) => unable.push(format!("{}: {lack}", AdapterInfo::of(&adapter, walks))),
+            }
+        }
         let infos: Vec<AdapterInfo> = all.iter().map(|adapter| AdapterInfo::of(adapter, walks)).collect();
         let wanted = std::env::var(WANTED).ok().filter(|name| !name.is_empty());
-        let used = chosen(&infos, wanted.as_deref());
-        Self { all, walks, used }
+        let used = if infos.is_empty() { Err(none(&unable)) } else { chosen(&infos, wanted.as_deref()) };
+        Self { all, unable, walks, used }
     }
 
     /// Those that render.
@@ -177,7 +194,7 @@ impl Adapters {
     /// One of those that render, by its number among them.
     pub(crate) fn get(&self, number: usize) -> Result<(&wgpu::Adapter, AdapterInfo)> {
         let used = self.used.as_ref().map_err(Error::clone)?;
-        let number = *used.get(number).ok_or_else(none)?;
+        let number = *used.get(number).ok_or_else(|| none(&self.unable))?;
         Ok((&self.all[number], self.info(number)))
     }
 
@@ -209,7 +226,7 @@ impl Adapters {
             Some(best) => format!("{info}: unlike {}; {WANTED} chooses another one", best.name),
             None => info.to_string(),
         };
-        others.map(|number| why(self.info(number))).collect()
+        others.map(|number| why(self.info(number))).chain(self.unable.iter().cloned()).collect()
     }
 }
 
@@ -282,6 +299,16 @@ mod tests {
         assert_eq!(chosen(&pair, None).expect("three"), [1, 2], "those of which there are more");
         let error = chosen(&laptop, Some("huge")).expect_err("not there").to_string();
         assert!(error.contains("`huge`") && error.contains("Inside, Big") && error.contains(WANTED), "{error}");
-        assert!(chosen(&[], Some("huge")).expect_err("nothing").to_string().contains("no graphics adapter"));
+    }
+
+    #[test]
+    fn an_adapter_that_cannot_render_is_told_with_the_reason() {
+        assert_eq!(lack(&required_limits()), None);
+        let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..wgpu::Limits::default() };
+        let reason = lack(&few).expect("eight are needed");
+        assert_eq!(reason, "its limit `max_storage_buffers_per_shader_stage` is 4, and the kernels need 8");
+        assert!(none(&[]).to_string().starts_with("no graphics adapter was found ("), "{}", none(&[]));
+        let error = none(&["Old (driver 1, vulkan): it is old".into()]);
+        assert!(error.to_string().contains("can render: Old (driver 1, vulkan): it is old ("), "{error}");
     }
 }

@@ -13,7 +13,9 @@ use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
-use syntable_transport::film;
+use syntable_prepare::PANE_ROUGHNESS;
+use syntable_prepare::labels::BASE_LAYER;
+use syntable_transport::{film, path};
 
 /// What rays of paths meet: by walks, and by ray queries.
 const RAYS: [&str; 2] = [include_str!("shaders/rays.wgsl"), include_str!("shaders/queries.wgsl")];
@@ -34,7 +36,7 @@ const SHADERS: &[&[&str]] = &[
 ];
 
 /// Longest time that a session waits for what it has submitted.
-const PATIENCE: Duration = Duration::from_secs(120);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Storage buffers of the bind group; WebGPU promises eight.
 pub const STORAGE_BUFFERS: u32 = 8;
@@ -106,6 +108,8 @@ pub struct Device {
     pipeline_layout: wgpu::PipelineLayout,
     module: wgpu::ShaderModule,
     pipelines: Mutex<HashMap<(Kernel, Variant), Arc<wgpu::ComputePipeline>>>,
+    /// Longest time that a session waits for what it has submitted.
+    patience: Mutex<Duration>,
     /// The first error. It stays: what buffers hold since then is not known.
     failure: Arc<OnceLock<String>>,
     guided: OnceLock<Arc<guided::Kernels>>,
@@ -127,7 +131,7 @@ fn constants() -> String {
         ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
         ("WITHOUT_BACKGROUND", view::WITHOUT_BACKGROUND.into()),
         ("WITHOUT_SHADOWS", view::WITHOUT_SHADOWS.into()),
-        ("GUIDE_BOUNCES", passes::GUIDE_BOUNCES.into()),
+        ("GUIDE_BOUNCES", path::GUIDE_BOUNCES.into()),
         ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
         ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),
         ("SHADOWS_COUNTED", passes::SHADOWS_COUNTED.into()),
@@ -151,6 +155,21 @@ fn constants() -> String {
         ("GUIDE_SAMPLES", (film::GUIDE_SAMPLES as f32).into()),
         ("DIFFERENT", film::DIFFERENT.into()),
         ("DEMODULATION_EPSILON", DEMODULATION_EPSILON.into()),
+        ("BASE_LAYER", BASE_LAYER.into()),
+        ("PANE_ROUGHNESS", PANE_ROUGHNESS.into()),
+        ("TOUCHING", path::TOUCHING.into()),
+        ("LENS", path::LENS.into()),
+        ("LAYER_DIMENSION", path::LAYER_DIMENSION.into()),
+        ("PASSAGE", path::PASSAGE.into()),
+        ("ALPHA_OF_SAMPLE", path::ALPHA_OF_SAMPLE.into()),
+        ("ALPHA_OF_BOUNCE", path::ALPHA_OF_BOUNCE.into()),
+        ("ALPHA_OF_SHADOW", path::ALPHA_OF_SHADOW.into()),
+        ("GLOSS", path::GLOSS.into()),
+        ("DIFFUSE_SPREAD", path::DIFFUSE_SPREAD.into()),
+        ("PAST", path::PAST.into()),
+        ("SPLIT_FIRST", path::SPLIT[0].into()),
+        ("SPLIT_NEXT", path::SPLIT[1].into()),
+        ("ROUGH", path::ROUGH.into()),
     ])
 }
 
@@ -261,6 +280,7 @@ impl Device {
             pipeline_layout,
             module,
             pipelines: Mutex::default(),
+            patience: PATIENCE.into(),
             failure,
             guided: OnceLock::new(),
         };
@@ -456,6 +476,15 @@ impl Device {
         })
     }
 
+    /// Puts another kernel in the place of one that was compiled before.
+    #[cfg(test)]
+    pub(crate) fn replace(&self, kernel: Kernel, by: &Arc<wgpu::ComputePipeline>) {
+        let mut pipelines = self.pipelines.lock();
+        let compiled: Vec<_> = pipelines.keys().filter(|(of, _)| *of == kernel).copied().collect();
+        assert!(!compiled.is_empty());
+        pipelines.extend(compiled.into_iter().map(|key| (key, by.clone())));
+    }
+
     /// A kernel in WGSL that calls what all others call.
     #[cfg(test)]
     pub(crate) fn kernel_of(&self, added: &str, entry_point: &str, variant: Variant) -> wgpu::ComputePipeline {
@@ -479,14 +508,24 @@ impl Device {
     /// # Errors
     /// If it takes longer than [`PATIENCE`]: then the device is given up.
     pub fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
-        let submission_index = Some(submission);
-        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(PATIENCE) });
+        let (submission_index, patience) = (Some(submission), self.patience());
+        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(patience) });
         self.check()?;
         let late = |error| {
             self.abandon();
-            self.fail(format!("it did not finish within {} s: {error}", PATIENCE.as_secs()))
+            self.fail(format!("it did not finish within {} s: {error}", patience.as_secs_f32()))
         };
         waited.map(drop).map_err(late)
+    }
+
+    fn patience(&self) -> Duration {
+        *self.patience.lock()
+    }
+
+    /// Waits for so long from now on.
+    #[cfg(test)]
+    pub(crate) fn be_patient_for(&self, time: Duration) {
+        *self.patience.lock() = time;
     }
 
     /// Never gives the queue back: wgpu waits without bound for a queue whose last handle goes, and this one may never
@@ -512,7 +551,7 @@ impl Device {
         self.wait(submission)?;
         let unreadable = |error: String| self.fail(format!("results cannot be read: {error}"));
         // Another session's wait may be about to call back.
-        match mapped.recv_timeout(PATIENCE) {
+        match mapped.recv_timeout(self.patience()) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(unreadable(error.to_string())),
             Err(error) => {

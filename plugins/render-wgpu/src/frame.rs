@@ -1,7 +1,7 @@
 //! Frames that need no decision on this side: labels, light and the denoised image in one go, read once.
 
 use crate::device::Kernel;
-use crate::guided::{GuidedFilter, Sections};
+use crate::guided::{GuidedFilter, PIXELS_OF_A_PATH, Sections};
 use crate::passes::{COUNTERS, GROUP, Passes, Pixels, first_counters, groups, rays_of};
 use crate::planes::{
     AT_ALBEDO, AT_DEMODULATED, AT_DEMODULATED_VARIANCE, AT_DEPTH, AT_INSTANCE, AT_NORMAL, AT_OPACITY, AT_RADIANCE,
@@ -242,8 +242,8 @@ impl GpuSession {
                 // What no tile shows is written by nobody.
                 passes.encoder.clear_buffer(&buffers.output, 0, Some(4 * layout.labels.end));
             }
-            let squares = u64::from(width.div_ceil(8)) * u64::from(height.div_ceil(8));
-            passes.once(&device.kernel(Kernel::Labels, variant.of_labels()), groups(squares * GROUP, GROUP));
+            let squares = width.div_ceil(8) * height.div_ceil(8);
+            passes.squares(&device.kernel(Kernel::Labels, variant.of_labels()), squares);
         }
         if !layout.light {
             return Ok(());
@@ -280,6 +280,7 @@ impl GpuSession {
             encoder.copy_buffer_to_buffer(&self.buffers.output, from, &self.buffers.paths, to, 4 * pixels);
         }
         let output = (&self.buffers.output, labels.end as u32);
+        filter.at_once = PIXELS_OF_A_PATH * self.most_paths;
         filter.record(encoder, *size, &self.buffers.paths, planes, options, output)
     }
 

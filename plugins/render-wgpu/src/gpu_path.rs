@@ -133,10 +133,78 @@ register!(GpuPath);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::{Kernel, Variant};
+    use std::time::{Duration, Instant};
     use syntable_model::product::standard::RADIANCE;
     use syntable_testing::room::{self, Look};
     use syntable_testing::tools::is_there;
     use syntable_testing::workers::Threads;
+
+    /// A kernel that takes so many turns, and ends. Turns are long, since programs in place of cards end a loop after 65,535.
+    fn long_kernel(device: &Device, turns: u32) -> Arc<wgpu::ComputePipeline> {
+        let turn = "word = (word ^ (word >> 15u)) * 0x2c1b3c6du + i;\n".repeat(512);
+        let added = format!(
+            "
+@compute @workgroup_size(GROUP)
+fn long(@builtin(global_invocation_id) id: vec3<u32>) {{
+    var word = id.x;
+    for (var i = 0u; i < {turns}u; i++) {{
+        {turn}
+    }}
+    if word == 0u {{
+        output[0] = 1u;
+    }}
+}}"
+        );
+        Arc::new(device.kernel_of(&added, "long", Variant::default()))
+    }
+
+    #[test]
+    fn a_kernel_that_hangs_fails_its_scene_and_the_next_one_renders() {
+        let renderer = GpuPathRenderer::new(PathTracing { samples_per_pixel: 4, ..PathTracing::default() });
+        if !is_there(renderer.devices().is_ok(), "a graphics adapter") {
+            return;
+        }
+        let (scene, view, wants) = (room::scene_of(Look::Mixed), room::view(48, 40), [RADIANCE.id()]);
+        let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
+        let open = || {
+            let mut session = renderer.session(0).expect("opens");
+            session.load(&scene, &Threads(2)).expect("loads");
+            session
+        };
+        let render = |session: &mut GpuSession| {
+            let mut products = Products::new();
+            session.render(&request, &mut products).and_then(|_| Ok(products.get(RADIANCE)?.data().to_vec()))
+        };
+        let mut session = open();
+        let image = render(&mut session).expect("renders");
+        let device = session.device.clone();
+        // In the place of the last kernel of an image. How long it takes here; the first time it is compiled as well.
+        let mut took = Duration::ZERO;
+        const TURNS: u32 = 4000;
+        device.replace(Kernel::Resolve, &long_kernel(&device, TURNS));
+        for _ in 0..2 {
+            let start = Instant::now();
+            render(&mut session).expect("it takes no longer than sessions wait");
+            took = start.elapsed();
+        }
+        let hangs = Duration::from_secs(8);
+        let turns = (f64::from(TURNS) * hangs.as_secs_f64() / took.as_secs_f64()).ceil() as u32;
+        device.replace(Kernel::Resolve, &long_kernel(&device, turns));
+
+        device.be_patient_for(Duration::from_millis(500));
+        let start = Instant::now();
+        let error = render(&mut session).map(drop).expect_err("the device hangs");
+        assert!(error.is_passing() && error.to_string().contains("did not finish within 0.5 s"), "{error}");
+        assert!(start.elapsed() < hangs * 3 / 4, "{:?}", start.elapsed());
+        // Others of the device are told the same, and a scene that is tried again gets another device.
+        assert_eq!(render(&mut session).map(drop).expect_err("given up"), error);
+        drop(session);
+        assert!(render(&mut open()).expect("renders") == image, "another image");
+        // The program does not end in the middle of it.
+        let left = wgpu::PollType::Wait { submission_index: None, timeout: Some(20 * hangs) };
+        device.wgpu().poll(left).expect("it ends in the end");
+    }
 
     #[test]
     fn a_device_that_failed_is_given_up_by_all_sessions_and_opened_anew() {

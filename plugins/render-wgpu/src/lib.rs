@@ -23,6 +23,8 @@ mod queries;
 mod rounds;
 mod session;
 mod tables;
+#[cfg(test)]
+mod tests;
 mod tiles;
 mod trees;
 mod view;

@@ -6,12 +6,10 @@ use crate::view::{ONLY_GUIDES, Pass, View};
 use std::ops::Range;
 use std::sync::Arc;
 use syntable_model::error::Result;
+use syntable_transport::path::GUIDE_BOUNCES;
 
 /// Threads of a group of most kernels.
 pub const GROUP: u64 = 64;
-
-/// Bounces of paths that are traced for guides alone.
-pub const GUIDE_BOUNCES: u32 = 8;
 
 /// Bounces that are submitted at once, before the device is asked whether any path is left.
 const BOUNCES_AT_ONCE: u32 = 16;
@@ -180,6 +178,22 @@ impl<'a> Passes<'a> {
         pass.set_pipeline(kernel);
         pass.set_bind_group(0, &self.group, &[0]);
         pass.dispatch_workgroups(x, y, 1);
+    }
+
+    /// Runs a kernel of the view on the squares of 8 × 8 pixels of an image: on as many at once as a pass may have paths, so
+    /// that no driver takes it for one that hangs.
+    pub fn squares(&mut self, kernel: &wgpu::ComputePipeline, squares: u32) {
+        let session = self.session;
+        let at_once = (session.most_paths / GROUP).clamp(1, u32::MAX.into()) as u32;
+        for first in (0..squares).step_by(at_once as usize) {
+            if first > 0 {
+                // What was recorded reads the uniforms of the squares before.
+                self.submit();
+            }
+            let pass = Pass { first_pixel: first, pixels: at_once.min(squares - first), ..Pass::default() };
+            session.device.write(&session.buffers.passes, 0, bytemuck::bytes_of(&pass));
+            self.once(kernel, groups(u64::from(pass.pixels) * GROUP, GROUP));
+        }
     }
 
     fn dispatch(&mut self, kernel: usize, bounce: u32, groups: Groups) {

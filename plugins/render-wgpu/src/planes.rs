@@ -121,7 +121,9 @@ impl LabelSections {
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
-        self.end == 0
+        [self.depth, self.instance, self.normal, self.albedo, self.coverage, self.before, self.object_depths]
+            .iter()
+            .all(|&section| section == NONE)
     }
 
     /// What makes those of the wanted labels that are not there.

@@ -168,17 +168,11 @@ mod tests {
     use super::*;
     use crate::adapters::Adapters;
     use crate::device::Variant;
-    use crate::passes::{GROUP, groups};
     use crate::session::GpuSession;
-    use crate::view::Pass;
+    use crate::tests::soups::scene;
+    use crate::tests::{call, show};
     use std::sync::Arc;
-    use syntable_model::geometry::{Pose, Translation3};
     use syntable_model::prelude::*;
-    use syntable_model::product::standard::DEPTH;
-    use syntable_model::scene::{
-        Alpha, Color, Encoding, Material, Mesh, MeshData, Role, Scalar, SceneId, SettleReport, Texture, Transmission,
-        Wrap,
-    };
     use syntable_testing::scenes;
     use syntable_testing::tools::is_there;
     use syntable_testing::workers::Threads;
@@ -198,97 +192,16 @@ mod tests {
 
     /// Of every ray, its first hit and what passes of light along it.
     const PROBE: &str = "
-@compute @workgroup_size(GROUP)
-fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
-    let number = id.x + id.y * ROW;
-    if number >= pass_.pixels { return; }
-    let o = paths[2u * number];
-    let d = paths[2u * number + 1u];
-    let ray = Ray(o.xyz, d.xyz);
-    let hit = first_hit(view.top_level, ray, o.w, number);
-    let passed = passage_of_light(view.top_level, ray, d.w, number);
-    let at = 9u * number;
-    output[at] = hit.instance;
-    output[at + 1u] = hit.primitive;
-    output[at + 2u] = bits(hit.t);
-    output[at + 3u] = bits(hit.u);
-    output[at + 4u] = bits(hit.v);
-    output[at + 5u] = bits(passed.transmittance.x);
-    output[at + 6u] = bits(passed.transmittance.y);
-    output[at + 7u] = bits(passed.transmittance.z);
-    output[at + 8u] = select(passed.panes, 0u, is_black(passed.transmittance));
-}";
+    let ray = Ray(v3(), v3());
+    let from_ = f();
+    let to = f();
+    let hit = first_hit(view.top_level, ray, from_, number);
+    let passed = passage_of_light(view.top_level, ray, to, number);
+    put_u(hit.instance); put_u(hit.primitive); put(hit.t); put(hit.u); put(hit.v);
+    put3(passed.transmittance);
+    put_u(select(passed.panes, 0u, is_black(passed.transmittance)));";
 
-    /// A soup of triangles in a cube of a size around the origin.
-    fn soup(random: &mut Stream, triangles: u32, size: f64) -> MeshData {
-        let mut data = MeshData::default();
-        for number in 0..triangles {
-            let center: [f64; 3] = std::array::from_fn(|_| random.uniform(-size, size));
-            // Small ones, and slivers across the cube.
-            let reach = [0.1, 0.1, 0.3, 2.0][number as usize % 4] * size;
-            for _ in 0..3 {
-                data.positions.push(center.map(|x| (x + random.uniform(-reach, reach)) as f32));
-                data.uvs.push([random.uniform(0.0, 3.0) as f32, random.uniform(0.0, 3.0) as f32]);
-            }
-            data.triangles.push([3 * number, 3 * number + 1, 3 * number + 2]);
-        }
-        data
-    }
-
-    /// The same in a mirror, larger.
-    fn mirrored(data: &MeshData) -> MeshData {
-        let mut other = data.clone();
-        other.positions.iter_mut().for_each(|[x, y, z]| (*x, *y, *z) = (-1.7 * *x, 1.7 * *y, 1.7 * *z));
-        other.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-        other
-    }
-
-    /// Holes and half-covered parts.
-    fn lattice() -> Arc<Texture> {
-        let alpha = |x: u32, y: u32| [0, 90, 170, 255][((x / 3 + y / 5) % 4) as usize];
-        let texels = (0..32 * 32).flat_map(|i| [200, 120, 60, alpha(i % 32, i / 32)]).collect();
-        let digest = Digest::of(b"lattice");
-        Arc::new(Texture { width: 32, height: 32, texels, encoding: Encoding::Srgb, wrap: [Wrap::Repeat; 2], digest })
-    }
-
-    /// Soups and their mirror images: the same meshes several times, turned, with and without holes and panes.
-    fn scene(number: u64, special: bool) -> Scene {
-        let mut random = Stream::root(40 + number);
-        let mut builder = scenes::table();
-        let plain = soup(&mut random, 200, 0.2);
-        let meshes = [mirrored(&plain), plain, soup(&mut random, 1, 0.5), soup(&mut random, 37, 0.4)];
-        let cover =
-            |alpha| Material { base_color: Color::texture(lattice()), alpha, ..Material::plain("", [1.0; 3], 0.5) };
-        let glass = Transmission { fraction: Scalar::constant(0.9), volume: None };
-        let pane = Material { transmission: Some(glass), ..Material::plain("", [0.9, 0.7, 0.5], 0.0) };
-        let looks = [
-            Material::plain("", [0.5; 3], 0.5),
-            cover(Alpha::Mask { cutoff: 0.5 }),
-            cover(Alpha::Blend { factor: 0.8 }),
-            pane,
-        ];
-        for (shape, data) in meshes.iter().enumerate() {
-            for (look, material) in looks.iter().enumerate().take(if special { looks.len() } else { 1 }) {
-                let mut object = (*scenes::object(
-                    &format!("{number} {shape} {look}"),
-                    Mesh::new(data.clone()).expect("sound"),
-                    [0.5; 3],
-                ))
-                .clone();
-                object.materials = vec![Arc::new(material.clone())];
-                let object = Arc::new(object);
-                for _ in 0..2 {
-                    let mut body = scenes::body(object.clone(), [0.0; 3], Role::Object);
-                    let [x, y, z] = std::array::from_fn(|_| random.uniform(-0.8, 0.8));
-                    body.world_from_body = Pose::from_parts(Translation3::new(x, y, z), random.rotation());
-                    builder.add(body);
-                }
-            }
-        }
-        builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound")
-    }
-
-    /// Rays across the scene: origin, from where on, direction of any length, up to where.
+    /// Rays across the scene: origin, direction of any length, from where on, up to where.
     fn rays(number: u64) -> Vec<[f32; 8]> {
         let mut random = Stream::root(70 + number);
         let ray = |i| {
@@ -300,11 +213,11 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
             let to = random.uniform(0.0, 2.0 / length) as f32;
             match i {
                 // No direction, none that is finite, none that is free, and along an axis.
-                0 => [x, y, z, from, 0.0, 0.0, 0.0, to],
-                1 => [x, y, z, from, f32::MAX, dy, dz, to],
-                2 => [x, y, z, from, dx, dy, dz, 0.0],
-                3 => [0.5 * x, 0.5 * y, 2.0, 0.0, 0.0, 0.0, -1.0, to],
-                _ => [x, y, z, from, dx, dy, dz, to],
+                0 => [x, y, z, 0.0, 0.0, 0.0, from, to],
+                1 => [x, y, z, f32::MAX, dy, dz, from, to],
+                2 => [x, y, z, dx, dy, dz, from, 0.0],
+                3 => [0.5 * x, 0.5 * y, 2.0, 0.0, 0.0, -1.0, 0.0, to],
+                _ => [x, y, z, dx, dy, dz, from, to],
             }
         };
         (0..RAYS).map(ray).collect()
@@ -312,33 +225,10 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
 
     /// What rays find in a scene: of queries, and of walks.
     fn traced(session: &mut GpuSession, scene: &Scene, special: bool, rays: &[[f32; 8]]) -> [Vec<[u32; RESULT]>; 2] {
-        let view = scenes::view([0.0, -2.0, 1.0], [0.0; 3], [8, 8], 60.0);
-        session.load(scene, &Threads(2)).expect("loads");
-        // That leaves the tables and uniforms of the view on the device.
-        let wants = [DEPTH.id()];
-        let request = RenderRequest::new(&view, &wants, Stream::root(3), &Threads(2));
-        session.render(&request, &mut Products::new()).expect("renders");
-        let device = session.device.clone();
-        let words = RAYS * RESULT as u64;
-        session.buffers.paths = device.storage("rays", 32 * RAYS).expect("room");
-        session.buffers.output = device.storage("results", 4 * words).expect("room");
-        let readable = device.readable("results", 4 * words).expect("room");
-        device.write(&session.buffers.paths, 0, bytemuck::cast_slice(rays));
-        let pass = Pass { pixels: RAYS as u32, ..Pass::default() };
-        device.write(&session.buffers.passes, 0, bytemuck::bytes_of(&pass));
+        show(session, scene, &scenes::view([0.0, -2.0, 1.0], [0.0; 3], [8, 8], 60.0));
         [true, false].map(|queries| {
             let variant = Variant { cutouts: special, panes: special, deep: true, queries, ..Variant::default() };
-            let kernel = device.kernel_of(PROBE, "probe", variant);
-            let mut encoder = device.encoder();
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                let [x, y] = groups(RAYS, GROUP);
-                pass.set_pipeline(&kernel);
-                pass.set_bind_group(0, &session.bind(), &[0]);
-                pass.dispatch_workgroups(x, y, 1);
-            }
-            encoder.copy_buffer_to_buffer(&session.buffers.output, 0, &readable, 0, 4 * words);
-            device.read(encoder, &readable, words, |words: &[u32]| words.as_chunks().0.to_vec()).expect("runs")
+            call(session, PROBE, variant, rays)
         })
     }
 

@@ -4,7 +4,7 @@ use crate::arena::{Arena, Asset};
 use crate::device::{Bindings, Device, PASS_STRIDE, Variant};
 use crate::frame::guided_of;
 use crate::guided::GuidedFilter;
-use crate::passes::{COUNTERS, GROUP, GUIDE_BOUNCES};
+use crate::passes::{COUNTERS, GROUP};
 use crate::planes::PLANE_WORDS;
 use crate::queries::{QueriedBody, Structures};
 use crate::tiles::Shown;
@@ -21,6 +21,7 @@ use syntable_model::stage::{Bodies, RenderRequest};
 use syntable_prepare::{AssetCache, Bounds, LightTable, PreparedScene, SceneCache};
 use syntable_transport::components::{self, Light};
 use syntable_transport::film::{GUIDE_SAMPLES, Statistics};
+use syntable_transport::path::GUIDE_BOUNCES;
 use syntable_transport::{Dielectrics, PathTracing, RayCamera};
 
 /// Bytes of trees that are kept on this side though no scene uses them.
@@ -245,12 +246,15 @@ impl GpuSession {
         }
     }
 
-    /// A buffer of at least a size: the same one if it is large enough.
-    pub fn grown(&self, buffer: &wgpu::Buffer, label: &str, size: u64) -> Result<wgpu::Buffer> {
-        match buffer.size() >= size {
-            true => Ok(buffer.clone()),
-            false => self.device.roomy_storage(label, size, size.next_power_of_two()),
+    /// Makes a buffer at least so large.
+    pub fn grow(&mut self, which: fn(&mut Buffers) -> &mut wgpu::Buffer, label: &str, size: u64) -> Result<()> {
+        let buffer = which(&mut self.buffers);
+        if buffer.size() < size {
+            // What was there is given back first.
+            *buffer = self.device.storage(label, 0)?;
+            *buffer = self.device.roomy_storage(label, size, size.next_power_of_two())?;
         }
+        Ok(())
     }
 
     /// Makes room for the paths of an image and for its planes; gives the number of paths that there is room for.
@@ -268,11 +272,11 @@ impl GpuSession {
 
     /// Makes room for the queues of paths, two lists of the pixels of an image, and the tiles of its pixels.
     pub fn make_queues(&mut self, capacity: u64, pixels: u64) -> Result<()> {
-        let queues = self.grown(&self.buffers.queues, "queues", 4 * (3 * capacity + 3 * pixels))?;
-        if queues != self.buffers.queues {
+        let before = self.buffers.queues.size();
+        self.grow(|buffers| &mut buffers.queues, "queues", 4 * (3 * capacity + 3 * pixels))?;
+        if before != self.buffers.queues.size() {
             self.listed = None;
         }
-        self.buffers.queues = queues;
         Ok(())
     }
 
@@ -299,8 +303,7 @@ impl GpuSession {
 
     /// Makes room for a number of bytes of output.
     pub fn make_output(&mut self, bytes: u64) -> Result<()> {
-        self.buffers.output = self.grown(&self.buffers.output, "output", bytes)?;
-        Ok(())
+        self.grow(|buffers| &mut buffers.output, "output", bytes)
     }
 
     /// Makes room for bytes to be read on this side.
@@ -384,8 +387,11 @@ fn shading_words(mesh: &syntable_prepare::ShadingMesh) -> Vec<[u32; 4]> {
 mod tests {
     use super::*;
     use crate::adapters::Adapters;
+    use syntable_denoise::guided::Guided;
     use syntable_model::prelude::*;
-    use syntable_model::product::standard::{DENOISE_ALBEDO, RADIANCE, RADIANCE_SPECULAR, RADIANCE_VARIANCE};
+    use syntable_model::product::standard::{
+        COVERAGE, DENOISE_ALBEDO, DEPTH, INSTANCE, RADIANCE, RADIANCE_NOISY, RADIANCE_SPECULAR, RADIANCE_VARIANCE,
+    };
     use syntable_testing::room::{self, Look};
     use syntable_testing::tools::is_there;
     use syntable_testing::workers::Threads;
@@ -422,6 +428,16 @@ mod tests {
             assert_eq!(parts.get(RADIANCE_SPECULAR), whole.get(RADIANCE_SPECULAR), "{most_paths} paths");
             assert_eq!(parts.get(DENOISE_ALBEDO), whole.get(DENOISE_ALBEDO), "{most_paths} paths");
         }
+        // Labels by three squares at once, and a filter whose kernels are submitted one by one.
+        let labels = [DEPTH.id(), INSTANCE.id(), COVERAGE.id(), RADIANCE.id(), RADIANCE_NOISY.id()];
+        let denoiser: Box<dyn Denoiser> = Guided::default().build().expect("sound");
+        let denoised = RenderRequest { wants: &labels, denoiser: Some(&*denoiser), ..all.clone() };
+        let [once, parts] = [render(&mut one_pass, &denoised), render(&mut open(200), &denoised)];
+        assert!(once.get(RADIANCE).expect("made") != once.get(RADIANCE_NOISY).expect("made"), "nothing was filtered");
+        macro_rules! same {
+            ($($key:ident),*) => {$(assert!(once.get($key) == parts.get($key), "{}", $key.name());)*};
+        }
+        same!(DEPTH, INSTANCE, COVERAGE, RADIANCE, RADIANCE_NOISY);
         // Long stacks, that trees of many levels need.
         let mut deep = open(device.most_paths());
         deep.short_stack = 0;

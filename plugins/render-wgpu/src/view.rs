@@ -134,7 +134,7 @@ impl GpuSession {
         let mut tables = Tables::default();
         let view = self.tabulate(&mut tables, parts, &places, &levels);
         let views = self.with_camera(&mut tables, view, parts);
-        self.buffers.tables = self.grown(&self.buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
+        self.grow(|buffers| &mut buffers.tables, "tables", 16 * tables.entries().len() as u64)?;
         self.device.write(&self.buffers.tables, 0, bytemuck::cast_slice(tables.entries()));
         Ok(views)
     }

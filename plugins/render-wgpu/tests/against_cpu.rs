@@ -20,18 +20,21 @@ fn has_adapter() -> bool {
     is_there(Adapters::find().used().is_ok(), "a graphics adapter (mesa-vulkan-drivers)")
 }
 
+/// Products of a renderer.
+fn rendered(renderer: &dyn Renderer, look: Look, request: &RenderRequest) -> Products {
+    let mut session = renderer.open(0).expect("opens");
+    session.load(&room::scene_of(look), &Threads(2)).expect("loads");
+    let mut frame = Products::new();
+    session.render(request, &mut frame).expect("renders");
+    frame
+}
+
 /// Products of the CPU and of the GPU.
 fn both(options: &PathTracing, look: Look, request: &RenderRequest) -> [Products; 2] {
-    let scene = room::scene_of(look);
-    let renderers: [Box<dyn Renderer>; 2] =
-        [Box::new(CpuPathRenderer::new(options.clone())), Box::new(GpuPathRenderer::new(options.clone()))];
-    renderers.map(|renderer| {
-        let mut session = renderer.open(0).expect("opens");
-        session.load(&scene, &Threads(2)).expect("loads");
-        let mut frame = Products::new();
-        session.render(request, &mut frame).expect("renders");
-        frame
-    })
+    [
+        rendered(&CpuPathRenderer::new(options.clone()), look, request),
+        rendered(&GpuPathRenderer::new(options.clone()), look, request),
+    ]
 }
 
 fn pair<T: syntable_model::product::Product>(frames: &[Products; 2], key: Key<T>) -> [&T; 2] {
@@ -324,6 +327,16 @@ fn a_tile_is_the_window_of_its_object() {
     }
 }
 
+/// Share of the noise of `b` in its difference from `a`: the mean square of the difference, over that of images with other
+/// random numbers. 1 is chance.
+fn noise_between(a: &Plane<[f32; 3]>, b: &Plane<[f32; 3]>, other: &Plane<[f32; 3]>) -> f64 {
+    let square = |x: &Plane<[f32; 3]>, y: &Plane<[f32; 3]>| -> f64 {
+        let pairs = x.data().as_flattened().iter().zip(y.data().as_flattened());
+        pairs.map(|(&x, &y)| f64::from(x - y).powi(2)).sum()
+    };
+    square(a, b) / square(a, other)
+}
+
 #[test]
 fn components_of_light_are_those_of_the_cpu() {
     if !has_adapter() {
@@ -334,7 +347,9 @@ fn components_of_light_are_those_of_the_cpu() {
     let rounds = PathTracing { noise: Some(1e-9), ..fixed.clone() };
     for (options, look) in [(&fixed, Look::Mixed), (&fixed, Look::Glass), (&rounds, Look::Plastic)] {
         let view = room::view(64, 48);
-        let frames = both(options, look, &RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2)));
+        let request = |seed| RenderRequest::new(&view, &wants, Stream::root(seed), &Threads(2));
+        let frames = both(options, look, &request(7));
+        let other = rendered(&CpuPathRenderer::new(options.clone()), look, &request(8));
         let mean = |frame: &Products, key: Key<Plane<[f32; 3]>>| {
             let data = frame.get(key).expect("made").data();
             data.iter().flatten().map(|x| f64::from(*x)).sum::<f64>() / data.len() as f64
@@ -343,9 +358,14 @@ fn components_of_light_are_those_of_the_cpu() {
             let [cpu, gpu] = frames.each_ref().map(|frame| mean(frame, key));
             println!("{look:?} {}: {cpu} {gpu}", key.name());
             assert!((gpu / cpu - 1.0).abs() < 5e-3, "{look:?} {}: {cpu} {gpu}", key.name());
-            let unlike =
-                different(pair(&frames, key), |a, b| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-3 * (a[c] + 1.0)));
-            assert!(unlike <= 30, "{look:?} {}: {unlike} pixels", key.name());
+            // The numbers are the same, as those of the whole light: what differs is where rounding sends a path elsewhere.
+            let share = noise_between(
+                frames[0].get(key).expect("made"),
+                frames[1].get(key).expect("made"),
+                other.get(key).expect("made"),
+            );
+            println!("{look:?} {}: {share:.5} of the noise", key.name());
+            assert!(share < 0.02, "{look:?} {}: {share}", key.name());
         }
         let [all, direct, unshadowed] =
             [RADIANCE, RADIANCE_DIRECT, RADIANCE_UNSHADOWED].map(|key| mean(&frames[1], key));

@@ -1,10 +1,11 @@
 //! Intersections: paths that hit a light, nothing, or a surface.
 
-use super::{GUIDE_BOUNCES, LAYER_DIMENSION, PathTracer, Strategy, TOUCHING, add_radiance, is_light, power_heuristic};
+use super::{PathTracer, Strategy, add_radiance, is_light, power_heuristic};
 use crate::batch::{BATCH, Batch, get, load, set};
 use syntable_prepare::Sampler;
 use syntable_simd::Vec3;
 use syntable_simd::{Int, Mask, Real, max};
+use syntable_transport::path::{GUIDE_BOUNCES, LAYER_DIMENSION, TOUCHING};
 use syntable_transport::surface::surface;
 
 impl PathTracer<'_> {

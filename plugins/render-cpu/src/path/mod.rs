@@ -25,19 +25,8 @@ use syntable_simd::{Int, Processor, Real, Simd, at_least, at_most, inverse};
 use syntable_simd::{Rgb, Vec3};
 use syntable_transport::film::{Statistics, Task, Tracer, guide_seed};
 use syntable_transport::light::Lights;
+use syntable_transport::path::{ALPHA_OF_BOUNCE, ALPHA_OF_SAMPLE, GUIDE_BOUNCES, TOUCHING};
 use syntable_transport::{PixelSums, RayCamera, Settings};
-
-/// A light is visible if nothing is closer by more than this fraction of its distance: lights may be flat on a ceiling.
-const TOUCHING: f32 = 1e-4;
-
-/// Sampler dimension for layer selection; those below are Russian roulette's.
-const LAYER_DIMENSION: u32 = 0x1000;
-
-/// Changes the seed of the sampler for reflection or passage.
-const PASSAGE: u32 = 0x2c1b_3c6d;
-
-/// Number of mirrors and surfaces of glass that denoising guides look through: two tumblers have eight.
-const GUIDE_BOUNCES: u32 = 8;
 
 /// Which estimates of direct light are used; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -297,7 +286,7 @@ impl syntable_simd::Task for Trace<'_, '_> {
 /// Seed of a ray's random numbers for surfaces that cover in part.
 #[inline(always)]
 fn alpha_seed<I: Int>(seed: I, index: I, bounce: u32) -> I {
-    seed ^ index.times(I::splat(0x9e37_79b1)) ^ I::splat((bounce + 1).wrapping_mul(0x85eb_ca77))
+    seed ^ index.times(I::splat(ALPHA_OF_SAMPLE)) ^ I::splat((bounce + 1).wrapping_mul(ALPHA_OF_BOUNCE))
 }
 
 /// Adds a contribution to the radiance of a path.

@@ -1,24 +1,11 @@
 //! Continuing paths: emitter sampling, BSDF sampling, compaction.
 
-use super::{GUIDE_BOUNCES, Gather, PASSAGE, PathTracer, Strategy, alpha_seed, is_light, power_heuristic};
+use super::{Gather, PathTracer, Strategy, alpha_seed, is_light, power_heuristic};
 use crate::batch::{Batch, Guides, Paths, Shadows, compress, load};
 use syntable_prepare::Sampler;
 use syntable_simd::{Basis, Int, Mask, Real, Rgb, Vec3, at_least, at_most, complement, inverse, vec3};
 use syntable_transport::bsdf::{Bsdf, BsdfParameters, BsdfSample, Layered, table};
-
-/// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
-/// which keeps their mean and removes their noise.
-const DIFFUSE_SPREAD: f32 = 0.25;
-
-/// Distance behind a pane from which on the next surface counts, meters, and per meter to the pane.
-const PAST: f32 = 1e-5;
-
-/// Least probability of reflection and of passage at the first surfaces of glass that a camera sees: their highlights are
-/// as bright as they are improbable, and both images are to have samples.
-const SPLIT: [f32; 2] = [0.25, 0.15];
-
-/// A bounce counts as rough from this α on.
-const ROUGH: f32 = 0.1;
+use syntable_transport::path::{ALPHA_OF_SHADOW, DIFFUSE_SPREAD, GUIDE_BOUNCES, PASSAGE, PAST, ROUGH, SPLIT};
 
 /// The surfaces of some lanes, ready to scatter.
 struct Shading<T: Real> {
@@ -310,7 +297,7 @@ fn passage<I: Int>(sampler: &Sampler<I>, bounce: u32) -> I::Real {
 /// As [`alpha_seed`], for a shadow ray.
 #[inline(always)]
 fn shadow_alpha_seed<I: Int>(seed: I, index: I, bounce: u32) -> I {
-    alpha_seed(seed, index, bounce + 0x1000)
+    alpha_seed(seed, index, bounce + ALPHA_OF_SHADOW)
 }
 
 /// Factor on light from `wi` at a perturbed normal: softens the edge where the faces of a smooth mesh turn away from a

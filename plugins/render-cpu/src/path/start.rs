@@ -8,10 +8,7 @@ use syntable_simd::functions::sin_cos_turns;
 use syntable_simd::{Int, Real, complement};
 use syntable_transport::PixelFilter;
 use syntable_transport::film::{Task, place};
-
-/// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
-/// lights and directions by turns.
-const LENS: u32 = 1;
+use syntable_transport::path::LENS;
 
 /// Cursor over the (pixel, sample) pairs of a task.
 #[derive(Clone, Copy)]

@@ -71,7 +71,12 @@ pub struct GuidedFilter {
     /// Light of both parts, before a level and after it.
     lights: [wgpu::Buffer; 2],
     cells: wgpu::Buffer,
+    /// Pixels times kernels that are submitted at once, so that no driver takes the filter for one that hangs.
+    pub at_once: u64,
 }
+
+/// Pixels whose filtering by a kernel takes no longer than a path does.
+pub(crate) const PIXELS_OF_A_PATH: u64 = 8;
 
 /// Planes of four floats per pixel in the two buffers of light: both parts, and pilots in the second.
 const LIGHT_PLANES: [u64; 2] = [2, 3];
@@ -111,11 +116,13 @@ impl GuidedFilter {
         let empty = |label| device.storage(label, 0);
         let (shapes, bodies, places) = (empty("shapes")?, empty("bodies")?, empty("places")?);
         let (lights, cells) = ([empty("lights")?, empty("lights and pilots")?], empty("cells")?);
-        Ok(Self { device, kernels, shapes, bodies, places, lights, cells })
+        let at_once = PIXELS_OF_A_PATH * device.most_paths();
+        Ok(Self { device, kernels, shapes, bodies, places, lights, cells, at_once })
     }
 
-    /// Records the filtering of an image of `width × height`. When the encoder's work is done, `output` has the radiance from
-    /// the given word on, three words per pixel; other words stay.
+    /// Records the filtering of an image of `width × height`; of a large one it submits what the encoder has so far, and goes
+    /// on with an empty one. When its work is done, `output` has the radiance from the given word on, three words per pixel;
+    /// other words stay.
     ///
     /// The buffers are two, for kernels (`STORAGE`). Images may be recorded one after the other: the device keeps their
     /// order. A plane that reaches beyond its buffer, and an image that is too large for the device, are errors.
@@ -167,24 +174,35 @@ impl GuidedFilter {
 
         let kernels = &self.kernels;
         let groups = size.map(|edge| edge.div_ceil(GROUP));
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        let mut dispatch = |kernel, group, work: usize, [x, y]: [u32; 2]| {
-            pass.set_pipeline(kernel);
-            pass.set_bind_group(0, group, &[(work * STRIDE) as u32]);
-            pass.dispatch_workgroups(x, y, 1);
-        };
-        dispatch(&kernels.surfaces, &back, 0, groups);
-        dispatch(&kernels.borders, &back, 0, groups);
-        dispatch(&kernels.noise, &forth, 0, groups);
-        for (work, (number, _)) in levels.iter().enumerate() {
-            dispatch(&kernels.level, if number % 2 == 0 { &back } else { &forth }, work + 1, groups);
+        let mut steps = vec![
+            (&kernels.surfaces, &back, 0, groups),
+            (&kernels.borders, &back, 0, groups),
+            (&kernels.noise, &forth, 0, groups),
+        ];
+        steps.extend(
+            (1..).zip(&levels).map(|(work, (number, _))| {
+                (&kernels.level, if number % 2 == 0 { &back } else { &forth }, work, groups)
+            }),
+        );
+        steps.extend([
+            (&kernels.join, &forth, 0, cells),
+            (&kernels.average, &forth, 0, [1; 2]),
+            (&kernels.brightness, &forth, 0, cells),
+            (&kernels.factors, &forth, 0, cells.map(|count| count.div_ceil(GROUP))),
+            (&kernels.restore, &forth, 0, groups),
+        ]);
+        let at_once = (self.at_once / pixels).max(1) as usize;
+        for (number, steps) in steps.chunks(at_once).enumerate() {
+            if number > 0 {
+                self.device.submit(std::mem::replace(encoder, self.device.encoder()));
+            }
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            for &(kernel, group, work, [x, y]) in steps {
+                pass.set_pipeline(kernel);
+                pass.set_bind_group(0, group, &[work * STRIDE as u32]);
+                pass.dispatch_workgroups(x, y, 1);
+            }
         }
-        dispatch(&kernels.join, &forth, 0, cells);
-        dispatch(&kernels.average, &forth, 0, [1; 2]);
-        dispatch(&kernels.brightness, &forth, 0, cells);
-        dispatch(&kernels.factors, &forth, 0, cells.map(|count| count.div_ceil(GROUP)));
-        dispatch(&kernels.restore, &forth, 0, groups);
-        drop(pass);
         self.device.check()
     }
 

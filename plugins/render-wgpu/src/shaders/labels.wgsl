@@ -3,8 +3,6 @@
 // The output is one section after the other, of those that are wanted: depth, instance, normal and albedo (three numbers
 // each), two sets of objects: those that cover a pixel, and those that do before the support; and the depth of every object.
 
-const BASE_LAYER: f32 = 0.99999988;
-
 // Empties the set of a pixel in a section; gives its first word, or NONE.
 fn empty_set(section: u32, pixel: u32) -> u32 {
     if section == NONE {
@@ -23,11 +21,11 @@ fn labels(@builtin(global_invocation_id) id: vec3<u32>) {
     let number = id.x + id.y * ROW;
     let width = u32(view.window.z);
     let columns = (width + 7u) / 8u;
-    let square = number / 64u;
+    let square = pass_.first_pixel + number / 64u;
     let inside = number % 64u;
     let column = (square % columns) * 8u + inside % 8u;
     let row = (square / columns) * 8u + inside / 8u;
-    if column >= width || row >= u32(view.window.w) {
+    if number / 64u >= pass_.pixels || column >= width || row >= u32(view.window.w) {
         return;
     }
     let pixel = row * width + column;

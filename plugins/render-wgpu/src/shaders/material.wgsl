@@ -22,7 +22,6 @@ const ALPHA_OPAQUE: u32 = 0u;
 const ALPHA_BLEND: u32 = 2u;
 
 const FINEST: f32 = -100.0;
-const PANE_ROUGHNESS: f32 = 0.05;
 
 struct Coordinates {
     uv: vec2<f32>,

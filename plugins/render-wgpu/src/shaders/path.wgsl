@@ -26,14 +26,6 @@ const PENDING: u32 = 1u;
 const REFLECTED: u32 = 2u;
 const BOUNCE_SHIFT: u32 = 8u;
 
-const TOUCHING: f32 = 1e-4;
-const LAYER_DIMENSION: u32 = 0x1000u;
-const PASSAGE: u32 = 0x2c1b3c6du;
-const DIFFUSE_SPREAD: f32 = 0.25;
-const PAST: f32 = 1e-5;
-const ROUGH: f32 = 0.1;
-const GLOSS: f32 = 0.04;
-
 fn state(plane: u32, path: u32) -> vec4<f32> {
     return paths[plane * view.capacity + path];
 }
@@ -61,7 +53,7 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
 }
 
 fn alpha_seed(seed: u32, index: u32, bounce: u32) -> u32 {
-    return seed ^ (index * 0x9e3779b9u) ^ ((bounce + 1u) * 0x85ebca77u);
+    return seed ^ (index * ALPHA_OF_SAMPLE) ^ ((bounce + 1u) * ALPHA_OF_BOUNCE);
 }
 
 fn limit_luminance(c: vec3<f32>) -> vec3<f32> {
@@ -161,7 +153,7 @@ fn start(@builtin(global_invocation_id) id: vec3<u32>) {
         direction = corner + view.along_u.xyz * place.x + view.along_v.xyz * place.y;
     }
     if view.along_u.w > 0.0 && !is_black(direction) {
-        let lens = sample_pair(s, 1u);
+        let lens = sample_pair(s, LENS);
         let turn = sin_cos_turns(lens.y);
         let r = sqrt(lens.x);
         let aside = view.right.xyz * (r * turn.y) + view.down.xyz * (r * turn.x);
@@ -413,7 +405,7 @@ fn step_path(path: u32) -> Step {
                 step.casts_shadow = true;
                 set_state(SHADOW_RAY, path, vec4(light.direction, light.distance));
                 set_state(SHADOW_LIGHT, path, vec4(contribution, weight));
-                set_state(SHADOW_ORIGIN, path, vec4(outside, as_float(alpha_seed(s.seed, s.index, bounce + 0x1000u))));
+                set_state(SHADOW_ORIGIN, path, vec4(outside, as_float(alpha_seed(s.seed, s.index, bounce + ALPHA_OF_SHADOW))));
                 if splits {
                     let fraction = specular_fraction(lobes, parameters.metallic);
                     set_state(SHADOW_SPECULAR, path, vec4(contribution * fraction, 0.0));
@@ -431,7 +423,7 @@ fn step_path(path: u32) -> Step {
         if !gathers_guides_alone() {
             random = sample_pair(Sampler(s.seed ^ PASSAGE, s.index), bounce).x;
             if pdf >= FAR && bounce < 2u {
-                least = select(0.15, 0.25, bounce == 0u);
+                least = select(SPLIT_NEXT, SPLIT_FIRST, bounce == 0u);
             }
         }
         drawn = layered_sample(layered, bsdf, uv, random, least);

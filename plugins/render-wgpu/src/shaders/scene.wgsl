@@ -124,7 +124,7 @@ fn image_place(column: u32, row: u32) -> vec2<i32> {
 }
 
 struct Pass {
-    // First entry of the list of pixels, their number.
+    // First entry of the list of pixels, their number; of labels, the first square of 8 x 8 pixels, their number.
     first_pixel: u32,
     pixels: u32,
     // First sample, their number.

@@ -1,0 +1,42 @@
+//! Numbers of a path tracer, whatever it runs on: both renderers trace the same paths by them.
+
+/// A light is visible if nothing is closer by more than this fraction of its distance: lights may be flat on a ceiling.
+pub const TOUCHING: f32 = 1e-4;
+
+/// Sampler pair of the position in the aperture; pair 0 is that of the position in the pixel, later ones are those of
+/// lights and directions by turns.
+pub const LENS: u32 = 1;
+
+/// Sampler dimension for layer selection; those below are Russian roulette's.
+pub const LAYER_DIMENSION: u32 = 0x1000;
+
+/// Changes the seed of the sampler for reflection or passage.
+pub const PASSAGE: u32 = 0x2c1b_3c6d;
+
+/// Seeds of rays' random numbers for surfaces that cover in part: factors of a sample's index and of the bounce, counted
+/// from 1; and what is added to the bounce for a shadow ray.
+pub const ALPHA_OF_SAMPLE: u32 = 0x9e37_79b1;
+/// As above.
+pub const ALPHA_OF_BOUNCE: u32 = 0x85eb_ca77;
+/// As above.
+pub const ALPHA_OF_SHADOW: u32 = 0x1000;
+
+/// Number of mirrors and surfaces of glass that denoising guides look through: two tumblers have eight.
+pub const GUIDE_BOUNCES: u32 = 8;
+
+/// Least albedo of what guides see in mirrors or through glass: reflectance of a dielectric at normal incidence.
+pub const GLOSS: f32 = 0.04;
+
+/// Growth of a path's cone after a diffuse bounce, meters per meter: textures seen by bounced light are read coarsely,
+/// which keeps their mean and removes their noise.
+pub const DIFFUSE_SPREAD: f32 = 0.25;
+
+/// Distance behind a pane from which on the next surface counts, meters, and per meter to the pane.
+pub const PAST: f32 = 1e-5;
+
+/// Least probability of reflection and of passage at the first surfaces of glass that a camera sees: their highlights are
+/// as bright as they are improbable, and both images are to have samples.
+pub const SPLIT: [f32; 2] = [0.25, 0.15];
+
+/// A bounce counts as rough from this α on.
+pub const ROUGH: f32 = 0.1;

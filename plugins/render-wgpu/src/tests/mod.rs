@@ -1,0 +1,120 @@
+//! The functions of the shaders that read a scene, one by one, each against the Rust that it mirrors, or against what can be
+//! said without it. Those that read none are in `tests/functions`.
+//!
+//! A kernel of [`call`] reads its arguments in order from a row of numbers and writes its results in order to another.
+
+mod camera;
+mod lights;
+pub mod soups;
+mod surface;
+mod walk;
+
+use crate::adapters::Adapters;
+use crate::device::{Device, Variant};
+use crate::passes::{GROUP, groups};
+use crate::session::GpuSession;
+use crate::view::Pass;
+use std::sync::Arc;
+use syntable_model::prelude::*;
+use syntable_model::product::standard::DEPTH;
+use syntable_simd::functions::FAR;
+use syntable_testing::tools::is_there;
+use syntable_testing::workers::Threads;
+use syntable_transport::PathTracing;
+
+/// A session on a device, if there is an adapter.
+fn session() -> Option<GpuSession> {
+    let adapters = Adapters::find();
+    is_there(adapters.used().is_ok(), "a graphics adapter (mesa-vulkan-drivers)").then(|| {
+        let device = Arc::new(Device::open(&adapters, 0).expect("opens"));
+        GpuSession::new(device, PathTracing::default(), Arc::default()).expect("opens")
+    })
+}
+
+/// Leaves the tables and uniforms of a view of a scene on the device.
+pub fn show(session: &mut GpuSession, scene: &Scene, view: &View) {
+    session.load(scene, &Threads(2)).expect("loads");
+    show_request(session, &RenderRequest::new(view, &[DEPTH.id()], Stream::root(3), &Threads(2)));
+}
+
+/// The same for a request of depths of the scene that is loaded.
+fn show_request(session: &mut GpuSession, request: &RenderRequest) {
+    session.render(request, &mut Products::new()).expect("renders");
+}
+
+/// Calls statements in WGSL with rows of numbers, and gives what they put. They read the row by `f()`, `v2()`, `v3()`, and
+/// `u()` for a whole number, write by `put`, `put2`, `put3`, `put_u` and `put_b`, and know the `number` of the row.
+pub fn call<const ARGUMENTS: usize, const RESULTS: usize>(
+    session: &mut GpuSession,
+    statements: &str,
+    variant: Variant,
+    rows: &[[f32; ARGUMENTS]],
+) -> Vec<[u32; RESULTS]> {
+    let kernel = format!(
+        "
+var<private> argument: u32;
+var<private> result: u32;
+fn f() -> f32 {{ argument += 1u; return paths[(argument - 1u) / 4u][(argument - 1u) % 4u]; }}
+fn u() -> u32 {{ return u32(f()); }}
+fn v2() -> vec2<f32> {{ let x = f(); return vec2(x, f()); }}
+fn v3() -> vec3<f32> {{ let x = f(); let y = f(); return vec3(x, y, f()); }}
+fn put_u(x: u32) {{ output[result] = x; result += 1u; }}
+fn put_b(x: bool) {{ put_u(u32(x)); }}
+fn put(x: f32) {{ put_u(bits(x)); }}
+fn put2(x: vec2<f32>) {{ put(x.x); put(x.y); }}
+fn put3(x: vec3<f32>) {{ put2(x.xy); put(x.z); }}
+@compute @workgroup_size(GROUP)
+fn probe(@builtin(global_invocation_id) id: vec3<u32>) {{
+    let number = id.x + id.y * ROW;
+    if number >= pass_.pixels {{ return; }}
+    argument = {ARGUMENTS}u * number;
+    result = {RESULTS}u * number;
+    {statements}
+}}"
+    );
+    let (device, rays) = (session.device.clone(), rows.len() as u64);
+    let words = rays * RESULTS as u64;
+    session.buffers.paths = device.storage("rows", 4 * (rays * ARGUMENTS as u64).next_multiple_of(4)).expect("room");
+    session.buffers.output = device.storage("results", 4 * words).expect("room");
+    let readable = device.readable("results", 4 * words).expect("room");
+    device.write(&session.buffers.paths, 0, bytemuck::cast_slice(rows.as_flattened()));
+    let pass = Pass { pixels: rays as u32, ..Pass::default() };
+    device.write(&session.buffers.passes, 0, bytemuck::bytes_of(&pass));
+    let kernel = device.kernel_of(&kernel, "probe", variant);
+    let mut encoder = device.encoder();
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let [x, y] = groups(rays, GROUP);
+        pass.set_pipeline(&kernel);
+        pass.set_bind_group(0, &session.bind(), &[0]);
+        pass.dispatch_workgroups(x, y, 1);
+    }
+    encoder.copy_buffer_to_buffer(&session.buffers.output, 0, &readable, 0, 4 * words);
+    device.read(encoder, &readable, words, |words: &[u32]| words.as_chunks().0.to_vec()).expect("runs")
+}
+
+/// Asserts that results, as numbers, are the wanted ones up to an absolute and a relative difference, but for one row in
+/// `slip`: there a decision fell otherwise by rounding.
+fn compare<const RESULTS: usize>(
+    what: &str,
+    results: &[[u32; RESULTS]],
+    wanted: impl Fn(usize) -> [f32; RESULTS],
+    [absolute, relative]: [f32; 2],
+    slip: usize,
+) {
+    let alike = |a: f32, b: f32| (a - b).abs() <= absolute + relative * b.abs() || (a >= FAR && b >= FAR);
+    let mut wrong = Vec::new();
+    for (number, result) in results.iter().enumerate() {
+        let (got, wanted) = (result.map(f32::from_bits), wanted(number));
+        if let Some(place) = (0..RESULTS).find(|&place| !alike(got[place], wanted[place])) {
+            wrong.push((number, place, got[place], wanted[place]));
+        }
+    }
+    println!("{what}: {} of {} rows differ", wrong.len(), results.len());
+    assert!(wrong.len() * slip <= results.len(), "{what}: {} of {}; {:?}", wrong.len(), results.len(), wrong[0]);
+}
+
+/// Words of whole numbers and truths among results as numbers.
+fn whole(x: impl Into<u32>) -> f32 {
+    f32::from_bits(x.into())
+}
