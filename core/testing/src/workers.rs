@@ -1,5 +1,6 @@
-//! Worker threads for tests.
+//! Worker threads for tests and benchmarks.
 
+use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use syntable_model::context::Workers;
 
@@ -27,5 +28,25 @@ impl Workers for Threads {
                 });
             }
         });
+    }
+}
+
+/// Threads that are there before a call, as a run has them. For benchmarks: to start a thread takes longer than some jobs.
+pub struct Pool(rayon::ThreadPool);
+
+impl Pool {
+    /// So many threads.
+    pub fn new(threads: usize) -> Self {
+        Self(rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start"))
+    }
+}
+
+impl Workers for Pool {
+    fn threads(&self) -> usize {
+        self.0.current_num_threads()
+    }
+
+    fn run(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+        self.0.install(|| (0..jobs).into_par_iter().with_max_len(1).for_each(job));
     }
 }

@@ -17,14 +17,14 @@ use syntable_model::scene::Scene;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer};
 use syntable_testing::errors::{psnr, white};
 use syntable_testing::room::{self, Look};
-use syntable_testing::workers::Threads;
+use syntable_testing::workers::Pool;
 use syntable_transport::PathTracing;
 
 /// Frames of which the fastest counts.
 const FRAMES: usize = 5;
 
-/// Views that are rendered at the same time, and frames of each.
-const IN_FLIGHT: usize = 3;
+/// Views that are rendered at the same time, as a run does on each card, and frames of each.
+const IN_FLIGHT: usize = 2;
 const FRAMES_IN_FLIGHT: usize = 30;
 
 /// Samples of the image that denoised ones are compared with.
@@ -36,7 +36,7 @@ fn main() {
     let found = Adapters::find().used().unwrap_or_default();
     let Some(info) = found.get(adapter) else { return println!("there is no adapter {adapter}") };
     println!("{info}");
-    let workers = Threads(std::thread::available_parallelism().map_or(2, usize::from));
+    let workers = Pool::new(std::thread::available_parallelism().map_or(2, usize::from));
     let view = room::view(640, 480);
     for look in [Look::Mixed, Look::Plastic, Look::Glass] {
         let scene = room::scene_of(look);
@@ -131,7 +131,7 @@ fn seconds_in_flight(
     thread::scope(|scope| {
         for _ in 0..IN_FLIGHT {
             scope.spawn(|| {
-                let (view, workers) = (room::view(640, 480), Threads((cores / IN_FLIGHT).max(1)));
+                let (view, workers) = (room::view(640, 480), Pool::new((cores / IN_FLIGHT).max(1)));
                 let mut session = renderer.open(adapter).expect("opens");
                 session.load(scene, &workers).expect("loads");
                 let mut render = || {

@@ -123,7 +123,7 @@ fn lights_are_selected_sampled_and_met_as_on_the_cpu() {
         let ([a, b, c], [d, e, f]) = (s.direction.map(there).array(), radiance.map(there).array());
         [whole(s.valid), a, b, c, d, e, f, there(s.distance), there(s.pdf)]
     };
-    compare("samples", &results, sampled, [5e-5, 5e-4], 200);
+    compare("samples", &results, sampled, [5e-5, 5e-4], 100);
     let far = results.iter().filter(|result| f32::from_bits(result[7]) >= 3e38).count();
     let near = results.iter().filter(|result| result[0] == 1).count() - far;
     assert!(near > POINTS / 20 && far > POINTS / 20, "{near} {far}");

@@ -5,6 +5,7 @@
 
 mod camera;
 mod lights;
+mod nodes;
 pub mod soups;
 mod surface;
 mod walk;
@@ -50,8 +51,19 @@ pub fn call<const ARGUMENTS: usize, const RESULTS: usize>(
     variant: Variant,
     rows: &[[f32; ARGUMENTS]],
 ) -> Vec<[u32; RESULTS]> {
+    call_beside(session, "", statements, variant, rows).0
+}
+
+/// The same beside functions of their own; also gives the kernel, whose rows stay on the device.
+fn call_beside<const ARGUMENTS: usize, const RESULTS: usize>(
+    session: &mut GpuSession,
+    functions: &str,
+    statements: &str,
+    variant: Variant,
+    rows: &[[f32; ARGUMENTS]],
+) -> (Vec<[u32; RESULTS]>, wgpu::ComputePipeline) {
     let kernel = format!(
-        "
+        "{functions}
 var<private> argument: u32;
 var<private> result: u32;
 fn f() -> f32 {{ argument += 1u; return paths[(argument - 1u) / 4u][(argument - 1u) % 4u]; }}
@@ -90,7 +102,8 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {{
         pass.dispatch_workgroups(x, y, 1);
     }
     encoder.copy_buffer_to_buffer(&session.buffers.output, 0, &readable, 0, 4 * words);
-    device.read(encoder, &readable, words, |words: &[u32]| words.as_chunks().0.to_vec()).expect("runs")
+    let results = device.read(encoder, &readable, words, |words: &[u32]| words.as_chunks().0.to_vec());
+    (results.expect("runs"), kernel)
 }
 
 /// Asserts that results, as numbers, are the wanted ones up to an absolute and a relative difference, but for one row in
