@@ -473,12 +473,12 @@ fn rates_of_what_is_beyond_the_image_are_no_faults_of_other_formats() {
         "render.samples_per_pixel=1",
         "denoise.kind=\"none\"",
         "annotate.masks.image_frame=\"extend\"",
-        "write={ coco = {}, d2sa = {}, uoais = {} }",
+        "write={ coco = {}, d2sa = {}, uoais = {}, cocoa = {} }",
     ] {
         run.args(["--set", set]);
     }
     ok(&mut run);
-    for format in ["coco", "d2sa", "uoais"] {
+    for format in ["coco", "d2sa", "uoais", "cocoa"] {
         ok(syntable().arg("validate").arg(data.join(format)));
     }
     // The policy is what makes the rates sound.

@@ -196,6 +196,8 @@ fn dataset() -> DatasetInfo {
         recipe: String::new(),
         program: "syntable 0.1.0".into(),
         classes: Vec::new(),
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     }
 }
 

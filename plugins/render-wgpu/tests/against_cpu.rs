@@ -7,6 +7,7 @@ use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::stage::{Atlas, Bodies, Window};
+use syntable_prepare::labels::BlendedLabels;
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer, RayQueries};
 use syntable_testing::room::{self, Look};
@@ -58,14 +59,25 @@ fn labels_are_the_cpus() {
     let image = Window::of(&view.camera.intrinsics);
     let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
     let (mut instances, mut bits, mut pixels) = (0, 0, 0);
-    for (look, request) in [
-        (Look::Mixed, request.clone()),
-        (Look::Glass, request.clone()),
-        (Look::Mixed, request.clone().of(window, Bodies::All)),
-        (Look::Mixed, request.clone().of(image, Bodies::Only(&seen))),
-        (Look::Mixed, request.clone().of(image, Bodies::Seen(&seen))),
+    let (plain, mut plainly) = (PathTracing::default(), None);
+    let through_glass = PathTracing { blended_labels: BlendedLabels::Opaque, ..PathTracing::default() };
+    for (options, look, request) in [
+        (&plain, Look::Mixed, request.clone()),
+        (&plain, Look::Glass, request.clone()),
+        (&through_glass, Look::Mixed, request.clone()),
+        (&plain, Look::Mixed, request.clone().of(window, Bodies::All)),
+        (&plain, Look::Mixed, request.clone().of(image, Bodies::Only(&seen))),
+        (&plain, Look::Mixed, request.clone().of(image, Bodies::Seen(&seen))),
     ] {
-        let frames = both(&PathTracing::default(), look, &request);
+        let frames = both(options, look, &request);
+        if options == &plain && look == Look::Mixed && plainly.is_none() {
+            plainly = Some(frames[0].get(INSTANCE).expect("made").clone());
+        }
+        if options == &through_glass {
+            let [through, _] = pair(&frames, INSTANCE);
+            let changed = plainly.as_ref().map_or(0, |plainly| different([plainly, through], |a, b| a != b));
+            assert!(changed > 100, "labels look through glass at {changed} pixels");
+        }
         instances += different(pair(&frames, INSTANCE), |a, b| a != b);
         let depth = different(pair(&frames, DEPTH), |a, b| !(a == b || (a - b).abs() <= 1e-5 * a));
         let off = |a: [f32; 3], b: [f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3);
