@@ -138,7 +138,7 @@ pub fn labels(products: &Products) -> Result<Vec<Label<'_>>> {
 /// What a product has of an object.
 pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Result<&'a T> {
     product.get(id).ok_or_else(|| {
-        Error::new(format!("instance {id} has a mask and is not in `{name}`"))
+        Error::new(format!("instance {id} is in the masks but not in `{name}`"))
             .help("all label products must come from one annotator, or from annotators that agree")
             .permanent()
     })

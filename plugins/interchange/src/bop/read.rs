@@ -91,8 +91,23 @@ fn splits_of(root: &Path) -> Vec<PathBuf> {
 
 pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
-    serde_json::from_str(&text)
-        .map_err(|error| Error::new(error.to_string()).in_file(path).at_line(error.line()).of_request())
+    serde_json::from_str(&text).map_err(|error| {
+        // Read again to know where it was.
+        let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_str(&text));
+        let key = located.err().map(|error| error.path().to_string()).filter(|key| key != ".");
+        let what = no_number(&text, &error).unwrap_or_else(|| error.to_string());
+        let what = key.map_or(what.clone(), |key| format!("`{key}`: {what}"));
+        Error::new(what).in_file(path).at_line(error.line()).of_request()
+    })
+}
+
+/// What Python writes in place of a number that is none, where a parser stopped.
+fn no_number(text: &str, error: &serde_json::Error) -> Option<String> {
+    let line = text.lines().nth(error.line().checked_sub(1)?)?;
+    let from = line.char_indices().map(|(at, _)| at).nth(error.column().saturating_sub(2))?;
+    let found =
+        ["NaN", "-Infinity", "Infinity"].into_iter().find(|word| line[from..].find(word).is_some_and(|at| at <= 1))?;
+    Some(format!("{found} is no number of JSON"))
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
