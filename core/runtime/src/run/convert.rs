@@ -221,13 +221,29 @@ fn resolve(
     };
     let implied = parts.into_iter().map(candidate).collect();
     let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-        let of = |error: &plan::PlanError| match error.fault {
-            Fault::Unknown => format!("{} reads `{}`, which the dataset does not have", error.stage, error.product),
-            _ => error.message.clone(),
-        };
-        let messages: Vec<String> = errors.iter().map(of).collect();
+        let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+        let mut messages: Vec<String> = Vec::new();
+        for (id, _) in writers {
+            let stage = format!("write.{id}");
+            let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
+            let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
+            if !missing.is_empty() {
+                messages.push(format!("{stage} reads {}, which the dataset does not have", missing.join(", ")));
+            }
+        }
+        messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
         let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
-        Error::new(messages.join("; ")).help(format!("the dataset has {}", has.join(", "))).of_request()
+        let mut help = format!("the dataset has {}", has.join(", "));
+        // Such as `include[0]`.
+        let named = errors.iter().filter(is_unknown).find_map(|error| {
+            let option = error.option.as_ref()?.split('[').next()?;
+            Some((error.stage.strip_prefix("write.")?, option))
+        });
+        if let (Some((kind, option)), Some(first)) = (named, has.first()) {
+            let product = first.trim_matches('`');
+            help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
+        }
+        Error::new(messages.join("; ")).help(help).of_request()
     })?;
     Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
 }
