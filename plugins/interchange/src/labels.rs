@@ -41,24 +41,24 @@ pub struct Label<'a> {
 }
 
 /// What formats read that can do without some of the labels: those of `needed` they cannot.
-fn inputs_needing(needed: &[KeyId]) -> Vec<Input> {
+fn inputs_needing(needed: Vec<KeyId>) -> Vec<Input> {
     let is_needed = |input: &Input| needed.iter().any(|key| key.name == *input.product);
     inputs().into_iter().map(|input| if is_needed(&input) { input } else { input.optional() }).collect()
 }
 
 /// What formats read that write visible masks.
 pub fn visible_inputs() -> Vec<Input> {
-    inputs_needing(&keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID])
+    inputs_needing(keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID])
 }
 
 /// What formats read that write amodal masks.
 pub fn amodal_inputs() -> Vec<Input> {
-    inputs_needing(&keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
+    inputs_needing(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
 }
 
 /// What formats read that write masks of either kind; [`partial`] refuses what has neither.
 pub fn either_inputs() -> Vec<Input> {
-    inputs_needing(&keys![CATEGORY_ID])
+    inputs_needing(keys![CATEGORY_ID])
 }
 
 /// The labels of one object in a view of a dataset that need not have both kinds of masks.

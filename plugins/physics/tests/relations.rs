@@ -29,7 +29,7 @@ fn relations_of(scene: &Scene, options: &str) -> BTreeMap<String, Json> {
         program: "test".into(),
         classes: Vec::new(),
         own_categories: Vec::new(),
-        label_surface: LabelSurface::First,
+        label_surface: syntable_model::stage::LabelSurface::First,
     };
     let log = Collected::default();
     let mut products = Products::new();
