@@ -96,7 +96,8 @@ impl Listing {
             }
         })
         .map_err(|error| error.of_request())?;
-        let categories = Categories::of(file.categories.as_deref().unwrap_or_default());
+        let mut categories = Categories::of(file.categories.as_deref().unwrap_or_default());
+        annotations.iter().filter_map(|it| it.category).for_each(|category| categories.note(category));
         let mut faults = Faults::default();
         faults.of_categories(file.categories.as_deref().unwrap_or_default());
         let mut by_id = by_id(frames, &annotations, &mut faults);

@@ -12,7 +12,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, Product, Products};
 use syntable_model::reader::{DatasetFault, ImageRef};
 use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
-use syntable_model::stage::DatasetInfo;
+use syntable_model::stage::{DatasetInfo, LabelSurface};
 
 /// What a file says of an object in an image. What it leaves out follows from the masks.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,13 +35,37 @@ pub struct Labels {
     pub category: u32,
 }
 
-/// The products that [`put`] makes: `amodal` says whether objects have amodal masks.
-pub fn offers(amodal: bool) -> Vec<KeyId> {
-    let mut keys = syntable_model::keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID];
-    if amodal {
-        keys.extend(syntable_model::keys![AMODAL_MASK, AMODAL_BOX, OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER]);
+/// The masks that a dataset has of its objects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Known {
+    /// What images show of them.
+    Visible,
+    /// Whole objects, and not what is seen of them: nothing follows for occlusion.
+    Amodal,
+    /// Both.
+    Both,
+}
+
+impl Known {
+    /// The products that [`put`] makes of them. Of amodal masks alone, [`Labels::visible`] is not looked at.
+    pub fn offers(self) -> Vec<KeyId> {
+        let mut keys = syntable_model::keys![CATEGORY_ID];
+        if self != Self::Amodal {
+            keys.extend(syntable_model::keys![VISIBLE_MASK, VISIBLE_BOX]);
+        }
+        if self != Self::Visible {
+            keys.extend(syntable_model::keys![AMODAL_MASK, AMODAL_BOX]);
+        }
+        if self == Self::Both {
+            keys.extend(syntable_model::keys![OCCLUSION_MASK, OCCLUSION_RATE, OCCLUSION_ORDER]);
+        }
+        keys
     }
-    keys
+
+    /// Whether there are amodal masks beside visible ones.
+    pub fn with_amodal(has_amodal: bool) -> Self {
+        if has_amodal { Self::Both } else { Self::Visible }
+    }
 }
 
 /// Ids of the objects of an image: those that the file states, if it states all of them and they can be told apart, and none is
@@ -152,11 +176,18 @@ pub fn view(id: ViewId, width: u32, height: u32) -> View {
     View { id, camera, exposure: Exposure::Fixed { ev100: 0.0 }, lights: Vec::new() }
 }
 
-/// The categories of an annotation file, and their ids in a dataset of ours.
+/// The categories of an annotation file, and their ids in a dataset that is written from it.
+///
+/// These are those of the file, if all are from 1 and have 32 bits: 0 is the background in maps. Else, and where a format has no
+/// ids, they are numbered as the classes of a recipe are.
 #[derive(Debug, Clone, Default)]
 pub struct Categories {
     names: BTreeMap<u64, String>,
     classes: Vec<String>,
+    /// Whether ids are those of the file.
+    keeps_ids: bool,
+    /// Whether there are objects of no category of the file.
+    has_unknown: bool,
 }
 
 impl Categories {
@@ -164,34 +195,69 @@ impl Categories {
     pub fn of(categories: &[Category]) -> Self {
         let names: BTreeMap<u64, String> = categories.iter().map(|it| (it.id, it.name.clone())).collect();
         let is_background = |id: u64, name: &str| id == BACKGROUND && name.eq_ignore_ascii_case("background");
-        let is_class = |(id, name): &(&u64, &String)| !is_background(**id, name) && *name != DatasetInfo::OBJECT.1;
-        let classes: BTreeSet<String> = names.iter().filter(is_class).map(|(_, name)| name.clone()).collect();
-        Self { names, classes: classes.into_iter().collect() }
+        let own: Vec<(u64, &String)> =
+            names.iter().map(|(id, name)| (*id, name)).filter(|(id, name)| !is_background(*id, name)).collect();
+        // One beyond the last is for objects of none of them.
+        let keeps_ids = !own.is_empty() && own.iter().all(|(id, _)| (1..u64::from(u32::MAX)).contains(id));
+        let classes: BTreeSet<String> =
+            own.iter().filter(|(_, name)| **name != DatasetInfo::OBJECT.1).map(|(_, name)| (*name).clone()).collect();
+        Self { classes: classes.into_iter().collect(), keeps_ids, has_unknown: false, names }
     }
 
-    /// Those of a format that has names of categories without ids: they have ids from 1, in this order.
+    /// Those of a format that has names of categories without ids.
     pub fn named(names: impl IntoIterator<Item = String>) -> Self {
         let category = |(id, name)| Category { id, name, ..Category::default() };
         // No name is a background.
-        Self::of(&(BACKGROUND + 1..).zip(names).map(category).collect::<Vec<_>>())
+        let categories = (BACKGROUND + 1..).zip(names).map(category).collect::<Vec<_>>();
+        Self { keeps_ids: false, ..Self::of(&categories) }
     }
 
-    /// The id of the category of a name in a dataset of ours.
+    /// Notes that an object has a category that may not be there.
+    pub fn note(&mut self, id: u64) {
+        self.has_unknown |= !self.names.contains_key(&id) || id == BACKGROUND;
+    }
+
+    /// The id of the category of a name among those without ids.
     pub fn id_of(&self, name: &str) -> u32 {
         let place = self.classes.binary_search_by(|class| class.as_str().cmp(name));
         place.map_or(DatasetInfo::OBJECT.0, |at| DatasetInfo::OBJECT.0 + 1 + at as u32)
     }
 
-    /// The id of a file's category in a dataset of ours.
+    /// The id of a file's category in a dataset that is written from it.
     pub fn id(&self, id: u64) -> u32 {
-        self.names.get(&id).map_or(DatasetInfo::OBJECT.0, |name| self.id_of(name))
+        match self.names.get(&id) {
+            Some(_) if self.keeps_ids && id != BACKGROUND => id as u32,
+            Some(name) if !self.keeps_ids => self.id_of(name),
+            _ => self.object(),
+        }
+    }
+
+    /// The category of objects of no class: that of this name, else one more than there are.
+    fn object(&self) -> u32 {
+        if !self.keeps_ids {
+            return DatasetInfo::OBJECT.0;
+        }
+        let named = self.own().find(|(_, name)| *name == DatasetInfo::OBJECT.1);
+        named.map_or_else(|| self.own().map(|(id, _)| id).max().unwrap_or_default() + 1, |(id, _)| id)
+    }
+
+    /// Ids and names of those whose ids are kept.
+    fn own(&self) -> impl Iterator<Item = (u32, &String)> {
+        self.names.iter().filter(|(id, _)| self.keeps_ids && **id != BACKGROUND).map(|(id, name)| (*id as u32, name))
     }
 
     /// What is known of a dataset with these images.
     pub fn info(&self, name: String, program: String, images: &[ImageRef], recipe: String) -> DatasetInfo {
         let (scenes, views) = (images.iter().map(|it| it.scene.0).max(), images.iter().map(|it| it.view.0).max());
-        let [scenes, views] = [scenes, views].map(|last| last.map_or(0, |last| last.saturating_add(1)));
-        DatasetInfo { name, seed: 0, scenes, views_per_scene: views, recipe, program, classes: self.classes.clone() }
+        let [scenes, views_per_scene] = [scenes, views].map(|last| last.map_or(0, |last| last.saturating_add(1)));
+        let mut own_categories: Vec<(u32, String)> = self.own().map(|(id, name)| (id, name.clone())).collect();
+        let object = self.object();
+        if self.keeps_ids && self.has_unknown && !own_categories.iter().any(|(id, _)| *id == object) {
+            own_categories.push((object, DatasetInfo::OBJECT.1.to_owned()));
+        }
+        let classes = self.classes.clone();
+        let label_surface = LabelSurface::First;
+        DatasetInfo { name, seed: 0, scenes, views_per_scene, recipe, program, classes, own_categories, label_surface }
     }
 }
 

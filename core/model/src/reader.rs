@@ -129,6 +129,10 @@ pub trait DatasetReader: Send + Sync {
     fn derived(&self) -> Vec<KeyId> {
         Vec::new()
     }
+    /// Whether images without objects are listed: a dataset without images is then at fault.
+    fn lists_all_images(&self) -> bool {
+        true
+    }
     /// Regions of an image in which objects are there and not told apart, such as COCO's crowds. They are no objects; a score
     /// may neither count what is found in them nor hold it against a detector.
     fn crowds(&self, image: usize) -> Result<Vec<Mask>> {

@@ -6,17 +6,36 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use syntable_model::scene::InstanceId;
+use syntable_model::stage::LabelSurface;
 
-/// How labels treat materials that blend by alpha, such as the glass of old files.
+/// How labels treat what can be seen through: materials that blend by alpha, such as the glass of old files, and that transmit
+/// light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BlendedLabels {
-    /// The texture's alpha is the shape: the surface is there where that is one half or more, and everywhere without a
-    /// texture, however transparent the material is as a whole.
+    /// The first surface counts, glass too. The texture's alpha is the shape: the surface is there where that is one half or
+    /// more, and everywhere without a texture, however transparent the material is as a whole.
     #[default]
     Shape,
-    /// The surface is there where it covers one half or more of what is behind it; thin glass is not.
+    /// The surface is there where it covers one half or more of what is behind it by its alpha; what transmits light is.
     Coverage,
+    /// The first opaque surface counts: as `coverage`, and what transmits one half or more of the light that enters is not
+    /// there either.
+    Opaque,
+}
+
+/// Part of the light that enters a surface and passes it, from which on it is glass for [`BlendedLabels::Opaque`].
+pub const GLASS: f32 = 0.5;
+
+impl BlendedLabels {
+    /// The same for the policy of labels.
+    pub fn surface(self) -> LabelSurface {
+        match self {
+            Self::Shape => LabelSurface::First,
+            Self::Coverage => LabelSurface::AlphaThreshold,
+            Self::Opaque => LabelSurface::FirstOpaque,
+        }
+    }
 }
 
 /// Number that selects the base of a layered material, whose normal labels show.

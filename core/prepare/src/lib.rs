@@ -37,7 +37,7 @@ pub use light::{
 };
 pub use mapping::{BoxSide, Mapping, TextureCoordinates, UvAffine};
 pub use material::{
-    AlphaMode, ColorInput, Material, MaterialLayers, MaterialTable, NO_LAYERS, NO_TEXTURE, NormalInput, PANE_ROUGHNESS,
+    AlphaMode, ColorInput, FINEST, Material, MaterialLayers, MaterialTable, NO_LAYERS, NO_TEXTURE, NormalInput, PANE_ROUGHNESS,
     ScalarInput, TextureBinding,
 };
 pub use mesh::{ShadingMesh, ShadingTriangle, VertexTangents, is_mirrored, pack_unit, unpack_unit};

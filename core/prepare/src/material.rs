@@ -1,7 +1,7 @@
 //! Materials flattened into tables: factors, numbered textures, and how textures are placed on the body.
 
 use crate::cache::SceneCache;
-use crate::labels::BlendedLabels;
+use crate::labels::{BlendedLabels, GLASS};
 use crate::mapping::{Mapping, TextureCoordinates, UvAffine};
 use crate::texture::MipTexture;
 use std::collections::BTreeMap;
@@ -137,6 +137,9 @@ pub struct MaterialTable {
     pub has_projections: bool,
 }
 
+/// Binary logarithm of a footprint that reads the finest texels.
+pub const FINEST: f32 = -100.0;
+
 /// Builds a [`MaterialTable`].
 pub(crate) struct TableBuilder<'a> {
     table: MaterialTable,
@@ -251,20 +254,22 @@ impl Material {
         }
     }
 
-    /// Whether there is a surface at a point for labels.
+    /// Whether there is a surface at a point for labels, by its alpha.
     pub fn is_labeled(&self, textures: &[Arc<MipTexture>], uv: [f32; 2], blended: BlendedLabels) -> bool {
         match (self.alpha, blended) {
             (AlphaMode::Opaque, _) => true,
             (AlphaMode::Mask(cutoff), _) => self.alpha_of_texel(textures, uv) >= cutoff,
             (AlphaMode::Blend(_), BlendedLabels::Shape) => self.alpha_of_texel(textures, uv) >= 0.5,
-            (AlphaMode::Blend(factor), BlendedLabels::Coverage) => self.alpha_of_texel(textures, uv) * factor >= 0.5,
+            (AlphaMode::Blend(factor), BlendedLabels::Coverage | BlendedLabels::Opaque) => {
+                self.alpha_of_texel(textures, uv) * factor >= 0.5
+            }
         }
     }
 
     #[inline]
     fn alpha_of_texel(&self, textures: &[Arc<MipTexture>], uv: [f32; 2]) -> f32 {
         match self.base_color.texture.is_some() {
-            true => self.base_color.texture.channel(textures, TextureCoordinates { uv, log2_width: -100.0 }, 3),
+            true => self.base_color.texture.channel(textures, TextureCoordinates { uv, log2_width: FINEST }, 3),
             false => 1.0,
         }
     }
@@ -289,6 +294,19 @@ impl MaterialTable {
     #[inline(always)]
     pub fn layers(&self, material: &Material) -> Option<&MaterialLayers> {
         self.layers.get(material.layers as usize)
+    }
+
+    /// Whether a material transmits light somewhere.
+    pub fn has_glass(&self, material: &Material) -> bool {
+        self.layers(material).is_some_and(|layers| layers.transmission.factor > 0.0)
+    }
+
+    /// Whether a material is glass at a point, by its finest texels: it transmits one half or more of the light that enters.
+    pub fn is_glass(&self, material: &Material, uv: [f32; 2]) -> bool {
+        let at = TextureCoordinates { uv, log2_width: FINEST };
+        self.layers(material).is_some_and(|layers| {
+            layers.transmitted_fraction(&self.textures, at, material.metallic.at(&self.textures, at)) >= GLASS
+        })
     }
 
     /// Layers of a material that has panes somewhere: thin and smooth, so that they transmit light straight.
@@ -327,6 +345,11 @@ impl<'a> TableBuilder<'a> {
     /// Number of materials so far.
     pub fn len(&self) -> usize {
         self.table.materials.len()
+    }
+
+    /// Whether the last material transmits light somewhere.
+    pub fn has_glass(&self) -> bool {
+        self.table.materials.last().is_some_and(|material| self.table.has_glass(material))
     }
 
     /// Whether the last material has panes.
@@ -512,8 +535,8 @@ mod tests {
         ] {
             let (material, table) = with(alpha, texture);
             let labeled = |blended| material.is_labeled(&table.textures, AT.uv, blended);
-            let got = [BlendedLabels::Shape, BlendedLabels::Coverage].map(labeled);
-            assert_eq!(got, [by_shape, by_coverage], "{alpha:?}");
+            let got = [BlendedLabels::Shape, BlendedLabels::Coverage, BlendedLabels::Opaque].map(labeled);
+            assert_eq!(got, [by_shape, by_coverage, by_coverage], "{alpha:?}");
         }
     }
 

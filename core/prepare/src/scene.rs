@@ -34,6 +34,8 @@ pub struct PreparedScene {
     pub is_layered: bool,
     /// Whether any body has panes.
     pub has_panes: bool,
+    /// Whether any body transmits light.
+    pub has_glass: bool,
 }
 
 /// A body as shading sees it.
@@ -46,7 +48,7 @@ pub struct PreparedBody {
     pub first_material: u32,
     /// Last slot; higher slots of a mesh count as this.
     pub last_slot: u32,
-    /// Sum of [`Self::CUTOUTS`] and [`Self::PANES`], if any of its materials has them.
+    /// Sum of [`Self::CUTOUTS`], [`Self::PANES`] and [`Self::GLASS`], if any of its materials has them.
     pub flags: u32,
     /// Columns of the rotation, world from body.
     pub rotation: [Vec3; 3],
@@ -99,6 +101,7 @@ impl PreparedScene {
             has_cutouts: false,
             is_layered: false,
             has_panes: false,
+            has_glass: false,
         };
         let textures =
             loaded.iter().filter_map(|loaded| loaded.get()).flat_map(|(_, textures)| textures.iter().cloned());
@@ -113,13 +116,15 @@ impl PreparedScene {
             for (material, mapping) in materials(body) {
                 let material = table.push(&material, mapping);
                 let (cutouts, layered) = (material.alpha != AlphaMode::Opaque, material.is_layered());
-                let panes = table.has_panes();
+                let (panes, glass) = (table.has_panes(), table.has_glass());
                 flags |= if cutouts { PreparedBody::CUTOUTS } else { 0 };
                 flags |= if panes { PreparedBody::PANES } else { 0 };
+                flags |= if glass { PreparedBody::GLASS } else { 0 };
                 prepared.is_layered |= layered;
             }
             prepared.has_cutouts |= flags & PreparedBody::CUTOUTS != 0;
             prepared.has_panes |= flags & PreparedBody::PANES != 0;
+            prepared.has_glass |= flags & PreparedBody::GLASS != 0;
             let last_slot = table.len() as u32 - first_material - 1;
             let (rotation, translation) = placement(&body.world_from_body);
             prepared.bodies.push(PreparedBody { mesh, first_material, last_slot, flags, rotation, translation });
@@ -205,7 +210,8 @@ impl PreparedScene {
         let (body, triangle) = self.at(point);
         let material = self.material(body, triangle);
         let at = texture_coordinates(material, triangle, point, body.point_to_body(position), 0.0);
-        material.is_labeled(&self.materials.textures, at.uv, blended)
+        let is_seen_through = blended == BlendedLabels::Opaque && self.materials.is_glass(material, at.uv);
+        !is_seen_through && material.is_labeled(&self.materials.textures, at.uv, blended)
     }
 
     /// Vertex color at a point; white if the mesh has none.
@@ -264,11 +270,19 @@ impl PreparedBody {
     pub const CUTOUTS: u32 = 1;
     /// Some of its materials are panes, which do not end shadow rays.
     pub const PANES: u32 = 2;
+    /// Some of its materials transmit light: labels may look through.
+    pub const GLASS: u32 = 4;
 
     /// Whether hits must be tested for cut-outs.
     #[inline(always)]
     pub fn has_cutouts(&self) -> bool {
         self.flags & Self::CUTOUTS != 0
+    }
+
+    /// Whether hits must be tested for labels.
+    #[inline]
+    pub fn is_tested(&self, blended: BlendedLabels) -> bool {
+        self.has_cutouts() || blended == BlendedLabels::Opaque && self.flags & Self::GLASS != 0
     }
 
     /// Whether some of its surfaces transmit light straight.

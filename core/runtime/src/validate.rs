@@ -68,7 +68,7 @@ pub fn validate(dataset: &dyn DatasetReader, threads: usize) -> Result<Validated
         found.1.extend(faults.into_iter().map(|(check, message)| FaultAt { check, place: place.clone(), message }));
     });
     let (counts, mut faults) = found.into_inner();
-    if dataset.images().is_empty() {
+    if dataset.images().is_empty() && dataset.lists_all_images() {
         let message = "the dataset has no image".to_owned();
         faults.insert(FaultAt { check: READABLE.to_owned(), place: "images".to_owned(), message });
     }

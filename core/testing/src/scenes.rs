@@ -108,6 +108,8 @@ pub fn dataset() -> DatasetInfo {
         recipe: String::new(),
         program: "test".to_owned(),
         classes: Vec::new(),
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     }
 }
 

@@ -66,6 +66,8 @@ pub fn dataset(scenes: u32, views: u32) -> DatasetInfo {
         recipe: "[dataset]\nname = \"test\"\n".into(),
         program: "syntable 0.1.0".into(),
         classes: Vec::new(),
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     }
 }
 

@@ -44,9 +44,12 @@ pub struct PathTracing {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_s: Option<f64>,
-    /// How labels treat materials that blend by alpha (glTF `BLEND`, MTL `d`), such as thin glass: `shape` (the default)
-    /// takes the surface as there wherever the alpha of its texture is one half or more, however transparent the material
-    /// is as a whole; `coverage` only where it covers one half or more of what is behind it.
+    /// Which surface labels are of where one can be seen through: `shape` (the default) the first one, glass included; what
+    /// blends by alpha (glTF `BLEND`, MTL `d`) is there wherever the alpha of its texture is one half or more, however
+    /// transparent the material is as a whole. `coverage` the first one that covers one half or more of what is behind it by its
+    /// alpha; glass does. `opaque` the first opaque one: what transmits one half or more of the light that enters is not there
+    /// either, so that an object of glass has no mask and hides nothing, and an object behind it is seen. `label_policy` says
+    /// which it was.
     pub blended_labels: BlendedLabels,
 }
 

@@ -319,10 +319,17 @@ fn the_policy_is_stated() {
     let policy: BTreeMap<_, _> = policy.into_iter().collect();
     assert_eq!(policy["image_frame"], "extend".into());
     assert_eq!(policy["table_and_room"], "clip".into());
+    assert_eq!(policy["transparent"], "first".into());
     assert_eq!(policy["min_visible_px"], 7_i64.into());
     assert_eq!(policy["max_occlusion_rate"], 0.995.into());
     let Value::Text(statement) = &policy["statement"] else { panic!("text") };
-    for part in ["beyond every edge", "is not in its amodal mask", "fewer than 7 visible", "above 0.995"] {
+    for part in [
+        "the first one counts",
+        "beyond every edge",
+        "is not in its amodal mask",
+        "fewer than 7 visible",
+        "above 0.995",
+    ] {
         assert!(statement.contains(part), "{part}: {statement}");
     }
 }

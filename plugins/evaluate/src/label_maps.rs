@@ -140,7 +140,7 @@ impl DatasetReader for LabelMaps {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        read::offers(self.is_amodal)
+        read::Known::with_amodal(self.is_amodal).offers()
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {

@@ -130,6 +130,8 @@ fn write(root: &Path, options: &str) -> BTreeMap<String, Vec<u8>> {
         recipe: String::new(),
         program: "syntable 0.1.0".into(),
         classes: vec!["bowl".into(), "mug".into()],
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     };
     let (log, scene, products) = (Collected::default(), scene(), products());
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&scene);

@@ -1,6 +1,7 @@
 //! COCO panoptic segmentation.
 
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, image_name, merge};
+use crate::coco::Masks;
 use crate::labels::{self, Partial};
 use syntable_formats::coco::Category;
 use syntable_formats::encode::png::{Image, Samples};
@@ -62,7 +63,7 @@ impl CocoPanoptic {
 
 impl Writer for CocoPanoptic {
     fn reads(&self) -> Vec<Input> {
-        std::iter::once(Input::of(RGB)).chain(labels::partial_inputs()).collect()
+        std::iter::once(Input::of(RGB)).chain(labels::visible_inputs()).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -130,7 +131,7 @@ impl SceneWriter for PanopticScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let rgb = products.get(RGB)?;
         let mut labels = labels::partial(products)?;
-        labels.retain(|label| !label.visible.is_empty());
+        labels.retain(|label| !visible(label).is_empty());
         let segments = segments(rgb.width(), rgb.height(), background_category(cx.dataset), &labels);
         let name = image_name(cx.scene.id, cx.view.id);
         let masks: Vec<(u32, &Mask)> = segments.iter().map(|(segment, mask)| (segment.id, mask)).collect();
@@ -145,12 +146,16 @@ impl SceneWriter for PanopticScene {
     }
 }
 
+fn visible<'a>(label: &Partial<'a>) -> &'a Mask {
+    Masks::Visible.shown_of(label)
+}
+
 /// The segments of an image with their masks: objects, then the background if a pixel shows it.
 fn segments(width: u32, height: u32, background: u64, labels: &[Partial]) -> Vec<(Segment, Mask)> {
     let all = Mask::from_fn(width, height, |_, _| true);
-    let rest = labels.iter().fold(all, |rest, label| rest.minus(label.visible));
+    let rest = labels.iter().fold(all, |rest, label| rest.minus(visible(label)));
     let thing = |label: &Partial| {
-        (Segment::new(label.id.0.into(), label.category.into(), label.visible), label.visible.clone())
+        (Segment::new(label.id.0.into(), label.category.into(), visible(label)), visible(label).clone())
     };
     let stuff = (!rest.is_empty()).then(|| (Segment::new(BACKGROUND, background, &rest), rest));
     labels.iter().map(thing).chain(stuff).collect()

@@ -40,51 +40,81 @@ pub struct Label<'a> {
     pub category: u32,
 }
 
-/// What formats read that can do without amodal masks.
-pub fn partial_inputs() -> Vec<Input> {
-    let needed = [VISIBLE_MASK.id(), VISIBLE_BOX.id(), CATEGORY_ID.id()];
+/// What formats read that can do without some of the labels: those of `needed` they cannot.
+fn inputs_needing(needed: Vec<KeyId>) -> Vec<Input> {
     let is_needed = |input: &Input| needed.iter().any(|key| key.name == *input.product);
     inputs().into_iter().map(|input| if is_needed(&input) { input } else { input.optional() }).collect()
 }
 
-/// The labels of one object in a view of a dataset that need not have amodal masks.
+/// What formats read that write visible masks.
+pub fn visible_inputs() -> Vec<Input> {
+    inputs_needing(keys![VISIBLE_MASK, VISIBLE_BOX, CATEGORY_ID])
+}
+
+/// What formats read that write amodal masks.
+pub fn amodal_inputs() -> Vec<Input> {
+    inputs_needing(keys![AMODAL_MASK, AMODAL_BOX, CATEGORY_ID])
+}
+
+/// What formats read that write masks of either kind; [`partial`] refuses what has neither.
+pub fn either_inputs() -> Vec<Input> {
+    inputs_needing(keys![CATEGORY_ID])
+}
+
+/// The labels of one object in a view of a dataset that need not have both kinds of masks.
 #[derive(Debug, Clone, Copy)]
 pub struct Partial<'a> {
     /// Its id in the scene.
     pub id: InstanceId,
-    /// Pixels at which it is the first body.
-    pub visible: &'a Mask,
-    /// Box of the visible mask; zeros if that is empty.
-    pub visible_box: BBox,
     /// Id of its category.
     pub category: u32,
-    /// All labels, where there are amodal masks.
-    pub all: Option<Label<'a>>,
+    /// What is known of its masks.
+    pub masks: Known<'a>,
+}
+
+/// Masks of an object, with their boxes.
+#[derive(Debug, Clone, Copy)]
+pub enum Known<'a> {
+    /// Pixels at which it is the first body.
+    Visible(&'a Mask, BBox),
+    /// Pixels that it would cover without the other objects.
+    Amodal(&'a Mask, BBox),
+    /// All labels.
+    All(Label<'a>),
 }
 
 impl<'a> From<Label<'a>> for Partial<'a> {
     fn from(label: Label<'a>) -> Self {
-        let Label { id, visible, visible_box, category, .. } = label;
-        Self { id, visible, visible_box, category, all: Some(label) }
+        Self { id: label.id, category: label.category, masks: Known::All(label) }
     }
 }
 
 /// The labels of all objects of a view, by id, as far as they are there.
+///
+/// # Errors
+/// If there are neither visible nor amodal masks.
 pub fn partial(products: &Products) -> Result<Vec<Partial<'_>>> {
     let has = |input: Input| products.contains(&*input.product);
     if inputs().into_iter().all(has) {
         return Ok(labels(products)?.into_iter().map(Partial::from).collect());
     }
-    let of_object = |(id, visible)| {
+    let [is_visible, is_amodal] = [VISIBLE_MASK, AMODAL_MASK].map(|key| products.contains(key.name()));
+    let (masks, boxes) = match (is_visible, is_amodal) {
+        (true, _) => (VISIBLE_MASK, VISIBLE_BOX),
+        (false, true) => (AMODAL_MASK, AMODAL_BOX),
+        (false, false) => {
+            return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`").of_request());
+        }
+    };
+    let known = if is_visible { Known::Visible } else { Known::Amodal };
+    let of_object = |(id, mask)| {
         Ok(Partial {
             id,
-            visible,
-            visible_box: *of(products.get(VISIBLE_BOX)?, id, VISIBLE_BOX.name())?,
             category: *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?,
-            all: None,
+            masks: known(mask, *of(products.get(boxes)?, id, boxes.name())?),
         })
     };
-    products.get(VISIBLE_MASK)?.iter().map(of_object).collect()
+    products.get(masks)?.iter().map(of_object).collect()
 }
 
 /// The labels of all annotated objects of a view, by id.
@@ -108,7 +138,7 @@ pub fn labels(products: &Products) -> Result<Vec<Label<'_>>> {
 /// What a product has of an object.
 pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Result<&'a T> {
     product.get(id).ok_or_else(|| {
-        Error::new(format!("instance {id} is in `amodal_mask` but not in `{name}`"))
+        Error::new(format!("instance {id} is in the masks but not in `{name}`"))
             .help("all label products must come from one annotator, or from annotators that agree")
             .permanent()
     })

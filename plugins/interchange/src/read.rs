@@ -1,11 +1,14 @@
 //! What the readers of this crate share.
 
+use serde_json::Value as Json;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use syntable_formats::coco::Image;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
 use syntable_model::prelude::*;
+use syntable_model::product::standard::LABEL_POLICY;
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -88,6 +91,16 @@ pub fn images_root(root: &Path, names: &[&str], image: Option<&str>) -> PathBuf 
     let has = |folder: &PathBuf| image.is_some_and(|image| folder.join(image).is_file());
     let folders = || names.iter().map(|name| root.join(name));
     folders().find(has).or_else(|| folders().next()).unwrap_or_else(|| root.to_owned())
+}
+
+/// The policy of the labels that the record of an image states.
+pub fn policy(image: &Image) -> Option<&Json> {
+    image.extra.get(LABEL_POLICY.name())
+}
+
+/// Whether rates of occlusion count what is beyond the image, so that no mask has it.
+pub fn counts_beyond(image: &Image) -> bool {
+    policy(image).is_some_and(|policy| policy["image_frame"] == "extend")
 }
 
 /// What the file of a listing says of the dataset.

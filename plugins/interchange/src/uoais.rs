@@ -67,9 +67,12 @@ impl Config for Uoais {
 /// Folder of the annotation file inside the writer's folder.
 const ANNOTATIONS: &str = "annotations";
 
+/// How the name of the annotation file begins.
+pub(crate) const FILE: &str = "coco_anns_uoais_sim_";
+
 impl Uoais {
     fn file(&self) -> String {
-        format!("{ANNOTATIONS}/coco_anns_uoais_sim_{}.json", self.split)
+        format!("{ANNOTATIONS}/{FILE}{}.json", self.split)
     }
 }
 

@@ -196,6 +196,8 @@ fn dataset() -> DatasetInfo {
         recipe: String::new(),
         program: "syntable 0.1.0".into(),
         classes: Vec::new(),
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     }
 }
 
@@ -379,8 +381,9 @@ fn what_bop_cannot_have_is_refused() {
         products.put(CAMERA, Value::Record(camera)).expect("once");
     });
     assert!(error.contains("no cameras with lens distortion"), "{error}");
-    // Masks without what the wall hides.
+    // Masks without what the wall hides, and nothing that has it.
     let error = refused("", &|products, whole| {
+        without(products, COVERAGE.name());
         let cut = whole.get(AMODAL_MASK).expect("made").map(|_, mask| {
             let plane = mask.to_plane();
             Mask::from_fn(K.width, K.height, |x, y| y >= WALL && *plane.at(x, y))

@@ -455,8 +455,10 @@ def encloses(corners, mask, what):
 def check_yolo(root, views, option):
     task, masks = option.split(",")
     data = (root / "data.yaml").read_text().splitlines()
-    same(data[:3], ['train: "images/train"', 'val: "images/train"', "names:"], "data.yaml")
-    names = {int(k): json.loads(v) for k, v in (line.strip().split(": ") for line in data[3:])}
+    stated = ["masks: amodal"] if masks == "amodal" else []
+    head = ['train: "images/train"', 'val: "images/train"', *stated, "names:"]
+    same(data[: len(head)], head, "data.yaml")
+    names = {int(k): json.loads(v) for k, v in (line.strip().split(": ") for line in data[len(head) :])}
     same(names, {i - 1: name for i, name in CATEGORIES.items()}, "names")
     checked = moved_boxes = 0
     for view in views:

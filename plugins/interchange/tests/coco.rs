@@ -76,7 +76,7 @@ fn files_of_boxes_have_boxes_and_categories() {
         // All pixels that [1.5, 4.5) × [2, 6) touches.
         let boxes: Vec<BBox> = products.get(VISIBLE_BOX).expect("there").iter().map(|(_, it)| *it).collect();
         assert_eq!(boxes, [BBox::from([1, 2, 4, 4])]);
-        assert_eq!(products.get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect::<Vec<_>>(), [2]);
+        assert_eq!(products.get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect::<Vec<_>>(), [7]);
         assert!(found.caveats(&[]).iter().any(|it| it.contains("boxes")), "{:?}", found.caveats(&[]));
     }
     // One without among others that have masks is at fault, and named.
@@ -121,7 +121,7 @@ fn ids_in_any_order_tell_objects_apart() {
 
 #[test]
 fn a_category_may_have_the_id_0() {
-    for (name, classes) in [("cat", &["cat", "dog"][..]), ("Background", &["dog"])] {
+    for (name, classes, want) in [("cat", &["cat", "dog"][..], "cat"), ("Background", &["dog"], "object")] {
         let folder = tempfile::tempdir().expect("a folder");
         let of =
             |id: u64, category: u64| annotation(id, Some(square(2 * id as u32, 2)), json!({ "category_id": category }));
@@ -129,7 +129,8 @@ fn a_category_may_have_the_id_0() {
         let found = open_of(folder.path(), &[of(1, 0), of(5, 1)], categories);
         assert_eq!(found.info().classes, classes);
         let ids: Vec<u32> = read(&*found).get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect();
-        assert_eq!(ids, [["cat"].map(|it| found.info().category_id(it))[0], found.info().category_id("dog")]);
+        let named = |id: &u32| found.info().categories().find(|(other, _)| other == id).expect("known").1.to_owned();
+        assert_eq!(ids.iter().map(named).collect::<Vec<_>>(), [want, "dog"]);
     }
     let folder = tempfile::tempdir().expect("a folder");
     let twice = json!([{ "id": 7, "name": "cat" }, { "id": 7, "name": "dog" }]);

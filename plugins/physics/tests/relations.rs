@@ -28,6 +28,8 @@ fn relations_of(scene: &Scene, options: &str) -> BTreeMap<String, Json> {
         recipe: String::new(),
         program: "test".into(),
         classes: Vec::new(),
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     };
     let log = Collected::default();
     let mut products = Products::new();

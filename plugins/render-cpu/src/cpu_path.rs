@@ -80,6 +80,10 @@ impl Renderer for CpuPathRenderer {
         Ok(Box::new(self.session()))
     }
 
+    fn label_surface(&self) -> LabelSurface {
+        self.options.blended_labels.surface()
+    }
+
     fn cost(&self) -> String {
         self.options.cost()
     }

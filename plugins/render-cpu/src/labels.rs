@@ -53,7 +53,7 @@ pub(crate) struct LabelCaster<'a> {
     blended: BlendedLabels,
     /// For materials that show the environment.
     projection: Option<&'a ProjectedEnvironment>,
-    /// Bodies with cut-outs, each in a tree of its own, since hits on them must be tested.
+    /// Bodies with cut-outs, and with glass that labels look through, each in a tree of its own, since hits on them must be tested.
     cutouts: Vec<(u32, SceneBvh)>,
 }
 
@@ -73,7 +73,7 @@ impl<'a> LabelCaster<'a> {
         projection: Option<&'a ProjectedEnvironment>,
     ) -> Self {
         let cutouts =
-            (0..world.scene.bodies.len()).filter(|&i| world.is_seen(i) && world.scene.bodies[i].has_cutouts());
+            (0..world.scene.bodies.len()).filter(|&i| world.is_seen(i) && world.scene.bodies[i].is_tested(blended));
         let cutouts = cutouts.map(|i| (i as u32, world.alone(i))).collect();
         Self { world, camera, window, blended, projection, cutouts }
     }
@@ -107,7 +107,7 @@ impl<'a> LabelCaster<'a> {
             tile.pixels.iter().enumerate().filter_map(|(number, pixel)| Some((number, self.ray(pixel)?))).collect();
         let rays: Vec<Ray> = seen.iter().map(|(_, ray)| *ray).collect();
         self.world.seen().all_instances_tile(&rays, 0.0, f32::INFINITY, |number, hit| {
-            if !self.world.scene.bodies[hit.instance as usize].has_cutouts() {
+            if !self.world.scene.bodies[hit.instance as usize].is_tested(self.blended) {
                 tile.hits.push((seen[number].0 as u32, hit));
             }
         });

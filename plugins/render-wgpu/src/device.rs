@@ -13,8 +13,8 @@ use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
-use syntable_prepare::PANE_ROUGHNESS;
-use syntable_prepare::labels::BASE_LAYER;
+use syntable_prepare::labels::{BASE_LAYER, GLASS};
+use syntable_prepare::{FINEST, PANE_ROUGHNESS};
 use syntable_transport::{film, path};
 
 /// What rays of paths meet: by walks, and by ray queries.
@@ -131,7 +131,12 @@ fn constants() -> String {
         ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
         ("WITHOUT_BACKGROUND", view::WITHOUT_BACKGROUND.into()),
         ("WITHOUT_SHADOWS", view::WITHOUT_SHADOWS.into()),
+<<<<<<< HEAD
         ("GUIDE_BOUNCES", path::GUIDE_BOUNCES.into()),
+=======
+        ("LABELS_THROUGH_GLASS", view::LABELS_THROUGH_GLASS.into()),
+        ("GUIDE_BOUNCES", passes::GUIDE_BOUNCES.into()),
+>>>>>>> issue11
         ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
         ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),
         ("SHADOWS_COUNTED", passes::SHADOWS_COUNTED.into()),
@@ -157,6 +162,8 @@ fn constants() -> String {
         ("DEMODULATION_EPSILON", DEMODULATION_EPSILON.into()),
         ("BASE_LAYER", BASE_LAYER.into()),
         ("PANE_ROUGHNESS", PANE_ROUGHNESS.into()),
+        ("FINEST", FINEST.into()),
+        ("GLASS", GLASS.into()),
         ("TOUCHING", path::TOUCHING.into()),
         ("LENS", path::LENS.into()),
         ("LAYER_DIMENSION", path::LAYER_DIMENSION.into()),

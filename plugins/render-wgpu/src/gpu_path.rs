@@ -113,6 +113,10 @@ impl Renderer for GpuPathRenderer {
         Ok(Box::new(self.session(index % self.number_of_adapters())?))
     }
 
+    fn label_surface(&self) -> LabelSurface {
+        self.options.blended_labels.surface()
+    }
+
     fn cost(&self) -> String {
         self.options.cost()
     }

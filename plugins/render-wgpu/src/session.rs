@@ -18,6 +18,7 @@ use syntable_model::product::Products;
 use syntable_model::product::standard::{OPACITY, RADIANCE, RADIANCE_NOISY};
 use syntable_model::scene::Scene;
 use syntable_model::stage::{Bodies, RenderRequest};
+use syntable_prepare::labels::BlendedLabels;
 use syntable_prepare::{AssetCache, Bounds, LightTable, PreparedScene, SceneCache};
 use syntable_transport::components::{self, Light};
 use syntable_transport::film::{GUIDE_SAMPLES, Statistics};
@@ -338,7 +339,9 @@ impl GpuSession {
     pub fn variant(&self, world: &World, Gathered { guides, opacity, tiles, all_bodies }: Gathered) -> Variant {
         Variant {
             layered: world.scene.is_layered,
-            cutouts: world.scene.has_cutouts,
+            // Labels look through glass by the test for cut-outs.
+            cutouts: world.scene.has_cutouts
+                || world.scene.has_glass && self.options.blended_labels == BlendedLabels::Opaque,
             panes: world.scene.has_panes,
             guides,
             deep: self.walks_deep,

@@ -28,6 +28,7 @@ pub const BLENDED_BY_COVERAGE: u32 = 4;
 pub const ONLY_GUIDES: u32 = 8;
 pub const WITHOUT_BACKGROUND: u32 = 16;
 pub const WITHOUT_SHADOWS: u32 = 32;
+pub const LABELS_THROUGH_GLASS: u32 = 64;
 
 /// `View` in `scene.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -289,7 +290,8 @@ impl GpuSession {
                 | flag(TENT, settings.filter == PixelFilter::Tent)
                 | flag(WITHOUT_BACKGROUND, !request.background)
                 | flag(WITHOUT_SHADOWS, !settings.shadows)
-                | flag(BLENDED_BY_COVERAGE, self.options.blended_labels == BlendedLabels::Coverage),
+                | flag(BLENDED_BY_COVERAGE, self.options.blended_labels != BlendedLabels::Shape)
+                | flag(LABELS_THROUGH_GLASS, self.options.blended_labels == BlendedLabels::Opaque),
             max_bounces: settings.max_bounces,
             roulette_from: settings.roulette_from,
             around_width: around.width,

@@ -7,6 +7,7 @@ use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
 use syntable_model::stage::{Atlas, Bodies, Window};
+use syntable_prepare::labels::BlendedLabels;
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer, RayQueries};
 use syntable_testing::room::{self, Look};
@@ -61,14 +62,25 @@ fn labels_are_the_cpus() {
     let image = Window::of(&view.camera.intrinsics);
     let request = RenderRequest::new(&view, &wants, Stream::root(1), &Threads(2));
     let (mut instances, mut bits, mut pixels) = (0, 0, 0);
-    for (look, request) in [
-        (Look::Mixed, request.clone()),
-        (Look::Glass, request.clone()),
-        (Look::Mixed, request.clone().of(window, Bodies::All)),
-        (Look::Mixed, request.clone().of(image, Bodies::Only(&seen))),
-        (Look::Mixed, request.clone().of(image, Bodies::Seen(&seen))),
+    let (plain, mut plainly) = (PathTracing::default(), None);
+    let through_glass = PathTracing { blended_labels: BlendedLabels::Opaque, ..PathTracing::default() };
+    for (options, look, request) in [
+        (&plain, Look::Mixed, request.clone()),
+        (&plain, Look::Glass, request.clone()),
+        (&through_glass, Look::Glass, request.clone()),
+        (&plain, Look::Mixed, request.clone().of(window, Bodies::All)),
+        (&plain, Look::Mixed, request.clone().of(image, Bodies::Only(&seen))),
+        (&plain, Look::Mixed, request.clone().of(image, Bodies::Seen(&seen))),
     ] {
-        let frames = both(&PathTracing::default(), look, &request);
+        let frames = both(options, look, &request);
+        if options == &plain && look == Look::Glass {
+            plainly = Some(frames[0].get(INSTANCE).expect("made").clone());
+        }
+        if options == &through_glass {
+            let [through, _] = pair(&frames, INSTANCE);
+            let changed = plainly.as_ref().map_or(0, |plainly| different([plainly, through], |a, b| a != b));
+            assert!(changed > 100, "labels look through glass at {changed} pixels");
+        }
         instances += different(pair(&frames, INSTANCE), |a, b| a != b);
         let depth = different(pair(&frames, DEPTH), |a, b| !(a == b || (a - b).abs() <= 1e-5 * a));
         let off = |a: [f32; 3], b: [f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3);
@@ -85,7 +97,9 @@ fn labels_are_the_cpus() {
         let same = |(a, b): (&(InstanceId, f32), &(InstanceId, f32))| a.0 == b.0 && (a.1 - b.1).abs() <= 1e-5 * a.1;
         let alike = |a: &[_], b: &[_]| a.len() == b.len() && a.iter().zip(b).all(same);
         let depths = a.pixels().zip(b.pixels()).filter(|(a, b)| !alike(a, b)).count();
-        assert!(a.pixels().flatten().count() > 100, "objects on rays");
+        // All objects are glass there.
+        let objects = a.pixels().flatten().count();
+        assert!(if options == &through_glass { objects == 0 } else { objects > 100 }, "objects on rays: {objects}");
         let all = request.pixels() as usize;
         // As with the depth of what is seen.
         assert!(depths * 2_000 <= all, "{look:?}: {depths} of {all} lists of objects differ");

@@ -58,7 +58,7 @@ impl DatasetReader for Memory {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(true);
+        let mut keys = read::Known::Both.offers();
         keys.extend([RGB.id(), DEPTH.id(), OBJECT_NAME.id()]);
         keys
     }

@@ -78,7 +78,7 @@ impl DatasetReader for Paper {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(!self.visible_alone);
+        let mut keys = read::Known::with_amodal(!self.visible_alone).offers();
         keys.push(OBJECT_NAME.id());
         keys.extend((!self.rgb.is_empty()).then_some(RGB.id()));
         keys.extend((!self.depth.is_empty()).then_some(DEPTH.id()));

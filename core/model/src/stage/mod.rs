@@ -26,7 +26,9 @@ pub use camera_model::CameraModel;
 pub use denoiser::Denoiser;
 pub use light_sampler::LightSampler;
 pub use placer::{PartUse, Placer};
-pub use renderer::{Bodies, DeviceClass, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window};
+pub use renderer::{
+    Bodies, DeviceClass, LabelSurface, RenderDevice, RenderRequest, RenderSession, Renderer, Tile, Window,
+};
 pub use sensor::Sensor;
 pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
@@ -52,16 +54,25 @@ pub struct DatasetInfo {
     pub program: String,
     /// Names of the classes of the recipe's pools, sorted, without `object`.
     pub classes: Vec<String>,
+    /// Ids and names of the categories of a dataset that was read and has ids, ascending; empty where they follow from
+    /// `classes`.
+    pub own_categories: Vec<(u32, String)>,
+    /// Which surface labels are of, as the renderer makes them.
+    pub label_surface: LabelSurface,
 }
 
 impl DatasetInfo {
     /// Category of the objects of no class, which every dataset has: its id and its name.
     pub const OBJECT: (u32, &'static str) = (1, "object");
 
-    /// Ids and names of the categories of annotation files: [`OBJECT`](Self::OBJECT), then the classes, in the order of
-    /// their names, from 2. They depend on the recipe alone, and not on the assets that are drawn.
+    /// Ids and names of the categories of annotation files: its own, or else [`OBJECT`](Self::OBJECT), then the classes, in
+    /// the order of their names, from 2. Those of a run depend on the recipe alone, and not on the assets that are drawn.
     pub fn categories(&self) -> impl Iterator<Item = (u32, &str)> {
-        std::iter::once(Self::OBJECT).chain((Self::OBJECT.0 + 1..).zip(self.classes.iter().map(String::as_str)))
+        let own = self.own_categories.iter().map(|(id, name)| (*id, name.as_str()));
+        let of_classes = std::iter::once(Self::OBJECT)
+            .chain((Self::OBJECT.0 + 1..).zip(self.classes.iter().map(String::as_str)))
+            .filter(|_| self.own_categories.is_empty());
+        own.chain(of_classes)
     }
 
     /// Id of the category of an object in annotation files: that of its class, else that of `object`.
@@ -88,8 +99,20 @@ mod tests {
     fn classes_count_from_two_by_name() {
         let classes = vec!["bowl".to_owned(), "mug".to_owned()];
         let (name, recipe, program) = (String::new(), String::new(), String::new());
-        let dataset = DatasetInfo { name, seed: 0, scenes: 1, views_per_scene: 1, recipe, program, classes };
+        let dataset = DatasetInfo {
+            name,
+            seed: 0,
+            scenes: 1,
+            views_per_scene: 1,
+            recipe,
+            program,
+            classes,
+            own_categories: Vec::new(),
+            label_surface: LabelSurface::First,
+        };
         assert_eq!(dataset.categories().collect::<Vec<_>>(), [(1, "object"), (2, "bowl"), (3, "mug")]);
         assert_eq!(["mug", "bowl", "object", "shoe", ""].map(|name| dataset.category_id(name)), [3, 2, 1, 1, 1]);
+        let own = DatasetInfo { own_categories: vec![(17, "mug".into()), (90, "a".into())], ..dataset };
+        assert_eq!(own.categories().collect::<Vec<_>>(), [(17, "mug"), (90, "a")]);
     }
 }

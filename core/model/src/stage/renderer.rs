@@ -35,8 +35,47 @@ pub trait Renderer: Send + Sync {
     }
     /// Opens a session. `index` counts from 0 and chooses the device.
     fn open(&self, index: usize) -> Result<Box<dyn RenderSession>>;
+    /// Which surface of a ray its labels are of, where some can be seen through.
+    fn label_surface(&self) -> LabelSurface {
+        LabelSurface::First
+    }
     /// One line on what a view costs, for `syntable plan`.
     fn cost(&self) -> String;
+}
+
+/// Which surface of a ray depth, ids, masks and other labels are of, where some can be seen through.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum LabelSurface {
+    /// The first one that is there, glass included. A texture's alpha says where it is, how transparent the material is as a
+    /// whole says nothing.
+    #[default]
+    First,
+    /// The first one that covers one half or more of what is behind it by its alpha; glass does.
+    AlphaThreshold,
+    /// The first opaque one: it covers one half or more, and less than half of the light that enters passes it.
+    FirstOpaque,
+}
+
+impl LabelSurface {
+    /// Its name in the policy of labels.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::First => "first",
+            Self::AlphaThreshold => "alpha_threshold",
+            Self::FirstOpaque => "first_opaque",
+        }
+    }
+
+    /// The same in words.
+    pub fn statement(self) -> &'static str {
+        match self {
+            Self::First => "of surfaces that can be seen through the first one counts",
+            Self::AlphaThreshold => "surfaces whose alpha is below one half are not there, glass is",
+            Self::FirstOpaque => {
+                "surfaces whose alpha is below one half, or that transmit one half or more, are not there"
+            }
+        }
+    }
 }
 
 /// A device that renders.

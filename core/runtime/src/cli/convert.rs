@@ -13,6 +13,9 @@ use syntable_model::reader;
 use syntable_model::registry::{ConstructError, Registry, Slot, Stage};
 use syntable_model::stage::Writer;
 
+/// Number of images that cannot be read and are named.
+const SHOWN: usize = 10;
+
 #[derive(Args)]
 pub(super) struct ConvertArgs {
     /// Folder of the dataset, or its annotation file where there are several.
@@ -81,7 +84,15 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
         console.say(&Message::Warning(warning));
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
-    console.print(&out)
+    console.print(&out)?;
+    if converted.left_out.is_empty() {
+        return Ok(());
+    }
+    let images = count(converted.left_out.len() as u32, "image");
+    let some = converted.left_out.iter().take(SHOWN).map(|reason| Message::Warning(Error::new(reason.clone())));
+    let error = Error::new(format!("{images} left out: they cannot be read")).in_file(&args.dataset);
+    let error = Message::Error(error.help("`syntable validate` lists all that is wrong"));
+    Err(Exit { code: 3, messages: some.chain([error]).collect() })
 }
 
 /// The text after `KIND.` in an option of a kind.

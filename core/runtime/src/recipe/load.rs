@@ -147,6 +147,8 @@ fn needs(dataset: Option<&DatasetTable>, built: &Built, plan: Option<&Plan>) -> 
         recipe: String::new(),
         program: String::new(),
         classes: Vec::new(),
+        own_categories: Vec::new(),
+        label_surface: syntable_model::stage::LabelSurface::First,
     };
     let of_writers = (writers.iter().filter_map(|writer| unready(*writer)))
         .chain(bad_paths(&info, &writers, plan))

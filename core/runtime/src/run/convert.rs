@@ -17,6 +17,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use syntable_model::check::{self, Check};
 use syntable_model::context::{DatasetContext, ViewContext};
 use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::COVERAGE;
 use syntable_model::product::{KeyId, Products, Scope};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
@@ -28,7 +29,7 @@ use syntable_model::stage::{Annotator, Finish, Input, ProductGroup, Writer};
 pub struct Converted {
     /// Scenes of the dataset.
     pub scenes: u32,
-    /// Images of the dataset.
+    /// Images that were written.
     pub images: u32,
     /// Products of the dataset that no writer reads: they are lost.
     pub lost: Vec<String>,
@@ -38,10 +39,12 @@ pub struct Converted {
     pub caveats: Vec<String>,
     /// Number of faults in what was read; `syntable validate` lists them.
     pub faults: u32,
+    /// Images that cannot be read and were left out, each with the reason, in order.
+    pub left_out: Vec<String>,
 }
 
 /// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
-/// error leaves nothing.
+/// error leaves nothing. Images that cannot be read are left out; if no image can, that is an error.
 pub fn convert(
     registry: &Registry,
     dataset: &dyn DatasetReader,
@@ -52,12 +55,26 @@ pub fn convert(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
+    if let Some(first) = dataset.faults().first().filter(|_| dataset.images().is_empty()) {
+        let why = format!("no image can be read: {}: {}", first.place, first.message);
+        return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
+    }
     let Resolved { plan, lacking } = resolve(registry, dataset, writers)?;
     let Staging { part, mark, lock } = Staging::begin(out)?;
     let pool = Pool::new(threads)?;
     let cx = DatasetContext::new(dataset.info(), &pool, &log);
-    let (checks, faults) = (check::linked(), AtomicU32::new(0));
-    let work = Conversion { dataset, writers, plan: &plan, part: &part, stop, cx, checks: &checks, faults: &faults };
+    let (checks, faults, unread) = (check::linked(), AtomicU32::new(0), Mutex::new(BTreeMap::new()));
+    let work = Conversion {
+        dataset,
+        writers,
+        plan: &plan,
+        part: &part,
+        stop,
+        cx,
+        checks: &checks,
+        faults: &faults,
+        unread: &unread,
+    };
     let done = work.scenes().and_then(|scenes| work.finish(&scenes).map(|()| scenes));
     let moved = done.and_then(|scenes| {
         super::folder::remove(&mark)?;
@@ -72,17 +89,19 @@ pub fn convert(
     });
     let scenes = moved.inspect_err(|_| drop(super::folder::remove(&part)))?;
     drop(lock);
+    let unread = unread.into_inner();
     let read: Vec<String> = plan.entries.iter().map(|entry| entry.key.name.to_string()).collect();
     let derived = dataset.derived();
     let stored = dataset.offers().into_iter().filter(|key| !derived.contains(key));
     let lost = stored.map(|key| key.name.to_string()).filter(|name| !read.contains(name));
     Ok(Converted {
         scenes: scenes.len() as u32,
-        images: dataset.images().len() as u32,
+        images: (dataset.images().len() - unread.len()) as u32,
         lost: lost.collect(),
         lacking,
         caveats: dataset.caveats(&plan.rendered),
         faults: faults.into_inner() + dataset.faults().len() as u32,
+        left_out: unread.into_values().map(|error| error.to_string()).collect(),
     })
 }
 
@@ -191,7 +210,9 @@ fn resolve(
     for (id, writer) in writers {
         let (without, reads): (Vec<Input>, Vec<Input>) =
             writer.reads().into_iter().partition(|input| input.is_optional && !has.contains(&input.product));
-        lacking.extend(without.into_iter().map(|input| input.product));
+        // What renderers alone know, no dataset says; masks say what it is for.
+        let lacks = |product: &String| *product != *COVERAGE.name();
+        lacking.extend(without.into_iter().map(|input| input.product).filter(lacks));
         wants.push((id.clone(), reads));
     }
     let candidate = |(stage, part): (String, Part)| {
@@ -200,13 +221,29 @@ fn resolve(
     };
     let implied = parts.into_iter().map(candidate).collect();
     let plan = plan::resolve(offers.clone(), Vec::new(), implied, &wants).map_err(|errors| {
-        let of = |error: &plan::PlanError| match error.fault {
-            Fault::Unknown => format!("{} reads `{}`, which the dataset does not have", error.stage, error.product),
-            _ => error.message.clone(),
-        };
-        let messages: Vec<String> = errors.iter().map(of).collect();
+        let is_unknown = |error: &&plan::PlanError| error.fault == Fault::Unknown;
+        let mut messages: Vec<String> = Vec::new();
+        for (id, _) in writers {
+            let stage = format!("write.{id}");
+            let missing = errors.iter().filter(is_unknown).filter(|error| error.stage == stage);
+            let missing: Vec<String> = missing.map(|error| format!("`{}`", error.product)).collect();
+            if !missing.is_empty() {
+                messages.push(format!("{stage} reads {}, which the dataset does not have", missing.join(", ")));
+            }
+        }
+        messages.extend(errors.iter().filter(|error| !is_unknown(error)).map(|error| error.message.clone()));
         let has: Vec<String> = offers.iter().map(|key| format!("`{}`", key.name)).collect();
-        Error::new(messages.join("; ")).help(format!("the dataset has {}", has.join(", "))).of_request()
+        let mut help = format!("the dataset has {}", has.join(", "));
+        // Such as `include[0]`.
+        let named = errors.iter().filter(is_unknown).find_map(|error| {
+            let option = error.option.as_ref()?.split('[').next()?;
+            Some((error.stage.strip_prefix("write.")?, option))
+        });
+        if let (Some((kind, option)), Some(first)) = (named, has.first()) {
+            let product = first.trim_matches('`');
+            help += &format!("; choose among them, as in --set '{kind}.{option}=[\"{product}\"]'");
+        }
+        Error::new(messages.join("; ")).help(help).of_request()
     })?;
     Ok(Resolved { plan, lacking: lacking.into_iter().collect() })
 }
@@ -281,6 +318,8 @@ struct Conversion<'a> {
     checks: &'a [Check],
     /// Number of faults of images: of their records, and those that the checks found.
     faults: &'a AtomicU32,
+    /// Why images could not be read.
+    unread: &'a Mutex<BTreeMap<usize, Error>>,
 }
 
 impl Conversion<'_> {
@@ -292,46 +331,67 @@ impl Conversion<'_> {
         }
         let scenes: Vec<(SceneId, Vec<usize>)> = images.into_iter().collect();
         let failure: Mutex<Option<(usize, Error)>> = Mutex::new(None);
+        let written = Mutex::new(BTreeSet::new());
         self.cx.workers.run(scenes.len(), &|index| {
             if failure.lock().as_ref().is_some_and(|(first, _)| *first < index) {
                 return;
             }
-            if let Err(error) = self.scene(scenes[index].0, &scenes[index].1) {
-                let mut failure = failure.lock();
-                // The first failing scene speaks for all.
-                if failure.as_ref().is_none_or(|(first, _)| index < *first) {
-                    *failure = Some((index, error));
+            match self.scene(scenes[index].0, &scenes[index].1) {
+                Ok(true) => drop(written.lock().insert(scenes[index].0)),
+                Ok(false) => {}
+                Err(error) => {
+                    let mut failure = failure.lock();
+                    // The first failing scene speaks for all.
+                    if failure.as_ref().is_none_or(|(first, _)| index < *first) {
+                        *failure = Some((index, error));
+                    }
                 }
             }
         });
-        match failure.into_inner() {
-            Some((index, error)) => Err(error.context(format!("scene {}", scenes[index].0.0))),
-            None => Ok(scenes.into_iter().map(|(scene, _)| scene).collect()),
+        if let Some((index, error)) = failure.into_inner() {
+            return Err(error.context(format!("scene {}", scenes[index].0.0)));
+        }
+        let written = written.into_inner();
+        match self.unread.lock().values().next() {
+            Some(first) if written.is_empty() => Err(first.clone().context("no image can be read").of_request()),
+            _ => Ok(written.into_iter().collect()),
         }
     }
 
-    fn scene(&self, id: SceneId, images: &[usize]) -> Result<()> {
+    /// Writes the images of a scene that can be read, and whether there are any.
+    fn scene(&self, id: SceneId, images: &[usize]) -> Result<bool> {
         if let Some(signal) = self.stop.requested() {
             return Err(Error::new(format!("stopped by {}", stop::name_of(signal))));
         }
         let (scene, times) = (Scene::unknown(id), Times::default());
         let cx = self.cx.scene(&scene);
-        let mut writers = Writers::start(self.writers, &cx, self.part, &times)?;
-        let mut of_scene = Products::new();
+        let (mut writers, mut of_scene) = (None, Products::new());
         for &image in images {
             let of = |error: Error| error.context(self.dataset.images()[image].name.clone());
-            let (view, mut products) = self.dataset.read(image, &self.plan.rendered).map_err(of)?;
+            let (view, mut products) = match self.dataset.read(image, &self.plan.rendered) {
+                Ok(read) => read,
+                Err(error) => {
+                    self.unread.lock().insert(image, of(error));
+                    self.faults.fetch_add(1, Ordering::Relaxed);
+                    continue;
+                }
+            };
             annotate(&times, self.plan, &cx.view(&view), &BTreeMap::new(), &mut products).map_err(of)?;
             self.faults.fetch_add(self.dataset.image_faults(image).len() as u32, Ordering::Relaxed);
             for check in self.checks {
                 self.faults.fetch_add(check.run(&products).map_err(of)?.len() as u32, Ordering::Relaxed);
             }
-            writers.view(&cx.view(&view), &products).map_err(of)?;
+            if writers.is_none() {
+                writers = Some(Writers::start(self.writers, &cx, self.part, &times)?);
+            }
+            if let Some(writers) = &mut writers {
+                writers.view(&cx.view(&view), &products).map_err(of)?;
+            }
             let known: Vec<_> =
                 products.keys().into_iter().filter(|key| key.scope == Scope::Scene).map(|key| key.name).collect();
             of_scene = products.only(&known);
         }
-        writers.close(&cx, &of_scene).map(drop)
+        writers.map_or(Ok(false), |writers| writers.close(&cx, &of_scene).map(|_| true))
     }
 
     fn finish(&self, scenes: &[SceneId]) -> Result<()> {

@@ -204,5 +204,7 @@ pub fn dataset_info(recipe: &Recipe) -> DatasetInfo {
         recipe: without_lock(&recipe.resolved),
         program: concat!("syntable ", env!("CARGO_PKG_VERSION")).to_owned(),
         classes: classes.into_iter().filter(|class| *class != DatasetInfo::OBJECT.1).cloned().collect(),
+        own_categories: Vec::new(),
+        label_surface: recipe.render.label_surface(),
     }
 }

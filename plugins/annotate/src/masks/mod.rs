@@ -14,7 +14,9 @@ use syntable_model::product::{BitPlane, OcclusionOrder};
 /// Visible, amodal and occlusion masks, occlusion rates and the occlusion order matrix (OOAM), all from one ray per
 /// pixel center, so that the occlusion mask is exactly the amodal mask minus the visible mask.
 ///
-/// An object with no amodal pixel in the image is never annotated. `label_policy` states these options in the output.
+/// An object with no amodal pixel in the image is never annotated. `label_policy` states these options in the output, and as
+/// `transparent` which surface of a ray counts where one can be seen through: `first`, `alpha_threshold` or `first_opaque`, the
+/// option `blended_labels` of the renderer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Masks {
@@ -136,7 +138,7 @@ impl Annotator for Masks {
         products.put(OCCLUSION_MASK, occlusion)?;
         products.put(OCCLUSION_RATE, (0..).map(id).zip(rates).filter_map(|(id, rate)| Some((id, rate?))).collect())?;
         products.put(OCCLUSION_ORDER, order)?;
-        products.put(LABEL_POLICY, self.policy())
+        products.put(LABEL_POLICY, self.policy(cx.dataset.label_surface))
     }
 }
 
@@ -156,7 +158,7 @@ impl Masks {
         (rate <= self.max_occlusion_rate).then_some(rate)
     }
 
-    fn policy(&self) -> Value {
+    fn policy(&self, surface: LabelSurface) -> Value {
         let (frame, rate) = match self.image_frame {
             ImageFrame::Clip => ("clip", "occlusion rate = occlusion area / amodal area, both within the image"),
             ImageFrame::Extend => (
@@ -170,14 +172,17 @@ impl Masks {
             TableAndRoom::Clip => ("clip", "what table and room hide of an object is not in its amodal mask"),
         };
         let statement = format!(
-            "masks are taken at pixel centers and end at the image's edges; {amodal}; occlusion mask = amodal minus \
+            "masks are taken at pixel centers and end at the image's edges; {}; {amodal}; occlusion mask = amodal minus \
              visible; {rate}; objects with no amodal pixel in the image, with fewer than {} visible pixels or with a \
              rate above {} are not annotated",
-            self.min_visible_px, self.max_occlusion_rate
+            surface.statement(),
+            self.min_visible_px,
+            self.max_occlusion_rate
         );
         Value::record([
             ("image_frame", frame.into()),
             ("table_and_room", support.into()),
+            ("transparent", surface.name().into()),
             ("min_visible_px", self.min_visible_px.into()),
             ("max_occlusion_rate", self.max_occlusion_rate.into()),
             ("statement", statement.into()),

@@ -98,6 +98,8 @@ impl World {
             recipe: String::new(),
             program: "test".into(),
             classes: Vec::new(),
+            own_categories: Vec::new(),
+            label_surface: LabelSurface::First,
         };
         Self { dataset, scene, view, log: Collected::default() }
     }

@@ -2,6 +2,7 @@
 //! the dataset against each other.
 
 use super::finish::{MODELS_INFO, OF_SCENE, model_file};
+use super::meshes::Meshes;
 use super::record::{Camera, Info, NO_BOX, between_centers};
 use crate::read::edge_px2;
 use serde_json::Value as Json;
@@ -19,6 +20,8 @@ const FRACTION: f64 = 1e-3;
 const OTHER_RENDERING: f64 = 0.1;
 /// How far a size of a model may be off, relative to it.
 const SIZE: f64 = 1e-3;
+/// How far a number of a model may be from that of its mesh, relative to the diameter: some datasets simplified meshes later.
+const MESH: f64 = 0.01;
 /// How far a box of `scene_gt_coco.json` may be off, px: those of BlenderProc have no + 1.
 const COCO_BOX_PX: f64 = 1.0;
 
@@ -198,6 +201,27 @@ pub fn camera_is_sound(camera: &Camera, faults: &mut Faults) {
             camera.fx, camera.fy, camera.depth_scale
         );
         faults.add("camera_is_sound", "camera.json".to_owned(), &message);
+    }
+}
+
+/// What `models_info.json` says of the meshes beside it, and these contradict.
+pub fn faults_of_meshes(meshes: &Meshes, models: &BTreeMap<u64, BTreeMap<String, Json>>, faults: &mut Faults) {
+    for id in meshes.numbers() {
+        let own = match meshes.info(id) {
+            Ok(own) => own.numbers(),
+            Err(error) => {
+                faults.add("readable", model_file(id), &error.to_string());
+                continue;
+            }
+        };
+        let slack_mm = MESH * own[0].1;
+        let said = |key: &str| models.get(&id)?.get(key)?.as_f64();
+        let off =
+            own.iter().find_map(|&(key, own)| Some((key, own, said(key).filter(|it| (it - own).abs() > slack_mm)?)));
+        if let Some((key, own, said)) = off {
+            let message = format!("`{key}` is {said} mm, that of {} {own:.3}", model_file(id));
+            faults.add("sizes_of_models", format!("{MODELS_INFO}: {id}"), &message);
+        }
     }
 }
 

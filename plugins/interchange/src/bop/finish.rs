@@ -7,7 +7,7 @@ use super::shard::{self, key};
 use super::{Bop, Layout, Models};
 use crate::annotation_file;
 use serde_json::json;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::ops::RangeInclusive;
 use syntable_formats::coco::{Annotation, Category, Image};
@@ -80,7 +80,7 @@ pub fn write(config: &Bop, dataset: &DatasetInfo, finish: &Finish) -> Result<()>
         },
     });
     let mut objects = Entries::default();
-    summary.obj_ids.iter().try_for_each(|(asset, obj_id)| objects.push(obj_id, asset))?;
+    by_number(&summary.obj_ids).iter().try_for_each(|(obj_id, asset)| objects.push(obj_id, asset))?;
     let [camera_file, info_file, objects_file] = FILES.map(|name| format!("{}/{name}", finish.id()));
     if let Some(camera) = &summary.camera {
         write_bytes(finish, &camera_file, &text(camera)?)?;
@@ -116,18 +116,38 @@ struct Summary {
 impl Summary {
     fn of(finish: &Finish) -> Result<Self> {
         let mut summary = Self::default();
+        let mut stated: BTreeMap<String, BTreeSet<Option<u64>>> = BTreeMap::new();
         for &scene in finish.scenes() {
             let mut numbers = Vec::new();
             for view in shard::views(finish, scene)? {
                 numbers.push(ViewId(view.view));
                 summary.camera.get_or_insert(view.camera);
-                summary.obj_ids.extend(view.objects.into_iter().map(|object| (object.asset, 0)));
+                for object in view.objects {
+                    stated.entry(object.asset).or_default().insert(object.obj_id);
+                }
             }
             summary.images.push((scene, numbers));
         }
-        (1..).zip(summary.obj_ids.values_mut()).for_each(|(number, obj_id)| *obj_id = number);
+        summary.obj_ids = numbers_of(stated);
         Ok(summary)
     }
+}
+
+/// The number of each asset: the one that all its objects state, if they state one for each asset and no two are equal; else its
+/// place among the names.
+fn numbers_of(stated: BTreeMap<String, BTreeSet<Option<u64>>>) -> BTreeMap<String, u64> {
+    let only = |ids: &BTreeSet<Option<u64>>| ids.first().copied().flatten().filter(|id| ids.len() == 1 && *id > 0);
+    let own: Option<Vec<u64>> = stated.values().map(only).collect();
+    let are_told_apart = |ids: &Vec<u64>| ids.iter().collect::<BTreeSet<_>>().len() == ids.len();
+    match own.filter(are_told_apart) {
+        Some(own) => stated.into_keys().zip(own).collect(),
+        None => stated.into_keys().zip(1..).collect(),
+    }
+}
+
+/// Assets by their numbers.
+fn by_number(obj_ids: &BTreeMap<String, u64>) -> BTreeMap<u64, &String> {
+    obj_ids.iter().map(|(asset, &id)| (id, asset)).collect()
 }
 
 /// An entry of the targets of BOP Challenge 2019.
@@ -247,13 +267,13 @@ fn write_scene(
         let path = format!("{folder}/{name}");
         finish.write(&path, |out| {
             let mut file = DatasetWriter::new(out, &path, FileLayout::Lines)?;
-            let category = |(asset, &id): (&String, &u64)| Category {
+            let category = |(id, asset): (u64, &String)| Category {
                 id,
                 name: asset.clone(),
                 supercategory: dataset.name.clone(),
                 ..Category::default()
             };
-            let categories: Vec<_> = obj_ids.iter().map(category).collect();
+            let categories: Vec<_> = by_number(obj_ids).into_iter().map(category).collect();
             file.header(&annotation_file::info(dataset), &[annotation_file::license()], &categories)?;
             file.images(|images| views.iter().try_for_each(|view| images.record(&image(view))))?;
             file.annotations(|annotations| {

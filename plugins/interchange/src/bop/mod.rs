@@ -2,6 +2,7 @@
 
 mod faults;
 mod finish;
+mod meshes;
 mod model;
 mod read;
 mod record;
@@ -25,7 +26,7 @@ use syntable_model::scene::{SceneId, ViewId};
 /// those of the product `camera` minus 0.5.
 ///
 /// `obj_id` numbers all assets of the dataset from 1 in the order of their names; `objects.json` says which is which. It
-/// changes when the dataset grows by new assets.
+/// changes when the dataset grows by new assets. A BOP dataset that is converted keeps its own numbers.
 ///
 /// `models` adds the meshes of these assets, in millimeters and in the frame that poses map from. They have no colors
 /// and no textures; symmetries are not in `models_info.json`. The `diameter` is the exact largest distance of two
@@ -45,8 +46,9 @@ use syntable_model::scene::{SceneId, ViewId};
 /// # Limits
 ///
 /// BOP lists all objects of a scene, hidden ones as well: for that, `objects` is `all` here and in the options of the
-/// annotators `object_info` and `visibility`. BOP has no lens distortion, so images with it are refused. Masks must count
-/// what the table hides, as they do by default.
+/// annotators `object_info` and `visibility`. BOP has no lens distortion, so images with it are refused. `mask` has what
+/// table and room hide of an object, also where `table_and_room` of the annotator `masks` is `clip`; a dataset that was made so
+/// cannot be converted to BOP.
 ///
 /// # Output
 ///
@@ -149,8 +151,11 @@ impl Config for Bop {
 impl Writer for Bop {
     fn reads(&self) -> Vec<Input> {
         let masks = match self.objects {
-            Objects::Annotated => [Input::of(AMODAL_MASK), Input::of(VISIBLE_MASK)],
-            Objects::All => [Input::of(COVERAGE), Input::of(INSTANCE)],
+            // A dataset that is converted has no coverage.
+            Objects::Annotated => {
+                vec![Input::of(AMODAL_MASK), Input::of(VISIBLE_MASK), Input::of(COVERAGE).optional()]
+            }
+            Objects::All => vec![Input::of(COVERAGE), Input::of(INSTANCE)],
         };
         let others =
             [Input::of(RGB), Input::of(DEPTH), Input::of(CAMERA), Input::of(OBJECT_INFO), Input::of(VISIBILITY)];

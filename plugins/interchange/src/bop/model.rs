@@ -30,6 +30,22 @@ pub struct ModelInfo {
     size_z: f64,
 }
 
+impl ModelInfo {
+    /// Its numbers by name.
+    pub fn numbers(&self) -> [(&'static str, f64); 7] {
+        let Self { diameter, min_x, min_y, min_z, size_x, size_y, size_z } = *self;
+        [
+            ("diameter", diameter),
+            ("min_x", min_x),
+            ("min_y", min_y),
+            ("min_z", min_z),
+            ("size_x", size_x),
+            ("size_y", size_y),
+            ("size_z", size_z),
+        ]
+    }
+}
+
 impl Model {
     pub fn of(mesh: &Mesh) -> Self {
         let data = mesh.data();

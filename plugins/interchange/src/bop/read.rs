@@ -2,6 +2,7 @@
 
 use super::faults::{self, CocoScene, Fault};
 use super::finish::{MODELS_INFO, OF_SCENE};
+use super::meshes::Meshes;
 use super::record::{Camera, CameraView, GroundTruth, Info, MM, SceneCamera};
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
@@ -12,8 +13,8 @@ use std::sync::OnceLock;
 use syntable_formats::decode;
 use syntable_formats::read::{self, Faults, Labels};
 use syntable_model::prelude::*;
-use syntable_model::product::PixelCounts;
-use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_NAME, RGB, VISIBILITY};
+use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, RGB, VISIBILITY};
+use syntable_model::product::{ObjectModels, PixelCounts};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 use syntable_model::scene::{SceneId, ViewId};
 
@@ -33,11 +34,17 @@ struct Reader {
     names: BTreeMap<u64, String>,
     bounds: BTreeMap<u64, [[f64; 3]; 2]>,
     /// Numbers of the models; none if the dataset has no list of them.
-    models: Option<BTreeSet<u64>>,
+    models: Option<BTreeMap<u64, BTreeMap<String, Json>>>,
+    meshes: Meshes,
+    /// Numbers of the objects of each scene.
+    of_scenes: BTreeMap<SceneId, BTreeSet<u64>>,
     camera: Option<Camera>,
     /// The annotation files of scenes, by folder, read when somebody asks.
     coco: BTreeMap<PathBuf, OnceLock<Result<Option<CocoScene>>>>,
-    faults: Vec<DatasetFault>,
+    /// What was found to be wrong when it was opened.
+    opened: Vec<DatasetFault>,
+    /// The same and what meshes contradict, found when somebody asks.
+    faults: OnceLock<Vec<DatasetFault>>,
 }
 
 /// An image.
@@ -51,6 +58,8 @@ struct Record {
 
 /// The file of poses of a scene.
 const TRUTH: &str = OF_SCENE[0];
+/// The file of counts of a scene.
+const INFOS: &str = "scene_gt_info.json";
 /// The file of cameras of a scene.
 const CAMERAS: &str = "scene_camera.json";
 
@@ -82,8 +91,23 @@ fn splits_of(root: &Path) -> Vec<PathBuf> {
 
 pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
-    serde_json::from_str(&text)
-        .map_err(|error| Error::new(error.to_string()).in_file(path).at_line(error.line()).of_request())
+    serde_json::from_str(&text).map_err(|error| {
+        // Read again to know where it was.
+        let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_str(&text));
+        let key = located.err().map(|error| error.path().to_string()).filter(|key| key != ".");
+        let what = no_number(&text, &error).unwrap_or_else(|| error.to_string());
+        let what = key.map_or(what.clone(), |key| format!("`{key}`: {what}"));
+        Error::new(what).in_file(path).at_line(error.line()).of_request()
+    })
+}
+
+/// What Python writes in place of a number that is none, where a parser stopped.
+fn no_number(text: &str, error: &serde_json::Error) -> Option<String> {
+    let line = text.lines().nth(error.line().checked_sub(1)?)?;
+    let from = line.char_indices().map(|(at, _)| at).nth(error.column().saturating_sub(2))?;
+    let found =
+        ["NaN", "-Infinity", "Infinity"].into_iter().find(|word| line[from..].find(word).is_some_and(|at| at <= 1))?;
+    Some(format!("{found} is no number of JSON"))
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
@@ -100,30 +124,35 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     };
     let mut faults = Faults::default();
     let (mut refs, mut images) = (Vec::new(), Vec::new());
-    let mut coco = BTreeMap::new();
+    let (mut coco, mut of_scenes) = (BTreeMap::new(), BTreeMap::<SceneId, BTreeSet<u64>>::new());
     for (scene, folder) in scenes_of(split) {
-        if !folder.join(TRUTH).is_file() {
-            let message = format!("the scene has no {TRUTH}: nothing of it is read");
-            faults.add("files_are_there", format!("{scene:06}"), &message);
+        let place = format!("{scene:06}");
+        if let Some(missing) = [TRUTH, CAMERAS, INFOS].iter().find(|name| !folder.join(name).is_file()) {
+            let message = format!("the scene has no {missing}: nothing of it is read");
+            faults.add("files_are_there", place, &message);
             continue;
         }
+        let (mut cameras, mut infos, all) = match files_of(&folder) {
+            Ok(files) => files,
+            Err(error) => {
+                faults.add("readable", place, &format!("{error}: nothing of the scene is read"));
+                continue;
+            }
+        };
         coco.insert(folder.clone(), OnceLock::new());
-        let mut cameras: BTreeMap<u32, SceneCamera> = json(&folder.join(CAMERAS))?;
-        let mut infos: BTreeMap<u32, Vec<Info>> = json(&folder.join("scene_gt_info.json"))?;
-        let all: BTreeMap<u32, Vec<GroundTruth>> = json(&folder.join(TRUTH))?;
         for (number, objects) in all {
             let name = format!("{scene:06}/{number:06}");
             let infos = infos.remove(&number).unwrap_or_default();
             if infos.len() != objects.len() {
-                let message =
-                    format!("it has {} objects in scene_gt.json, {} in scene_gt_info.json", objects.len(), infos.len());
+                let message = format!("it has {} objects in {TRUTH}, {} in {INFOS}", objects.len(), infos.len());
                 faults.add("records_agree", name, &message);
                 continue;
             }
             let Some(camera) = cameras.remove(&number) else {
-                faults.add("records_agree", name, "it is in scene_gt.json and not in scene_camera.json");
+                faults.add("records_agree", name, &format!("it is in {TRUTH} and not in {CAMERAS}"));
                 continue;
             };
+            of_scenes.entry(SceneId(scene)).or_default().extend(objects.iter().map(|object| object.obj_id));
             refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name, id: None });
             images.push(Record { folder: folder.clone(), number, camera, objects, infos });
         }
@@ -131,7 +160,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
             faults.add(
                 "records_agree",
                 format!("{scene:06}/{number:06}"),
-                "it is in scene_camera.json and not in scene_gt.json",
+                &format!("it is in {CAMERAS} and not in {TRUTH}"),
             );
         }
     }
@@ -142,16 +171,24 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let model_folders = [root, above].map(|folder| folder.join("models"));
     let models: Option<BTreeMap<u64, BTreeMap<String, Json>>> =
         optional(&model_folders.each_ref().map(|folder| folder.join(MODELS_INFO)))?;
-    if let Some((models, folder)) = models.as_ref().zip(model_folders.iter().find(|it| it.join(MODELS_INFO).is_file()))
-    {
+    let model_folder = model_folders.iter().find(|it| it.join(MODELS_INFO).is_file());
+    if let Some((models, folder)) = models.as_ref().zip(model_folder) {
         faults::faults_of_models(folder, models, &mut faults);
     }
-    let numbers = models.as_ref().map(|models| models.keys().copied().collect());
-    let models = models.unwrap_or_default();
-    let bounds = models.iter().filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
+    let all_models = models.iter().flatten();
+    let numbers = models.iter().flat_map(|models| models.keys().copied());
+    let meshes = Meshes::of(model_folder.unwrap_or(&model_folders[0]), numbers);
+    let bounds = all_models.filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
     let info = read::Categories::of(&[]).info(name_of(root), String::new(), &refs, String::new());
-    let faults = faults.into_inner();
-    Ok(Box::new(Reader { info, refs, images, names, bounds, models: numbers, camera, coco, faults }))
+    let (opened, faults) = (faults.into_inner(), OnceLock::new());
+    Ok(Box::new(Reader { info, refs, images, names, bounds, models, meshes, of_scenes, camera, coco, opened, faults }))
+}
+
+/// Content of the files of a scene: cameras, counts and poses of each image.
+type SceneFiles = (BTreeMap<u32, SceneCamera>, BTreeMap<u32, Vec<Info>>, BTreeMap<u32, Vec<GroundTruth>>);
+
+fn files_of(folder: &Path) -> Result<SceneFiles> {
+    Ok((json(&folder.join(CAMERAS))?, json(&folder.join(INFOS))?, json(&folder.join(TRUTH))?))
 }
 
 /// The first of these files that is there.
@@ -180,7 +217,13 @@ impl DatasetReader for Reader {
     }
 
     fn faults(&self) -> &[DatasetFault] {
-        &self.faults
+        self.faults.get_or_init(|| {
+            let mut faults = Faults::default();
+            if let Some(models) = &self.models {
+                faults::faults_of_meshes(&self.meshes, models, &mut faults);
+            }
+            self.opened.iter().cloned().chain(faults.into_inner()).collect()
+        })
     }
 
     fn image_faults(&self, image: usize) -> Vec<Fault> {
@@ -191,9 +234,19 @@ impl DatasetReader for Reader {
         faults
     }
 
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let has_models = reads.contains(&OBJECT_MODELS.id());
+        has_models
+            .then(|| "of models, shapes are read: no colors, textures and symmetries".to_owned())
+            .into_iter()
+            .collect()
+    }
+
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(true);
+        let mut keys = read::Known::Both.offers();
         keys.extend(keys![RGB, DEPTH, CAMERA, OBJECT_INFO, OBJECT_NAME, VISIBILITY]);
+        let has_meshes = !self.of_scenes.is_empty() && self.of_scenes.values().all(|models| self.meshes.have(models));
+        keys.extend(has_meshes.then_some(OBJECT_MODELS.id()));
         keys
     }
 
@@ -203,7 +256,10 @@ impl DatasetReader for Reader {
         let mut products = Products::new();
         let rgb = decode::rgb(&record.rgb())?;
         let (width, height) = (rgb.width(), rgb.height());
-        let masks_wanted = read::offers(true).into_iter().any(wanted);
+        if wanted(OBJECT_MODELS.id()) {
+            products.put(OBJECT_MODELS, self.models_of(self.refs[image].scene)?)?;
+        }
+        let masks_wanted = read::Known::Both.offers().into_iter().any(wanted);
         let labels = if masks_wanted { record.labels([width, height])? } else { Vec::new() };
         read::put(&labels, None, wants, &mut products)?;
         if wanted(RGB.id()) {
@@ -225,7 +281,7 @@ impl DatasetReader for Reader {
         if wanted(OBJECT_NAME.id()) {
             let names = record.objects.iter().enumerate();
             let name = |asset: String| asset.rsplit('/').next().unwrap_or_default().to_owned();
-            let names = names.map(|(entry, object)| (id_of(entry), name(self.asset(object)))).collect();
+            let names = names.map(|(entry, object)| (id_of(entry), name(self.asset(object.obj_id)))).collect();
             products.put(OBJECT_NAME, names)?;
         }
         if wanted(VISIBILITY.id()) {
@@ -298,7 +354,7 @@ impl Reader {
         let id = object.obj_id;
         let message = match &self.models {
             _ if id < 1 => "numbers of objects are from 1".to_owned(),
-            Some(models) if !models.contains(&id) => format!("{MODELS_INFO} has no such model"),
+            Some(models) if !models.contains_key(&id) => format!("{MODELS_INFO} has no such model"),
             _ => return None,
         };
         Some(("known_models", format!("instance {}: `obj_id` is {id}, and {message}", id_of(entry))))
@@ -327,12 +383,20 @@ impl Reader {
         all
     }
 
-    fn asset(&self, object: &GroundTruth) -> String {
-        self.names.get(&object.obj_id).cloned().unwrap_or_else(|| format!("obj_{:06}", object.obj_id))
+    /// The meshes of all objects of a scene.
+    fn models_of(&self, scene: SceneId) -> Result<ObjectModels> {
+        let numbers = self.of_scenes.get(&scene).into_iter().flatten();
+        let models = numbers.map(|&id| Ok((self.asset(id), self.meshes.mesh(id)?)));
+        Ok(ObjectModels(models.collect::<Result<_>>()?))
+    }
+
+    /// The asset of a number.
+    fn asset(&self, obj_id: u64) -> String {
+        self.names.get(&obj_id).cloned().unwrap_or_else(|| format!("obj_{obj_id:06}"))
     }
 
     fn object(&self, camera: &SceneCamera, object: &GroundTruth) -> Json {
-        let asset = self.asset(object);
+        let asset = self.asset(object.obj_id);
         let (pool, name) = asset.split_once('/').unwrap_or(("", &asset));
         let camera_from_object = object.pose();
         let mut record = json!({
@@ -340,6 +404,7 @@ impl Reader {
             "pool": pool,
             "name": name,
             "category": "",
+            "obj_id": object.obj_id,
             "camera_from_object": camera_from_object,
         });
         if let Some(world_from_camera) = camera.world_from_camera() {

@@ -33,6 +33,9 @@ pub struct CameraView {
 pub struct ObjectView {
     pub asset: String,
     pub camera_from_object: [[f64; 4]; 4],
+    /// Of objects of a BOP dataset that is converted.
+    #[serde(default)]
+    obj_id: Option<u64>,
 }
 
 /// The part of the product `visibility` that BOP has.
@@ -182,6 +185,9 @@ pub struct ViewRecord {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ObjectRecord {
     pub asset: String,
+    /// The number that the asset has already.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obj_id: Option<u64>,
     rotation: [f64; 9],
     translation_mm: [f64; 3],
     pub visib_fract: f64,
@@ -207,7 +213,7 @@ impl ObjectRecord {
             visible_box: visible.bbox().into(),
             amodal_box: amodal.bbox().into(),
         });
-        Self { asset: object.asset, rotation, translation_mm, visib_fract, shown }
+        Self { asset: object.asset, obj_id: object.obj_id, rotation, translation_mm, visib_fract, shown }
     }
 
     /// Its entry of `scene_gt.json`.

@@ -9,6 +9,7 @@ use syntable_formats::encode::json_shard::push_line;
 use syntable_formats::encode::png::{self, Rounding, depth_units};
 use syntable_formats::segmentation::UncompressedRle;
 use syntable_model::prelude::*;
+use syntable_model::product::BitPlane;
 use syntable_model::product::standard::{
     AMODAL_MASK, CAMERA, COVERAGE, DEPTH, INSTANCE, OBJECT_INFO, OBJECT_MODELS, RGB, VISIBILITY, VISIBLE_MASK,
 };
@@ -144,12 +145,12 @@ impl Objects {
         let object = |(id, [amodal, visible]): (InstanceId, [Cow<'a, Mask>; 2])| {
             let identity = infos.get(id).ok_or_else(|| missing(OBJECT_INFO.name()))?;
             let visibility = visibilities.get(id).ok_or_else(|| missing(VISIBILITY.name()))?;
-            let object = Object {
-                identity: read(identity, OBJECT_INFO.name())?,
-                visibility: read(visibility, VISIBILITY.name())?,
-                amodal,
-                visible,
-            };
+            let visibility: VisibilityView = read(visibility, VISIBILITY.name())?;
+            // Masks may be cut off where table and room hide the object, BOP's are not.
+            let is_cut = u64::from(amodal.area()) != visibility.px_count_in_frame;
+            let whole = is_cut && products.contains(COVERAGE.name());
+            let amodal = if whole { Cow::Owned(covered(products.get(COVERAGE)?, id)) } else { amodal };
+            let object = Object { identity: read(identity, OBJECT_INFO.name())?, visibility, amodal, visible };
             object.check(id)?;
             Ok(object)
         };
@@ -172,14 +173,18 @@ fn annotated(products: &Products) -> Result<Masks<'_>> {
 /// Amodal and visible masks of all objects of the scene; those of objects beside the image are empty.
 fn all(products: &Products) -> Result<Masks<'_>> {
     let (coverage, instance) = (products.get(COVERAGE)?, products.get(INSTANCE)?);
-    let (width, height) = (coverage.width(), coverage.height());
     let masks = (1..=coverage.objects()).map(|object| {
         let id = InstanceId(object as u16);
-        let amodal = Mask::from_fn(width, height, |x, y| coverage.contains(x, y, id));
-        let visible = Mask::from_fn(width, height, |x, y| *instance.at(x, y) == id);
-        Ok((id, [Cow::Owned(amodal), Cow::Owned(visible)]))
+        let visible = Mask::from_fn(coverage.width(), coverage.height(), |x, y| *instance.at(x, y) == id);
+        Ok((id, [Cow::Owned(covered(coverage, id)), Cow::Owned(visible)]))
     });
     masks.collect()
+}
+
+/// The pixels that an object covers. An id that the plane does not have covers none.
+fn covered(coverage: &BitPlane, id: InstanceId) -> Mask {
+    let is_known = (1..=coverage.objects()).contains(&usize::from(id.0));
+    Mask::from_fn(coverage.width(), coverage.height(), |x, y| is_known && coverage.contains(x, y, id))
 }
 
 impl Object<'_> {
@@ -198,7 +203,7 @@ impl Object<'_> {
             "instance {id} has {} pixels in its amodal and {} in its visible mask, where `visibility` counts {} and {}",
             masks[0], masks[1], counted[0], counted[1]
         ))
-        .help("BOP's masks have what the table hides; set `table_and_room = \"occlude\"` of the annotator `masks`")
+        .help("BOP's masks have what the table hides: make the dataset with `table_and_room = \"occlude\"` of the annotator `masks`")
         .permanent())
     }
 }

@@ -4,13 +4,14 @@ mod keypoints;
 pub(crate) mod read;
 
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge, policy};
-use crate::labels::{self, Label, Partial};
+use crate::labels::{self, Known, Label, Partial};
 use keypoints::Named;
 use serde_json::json;
 use syntable_formats::Extra;
 use syntable_formats::coco::Annotation;
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
+use syntable_model::product::BBox;
 use syntable_model::product::standard::{KEYPOINTS, RGB};
 
 /// Writes COCO's layout for detection and instance segmentation.
@@ -21,8 +22,9 @@ use syntable_model::product::standard::{KEYPOINTS, RGB};
 /// say; every annotation also has both masks, both boxes and the rate of occlusion under SynTable's names. Boxes are
 /// `[x, y, width, height]` with `width = last column - first column + 1`, areas whole pixels, masks compressed run lengths.
 /// Image ids are `scene · views_per_scene + view + 1`; images without objects are listed, too. Categories are `object` (1)
-/// and the classes of the recipe's pools. Of a dataset without amodal masks that is converted, `segmentation` is the visible
-/// mask, and the fields of SynTable are left out.
+/// and the classes of the recipe's pools. Of a dataset that is converted and has visible masks alone,
+/// `segmentation` is the visible mask and the fields of SynTable are left out; of one of amodal masks alone, `amodal_mask` and
+/// `amodal_bbox` say that `segmentation` is amodal.
 ///
 /// With `keypoints` annotations have these as well: x, y and visibility of each, 0 for one that is not labeled (then x and y
 /// are 0, too), 1 for a hidden one, 2 for one that is seen. As in COCO's files, (0, 0) is the center of the first pixel.
@@ -84,7 +86,7 @@ pub(crate) fn file(split: &str) -> String {
 impl Writer for Coco {
     fn reads(&self) -> Vec<Input> {
         let keypoints = (!self.keypoints.is_empty()).then(|| Input::of(KEYPOINTS));
-        [Input::of(RGB), policy()].into_iter().chain(labels::partial_inputs()).chain(keypoints).collect()
+        [Input::of(RGB), policy()].into_iter().chain(labels::either_inputs()).chain(keypoints).collect()
     }
 
     fn scene(&self, _: &SceneContext, output: Output) -> Result<Box<dyn SceneWriter>> {
@@ -152,20 +154,25 @@ impl Masks {
         labels
     }
 
-    /// The mask of an object; the visible one where there is no amodal one.
+    /// The mask of an object and its box; the other one where there is no such mask.
+    fn with_box<'a>(self, label: &Partial<'a>) -> (&'a Mask, BBox) {
+        match (label.masks, self) {
+            (Known::Visible(mask, bbox) | Known::Amodal(mask, bbox), _) => (mask, bbox),
+            (Known::All(all), Self::Visible) => (all.visible, all.visible_box),
+            (Known::All(all), Self::Amodal) => (all.amodal, all.amodal_box),
+        }
+    }
+
+    /// The mask of an object; the other one where there is no such mask.
     pub(crate) fn shown_of<'a>(self, label: &Partial<'a>) -> &'a Mask {
-        label.all.map_or(label.visible, |all| self.of(&all))
+        self.with_box(label).0
     }
 
     /// The record of an object.
     pub(crate) fn annotation(self, label: &Partial) -> Annotation {
-        let mask = self.shown_of(label);
-        let bbox = match (self, label.all) {
-            (Self::Amodal, Some(all)) => all.amodal_box,
-            _ => label.visible_box,
-        };
+        let (mask, bbox) = self.with_box(label);
         let mut extra = Extra::from_iter([("instance_id".to_owned(), label.id.0.into())]);
-        extra.extend(label.all.map(|all| of_hidden(&all)).unwrap_or_default());
+        extra.extend(of_hidden(label.masks));
         Annotation {
             id: 0,
             image_id: 0,
@@ -180,17 +187,28 @@ impl Masks {
 }
 
 /// What COCO has no fields for.
-fn of_hidden(label: &Label) -> Extra {
+fn of_hidden(masks: Known) -> Extra {
+    let label = match masks {
+        Known::Visible(..) => return Extra::new(),
+        // It says what `segmentation` is.
+        Known::Amodal(mask, bbox) => {
+            return fields(json!({ "amodal_mask": Rle::encode(mask), "amodal_bbox": <[i32; 4]>::from(bbox) }));
+        }
+        Known::All(label) => label,
+    };
     let boxes = [label.visible_box, label.amodal_box].map(<[i32; 4]>::from);
-    let fields = json!({
+    fields(json!({
         "visible_mask": Rle::encode(label.visible),
         "visible_bbox": boxes[0],
         "amodal_mask": Rle::encode(label.amodal),
         "amodal_bbox": boxes[1],
         "occluded_mask": Rle::encode(label.occlusion),
         "occluded_rate": label.rate,
-    });
-    fields.as_object().cloned().unwrap_or_default()
+    }))
+}
+
+fn fields(json: serde_json::Value) -> Extra {
+    json.as_object().cloned().unwrap_or_default()
 }
 
 register!(Coco);

@@ -8,7 +8,7 @@ use syntable_formats::coco::{Annotation, Image};
 use syntable_formats::decode;
 use syntable_formats::index::Record;
 use syntable_formats::listing::Listing;
-use syntable_formats::read::{self, Labels};
+use syntable_formats::read::{self, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
@@ -39,6 +39,8 @@ const OTHERS: [&str; 2] = [crate::d2sa::FILE, crate::cocoa::FILE];
 
 /// Keys of visible masks beside an amodal `segmentation`; ours, D2SA's and COCOA's, then KINS'.
 const VISIBLE: [&str; 2] = ["visible_mask", "inmodal_seg"];
+/// Key of amodal masks beside a `segmentation` that may be visible: ours.
+const AMODAL: &str = "amodal_mask";
 /// Keys of occlusion masks: ours, then D2SA's.
 const HIDDEN: [&str; 2] = ["occluded_mask", "invisible_mask"];
 /// Keys of occlusion rates: ours, then D2SA's.
@@ -55,7 +57,9 @@ struct Reader {
     listing: Listing,
     /// Whether any annotation has a mask; else all have boxes alone.
     has_masks: bool,
-    is_amodal: bool,
+    known: Known,
+    /// Whether images without objects are listed.
+    lists_all: bool,
     /// Whether every image has a depth image.
     has_depth: bool,
     /// Whether every image says the policy of its labels.
@@ -66,16 +70,18 @@ struct Reader {
 
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
-    let (mut has_masks, mut is_amodal, mut has_depth, mut has_policy, mut crowds) = (false, false, true, true, 0);
+    let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
+    let (mut has_visible, mut has_amodal) = (false, false);
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
             has_masks |= segmentation(annotation).is_some();
-            is_amodal |= VISIBLE.iter().any(|key| annotation.extra.contains_key(*key));
+            has_visible |= VISIBLE.iter().any(|key| annotation.extra.contains_key(*key));
+            has_amodal |= annotation.extra.contains_key(AMODAL);
             crowds += u64::from(is_crowd(annotation));
         }
         Record::Image(image) => {
             has_depth &= depth_file(image).is_some();
-            has_policy &= image.extra.contains_key(LABEL_POLICY.name());
+            has_policy &= shared::policy(image).is_some();
         }
         Record::Scene(_) => {}
     })?;
@@ -84,8 +90,20 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     }
     let images_root = images_root(root, file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let info = shared::info(&listing);
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let is_amodal = has_amodal
+        || name.to_lowercase().contains("amodal")
+        || listing.file.info.extra.get("masks") == Some(&"amodal".into());
+    let known = match (has_visible, is_amodal) {
+        (true, _) => Known::Both,
+        // Files of these leave out the visible mask of what is not occluded.
+        (false, true) if shared::name_starts(file, crate::d2sa::FILE) => Known::Both,
+        (false, true) => Known::Amodal,
+        (false, false) => Known::Visible,
+    };
+    let lists_all = !shared::name_starts(file, crate::uoais::FILE);
     let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
-    Ok(Box::new(Reader { images_root, info, listing, has_masks, is_amodal, has_depth, has_policy, crowds }))
+    Ok(Box::new(Reader { images_root, info, listing, has_masks, known, lists_all, has_depth, has_policy, crowds }))
 }
 
 /// Path of the depth image of an image.
@@ -124,11 +142,15 @@ impl DatasetReader for Reader {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = if self.has_masks { read::offers(self.is_amodal) } else { keys![VISIBLE_BOX, CATEGORY_ID] };
+        let mut keys = if self.has_masks { self.known.offers() } else { keys![VISIBLE_BOX, CATEGORY_ID] };
         keys.push(RGB.id());
         let more = [(self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
         keys.extend(more.into_iter().filter(|(has, _)| *has).map(|(_, key)| key));
         keys
+    }
+
+    fn lists_all_images(&self) -> bool {
+        self.lists_all
     }
 
     fn caveats(&self, _: &[KeyId]) -> Vec<String> {
@@ -212,12 +234,12 @@ fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'stati
         }
     };
     let other = |key: &str| field::<Segmentation>(annotation, key).ok()??.decode(width, height).ok();
-    if let Some(amodal) = other("amodal_mask") {
+    if let Some(amodal) = other(AMODAL) {
         let differ = |other: &Mask| f64::from(mask.minus(other).area() + other.minus(&mask).area());
         let is_one = differ(&amodal) <= edge_px2 || other(VISIBLE[0]).is_some_and(|it| differ(&it) <= edge_px2);
         if !is_one {
             let message = format!(
-                "{} differs from `amodal_mask` at {} pixels, and is not `{}` either",
+                "{} differs from `{AMODAL}` at {} pixels, and is not `{}` either",
                 of("segmentation"),
                 differ(&amodal),
                 VISIBLE[0]
@@ -311,14 +333,17 @@ impl Reader {
         let missing = || Error::new("it is missing or empty").context(of("segmentation")).permanent();
         let own = decoded(segmentation(annotation).ok_or_else(missing)?, "segmentation")?;
         // Where the masks of others are amodal, an object without a visible one is not occluded.
-        let amodal = if self.is_amodal { Some(extra("amodal_mask")?.unwrap_or_else(|| own.clone())) } else { None };
+        let amodal = match self.known {
+            Known::Visible => None,
+            Known::Amodal | Known::Both => Some(extra(AMODAL)?.unwrap_or_else(|| own.clone())),
+        };
         let visible = either(VISIBLE)?.unwrap_or(own);
         let bbox = |key| Ok(field::<[i32; 4]>(annotation, key)?.map(BBox::from));
         let rate = match field(annotation, RATE[0])? {
             None => field(annotation, RATE[1])?,
             some => some,
         };
-        let is_amodal = self.is_amodal;
+        let is_amodal = self.known == Known::Both;
         Ok(Labels {
             id,
             visible,
@@ -326,7 +351,7 @@ impl Reader {
             occlusion: either(HIDDEN)?.filter(|_| is_amodal),
             rate: rate.filter(|_| is_amodal),
             visible_box: bbox("visible_bbox")?,
-            amodal_box: bbox("amodal_bbox")?.filter(|_| is_amodal),
+            amodal_box: bbox("amodal_bbox")?.filter(|_| self.known != Known::Visible),
             category: self.listing.categories.id(annotation.category_id),
         })
     }

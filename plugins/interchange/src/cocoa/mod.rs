@@ -2,7 +2,7 @@
 
 mod read;
 
-use crate::annotation_file::{self, Listed, SceneFiles, check_split, image_name, merge};
+use crate::annotation_file::{self, Listed, SceneFiles, check_split, image_name, merge, policy};
 use crate::coco::Masks;
 use crate::labels::{self, Label};
 use crate::order::{self, Order};
@@ -63,7 +63,7 @@ impl Cocoa {
 
 impl Writer for Cocoa {
     fn reads(&self) -> Vec<Input> {
-        let own = [Input::of(RGB), Input::of(AMODAL_OUTLINE)];
+        let own = [Input::of(RGB), Input::of(AMODAL_OUTLINE), policy()];
         own.into_iter().chain(order::inputs()).chain(labels::inputs()).collect()
     }
 

@@ -13,7 +13,7 @@ use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Labels};
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RGB;
+use syntable_model::product::standard::{LABEL_POLICY, RGB};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -81,23 +81,29 @@ struct Reader {
     info: DatasetInfo,
     /// The names of regions.
     categories: Categories,
+    /// Whether every image says the policy of its labels.
+    has_policy: bool,
     listing: Listing,
 }
 
 fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
     let [root, file] = shared::root_and_file(path, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
-    let mut names = BTreeSet::new();
-    let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| {
-        if let Record::Annotation(annotation) = record {
-            names.extend(annotation.objects().map(|(_, region)| region.name.clone()).filter(|name| !name.is_empty()));
+    let (mut names, mut has_policy) = (BTreeSet::new(), true);
+    let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| match record {
+        Record::Annotation(annotation) => {
+            let of_objects = annotation.objects().map(|(_, region)| region.name.clone());
+            names.extend(of_objects.filter(|name| !name.is_empty()));
         }
+        Record::Image(image) => has_policy &= shared::policy(image).is_some(),
+        Record::Scene(_) => {}
     })?;
     let categories = Categories::named(names);
     let first = listing.images.first().map(|image| image.frame.file_name.as_str());
     let images_root = images_root(&root, &file, first);
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
-    Ok(Box::new(Reader { images_root, info, categories, listing }))
+    let has_policy = has_policy && !listing.images.is_empty();
+    Ok(Box::new(Reader { images_root, info, categories, has_policy, listing }))
 }
 
 impl ImageAnnotation {
@@ -164,7 +170,8 @@ impl ImageAnnotation {
         })
     }
 
-    fn labels(&self, categories: &Categories, size: [u32; 2]) -> Result<Vec<Labels>> {
+    /// The labels of its objects. Rates that count what is `beyond` the image are those that it states.
+    fn labels(&self, categories: &Categories, size: [u32; 2], beyond: bool) -> Result<Vec<Labels>> {
         let of = |(row, (number, region)): (usize, (usize, &Region))| {
             let [visible, amodal, _] = self.masks(number, region, size)?;
             Ok(Labels {
@@ -172,7 +179,7 @@ impl ImageAnnotation {
                 visible,
                 amodal: Some(amodal),
                 occlusion: None,
-                rate: None,
+                rate: region.occlude_rate.filter(|_| beyond),
                 visible_box: None,
                 amodal_box: None,
                 category: categories.id_of(&region.name),
@@ -183,8 +190,8 @@ impl ImageAnnotation {
         Ok(labels)
     }
 
-    /// What it says beside its masks, and what contradicts them.
-    fn faults(&self, size: [u32; 2]) -> Vec<(&'static str, String)> {
+    /// What it says beside its masks, and what contradicts them. Rates may count what is `beyond` the image.
+    fn faults(&self, size: [u32; 2], beyond: bool) -> Vec<(&'static str, String)> {
         let mut faults = Vec::new();
         if let Some(count) = self.size.filter(|count| *count != self.regions.len()) {
             let message = format!("annotation {}: `size` is {count}, it has {} regions", self.id, self.regions.len());
@@ -200,7 +207,7 @@ impl ImageAnnotation {
             else {
                 continue;
             };
-            faults.extend(self.faults_of_masks(number, region, [&visible, &amodal, &hidden], &polygon));
+            faults.extend(self.faults_of_masks(number, region, [&visible, &amodal, &hidden], (&polygon, beyond)));
         }
         match self.constraints() {
             Ok(pairs) => faults.extend(self.faults_of_order(&pairs, size)),
@@ -214,7 +221,7 @@ impl ImageAnnotation {
         number: usize,
         region: &Region,
         [visible, amodal, hidden]: [&Mask; 3],
-        polygon: &Mask,
+        (polygon, beyond): (&Mask, bool),
     ) -> Vec<(&'static str, String)> {
         let mut faults = Vec::new();
         let edge = edge_px2(amodal).max(1.0);
@@ -232,7 +239,8 @@ impl ImageAnnotation {
                 (Some(_), None) => edge / area.max(1.0),
                 _ => of_edge,
             };
-        if let Some(said) = region.occlude_rate.filter(|said| (said - rate).abs() > tolerance) {
+        let is_off = |said: &f64| if beyond { *said < rate - tolerance } else { (said - rate).abs() > tolerance };
+        if let Some(said) = region.occlude_rate.filter(is_off) {
             let message = format!("{} is {said}, that of its masks {rate:.6}", self.key(number, "occlude_rate"));
             faults.push(("rate_is_ratio_of_areas", message));
         }
@@ -288,19 +296,25 @@ impl DatasetReader for Reader {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(true);
+        let mut keys = read::Known::Both.offers();
         keys.push(RGB.id());
+        keys.extend(self.has_policy.then_some(LABEL_POLICY.id()));
         keys
     }
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
         let Ok(Some(annotation)) = self.annotation(image) else { return Vec::new() };
-        annotation.faults([frame.width, frame.height])
+        let Ok(beyond) = self.counts_beyond(image) else { return Vec::new() };
+        annotation.faults([frame.width, frame.height], beyond)
+    }
+
+    fn lists_all_images(&self) -> bool {
+        false
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
-        let reads_masks = reads.iter().any(|key| *key != RGB.id());
+        let reads_masks = reads.iter().any(is_label);
         reads_masks.then(|| POLYGONS.to_owned()).into_iter().collect()
     }
 
@@ -308,12 +322,18 @@ impl DatasetReader for Reader {
         let frame = &self.listing.images[image].frame;
         let size = [frame.width, frame.height];
         let mut products = Products::new();
-        if wants.iter().any(|want| *want != RGB.id()) {
+        if wants.iter().any(is_label) {
             let labels = match self.annotation(image)? {
-                Some(annotation) => annotation.labels(&self.categories, size)?,
+                Some(annotation) => annotation.labels(&self.categories, size, self.counts_beyond(image)?)?,
                 None => Vec::new(),
             };
             read::put(&labels, None, wants, &mut products)?;
+        }
+        if self.has_policy && wants.contains(&LABEL_POLICY.id()) {
+            let record: Image = self.listing.image(image)?;
+            if let Some(policy) = shared::policy(&record) {
+                products.put(LABEL_POLICY, Value::of(policy)?)?;
+            }
         }
         if wants.contains(&RGB.id()) {
             products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
@@ -322,7 +342,17 @@ impl DatasetReader for Reader {
     }
 }
 
+/// Whether a product follows from masks.
+fn is_label(key: &KeyId) -> bool {
+    ![RGB.id(), LABEL_POLICY.id()].contains(key)
+}
+
 impl Reader {
+    /// Whether the rates of an image count what is beyond it.
+    fn counts_beyond(&self, image: usize) -> Result<bool> {
+        Ok(self.has_policy && shared::counts_beyond(&self.listing.image(image)?))
+    }
+
     /// The first annotation of an image.
     fn annotation(&self, image: usize) -> Result<Option<ImageAnnotation>> {
         let numbers = &self.listing.images[image].annotations;

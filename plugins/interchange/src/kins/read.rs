@@ -218,7 +218,7 @@ impl DatasetReader for Reader {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(true);
+        let mut keys = read::Known::Both.offers();
         keys.push(RGB.id());
         keys
     }

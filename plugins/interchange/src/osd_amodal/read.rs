@@ -139,7 +139,7 @@ impl DatasetReader for Reader {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        let mut keys = read::offers(true);
+        let mut keys = read::Known::Both.offers();
         keys.extend(keys![RGB, DEPTH]);
         keys
     }

@@ -1,9 +1,11 @@
 //! What `data.yaml` says of a dataset, of which YAML's lists, maps and strings of one line are read.
 
 use super::read::Shape;
+use super::{AMODAL, MASKS};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use syntable_formats::read::Known;
 use syntable_model::error::{Error, Result};
 
 /// Key of the names.
@@ -14,17 +16,34 @@ const POSES: &str = "kpt_shape";
 /// Key of the task, which Ultralytics writes into models.
 const TASK: &str = "task";
 
+/// What polygons are around: what is visible, if the file does not say that they are around whole objects.
+pub fn masks(path: &Path) -> Result<Known> {
+    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
+    match value_of(&text, MASKS) {
+        None => Ok(Known::Visible),
+        Some((_, masks)) if masks == "visible" => Ok(Known::Visible),
+        Some((_, masks)) if masks == AMODAL => Ok(Known::Amodal),
+        Some((number, masks)) => Err(Error::new(format!("`{MASKS}` is `{masks}`"))
+            .in_file(path)
+            .at_line(number)
+            .help("write visible or amodal")
+            .of_request()),
+    }
+}
+
+/// The value of a key of the file, and its line.
+fn value_of(text: &str, key: &str) -> Option<(usize, String)> {
+    (1..).zip(text.lines()).find_map(|(number, line)| {
+        let (found, value) = uncommented(line).split_once(':')?;
+        let is_it = !found.starts_with(char::is_whitespace) && scalar(found)? == key;
+        is_it.then(|| (number, scalar(value).unwrap_or_default()))
+    })
+}
+
 /// What lines have after the class, as far as the file says it.
 pub fn shape(path: &Path) -> Result<Option<Shape>> {
     let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
-    let value_of = |key: &str| {
-        (1..).zip(text.lines()).find_map(|(number, line)| {
-            let (found, value) = uncommented(line).split_once(':')?;
-            let is_it = !found.starts_with(char::is_whitespace) && scalar(found)? == key;
-            is_it.then(|| (number, scalar(value).unwrap_or_default()))
-        })
-    };
-    let Some((number, task)) = value_of(TASK) else { return Ok(value_of(POSES).map(|_| Shape::Poses)) };
+    let Some((number, task)) = value_of(&text, TASK) else { return Ok(value_of(&text, POSES).map(|_| Shape::Poses)) };
     match task.as_str() {
         "segment" => Ok(Some(Shape::Polygons)),
         "detect" => Ok(Some(Shape::Boxes)),

@@ -28,6 +28,8 @@ use syntable_model::scene::{SceneId, ViewId};
 ///   only those of a box that is larger than the image are moved to its edge, since the loader drops images with such
 ///   boxes.
 ///
+/// With `masks = "amodal"`, `data.yaml` has the line `masks: amodal`, so that readers know what polygons are around.
+///
 /// `data.yaml` names the images of this dataset for training and for validation: point `val` to the images of a dataset
 /// that was made for it. Paths count from the folder of `data.yaml`.
 ///
@@ -99,6 +101,10 @@ impl Yolo {
 
 /// Name of the file that describes the dataset.
 const DATA: &str = "data.yaml";
+/// Its key of what polygons are around, which Ultralytics does not read.
+const MASKS: &str = "masks";
+/// Its value for whole objects; what is visible needs no statement.
+const AMODAL: &str = "amodal";
 
 impl Writer for Yolo {
     fn reads(&self) -> Vec<Input> {
@@ -107,8 +113,8 @@ impl Writer for Yolo {
             YoloTask::Obb => rotated_box_key(self.masks),
         };
         let labels = match self.masks {
-            Masks::Visible => labels::partial_inputs(),
-            Masks::Amodal => labels::inputs(),
+            Masks::Visible => labels::visible_inputs(),
+            Masks::Amodal => labels::amodal_inputs(),
         };
         [Input::of(RGB), Input::of(points)].into_iter().chain(labels).collect()
     }
@@ -128,25 +134,29 @@ impl Writer for Yolo {
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         let path = format!("{}/{DATA}", finish.id());
-        let text = data_yaml(&self.images(), cx.dataset);
+        let text = data_yaml(self, cx.dataset);
         finish.write(&path, |out| out.write_all(text.as_bytes()).map_err(|error| Error::io(&path, &error)))
     }
 }
 
 /// The description of the dataset. Names are quoted as in JSON, which YAML reads.
-fn data_yaml(images: &str, dataset: &DatasetInfo) -> String {
+fn data_yaml(config: &Yolo, dataset: &DatasetInfo) -> String {
     let quoted = |text: &str| serde_json::Value::from(text).to_string();
-    let images = quoted(images);
-    let mut text = format!("train: {images}\nval: {images}\nnames:\n");
-    for (id, name) in dataset.categories() {
-        text += &format!("  {}: {}\n", class(id), quoted(name));
+    let images = quoted(&config.images());
+    let mut text = format!("train: {images}\nval: {images}\n");
+    if config.masks == Masks::Amodal {
+        text += &format!("{MASKS}: {AMODAL}\n");
+    }
+    text += "names:\n";
+    for (class, (_, name)) in dataset.categories().enumerate() {
+        text += &format!("  {class}: {}\n", quoted(name));
     }
     text
 }
 
-/// The class of a category: classes count from 0, categories from 1.
-fn class(category: u32) -> u32 {
-    category - DatasetInfo::OBJECT.0
+/// The class of a category: its place among them, from 0.
+fn class(dataset: &DatasetInfo, category: u32) -> usize {
+    dataset.categories().position(|(id, _)| id == category).unwrap_or_default()
 }
 
 struct YoloScene {
@@ -163,7 +173,7 @@ impl SceneWriter for YoloScene {
         let mut text = String::new();
         let labels = labels::partial(products)?;
         for label in labels.iter().filter(|label| !config.masks.shown_of(label).is_empty()) {
-            text += &line(class(label.category), &config.points(products, label.id, size)?, size);
+            text += &line(class(cx.dataset, label.category), &config.points(products, label.id, size)?, size);
         }
         output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())
     }
@@ -174,7 +184,7 @@ impl SceneWriter for YoloScene {
 }
 
 /// The line of an object. Six decimals are a thousandth of a pixel.
-fn line(class: u32, points: &[[f64; 2]], [width, height]: [f64; 2]) -> String {
+fn line(class: usize, points: &[[f64; 2]], [width, height]: [f64; 2]) -> String {
     let mut line = class.to_string();
     for [x, y] in points {
         // Writing to a string cannot fail.
@@ -215,8 +225,21 @@ mod tests {
     fn names_are_valid_yaml() {
         let (name, recipe, program) = (String::new(), String::new(), String::new());
         let classes = vec!["a: \"b\"".to_owned()];
-        let dataset = DatasetInfo { name, seed: 0, scenes: 1, views_per_scene: 1, recipe, program, classes };
+        let dataset = DatasetInfo {
+            name,
+            seed: 0,
+            scenes: 1,
+            views_per_scene: 1,
+            recipe,
+            program,
+            classes,
+            own_categories: Vec::new(),
+            label_surface: LabelSurface::First,
+        };
         let want = "train: \"images/val\"\nval: \"images/val\"\nnames:\n  0: \"object\"\n  1: \"a: \\\"b\\\"\"\n";
-        assert_eq!(data_yaml("images/val", &dataset), want);
+        let config = Yolo { split: "val".into(), ..Yolo::default() };
+        assert_eq!(data_yaml(&config, &dataset), want);
+        let amodal = data_yaml(&Yolo { masks: Masks::Amodal, ..config }, &dataset);
+        assert_eq!(amodal, want.replace("names:", "masks: amodal\nnames:"));
     }
 }

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::Category;
 use syntable_formats::decode;
-use syntable_formats::read::{self, Categories, Faults, Labels};
+use syntable_formats::read::{self, Categories, Faults, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CATEGORY_ID, RGB};
@@ -20,7 +20,7 @@ use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 syntable_model::register_format!(Format {
     name: "yolo",
     doc: "Ultralytics YOLO: `images/SPLIT` beside `labels/SPLIT`, one split, or its folder of images. Polygons are taken for \
-          visible masks; of boxes, rotated boxes and poses only classes are read.",
+          visible masks, unless `data.yaml` has `masks: amodal`; of boxes, rotated boxes and poses only classes are read.",
     detect: |root| !splits_of(root).is_empty() && !is_beside_coco(root),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
@@ -47,6 +47,8 @@ struct Reader {
     refs: Vec<ImageRef>,
     images: Vec<Labeled>,
     shape: Shape,
+    /// What polygons are around.
+    known: Known,
     /// Lines of boxes among those of polygons.
     boxes: usize,
     faults: Faults,
@@ -168,6 +170,7 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     }
     let description = images.ancestors().take(ABOVE).map(|above| above.join(DATA)).find(|path| path.is_file());
     let stated = description.as_deref().map(data::shape).transpose()?.flatten();
+    let known = description.as_deref().map_or(Ok(Known::Visible), data::masks)?;
     let (mut shape, mut boxes, mut found) = (None, 0, BTreeSet::new());
     for path in all.iter().filter_map(|image| image.labels.as_ref()) {
         // What cannot be read is at fault when the image is read.
@@ -184,12 +187,13 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let classes = names.keys().copied().collect();
     // Classes count from 0, and category 0 is a background elsewhere.
     let category = |(class, name): (u64, String)| Category { id: class.saturating_add(1), name, ..Category::default() };
-    let categories = Categories::of(&names.into_iter().map(category).collect::<Vec<_>>());
+    let mut categories = Categories::of(&names.into_iter().map(category).collect::<Vec<_>>());
+    found.iter().for_each(|class| categories.note(class.saturating_add(1)));
     let (refs, images) = faults.in_order(all, |image| (&image.name, None));
     let name = root.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let info = categories.info(name, String::new(), &refs, String::new());
     let shape = stated.or(shape).unwrap_or(Shape::Polygons);
-    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, boxes, faults }))
+    Ok(Box::new(Reader { info, categories, classes, refs, images, shape, known, boxes, faults }))
 }
 
 /// The lines of a label file of a dataset of which this is said.
@@ -269,7 +273,7 @@ impl DatasetReader for Reader {
 
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = match self.shape {
-            Shape::Polygons => read::offers(false),
+            Shape::Polygons => self.known.offers(),
             Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => keys![CATEGORY_ID],
         };
         keys.push(RGB.id());
@@ -287,9 +291,10 @@ impl DatasetReader for Reader {
             Shape::Poses => classes_alone("poses, boxes with points"),
             Shape::Polygons => {
                 let visible = "polygons are taken for visible masks: the format does not say which they are".to_owned();
+                let visible = (self.known == Known::Visible).then_some(visible);
                 let boxes = format!("objects with a box and no polygon were left out: {}", self.boxes);
                 let boxes = (self.boxes > 0).then_some(boxes);
-                [POLYGONS.to_owned(), visible].into_iter().chain(boxes).collect()
+                std::iter::once(POLYGONS.to_owned()).chain(visible).chain(boxes).collect()
             }
         }
     }
@@ -329,7 +334,10 @@ impl DatasetReader for Reader {
                     let polygons = lines.iter().enumerate().filter(|(_, line)| !line.is_box());
                     let labels = polygons.map(|(row, line)| self.labels(image, row, line, size));
                     let mut labels = labels.collect::<Result<Vec<_>>>()?;
-                    settle_edges(&mut labels);
+                    // Whole objects may share pixels.
+                    if self.known == Known::Visible {
+                        settle_edges(&mut labels);
+                    }
                     read::put(&labels, None, wants, &mut products)?;
                 }
                 Shape::Boxes | Shape::RotatedBoxes | Shape::Poses => {
@@ -361,10 +369,11 @@ impl Reader {
         };
         let scale = [f64::from(width), f64::from(height)];
         let polygon = line.values.iter().enumerate().map(|(i, value)| value * scale[i % 2]).collect();
+        let mask = Segmentation::Polygons(vec![polygon]).decode(width, height).map_err(at)?;
         Ok(Labels {
             id: read::id_of(row)?,
-            visible: Segmentation::Polygons(vec![polygon]).decode(width, height).map_err(at)?,
-            amodal: None,
+            amodal: (self.known == Known::Amodal).then(|| mask.clone()),
+            visible: mask,
             occlusion: None,
             rate: None,
             visible_box: None,

@@ -266,6 +266,69 @@ fn thin_glass_is_a_body_unless_labels_go_by_coverage() {
     }
 }
 
+/// Glass before an object, from straight above: a pane at 0.5 m, whose right quarter is opaque, over a block that ends at 0.2 m,
+/// over the floor. The camera is at 1.5 m, so depths are 1, 1.3 and 1.5 m.
+#[test]
+fn of_glass_before_an_object_the_surface_counts_that_the_option_says() {
+    use syntable_model::scene::{Encoding, Scalar, Texture, Transmission, Wrap};
+    use syntable_prepare::labels::BlendedLabels;
+    let texels = (0..64).flat_map(|i| [if i % 8 < 6 { 255 } else { 0 }, 0, 0, 255]).collect::<Vec<u8>>();
+    let texture = Arc::new(Texture {
+        width: 8,
+        height: 8,
+        digest: syntable_model::digest::Digest::of(&texels),
+        texels,
+        encoding: Encoding::Linear,
+        wrap: [Wrap::Clamp; 2],
+    });
+    let passing = |factor: f32, is_textured: bool| {
+        let fraction = match is_textured {
+            true => Scalar { factor, texture: Some((Arc::clone(&texture).into(), 0)) },
+            false => Scalar::constant(factor),
+        };
+        Some(Transmission { fraction, volume: None })
+    };
+    let view = view(20, 20, 20.0, [0.0, 0.0, 1.5], [0.0; 3], vec![]);
+    let (block_alone, both) = ([2_u16].as_slice(), [1_u16, 2].as_slice());
+    // Transmission, metallic, the policy; what is seen at columns 6 and 16 of row 10, its depth, and what covers column 6.
+    let (first, opaque) = (BlendedLabels::Shape, BlendedLabels::Opaque);
+    for (fraction, metallic, is_textured, policy, seen, depths, covering) in [
+        (1.0, 0.0, true, first, [1, 1], [1.0, 1.0], both),
+        (1.0, 0.0, true, BlendedLabels::Coverage, [1, 1], [1.0, 1.0], both),
+        (1.0, 0.0, true, opaque, [2, 1], [1.3, 1.0], block_alone),
+        // One half is glass, less is none, and neither is a metal.
+        (0.5, 0.0, false, opaque, [2, 3], [1.3, 1.5], block_alone),
+        (0.49, 0.0, false, opaque, [1, 1], [1.0, 1.0], both),
+        (1.0, 1.0, false, opaque, [1, 1], [1.0, 1.0], both),
+    ] {
+        let material = syntable_model::scene::Material {
+            transmission: passing(fraction, is_textured),
+            metallic: Scalar::constant(metallic),
+            ..matte(1.0)
+        };
+        let pane = object("pane", sheet([0.4, 0.4]), material);
+        let block = object("block", cuboid([0.2, 0.3, 0.1]), matte(0.5));
+        let at_heights =
+            [body(&pane, at(0.0, 0.0, 0.5), Role::Object), body(&block, at(-0.1, 0.0, 0.1), Role::Object), floor()];
+        let options = PathTracing { blended_labels: policy, ..options(1, 1) };
+        let frame = render(options, &scene(at_heights), &view, &LABELS);
+        let what = format!("{fraction} {metallic} {policy:?}");
+        let instance = frame.get(INSTANCE).expect("made");
+        assert_eq!([6, 16].map(|x| instance.at(x, 10).0), seen, "{what}");
+        let depth = frame.get(DEPTH).expect("made");
+        let got = [6, 16].map(|x| f64::from(*depth.at(x, 10)));
+        assert!(got.iter().zip(depths).all(|(got, want): (&f64, f64)| (got - want).abs() < 1e-5), "{what}: {got:?}");
+        let coverage = frame.get(COVERAGE).expect("made");
+        let covers: Vec<u16> = (1..=2).filter(|id| coverage.contains(6, 10, InstanceId(*id))).collect();
+        assert_eq!(covers, covering, "{what}");
+        // What is seen is covered.
+        for (x, y) in (0..20).flat_map(|y| (0..20).map(move |x| (x, y))) {
+            let id = *instance.at(x, y);
+            assert!(id.0 == 3 || id.0 == 0 || coverage.contains(x, y, id), "{what}: ({x}, {y})");
+        }
+    }
+}
+
 #[test]
 fn holes_are_no_surface_for_labels() {
     use syntable_model::scene::{Alpha, Color, Encoding, Material, Texture, Wrap};

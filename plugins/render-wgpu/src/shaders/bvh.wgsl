@@ -281,6 +281,9 @@ fn walk(look_for: u32, top: u32, world_ray: Ray, from_: f32, to: f32, seed: u32,
                 // On with its tree, in its frame.
                 instance = number;
                 flags = bits(node.e.y);
+                if CUTOUTS && look_for >= EVERY_BODY && (view.flags & LABELS_THROUGH_GLASS) != 0u && (flags & BODY_GLASS) != 0u {
+                    flags |= BODY_CUTOUTS;
+                }
                 floor_ = height;
                 let rows = mat3x3(node.b.xyz, node.c.xyz, node.d.xyz);
                 let ray = Ray(world_ray.origin * rows + node.a.xyz, world_ray.direction * rows);

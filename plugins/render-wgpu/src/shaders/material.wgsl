@@ -21,7 +21,6 @@ const TRANSMISSION: u32 = 15u;
 const ALPHA_OPAQUE: u32 = 0u;
 const ALPHA_BLEND: u32 = 2u;
 
-const FINEST: f32 = -100.0;
 
 struct Coordinates {
     uv: vec2<f32>,
@@ -285,8 +284,25 @@ fn is_solid(hit: Hit, position: vec3<f32>, u: f32) -> bool {
     return alpha.mode == ALPHA_OPAQUE || alpha.texel >= alpha.value;
 }
 
+// Whether a surface transmits one half or more of the light that enters, by its finest texels.
+fn is_glass(hit: Hit, position: vec3<f32>) -> bool {
+    let body = body_at(hit.instance);
+    let triangle = triangle_at(body, hit.primitive);
+    let material = material_of(body, triangle.slot);
+    if !LAYERED || material.layers == NONE {
+        return false;
+    }
+    let place = coordinates_at(material, body, triangle, weights_of(hit), position, 0.0);
+    let at = Coordinates(place.uv, FINEST);
+    let metallic = input_scalar(material.at + METALLIC, at);
+    return input_scalar(layers_of(material).at + TRANSMISSION, at) * (1.0 - metallic) >= GLASS;
+}
+
 // The same for labels.
 fn is_labeled(hit: Hit, position: vec3<f32>) -> bool {
+    if (view.flags & LABELS_THROUGH_GLASS) != 0u && is_glass(hit, position) {
+        return false;
+    }
     let alpha = alpha_at(hit, position);
     if alpha.mode == ALPHA_BLEND {
         let by_coverage = (view.flags & BLENDED_BY_COVERAGE) != 0u;

@@ -58,7 +58,8 @@ struct View {
     sample_bits: u32,
     block_bits: u32,
     block_columns: u32,
-    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES, WITHOUT_BACKGROUND, WITHOUT_SHADOWS.
+    // Sum of WARPED, TENT, BLENDED_BY_COVERAGE, ONLY_GUIDES, WITHOUT_BACKGROUND, WITHOUT_SHADOWS,
+    // LABELS_THROUGH_GLASS.
     flags: u32,
     // Of paths.
     max_bounces: u32,
@@ -181,6 +182,7 @@ fn no_hit() -> Hit {
 // flags; its slots.
 const BODY_CUTOUTS: u32 = 1u;
 const BODY_PANES: u32 = 2u;
+const BODY_GLASS: u32 = 4u;
 
 struct Body {
     x: vec3<f32>,

@@ -322,10 +322,7 @@ impl Collected {
         };
         let mut assets: Vec<AssetCount> = self.assets.into_values().map(|it| it.0).collect();
         assets.sort_by(|a, b| b.instances.cmp(&a.instances).then_with(|| a.name.cmp(&b.name)));
-        let class = |id: u32| match id.checked_sub(DatasetInfo::OBJECT.0 + 1) {
-            Some(place) => info.classes.get(place as usize).cloned(),
-            None => Some(DatasetInfo::OBJECT.1.to_owned()),
-        };
+        let class = |id: u32| Some(info.categories().find(|(other, _)| *other == id)?.1.to_owned());
         let classes = self.categories.into_iter().filter(|_| !info.classes.is_empty());
         Statistics {
             name: info.name.clone(),

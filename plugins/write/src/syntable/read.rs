@@ -163,7 +163,7 @@ impl DatasetReader for Reader {
         if self.listing.images.is_empty() {
             return keys![RGB];
         }
-        let mut keys = read::offers(self.has.amodal);
+        let mut keys = read::Known::with_amodal(self.has.amodal).offers();
         keys.push(RGB.id());
         let has = self.has;
         let mut offer = |key: KeyId, has: bool| keys.extend(has.then_some(key));

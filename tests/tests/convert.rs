@@ -1,0 +1,341 @@
+//! What conversions keep of datasets of others: numbers of categories and models, meanings of masks, and all that can be read of
+//! a dataset that is damaged.
+
+mod support;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use support::{assert_same, fails, ok, small_dataset, syntable, text};
+use syntable_model::product::standard::{AMODAL_MASK, VISIBLE_MASK};
+use syntable_model::reader;
+use syntable_standard as _;
+
+fn convert(from: &Path, to: &str, out: &Path) -> Command {
+    let mut convert = syntable();
+    convert.arg("convert").arg(from).args(["--to", to, "--out"]).arg(out);
+    convert
+}
+
+fn json_of(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))).expect("JSON")
+}
+
+fn save(path: &Path, json: &Value) {
+    fs::write(path, json.to_string()).expect("writable");
+}
+
+/// The faults that `validate` finds.
+fn faults(root: &Path) -> Vec<(String, String)> {
+    let output = syntable().args(["validate", "--json"]).arg(root).output().expect("starts");
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(&output)));
+    let faults = found["faults"].as_array().expect("a list");
+    let of = |fault: &Value, key: &str| fault[key].as_str().expect("text").to_owned();
+    faults.iter().map(|fault| (of(fault, "check"), of(fault, "message"))).collect()
+}
+
+/// A COCO dataset as others write it, with an image of each of these objects: categories, and what is left of a square.
+fn foreign_coco(root: &Path, images: &[&[u32]], categories: &[(u32, &str)]) {
+    fs::create_dir_all(root.join("annotations")).expect("writable");
+    fs::create_dir_all(root.join("val2017")).expect("writable");
+    let mut annotations = Vec::new();
+    for (number, objects) in (1_u32..).zip(images) {
+        image::RgbImage::new(60, 40).save(root.join(format!("val2017/{number}.png"))).expect("writable");
+        for (place, category) in (0_u32..).zip(*objects) {
+            let x = 2 + 12 * place;
+            annotations.push(json!({
+                "id": annotations.len() + 1, "image_id": number, "category_id": category, "area": 100.0, "iscrowd": 0,
+                "segmentation": [[x, 5, x + 10, 5, x + 10, 15, x, 15]], "bbox": [x, 5, 10, 10],
+            }));
+        }
+    }
+    let image = |number| json!({ "id": number, "file_name": format!("{number}.png"), "width": 60, "height": 40 });
+    let json = json!({
+        "images": (1..=images.len()).map(image).collect::<Vec<_>>(),
+        "annotations": annotations,
+        "categories": categories.iter().map(|(id, name)| json!({ "id": id, "name": name })).collect::<Vec<_>>(),
+    });
+    save(&root.join("annotations/instances_val2017.json"), &json);
+}
+
+/// Ids and names of the categories of a COCO file, and the category of each annotation.
+fn categories(file: &Path) -> (Vec<(u64, String)>, Vec<u64>) {
+    let json = json_of(file);
+    let number = |value: &Value| value.as_u64().expect("a number");
+    let named = json["categories"].as_array().expect("a list").iter();
+    let of = json["annotations"].as_array().expect("a list").iter();
+    (
+        named.map(|it| (number(&it["id"]), it["name"].as_str().expect("text").to_owned())).collect(),
+        of.map(|it| number(&it["category_id"])).collect(),
+    )
+}
+
+#[test]
+fn categories_keep_their_ids() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    // By name, cup comes before person.
+    let own = [(1, "person"), (44, "bottle"), (47, "cup")];
+    foreign_coco(&path("foreign"), &[&[47, 1], &[44]], &own);
+    let named: Vec<(u64, String)> = own.iter().map(|(id, name)| (u64::from(*id), (*name).to_owned())).collect();
+    ok(&mut convert(&path("foreign"), "coco", &path("coco")));
+    let file = |name: &str| path(name).join("coco/annotations/instances_train.json");
+    assert_eq!(categories(&file("coco")), (named.clone(), vec![47, 1, 44]));
+    // Through our own layout.
+    ok(&mut convert(&path("foreign"), "syntable", &path("ours")));
+    ok(&mut convert(&path("ours"), "coco", &path("again")));
+    assert_eq!(categories(&file("again")), (named, vec![47, 1, 44]));
+    // YOLO's classes have no gaps: they are in the order of the ids.
+    ok(&mut convert(&path("foreign"), "yolo", &path("yolo")));
+    let data = fs::read_to_string(path("yolo/yolo/data.yaml")).expect("there");
+    assert!(data.ends_with("names:\n  0: \"person\"\n  1: \"bottle\"\n  2: \"cup\"\n"), "{data}");
+    let labels = fs::read_to_string(path("yolo/yolo/labels/train/000000_0000.txt")).expect("there");
+    let classes: Vec<&str> = labels.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(classes, ["2", "0"]);
+    ok(&mut convert(&path("yolo"), "yolo", &path("yolo again")));
+    assert_same(&path("yolo"), &path("yolo again"));
+    // What has no category of the file gets one of its own, and no other one's.
+    foreign_coco(&path("unknown"), &[&[47, 5]], &own);
+    ok(&mut convert(&path("unknown"), "coco", &path("of unknown")));
+    let (named, of) = categories(&file("of unknown"));
+    assert_eq!((named.last(), of), (Some(&(48, "object".to_owned())), vec![47, 48]));
+    // 0 is the background in maps, so such a file is numbered anew.
+    foreign_coco(&path("zero"), &[&[0, 1]], &[(0, "cup"), (1, "bottle")]);
+    ok(&mut convert(&path("zero"), "coco", &path("of zero")));
+    let (named, of) = categories(&file("of zero"));
+    let name = |id: &u64| named.iter().find(|(other, _)| other == id).expect("known").1.as_str();
+    assert_eq!(of.iter().map(name).collect::<Vec<_>>(), ["cup", "bottle"]);
+}
+
+#[test]
+fn images_that_cannot_be_read_are_left_out() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    foreign_coco(&path("foreign"), &[&[1], &[1, 1], &[1]], &[(1, "cup")]);
+    fs::write(path("foreign/val2017/2.png"), "no image").expect("writable");
+    fs::remove_file(path("foreign/val2017/3.png")).expect("there");
+    let output = convert(&path("foreign"), "coco,syntable", &path("out")).output().expect("starts");
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    for part in ["1 image of 1 scene written", "2.png", "3.png: no such file", "2 images left out"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let json = json_of(&path("out/coco/annotations/instances_train.json"));
+    assert_eq!(
+        (json["images"].as_array().map(Vec::len), json["annotations"].as_array().map(Vec::len)),
+        (Some(1), Some(1))
+    );
+    assert_eq!(faults(&path("out/coco")), []);
+    // Of nothing, nothing is made.
+    fs::remove_file(path("foreign/val2017/1.png")).expect("there");
+    let said = fails(&mut convert(&path("foreign"), "coco", &path("none")), 2);
+    assert!(said.contains("no image can be read") && !path("none").exists(), "{said}");
+}
+
+#[test]
+fn amodal_masks_alone_are_no_visible_ones() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (data, coco) = (folder.path().join("data"), folder.path().join("coco"));
+    small_dataset(&data, &["write={ syntable = {}, yolo = { masks = \"amodal\" } }"]);
+    let yolo = data.join("yolo");
+    assert_eq!(faults(&yolo), []);
+    ok(&mut convert(&yolo, "coco", &coco));
+    assert_eq!(faults(&coco), []);
+    let masks = |root: &Path| -> Vec<Vec<u32>> {
+        let (_, dataset) = reader::open(root, None).expect("a dataset");
+        assert!(!dataset.offers().contains(&VISIBLE_MASK.id()), "{}", root.display());
+        let read = |image| dataset.read(image, &[AMODAL_MASK.id()]).expect("readable").1;
+        let of = |image| read(image).get(AMODAL_MASK).expect("there").iter().map(|it| it.1.counts().to_vec()).collect();
+        (0..dataset.images().len()).flat_map(|image| -> Vec<Vec<u32>> { of(image) }).collect()
+    };
+    let whole = masks(&yolo);
+    assert!(whole.len() > 10 && whole == masks(&coco));
+    ok(&mut convert(&coco, "coco", &folder.path().join("again")));
+    assert_same(&coco, &folder.path().join("again"));
+    // What needs visible masks is refused.
+    let said = fails(&mut convert(&coco, "coco_panoptic", &folder.path().join("panoptic")), 2);
+    assert!(said.contains("reads `visible_mask`, `visible_box`, which the dataset does not have"), "{said}");
+    let said = fails(&mut convert(&coco, "npz", &folder.path().join("arrays")), 2);
+    assert!(
+        said.contains("reads `depth`, `visible_box`, `occlusion_order`, which the dataset does not have"),
+        "{said}"
+    );
+    assert!(said.contains("as in --set 'npz.include=[\"category_id\"]'"), "{said}");
+    // Objects overlap: taken for what is visible, they would be at fault.
+    let file = yolo.join("data.yaml");
+    let text = fs::read_to_string(&file).expect("there");
+    fs::write(&file, text.replace("masks: amodal\n", "")).expect("writable");
+    assert!(faults(&yolo).iter().any(|(check, _)| check == "visible_masks_disjoint"));
+    fs::write(&file, text.replace("masks: amodal", "masks: whole")).expect("writable");
+    assert!(faults(&yolo).iter().any(|(_, message)| message.contains("`masks` is `whole`")));
+}
+
+#[test]
+fn datasets_of_images_without_objects_are_sound() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let formats = ["uoais", "cocoa", "coco", "kins", "d2sa", "yolo"];
+    let writers: Vec<String> = formats.iter().map(|format| format!("{format} = {{}}")).collect();
+    let writers = format!("write={{ {} }}", writers.join(", "));
+    small_dataset(folder.path(), &["annotate.masks.min_visible_px=100000", &writers]);
+    for format in formats {
+        assert_eq!(faults(&folder.path().join(format)), [], "{format}");
+    }
+    // A format that lists all images has some.
+    let file = folder.path().join("coco/annotations/instances_train.json");
+    let mut json = json_of(&file);
+    json["images"] = json!([]);
+    save(&file, &json);
+    assert_eq!(faults(&folder.path().join("coco"))[0].1, "the dataset has no image");
+}
+
+/// A BOP dataset with models, and the folder of its only split.
+fn bop(root: &Path, more: &[&str]) -> [PathBuf; 2] {
+    small_dataset(root, &[&["write={ syntable = {}, bop = { models = \"models\" } }"], more].concat());
+    [root.join("bop"), root.join("bop/train_pbr")]
+}
+
+#[test]
+fn masks_of_bop_have_what_the_table_hides() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // From below the tabletop, whose edge hides the lower parts of what is on it.
+    let pose = |eye: &str| format!("{{ look_at = {{ eye_m = {eye}, target_m = [0.0, 0.0, 0.02] }} }}");
+    let poses = [pose("[1.2, 0.0, -0.1]"), pose("[0.0, 1.2, -0.1]")].join(", ");
+    let below = format!("views={{ kind=\"fixed_poses\", poses=[{poses}] }}");
+    let [root, split] = bop(&folder.path().join("data"), &["annotate.masks.table_and_room=\"clip\"", &below]);
+    assert_eq!(faults(&root), []);
+    let mut whole = 0;
+    let ours = json_of(&folder.path().join("data/annotation_final.json"));
+    let clipped: u64 =
+        ours["annotations"].as_array().expect("a list").iter().filter_map(|it| it["area"].as_u64()).sum();
+    for scene in fs::read_dir(split).expect("there").map(|entry| entry.expect("readable").path()) {
+        let infos = json_of(&scene.join("scene_gt_info.json"));
+        for (view, objects) in infos.as_object().expect("an object") {
+            for (number, info) in objects.as_array().expect("a list").iter().enumerate() {
+                let name = format!("mask/{:06}_{number:06}.png", view.parse::<u32>().expect("a number"));
+                let mask = image::open(scene.join(name)).expect("there").into_luma8();
+                let area = mask.pixels().filter(|pixel| pixel.0[0] > 0).count() as u64;
+                assert!(area >= info["px_count_visib"].as_u64().expect("a number"));
+                whole += area;
+            }
+        }
+    }
+    assert!(whole > 2 * clipped, "the table hides pixels: {whole} in all, {clipped} without");
+}
+
+#[test]
+fn models_and_their_numbers_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let [root, split] = bop(&path("data"), &[]);
+    // As others number them: with gaps, and not in the order of names.
+    let renumbered = |id: u64| 900 - 7 * id;
+    let renumber = |value: &mut Value| {
+        let id = value["obj_id"].as_u64().expect("a number");
+        value["obj_id"] = json!(renumbered(id));
+    };
+    for scene in fs::read_dir(&split).expect("there").map(|entry| entry.expect("readable").path()) {
+        let file = scene.join("scene_gt.json");
+        let mut truth = json_of(&file);
+        let images = truth.as_object_mut().expect("an object").values_mut();
+        images.flat_map(|objects| objects.as_array_mut().expect("a list")).for_each(renumber);
+        save(&file, &truth);
+    }
+    let keyed = |file: &Path| {
+        let json = json_of(file);
+        let entries = json.as_object().expect("an object").iter();
+        let entries = entries.map(|(id, of)| (renumbered(id.parse().expect("a number")).to_string(), of.clone()));
+        save(file, &Value::Object(entries.collect()));
+    };
+    keyed(&root.join("objects.json"));
+    keyed(&root.join("models/models_info.json"));
+    let files: Vec<PathBuf> =
+        fs::read_dir(root.join("models")).expect("there").map(|it| it.expect("there").path()).collect();
+    let plys: Vec<&PathBuf> = files.iter().filter(|file| file.extension().is_some_and(|it| it == "ply")).collect();
+    for file in &plys {
+        let id: u64 = file.file_stem().expect("a name").to_string_lossy()[4..].parse().expect("a number");
+        fs::rename(file, root.join(format!("models/new_{:06}.ply", renumbered(id)))).expect("renamed");
+    }
+    for file in fs::read_dir(root.join("models")).expect("there").map(|it| it.expect("there").path()) {
+        let name = file.file_name().expect("a name").to_string_lossy().replace("new_", "obj_");
+        fs::rename(&file, file.with_file_name(name)).expect("renamed");
+    }
+    assert_eq!(faults(&root), []);
+    let said = ok(convert(&root, "bop", &path("again")).args(["--set", "bop.models=\"models\""]));
+    assert!(said.contains("no colors, textures and symmetries"), "{said}");
+    let again = path("again/bop");
+    assert_eq!(faults(&again), []);
+    assert_eq!(json_of(&again.join("objects.json")), json_of(&root.join("objects.json")));
+    let truth = |split: &Path| {
+        let scenes = fs::read_dir(split).expect("there").map(|entry| entry.expect("readable").path());
+        let mut all: Vec<(PathBuf, Value)> = scenes
+            .map(|scene| (scene.strip_prefix(split).expect("inside").to_owned(), json_of(&scene.join("scene_gt.json"))))
+            .collect();
+        all.sort_by(|a, b| a.0.cmp(&b.0));
+        all
+    };
+    let ids = |split: &Path| -> Vec<u64> {
+        let scenes = truth(split);
+        let images = scenes.iter().flat_map(|(_, scene)| scene.as_object().expect("an object").values());
+        images.flat_map(|it| it.as_array().expect("a list")).filter_map(|it| it["obj_id"].as_u64()).collect()
+    };
+    assert_eq!(ids(&again.join("train_pbr")), ids(&split));
+    // Every model is there, and of its size.
+    let [before, after] = [&root, &again].map(|root| json_of(&root.join("models/models_info.json")));
+    for (id, model) in before.as_object().expect("an object") {
+        for (key, number) in model.as_object().expect("an object") {
+            let [a, b] = [number, &after[id][key]].map(|it| it.as_f64().expect("a number"));
+            assert!((a - b).abs() <= 1e-4 * a.abs().max(1.0), "{id} {key}: {a} {b}");
+        }
+    }
+    assert_eq!(before.as_object().map(|it| it.len()), after.as_object().map(|it| it.len()));
+    // Our layout keeps the numbers, too.
+    ok(&mut convert(&root, "syntable", &path("ours")));
+    ok(&mut convert(&path("ours"), "bop", &path("of ours")));
+    assert_eq!(ids(&path("of ours/bop/train_pbr")), ids(&split));
+    // A model that is larger than said.
+    let file = root.join("models/models_info.json");
+    let mut infos = before.clone();
+    let first = infos.as_object_mut().expect("an object").values_mut().next().expect("one");
+    for key in ["min_x", "min_y", "min_z", "size_x", "size_y", "size_z", "diameter"] {
+        first[key] = json!(first[key].as_f64().expect("a number") / 1.1);
+    }
+    save(&file, &infos);
+    let found = faults(&root);
+    assert!(
+        found.iter().any(|(check, message)| check == "sizes_of_models" && message.contains("that of obj_")),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn scenes_that_lack_a_file_are_faults_and_the_others_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [root, split] = bop(&folder.path().join("data"), &[]);
+    let scene = |name: &str| split.join("000000").join(name);
+    for (name, damage, says) in [
+        ("scene_camera.json", None, "no scene_camera.json"),
+        ("scene_gt_info.json", None, "no scene_gt_info.json"),
+        ("scene_gt.json", None, "no scene_gt.json"),
+        ("scene_camera.json", Some("{\"0\": {\"cam_K\": [1,"), "scene_camera.json:1"),
+        ("scene_camera.json", Some("{\"0\": {\"cam_K\": [1, NaN"), "`0.cam_K[1]`: NaN is no number of JSON"),
+        (
+            "scene_gt.json",
+            Some("{\"0\": [{\"obj_id\": 1, \"cam_R_m2c\": null}]}"),
+            "`0[0].cam_R_m2c`: invalid type: null",
+        ),
+    ] {
+        let content = fs::read(scene(name)).expect("there");
+        match damage {
+            None => fs::remove_file(scene(name)).expect("there"),
+            Some(damage) => fs::write(scene(name), damage).expect("writable"),
+        }
+        let (_, dataset) = reader::open(&root, None).expect("a dataset");
+        let scenes: BTreeSet<u32> = dataset.images().iter().map(|image| image.scene.0).collect();
+        assert_eq!(scenes, BTreeSet::from([1]), "{name}");
+        let found = faults(&root);
+        assert!(found.len() == 1 && found[0].1.contains(says), "{name}: {found:?}");
+        fs::write(scene(name), content).expect("writable");
+    }
+    assert_eq!(faults(&root), []);
+}
