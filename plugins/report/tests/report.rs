@@ -151,11 +151,23 @@ fn what_is_written_is_what_is_served() {
     let shown = vec![0, 2, 5];
     let of_folder = written(&report(Memory::new(8), shown.clone()), 2);
     let served = report(Memory::new(8), shown);
-    for (path, bytes) in of_folder.iter().filter(|(path, _)| !path.starts_with('.') && *path != "index.html") {
-        let file = served.file(path).expect("readable");
-        assert!(file.as_ref() == Some(bytes), "{path} is served differently");
-    }
     let page = text(&of_folder["index.html"]);
+    // Pages of a folder name its edition in addresses, and are the same else.
+    let edition = page.split("style.css?").nth(1).and_then(|rest| rest.split('"').next()).expect("an edition");
+    assert!(edition.len() == 12 && edition.bytes().all(|byte| byte.is_ascii_hexdigit()), "{edition}");
+    for (path, bytes) in of_folder.iter().filter(|(path, _)| !path.starts_with('.') && *path != "index.html") {
+        let file = served.file(path).expect("readable").expect("there");
+        match path.ends_with(".html") {
+            true => {
+                let page = text(bytes).replace(&format!("?{edition}"), "").replace(edition, "");
+                assert_eq!(text(&file), page, "{path}");
+            }
+            false => assert!(file == *bytes, "{path} is served differently"),
+        }
+    }
+    // Another image, and every file has another address.
+    let other = written(&report(Memory { broken: Some(0), ..Memory::new(8) }, vec![0, 2, 5]), 2);
+    assert!(!text(&other["gallery.html"]).contains(edition));
     assert!(page.contains("3 of 8 views are in this report"), "{page}");
 }
 
