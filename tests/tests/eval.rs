@@ -476,6 +476,9 @@ fn mistakes_are_named() {
         .expect("writable");
     let found = eval(&data(), &file);
     assert!(found.contains("none.json:2") && found.contains("not a prediction: expected value"), "{found}");
+    let file = folder.path().join("object.json");
+    fs::write(&file, "{}").expect("writable");
+    assert!(eval(&data(), &file).contains("a result file is a JSON list of predictions"));
     let file = folder.path().join("cut.json");
     fs::write(&file, "[{\"image_id\": 1,").expect("writable");
     assert!(eval(&data(), &file).contains("the list of predictions ends early"));

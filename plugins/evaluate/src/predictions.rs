@@ -49,7 +49,14 @@ impl Predictions {
         if format.is_none() && Results::is_one(path) {
             return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
         }
-        let (format, dataset) = open(path, format)?;
+        let found = open(path, format);
+        let (format, dataset) = match found {
+            Err(error) if path.is_file() => {
+                let help = "a result file is a JSON list of predictions, `[{\"image_id\": …, \"score\": …, \"segmentation\": …}, …]`";
+                return Err(error.help(help));
+            }
+            found => found?,
+        };
         if !dataset.offers().contains(&VISIBLE_MASK.id()) {
             return Err(lacks(VISIBLE_MASK.id().name, path));
         }

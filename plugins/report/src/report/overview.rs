@@ -251,7 +251,7 @@ fn scores(report: &Report, scored: &Scored) -> ScoresView {
     ScoresView {
         says: scored.says(),
         tables: scored.tables(),
-        ranked_by: scored.ranked_by(),
+        ranked_by: scored.ranked_by().to_owned(),
         worst: worst.take(MOST_WORST).collect(),
     }
 }

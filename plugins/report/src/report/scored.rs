@@ -56,9 +56,9 @@ impl Scored {
         self.scores.worst.get(*self.places.get(&image)?)
     }
 
-    /// The score by which images are ranked, for people.
-    pub fn ranked_by(&self) -> String {
-        self.scores.ranked_by.replace('_', " ")
+    /// Name of the score by which images are ranked.
+    pub fn ranked_by(&self) -> &str {
+        &self.scores.ranked_by
     }
 
     /// The score by which an image is ranked.
