@@ -3,7 +3,7 @@
     python3 browser.py CHROMIUM JOBS.json
 
 JOBS.json is a list of objects: `url`, and as far as wanted `script` (the body of an async function, whose value is printed),
-`screenshot` (a file), `size` ([width, height]), `dark` and `scale`. Prints a JSON list with `value`, `seconds` until the page was
+`screenshot` (a file), `loaded` (a file that is made once the page is loaded), `size` ([width, height]), `dark` and `scale`. Prints a JSON list with `value`, `seconds` until the page was
 loaded, and `errors`: what the console, exceptions and failed requests said. Speaks the DevTools protocol over pipes, so that
 no port is opened; needs nothing but Python.
 """
@@ -116,6 +116,8 @@ def run(browser, job):
     browser.call("Page.navigate", session, url=job["url"])
     browser.until("Page.loadEventFired", session)
     seconds, value = time.monotonic() - start, None
+    if "loaded" in job:
+        open(job["loaded"], "w").close()
     if "script" in job:
         expression = f"(async () => {{ {job['script']} }})()"
         answer = browser.call(

@@ -4,7 +4,7 @@
     check_scores.py compare FOLDER SCORES  # the file that `syntable eval --json` printed
 
 Scores have many ties, images have crowds, too many predictions, none, or no labels, and objects are of all sizes. Image ids
-are not in the order of names.
+are not in the order of names. Some predictions are of a wrong category, some of one that no label has.
 """
 
 import contextlib
@@ -21,6 +21,7 @@ from pycocotools.cocoeval import COCOeval
 WIDTH, HEIGHT = 320, 240
 IMAGES = 14
 NO_LABELS, NO_RESULTS, MANY = 3, 5, 7
+CATEGORIES = {9: "mug", 4: "bowl, deep", 30: "plate", 17: "unseen"}
 SCORES = "ap ap50 ap75 aps apm apl ar1 ar10 ar100 ars arm arl".split()
 LEAST = 0.5
 
@@ -96,20 +97,27 @@ def make(folder: Path) -> None:
                     "amodal_segmentation": encode(amodal),
                 }
             )
+    kinds = np.random.default_rng(4)
     for number, annotation in enumerate(annotations, 1):
         rle = annotation["segmentation"]
         rle = mask.frPyObjects(rle, HEIGHT, WIDTH) if isinstance(rle["counts"], list) else rle
-        annotation |= {"id": number, "category_id": 1, "area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
+        category = int(kinds.choice([9, 4, 30]))
+        annotation |= {"id": number, "category_id": category, "area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
     assert max(sum(it["image_id"] == image["id"] for it in results) for image in images) > 130
+    for it in results:
+        it["category_id"] = int(kinds.choice(list(CATEGORIES), p=[0.7, 0.1, 0.1, 0.1]))
+    many = [it["category_id"] for it in results if it["image_id"] == images[MANY]["id"]]
+    assert many.count(9) > 110
     random.shuffle(results)
     labels_of(folder).parent.mkdir(parents=True)
-    categories = [{"id": 1, "name": "object", "supercategory": ""}]
+    categories = [{"id": ident, "name": name, "supercategory": ""} for ident, name in CATEGORIES.items()]
     data = {"info": {}, "images": images, "annotations": annotations, "categories": categories}
     labels_of(folder).write_text(json.dumps(data))
     (folder / "results.json").write_text(json.dumps(results))
 
 
-def coco_scores(folder: Path, kind: str, what: str) -> list[float | None]:
+def coco_scores(folder: Path, kind: str, what: str, categories: bool) -> tuple[list[float | None], dict]:
+    """The twelve scores, and AP by category."""
     data, results = json.loads(labels_of(folder).read_text()), json.loads((folder / "results.json").read_text())
     if kind == "visible":
         for it in data["annotations"]:
@@ -118,16 +126,25 @@ def coco_scores(folder: Path, kind: str, what: str) -> list[float | None]:
                 it |= {"area": int(mask.area(rle)), "bbox": mask.toBbox(rle).tolist()}
     key = "segmentation" if kind == "visible" else "amodal_segmentation"
     results = [{**{k: it[k] for k in ("image_id", "category_id", "score")}, "segmentation": it[key]} for it in results]
+    if not categories:
+        # Else pycocotools ranks equal scores of an image by category.
+        data["categories"] = data["categories"][:1]
+        for it in [*data["annotations"], *results]:
+            it["category_id"] = data["categories"][0]["id"]
     with contextlib.redirect_stdout(io.StringIO()):
         truth = COCO()
         truth.dataset = data
         truth.createIndex()
         evaluation = COCOeval(truth, truth.loadRes(results), what)
-        evaluation.params.useCats = 0
+        evaluation.params.useCats = int(categories)
         evaluation.evaluate()
         evaluation.accumulate()
         evaluation.summarize()
-    return [None if value == -1 else 100 * float(value) for value in evaluation.stats]
+    each = {}
+    for index, category in enumerate(evaluation.params.catIds if categories else []):
+        found = evaluation.eval["precision"][:, :, index, 0, -1]
+        each[category] = 100 * float(found[found > -1].mean()) if (found > -1).any() else None
+    return [None if value == -1 else 100 * float(value) for value in evaluation.stats], each
 
 
 def panoptic(folder: Path) -> list[float]:
@@ -166,9 +183,13 @@ def compare(folder: Path, scores: Path) -> None:
     wanted = dict(zip(("pq", "sq", "rq"), panoptic(folder)))
     for kind in ("amodal", "visible"):
         for what, name in (("segm", "mask"), ("bbox", "box")):
-            values = coco_scores(folder, kind, what)
+            values, _ = coco_scores(folder, kind, what, False)
             wanted |= {f"{kind}_{name}_{score}": value for score, value in zip(SCORES, values)}
-    assert len(wanted) == 51 and sum(value is not None and 0 < value < 100 for value in wanted.values()) >= 49, wanted
+            values, each = coco_scores(folder, kind, what, True)
+            wanted |= {f"categories_{kind}_{name}_{score}": value for score, value in zip(SCORES, values)}
+            words = {category: CATEGORIES[category].replace(", ", "_") for category in each}
+            wanted |= {f"{words[category]}_{kind}_{name}_ap": value for category, value in each.items()}
+    assert len(wanted) == 115 and sum(value is not None and 0 < value < 100 for value in wanted.values()) >= 95, wanted
     for name, value in wanted.items():
         if (value is None) != (found[name] is None) or value is not None and abs(found[name] - value) > 1e-7:
             wrong.append(f"{name}: {found[name]}, not {value}")

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use support::{fails, ok, root, small_dataset, syntable};
+use syntable_formats::scores::Scores;
 use syntable_model::product::Mask;
 
 /// The folder of a small dataset that all tests share.
@@ -93,8 +94,9 @@ fn perfect_predictions_score_100() {
     let folder = tempfile::tempdir().expect("a folder");
     let all = annotations(&data());
     let any = ["--occluded-from", "0"];
-    let itself = scores(&data(), &any);
+    let itself = scores(&data(), &[]);
     assert_perfect(&itself);
+    assert_eq!(scores(&data(), &any), itself);
     assert_eq!(itself["objects"], json!(all["annotations"].as_array().expect("a list").len()));
     let mut predicted = results(&all, true);
     let file = write(folder.path(), &predicted);
@@ -126,15 +128,74 @@ fn perfect_predictions_score_100() {
         let stem = name.file_stem().expect("a stem").to_string_lossy();
         let is_odd = it["id"].as_u64().expect("an id") % 2 == 1;
         result["image_id"] = if is_odd { json!(format!("{stem}.jpg")) } else { image["file_name"].clone() };
-        result.as_object_mut().expect("an object").remove("amodal_segmentation");
+        let keys = result.as_object_mut().expect("an object");
+        assert!(keys.remove("amodal_segmentation").is_some() && keys.remove("occluded").is_some());
         result["occlusion_segmentation"] = it["occluded_mask"].clone();
     }
     let mut low = predicted[0].clone();
     low["score"] = json!(0.2);
     predicted.insert(0, low);
     let file = write(folder.path(), &predicted);
-    assert_eq!(without_coco(&scores(&file, &any)), without_coco(&itself));
+    // Occlusion masks say what is occluded, however little of it.
+    assert_perfect(&scores(&file, &[]));
+    assert_eq!(without_coco(&scores(&file, &[])), without_coco(&itself));
+    let judged = scores(&file, &["--occluded-from", "0.05"]);
+    assert!((judged["scores"]["acc_o"].as_f64().expect("a number") - agree).abs() < 1e-9, "{judged}");
     assert_eq!(scores(&file, &["--min-score", "0.1"])["predictions"], json!(predicted.len()));
+}
+
+/// The file for reports: all scores, and the worst images, lowest first, with what was predicted of them.
+#[test]
+fn the_worst_images_are_saved_with_their_predictions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = annotations(&data());
+    // In one image nothing is found, in another one an object too many.
+    let images = all["images"].as_array().expect("a list");
+    let [missed, surplus] = [&images[1], &images[2]];
+    let mut predicted = results(&all, true);
+    predicted.retain(|it| it["image_id"] != missed["id"]);
+    let corner = [vec![true; 6], vec![false; 160 * 120 - 6]].concat();
+    let corner = Mask::from_fn(160, 120, |x, y| corner[(x * 120 + y) as usize]).to_coco();
+    let extra = json!({ "size": [120, 160], "counts": corner });
+    predicted.push(json!({ "image_id": surplus["id"], "score": 0.8, "segmentation": extra }));
+    let (pred, saved) = (write(folder.path(), &predicted), folder.path().join("scores.json"));
+    let save = saved.display().to_string();
+    let said = scores(&pred, &["--save", &save]);
+    let found: Scores = Scores::read(&saved).expect("a file of scores");
+    let whole: Value = serde_json::from_str(&fs::read_to_string(&saved).expect("readable")).expect("JSON");
+    assert_eq!((&whole["scores"], &whole["objects"]), (&said["scores"], &said["objects"]));
+    assert_eq!((found.ranked_by.as_str(), found.worst.len()), ("amodal_overlap_f", images.len()));
+    let names: Vec<&str> = found.worst[..2].iter().map(|it| it.name.as_str()).collect();
+    assert_eq!(names, [missed, surplus].map(|it| it["file_name"].as_str().expect("a name")));
+    assert_eq!((found.worst[0].scores["amodal_overlap_f"], found.worst[0].predictions.len()), (0.0, 0));
+    let worst = &found.worst[1];
+    let of_image = |it: &&Value| it["image_id"] == surplus["id"];
+    let labels: Vec<&Value> = all["annotations"].as_array().expect("a list").iter().filter(of_image).collect();
+    assert_eq!(worst.predictions.len(), labels.len() + 1);
+    let last = worst.predictions.last().expect("the lowest confidence");
+    assert_eq!((last.object, last.score, last.amodal_f, last.visible.as_str()), (None, Some(0.8), 0.0, &*corner));
+    for it in &worst.predictions[..labels.len()] {
+        let label = labels.iter().find(|label| label["instance_id"].as_u64() == it.object.map(u64::from));
+        let label = label.expect("it stands for a label");
+        assert_eq!((it.amodal_f, it.visible_f), (100.0, 100.0));
+        assert_eq!(label["visible_mask"]["counts"], json!(it.visible));
+        assert_eq!(label["segmentation"]["counts"], json!(it.amodal));
+    }
+    // Fewer of them, by another score.
+    scores(&pred, &["--save", &save, "--worst", "1", "--worst-by", "edge_p"]);
+    let found: Scores = Scores::read(&saved).expect("a file of scores");
+    assert_eq!((found.ranked_by.as_str(), found.worst.len()), ("edge_p", 1));
+    let eval =
+        |more: &[&str]| fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&pred).args(more), 2);
+    let said = eval(&["--save", &save, "--worst-by", "f"]);
+    assert!(said.contains("there is no score `f` to rank images by"), "{said}");
+    let nowhere = folder.path().join("none/scores.json").display().to_string();
+    assert!(eval(&["--save", &nowhere]).contains("scores.json"));
+    // Categories that are not those of the ground truth are named.
+    predicted[0]["category_id"] = json!(999);
+    let pred = write(folder.path(), &predicted);
+    let said = fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&pred).arg("--by-category"), 2);
+    assert!(said.contains("a prediction has no category of the ground truth"), "{said}");
 }
 
 #[test]
@@ -219,11 +280,12 @@ fn coco_and_panoptic_scores_are_those_of_their_tools() {
         let (gt, pred) = (folder.path().join("data"), folder.path().join("results.json"));
         ok(syntable().arg("eval").arg("--gt").arg(gt).arg("--pred").arg(pred).arg("--json").args(more))
     };
-    let found = eval(&["--metrics", "coco,panoptic", "--threads", "1"]);
+    let all = ["--metrics", "coco,panoptic", "--by-category"];
+    let found = eval(&[&all[..], &["--threads", "1"]].concat());
     let file = folder.path().join("scores.json");
     fs::write(&file, &found).expect("writable");
     assert!(syntable_testing::tools::python(&script, &["compare", &at, &file.display().to_string()]));
-    assert_eq!(eval(&["--metrics", "coco,panoptic", "--threads", "4"]), found);
+    assert_eq!(eval(&[&all[..], &["--threads", "4"]].concat()), found);
     // COCO's scores take all predictions, the others those that are likely.
     let (low, high) =
         (eval(&["--metrics", "coco", "--min-score", "0"]), eval(&["--metrics", "coco", "--min-score", "0.9"]));
@@ -342,7 +404,7 @@ fn osd_amodal_is_read_as_either_side() {
             fs::copy(file.path(), folder.path().join(name).join(file.file_name())).expect("writable");
         }
     }
-    let any = ["--occluded-from", "0"];
+    let any: [&str; 0] = [];
     let eval = |pred: &Path, more: &[&str]| {
         ok(syntable().arg("eval").arg("--gt").arg(&truth).arg("--pred").arg(pred).args(any).args(more))
     };
@@ -414,6 +476,9 @@ fn mistakes_are_named() {
         .expect("writable");
     let found = eval(&data(), &file);
     assert!(found.contains("none.json:2") && found.contains("not a prediction: expected value"), "{found}");
+    let file = folder.path().join("object.json");
+    fs::write(&file, "{}").expect("writable");
+    assert!(eval(&data(), &file).contains("a result file is a JSON list of predictions"));
     let file = folder.path().join("cut.json");
     fs::write(&file, "[{\"image_id\": 1,").expect("writable");
     assert!(eval(&data(), &file).contains("the list of predictions ends early"));

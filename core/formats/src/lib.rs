@@ -13,6 +13,7 @@
 //! | [`decode`] | the same, read back |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | what readers of all formats share |
+//! | [`scores`] | scores of predictions, with the images that have the lowest ones |
 //! | [`mod@include`] | the products that a generic writer includes, and their files |
 //!
 //! Pixel coordinates have their origin in the top left corner of the image; x points right, y points down. Boxes are
@@ -35,6 +36,7 @@ pub mod index;
 pub mod listing;
 mod polygon;
 pub mod read;
+pub mod scores;
 pub mod segmentation;
 pub mod shard;
 pub mod syntable;

@@ -152,15 +152,33 @@ impl Labels {
     }
 }
 
-/// SynTable's Algorithm 1: an object occludes another one if its visible mask meets the other's occlusion mask.
+/// The order of labels, whose occlusion masks may follow from others.
 fn order_of(labels: &[Labels]) -> OcclusionOrder {
     let mut labels: Vec<&Labels> = labels.iter().collect();
     labels.sort_by_key(|it| it.id);
     let hidden: Vec<Option<Mask>> = labels.iter().map(|it| it.hidden()).collect();
-    let mut order = OcclusionOrder::new(labels.iter().map(|it| it.id).collect());
-    for (row, front) in labels.iter().enumerate() {
-        for (column, hidden) in hidden.iter().enumerate().filter(|(column, _)| *column != row) {
-            if hidden.as_ref().is_some_and(|hidden| !front.visible.and(hidden).is_empty()) {
+    let objects = labels.iter().zip(&hidden).map(|(it, hidden)| (it.id, &it.visible, hidden.as_ref()));
+    order_by(&objects.collect::<Vec<_>>(), occludes)
+}
+
+/// Whether an object with this visible mask occludes one with this occlusion mask, by SynTable's Algorithm 1: they meet.
+pub fn occludes(visible: &Mask, hidden: &Mask) -> bool {
+    visible.shared_area(hidden) > 0
+}
+
+/// Who occludes whom, by a rule for a visible and an occlusion mask with a common pixel. Objects are given with both masks, in
+/// the order of their ids.
+pub fn order_by(
+    objects: &[(InstanceId, &Mask, Option<&Mask>)],
+    occludes: impl Fn(&Mask, &Mask) -> bool,
+) -> OcclusionOrder {
+    let boxes: Vec<BBox> = objects.iter().map(|it| it.1.bbox()).collect();
+    let mut order = OcclusionOrder::new(objects.iter().map(|it| it.0).collect());
+    for (column, &(_, _, hidden)) in objects.iter().enumerate() {
+        let Some(hidden) = hidden.filter(|hidden| !hidden.is_empty()) else { continue };
+        let area = hidden.bbox();
+        for (row, &(_, visible, _)) in objects.iter().enumerate().filter(|(row, _)| *row != column) {
+            if boxes[row].meets(&area) && occludes(visible, hidden) {
                 order.set(row, column);
             }
         }
@@ -225,10 +243,15 @@ impl Categories {
 
     /// The id of a file's category in a dataset that is written from it.
     pub fn id(&self, id: u64) -> u32 {
-        match self.names.get(&id) {
-            Some(_) if self.keeps_ids && id != BACKGROUND => id as u32,
-            Some(name) if !self.keeps_ids => self.id_of(name),
-            _ => self.object(),
+        self.known(id).unwrap_or_else(|| self.object())
+    }
+
+    /// The same; none if the file has no such category.
+    pub fn known(&self, id: u64) -> Option<u32> {
+        let name = self.names.get(&id)?;
+        match self.keeps_ids {
+            true => (id != BACKGROUND).then_some(id as u32),
+            false => Some(self.id_of(name)),
         }
     }
 

@@ -135,9 +135,13 @@ pub trait DatasetReader: Send + Sync {
     }
     /// Regions of an image in which objects are there and not told apart, such as COCO's crowds. They are no objects; a score
     /// may neither count what is found in them nor hold it against a detector.
-    fn crowds(&self, image: usize) -> Result<Vec<Mask>> {
+    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         let _ = image;
         Ok(Vec::new())
+    }
+    /// The category, by its id in [`info`](Self::info), that the annotation file calls `own`; none if it has no such category.
+    fn category(&self, own: u64) -> Option<u32> {
+        self.info().categories().map(|(id, _)| id).find(|id| u64::from(*id) == own)
     }
     /// In what products among these say less than those of a run, for people.
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
@@ -157,6 +161,15 @@ pub struct ImageRef {
     pub name: String,
     /// The number that the dataset's annotation file gives it; none in formats without such numbers.
     pub id: Option<u64>,
+}
+
+/// A region of an image with objects that are not told apart.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Crowd {
+    /// Its pixels.
+    pub mask: Mask,
+    /// Id of the category of its objects.
+    pub category: u32,
 }
 
 /// Something that is wrong with a dataset.

@@ -37,8 +37,8 @@ pub use light::{
 };
 pub use mapping::{BoxSide, Mapping, TextureCoordinates, UvAffine};
 pub use material::{
-    AlphaMode, ColorInput, FINEST, Material, MaterialLayers, MaterialTable, NO_LAYERS, NO_TEXTURE, NormalInput, PANE_ROUGHNESS,
-    ScalarInput, TextureBinding,
+    AlphaMode, ColorInput, FINEST, Material, MaterialLayers, MaterialTable, NO_LAYERS, NO_TEXTURE, NormalInput,
+    PANE_ROUGHNESS, ScalarInput, TextureBinding,
 };
 pub use mesh::{ShadingMesh, ShadingTriangle, VertexTangents, is_mirrored, pack_unit, unpack_unit};
 pub use sampler::{SAMPLER_WGSL, SOBOL_PAIRS, SampleOrder, Sampler};

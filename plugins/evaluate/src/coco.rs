@@ -3,10 +3,11 @@
 //! Boxes are those around masks, and areas those of masks. Predictions are ranked by score; of equal scores, the earlier image
 //! and then the earlier prediction comes first.
 
-use crate::image::{Instance, Pair, meet};
+use crate::image::{Instance, Pair};
 use crate::measure::{Measure, Measurement, Metric};
 use crate::register_metric;
 use syntable_model::product::{BBox, Mask};
+use syntable_model::reader::Crowd;
 
 /// Predictions of an image that are looked at.
 pub const MOST: usize = 100;
@@ -20,16 +21,17 @@ const RECALLS: usize = 101;
 /// Areas in pixels: all, small, medium, large. Both ends are in.
 pub const AREAS: [[u32; 2]; 4] = [[0, u32::MAX], [0, 1024], [1024, 9216], [9216, u32::MAX]];
 /// Scores of a kind of masks or boxes, in the order of pycocotools.
-const SCORES: [&str; 12] = ["ap", "ap50", "ap75", "aps", "apm", "apl", "ar1", "ar10", "ar100", "ars", "arm", "arl"];
+pub(crate) const SCORES: [&str; 12] =
+    ["ap", "ap50", "ap75", "aps", "apm", "apl", "ar1", "ar10", "ar100", "ars", "arm", "arl"];
 
 /// A kind of shapes: what they are called, which mask of an instance it is, and whether its box is compared in its place.
-struct Kind {
-    name: &'static str,
+pub(crate) struct Kind {
+    pub(crate) name: &'static str,
     of: fn(&Instance) -> &Mask,
     is_box: bool,
 }
 
-const KINDS: [Kind; 4] = [
+pub(crate) const KINDS: [Kind; 4] = [
     Kind { name: "amodal_mask", of: |it| &it.amodal, is_box: false },
     Kind { name: "amodal_box", of: |it| &it.amodal, is_box: true },
     Kind { name: "visible_mask", of: |it| &it.visible, is_box: false },
@@ -52,7 +54,7 @@ struct Coco;
 
 /// What is kept of an image, for a kind.
 #[derive(Default)]
-struct Tally {
+pub(crate) struct Tally {
     /// Number of labels by area.
     labels: [u32; AREAS.len()],
     /// Predictions by falling score.
@@ -76,12 +78,25 @@ impl Measure for Coco {
     }
 
     fn tally(&self, pair: &Pair) -> Of {
-        Of(KINDS.map(|kind| kind.tally(pair)))
+        let objects = Objects {
+            labels: pair.labels.iter().collect(),
+            crowds: pair.crowds.iter().collect(),
+            ranked: pair.predictions.iter().chain(&pair.unlikely).collect(),
+        };
+        Of(KINDS.map(|kind| kind.tally(&objects)))
     }
 
     fn values(&self, images: &[&Of]) -> Vec<Option<f64>> {
         (0..KINDS.len()).flat_map(|kind| values(&images.iter().map(|it| &it.0[kind]).collect::<Vec<_>>())).collect()
     }
+}
+
+/// Objects of an image that are compared with each other.
+pub(crate) struct Objects<'a> {
+    pub(crate) labels: Vec<&'a Instance>,
+    pub(crate) crowds: Vec<&'a Crowd>,
+    /// Predictions by falling score.
+    pub(crate) ranked: Vec<&'a Instance>,
 }
 
 /// What is kept of an image, for all kinds.
@@ -102,11 +117,11 @@ impl<'a> Shape<'a> {
 }
 
 impl Kind {
-    fn tally(&self, pair: &Pair) -> Tally {
-        let shown = pair.labels.iter().map(self.of).filter(|mask| !mask.is_empty());
-        let labels = shown.map(|mask| Shape::new(mask, false)).chain(pair.crowds.iter().map(|it| Shape::new(it, true)));
-        let labels: Vec<Shape> = labels.collect();
-        let ranked = || pair.predictions.iter().chain(&pair.unlikely);
+    pub(crate) fn tally(&self, objects: &Objects) -> Tally {
+        let shown = objects.labels.iter().map(|it| (self.of)(it)).filter(|mask| !mask.is_empty());
+        let crowds = objects.crowds.iter().map(|it| Shape::new(&it.mask, true));
+        let labels: Vec<Shape> = shown.map(|mask| Shape::new(mask, false)).chain(crowds).collect();
+        let ranked = || objects.ranked.iter();
         let predictions: Vec<Shape> = ranked().take(MOST).map(|it| Shape::new((self.of)(it), false)).collect();
         let overlaps: Vec<Vec<f64>> =
             predictions.iter().map(|it| labels.iter().map(|label| self.overlap(it, label)).collect()).collect();
@@ -141,7 +156,7 @@ impl Kind {
 
     /// IoU; with a crowd, the share of the prediction that is in it.
     fn overlap(&self, prediction: &Shape, label: &Shape) -> f64 {
-        if !meet(&prediction.bbox, &label.bbox) {
+        if !prediction.bbox.meets(&label.bbox) {
             return 0.0;
         }
         let area = |it: &Shape| {
@@ -197,7 +212,7 @@ fn best(
 }
 
 /// The scores of a kind.
-fn values(images: &[&Tally]) -> [Option<f64>; SCORES.len()] {
+pub(crate) fn values(images: &[&Tally]) -> [Option<f64>; SCORES.len()] {
     if images.iter().any(|it| it.is_unranked) {
         return [None; SCORES.len()];
     }

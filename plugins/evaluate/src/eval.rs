@@ -1,17 +1,19 @@
 //! `syntable eval`.
 
-use crate::image::{Instance, OCCLUDED_FROM, Pair};
-use crate::measure::{Measures, Tally, linked};
+use crate::categories::ByCategory;
+use crate::image::{Instance, Occluded, Pair};
+use crate::measure::{Measurement, Measures, Tally, linked};
 use crate::predictions::{self, Predictions, check_masks, instances};
 use crate::table::{Score, Scored, Table};
-use crate::{Convention, bootstrap};
+use crate::{Convention, bootstrap, worst};
 use std::path::{Path, PathBuf};
+use syntable_formats::scores::{ScoredImage, Scores};
 use syntable_model::context::Workers;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Topic, Verb};
+use syntable_runtime::cli::{Console, Exit, Topic, Verb, amount};
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::workers::{self, Pool};
@@ -57,8 +59,10 @@ fn command() -> Command {
             flag("occluded-from")
                 .value_name("RATE")
                 .value_parser(value_parser!(f64))
-                .default_value("0.05")
-                .help("Least occlusion rate of predictions that count as occluded; 0 for any hidden pixel, as in labels"),
+                .help(
+                    "Least occlusion rate of predictions that count as occluded, 0 for any hidden pixel, as in labels. If left \
+                     out, any hidden pixel where predictions have occlusion masks, else 0.05",
+                ),
         )
         .arg(flag("convention").value_parser(["release", "paper"]).default_value("release").help(
             "Where SynTable's text and code differ: `release` takes F and F@.75 as means over images, `paper` F of mean \
@@ -69,6 +73,11 @@ fn command() -> Command {
                 .value_name("NAMES")
                 .value_delimiter(',')
                 .help("Metrics, separated by commas (see `syntable list metrics`); all if left out"),
+        )
+        .arg(
+            flag("by-category")
+                .action(ArgAction::SetTrue)
+                .help("Add COCO's scores with categories: the mean over them, and the AP of each"),
         )
         .arg(
             flag("bootstrap")
@@ -85,6 +94,22 @@ fn command() -> Command {
         )
         .arg(flag("json").action(ArgAction::SetTrue).help("Print the scores as one JSON object"))
         .arg(path("csv", "FILE").help("Write the scores of each image to a file"))
+        .arg(path("save", "FILE").help(
+            "Write all scores, and the worst images with their predictions, to a file that `report --scores` and `view \
+             --scores` show",
+        ))
+        .arg(
+            flag("worst")
+                .value_name("N")
+                .value_parser(amount)
+                .default_value("24")
+                .help("Number of worst images in the file of --save, or `all`"),
+        )
+        .arg(
+            flag("worst-by")
+                .value_name("SCORE")
+                .help("Score by which images are the worst, as --json names it [default: amodal_overlap_f]"),
+        )
         .arg(
             flag("threads")
                 .value_name("N")
@@ -96,7 +121,9 @@ fn command() -> Command {
   syntable eval --gt data --pred results.json                 a table as in the paper
   syntable eval --gt data --pred results.json --csv each.csv  and a line for each image
   syntable eval --gt data --pred predicted --json             a dataset of predictions; for programs
-  syntable eval --gt data --pred results.json --metrics coco --bootstrap 1000",
+  syntable eval --gt data --pred results.json --metrics coco --bootstrap 1000
+  syntable eval --gt data --pred results.json --save scores.json
+  syntable report data --scores scores.json                   the worst images with their predictions",
         )
 }
 
@@ -106,17 +133,25 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let (Some(gt), Some(pred)) = (path("gt"), path("pred")) else { return Ok(()) };
     let convention = if text("convention") == Some("paper") { Convention::Paper } else { Convention::Release };
     let least = arguments.get_one("min-score").copied().unwrap_or(0.5);
-    let occluded_from = arguments.get_one("occluded-from").copied().unwrap_or(OCCLUDED_FROM);
+    let occluded = arguments.get_one("occluded-from").copied().map_or(Occluded::AsSaid, Occluded::From);
     let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
     let names: Vec<String> = arguments.get_many::<String>("metrics").into_iter().flatten().cloned().collect();
-    let measures = Measures::named(&names, convention).map_err(Exit::stopped)?;
+    let mut measures = Measures::named(&names, convention).map_err(Exit::stopped)?;
     let (format, truth) = predictions::open(gt, text("gt-format")).map_err(Exit::stopped)?;
     let opened = check_masks(&*truth, gt)
         .and_then(|()| check_images(&*truth, gt))
-        .and_then(|()| Predictions::open(pred, text("pred-format"), least, (gt, truth.images())));
+        .and_then(|()| Predictions::open(pred, text("pred-format"), least, (gt, &*truth)));
     let (pred_format, predictions) = opened.map_err(Exit::stopped)?;
+    let by_category = arguments.get_flag("by-category").then(|| ByCategory::new(truth.info().categories()));
+    let categories = by_category.iter().flat_map(ByCategory::words).map(str::to_owned).collect();
+    if let Some(by_category) = by_category {
+        measures = measures.with(Measurement::of(by_category));
+    }
+    let (rank, ranked_by) = worst::ranked_by(&measures, text("worst-by")).map_err(Exit::stopped)?;
     let pool = Pool::new(threads).map_err(Exit::stopped)?;
-    let evaluation = Evaluation { truth: &*truth, predictions: &predictions, pred, measures: &measures, occluded_from };
+    let needs_category = arguments.get_flag("by-category");
+    let evaluation =
+        Evaluation { truth: &*truth, predictions: &predictions, pred, measures: &measures, occluded, needs_category };
     let images = evaluation.images(&pool, console.reporter()).map_err(Exit::stopped)?;
     let samples = arguments.get_one::<u32>("bootstrap").copied();
     let seed = arguments.get_one("seed").copied().unwrap_or_default();
@@ -128,10 +163,17 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         Score { name, value, interval }
     });
     let scores = scores.collect();
-    let table = Table { images: &images, convention, measures: &measures, scores, has_intervals: samples.is_some() };
+    let has_intervals = samples.is_some();
+    let table = Table { images: &images, convention, measures: &measures, scores, has_intervals, categories };
     if let Some(file) = path("csv") {
         let csv = table.csv(|image| &truth.images()[image].name);
         std::fs::write(file, csv).map_err(|error| Exit::stopped(Error::io(file, &error)))?;
+    }
+    if let Some(file) = path("save") {
+        let most = arguments.get_one::<usize>("worst").copied().unwrap_or(usize::MAX);
+        let lowest = worst::lowest(&measures, &images, rank, most);
+        let worst = evaluation.worst(&lowest, &pool, console.reporter()).map_err(Exit::stopped)?;
+        Scores { ranked_by, worst, ..table.saved() }.write(file).map_err(Exit::stopped)?;
     }
     if arguments.get_flag("json") {
         return console.print(&format!("{:#}\n", table.json()));
@@ -159,7 +201,9 @@ struct Evaluation<'a> {
     predictions: &'a Predictions,
     pred: &'a Path,
     measures: &'a Measures,
-    occluded_from: f64,
+    occluded: Occluded,
+    /// Whether predictions must have categories.
+    needs_category: bool,
 }
 
 impl Evaluation<'_> {
@@ -171,16 +215,38 @@ impl Evaluation<'_> {
         Ok(scored)
     }
 
+    /// Images with their scores and predictions.
+    fn worst(&self, images: &[usize], workers: &dyn Workers, reporter: &dyn Reporter) -> Result<Vec<ScoredImage>> {
+        let mut found = Vec::with_capacity(images.len());
+        let scored = |index: usize| {
+            let image = images[index];
+            Ok(worst::scored(self.measures, &self.truth.images()[image].name, &self.pair(image)?))
+        };
+        each((workers, reporter), "saved", images.len(), &scored, &mut |_, it| found.push(it))?;
+        Ok(found)
+    }
+
     fn image(&self, image: usize) -> Result<Scored> {
+        let pair = self.pair(image)?;
+        let (objects, predictions) = (pair.labels.len(), pair.predictions.len());
+        Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
+    }
+
+    fn pair(&self, image: usize) -> Result<Pair> {
         let name = || format!("image \"{}\"", self.truth.images()[image].name);
         let (labels, size) =
             instances(self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
-        let predictions = self.predictions.instances(image, size, self.occluded_from);
+        let predictions = self.predictions.instances(image, size, self.occluded);
         let [likely, unlikely] = predictions.map_err(|error| error.in_file(self.pred).context(name()))?;
-        let (objects, predictions) = (labels.len(), likely.len());
+        if self.needs_category && likely.iter().chain(&unlikely).any(|it| it.category.is_none()) {
+            return Err(Error::new("a prediction has no category of the ground truth")
+                .in_file(self.pred)
+                .help("predict the `category_id` that the annotation file of the ground truth has, or leave --by-category out")
+                .permanent()
+                .context(name()));
+        }
         let crowds = self.truth.crowds(image).map_err(|error| error.context(name()))?;
         let pair = Pair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
-        let pair = pair.map_err(|error| error.in_file(self.pred).context(name()))?;
-        Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
+        pair.map_err(|error| error.in_file(self.pred).context(name()))
     }
 }

@@ -3,7 +3,8 @@
 use crate::matching::{by_masks, pairs_of};
 use std::sync::OnceLock;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{BBox, Mask};
+use syntable_model::product::Mask;
+use syntable_model::reader::Crowd;
 
 /// Least occlusion rate of a predicted object that counts as occluded.
 pub const OCCLUDED_FROM: f64 = 0.05;
@@ -21,6 +22,31 @@ pub struct Instance {
     pub is_occluded: bool,
     /// Confidence of a prediction, if the detector says it.
     pub score: Option<f64>,
+    /// Id of a labeled object in its image; 0 of a prediction.
+    pub id: u16,
+    /// Id of its category in the ground truth, if it is known.
+    pub category: Option<u32>,
+}
+
+/// When predictions count as occluded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Occluded {
+    /// Where predictions say which pixels are hidden, as an occlusion mask of a result file or a dataset does: those of which
+    /// any pixel is. Others from [`OCCLUDED_FROM`] on, as in the reference.
+    AsSaid,
+    /// From this occlusion rate on.
+    From(f64),
+}
+
+impl Occluded {
+    /// The least occlusion rate of a prediction that says, or does not say, which pixels are hidden.
+    pub fn least(self, says: bool) -> f64 {
+        match self {
+            Self::AsSaid if says => 0.0,
+            Self::AsSaid => OCCLUDED_FROM,
+            Self::From(rate) => rate,
+        }
+    }
 }
 
 impl Instance {
@@ -44,7 +70,8 @@ impl Instance {
     pub fn predicted_from(least: f64, amodal: Mask, visible: Mask, occlusion: Option<Mask>) -> Self {
         let occlusion = occlusion.unwrap_or_else(|| differ(&amodal, &visible));
         let is_occluded = f64::from(occlusion.area()) >= least * f64::from(amodal.area());
-        Self { is_occluded: is_occluded && !occlusion.is_empty(), amodal, visible, occlusion, score: None }
+        let is_occluded = is_occluded && !occlusion.is_empty();
+        Self { is_occluded, amodal, visible, occlusion, score: None, id: 0, category: None }
     }
 }
 
@@ -66,7 +93,7 @@ pub struct Pair {
     /// Further ones whose scores are too low to count, by falling score, for metrics that rank predictions.
     pub unlikely: Vec<Instance>,
     /// Regions with objects that labels do not tell apart.
-    pub crowds: Vec<Mask>,
+    pub crowds: Vec<Crowd>,
     matched: OnceLock<Pairs>,
     painted: OnceLock<([Vec<Mask>; 2], Pairs)>,
 }
@@ -84,13 +111,14 @@ impl Pair {
     ///
     /// # Errors
     /// If masks differ in size.
-    pub fn with(self, unlikely: Vec<Instance>, crowds: Vec<Mask>) -> Result<Self> {
+    pub fn with(self, unlikely: Vec<Instance>, crowds: Vec<Crowd>) -> Result<Self> {
         Self { unlikely, crowds, ..self }.checked()
     }
 
     fn checked(self) -> Result<Self> {
         let instances = [&self.labels, &self.predictions, &self.unlikely].into_iter().flatten();
-        let masks = instances.flat_map(|it| [&it.amodal, &it.visible, &it.occlusion]).chain(&self.crowds);
+        let masks = instances.flat_map(|it| [&it.amodal, &it.visible, &it.occlusion]);
+        let masks = masks.chain(self.crowds.iter().map(|it| &it.mask));
         let sizes: Vec<(u32, u32)> = masks.map(|mask| (mask.width(), mask.height())).collect();
         if let Some(other) = sizes.iter().find(|size| **size != sizes[0]) {
             let [(a, b), (c, d)] = [*other, sizes[0]];
@@ -128,9 +156,4 @@ pub fn painted(instances: &[Instance]) -> Vec<Mask> {
     }
     shown.retain(|mask| !mask.is_empty());
     shown
-}
-
-/// Whether boxes have a common pixel.
-pub fn meet(a: &BBox, b: &BBox) -> bool {
-    a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Labels};
 use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::OCCLUSION_MASK;
 use syntable_model::product::{KeyId, Mask, Plane, Products};
 use syntable_model::reader::{DatasetReader, ImageRef};
 use syntable_model::scene::{InstanceId, SceneId, View, ViewId};
@@ -140,7 +141,9 @@ impl DatasetReader for LabelMaps {
     }
 
     fn offers(&self) -> Vec<KeyId> {
-        read::Known::with_amodal(self.is_amodal).offers()
+        let mut keys = read::Known::with_amodal(self.is_amodal).offers();
+        keys.retain(|key| self.says_occlusion || *key != OCCLUSION_MASK.id());
+        keys
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {

@@ -9,18 +9,20 @@
 //! | [`masks`] | Overlap and Boundary P, R, F and F@.75 of amodal, visible and invisible masks |
 //! | [`occlusion`] | ACC_O and F_O |
 //! | [`order`] | ACC_OO by the paper and by the release, scores of edges; InstaOrder's and De-occlusion's scores |
-//! | [`coco`] | COCO's AP and AR of masks and boxes |
+//! | [`coco`], [`categories`] | COCO's AP and AR of masks and boxes, whatever the category and by category |
 //! | [`regions`] | PQ and mIoU |
 //! | [`strata`] | scores of objects by occlusion rate and by size |
 //! | [`bootstrap`] | confidence intervals |
 //! | [`predictions`], [`results`], [`label_maps`] | what is compared: datasets, result files of detectors, label maps |
 //! | [`names`] | which image a name means |
 //! | [`table`] | scores as text, JSON and CSV |
+//! | [`worst`] | the images with the lowest scores, with their predictions, for reports |
 //!
 //! Of an image is kept what the metrics tally of it ([`measure::Measure`]), and nothing else.
 
 pub mod bootstrap;
 pub mod boundary;
+pub mod categories;
 pub mod coco;
 mod eval;
 pub mod image;
@@ -36,6 +38,7 @@ pub mod regions;
 pub mod results;
 pub mod strata;
 pub mod table;
+pub mod worst;
 
 pub use syntable_model::inventory;
 

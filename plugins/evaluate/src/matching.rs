@@ -3,7 +3,7 @@
 //! As in the reference there is no gate: min(objects, predictions) pairs come out, also ones without a common pixel. Of equal
 //! sums the pairs are those whose list, by object, is the lexicographically lowest.
 
-use crate::image::{Instance, Pairs, meet};
+use crate::image::{Instance, Pairs};
 use syntable_model::product::Mask;
 
 /// An F of 1 as an integer, so that equal sums are equal.
@@ -24,7 +24,7 @@ pub fn by_masks(labels: &[Instance], predictions: &[Instance], of: impl Fn(&Inst
 pub fn pairs_of(labels: &[&Mask], predictions: &[&Mask]) -> Pairs {
     let boxes = [labels, predictions].map(|masks| masks.iter().map(|mask| mask.bbox()).collect::<Vec<_>>());
     let score = |i: usize, j: usize| {
-        if meet(&boxes[0][i], &boxes[1][j]) { f_of(labels[i], predictions[j]) } else { 0.0 }
+        if boxes[0][i].meets(&boxes[1][j]) { f_of(labels[i], predictions[j]) } else { 0.0 }
     };
     let row = |i: usize| (0..predictions.len()).map(|j| score(i, j)).collect();
     assign(&(0..labels.len()).map(row).collect::<Vec<Vec<f64>>>(), predictions.len())

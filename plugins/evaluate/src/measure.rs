@@ -149,6 +149,12 @@ impl Measures {
         Ok(Self(wanted.map(|it| (it.build)(convention)).collect()))
     }
 
+    /// Adds one.
+    pub fn with(mut self, measurement: Measurement) -> Self {
+        self.0.push(measurement);
+        self
+    }
+
     /// Names of all scores.
     pub fn names(&self) -> Vec<String> {
         self.0.iter().flat_map(|it| it.0.names()).collect()

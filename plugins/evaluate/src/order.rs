@@ -3,6 +3,7 @@
 use crate::image::{Instance, Pair};
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
+use syntable_formats::read::occludes;
 use syntable_model::product::Mask;
 
 /// IoU that makes an edge in SynTable's release.
@@ -107,7 +108,8 @@ fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> Order {
 
 /// The paper's Algorithm 1: the visible mask of one meets the occlusion mask of the other.
 pub fn paper(all: &[Instance]) -> Order {
-    order(all.len(), |i, j| all[i].visible.shared_area(&all[j].occlusion) > 0)
+    let boxes: Vec<_> = all.iter().map(|it| (it.visible.bbox(), it.occlusion.bbox())).collect();
+    order(all.len(), |i, j| boxes[i].0.meets(&boxes[j].1) && occludes(&all[i].visible, &all[j].occlusion))
 }
 
 /// Edges of predictions as the release has them.

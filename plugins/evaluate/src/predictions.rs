@@ -1,14 +1,16 @@
 //! Where labels and predictions come from: a dataset of any format that can be read, label maps, or a result file.
 
-use crate::image::Instance;
+use crate::image::{Instance, Occluded};
 use crate::label_maps::{self, LabelMaps};
 use crate::names::Names;
 use crate::results::Results;
+use std::collections::BTreeMap;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Mask;
-use syntable_model::product::standard::{AMODAL_MASK, OCCLUSION_MASK, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader, ImageRef};
+use syntable_model::scene::InstanceId;
 
 /// Opens a dataset or a folder of label maps, and says what it was read as.
 ///
@@ -26,8 +28,9 @@ pub fn open(path: &Path, format: Option<&str>) -> Result<(&'static str, Box<dyn 
 
 /// Predictions for the images of a dataset.
 pub enum Predictions {
-    /// Those that a dataset has as labels; for each image of the ground truth, the number of its own.
-    Dataset(Box<dyn DatasetReader>, Vec<usize>),
+    /// Those that a dataset has as labels; for each image of the ground truth, the number of its own; its categories in the
+    /// ground truth.
+    Dataset(Box<dyn DatasetReader>, Vec<usize>, BTreeMap<u32, u32>),
     /// Those of a result file.
     Results(Results),
 }
@@ -41,39 +44,53 @@ impl Predictions {
         path: &Path,
         format: Option<&str>,
         least: f64,
-        truth: (&Path, &[ImageRef]),
+        truth: (&Path, &dyn DatasetReader),
     ) -> Result<(&'static str, Self)> {
         if format.is_none() && Results::is_one(path) {
             return Ok(("results", Self::Results(Results::open(path, least, truth.0, truth.1)?)));
         }
-        let (format, dataset) = open(path, format)?;
+        let found = open(path, format);
+        let (format, dataset) = match found {
+            Err(error) if path.is_file() => {
+                let help = "a result file is a JSON list of predictions, `[{\"image_id\": …, \"score\": …, \"segmentation\": …}, …]`";
+                return Err(error.help(help));
+            }
+            found => found?,
+        };
         if !dataset.offers().contains(&VISIBLE_MASK.id()) {
             return Err(lacks(VISIBLE_MASK.id().name, path));
         }
-        let pairs = paired(path, dataset.images(), truth)?;
-        Ok((format, Self::Dataset(dataset, pairs)))
+        let pairs = paired(path, dataset.images(), (truth.0, truth.1.images()))?;
+        // Categories of two datasets are the same where their names are.
+        let named: BTreeMap<&str, u32> = truth.1.info().categories().map(|(id, name)| (name, id)).collect();
+        let own = dataset.info().categories().filter_map(|(id, name)| Some((id, *named.get(name)?)));
+        let categories = own.collect();
+        Ok((format, Self::Dataset(dataset, pairs, categories)))
     }
 
-    /// The predictions of an image of the ground truth of `[width, height]` pixels, occluded from an occlusion rate on; those
-    /// that count, and others with lower scores.
+    /// The predictions of an image of the ground truth of `[width, height]` pixels: those that count, and others with lower
+    /// scores.
     ///
     /// # Errors
     /// If they cannot be read, or are of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<[Vec<Instance>; 2]> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
         match self {
-            Self::Dataset(dataset, pairs) => {
-                let make =
-                    |amodal, visible, occlusion| Instance::predicted_from(occluded_from, amodal, visible, occlusion);
-                let (instances, own) = instances(&**dataset, pairs[image], make)?;
+            Self::Dataset(dataset, pairs, categories) => {
+                let least = occluded.least(dataset.offers().contains(&OCCLUSION_MASK.id()));
+                let make = |amodal, visible, occlusion| Instance::predicted_from(least, amodal, visible, occlusion);
+                let (mut instances, own) = instances(&**dataset, pairs[image], make)?;
                 if own != size {
                     let ([a, b], [c, d]) = (own, size);
                     return Err(Error::new(format!("the prediction has {a} × {b} pixels, the ground truth {c} × {d}"))
                         .help("predict masks of the size of the image")
                         .permanent());
                 }
+                for it in &mut instances {
+                    (it.id, it.category) = (0, it.category.and_then(|own| categories.get(&own).copied()));
+                }
                 Ok([instances, Vec::new()])
             }
-            Self::Results(results) => results.instances(image, size, occluded_from),
+            Self::Results(results) => results.instances(image, size, occluded),
         }
     }
 }
@@ -89,13 +106,19 @@ pub fn instances(
     make: impl Fn(Mask, Mask, Option<Mask>) -> Instance,
 ) -> Result<(Vec<Instance>, [u32; 2])> {
     let offers = dataset.offers();
-    let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), OCCLUSION_MASK.id()];
+    let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), OCCLUSION_MASK.id(), CATEGORY_ID.id()];
     let wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
     let (view, products) = dataset.read(image, &wants)?;
     let visible = &products.get(VISIBLE_MASK)?.0;
     let size = [view.camera.intrinsics.width, view.camera.intrinsics.height];
+    let categories = products.optional(CATEGORY_ID)?;
+    let named = |id: InstanceId, instance: Instance| {
+        let category = categories.and_then(|of| of.get(id)).copied();
+        Instance { id: id.0, category, ..instance }
+    };
     if !wants.contains(&AMODAL_MASK.id()) {
-        return Ok((visible.values().map(|mask| make(mask.clone(), mask.clone(), None)).collect(), size));
+        let of = |(id, mask): (&InstanceId, &Mask)| named(*id, make(mask.clone(), mask.clone(), None));
+        return Ok((visible.iter().map(of).collect(), size));
     }
     let amodal = &products.get(AMODAL_MASK)?.0;
     let occlusion = wants.contains(&OCCLUSION_MASK.id()).then(|| products.get(OCCLUSION_MASK)).transpose()?;
@@ -104,9 +127,9 @@ pub fn instances(
             .help("`syntable validate` lists what is wrong")
             .permanent());
     }
-    let of = |(id, amodal): (_, &Mask)| {
+    let of = |(id, amodal): (&InstanceId, &Mask)| {
         let visible = visible.get(id).cloned().unwrap_or_else(|| Mask::empty(amodal.width(), amodal.height()));
-        make(amodal.clone(), visible, occlusion.and_then(|it| it.0.get(id)).cloned())
+        named(*id, make(amodal.clone(), visible, occlusion.and_then(|it| it.0.get(id)).cloned()))
     };
     Ok((amodal.iter().map(of).collect(), size))
 }

@@ -1,9 +1,10 @@
 //! Panoptic quality and mean IoU.
 
-use crate::image::{Pair, meet};
+use crate::image::Pair;
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
 use syntable_model::product::Mask;
+use syntable_model::reader::Crowd;
 
 /// IoU that a pair of segments must exceed.
 const MATCHED_ABOVE: f64 = 0.5;
@@ -37,7 +38,7 @@ fn panoptic(pair: &Pair) -> [Ratio; 3] {
     for prediction in predictions {
         let area = prediction.bbox();
         // Segments do not overlap, so that at most one label has such an IoU.
-        let ious = labels.iter().zip(&boxes).filter(|it| meet(it.1, &area)).map(|it| iou(it.0, prediction));
+        let ious = labels.iter().zip(&boxes).filter(|it| it.1.meets(&area)).map(|it| iou(it.0, prediction));
         match ious.into_iter().find(|iou| *iou > MATCHED_ABOVE) {
             Some(iou) => {
                 sum += iou;
@@ -52,9 +53,9 @@ fn panoptic(pair: &Pair) -> [Ratio; 3] {
 }
 
 /// Whether a segment is for the most part in crowds, where there are no labels.
-fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Mask]) -> bool {
+fn is_in_crowds(prediction: &Mask, labels: &[Mask], crowds: &[Crowd]) -> bool {
     let Some(first) = crowds.first() else { return false };
-    let all = crowds[1..].iter().fold(first.clone(), |all, it| all.or(it));
+    let all = crowds[1..].iter().fold(first.mask.clone(), |all, it| all.or(&it.mask));
     let inside = labels.iter().fold(all.and(prediction), |inside, label| inside.minus(label));
     f64::from(inside.area()) > IN_CROWDS_ABOVE * f64::from(prediction.area())
 }

@@ -3,7 +3,7 @@
 //! In memory is only where each prediction is in the file, and its image and score.
 
 use crate::coco::MOST;
-use crate::image::Instance;
+use crate::image::{Instance, Occluded};
 use crate::names::Names;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -12,9 +12,9 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
-use syntable_model::reader::ImageRef;
+use syntable_model::reader::DatasetReader;
 
-/// A prediction. Keys beyond these, such as `category_id` and `bbox`, are not looked at.
+/// A prediction. Keys beyond these and those of [`Head`], such as `bbox`, are not looked at.
 #[derive(Debug, Deserialize)]
 struct Prediction {
     /// Visible mask.
@@ -34,6 +34,8 @@ struct Head {
     image_id: ImageId,
     /// Confidence of the detector.
     score: f64,
+    /// Its category: the `id` in the annotation file of the ground truth.
+    category_id: Option<serde_json::Value>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -50,6 +52,8 @@ struct Place {
     length: usize,
     line: usize,
     score: f64,
+    /// Id of its category in the ground truth, if it is known.
+    category: Option<u32>,
 }
 
 /// A result file.
@@ -75,7 +79,8 @@ impl Results {
     ///
     /// # Errors
     /// If it is no list of predictions, or one is of no image of the dataset.
-    pub fn open(path: &Path, least: f64, truth: &Path, images: &[ImageRef]) -> Result<Self> {
+    pub fn open(path: &Path, least: f64, truth: &Path, dataset: &dyn DatasetReader) -> Result<Self> {
+        let images = dataset.images();
         let mut places: Vec<Vec<Place>> = vec![Vec::new(); images.len()];
         let names = Names::of(images.iter().map(|it| it.name.as_str()));
         let numbers: BTreeMap<u64, usize> =
@@ -103,19 +108,21 @@ impl Results {
                 );
                 return Err(wrong(format!("`image_id` {id} is no image of {}", truth.display()), &help));
             };
-            places[image].push(Place { start, length: bytes.len(), line, score: head.score });
+            let own = head.category_id.and_then(|id| id.as_u64());
+            let category = own.and_then(|own| dataset.category(own));
+            places[image].push(Place { start, length: bytes.len(), line, score: head.score, category });
             Ok(())
         })?;
         places.iter_mut().for_each(|of| of.sort_by(|a, b| b.score.total_cmp(&a.score)));
         Ok(Self { path: path.to_owned(), least, places })
     }
 
-    /// The predictions of an image of `[width, height]` pixels, occluded from an occlusion rate on: those that count, and those
-    /// with lower scores that rankings look at.
+    /// The predictions of an image of `[width, height]` pixels: those that count, and those with lower scores that rankings look
+    /// at, whatever the category or by category.
     ///
     /// # Errors
     /// If the file cannot be read, or a mask is damaged or of another size.
-    pub fn instances(&self, image: usize, size: [u32; 2], occluded_from: f64) -> Result<[Vec<Instance>; 2]> {
+    pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
         let fail = |error: std::io::Error| Error::io(&self.path, &error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let read = |place: &Place| {
@@ -123,20 +130,27 @@ impl Results {
             file.seek(SeekFrom::Start(place.start)).and_then(|_| file.read_exact(&mut bytes)).map_err(fail)?;
             let prediction: Prediction = parse(&self.path, place.line, &bytes)?;
             let instance = prediction
-                .instance(size, occluded_from)
+                .instance(size, occluded)
                 .map_err(|error| error.in_file(&self.path).at_line(place.line).permanent())?;
-            Ok(Instance { score: Some(place.score), ..instance })
+            Ok(Instance { score: Some(place.score), category: place.category, ..instance })
         };
         let places = &self.places[image];
         let kept = places.partition_point(|place| place.score >= self.least);
-        let mut likely = places[..kept.max(MOST.min(places.len()))].iter().map(read).collect::<Result<Vec<_>>>()?;
+        let mut ranks: BTreeMap<Option<u32>, usize> = BTreeMap::new();
+        let mut is_ranked = |(index, place): (usize, &Place)| {
+            let rank = ranks.entry(place.category).or_default();
+            *rank += 1;
+            (index < kept.max(MOST) || *rank <= MOST).then_some(*place)
+        };
+        let read_all: Vec<Place> = places.iter().enumerate().filter_map(&mut is_ranked).collect();
+        let mut likely = read_all.iter().map(read).collect::<Result<Vec<_>>>()?;
         let unlikely = likely.split_off(kept);
         Ok([likely, unlikely])
     }
 }
 
 impl Prediction {
-    fn instance(&self, [width, height]: [u32; 2], occluded_from: f64) -> Result<Instance> {
+    fn instance(&self, [width, height]: [u32; 2], occluded: Occluded) -> Result<Instance> {
         let decode = |key: &str, of: &Segmentation| {
             let named = |error: Error| {
                 let help = error.help_text().unwrap_or("predict masks of the size of the image").to_owned();
@@ -149,7 +163,8 @@ impl Prediction {
         let amodal = optional("amodal_segmentation", &self.amodal_segmentation)?;
         let occlusion = optional("occlusion_segmentation", &self.occlusion_segmentation)?;
         let amodal = amodal.unwrap_or_else(|| occlusion.as_ref().map_or(visible.clone(), |hidden| visible.or(hidden)));
-        let instance = Instance::predicted_from(occluded_from, amodal, visible, occlusion);
+        let least = occluded.least(occlusion.is_some());
+        let instance = Instance::predicted_from(least, amodal, visible, occlusion);
         Ok(Instance { is_occluded: self.occluded.unwrap_or(instance.is_occluded), ..instance })
     }
 }

@@ -1,9 +1,10 @@
 //! Scores as text, JSON and CSV, in percent.
 
 use crate::measure::{Measures, Tally};
-use crate::{Convention, coco, strata};
+use crate::{Convention, categories, coco, strata};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
+use syntable_formats::scores::{ScoreTable, Scores};
 
 /// An image that was scored.
 pub struct Scored {
@@ -38,17 +39,21 @@ pub struct Table<'a> {
     pub scores: Vec<Score>,
     /// Whether intervals were asked for.
     pub has_intervals: bool,
+    /// Words of categories in names of scores, if these were asked for.
+    pub categories: Vec<String>,
 }
 
 /// Scores side by side.
 struct Block {
-    /// Line above the headings.
-    above: String,
+    /// What stands above headings: each above as many.
+    above: Vec<(&'static str, usize)>,
     /// Heading of the labels of rows.
     what: &'static str,
     headings: Vec<String>,
     /// Label of each row, and names of its scores.
     rows: Vec<(String, Vec<String>)>,
+    /// Whether rows without a score are left out.
+    is_sparse: bool,
 }
 
 /// Scores of occlusion: name and heading.
@@ -66,7 +71,7 @@ const OCCLUSION: [(&str, &str); 7] = [
 const COLUMN: usize = 6;
 
 /// The scores that have places in tables; others follow in a list.
-fn blocks() -> Vec<Block> {
+fn blocks(words: &[String]) -> Vec<Block> {
     let columns = ["overlap_p", "overlap_r", "overlap_f", "boundary_p", "boundary_r", "boundary_f", "f75"];
     let row = |kind: &str, columns: &[&str]| {
         let rate = kind.strip_prefix("occluded_").map(|rate| rate.replace('_', "–"));
@@ -75,27 +80,50 @@ fn blocks() -> Vec<Block> {
     };
     let owned = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<String>>();
     let (kinds, scores) = coco::names();
+    let heading = |score: &str| format!("{}{}", score[..2].to_uppercase(), &score[2..]);
+    let of_categories = |kind: &str| scores.map(|score| format!("{}_{kind}_{score}", categories::MEAN)).to_vec();
     vec![
         Block {
-            above: format!("{:^22}  {:^22}", "overlap", "boundary"),
+            above: vec![("overlap", 3), ("boundary", 3)],
             what: "masks",
             headings: owned(&["P", "R", "F", "P", "R", "F", "F@.75"]),
             rows: ["amodal", "visible", "invisible"].map(|kind| row(kind, &columns)).to_vec(),
+            is_sparse: false,
         },
         Block {
-            above: String::new(),
+            above: Vec::new(),
+            is_sparse: false,
             what: "",
             headings: OCCLUSION.iter().map(|it| it.1.to_owned()).collect(),
             rows: vec![(String::new(), OCCLUSION.iter().map(|it| it.0.to_owned()).collect())],
         },
         Block {
-            above: String::new(),
+            above: Vec::new(),
+            is_sparse: false,
             what: "shapes",
-            headings: scores.iter().map(|score| format!("{}{}", score[..2].to_uppercase(), &score[2..])).collect(),
+            headings: scores.map(heading).to_vec(),
             rows: kinds.iter().map(|kind| row(kind, &scores)).collect(),
         },
         Block {
-            above: String::new(),
+            above: Vec::new(),
+            is_sparse: false,
+            what: "by category",
+            headings: scores.map(heading).to_vec(),
+            rows: kinds.iter().map(|kind| (row(kind, &scores).0, of_categories(kind))).collect(),
+        },
+        Block {
+            above: vec![("AP", kinds.len())],
+            is_sparse: true,
+            what: "category",
+            headings: kinds.map(|kind| kind.replace('_', " ")).to_vec(),
+            rows: words
+                .iter()
+                .map(|word| (word.clone(), kinds.map(|kind| format!("{word}_{kind}_ap")).to_vec()))
+                .collect(),
+        },
+        Block {
+            above: Vec::new(),
+            is_sparse: false,
             what: "occluded, %",
             headings: owned(&["share", "amodal F", "visible F", "F@.75"]),
             rows: strata::bins().iter().map(|bin| row(bin, &strata::SCORES)).collect(),
@@ -121,7 +149,7 @@ impl Table<'_> {
     /// The scores as text, laid out as in the paper. With intervals, a list of all.
     pub fn text(&self) -> String {
         let mut out = String::new();
-        let blocks = blocks();
+        let blocks = blocks(&self.categories);
         let is_placed = |name: &String| blocks.iter().flat_map(|it| &it.rows).any(|row| row.1.contains(name));
         let mut listed: Vec<&Score> = self.scores.iter().collect();
         if !self.has_intervals {
@@ -147,10 +175,32 @@ impl Table<'_> {
         out
     }
 
+    /// The rows of a block that have scores.
+    fn rows<'b>(&self, block: &'b Block) -> Vec<&'b (String, Vec<String>)> {
+        let has = |name: &String| self.score(name).is_some_and(|it| !block.is_sparse || it.value.is_some());
+        block.rows.iter().filter(|(_, names)| names.iter().any(has)).collect()
+    }
+
+    /// All tables, in percent.
+    pub fn tables(&self) -> Vec<ScoreTable> {
+        let percent = |name: &String| Some(100.0 * self.score(name)?.value?);
+        let table = |block: &Block| {
+            let above = block.above.iter().flat_map(|&(above, count)| std::iter::repeat_n(above, count));
+            let headings = block.headings.iter().zip(above.map(Some).chain(std::iter::repeat(None)));
+            let headings =
+                headings.map(|(it, above)| above.map_or_else(|| it.clone(), |above| format!("{above} {it}")));
+            let rows = self.rows(block).into_iter();
+            ScoreTable {
+                headings: std::iter::once(block.what.to_owned()).chain(headings).collect(),
+                rows: rows.map(|(label, names)| (label.clone(), names.iter().map(percent).collect())).collect(),
+            }
+        };
+        blocks(&self.categories).iter().map(table).filter(|table| !table.rows.is_empty()).collect()
+    }
+
     /// A table of those of its scores that there are.
     fn block(&self, block: &Block) -> String {
-        let rows: Vec<_> =
-            block.rows.iter().filter(|(_, names)| names.iter().any(|name| self.score(name).is_some())).collect();
+        let rows = self.rows(block);
         if rows.is_empty() {
             return String::new();
         }
@@ -159,7 +209,12 @@ impl Table<'_> {
         let gap = if label == 0 { "" } else { "  " };
         let mut out = String::new();
         if !block.above.is_empty() {
-            out += format!("{:label$}{gap}{}", "", block.above).trim_end();
+            let mut headings = block.headings.iter();
+            let cells = block.above.iter().map(|&(above, count)| {
+                let widths = headings.by_ref().take(count).map(|it| it.chars().count().max(COLUMN));
+                format!("{above:^0$}", widths.sum::<usize>() + 2 * (count - 1))
+            });
+            out += format!("{:label$}{gap}{}", "", cells.collect::<Vec<_>>().join("  ")).trim_end();
             out.push('\n');
         }
         let mut line = |first: &str, cells: Vec<String>| {
@@ -173,6 +228,19 @@ impl Table<'_> {
         rows.iter().for_each(|(first, names)| line(first, names.iter().map(|name| self.cell(name)).collect()));
         out.push('\n');
         out
+    }
+
+    /// All of it as a file has it, without images.
+    pub fn saved(&self) -> Scores {
+        Scores {
+            images: self.images.len(),
+            objects: self.sum(|it| it.objects),
+            predictions: self.sum(|it| it.predictions),
+            convention: self.convention.name().to_owned(),
+            scores: self.scores.iter().map(|it| (it.name.clone(), it.value.map(|value| 100.0 * value))).collect(),
+            tables: self.tables(),
+            ..Scores::default()
+        }
     }
 
     /// All of it as a JSON object.

@@ -8,6 +8,7 @@ use syntable_evaluate::{Convention, bootstrap, register_metric};
 use syntable_model::context::Workers;
 use syntable_model::product::Mask;
 use syntable_model::random::Stream;
+use syntable_model::reader::Crowd;
 
 /// A mask of inclusive ranges of columns and rows.
 fn rect([width, height]: [u32; 2], [x0, x1]: [u32; 2], [y0, y1]: [u32; 2]) -> Mask {
@@ -98,6 +99,7 @@ fn panoptic_quality_and_mean_iou() {
         seen(rect(size, [16, 18], [6, 9])), // of nothing, half of it in a crowd
     ];
     let of = |crowds: Vec<Mask>| {
+        let crowds = crowds.into_iter().map(|mask| Crowd { mask, category: 1 }).collect();
         let pair = Pair::new(labels.clone(), predictions.clone()).and_then(|pair| pair.with(Vec::new(), crowds));
         values(&[pair.expect("one size")], &["panoptic", "miou"])
     };

@@ -131,12 +131,8 @@ fn constants() -> String {
         ("ONLY_GUIDES", view::ONLY_GUIDES.into()),
         ("WITHOUT_BACKGROUND", view::WITHOUT_BACKGROUND.into()),
         ("WITHOUT_SHADOWS", view::WITHOUT_SHADOWS.into()),
-<<<<<<< HEAD
         ("GUIDE_BOUNCES", path::GUIDE_BOUNCES.into()),
-=======
         ("LABELS_THROUGH_GLASS", view::LABELS_THROUGH_GLASS.into()),
-        ("GUIDE_BOUNCES", passes::GUIDE_BOUNCES.into()),
->>>>>>> issue11
         ("SHADOW_COUNTERS", passes::SHADOW_COUNTERS.into()),
         ("RAYS_COUNTED", passes::RAYS_COUNTED.into()),
         ("SHADOWS_COUNTED", passes::SHADOWS_COUNTED.into()),

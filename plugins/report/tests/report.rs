@@ -29,6 +29,8 @@ struct Memory {
     images: Vec<ImageRef>,
     /// An image whose color cannot be read.
     broken: Option<usize>,
+    /// Whether a third object is hidden as a whole.
+    has_hidden: bool,
 }
 
 impl Memory {
@@ -40,7 +42,7 @@ impl Memory {
             id: None,
         };
         let info = read::Categories::named([MARKUP.to_owned()]).info(MARKUP.into(), MARKUP.into(), &[], String::new());
-        Self { info, images: (0..images).map(image).collect(), broken: None }
+        Self { info, images: (0..images).map(image).collect(), broken: None, has_hidden: false }
     }
 }
 
@@ -74,7 +76,12 @@ impl DatasetReader for Memory {
             amodal_box: None,
             category: 2,
         };
-        let labels = [labels(1, mask(1..5), mask(1..5)), labels(2, mask(5..9), mask(1..9))];
+        let mut labels = vec![
+            labels(1, mask(1..5), mask(1..5)),
+            labels(2, mask(5..9), mask(1..9)),
+            labels(3, Mask::empty(SIZE[0], SIZE[1]), mask(2..4)),
+        ];
+        labels.truncate(2 + usize::from(self.has_hidden));
         let mut products = Products::new();
         read::put(&labels, None, wants, &mut products)?;
         if wants.contains(&RGB.id()) {
@@ -87,8 +94,8 @@ impl DatasetReader for Memory {
             products.put(DEPTH, Plane::from_fn(SIZE[0], SIZE[1], |x, _| 1.0 + x as f32))?;
         }
         if wants.contains(&OBJECT_NAME.id()) {
-            let names = [1, 2].map(|id| (InstanceId(id), MARKUP.to_owned()));
-            products.put(OBJECT_NAME, names.into_iter().collect())?;
+            let names = labels.iter().map(|it| (it.id, MARKUP.to_owned()));
+            products.put(OBJECT_NAME, names.collect())?;
         }
         Ok((read::view(self.images[image].view, SIZE[0], SIZE[1]), products))
     }
@@ -151,11 +158,23 @@ fn what_is_written_is_what_is_served() {
     let shown = vec![0, 2, 5];
     let of_folder = written(&report(Memory::new(8), shown.clone()), 2);
     let served = report(Memory::new(8), shown);
-    for (path, bytes) in of_folder.iter().filter(|(path, _)| !path.starts_with('.') && *path != "index.html") {
-        let file = served.file(path).expect("readable");
-        assert!(file.as_ref() == Some(bytes), "{path} is served differently");
-    }
     let page = text(&of_folder["index.html"]);
+    // Pages of a folder name its edition in addresses, and are the same else.
+    let edition = page.split("style.css?").nth(1).and_then(|rest| rest.split('"').next()).expect("an edition");
+    assert!(edition.len() == 12 && edition.bytes().all(|byte| byte.is_ascii_hexdigit()), "{edition}");
+    for (path, bytes) in of_folder.iter().filter(|(path, _)| !path.starts_with('.') && *path != "index.html") {
+        let file = served.file(path).expect("readable").expect("there");
+        match path.ends_with(".html") {
+            true => {
+                let page = text(bytes).replace(&format!("?{edition}"), "").replace(edition, "");
+                assert_eq!(text(&file), page, "{path}");
+            }
+            false => assert!(file == *bytes, "{path} is served differently"),
+        }
+    }
+    // Another image, and every file has another address.
+    let other = written(&report(Memory { broken: Some(0), ..Memory::new(8) }, vec![0, 2, 5]), 2);
+    assert!(!text(&other["gallery.html"]).contains(edition));
     assert!(page.contains("3 of 8 views are in this report"), "{page}");
 }
 
@@ -175,6 +194,28 @@ fn an_image_has_its_masks_and_its_graph() {
     assert_eq!(hidden, mask(1..5));
     assert_eq!(object["visible_box"], serde_json::json!([5, 2, 4, 4]));
     assert_eq!(view["objects"][0].get("hidden"), None);
+}
+
+/// The gallery counts the objects that are seen, as the statistics do.
+#[test]
+fn hidden_objects_are_told_from_those_that_are_seen() {
+    let memory = Memory { has_hidden: true, ..Memory::new(1) };
+    let pool = Pool::new(1).expect("threads");
+    let counted = stats::of(&memory, &Options::default(), (&pool, &Quiet)).expect("counted");
+    let report = report(memory, vec![0]);
+    let value = |path: &str, key: &str| -> serde_json::Value {
+        let file = report.file(path).expect("readable").expect("there");
+        let json = text(&file).trim_start_matches(&format!("syntable.put(\"{key}\", ")).trim_end_matches(");\n");
+        serde_json::from_str(json).expect("JSON")
+    };
+    let rows = value("data/rows/0.js", "rows/0");
+    assert_eq!(rows[0]["objects"].as_u64(), Some(counted.totals.visible_instances));
+    assert_eq!((rows[0]["objects"].as_u64(), counted.totals.hidden_instances), (Some(2), 1));
+    let view = value("data/view/000/000000.js", "view/000/000000");
+    let hidden: Vec<bool> =
+        view["objects"].as_array().expect("objects").iter().map(|it| it["is_hidden"] == true).collect();
+    assert_eq!(hidden, [false, false, true]);
+    assert_eq!((view["objects"][2].get("visible"), view["objects"][2]["amodal"].is_string()), (None, true));
 }
 
 #[test]

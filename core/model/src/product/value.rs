@@ -441,6 +441,14 @@ pub struct BBox {
     pub height: i32,
 }
 
+impl BBox {
+    /// Whether boxes have a common pixel.
+    pub fn meets(&self, other: &Self) -> bool {
+        let apart = |at: i32, long: i32, other: i32, other_long: i32| at >= other + other_long || other >= at + long;
+        !apart(self.x, self.width, other.x, other.width) && !apart(self.y, self.height, other.y, other.height)
+    }
+}
+
 impl From<[i32; 4]> for BBox {
     fn from([x, y, width, height]: [i32; 4]) -> Self {
         Self { x, y, width, height }

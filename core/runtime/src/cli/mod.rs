@@ -165,6 +165,14 @@ impl Exit {
     }
 }
 
+/// A number from 1 on, or `all`, as options of verbs take it.
+pub fn amount(text: &str) -> std::result::Result<usize, String> {
+    match text {
+        "all" => Ok(usize::MAX),
+        _ => text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "a number from 1 on, or `all`".to_owned()),
+    }
+}
+
 /// Runs the command line of this process with all linked plugins.
 ///
 /// The whole `main.rs` of a binary with plugins of its own:

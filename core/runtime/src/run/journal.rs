@@ -214,6 +214,19 @@ impl Journal {
         Ok(entries)
     }
 
+    /// Reads the lines of a journal that can be read, and says which ones cannot.
+    pub fn readable(path: &Path) -> Result<(BTreeMap<u32, JournalEntry>, Vec<String>)> {
+        let text = Text::read(path)?;
+        let (mut entries, mut faults) = (BTreeMap::new(), Vec::new());
+        for (number, line) in (1..).zip(text.lines()) {
+            match line {
+                Ok(entry) => drop(entries.insert(entry.scene, entry)),
+                Err(error) => faults.push(format!("line {number} is no journal line: {error}")),
+            }
+        }
+        Ok((entries, faults))
+    }
+
     /// Takes out the lines that cannot be read, and returns how many.
     pub fn mend(path: &Path) -> Result<usize> {
         let text = Text::read(path)?;

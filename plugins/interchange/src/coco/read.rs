@@ -13,7 +13,7 @@ use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
 use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, VISIBLE_BOX};
-use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
+use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
     name: "coco",
@@ -159,7 +159,11 @@ impl DatasetReader for Reader {
         [(self.crowds > 0, crowds), (!self.has_masks, boxes)].into_iter().filter(|it| it.0).map(|it| it.1).collect()
     }
 
-    fn crowds(&self, image: usize) -> Result<Vec<Mask>> {
+    fn category(&self, own: u64) -> Option<u32> {
+        self.listing.categories.known(own)
+    }
+
+    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         if self.crowds == 0 {
             return Ok(Vec::new());
         }
@@ -167,7 +171,8 @@ impl DatasetReader for Reader {
         let annotations: Vec<Annotation> = self.listing.annotations(image)?;
         let of = |it: &Annotation| {
             let mask = segmentation(it)?.decode(frame.width, frame.height);
-            Some(mask.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id)).permanent()))
+            let crowd = mask.map(|mask| Crowd { mask, category: self.listing.categories.id(it.category_id) });
+            Some(crowd.map_err(|error| error.context(format!("annotation {}: `segmentation`", it.id)).permanent()))
         };
         annotations.iter().filter(|it| is_crowd(it)).filter_map(of).collect()
     }

@@ -217,6 +217,10 @@ impl DatasetReader for Reader {
         self.listing.faults.all()
     }
 
+    fn category(&self, own: u64) -> Option<u32> {
+        self.listing.categories.known(own)
+    }
+
     fn offers(&self) -> Vec<KeyId> {
         let mut keys = read::Known::Both.offers();
         keys.push(RGB.id());

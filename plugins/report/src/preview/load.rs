@@ -4,6 +4,7 @@ use super::sheet;
 use super::watch::Files;
 use std::cell::RefCell;
 use std::path::Path;
+use std::time::SystemTime;
 use syntable_model::context::Log;
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
@@ -38,6 +39,7 @@ pub struct Loaded {
 impl Wishes {
     /// Loads the recipe.
     pub fn load(&self, registry: &Registry, log: &dyn Log) -> Loaded {
+        let since = SystemTime::now();
         let mut loaded = self.load_with(registry, Vec::new(), log);
         if let Ok((recipe, _)) = &loaded.recipe {
             let more = self.changes(registry, recipe);
@@ -46,7 +48,7 @@ impl Wishes {
             }
         }
         if let Ok((recipe, _)) = &loaded.recipe {
-            recipe.files.iter().for_each(|(_, path)| loaded.files.add(path));
+            recipe.files.iter().for_each(|(_, path)| loaded.files.add(path, since));
             if let Err(error) = recipe.trusted(self.allow_libraries) {
                 loaded.recipe = Err(vec![Message::Error(error)]);
             }

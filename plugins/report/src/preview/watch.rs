@@ -49,10 +49,14 @@ impl Files {
         self.0.entry(path.to_owned()).or_insert(Known { content: None, stamp: None });
     }
 
-    /// A file with the content that it has now. Folders are left out.
-    pub fn add(&mut self, path: &Path) {
+    /// A file that was read since some time, with the content that it has now; one that was written since then counts as
+    /// changed, because nobody knows which content was read. Folders are left out.
+    pub fn add(&mut self, path: &Path, since: SystemTime) {
         if !path.is_dir() && !self.0.contains_key(path) {
-            self.0.insert(path.to_owned(), look(path, None));
+            let written = path.metadata().and_then(|metadata| metadata.modified());
+            let is_late = written.is_ok_and(|at| at >= since && at <= SystemTime::now());
+            let known = if is_late { Known { content: None, stamp: None } } else { look(path, None) };
+            self.0.insert(path.to_owned(), known);
         }
     }
 
@@ -245,12 +249,25 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_changed_while_it_was_read_is_read_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("points.json");
+        let since = SystemTime::now() - Duration::from_secs(1);
+        fs::write(&path, "new").expect("written");
+        let mut files = Files::default();
+        files.add(&path, since);
+        assert!(files.changed(&mut BTreeMap::new()));
+    }
+
+    #[test]
     fn large_files_are_read_when_size_or_time_change() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("list.txt");
         fs::write(&path, vec![1; 2 << 20]).expect("written");
         let mut files = Files::default();
-        files.add(&path);
+        // What a clock of coarse ticks says is past.
+        let later = SystemTime::now() + Duration::from_secs(1);
+        files.add(&path, later);
         assert!(!files.changed(&mut BTreeMap::new()));
         fs::write(&path, vec![2; 3 << 20]).expect("written");
         assert!(files.changed(&mut BTreeMap::new()));

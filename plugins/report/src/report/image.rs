@@ -40,6 +40,9 @@ pub struct ImageView {
 pub struct ObjectView {
     /// Its id.
     pub id: u16,
+    /// Whether no pixel of it is seen.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_hidden: bool,
     /// Name of its asset; empty if it is not known.
     pub name: String,
     /// Name of its class.
@@ -48,7 +51,7 @@ pub struct ObjectView {
     pub rate: Option<f64>,
     /// Layer in the occlusion graph.
     pub layer: Option<&'static str>,
-    /// Visible mask.
+    /// Visible mask; none if it is empty.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub visible: Option<String>,
     /// Amodal mask.
@@ -83,8 +86,10 @@ pub struct ImageRow {
     pub place: [u32; 2],
     /// Width and height, px.
     pub size: [u32; 2],
-    /// Objects.
+    /// Objects of which a pixel is seen.
     pub objects: usize,
+    /// Whether there is a color image.
+    pub has_image: bool,
     /// Greatest occlusion rate of an object.
     pub most: Option<f64>,
     /// Number of faults.
@@ -121,8 +126,14 @@ pub fn read(dataset: &dyn DatasetReader, image: usize, whole: bool) -> Result<(I
     };
     let mut objects: BTreeMap<InstanceId, ObjectView> = BTreeMap::new();
     let mut put = Objects { products: &products, objects: &mut objects };
-    put.each(VISIBLE_MASK, |object, mask: &Mask| object.visible = Some(mask.to_coco()))?;
-    put.each(AMODAL_MASK, |object, mask: &Mask| object.amodal = Some(mask.to_coco()))?;
+    put.each(VISIBLE_MASK, |object, mask: &Mask| {
+        object.is_hidden = mask.is_empty();
+        object.visible = (!mask.is_empty()).then(|| mask.to_coco());
+    })?;
+    put.each(AMODAL_MASK, |object, mask: &Mask| {
+        object.is_hidden = object.visible.is_none();
+        object.amodal = Some(mask.to_coco());
+    })?;
     put.each(OCCLUSION_MASK, |object, mask: &Mask| object.hidden = (!mask.is_empty()).then(|| mask.to_coco()))?;
     put.each(OCCLUSION_RATE, |object, rate: &f64| object.rate = Some(*rate))?;
     put.each(VISIBLE_BOX, |object, bbox: &BBox| object.visible_box = Some((*bbox).into()))?;
@@ -224,7 +235,8 @@ impl ImageView {
             name: self.name.clone(),
             place: [self.scene, self.view],
             size: self.size,
-            objects: self.objects.len(),
+            objects: self.objects.iter().filter(|object| !object.is_hidden).count(),
+            has_image: self.has_image,
             most: rates.reduce(f64::max),
             faults: self.faults.len(),
         }

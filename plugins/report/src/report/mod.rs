@@ -21,6 +21,7 @@ mod overview;
 mod pixels;
 mod plot;
 pub mod record;
+pub mod scored;
 pub mod verb;
 
 use crate::stats::Statistics;
@@ -29,9 +30,13 @@ use base64::engine::general_purpose::STANDARD;
 use image::{ImageRow, ImageView};
 use parking_lot::Mutex;
 use record::{Licenses, Record};
+use scored::Scored;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::OnceLock;
+use syntable_formats::scores::ScoredImage;
+use syntable_model::digest::Digest;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::Products;
 use syntable_model::product::standard::{DEPTH, RGB};
@@ -79,7 +84,12 @@ pub struct Report {
     shown: Vec<usize>,
     /// Scenes with a model that the pages show.
     scenes: Vec<u32>,
-    licenses: Licenses,
+    /// Gathered from labels when somebody asks, which takes a while.
+    licenses: OnceLock<Licenses>,
+    /// Scores of predictions, if some are shown.
+    scored: Option<Scored>,
+    /// What tells a report that was written from another one at its place.
+    edition: OnceLock<String>,
     pages: Tera,
     /// What was read of shown images.
     rows: Vec<Mutex<Option<ImageRow>>>,
@@ -124,13 +134,9 @@ impl Report {
         if dataset.images().is_empty() {
             return Err(Error::new("the dataset has no image").in_file(path).permanent());
         }
-        let record = Record::of(path)?;
+        let record = Record::of(path);
         let Shown { images: shown, scenes: most } = choose(&*dataset);
         let scenes: Vec<u32> = record.models.keys().copied().take(most.unwrap_or(usize::MAX)).collect();
-        let mut first: BTreeSet<u32> = BTreeSet::new();
-        let firsts = dataset.images().iter().enumerate().filter(|(_, image)| first.insert(image.scene.0));
-        let firsts: BTreeSet<usize> = firsts.map(|(index, _)| index).collect();
-        let licenses = record.licenses(&*dataset, firsts.into_iter());
         let mut pages = Tera::default();
         pages.add_raw_templates(SHARED.into_iter().chain(PAGES)).map_err(|error| wrong_page(&error))?;
         let rows = shown.iter().map(|_| Mutex::new(None)).collect();
@@ -143,12 +149,35 @@ impl Report {
             record,
             shown,
             scenes,
-            licenses,
+            licenses: OnceLock::new(),
+            scored: None,
+            edition: OnceLock::new(),
             pages,
             rows,
             faults: Mutex::default(),
             statistics,
         })
+    }
+
+    /// Shows predictions, too.
+    pub fn with_scores(self, scored: Scored) -> Self {
+        Self { scored: Some(scored), ..self }
+    }
+
+    /// Reads the licenses of assets from the labels of each scene's first image, and from glTF files. The overview lists them
+    /// from then on.
+    pub fn gather_licenses(&self) {
+        let mut first: BTreeSet<u32> = BTreeSet::new();
+        let images = self.dataset.images().iter().enumerate();
+        let firsts: Vec<usize> =
+            images.filter(|(_, image)| first.insert(image.scene.0)).map(|(index, _)| index).collect();
+        self.licenses.get_or_init(|| self.record.licenses(&*self.dataset, firsts.into_iter()));
+    }
+
+    /// Says what the files of the report are.
+    fn put_edition(&self, digest: &Digest) {
+        let text = digest.to_string();
+        self.edition.get_or_init(|| text.chars().filter(char::is_ascii_hexdigit).take(12).collect());
     }
 
     /// The dataset.
@@ -174,7 +203,7 @@ impl Report {
     /// The files that follow from single images, by the place of the image among those that are shown.
     pub fn files_of_image(&self, place: usize) -> Result<Vec<(String, Vec<u8>)>> {
         let (view, products) = self.read_whole(place)?;
-        let mut files = vec![(view_path(place), self.put(&view_key(place), &self.with_scene(&view)))];
+        let mut files = vec![(view_path(place), self.put(&view_key(place), &self.whole_view(place, &view)))];
         files.extend(color(&products)?.map(|bytes| (image_path("image", place), bytes)));
         files.extend(depth(&products)?.map(|bytes| (image_path("depth", place), bytes)));
         Ok(files)
@@ -218,7 +247,7 @@ impl Report {
         let is_shown = |place: &usize| *place < self.shown.len();
         if let Some(place) = number("data/view/", ".js").filter(|place| is_shown(place) && view_path(*place) == path) {
             let (view, _) = self.read_whole(place)?;
-            return Ok(Some(self.put(&view_key(place), &self.with_scene(&view))));
+            return Ok(Some(self.put(&view_key(place), &self.whole_view(place, &view))));
         }
         for (folder, key) in [("image", RGB.id()), ("depth", DEPTH.id())] {
             let place = number(&format!("{folder}/"), ".jpg").filter(|place| is_shown(place));
@@ -231,14 +260,20 @@ impl Report {
         Ok(None)
     }
 
+    /// The address of a file on a page.
+    fn addressed(&self, path: String) -> String {
+        self.edition.get().map_or_else(|| path.clone(), |edition| format!("{path}?{edition}"))
+    }
+
     /// A script that hands a value to the page.
     fn put(&self, key: &str, value: &impl Serialize) -> Vec<u8> {
         let [key, value] = [serde_json::to_string(key), serde_json::to_string(value)].map(Result::unwrap_or_default);
         format!("syntable.put({key}, {value});\n").into_bytes()
     }
 
-    fn with_scene<'a>(&self, view: &'a ImageView) -> WithScene<'a> {
-        WithScene { image: view, has_scene: self.scenes.contains(&view.scene) }
+    fn whole_view<'a>(&'a self, place: usize, view: &'a ImageView) -> WholeView<'a> {
+        let predicted = self.scored.as_ref().and_then(|scored| scored.image(self.shown[place]));
+        WholeView { image: view, has_scene: self.scenes.contains(&view.scene), predicted }
     }
 
     fn row(&self, place: usize) -> Result<ImageRow> {
@@ -284,8 +319,11 @@ impl Report {
             per_folder: PER_FOLDER,
             has_image: self.dataset.offers().contains(&RGB.id()),
             has_depth: self.dataset.offers().contains(&DEPTH.id()),
+            edition: self.edition.get().map(String::as_str).unwrap_or_default(),
         };
         context.insert("facts", &facts);
+        context.insert("query", &self.addressed(String::new()));
+        context.insert("has_scores", &self.scored.is_some());
         context.insert("scenes", &self.scenes);
         context.insert("models", &self.record.models.len());
         if name == "index.html" {
@@ -303,20 +341,24 @@ impl Report {
 
 /// What scripts of all pages know.
 #[derive(Serialize)]
-struct PageFacts {
+struct PageFacts<'a> {
     images: usize,
     all_images: usize,
     per_page: usize,
     per_folder: usize,
     has_image: bool,
     has_depth: bool,
+    /// What follows `?` in the addresses of files; empty if nothing does.
+    edition: &'a str,
 }
 
 #[derive(Serialize)]
-struct WithScene<'a> {
+struct WholeView<'a> {
     #[serde(flatten)]
     image: &'a ImageView,
     has_scene: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    predicted: Option<&'a ScoredImage>,
 }
 
 fn wrong_page(error: &tera::Error) -> Error {

@@ -2,6 +2,7 @@
 
 use super::plot::{grouped, histogram};
 use super::record::PoolView;
+use super::scored::{Scored, TableView};
 use super::{Counted, Report, image_path};
 use crate::stats::{ImageRow, Statistics};
 use serde::Serialize;
@@ -9,10 +10,13 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use syntable_model::error::Result;
 use syntable_model::product::standard::{AMODAL_MASK, DEPTH, OCCLUSION_ORDER, RGB, VISIBLE_MASK};
+use syntable_runtime::run::progress::count;
 use syntable_runtime::run::times::Worked;
 
 /// Views of a row of images.
 pub const MOST_OCCLUDED: usize = 12;
+/// Images with the worst scores that are shown.
+const MOST_WORST: usize = 24;
 /// Faults that are listed.
 const FAULTS: usize = 24;
 
@@ -34,6 +38,9 @@ pub struct Overview {
     more_faults: usize,
     checked: usize,
     failed: Vec<SceneRow>,
+    /// What of the run's records cannot be read.
+    damaged: Vec<String>,
+    scores: Option<ScoresView>,
     has_journal: bool,
     stages: Vec<StageRow>,
     devices: Vec<String>,
@@ -48,10 +55,21 @@ struct Fact {
     value: String,
 }
 
+/// Scores of predictions, and the images with the worst ones.
+#[derive(Serialize)]
+struct ScoresView {
+    says: String,
+    tables: Vec<TableView>,
+    ranked_by: String,
+    worst: Vec<Card>,
+}
+
 /// An image that leads to its page.
 #[derive(Serialize)]
 struct Card {
     place: usize,
+    /// Labels that are switched on there.
+    on: &'static str,
     image: Option<String>,
     name: String,
     says: String,
@@ -116,7 +134,9 @@ pub fn of(report: &Report) -> Result<Overview> {
         counting,
         is_counting,
         unknown: statistics.map(|it| it.unknown.iter().chain(&it.caveats).cloned().collect()).unwrap_or_default(),
-        pools: record.pools(&report.licenses),
+        pools: report.licenses.get().map(|licenses| record.pools(licenses)).unwrap_or_default(),
+        damaged: record.damaged.clone(),
+        scores: report.scored.as_ref().map(|scored| scores(report, scored)),
         recipe: record.recipe.clone(),
         sample: sample(report),
         occluded: statistics.map(|statistics| occluded(report, statistics)).unwrap_or_default(),
@@ -129,11 +149,7 @@ pub fn of(report: &Report) -> Result<Overview> {
         devices: devices.into_iter().collect(),
         made_in: {
             let seconds: f64 = record.times.iter().map(|run| run.seconds).sum();
-            format!(
-                "{} in {}",
-                plural(record.times.iter().map(|run| run.scenes as usize).sum(), "scene"),
-                span(seconds)
-            )
+            format!("{} in {}", count(record.times.iter().map(|run| run.scenes).sum(), "scene"), span(seconds))
         },
         left_out,
     })
@@ -218,9 +234,26 @@ fn occluded(report: &Report, statistics: &Statistics) -> Vec<Card> {
 
 fn card(report: &Report, place: usize, says: String) -> Card {
     let image = &report.dataset.images()[report.shown[place]];
-    let has_image = report.dataset.offers().contains(&RGB.id());
+    let row = report.rows[place].lock();
+    let has_image = row.as_ref().map_or_else(|| report.dataset.offers().contains(&RGB.id()), |row| row.has_image);
     let base = image.name.rsplit('/').next().unwrap_or_default();
-    Card { place, image: has_image.then(|| image_path("image", place)), name: base.to_owned(), says }
+    let image = has_image.then(|| report.addressed(image_path("image", place)));
+    Card { place, on: "", image, name: base.to_owned(), says }
+}
+
+/// The scores, and those of the worst images that are shown.
+fn scores(report: &Report, scored: &Scored) -> ScoresView {
+    let worst = scored.images().iter().filter_map(|image| {
+        let place = report.shown.binary_search(image).ok()?;
+        let says = scored.rank(*image).map_or_else(String::new, |score| format!("{score:.1}"));
+        Some(Card { on: "predicted", ..card(report, place, says) })
+    });
+    ScoresView {
+        says: scored.says(),
+        tables: scored.tables(),
+        ranked_by: scored.ranked_by().to_owned(),
+        worst: worst.take(MOST_WORST).collect(),
+    }
 }
 
 /// Some images at even distances.
@@ -274,10 +307,6 @@ fn stages(report: &Report) -> Vec<StageRow> {
         percent: (1000.0 * it.seconds / all.max(1e-12)).round() / 10.0,
     };
     stages.into_iter().map(row).collect()
-}
-
-fn plural(count: usize, what: &str) -> String {
-    format!("{} {what}{}", grouped(&count.to_string()), if count == 1 { "" } else { "s" })
 }
 
 /// A span of time for people.

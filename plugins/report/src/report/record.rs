@@ -30,6 +30,8 @@ pub struct Record {
     pub journal: BTreeMap<u32, JournalEntry>,
     /// What runs took.
     pub times: Vec<RunTimes>,
+    /// What of these records cannot be read: sentences.
+    pub damaged: Vec<String>,
     /// glTF files by scene.
     pub models: BTreeMap<u32, PathBuf>,
 }
@@ -65,13 +67,22 @@ pub type Licenses = BTreeMap<String, String>;
 
 impl Record {
     /// Reads what the folder of a run has; nothing of a folder that no run made.
-    pub fn of(dataset: &Path) -> Result<Self> {
-        let Some(root) = run_of(dataset) else { return Ok(Self::default()) };
+    pub fn of(dataset: &Path) -> Self {
+        let Some(root) = run_of(dataset) else { return Self::default() };
         let recipe = std::fs::read_to_string(root.join(RESERVED[1])).unwrap_or_default();
         let table: toml::Table = recipe.parse().unwrap_or_default();
-        let journal = Journal::entries_of(&journal_path(&root))?;
+        let mut damaged = Vec::new();
+        let mut note = |path: &Path, what: String| damaged.push(format!("{}: {what}", path.display()));
+        let path = journal_path(&root);
+        let (journal, faults) =
+            Journal::readable(&path).unwrap_or_else(|error| (BTreeMap::new(), vec![error.to_string()]));
+        faults.into_iter().for_each(|fault| note(&path, fault));
+        let times = RunTimes::of_dataset(&root).unwrap_or_else(|error| {
+            note(&root, error.to_string());
+            Vec::new()
+        });
         let models = models(&root, &table, journal.keys().copied());
-        Ok(Self { times: RunTimes::of_dataset(&root)?, recipe, table, journal, models })
+        Self { times, recipe, table, journal, damaged, models }
     }
 
     /// A value of the recipe as text: `dataset.seed`.

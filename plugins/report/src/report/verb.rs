@@ -2,20 +2,23 @@
 
 use super::overview::{MOST_OCCLUDED, by_occlusion};
 use super::record::run_of;
+use super::scored::Scored;
 use super::{Counted, Report, Shown};
+use crate::arguments;
 use crate::stats::{self, Options, Statistics};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use syntable_model::digest::{Digest, Hasher};
 use syntable_model::error::{Error, Result};
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Verb};
+use syntable_runtime::cli::{Console, Exit, Message, Verb, amount};
 use syntable_runtime::images::each;
 use syntable_runtime::run::folder::{create_parent, remove};
 use syntable_runtime::run::progress::Reporter;
-use syntable_runtime::workers::{self, Pool};
+use syntable_runtime::workers::Pool;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
 
@@ -28,22 +31,13 @@ fn command() -> Command {
     let flag = |name: &'static str| Arg::new(name).long(name);
     Command::new("report")
         .about("Make pages that show a dataset: card, statistics, images with labels, occlusion graphs, scenes in space")
-        .arg(
-            Arg::new("dataset")
-                .value_name("DATASET")
-                .required(true)
-                .value_parser(value_parser!(PathBuf))
-                .help("Folder of a dataset of any format that can be read, or its annotation file"),
-        )
+        .arg(arguments::dataset())
         .arg(flag("out").value_name("DIR").value_parser(value_parser!(PathBuf)).help(
             "Folder of the report; the dataset's with `-report` after its name if left out. Open its index.html",
         ))
         .arg(flag("overwrite").action(ArgAction::SetTrue).help("Replace a report that is in the folder"))
-        .arg(
-            flag("format")
-                .value_name("FORMAT")
-                .help("Format of the dataset (see `syntable list formats`); the one that it looks like if left out"),
-        )
+        .arg(arguments::format())
+        .arg(arguments::scores())
         .arg(flag("images").value_name("N").value_parser(amount).default_value("500").help(
             "Most images in the report, or `all`: the most occluded ones, and others at even distances. An image takes about \
              0.1 MB. The numbers are always those of all",
@@ -58,26 +52,14 @@ fn command() -> Command {
         .arg(flag("labels-only").action(ArgAction::SetTrue).help(
             "Count labels alone, which is faster: leaves out brightness, depth and near-duplicate views",
         ))
-        .arg(
-            flag("threads")
-                .value_name("N")
-                .value_parser(value_parser!(u16).range(1..=1024))
-                .help("Worker threads; all cores if left out. The report does not depend on it"),
-        )
+        .arg(arguments::threads("Worker threads; all cores if left out. The report does not depend on it"))
         .after_help(
             "Examples:
   syntable report data                             data-report/index.html
   syntable report data --out pages --images all    with every image
+  syntable report data --scores scores.json        with the worst predictions (see `syntable eval --save`)
   syntable report coco/annotations.json --out pages --format coco",
         )
-}
-
-/// A number, or all.
-fn amount(text: &str) -> std::result::Result<usize, String> {
-    match text {
-        "all" => Ok(usize::MAX),
-        _ => text.parse().ok().filter(|number| *number > 0).ok_or_else(|| "a number from 1 on, or `all`".to_owned()),
-    }
 }
 
 fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::Result<(), Exit> {
@@ -86,10 +68,10 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let Some(dataset) = path("dataset") else { return Ok(()) };
     let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
     let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
-    let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
-    let pool = Pool::new(threads).map_err(Exit::stopped)?;
+    let pool = Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?;
     let format = arguments.get_one::<String>("format").map(String::as_str);
     let (format, opened) = reader::open(dataset, format).map_err(Exit::stopped)?;
+    let scored = path("scores").map(|file| Scored::open(file, &*opened)).transpose().map_err(Exit::stopped)?;
     let options = Options { images: !arguments.get_flag("labels-only"), ..Options::default() };
     let counted = match stats::of(&*opened, &options, (&pool, console.reporter())) {
         Ok(statistics) => Counted::Done(Box::new(statistics)),
@@ -103,10 +85,13 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     };
     let (images, scenes) = (number("images"), number("scenes"));
     let chosen = |of: &dyn reader::DatasetReader| Shown {
-        images: choose(of.images().len(), images, statistics(&counted)),
+        images: choose(of.images().len(), images, statistics(&counted), scored.as_ref().map_or(&[], Scored::images)),
         scenes: Some(scenes),
     };
-    let report = Report::of(opened, format.name, dataset, chosen).map_err(Exit::stopped)?;
+    let mut report = Report::of(opened, format.name, dataset, chosen).map_err(Exit::stopped)?;
+    if let Some(scored) = scored {
+        report = report.with_scores(scored);
+    }
     report.put_statistics(counted);
     let written = write(&report, &part, (&pool, console.reporter()));
     let written = written.and_then(|()| {
@@ -131,15 +116,15 @@ fn statistics(counted: &Counted) -> Option<&Statistics> {
     }
 }
 
-/// Images to show, ascending: the most occluded ones, and others at even distances.
-pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>) -> Vec<usize> {
+/// Images to show, ascending: those with the worst scores, the most occluded ones, and others at even distances.
+pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &[usize]) -> Vec<usize> {
     if most >= all {
         return (0..all).collect();
     }
     let occluded = statistics.map(by_occlusion).unwrap_or_default();
-    let mut chosen: BTreeSet<usize> =
-        occluded.into_iter().map(|(image, _)| image).take(MOST_OCCLUDED.min(most / 2)).collect();
-    let even = most - chosen.len();
+    let mut chosen: BTreeSet<usize> = worst.iter().copied().take(most / 2).collect();
+    chosen.extend(occluded.into_iter().map(|(image, _)| image).take(MOST_OCCLUDED.min(most / 2)));
+    let even = most.saturating_sub(chosen.len());
     chosen.extend((0..even).map(|number| number * all / even.max(1)));
     chosen.into_iter().collect()
 }
@@ -212,9 +197,31 @@ pub fn write(report: &Report, folder: &Path, (pool, reporter): (&Pool, &dyn Repo
     };
     fs::create_dir_all(folder).map_err(|error| Error::io(folder, &error).of_request())?;
     put(MARK, MARK_TEXT.as_bytes())?;
-    let image = |place: usize| report.files_of_image(place)?.iter().try_for_each(|(path, bytes)| put(path, bytes));
-    each((pool, reporter), "showed", report.images(), &image, &mut |_, ()| {})?;
-    for path in report.other_paths() {
+    report.gather_licenses();
+    let image = |place: usize| {
+        let mut hasher = Hasher::new("files of an image");
+        for (path, bytes) in report.files_of_image(place)? {
+            put(&path, &bytes)?;
+            hasher = hasher.text(&path).bytes(&bytes);
+        }
+        Ok(hasher.finish())
+    };
+    let mut edition = Some(Hasher::new("edition of a report"));
+    let mut add = |digest: Digest| edition = edition.take().map(|it| it.digest(digest));
+    each((pool, reporter), "showed", report.images(), &image, &mut |_, digest| add(digest))?;
+    let (pages, others): (Vec<String>, Vec<String>) =
+        report.other_paths().into_iter().partition(|path| path.ends_with(".html"));
+    for path in others {
+        if let Some(bytes) = report.file(&path)? {
+            put(&path, &bytes)?;
+            add(Hasher::new("a file").text(&path).bytes(&bytes).finish());
+        }
+    }
+    // Pages name the others with what they hold, so that a browser takes none of an earlier report.
+    if let Some(edition) = edition {
+        report.put_edition(&edition.finish());
+    }
+    for path in pages {
         if let Some(bytes) = report.file(&path)? {
             put(&path, &bytes)?;
         }
@@ -228,8 +235,10 @@ mod tests {
 
     #[test]
     fn images_are_chosen_at_even_distances() {
-        assert_eq!(choose(5, 9, None), [0, 1, 2, 3, 4]);
-        assert_eq!(choose(100, 4, None), [0, 25, 50, 75]);
-        assert_eq!(choose(7, 3, None), [0, 2, 4]);
+        assert_eq!(choose(5, 9, None, &[]), [0, 1, 2, 3, 4]);
+        assert_eq!(choose(100, 4, None, &[]), [0, 25, 50, 75]);
+        assert_eq!(choose(7, 3, None, &[]), [0, 2, 4]);
+        // Of the worst ones, at most one half.
+        assert_eq!(choose(100, 4, None, &[77, 3, 50]), [0, 3, 50, 77]);
     }
 }

@@ -4,6 +4,8 @@ use super::duplicates::{Thumbnail, luma};
 use super::quantity::Quantity;
 use super::{Edges, Options};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use syntable_formats::read::{occludes, order_by};
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::{
     AMODAL_MASK, CATEGORY_ID, DEPTH, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_MASK,
@@ -14,8 +16,10 @@ use syntable_model::scene::InstanceId;
 
 /// IoU of a visible and an occlusion mask above which some of the authors' notebooks have an edge.
 const LEAST_IOU: f64 = 0.1;
-/// Depths from here on count as none, m.
-const FAR_M: f32 = 10_000.0;
+/// Depths, distances and sizes from here on count as none, m: no such thing is on a table.
+const FAR_M: f64 = 10_000.0;
+/// Steps of depth that have a number each; farther ones, which few images have, are listed.
+const NEAR_STEPS: usize = 10_000;
 /// Part of a step by which a depth in single precision may fall short of a whole number of them.
 const DEPTH_ROUNDING: f64 = 1e-3;
 
@@ -120,8 +124,10 @@ pub(super) struct Tally {
 
 /// Depths of the pixels of an image.
 pub(super) struct Depths {
-    /// Numbers of pixels by whole steps of depth.
-    pub counts: Vec<u64>,
+    /// Numbers of pixels by whole steps of depth, of near ones.
+    pub near: Vec<u64>,
+    /// The same of far ones.
+    pub far: BTreeMap<usize, u64>,
     /// Sum of the depths, m.
     pub sum: f64,
     /// Least and greatest depth, m.
@@ -252,13 +258,15 @@ impl Tally {
             self.assets.extend(name.filter(|it| !it.is_empty()).cloned());
             if let Some([low, high]) = info.bounds_m {
                 let longest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-                self.values.push((Quantity::ObjectSize, longest));
+                if (0.0..FAR_M).contains(&longest) {
+                    self.values.push((Quantity::ObjectSize, longest));
+                }
             }
             let center = info.bounds_m.unwrap_or_default();
             let center: [f64; 3] = std::array::from_fn(|axis| (center[0][axis] + center[1][axis]) / 2.0);
             distances.extend(info.camera_from_object.map(|pose| distance(&pose, center)));
         }
-        distances.retain(|it| it.is_finite());
+        distances.retain(|it| (0.0..FAR_M).contains(it));
         self.values.extend(distances.iter().map(|it| (Quantity::ObjectDistance, *it)));
         self.row.mean_distance_m = mean(&distances);
         Ok(())
@@ -272,7 +280,7 @@ impl Tally {
         let order = match (options.edges, stored) {
             (Edges::Stored, Some(stored)) => restricted(stored, shown),
             (Edges::Iou, _) => order(shown, exceeds),
-            _ => order(shown, |visible, hidden| visible.shared_area(hidden) > 0),
+            _ => order(shown, occludes),
         };
         let graph = Graph::new(&order);
         let mut layers = Layers::default();
@@ -319,13 +327,18 @@ impl Tally {
 
     fn depth(&mut self, depth: &Plane<f32>) {
         let step = Quantity::Depth.about().step;
-        let (mut depths, mut n) = (Depths { counts: Vec::new(), sum: 0.0, range: [f64::INFINITY, 0.0] }, 0_u64);
-        for depth in depth.data().iter().filter(|depth| **depth > 0.0 && **depth < FAR_M).map(|it| f64::from(*it)) {
+        let (mut depths, mut n) =
+            (Depths { near: Vec::new(), far: BTreeMap::new(), sum: 0.0, range: [f64::INFINITY, 0.0] }, 0_u64);
+        for depth in depth.data().iter().map(|it| f64::from(*it)).filter(|it| *it > 0.0 && *it < FAR_M) {
             let steps = (depth / step + DEPTH_ROUNDING) as usize;
-            if depths.counts.len() <= steps {
-                depths.counts.resize(steps + 1, 0);
+            if steps < NEAR_STEPS {
+                if depths.near.len() <= steps {
+                    depths.near.resize(steps + 1, 0);
+                }
+                depths.near[steps] += 1;
+            } else {
+                *depths.far.entry(steps).or_default() += 1;
             }
-            depths.counts[steps] += 1;
             depths.sum += depth;
             depths.range = [depths.range[0].min(depth), depths.range[1].max(depth)];
             n += 1;
@@ -358,16 +371,7 @@ fn shown<'a>(
 
 /// Who occludes whom, by a rule for a visible and an occlusion mask.
 fn order(shown: &[Shown], occludes: impl Fn(&Mask, &Mask) -> bool) -> OcclusionOrder {
-    let mut order = OcclusionOrder::new(shown.iter().map(|it| it.id).collect());
-    for (column, back) in shown.iter().enumerate() {
-        let Some(hidden) = back.hidden.as_ref().filter(|hidden| !hidden.is_empty()) else { continue };
-        for (row, front) in shown.iter().enumerate().filter(|(row, _)| *row != column) {
-            if occludes(front.visible, hidden) {
-                order.set(row, column);
-            }
-        }
-    }
-    order
+    order_by(&shown.iter().map(|it| (it.id, it.visible, it.hidden.as_ref())).collect::<Vec<_>>(), occludes)
 }
 
 fn exceeds(visible: &Mask, hidden: &Mask) -> bool {

@@ -237,7 +237,8 @@ impl Collected {
         let scene = tally.row.scene;
         tally.values.into_iter().for_each(|(quantity, value)| self.of(quantity).add(value));
         if let Some(depths) = tally.depths {
-            let counts = (0..).zip(depths.counts).filter(|it| it.1 > 0);
+            let counts = depths.near.into_iter().enumerate().filter(|it| it.1 > 0).chain(depths.far);
+            let counts = counts.map(|(steps, count)| (steps as u64, count));
             self.of(Quantity::Depth).add_counts(counts, depths.sum, depths.range);
         }
         let mut names: BTreeMap<String, u64> = BTreeMap::new();

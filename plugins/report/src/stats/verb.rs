@@ -4,13 +4,14 @@ use super::distribution::Binning;
 use super::duplicates::LEVELS;
 use super::table::{self, Described};
 use super::{Edges, Options, bin_alike, of};
+use crate::arguments;
 use std::path::PathBuf;
 use syntable_model::error::Error;
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
 use syntable_runtime::cli::{Console, Exit, Verb};
-use syntable_runtime::workers::{self, Pool};
+use syntable_runtime::workers::Pool;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
 
@@ -58,12 +59,7 @@ fn command() -> Command {
                 .value_parser(value_parser!(PathBuf))
                 .help("Write a line for each image to a file"),
         )
-        .arg(
-            flag("threads")
-                .value_name("N")
-                .value_parser(value_parser!(u16).range(1..=1024))
-                .help("Worker threads; all cores if left out. The numbers do not depend on it"),
-        )
+        .arg(arguments::threads("Worker threads; all cores if left out. The numbers do not depend on it"))
         .after_help(
             "Examples:
   syntable stats data                              tables and histograms
@@ -85,7 +81,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         levels: arguments.get_one("duplicate-levels").copied().unwrap_or(LEVELS),
         binning: if text("bins") == Some("equal") { Binning::Equal } else { Binning::Fixed },
     };
-    let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
+    let threads = arguments::threads_of(arguments);
     let pool = Pool::new(threads).map_err(Exit::stopped)?;
     let mut all = Vec::new();
     for path in arguments.get_many::<PathBuf>("dataset").into_iter().flatten() {

@@ -159,6 +159,10 @@ impl DatasetReader for Reader {
         self.listing.faults.all()
     }
 
+    fn category(&self, own: u64) -> Option<u32> {
+        self.listing.categories.known(own)
+    }
+
     fn offers(&self) -> Vec<KeyId> {
         if self.listing.images.is_empty() {
             return keys![RGB];

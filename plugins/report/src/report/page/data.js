@@ -3,6 +3,8 @@
 const syntable = (() => {
   const wanted = new Map(), asked = new Map();
   const facts = JSON.parse(document.documentElement.dataset.facts);
+  // Files of an earlier report at the same place have another address.
+  const query = facts.edition ? `?${facts.edition}` : "";
 
   /** Loads `data/<key>.js`, which calls `put`. A page from a file may not fetch, but it may run scripts. */
   const get = (key) => {
@@ -10,7 +12,7 @@ const syntable = (() => {
       asked.set(key, new Promise((resolve, reject) => {
         wanted.set(key, resolve);
         const script = document.createElement("script");
-        script.src = `data/${key}.js`;
+        script.src = `data/${key}.js${query}`;
         script.addEventListener("load", () => script.remove());
         script.addEventListener("error", () => {
           // The next one who asks tries again.
@@ -32,7 +34,7 @@ const syntable = (() => {
   const six = (number) => String(number).padStart(6, "0");
   const folder = (place) => String(Math.floor(place / facts.per_folder)).padStart(3, "0");
   const view = (place) => get(`view/${folder(place)}/${six(place)}`);
-  const imagePath = (kind, place) => `${kind}/${folder(place)}/${six(place)}.jpg`;
+  const imagePath = (kind, place) => `${kind}/${folder(place)}/${six(place)}.jpg${query}`;
 
   /** The state: names and values behind the `#`. */
   const state = () => new URLSearchParams(location.hash.slice(1));

@@ -25,9 +25,9 @@
 
   const card = (place, row) => {
     const [scene, view] = row.place, [width, height] = row.size;
-    const frame = element("div", { class: `frame${facts.has_image ? "" : " bare"}` });
+    const frame = element("div", { class: `frame${row.has_image ? "" : " bare"}` });
     frame.style.aspectRatio = `${width} / ${height}`;
-    if (facts.has_image) {
+    if (row.has_image) {
       frame.append(element("img", { src: imagePath("image", place), alt: "", loading: "lazy", width, height }));
     }
     frame.append(element("svg", { "aria-hidden": "true" }));

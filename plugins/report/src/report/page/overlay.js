@@ -3,6 +3,8 @@
 syntable.overlay = (() => {
   const { element, color, outline } = syntable;
 
+  const predictions = (image) => image.predicted?.predictions ?? [];
+
   /** The switches, in the order in which they are shown: name, what an object must have. */
   const kinds = {
     visible: (image) => image.objects.some((it) => it.visible),
@@ -11,7 +13,12 @@ syntable.overlay = (() => {
     boxes: (image) => image.objects.some((it) => it.visible_box || it.amodal_box),
     order: (image) => image.graph !== null,
     ids: (image) => image.objects.length > 0,
+    predicted: (image) => predictions(image).some((it) => it.visible),
+    predicted_amodal: (image) => predictions(image).some((it) => it.amodal),
+    predicted_hidden: (image) => predictions(image).some((it) => it.hidden),
   };
+  /** Which mask of predictions each of these shows. */
+  const predicted = { predicted_amodal: "amodal", predicted: "visible", predicted_hidden: "hidden" };
 
   /** What is switched on, from the address. */
   const on = () => (syntable.state().get("on") ?? "").split(".").filter((name) => Object.hasOwn(kinds, name));
@@ -56,6 +63,18 @@ syntable.overlay = (() => {
         all.push(fill(object, "hidden", 0.75), element("path", {
           class: "outline hidden", d: path(image, object, "hidden"), stroke: "#fff",
         }));
+      }
+    }
+    // Predictions have the color of the object that they stand for; those of none are red.
+    for (const [name, kind] of Object.entries(predicted)) {
+      if (!shown.includes(name)) continue;
+      for (const it of predictions(image)) {
+        const d = path(image, it, kind), stroke = it.object === null ? "#ff4136" : color(it.object);
+        if (!d) continue;
+        all.push(
+          element("path", { class: `fill predicted ${kind}`, d, fill: stroke, "fill-opacity": it.object === null ? 0.5 : 0.3, "fill-rule": "evenodd" }),
+          element("path", { class: "outline predicted under", d }), element("path", { class: "outline predicted", d, stroke }),
+        );
       }
     }
     if (shown.includes("boxes")) {

@@ -10,6 +10,13 @@
     else delete document.documentElement.dataset.theme;
   };
   apply(stored());
+  // An image that is not there leaves its place to labels.
+  document.addEventListener("error", ({ target }) => {
+    if (target instanceof HTMLImageElement && target.closest(".frame")) {
+      target.hidden = true;
+      target.closest(".frame").classList.add("bare");
+    }
+  }, true);
   document.addEventListener("DOMContentLoaded", () => {
     const choice = document.getElementById("theme");
     choice.value = names.includes(stored()) ? stored() : "system";

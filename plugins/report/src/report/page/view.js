@@ -42,7 +42,9 @@
     by("title").textContent = image.name.split("/").pop();
     document.title = `${image.name} · ${document.documentElement.dataset.name}`;
     const many = (list, one) => `${list.length} ${one}${list.length === 1 ? "" : "s"}`;
-    by("where").textContent = `${image.name} · scene ${image.scene}, view ${image.view} · ${image.size.join(" × ")} px · ${many(image.objects, "object")}`;
+    const hidden = image.objects.filter((it) => it.is_hidden).length;
+    const objects = many(image.objects, "object") + (hidden ? ` (${hidden} fully hidden)` : "");
+    by("where").textContent = `${image.name} · scene ${image.scene}, view ${image.view} · ${image.size.join(" × ")} px · ${objects}`;
     by("number").textContent = `${(image.place + 1).toLocaleString("en-US")} of ${facts.images.toLocaleString("en-US")}`;
     by("space").hidden = !image.has_scene;
     by("space").href = `scene.html#scene=${image.scene}&view=${image.view}`;
@@ -72,6 +74,36 @@
     }));
   };
 
+  /** What was predicted of the image, where scores are shown. */
+  const fillPredictions = () => {
+    if (!by("predicted")) return;
+    const found = image.predicted;
+    by("predicted").hidden = !found;
+    by("unpredicted").hidden = !!found;
+    if (!found) return;
+    const ids = new Set(found.predictions.map((it) => it.object));
+    const missed = image.objects.filter((it) => !ids.has(it.id) && !it.is_hidden).map((it) => it.id);
+    const surplus = found.predictions.filter((it) => it.object === null).length;
+    by("predicted-says").textContent = [
+      missed.length ? `Missed: ${missed.join(", ")}.` : "No visible object is missed.",
+      surplus ? `${surplus} of no object, drawn red.` : "",
+    ].join(" ");
+    by("predictions").replaceChildren(...found.predictions.map((it) => {
+      const dot = element("i");
+      dot.style.background = it.object === null ? "#ff4136" : color(it.object);
+      const button = element("button", { type: "button", disabled: it.object === null ? "" : null }, dot, it.object === null ? "no object" : String(it.object));
+      button.addEventListener("click", () => choose(it.object));
+      return element("tr", {},
+        element("td", { class: "number" }, it.score === undefined ? "–" : it.score.toFixed(2)),
+        element("td", {}, button),
+        element("td", { class: "number" }, it.amodal_f.toFixed(1)),
+        element("td", { class: "number" }, it.visible_f.toFixed(1)),
+        element("td", {}, it.occluded ? "yes" : "no"));
+    }));
+    by("image-scores").replaceChildren(...Object.entries(found.scores).map(([name, value]) =>
+      element("div", {}, element("dt", {}, name.replaceAll("_", " ")), element("dd", {}, value.toFixed(1)))));
+  };
+
   const { show: follow, enable } = overlay.switches(() => draw());
   const show = async () => {
     const now = place();
@@ -85,6 +117,7 @@
     if (now !== place()) return;
     image = { ...read, place: now };
     fill();
+    fillPredictions();
     enable(image);
     draw();
     by("frame").dataset.ready = String(now);

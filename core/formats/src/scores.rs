@@ -1,0 +1,99 @@
+//! Scores of predictions, and the images with the lowest ones with what was predicted of them: the file that
+//! `syntable eval --save` writes, and that `report` and `view` show.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use syntable_model::error::{Error, Result};
+
+/// Scores of a dataset, in percent. Those of which nothing was to be counted are none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Scores {
+    /// Number of images.
+    pub images: usize,
+    /// Number of labeled objects.
+    pub objects: usize,
+    /// Number of predictions that count.
+    pub predictions: usize,
+    /// How images were combined.
+    pub convention: String,
+    /// All scores by name.
+    pub scores: BTreeMap<String, Option<f64>>,
+    /// Scores side by side, for people.
+    pub tables: Vec<ScoreTable>,
+    /// Name of the score by which images are the worst.
+    pub ranked_by: String,
+    /// The images with the lowest such scores, lowest first; of equal ones, in the order of the dataset.
+    pub worst: Vec<ScoredImage>,
+}
+
+/// Scores side by side.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ScoreTable {
+    /// Heading of the labels of rows, then those of scores.
+    pub headings: Vec<String>,
+    /// Label of each row, and its scores.
+    pub rows: Vec<(String, Vec<Option<f64>>)>,
+}
+
+/// An image with its scores and its predictions.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ScoredImage {
+    /// What the ground truth calls it.
+    pub name: String,
+    /// Its scores by name; those of which nothing was to be counted are left out.
+    pub scores: BTreeMap<String, f64>,
+    /// The predictions that count, by falling confidence.
+    pub predictions: Vec<PredictedObject>,
+}
+
+/// A prediction. Masks are run lengths as in COCO files.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PredictedObject {
+    /// Confidence, if the detector says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub score: Option<f64>,
+    /// Id of the labeled object that it stands for; none if it has no pixel of the one that it was matched with, or none was left.
+    pub object: Option<u16>,
+    /// F of the amodal masks, of both, in percent.
+    pub amodal_f: f64,
+    /// F of the visible masks.
+    pub visible_f: f64,
+    /// Whether it counts as occluded.
+    pub occluded: bool,
+    /// Visible mask.
+    pub visible: String,
+    /// Amodal mask.
+    pub amodal: String,
+    /// Occlusion mask; none if it is empty.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hidden: Option<String>,
+}
+
+impl Scores {
+    /// Reads a file of scores.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is no such file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
+        serde_json::from_reader(BufReader::new(file)).map_err(|error| {
+            Error::new(format!("it is no file of scores: {error}"))
+                .in_file(path)
+                .help("`syntable eval --save FILE` writes one")
+                .of_request()
+        })
+    }
+
+    /// Writes a file of scores.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let mut text = serde_json::to_string(self).unwrap_or_default();
+        text.push('\n');
+        std::fs::write(path, text).map_err(|error| Error::io(path, &error).of_request())
+    }
+}

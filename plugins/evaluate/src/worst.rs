@@ -1,0 +1,70 @@
+//! The images with the lowest scores, with their predictions.
+
+use crate::image::Pair;
+use crate::matching::f_of;
+use crate::measure::Measures;
+use crate::table::Scored;
+use std::cmp::Ordering;
+use syntable_formats::scores::{PredictedObject, ScoredImage};
+use syntable_model::error::{Error, Result};
+
+/// Score by which images are ranked if nothing is said; the first one that there is without it.
+pub const RANKED_BY: &str = "amodal_overlap_f";
+
+/// The place and the name of the score by which images are ranked.
+///
+/// # Errors
+/// If there is none of the name.
+pub fn ranked_by(measures: &Measures, name: Option<&str>) -> Result<(usize, String)> {
+    let names = measures.names();
+    let place = |name: &str| names.iter().position(|it| it == name);
+    let found = match name {
+        Some(name) => place(name).ok_or_else(|| {
+            Error::new(format!("there is no score `{name}` to rank images by"))
+                .help(format!("some are: {}", names.iter().take(8).cloned().collect::<Vec<_>>().join(", ")))
+                .of_request()
+        })?,
+        None => place(RANKED_BY).unwrap_or(0),
+    };
+    Ok((found, names.get(found).cloned().unwrap_or_default()))
+}
+
+/// The images with the lowest scores, lowest first; of equal ones, the first. Those without the score are left out.
+pub fn lowest(measures: &Measures, images: &[Scored], score: usize, most: usize) -> Vec<usize> {
+    let value = |image: &Scored| measures.values(&[&image.tally]).get(score).copied().flatten();
+    let mut found: Vec<(usize, f64)> =
+        images.iter().enumerate().filter_map(|(index, image)| Some((index, value(image)?))).collect();
+    found.sort_by(|a, b| a.1.partial_cmp(&b.1).unwrap_or(Ordering::Equal).then(a.0.cmp(&b.0)));
+    found.into_iter().take(most).map(|(index, _)| index).collect()
+}
+
+/// An image with its scores and predictions.
+pub fn scored(measures: &Measures, name: &str, pair: &Pair) -> ScoredImage {
+    let values = measures.names().into_iter().zip(measures.values(&[&measures.tally(pair)]));
+    let scores = values.filter_map(|(name, value)| Some((name, 100.0 * value?))).collect();
+    let mut objects: Vec<PredictedObject> = pair
+        .predictions
+        .iter()
+        .map(|it| PredictedObject {
+            score: it.score,
+            object: None,
+            amodal_f: 0.0,
+            visible_f: 0.0,
+            occluded: it.is_occluded,
+            visible: it.visible.to_coco(),
+            amodal: it.amodal.to_coco(),
+            hidden: (!it.occlusion.is_empty()).then(|| it.occlusion.to_coco()),
+        })
+        .collect();
+    for &(label, prediction) in pair.matched() {
+        let (truth, predicted) = (&pair.labels[label], &pair.predictions[prediction]);
+        let amodal_f = f_of(&truth.amodal, &predicted.amodal);
+        if amodal_f > 0.0 {
+            let object = &mut objects[prediction];
+            object.object = Some(truth.id);
+            object.amodal_f = 100.0 * amodal_f;
+            object.visible_f = 100.0 * f_of(&truth.visible, &predicted.visible);
+        }
+    }
+    ScoredImage { name: name.to_owned(), scores, predictions: objects }
+}
