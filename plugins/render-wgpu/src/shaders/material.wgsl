@@ -298,7 +298,7 @@ fn is_glass(hit: Hit, position: vec3<f32>) -> bool {
     return input_scalar(layers_of(material).at + TRANSMISSION, at) * (1.0 - metallic) >= GLASS;
 }
 
-// The same for labels.
+// Whether there is a surface at a hit for labels.
 fn is_labeled(hit: Hit, position: vec3<f32>) -> bool {
     if (view.flags & LABELS_THROUGH_GLASS) != 0u && is_glass(hit, position) {
         return false;

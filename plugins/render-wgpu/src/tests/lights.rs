@@ -125,7 +125,7 @@ fn lights_are_selected_sampled_and_met_as_on_the_cpu() {
     };
     compare("samples", &results, sampled, [5e-5, 5e-4], 100);
     let far = results.iter().filter(|result| f32::from_bits(result[7]) >= 3e38).count();
-    let near = results.iter().filter(|result| result[0] == 1).count() - far;
+    let near = results.iter().filter(|result| f32::from_bits(result[0]) == 1.0).count() - far;
     assert!(near > POINTS / 20 && far > POINTS / 20, "{near} {far}");
 
     let statements = format!(
@@ -149,7 +149,7 @@ fn lights_are_selected_sampled_and_met_as_on_the_cpu() {
         [whole(hit.is_hit), there(hit.distance), whole(lights.occlude::<f32>(p, d, to)), there(pdf), a, b, c]
     };
     compare("lights that rays meet", &results, met, [5e-5, 5e-4], 500);
-    assert!(results.iter().filter(|result| result[0] == 1).count() > POINTS / 50);
+    assert!(results.iter().filter(|result| f32::from_bits(result[0]) == 1.0).count() > POINTS / 50);
 
     // A weight that depends on the density, so that each counts.
     let statements = format!(

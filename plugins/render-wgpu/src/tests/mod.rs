@@ -44,7 +44,7 @@ fn show_request(session: &mut GpuSession, request: &RenderRequest) {
 }
 
 /// Calls statements in WGSL with rows of numbers, and gives what they put. They read the row by `f()`, `v2()`, `v3()`, and
-/// `u()` for a whole number, write by `put`, `put2`, `put3`, `put_u` and `put_b`, and know the `number` of the row.
+/// `u()` for a whole number, write by `put`, `put2`, `put3`, `put_b` for 0.0 or 1.0, and `put_u` for the bits of a whole number, and know the `number` of the row.
 pub fn call<const ARGUMENTS: usize, const RESULTS: usize>(
     session: &mut GpuSession,
     statements: &str,
@@ -71,8 +71,8 @@ fn u() -> u32 {{ return u32(f()); }}
 fn v2() -> vec2<f32> {{ let x = f(); return vec2(x, f()); }}
 fn v3() -> vec3<f32> {{ let x = f(); let y = f(); return vec3(x, y, f()); }}
 fn put_u(x: u32) {{ output[result] = x; result += 1u; }}
-fn put_b(x: bool) {{ put_u(u32(x)); }}
 fn put(x: f32) {{ put_u(bits(x)); }}
+fn put_b(x: bool) {{ put(select(0.0, 1.0, x)); }}
 fn put2(x: vec2<f32>) {{ put(x.x); put(x.y); }}
 fn put3(x: vec3<f32>) {{ put2(x.xy); put(x.z); }}
 @compute @workgroup_size(GROUP)
@@ -127,7 +127,7 @@ fn compare<const RESULTS: usize>(
     assert!(wrong.len() * slip <= results.len(), "{what}: {} of {}; {:?}", wrong.len(), results.len(), wrong[0]);
 }
 
-/// Words of whole numbers and truths among results as numbers.
+/// A whole number or a truth among results.
 fn whole(x: impl Into<u32>) -> f32 {
-    f32::from_bits(x.into())
+    x.into() as f32
 }

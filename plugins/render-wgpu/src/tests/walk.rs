@@ -102,7 +102,7 @@ fn walks_find_what_a_search_of_all_triangles_finds() {
             occluded += usize::from(blocks);
             let alike = result[..2] == names
                 && near(if first.is_some() { result[2] } else { u32::MAX }, first.map(|&(_, t, _)| t))
-                && (result[3] == 1) == blocks
+                && (f32::from_bits(result[3]) == 1.0) == blocks
                 && near(result[4], nearest(0.0).map(|&(_, t, _)| t))
                 && result[5..7] == members
                 && near(result[7], support);
