@@ -13,12 +13,13 @@ pub const LAYER_DIMENSION: u32 = 0x1000;
 /// Changes the seed of the sampler for reflection or passage.
 pub const PASSAGE: u32 = 0x2c1b_3c6d;
 
-/// Seeds of rays' random numbers for surfaces that cover in part: factors of a sample's index and of the bounce, counted
-/// from 1; and what is added to the bounce for a shadow ray.
+/// Factor of a sample's index in the seed of a ray's random numbers for surfaces that cover in part.
 pub const ALPHA_OF_SAMPLE: u32 = 0x9e37_79b1;
-/// As above.
+
+/// Factor of the bounce in it, counted from 1.
 pub const ALPHA_OF_BOUNCE: u32 = 0x85eb_ca77;
-/// As above.
+
+/// What is added to the bounce for a shadow ray.
 pub const ALPHA_OF_SHADOW: u32 = 0x1000;
 
 /// Number of mirrors and surfaces of glass that denoising guides look through: two tumblers have eight.

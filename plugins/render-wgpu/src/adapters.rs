@@ -65,6 +65,7 @@ impl AdapterInfo {
     pub fn most_paths(&self) -> u64 {
         match self.class {
             wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => 1 << 24,
+            wgpu::DeviceType::Cpu => 1 << 18,
             _ => 1 << 21,
         }
     }

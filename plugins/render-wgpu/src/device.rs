@@ -9,12 +9,13 @@ use bytemuck::Pod;
 use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::num::NonZeroU64;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock, mpsc};
 use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::standard::DEMODULATION_EPSILON;
 use syntable_prepare::labels::{BASE_LAYER, GLASS};
-use syntable_prepare::{FINEST, PANE_ROUGHNESS};
+use syntable_prepare::{FINEST, PANE_ROUGHNESS, PreparedBody};
 use syntable_transport::{film, path};
 
 /// What rays of paths meet: by walks, and by ray queries.
@@ -110,6 +111,8 @@ pub struct Device {
     pipelines: Mutex<HashMap<(Kernel, Variant), Arc<wgpu::ComputePipeline>>>,
     /// Longest time that a session waits for what it has submitted.
     patience: Mutex<Duration>,
+    #[cfg(test)]
+    poll_panics: Mutex<bool>,
     /// The first error. It stays: what buffers hold since then is not known.
     failure: Arc<OnceLock<String>>,
     guided: OnceLock<Arc<guided::Kernels>>,
@@ -160,6 +163,9 @@ fn constants() -> String {
         ("PANE_ROUGHNESS", PANE_ROUGHNESS.into()),
         ("FINEST", FINEST.into()),
         ("GLASS", GLASS.into()),
+        ("BODY_CUTOUTS", PreparedBody::CUTOUTS.into()),
+        ("BODY_PANES", PreparedBody::PANES.into()),
+        ("BODY_GLASS", PreparedBody::GLASS.into()),
         ("TOUCHING", path::TOUCHING.into()),
         ("LENS", path::LENS.into()),
         ("LAYER_DIMENSION", path::LAYER_DIMENSION.into()),
@@ -284,6 +290,8 @@ impl Device {
             module,
             pipelines: Mutex::default(),
             patience: PATIENCE.into(),
+            #[cfg(test)]
+            poll_panics: Mutex::default(),
             failure,
             guided: OnceLock::new(),
         };
@@ -389,7 +397,7 @@ impl Device {
     /// The same, or none if the device has not that much memory left.
     pub fn storage_if_there_is_room(&self, label: &str, size: u64) -> Result<Option<wgpu::Buffer>> {
         // Buffers that were dropped are given back.
-        let _ = self.device.poll(wgpu::PollType::Poll);
+        let _ = self.poll(wgpu::PollType::Poll)?;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.storage(label, size)?;
         Ok(pollster::block_on(scope.pop()).is_none().then_some(buffer))
@@ -420,7 +428,11 @@ impl Device {
     /// Binds buffers to the kernels.
     pub fn bind(&self, bindings: &Bindings) -> wgpu::BindGroup {
         let entry = |binding: usize, resource| wgpu::BindGroupEntry { binding: binding as u32, resource };
-        let pass = wgpu::BufferBinding { buffer: bindings.passes, offset: 0, size: NonZeroU64::new(32) };
+        let pass = wgpu::BufferBinding {
+            buffer: bindings.passes,
+            offset: 0,
+            size: NonZeroU64::new(size_of::<view::Pass>() as u64),
+        };
         let entries: Vec<_> = (bindings.storage.iter().enumerate())
             .map(|(binding, buffer)| entry(binding, buffer.as_entire_binding()))
             .chain([entry(8, bindings.view.as_entire_binding()), entry(9, wgpu::BindingResource::Buffer(pass))])
@@ -521,13 +533,32 @@ impl Device {
     /// If it takes longer than [`PATIENCE`]: then the device is given up.
     pub fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
         let (submission_index, patience) = (Some(submission), self.patience());
-        let waited = self.device.poll(wgpu::PollType::Wait { submission_index, timeout: Some(patience) });
+        let waited = self.poll(wgpu::PollType::Wait { submission_index, timeout: Some(patience) })?;
         self.check()?;
         let late = |error| {
             self.abandon();
             self.fail(format!("it did not finish within {} s: {error}", patience.as_secs_f32()))
         };
         waited.map(drop).map_err(late)
+    }
+
+    /// Asks the device how far it is. That of a driver which gave it up panics in wgpu, though the device is known to be lost
+    /// by then: it is an error like any other.
+    fn poll(&self, how: wgpu::PollType) -> Result<Result<wgpu::PollStatus, wgpu::PollError>> {
+        let poll = || {
+            #[cfg(test)]
+            if std::mem::take(&mut *self.poll_panics.lock()) {
+                panic!("as wgpu does where a driver gave its device up");
+            }
+            self.device.poll(how)
+        };
+        catch_unwind(AssertUnwindSafe(poll)).map_err(|_| self.fail("its driver gave it up"))
+    }
+
+    /// Lets the next wait panic.
+    #[cfg(test)]
+    pub(crate) fn panic_in_poll(&self) {
+        *self.poll_panics.lock() = true;
     }
 
     fn patience(&self) -> Duration {

@@ -227,11 +227,13 @@ fn long(@builtin(global_invocation_id) id: vec3<u32>) {{
             session.render(&request, &mut products).and_then(|()| products.get(RADIANCE).cloned())
         };
         let image = render(&mut open()).expect("renders");
-        for says in ["the device was lost", "greater than the maximum"] {
+        for says in ["the device was lost", "greater than the maximum", "its driver gave it up"] {
             let mut sessions = [open(), open()];
             let device = renderer.device(0).expect("open");
             if says == "the device was lost" {
                 device.wgpu().destroy();
+            } else if says == "its driver gave it up" {
+                device.panic_in_poll();
             } else {
                 let (label, size, usage) = (None, u64::MAX / 512 * 256, wgpu::BufferUsages::STORAGE);
                 let descriptor = wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false };

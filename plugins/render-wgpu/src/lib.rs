@@ -1,11 +1,16 @@
 //! GPU path tracer: the images and labels of the CPU path tracer, on any card with Vulkan, Metal or DirectX 12.
 //!
 //! One renderer, [`gpu_path`](GpuPath). It takes the scene from `syntable-prepare` and rays, films and the reference of all
-//! functions from `syntable-transport`, as `cpu_path` does. Here are, from the bottom up: `trees`, what rays walk; `queries`, what cards trace themselves; `tables`
-//! and `arena`, how scenes lie in buffers; `constants`, what shaders are told by name; `adapters`, the cards of a machine and those that render; `device`, kernels and errors; `tiles`, what a request shows; `view`, the tables of a view; `passes`, paths over the
-//! pixels of an image; `planes`, what becomes of them; `frame` and `rounds`, images in one go and in rounds; `session`, a
-//! scene on a device; `gpu_path`, the stage; and `guided`, the denoiser of that name on the images that it renders. The
-//! shaders are in `shaders`, and for what does not depend on buffers beside the Rust that they mirror.
+//! functions from `syntable-transport`, as `cpu_path` does.
+//!
+//! - `trees`: what rays walk; `queries`: what cards trace themselves
+//! - `tables`, `arena`: how scenes lie in buffers; `constants`: what shaders know by name
+//! - `adapters`: the cards of a machine, and those that render; `device`: kernels and errors
+//! - `tiles`: what a request shows; `view`: the tables of a view
+//! - `passes`: paths over the pixels of an image; `planes`: what becomes of them
+//! - `frame`, `rounds`: images in one go, and in rounds; `session`: a scene on a device; `gpu_path`: the stage
+//! - `guided`: the denoiser of that name on the images that are rendered here
+//! - `shaders`: the kernels; what of them depends on no buffer lies beside the Rust that it mirrors
 //!
 //! **Invariants.** The same device makes the same bytes: paths are numbered, each is computed by itself, and the samples of
 //! a pixel are added in their order. The CPU's numbers are found up to rounding.

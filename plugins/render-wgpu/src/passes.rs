@@ -14,7 +14,11 @@ pub const GROUP: u64 = 64;
 /// Bounces that are submitted at once, before the device is asked whether any path is left.
 const BOUNCES_AT_ONCE: u32 = 16;
 
-/// Bounces that have counters.
+/// Paths whose first bounces are submitted one by one, and how many of them.
+const MANY_PATHS: u64 = 1 << 22;
+const LONG_BOUNCES: u32 = 4;
+
+/// Bounces that have counters; recipes have 256 at most.
 const BOUNCES_COUNTED: u32 = 512;
 
 /// Where the counters of `path.wgsl` are: paths that are left after each bounce come first, then shadow rays.
@@ -157,8 +161,9 @@ impl<'a> Passes<'a> {
             if shadows && bounce < max_bounces {
                 self.dispatch(SHADOW, bounce, Groups::Counted(12));
             }
-            if bounce == 0 {
-                // The device begins while the rest is recorded.
+            // The device begins while the rest is recorded; and watchdogs look at submissions, of which the first bounces of
+            // many paths are most.
+            if bounce == 0 || bounce < LONG_BOUNCES && paths > MANY_PATHS {
                 self.submit();
             }
             if bounce % BOUNCES_AT_ONCE == BOUNCES_AT_ONCE - 1 && bounce < max_bounces {

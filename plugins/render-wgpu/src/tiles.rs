@@ -49,7 +49,12 @@ impl Shown {
                 (Bodies::All, ..) | (Bodies::Only(_), true, ..) => SeenBodies::All,
                 (_, true, ..) => SeenBodies::Many(chosen),
                 (_, false, Some(one), None) => SeenBodies::One(one),
-                _ => return Err(Error::new("one of several tiles shows several bodies").permanent()),
+                (.., one, _) => {
+                    let count = if one.is_none() { "no body" } else { "several bodies" };
+                    return Err(Error::new(format!("one of several tiles shows {count}, at {at:?}"))
+                        .help("give each of several tiles one body")
+                        .permanent());
+                }
             };
             tiles.push(ShownTile { window, at, seen, alone });
         }

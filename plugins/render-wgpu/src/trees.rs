@@ -494,6 +494,7 @@ mod tests {
         // Equal boxes would make a list of a tree.
         let same = MeshTree::build(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]; 5000]);
         assert_eq!(same.triangles.len(), 15_000);
+        assert!(same.depth <= MAX_DEPTH, "{} levels", same.depth);
     }
 
     #[test]

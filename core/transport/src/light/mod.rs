@@ -15,6 +15,7 @@ mod sphere;
 #[cfg(test)]
 mod tests;
 
+use crate::path::TOUCHING;
 use disk::Disk;
 use rect::Rect;
 use sphere::Sphere;
@@ -330,7 +331,7 @@ impl Lights<'_> {
     #[inline(always)]
     pub fn occlude<T: Real>(&self, origin: Vec3<T>, direction: Vec3<T>, to: T) -> T::Mask {
         if !self.table.area.is_empty() && self.count() > 1 {
-            self.intersect(origin, direction, to * (1.0_f32 - 1e-4)).is_hit
+            self.intersect(origin, direction, to * (1.0_f32 - TOUCHING)).is_hit
         } else {
             T::Mask::splat(false)
         }

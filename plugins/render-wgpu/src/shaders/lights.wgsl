@@ -400,5 +400,5 @@ fn lights_occlude(origin: vec3<f32>, direction: vec3<f32>, to: f32) -> bool {
     if view.area_count == 0u || light_count() <= 1u {
         return false;
     }
-    return intersect_lights(origin, direction, to * (1.0 - 1e-4)).number != NONE;
+    return intersect_lights(origin, direction, to * (1.0 - TOUCHING)).number != NONE;
 }

@@ -704,12 +704,12 @@ fn count_rays() {
     }
 }
 
-// More samples of the guides for pixels that have few and are unlike a neighbor, as in film.rs.
 fn mean_sum(first: u32, entry: u32) -> vec3<f32> {
     let per = 1.0 / max(read_sum(SUM_GUIDES, entry), 1.0);
     return vec3(read_sum(first, entry), read_sum(first + 1u, entry), read_sum(first + 2u, entry)) * per;
 }
 
+// More samples of the guides for pixels that have few and are unlike a neighbor, as in film.rs.
 @compute @workgroup_size(GROUP)
 fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     let entry = id.x + id.y * ROW;
@@ -751,9 +751,7 @@ fn choose(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// The planes of an image, from the sums of its pixels, after the paths are done and in their place: radiance and its variance;
-// with guides specular radiance, the demodulated rest, each with its variance, albedo and normal. Colors have three words
-// per pixel.
+// One word of a plane; neighboring threads write neighboring words.
 fn set_plane(word: u32, value: f32) {
     paths[word / 4u][word % 4u] = value;
 }
@@ -783,6 +781,9 @@ fn variance_of(sum: f32, square: f32, samples: f32) -> f32 {
     return max(square / samples - mean * mean, 0.0) / (samples - 1.0);
 }
 
+// The planes of an image, from the sums of its pixels, after the paths are done and in their place: radiance and its variance;
+// with guides specular radiance, the demodulated rest, each with its variance, albedo and normal. Colors have three words
+// per pixel.
 @compute @workgroup_size(GROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let entry = id.x + id.y * ROW;

@@ -180,9 +180,6 @@ fn no_hit() -> Hit {
 
 // A body is BODY_SIZE entries: columns of its rotation with where its triangles, tangents and colors are; its position with its
 // flags; its slots.
-const BODY_CUTOUTS: u32 = 1u;
-const BODY_PANES: u32 = 2u;
-const BODY_GLASS: u32 = 4u;
 
 struct Body {
     x: vec3<f32>,

@@ -24,7 +24,7 @@ fn scene(random: &mut Stream) -> Scene {
     let mut builder = scenes::table();
     for number in 0..2 {
         let mesh: Mesh = scenes::box_mesh([0.2, 0.1, 0.3]);
-        let mut object = (*scenes::object("lamp", mesh, [0.5; 3])).clone();
+        let mut object = (*scenes::object("emitter", mesh, [0.5; 3])).clone();
         object.digest = Digest::of(&[number]);
         let factor = [0, 1, 2].map(|_| random.uniform(10.0, 90.0) as f32);
         object.materials =

@@ -256,11 +256,12 @@ fn nodes_of_eight_boxes_and_of_two() {
             let [a, b] = [a, b].map(|&word| f32::from_bits(word));
             (a - b).abs() > 1e-4 * a.abs()
         });
+        let unlike = unlike.count();
         println!(
-            "{name}: billions/s: {by_eight:.2} by eight boxes, {by_two:.2} by two; bodies by eight {by_bodies:.2}; {} of {} distances differ",
-            unlike.count(),
+            "{name}: billions/s: {by_eight:.2} by eight boxes, {by_two:.2} by two; bodies by eight {by_bodies:.2}; {unlike} of {} distances differ",
             rows.len()
         );
+        assert!(unlike * 500 <= rows.len(), "{unlike}");
         // As from matte surfaces.
         let bounced = rows.iter().zip(&hits).map(|(row, &[t, primitive])| {
             let t = f64::from(f32::from_bits(t).min(100.0));
