@@ -8,8 +8,8 @@ use syntable_model::error::Error;
 /// What Python's `json` writes in place of numbers that are none.
 const NO_NUMBERS: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
 
-/// How many bytes before the parser's place the first of [`NO_NUMBERS`] may begin: it stops at the letter after a sign.
-const BEFORE: u64 = 2;
+/// How many bytes before the parser's place one of [`NO_NUMBERS`] may begin: it stops up to two letters after a sign.
+const BEFORE: u64 = 3;
 
 /// An error of the parser with its line and field. `from` is the text from the place of [`before`] on, as far as it is known.
 pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> Error {
