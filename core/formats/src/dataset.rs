@@ -2,11 +2,13 @@
 
 use crate::Extra;
 use crate::coco::{Category, Info, License};
+use crate::json::{Counted, before, located};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
-use std::fs::File;
-use std::io::{BufReader, Read, Write};
+use std::cell::Cell;
+use std::fs;
+use std::io::{Read, Write};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 
@@ -34,18 +36,26 @@ impl<I: DeserializeOwned, A: DeserializeOwned> Dataset<I, A> {
     /// Reads a file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let file = File::open(path).map_err(|error| Error::io(path, &error))?;
-        Self::from_reader(BufReader::new(file)).map_err(|error| error.in_file(path))
+        let text = fs::read(path).map_err(|error| Error::io(path, &error))?;
+        Self::from_bytes(&text).map_err(|error| error.in_file(path))
     }
 
     /// Reads JSON. An error names the line and the field.
-    pub fn from_reader(reader: impl Read) -> Result<Self> {
-        let mut json = serde_json::Deserializer::from_reader(reader);
+    pub fn from_reader(mut reader: impl Read) -> Result<Self> {
+        let mut text = Vec::new();
+        reader.read_to_end(&mut text).map_err(|error| Error::new(error.to_string()))?;
+        Self::from_bytes(&text)
+    }
+
+    fn from_bytes(text: &[u8]) -> Result<Self> {
+        let at = Cell::new(0);
+        let from = || text.get(before(at.get()) as usize..).unwrap_or_default();
+        let mut json = serde_json::Deserializer::from_reader(Counted { from: text, at: &at });
         let dataset = serde_path_to_error::deserialize(&mut json).map_err(|error| {
             let path = error.path().to_string();
-            located(&error.into_inner(), if path == "." { None } else { Some(&path) })
+            located(&error.into_inner(), if path == "." { None } else { Some(&path) }, from())
         })?;
-        json.end().map_err(|error| located(&error, None))?;
+        json.end().map_err(|error| located(&error, None, from()))?;
         Ok(dataset)
     }
 }
@@ -67,14 +77,6 @@ impl<I: Serialize, A: Serialize> Dataset<I, A> {
         }
         file.finish()
     }
-}
-
-/// An error of the parser with its line and field.
-pub(crate) fn located(error: &serde_json::Error, field: Option<&str>) -> Error {
-    let text = error.to_string();
-    let place = format!(" at line {} column {}", error.line(), error.column());
-    let field = field.map_or(String::new(), |field| format!("`{field}`: "));
-    Error::new(format!("{field}{}", text.strip_suffix(&place).unwrap_or(&text))).at_line(error.line())
 }
 
 /// Line breaks of an annotation file.

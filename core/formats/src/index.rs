@@ -4,7 +4,7 @@
 //! record beside what a reader keeps of it, whatever the size of the file.
 
 use crate::coco::{Category, Info};
-use crate::dataset::located;
+use crate::json::{Counted, before, located};
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
 };
@@ -18,6 +18,8 @@ use syntable_model::error::{Error, Result};
 
 /// The byte order mark that some editors put before UTF-8.
 const MARK: [u8; 3] = [0xef, 0xbb, 0xbf];
+/// Bytes of a file that an error looks at.
+const SHOWN: u64 = 16;
 
 /// A list of records of an annotation file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -90,7 +92,7 @@ impl Indexed {
         let whole = Whole { at: &at, index: &mut index, each };
         let fail = |error: serde_json::Error, field: Option<String>| match error.io_error_kind() {
             Some(kind) if kind != io::ErrorKind::UnexpectedEof => Error::io(path, &error.into()),
-            _ => located(&error, field.as_deref()).in_file(path),
+            _ => located(&error, field.as_deref(), &text_from(path, before(at.get()))).in_file(path),
         };
         let read = whole.deserialize(serde_path_to_error::Deserializer::new(&mut json, &mut track));
         if let Err(error) = read {
@@ -156,18 +158,14 @@ impl Indexed {
     }
 }
 
-/// Counts the bytes that the parser has taken. It takes no byte beyond the end of an object.
-struct Counted<'c, R> {
-    from: R,
-    at: &'c Cell<u64>,
-}
-
-impl<R: Read> Read for Counted<'_, R> {
-    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
-        let count = self.from.read(bytes)?;
-        self.at.set(self.at.get() + count as u64);
-        Ok(count)
-    }
+/// Some bytes of a file from a place on, to say what is there; nothing where they cannot be read.
+fn text_from(path: &Path, place: u64) -> Vec<u8> {
+    let mut text = Vec::new();
+    let read = File::open(path).and_then(|mut file| {
+        file.seek(SeekFrom::Start(place))?;
+        file.take(SHOWN).read_to_end(&mut text)
+    });
+    read.map_or_else(|_| Vec::new(), |_| text)
 }
 
 /// Reads a file: an object with sections.

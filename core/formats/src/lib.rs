@@ -8,6 +8,7 @@
 //! | [`dataset`] | a whole annotation file: reading, and writing record by record |
 //! | [`index`] | a whole annotation file whose records stay in the file until they are asked for |
 //! | [`listing`] | the images of an annotation file in order, each with its annotations |
+//! | [`json`] | what the parser of JSON says, for people |
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | the same, read back |
@@ -33,6 +34,7 @@ pub mod draw;
 pub mod encode;
 pub mod include;
 pub mod index;
+pub mod json;
 pub mod listing;
 mod polygon;
 pub mod read;

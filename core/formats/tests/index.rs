@@ -97,6 +97,15 @@ fn mistakes_are_where_the_whole_file_has_them() {
         assert_eq!(indexed.place(), whole.place(), "{from}");
         assert_eq!(bare(indexed.message()), bare(whole.message()), "{from}");
     }
+    for word in ["NaN", "Infinity", "-Infinity"] {
+        fs::write(&path, good.replacen("\"category_id\": 1,", &format!("\"category_id\": {word},"), 1))
+            .expect("writable");
+        let expected = format!("{word} is no number of JSON; write a number or `null`");
+        let indexed = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");
+        for error in [indexed, Dataset::read(&path).expect_err("refused")] {
+            assert!(error.message().contains(&expected) && error.message().contains("category_id"), "{error}");
+        }
+    }
     let cut = &good[..good.len() / 2];
     fs::write(&path, cut).expect("writable");
     let error = Indexed::open(&path, &mut |_: Record<Image, Annotation, Json>| {}).expect_err("refused");

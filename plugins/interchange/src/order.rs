@@ -1,6 +1,7 @@
 //! Who is in front of whom.
 
 use crate::labels::Label;
+use syntable_formats::read::occludes;
 use syntable_model::prelude::*;
 use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
@@ -56,6 +57,34 @@ impl Order {
             .map(|label| depth.map_or(VisibleDepth::UNKNOWN, |depth| VisibleDepth::of(depth, label.visible)))
             .collect();
         Ok(Self { occludes, depths })
+    }
+
+    /// The order of objects by what an image shows of each, and what is hidden of it. Nothing is known of depths.
+    pub fn of_masks(masks: &[[&Mask; 2]]) -> Self {
+        let objects = || masks.iter().enumerate();
+        let hides = |i: usize, seen: &Mask, j: usize, hidden: &Mask| i != j && occludes(seen, hidden);
+        let occludes = objects()
+            .map(|(i, [seen, _])| objects().map(|(j, [_, hidden])| hides(i, seen, j, hidden)).collect())
+            .collect();
+        Self { occludes, depths: vec![VisibleDepth::UNKNOWN; masks.len()] }
+    }
+
+    /// Whether object `i` occludes object `j`, and is not occluded by it, directly or through others.
+    pub fn is_in_front(&self, i: usize, j: usize) -> bool {
+        self.occludes(i, j) && !self.before(&self.all(), i).contains(&j)
+    }
+
+    /// Number of objects in the longest chain of occluders in front of each object; none where a circle in front of it leaves
+    /// that open.
+    pub fn certain_layers(&self) -> Vec<Option<usize>> {
+        let before: Vec<Vec<usize>> = self.all().iter().map(|&j| self.before(&self.all(), j)).collect();
+        let is_certain = |j: usize| !before[j].contains(&j) && before[j].iter().all(|&i| !before[i].contains(&i));
+        let layers = self.layers(&self.front_to_back()).into_iter().enumerate();
+        layers.map(|(j, layer)| is_certain(j).then_some(layer)).collect()
+    }
+
+    fn all(&self) -> Vec<usize> {
+        (0..self.depths.len()).collect()
     }
 
     /// Whether object `i` hides a part of object `j`.
@@ -144,6 +173,25 @@ mod tests {
         assert!(order(&[], &[]).front_to_back().is_empty());
         // Nothing is seen of 0, and equal depths keep the order of the ids.
         assert_eq!(order(&[], &[f32::INFINITY, 2.0, 2.0]).front_to_back(), [1, 2, 0]);
+    }
+
+    #[test]
+    fn what_circles_leave_open_is_not_certain() {
+        // 0 is in front of the circle 1, 2, which is in front of 3; 0 is in front of 4, too.
+        let of = order(&[(0, 1), (1, 2), (2, 1), (2, 3), (0, 4)], &[f32::INFINITY; 5]);
+        assert_eq!(of.certain_layers(), [Some(0), None, None, None, Some(1)]);
+        let in_front = |i, j| of.is_in_front(i, j);
+        assert_eq!([in_front(0, 1), in_front(1, 2), in_front(2, 3), in_front(1, 0)], [true, false, true, false]);
+    }
+
+    #[test]
+    fn the_order_of_masks_is_who_hides_whom() {
+        let mask = |from: u32, to: u32| Mask::from_fn(10, 1, |x, _| (from..to).contains(&x));
+        // 0 covers the end of 1, which touches 2.
+        let [near, far, beside, none] = [mask(4, 8), mask(2, 4), mask(0, 2), mask(0, 0)];
+        let of = Order::of_masks(&[[&near, &none], [&far, &mask(4, 6)], [&beside, &none]]);
+        assert_eq!(of.occludes, [[false, true, false], [false; 3], [false; 3]]);
+        assert_eq!(of.certain_layers(), [Some(0), Some(1), Some(0)]);
     }
 
     #[test]

@@ -9,10 +9,12 @@ use syntable_model::product::standard::{AMODAL_OUTLINE, AMODAL_ROTATED_BOX, VISI
 /// Corners of a closed polygon, px; the first one is not repeated.
 pub type Ring = Vec<[f64; 2]>;
 
-/// What a product `*_outline` says of an object. Holes are not read: a polygon of COCO's family has none.
+/// What a product `*_outline` says of an object. A polygon of COCO's family has no holes.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 struct Outline {
     polygons: Vec<Vec<f64>>,
+    #[serde(default)]
+    holes: Vec<Vec<f64>>,
 }
 
 /// What a product `*_rotated_box` says of an object.
@@ -40,6 +42,29 @@ pub fn rotated_box_key(masks: Masks) -> Key<PerInstance<Value>> {
 /// The polygons around the parts of an object's mask, as lists x1, y1, x2, y2, … in pixels. Holes are left out.
 pub fn polygons(products: &Products, masks: Masks, id: InstanceId) -> Result<Vec<Vec<f64>>> {
     Ok(record::<Outline>(products, outline_key(masks), id)?.polygons)
+}
+
+/// Pixels of the holes of an object's mask, which its polygons fill; 0 if its outline has none.
+pub fn hole_area(products: &Products, masks: Masks, id: InstanceId, mask: &Mask) -> Result<u32> {
+    let outline: Outline = record(products, outline_key(masks), id)?;
+    Ok(if outline.holes.is_empty() { 0 } else { pixels_of_holes(mask) })
+}
+
+/// Pixels that are not in a mask and cannot be reached from beyond it without crossing it. Pixels that meet at a corner are apart
+/// in the mask, and so together beside it.
+fn pixels_of_holes(mask: &Mask) -> u32 {
+    let mut free = mask.within_box(1);
+    let [width, height] = [free.width(), free.height()];
+    free.data_mut().iter_mut().for_each(|pixel| *pixel = !*pixel);
+    let mut open = vec![(0, 0)];
+    while let Some((x, y)) = open.pop() {
+        let pixel = &mut free.data_mut()[(y * width + x) as usize];
+        if std::mem::take(pixel) {
+            let around = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
+            open.extend(around(y, height).flat_map(|y| around(x, width).map(move |x| (x, y))));
+        }
+    }
+    free.data().iter().filter(|pixel| **pixel).count() as u32
 }
 
 /// The corners of the rotated box around an object's mask, px.

@@ -8,7 +8,7 @@ use syntable_formats::coco::Image;
 use syntable_formats::listing::Listing;
 use syntable_formats::read::Labels;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::LABEL_POLICY;
+use syntable_model::product::standard::{CATEGORY_ID, LABEL_POLICY};
 
 /// What readers of polygons say of them.
 pub const POLYGONS: &str = "outlines are polygons, which say what an object covers to about a pixel at its edges";
@@ -107,6 +107,24 @@ pub fn counts_beyond(image: &Image) -> bool {
 pub fn info(listing: &Listing) -> DatasetInfo {
     let about = &listing.file.info;
     listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new())
+}
+
+/// What readers of categories say of those that are in others, of which no product knows.
+pub fn supercategories(listing: &Listing, reads: &[KeyId]) -> Option<String> {
+    let all = listing.file.categories.iter().flatten();
+    let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
+    // One for all tells nothing apart.
+    let tells = names.len() > 1 && reads.contains(&CATEGORY_ID.id());
+    tells.then(|| "of categories, ids and names are read: their supercategories are left out".to_owned())
+}
+
+/// What is hidden of an object whose amodal mask is known.
+pub fn hidden_of(label: &Labels) -> Mask {
+    match (&label.occlusion, &label.amodal) {
+        (Some(hidden), _) => hidden.clone(),
+        (None, Some(amodal)) => amodal.minus(&label.visible),
+        (None, None) => Mask::empty(label.visible.width(), label.visible.height()),
+    }
 }
 
 /// How far what a file says of a mask may be from the mask.
@@ -293,7 +311,7 @@ fn meet(a: [i32; 4], b: [i32; 4]) -> bool {
 }
 
 /// The pixels of a mask all of whose neighbors in the image are in it.
-fn eroded(mask: &Mask) -> Mask {
+pub fn eroded(mask: &Mask) -> Mask {
     surroundings(mask, |inside, all| inside == all)
 }
 

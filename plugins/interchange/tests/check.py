@@ -121,6 +121,19 @@ def same_categories(coco, extra=()):
     same([(c["id"], c["name"]) for c in coco.loadCats(coco.getCatIds())], [*CATEGORIES.items(), *extra], "categories")
 
 
+def holes(mask):
+    """Pixels that paths from the border, over corners, too, do not reach."""
+    free = ~np.pad(mask.astype(bool), 1)
+    reached, grown = np.zeros_like(free), np.zeros_like(free)
+    grown[0, 0] = True
+    while (grown != reached).any():
+        reached = grown
+        padded = np.pad(reached, 1)
+        around = [padded[y : y + free.shape[0], x : x + free.shape[1]] for y in range(3) for x in range(3)]
+        grown = free & np.any(around, axis=0)
+    return int((free & ~reached).sum())
+
+
 def drawn(polygons, view):
     height, width = view.rgb.shape[:2]
     return coco_mask.decode(coco_mask.merge(coco_mask.frPyObjects(polygons, height, width)))
@@ -301,10 +314,11 @@ def check_kins(root, views, version):
                 same_mask(coco_mask.decode(a["inmodal_seg"]), visible, what)
                 same(a["inmodal_bbox"], box(visible), what)
             else:
-                keys(a, "id image_id category_id iscrowd a_segm a_bbox a_area i_segm i_bbox i_area oco_id ico_id", what)
+                keys(a, "id image_id category_id iscrowd a_segm a_bbox a_area i_segm i_bbox i_area a_hole_area i_hole_area oco_id ico_id", what)
                 for kind, mask in (("a", amodal), ("i", visible)):
                     same_mask(drawn(a[f"{kind}_segm"], view), mask, what)
                     same((a[f"{kind}_area"], a[f"{kind}_bbox"]), (mask.sum(), box(mask)), what)
+                    same(a[f"{kind}_hole_area"], holes(mask), what)
                 same((a["oco_id"], a["ico_id"]), (group[n], layers[n] + 1 if group[n] else 0), what)
     if version == "2020":
         # Both cases are there.

@@ -12,7 +12,7 @@ use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, DEPTH, RGB, VI
 use syntable_model::reader::{self, DatasetReader};
 
 fn classes() -> DatasetInfo {
-    DatasetInfo { classes: vec!["bowl".into(), "mug".into()], ..dataset(3, 3) }
+    DatasetInfo { classes: vec!["bowl".into(), "mug".into()], program: "syntable 0.1.0".into(), ..dataset(3, 3) }
 }
 
 /// A dataset of a writer, in its folder.
@@ -189,6 +189,12 @@ fn spoil(path: &Path, change: &dyn Fn(&mut Json)) {
     fs::write(path, json.to_string()).expect("writable");
 }
 
+/// The annotation of which a number is greatest; those without one come last.
+fn with_most(file: &mut Json, number: impl Fn(&Json) -> Option<u64>) -> &mut Json {
+    let annotations = file["annotations"].as_array_mut().expect("a list");
+    annotations.iter_mut().max_by_key(|it| number(it)).expect("one")
+}
+
 type Plant = (&'static str, &'static str, &'static str, &'static dyn Fn(&mut Json));
 
 const PLANTED: &[Plant] = &[
@@ -245,6 +251,33 @@ const PLANTED: &[Plant] = &[
         it["annotations"][0]["amodal_region"]["bbox"] = json!([0, 0, 1, 1]);
     }),
     ("d2sa", "", "`occl_depth` is 99", &|it| it["annotations"][0]["occl_depth"] = json!(99)),
+    ("d2sa", "", "as that of annotation 1 is", &|it| {
+        it["annotations"][1]["amodal_region"]["order"] = it["annotations"][0]["amodal_region"]["order"].clone();
+    }),
+    ("d2sa", "", "of its pixels, ", &|it| {
+        // From back to front.
+        let image = with_most(it, |it| it["occl_depth"].as_u64())["image_id"].clone();
+        let annotations = it["annotations"].as_array_mut().expect("a list").iter_mut();
+        let of_image: Vec<_> = annotations.filter(|it| it["image_id"] == image).collect();
+        let count = of_image.len();
+        of_image.into_iter().enumerate().for_each(|(at, it)| it["amodal_region"]["order"] = json!(count - at));
+    }),
+    ("d2sa", "", "the longest chain of occluders has 0", &|it| {
+        with_most(it, |it| (it["occlude_rate"] == 0.0).then_some(1))["occl_depth"] = json!(1);
+    }),
+    ("d2sa", "", "`occl_depth` is 0, the longest chain", &|it| {
+        // All of them, since some are behind a circle, which leaves the depth open.
+        it["annotations"].as_array_mut().expect("a list").iter_mut().for_each(|it| it["occl_depth"] = json!(0));
+    }),
+    ("kins", "", "`ico_id` is 99, and `oco_id`", &|it| with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(99)),
+    ("kins", "", "of what is in front of it", &|it| with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(1)),
+    ("kins", "", "and they overlap", &|it| with_most(it, |it| it["ico_id"].as_u64())["oco_id"] = json!(77)),
+    ("kins", "", "`i_area` is 1, ", &|it| {
+        // Seen whole, so that the difference of its areas says nothing.
+        let whole = |it: &Json| it["a_area"].as_u64().filter(|_| it["a_area"] == it["i_area"]);
+        let whole = with_most(it, whole);
+        [whole["a_area"], whole["i_area"]] = [json!(1), json!(1)];
+    }),
     ("kins", "", "`a_area` less `i_area`", &|it| it["annotations"][0]["a_area"] = json!(1)),
     ("kins", "", "`a_area` less `i_area`", &|it| it["annotations"][0]["i_area"] = json!(1)),
     ("kins", "version = \"2019\"", "hidden part of `area`", &|it| it["annotations"][0]["area"] = json!(1)),
@@ -265,6 +298,13 @@ const PLANTED: &[Plant] = &[
     ("cocoa", "", "`regions[0].order` is 5", &|it| it["annotations"][0]["regions"][0]["order"] = json!(5)),
     ("cocoa", "", "`regions[0].area` is 1", &|it| it["annotations"][0]["regions"][0]["area"] = json!(1)),
     ("cocoa", "", "occlude_rate` is 0.99", &|it| it["annotations"][0]["regions"][0]["occlude_rate"] = json!(0.99)),
+    ("cocoa", "", "occlude_rate` is 0.01", &|it| {
+        let regions = it["annotations"].as_array_mut().expect("a list").iter_mut();
+        let regions = regions.flat_map(|it| it["regions"].as_array_mut().expect("a list"));
+        let rate = |it: &Json| it["occlude_rate"].as_f64().expect("a rate");
+        let region = regions.max_by(|a, b| rate(a).total_cmp(&rate(b))).expect("one");
+        region["occlude_rate"] = json!(0.01);
+    }),
     ("cocoa", "", "`regions[0].segmentation`: ", &|it| {
         it["annotations"][0]["regions"][0]["segmentation"] = json!([1.0])
     }),
@@ -297,6 +337,9 @@ const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     }),
     ("000000/scene_gt_coco.json", "`bbox` is [0.0, 0.0, 1.0, 1.0]", &|it| {
         it["annotations"][0]["bbox"] = json!([0, 0, 1, 1]);
+    }),
+    ("000000/scene_gt_coco.json", "`area` is 1.5, that of no object", &|it| {
+        it["annotations"][0]["area"] = json!(1.5);
     }),
     ("000000/scene_gt_coco.json", "the image has [1, 48] pixels", &|it| it["images"][0]["width"] = json!(1)),
     ("000000/scene_gt_coco.json", "readable: ", &|it| *it = json!(3)),
@@ -401,6 +444,12 @@ const REPLACED: &[Replaced] = &[
     ("yolo", "0000.png", b"\xff\xd8\xff\xe0", "not a readable JPEG file"),
     ("osd_amodal", "annotation/s000000v0000.png", b"x", "not a readable PNG file"),
     ("kins", ".json", b"{\"images\": [], \"annotations\": [", "`annotations`: EOF while parsing"),
+    (
+        "kins",
+        ".json",
+        b"{\"images\": [], \"annotations\": [{\"a_area\": NaN}]}",
+        "`annotations[0].a_area`: NaN is no number of JSON; write a number or `null`",
+    ),
     ("kins", ".json", b"[]", "expected an annotation file"),
     ("kins", ".json", b"", "EOF while parsing"),
     ("cocoa", ".json", b"{\"images\": 3}", "`images`: invalid type: integer `3`, expected a list of records"),

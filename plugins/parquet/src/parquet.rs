@@ -29,6 +29,10 @@ use syntable_model::product::{Form, Scope};
 /// | `visibility` | `px_count_all`, `px_count_in_frame`, `px_count_valid`, `px_count_visib`, `visib_fract` |
 /// | other records and lists | `{product}`: JSON text |
 ///
+/// An instance has a row, or a place in the lists of its view, if any of the included products of the view has a value of it. So
+/// where `object_info` or `visibility` has `objects = "all"`, objects that are not annotated have one, too: what only annotated
+/// ones have, such as masks, boxes and `category_id`, is null there.
+///
 /// Matrices are lists of their entries, row by row. Cells without a value are null. Products of a view or a scene repeat in
 /// the rows of its instances. A product that has an array per instance or per view stays out: `npz` has a place for it.
 ///
@@ -42,6 +46,7 @@ use syntable_model::product::{Form, Scope};
 /// ```python
 /// table = pandas.read_parquet("data/parquet/instances")
 /// hidden = table[table.occlusion_rate > 0.5]
+/// annotated = table[table.amodal_mask_area.notna()]
 /// data = datasets.load_dataset("parquet", data_files="data/parquet/views/*.parquet")
 /// ```
 ///

@@ -113,11 +113,11 @@ fn slack(mask: &Mask) -> f64 {
     (OTHER_RENDERING * edge_px2(mask)).floor()
 }
 
-/// The boxes of a scene's annotations by image.
+/// The boxes and areas of a scene's annotations by image.
 #[derive(Debug, Default)]
 pub struct CocoScene {
     sizes: BTreeMap<u32, [u32; 2]>,
-    boxes: BTreeMap<u32, Vec<(u64, [f64; 4])>>,
+    annotations: BTreeMap<u32, Vec<CocoAnnotation>>,
 }
 
 /// What is read of `scene_gt_coco.json`.
@@ -134,11 +134,13 @@ struct CocoImage {
     height: u32,
 }
 
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 struct CocoAnnotation {
     id: u64,
     image_id: u32,
     bbox: [f64; 4],
+    #[serde(default)]
+    area: Option<f64>,
 }
 
 impl CocoScene {
@@ -152,15 +154,16 @@ impl CocoScene {
         let mut scene = Self::default();
         scene.sizes.extend(file.images.iter().map(|image| (image.id, [image.width, image.height])));
         for it in file.annotations {
-            scene.boxes.entry(it.image_id).or_default().push((it.id, it.bbox));
+            scene.annotations.entry(it.image_id).or_default().push(it);
         }
         Ok(Some(scene))
     }
 
-    /// What contradicts the masks of an image's objects: a size, and boxes that are those of no object.
-    pub fn faults(&self, image: u32, infos: &[Info], amodal: &[&Mask]) -> Vec<Fault> {
+    /// What contradicts the masks of an image's objects, amodal and visible: a size, boxes that are those of no object, and areas
+    /// that are those of no object with the box.
+    pub fn faults(&self, image: u32, infos: &[Info], masks: &[[&Mask; 2]]) -> Vec<Fault> {
         let file = OF_SCENE[1];
-        let Some(first) = amodal.first() else { return Vec::new() };
+        let Some([first, _]) = masks.first() else { return Vec::new() };
         let mut faults = Vec::new();
         let size = [first.width(), first.height()];
         if let Some(said) = self.sizes.get(&image).filter(|said| **said != size) {
@@ -171,14 +174,29 @@ impl CocoScene {
             [clip(x, 0), clip(y, 1), clip(x + width, 0), clip(y + height, 1)]
         };
         // Objects that are not seen have no annotation.
-        let seen = || infos.iter().zip(amodal).filter(|(info, _)| info.px_count_visib > 0);
-        let masks = seen().map(|(_, mask)| <[i32; 4]>::from(mask.bbox()).map(f64::from));
-        let own: Vec<[f64; 4]> = masks.chain(seen().map(|(info, _)| info.bbox_obj.map(|edge| edge as f64))).collect();
+        let seen: Vec<_> = infos.iter().zip(masks).filter(|(info, _)| info.px_count_visib > 0).collect();
         let near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= COCO_BOX_PX);
-        for &(id, bbox) in self.boxes.get(&image).into_iter().flatten() {
-            if !own.iter().any(|own| near(inside(bbox), inside(*own))) {
+        for &CocoAnnotation { id, bbox, area, .. } in self.annotations.get(&image).into_iter().flatten() {
+            let is_near = |own: [f64; 4]| near(inside(bbox), inside(own));
+            let has_box = |(info, masks): &(&Info, &[&Mask; 2])| {
+                let of_masks = masks.iter().map(|mask| <[i32; 4]>::from(mask.bbox()).map(f64::from));
+                of_masks.chain([info.bbox_obj.map(|edge| edge as f64)]).any(is_near)
+            };
+            let of_box: Vec<_> = seen.iter().copied().filter(has_box).collect();
+            if of_box.is_empty() {
                 let message = format!("{file}: annotation {id}: `bbox` is {bbox:?}, that of no object of the image");
                 faults.push(("bbox_is_that_of_a_mask", message));
+                continue;
+            }
+            let has_area = |area: f64| {
+                of_box.iter().any(|(info, [amodal, visible])| {
+                    let own = [amodal.area().into(), visible.area().into(), info.px_count_all as f64];
+                    own.iter().any(|own: &f64| (own - area).abs() <= slack(amodal) + 0.5)
+                })
+            };
+            if let Some(area) = area.filter(|area| !has_area(*area)) {
+                let message = format!("{file}: annotation {id}: `area` is {area}, that of no object with its `bbox`");
+                faults.push(("areas_are_those_of_masks", message));
             }
         }
         faults

@@ -11,6 +11,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use syntable_formats::decode;
+use syntable_formats::json as formats_json;
 use syntable_formats::read::{self, Faults, Labels};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, RGB, VISIBILITY};
@@ -95,19 +96,10 @@ pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
         // Read again to know where it was.
         let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_str(&text));
         let key = located.err().map(|error| error.path().to_string()).filter(|key| key != ".");
-        let what = no_number(&text, &error).unwrap_or_else(|| error.to_string());
-        let what = key.map_or(what.clone(), |key| format!("`{key}`: {what}"));
-        Error::new(what).in_file(path).at_line(error.line()).of_request()
+        let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default().as_bytes();
+        let from = line.get(formats_json::before(error.column() as u64) as usize..).unwrap_or_default();
+        formats_json::located(&error, key.as_deref(), from).in_file(path).of_request()
     })
-}
-
-/// What Python writes in place of a number that is none, where a parser stopped.
-fn no_number(text: &str, error: &serde_json::Error) -> Option<String> {
-    let line = text.lines().nth(error.line().checked_sub(1)?)?;
-    let from = line.char_indices().map(|(at, _)| at).nth(error.column().saturating_sub(2))?;
-    let found =
-        ["NaN", "-Infinity", "Infinity"].into_iter().find(|word| line[from..].find(word).is_some_and(|at| at <= 1))?;
-    Some(format!("{found} is no number of JSON"))
 }
 
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
@@ -368,15 +360,15 @@ impl Reader {
             self.camera.iter().filter_map(|camera| faults::faults_of_camera(camera, size)).collect();
         let Ok(labels) = record.labels(size) else { return all };
         let depth = record.depth().ok();
-        let mut amodal = Vec::new();
+        let mut masks = Vec::new();
         for (label, info) in labels.iter().zip(&record.infos) {
             let Some(whole) = &label.amodal else { continue };
             let of_object = info.faults([whole, &label.visible], depth.as_ref()).into_iter();
             all.extend(of_object.map(|(check, message)| (check, format!("instance {}: {message}", label.id))));
-            amodal.push(whole);
+            masks.push([whole, &label.visible]);
         }
         match self.coco.get(&record.folder).map(|scene| scene.get_or_init(|| CocoScene::read(&record.folder))) {
-            Some(Ok(Some(scene))) => all.extend(scene.faults(record.number, &record.infos, &amodal)),
+            Some(Ok(Some(scene))) => all.extend(scene.faults(record.number, &record.infos, &masks)),
             Some(Err(error)) => all.push(("readable", error.to_string())),
             Some(Ok(None)) | None => {}
         }

@@ -1,7 +1,8 @@
 //! Reads COCO's layout, and those of its relatives that keep amodal and visible masks in one annotation: ours, D2SA,
 //! KINS.
 
-use crate::read::{self as shared, Tolerance, edge_px2, fits_mask, fits_outlines};
+use crate::order::Order;
+use crate::read::{self as shared, Tolerance, edge_px2, fits_mask, fits_outlines, hidden_of};
 use serde::de::{DeserializeOwned, IgnoredAny};
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::{Annotation, Image};
@@ -47,6 +48,8 @@ const HIDDEN: [&str; 2] = ["occluded_mask", "invisible_mask"];
 const RATE: [&str; 2] = ["occluded_rate", "occlude_rate"];
 /// Key of the depth image of an image, in whole millimeters, beside its `file_name`: UOAIS-Sim's.
 const DEPTH_FILE: &str = "depth_file_name";
+/// How the name of this program begins where files say what wrote them.
+const OURS: &str = "syntable ";
 /// Millimeters per step of such a depth image.
 const DEPTH_UNIT_MM: f64 = 1.0;
 
@@ -153,10 +156,11 @@ impl DatasetReader for Reader {
         self.lists_all
     }
 
-    fn caveats(&self, _: &[KeyId]) -> Vec<String> {
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let crowds = format!("annotations of crowds (`iscrowd`) are no objects: {} were left out", self.crowds);
         let boxes = "no annotation has a mask: boxes and categories are all that is known of objects".to_owned();
-        [(self.crowds > 0, crowds), (!self.has_masks, boxes)].into_iter().filter(|it| it.0).map(|it| it.1).collect()
+        let own = [(self.crowds > 0, crowds), (!self.has_masks, boxes)].into_iter().filter(|it| it.0).map(|it| it.1);
+        own.chain(shared::supercategories(&self.listing, reads)).collect()
     }
 
     fn category(&self, own: u64) -> Option<u32> {
@@ -182,7 +186,7 @@ impl DatasetReader for Reader {
         let Ok(annotations) = self.objects(image) else { return Vec::new() };
         let mut faults: Vec<_> =
             annotations.iter().flat_map(|annotation| faults_of([frame.width, frame.height], annotation)).collect();
-        faults.extend(faults_of_depth(&annotations));
+        faults.extend(self.faults_of_order([frame.width, frame.height], &annotations));
         faults.extend(read::id_faults(&stated_ids(&annotations)));
         faults
     }
@@ -252,12 +256,12 @@ fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'stati
             faults.push(("segmentation_is_a_mask_of_the_object", message));
         }
     }
-    faults.extend(faults_of_order(annotation));
+    faults.extend(faults_of_region(annotation));
     faults
 }
 
-/// D2SA's `amodal_region` says the area and the box again, and what occludes nothing has no `occl_depth`.
-fn faults_of_order(annotation: &Annotation) -> Vec<(&'static str, String)> {
+/// D2SA's `amodal_region` says the area and the box again.
+fn faults_of_region(annotation: &Annotation) -> Vec<(&'static str, String)> {
     let mut faults = Vec::new();
     let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
     let region = annotation.extra.get("amodal_region");
@@ -273,17 +277,23 @@ fn faults_of_order(annotation: &Annotation) -> Vec<(&'static str, String)> {
     faults
 }
 
-/// The most objects that can be in front of another one are all others: what D2SA says of more.
-fn faults_of_depth(annotations: &[Annotation]) -> impl Iterator<Item = (&'static str, String)> {
+/// D2SA's `occl_depth`, that a number of objects contradicts: the most that can be in front of one are all others.
+fn faults_of_depth(annotations: &[Annotation]) -> impl Iterator<Item = String> {
     annotations.iter().filter_map(|annotation| {
-        let depth = annotation.extra.get("occl_depth")?.as_u64()?;
-        (depth >= annotations.len() as u64).then(|| {
-            let others = annotations.len() - 1;
-            let message =
-                format!("annotation {}: `occl_depth` is {depth}, and there are {others} others", annotation.id);
-            ("order_is_that_of_masks", message)
-        })
+        let depth = occlusion_depth(annotation)?;
+        let others = annotations.len() - 1;
+        (depth > others as u64)
+            .then(|| format!("annotation {}: `occl_depth` is {depth}, and there are {others} others", annotation.id))
     })
+}
+
+fn occlusion_depth(annotation: &Annotation) -> Option<u64> {
+    annotation.extra.get("occl_depth")?.as_u64()
+}
+
+/// D2SA's place of an object from the front, from 1.
+fn place_from_front(annotation: &Annotation) -> Option<u64> {
+    annotation.extra.get("amodal_region")?.get("order")?.as_u64()
 }
 
 /// The ids that annotations state of their objects.
@@ -292,6 +302,47 @@ fn stated_ids(annotations: &[Annotation]) -> Vec<Option<u64>> {
 }
 
 impl Reader {
+    /// What the masks of an image's objects contradict of D2SA's numbers: places from the front, and in files of this program, whose
+    /// meaning is known, how many objects are in front of each other. What circles leave open is not looked at.
+    fn faults_of_order(&self, size: [u32; 2], annotations: &[Annotation]) -> Vec<(&'static str, String)> {
+        let mut faults: Vec<String> = faults_of_depth(annotations).collect();
+        let states_order = |it: &Annotation| place_from_front(it).is_some() || occlusion_depth(it).is_some();
+        if self.known != Known::Both || !annotations.iter().any(states_order) {
+            return faults.into_iter().map(|message| ("order_is_that_of_masks", message)).collect();
+        }
+        let labels = annotations.iter().map(|it| self.labels(size, InstanceId(1), it));
+        let Ok(labels) = labels.collect::<Result<Vec<_>>>() else { return Vec::new() };
+        let hidden: Vec<Mask> = labels.iter().map(hidden_of).collect();
+        let masks: Vec<[&Mask; 2]> = labels.iter().zip(&hidden).map(|(it, hidden)| [&it.visible, hidden]).collect();
+        let order = Order::of_masks(&masks);
+        for (j, behind) in annotations.iter().enumerate() {
+            let Some(place) = place_from_front(behind) else { continue };
+            let wrong = |(i, it): (usize, &Annotation)| {
+                let other = place_from_front(it)?;
+                let of = format!("annotation {}: `amodal_region.order` is {place}", behind.id);
+                if i < j && other == place {
+                    return Some(format!("{of}, as that of annotation {} is", it.id));
+                }
+                (other > place && order.is_in_front(i, j)).then(|| {
+                    format!("{of}, that of annotation {}, which hides {} of its pixels, {other}", it.id, {
+                        masks[i][0].shared_area(masks[j][1])
+                    })
+                })
+            };
+            faults.extend(annotations.iter().enumerate().filter_map(wrong));
+        }
+        if self.info.program.starts_with(OURS) {
+            let said = annotations.iter().zip(order.certain_layers());
+            faults.extend(said.filter_map(|(it, layer)| {
+                let (said, own) = (occlusion_depth(it)?, layer? as u64);
+                (said != own && said < annotations.len() as u64).then(|| {
+                    format!("annotation {}: `occl_depth` is {said}, the longest chain of occluders has {own}", it.id)
+                })
+            }));
+        }
+        faults.into_iter().map(|message| ("order_is_that_of_masks", message)).collect()
+    }
+
     /// Annotations of single objects.
     fn objects(&self, image: usize) -> Result<Vec<Annotation>> {
         let mut annotations: Vec<Annotation> = self.listing.annotations(image)?;

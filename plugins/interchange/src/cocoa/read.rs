@@ -231,15 +231,15 @@ impl ImageAnnotation {
             faults.push(("areas_are_those_of_masks", message));
         }
         let rate = if area == 0.0 { 0.0 } else { f64::from(hidden.area()) / area };
-        // A rate may be that of the polygon, whose area is off by the pixels at its edge: the rate by the same part of it.
-        let of_edge = if area <= edge { 1.0 } else { rate * edge / (area - edge) };
-        let tolerance = TWO_DECIMALS
-            + match (&region.visible_mask, &region.invisible_mask) {
-                // What is hidden is what the polygon has more.
-                (Some(_), None) => edge / area.max(1.0),
-                _ => of_edge,
-            };
-        let is_off = |said: &f64| if beyond { *said < rate - tolerance } else { (said - rate).abs() > tolerance };
+        // A rate may be that of the polygon, whose area is off by the pixels at its edge.
+        let of_area = |area: f64| if area <= 0.0 { 1.0 } else { (f64::from(hidden.area()) / area).min(1.0) };
+        let [low, high] = match (&region.visible_mask, &region.invisible_mask) {
+            // What is hidden is what the polygon has more.
+            (Some(_), None) => [-1.0, 1.0].map(|sign: f64| rate + sign * edge / area.max(1.0)),
+            _ => [rate.min(of_area(area + edge)), rate.max(of_area(area - edge))],
+        };
+        let is_off =
+            |said: &f64| *said < low - TWO_DECIMALS || (!beyond && *said > high + TWO_DECIMALS) || said.is_nan();
         if let Some(said) = region.occlude_rate.filter(is_off) {
             let message = format!("{} is {said}, that of its masks {rate:.6}", self.key(number, "occlude_rate"));
             faults.push(("rate_is_ratio_of_areas", message));

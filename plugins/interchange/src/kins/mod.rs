@@ -26,7 +26,8 @@ use syntable_model::product::standard::{AMODAL_OUTLINE, RGB, VISIBLE_OUTLINE};
 ///   from 1, of the group of objects that overlap, directly or through others; `ico_id` is 1 for objects that nothing
 ///   in front of them occludes, and one more than the largest of an object's occluders else. Both are 0 for an object
 ///   that overlaps no other. Where objects occlude each other, directly or in a circle, the one whose nearest visible
-///   pixel is nearest is in front.
+///   pixel is nearest is in front. `a_hole_area` and `i_hole_area`, which are ours, are the pixels of the holes that the
+///   polygons fill, so that readers can tell such an area from a wrong one.
 ///
 /// # Output
 ///
@@ -132,6 +133,8 @@ struct Annotation2020 {
     i_segm: Vec<Vec<f64>>,
     i_bbox: [i32; 4],
     i_area: u32,
+    a_hole_area: u32,
+    i_hole_area: u32,
     oco_id: usize,
     ico_id: usize,
 }
@@ -190,6 +193,8 @@ fn annotation_2020(products: &Products, label: &Label, place: Place) -> Result<A
         i_segm: outlines::polygons(products, Masks::Visible, label.id)?,
         i_bbox: label.visible_box.into(),
         i_area: label.visible.area(),
+        a_hole_area: outlines::hole_area(products, Masks::Amodal, label.id, label.amodal)?,
+        i_hole_area: outlines::hole_area(products, Masks::Visible, label.id, label.visible)?,
         oco_id: place.group,
         ico_id: place.order,
     })

@@ -1,7 +1,10 @@
 //! Reads KINS' layout, in its form of 2019 or of 2020.
 
 use crate::coco::read::FOLDER;
-use crate::read::{self as shared, POLYGONS, Tolerance, cut_holes, edge_px2, enclosed_px2, fits_mask, settle_edges};
+use crate::order::Order;
+use crate::read::{
+    self as shared, POLYGONS, Tolerance, cut_holes, edge_px2, enclosed_px2, eroded, fits_mask, hidden_of, settle_edges,
+};
 use serde::de::IgnoredAny;
 use std::path::{Path, PathBuf};
 use syntable_formats::coco::{Image, id};
@@ -58,6 +61,10 @@ struct Annotation {
     i_segm: Option<Segmentation>,
     i_bbox: Option<[f64; 4]>,
     i_area: Option<f64>,
+    a_hole_area: Option<f64>,
+    i_hole_area: Option<f64>,
+    oco_id: Option<u64>,
+    ico_id: Option<u64>,
     segmentation: Option<Segmentation>,
     bbox: Option<[f64; 4]>,
     area: Option<f64>,
@@ -83,6 +90,8 @@ impl AnnotationRecord for Annotation {
 struct Said<'a> {
     mask: (&'static str, Option<&'a Segmentation>),
     area: (&'static str, Option<f64>),
+    /// Pixels of the mask's holes, which outlines do not have: ours.
+    holes_px2: Option<f64>,
     bbox: (&'static str, Option<[f64; 4]>),
 }
 
@@ -93,11 +102,13 @@ impl Annotation {
             let amodal = Said {
                 mask: ("a_segm", self.a_segm.as_ref()),
                 area: ("a_area", self.a_area),
+                holes_px2: self.a_hole_area,
                 bbox: ("a_bbox", self.a_bbox),
             };
             let visible = Said {
                 mask: ("i_segm", self.i_segm.as_ref()),
                 area: ("i_area", self.i_area),
+                holes_px2: self.i_hole_area,
                 bbox: ("i_bbox", self.i_bbox),
             };
             return [amodal, visible];
@@ -105,11 +116,13 @@ impl Annotation {
         let amodal = Said {
             mask: ("segmentation", self.segmentation.as_ref()),
             area: ("area", self.area),
+            holes_px2: None,
             bbox: ("bbox", self.bbox),
         };
         let visible = Said {
             mask: ("inmodal_seg", self.inmodal_seg.as_ref()),
             area: ("inmodal_area", None),
+            holes_px2: None,
             bbox: ("inmodal_bbox", self.inmodal_bbox),
         };
         [amodal, visible]
@@ -177,8 +190,14 @@ impl Annotation {
             let own_area = f64::from(mask.area());
             let area = said.area.1.unwrap_or(own_area);
             let (area, tolerance) = match said.mask.1 {
-                // What an outline has more than the mask may be a hole.
-                Some(Segmentation::Polygons(_)) => (area.max(own_area), edge_px2(&mask).max(1.0)),
+                Some(Segmentation::Polygons(_)) => {
+                    let area = match said.holes_px2 {
+                        Some(holes) => area + holes,
+                        // What an outline has more than the mask may be a hole.
+                        None => area.max(own_area),
+                    };
+                    (area, edge_px2(&mask).max(1.0))
+                }
                 _ => (area, 0.5),
             };
             let bbox = said.bbox.1.unwrap_or(own);
@@ -187,6 +206,60 @@ impl Annotation {
         }
         faults
     }
+}
+
+/// What the masks of an image's objects contradict of groups and places in them. Outlines are as good as their edges, and where
+/// one fills a hole, it does not tell who is in front.
+fn faults_of_order(annotations: &[Annotation], labels: &[Labels]) -> Vec<(&'static str, String)> {
+    if annotations.iter().all(|it| it.oco_id.is_none() && it.ico_id.is_none()) {
+        return Vec::new();
+    }
+    let has_holes = |it: &Annotation| it.said().iter().any(|said| said.holes_px2.is_some_and(|holes| holes > 0.0));
+    let of = |mask: Mask, it: &Annotation| if has_holes(it) { Mask::empty(mask.width(), mask.height()) } else { mask };
+    let each = || labels.iter().zip(annotations);
+    let whole: Vec<Mask> =
+        each().map(|(label, it)| of(label.amodal.as_ref().map_or_else(|| label.visible.clone(), eroded), it)).collect();
+    let seen: Vec<Mask> = each().map(|(label, it)| of(eroded(&label.visible), it)).collect();
+    let hidden: Vec<Mask> = each().map(|(label, it)| of(eroded(&hidden_of(label)), it)).collect();
+    let clear = Order::of_masks(&seen.iter().zip(&hidden).map(|(seen, hidden)| [seen, hidden]).collect::<Vec<_>>());
+    // What the edges alone say may be wrong, but it may also close a circle.
+    let exact: Vec<Mask> = labels.iter().map(hidden_of).collect();
+    let all = Order::of_masks(&labels.iter().zip(&exact).map(|(it, hidden)| [&it.visible, hidden]).collect::<Vec<_>>());
+    let mut faults = Vec::new();
+    for (j, behind) in annotations.iter().enumerate() {
+        let key = |it: &Annotation, key: &str, value: u64| format!("{} is {value}", it.key(key));
+        let members = |group: u64| annotations.iter().filter(|it| it.oco_id == Some(group)).count() as u64;
+        if let (Some(group), Some(place)) = (behind.oco_id, behind.ico_id)
+            && (place > members(group) || (group == 0) != (place == 0))
+        {
+            let said = key(behind, "ico_id", place);
+            let message = format!("{said}, and `oco_id` {group}, which {} objects have", members(group));
+            faults.push(("order_is_that_of_masks", message));
+        }
+        for (i, front) in annotations.iter().enumerate() {
+            let (Some(group), Some(other)) = (behind.oco_id, front.oco_id) else { continue };
+            if i < j && group != other && whole[i].shared_area(&whole[j]) > 0 {
+                let message =
+                    format!("{}, {}, and they overlap", key(front, "oco_id", other), key(behind, "oco_id", group));
+                faults.push(("order_is_that_of_masks", message));
+            }
+            let (Some(place), Some(before)) = (behind.ico_id, front.ico_id) else { continue };
+            if group == other
+                && place.min(before) > 0
+                && before >= place
+                && clear.occludes(i, j)
+                && all.is_in_front(i, j)
+            {
+                let message = format!(
+                    "{}, and {} of what is in front of it",
+                    key(behind, "ico_id", place),
+                    key(front, "ico_id", before)
+                );
+                faults.push(("order_is_that_of_masks", message));
+            }
+        }
+    }
+    faults
 }
 
 struct Reader {
@@ -236,13 +309,18 @@ impl DatasetReader for Reader {
         if let Ok(mut labels) = labels.collect::<Result<Vec<_>>>() {
             settle_edges(&mut labels);
             faults.extend(annotations.iter().zip(&labels).filter_map(|(it, label)| it.fault_of_areas(label)));
+            for (label, annotation) in labels.iter_mut().zip(&annotations) {
+                cut_holes(label, annotation.holes_px2(label));
+            }
+            faults.extend(faults_of_order(&annotations, &labels));
         }
         faults
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let reads_masks = reads.iter().any(|key| *key != RGB.id());
-        reads_masks.then(|| POLYGONS.to_owned()).into_iter().collect()
+        let polygons = reads_masks.then(|| POLYGONS.to_owned());
+        polygons.into_iter().chain(shared::supercategories(&self.listing, reads)).collect()
     }
 
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {

@@ -79,14 +79,20 @@ impl Distribution {
         self.range
     }
 
-    /// The least value that at least half of all values do not exceed, to a step; none without values.
+    /// Median: of an even number of values the mean of the two in the middle, each to a step; none without values.
     pub fn median(&self) -> Option<f64> {
+        let middle = [self.ranked(self.n.checked_sub(1)? / 2)?, self.ranked(self.n / 2)?];
+        Some((middle[0] + middle[1]) as f64 / 2.0 * self.quantity.about().step)
+    }
+
+    /// The value of a rank from 0, in whole steps.
+    fn ranked(&self, rank: u64) -> Option<u64> {
         let mut below = 0;
-        let middle = self.counts.iter().find(|(_, count)| {
+        let found = self.counts.iter().find(|(_, count)| {
             below += **count;
-            2 * below >= self.n
+            rank < below
         });
-        middle.map(|(steps, _)| *steps as f64 * self.quantity.about().step)
+        found.map(|(steps, _)| *steps)
     }
 
     /// Values with their numbers, ascending, in whole steps.
@@ -203,6 +209,17 @@ mod tests {
         assert_eq!((of.n(), of.range()), (4, Some([0.0, 1.0])));
         assert!((of.mean().expect("values") - 5.0 / 12.0).abs() < 1e-15);
         assert!((of.median().expect("values") - 0.333_333).abs() < 1e-12);
+        let median = |values: &[(u32, u32)]| rates(values, Binning::Fixed).median().expect("values");
+        // The mean of the two in the middle, far apart or equal, and the middle one of an odd number.
+        for (values, expected) in [
+            (&[(1, 4), (3, 4)][..], 0.5),
+            (&[(0, 1), (1, 4), (3, 4), (1, 1)], 0.5),
+            (&[(0, 1), (1, 4), (1, 4), (1, 1)], 0.25),
+            (&[(3, 4), (0, 1), (1, 4)], 0.25),
+            (&[(3, 4)], 0.75),
+        ] {
+            assert!((median(values) - expected).abs() < 1e-12, "{values:?}: {}", median(values));
+        }
         let none = rates(&[], Binning::Fixed);
         assert_eq!((none.mean(), none.median(), none.histogram()), (None, None, Vec::new()));
     }

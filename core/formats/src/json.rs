@@ -1,0 +1,49 @@
+//! What JSON's parser says of a file, for people.
+
+use serde_json::error::Category;
+use std::cell::Cell;
+use std::io::{self, Read};
+use syntable_model::error::Error;
+
+/// What Python's `json` writes in place of numbers that are none.
+const NO_NUMBERS: [&str; 3] = ["NaN", "-Infinity", "Infinity"];
+
+/// How many bytes before the parser's place one of [`NO_NUMBERS`] may begin: it stops up to two letters after a sign.
+const BEFORE: u64 = 3;
+
+/// An error of the parser with its line and field. `from` is the text from the place of [`before`] on, as far as it is known.
+pub fn located(error: &serde_json::Error, field: Option<&str>, from: &[u8]) -> Error {
+    let text = error.to_string();
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let field = field.map_or(String::new(), |field| format!("`{field}`: "));
+    let no_number = no_number(from).filter(|_| error.classify() == Category::Syntax);
+    let what = no_number.map(|word| format!("{word} is no number of JSON; write a number or `null`"));
+    let what = what.unwrap_or_else(|| text.strip_suffix(&place).unwrap_or(&text).to_owned());
+    Error::new(format!("{field}{what}")).at_line(error.line())
+}
+
+/// Where [`located`] wants the text from, given how many bytes the parser has taken.
+pub fn before(taken: u64) -> u64 {
+    taken.saturating_sub(BEFORE)
+}
+
+/// What stands in place of a number that is none, within the first bytes that a parser may have stopped at.
+fn no_number(from: &[u8]) -> Option<&'static str> {
+    let starts_at = |at: u64| from.get(at as usize..).unwrap_or_default();
+    let found = |word: &str| (0..BEFORE).any(|at| starts_at(at).starts_with(word.as_bytes()));
+    NO_NUMBERS.into_iter().find(|word| found(word))
+}
+
+/// Counts the bytes that a parser has taken. It takes no byte beyond the end of an object.
+pub(crate) struct Counted<'c, R> {
+    pub from: R,
+    pub at: &'c Cell<u64>,
+}
+
+impl<R: Read> Read for Counted<'_, R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let count = self.from.read(bytes)?;
+        self.at.set(self.at.get() + count as u64);
+        Ok(count)
+    }
+}
