@@ -191,6 +191,11 @@ fn the_worst_images_are_saved_with_their_predictions() {
     assert!(said.contains("there is no score `f` to rank images by"), "{said}");
     let nowhere = folder.path().join("none/scores.json").display().to_string();
     assert!(eval(&["--save", &nowhere]).contains("scores.json"));
+    // What is read or written otherwise is not overwritten.
+    let said = eval(&["--save", &pred.display().to_string()]);
+    assert!(said.contains("--save would overwrite what the command reads"), "{said}");
+    let said = eval(&["--save", &save, "--csv", &save]);
+    assert!(said.contains("--save would overwrite what --csv writes"), "{said}");
     // Categories that are not those of the ground truth are named.
     predicted[0]["category_id"] = json!(999);
     let pred = write(folder.path(), &predicted);

@@ -95,6 +95,12 @@ fn mistakes_are_told_as_check_tells_them() {
     assert!(said.contains("did you mean `samples_per_pixel`"), "{said}");
     assert_eq!(said.trim(), checked.trim());
     assert!(!out.exists());
+    // A sheet never takes the place of the recipe, or of what is no sheet.
+    let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&recipe), 2);
+    assert!(said.contains("--out would overwrite what the command reads"), "{said}");
+    fs::write(&out, "mine").expect("written");
+    let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
+    assert!(said.contains("a file that is no PNG") && fs::read(&out).is_ok_and(|text| text == b"mine"), "{said}");
     let scenes = fails(&mut preview(&root().join("recipes/quickstart.toml"), &["--views", "500"]), 2);
     assert!(scenes.contains("--views"), "{scenes}");
 }

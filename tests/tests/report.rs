@@ -303,8 +303,13 @@ fn the_worst_images_are_shown_with_their_predictions() {
     assert!(file.contains("\"predicted\":{") && file.contains("\"object\":null"), "{file}");
     // Of another dataset, and of no scores at all.
     let other = fs::read_to_string(&scores).expect("readable").replace("\"name\":\"", "\"name\":\"other-");
+    let more = fs::read_to_string(&scores).expect("readable").replacen("\"images\":", "\"images\":1", 1);
     let wrong = folder.path().join("wrong.json");
-    for (text, says) in [(other.as_str(), "is not in the dataset"), ("[1]", "it is no file of scores")] {
+    for (text, says) in [
+        (other.as_str(), "is not in the dataset"),
+        (more.as_str(), "images, and the dataset has"),
+        ("[1]", "it is no file of scores"),
+    ] {
         fs::write(&wrong, text).expect("writable");
         let said = fails(
             syntable()

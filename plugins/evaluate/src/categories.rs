@@ -72,9 +72,11 @@ impl Measure for ByCategory {
         let mut each = vec![[None; KINDS.len()]; self.categories.len()];
         for kind in 0..KINDS.len() {
             let mut sums = [(0.0, 0); SCORES.len()];
+            // Without scores there is no order, nor one of the categories in which nothing was predicted.
+            let is_unranked = images.iter().flat_map(|it| it.0.values()).any(|kinds| kinds[kind].is_unranked);
             for (of, (category, _)) in each.iter_mut().zip(&self.categories) {
                 let tallies: Vec<&Tally> = images.iter().filter_map(|it| Some(&it.0.get(category)?[kind])).collect();
-                let scores = values(&tallies);
+                let scores = if is_unranked { [None; SCORES.len()] } else { values(&tallies) };
                 of[kind] = scores[0];
                 for (sum, score) in sums.iter_mut().zip(scores) {
                     *sum = score.map_or(*sum, |score| (sum.0 + score, sum.1 + 1));

@@ -60,7 +60,7 @@ pub(crate) struct Tally {
     /// Predictions by falling score.
     found: Vec<Found>,
     /// Whether a prediction has no score.
-    is_unranked: bool,
+    pub(super) is_unranked: bool,
 }
 
 /// A prediction: bits of thresholds by area.

@@ -13,7 +13,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Topic, Verb, amount};
+use syntable_runtime::cli::{Console, Exit, Topic, Verb, amount, check_outputs};
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::workers::{self, Pool};
@@ -108,6 +108,7 @@ fn command() -> Command {
         .arg(
             flag("worst-by")
                 .value_name("SCORE")
+                .requires("save")
                 .help("Score by which images are the worst, as --json names it [default: amodal_overlap_f]"),
         )
         .arg(
@@ -131,6 +132,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let path = |name: &str| arguments.get_one::<PathBuf>(name);
     let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
     let (Some(gt), Some(pred)) = (path("gt"), path("pred")) else { return Ok(()) };
+    check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &[gt, pred])?;
     let convention = if text("convention") == Some("paper") { Convention::Paper } else { Convention::Release };
     let least = arguments.get_one("min-score").copied().unwrap_or(0.5);
     let occluded = arguments.get_one("occluded-from").copied().map_or(Occluded::AsSaid, Occluded::From);

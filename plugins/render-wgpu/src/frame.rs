@@ -191,7 +191,9 @@ impl GpuSession {
         if layout.is_empty() {
             return Ok(Statistics::default());
         }
-        self.device.check_image("an image of that size", 4 * layout.sums)?;
+        // But for sets and lists of objects, which other scenes may have fewer of.
+        let of_objects = layout.pixels * layout.labels.words_of_objects();
+        self.device.check_image("an image of that size", 4 * (layout.sums_at - of_objects + layout.sums))?;
         self.make_output(4 * (layout.sums_at + layout.sums))?;
         let guides = layout.gathered.guides;
         let capacity = if layout.light { self.make_room(layout.pixels, layout.samples, guides)? } else { 0 };

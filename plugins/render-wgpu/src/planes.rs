@@ -119,6 +119,13 @@ impl LabelSections {
         }
     }
 
+    /// Words of a pixel that depend on the objects of the scene.
+    pub fn words_of_objects(&self) -> u64 {
+        let sections =
+            [(self.coverage, self.set), (self.before, self.set), (self.object_depths, self.objects)].into_iter();
+        sections.filter(|(section, _)| *section != NONE).map(|(_, words)| words as u64).sum()
+    }
+
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         [self.depth, self.instance, self.normal, self.albedo, self.coverage, self.before, self.object_depths]

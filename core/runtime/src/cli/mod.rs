@@ -6,6 +6,7 @@ mod doctor;
 mod list;
 mod merge;
 mod new;
+mod outputs;
 mod run;
 mod validate;
 mod verb;
@@ -14,6 +15,7 @@ mod verify;
 pub use crate::message::Message;
 pub use check::load_checked;
 pub use list::products;
+pub use outputs::check_outputs;
 pub use run::{Scenes, parse_scenes};
 pub use verb::{Topic, Verb};
 

@@ -11,7 +11,7 @@ use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, parse_scenes};
+use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes};
 use syntable_runtime::run::progress::count;
 use syntable_runtime::run::stop::{self, Stop};
 use syntable_runtime::workers;
@@ -20,6 +20,9 @@ syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PK
 
 /// How often a recipe with mistakes is looked at anew: files and assets that it misses may come.
 const AGAIN: Duration = Duration::from_secs(1);
+/// How a PNG starts.
+const PNG: &[u8] = b"\x89PNG";
+
 /// What is appended to the recipe's name.
 const ENDING: &str = "preview.png";
 
@@ -82,6 +85,13 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let serves = arguments.get_flag("serve");
     let out = arguments.get_one::<PathBuf>("out").cloned();
     let out = out.or_else(|| (!serves).then(|| default_out(recipe.recipe.as_deref())));
+    check_outputs(&[("--out", out.as_ref())], recipe.recipe.as_deref().as_slice())?;
+    if let Some(out) = &out
+        && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !there.starts_with(PNG))
+    {
+        let error = Error::new("--out would overwrite a file that is no PNG").in_file(out);
+        return Err(Exit::wrong(error.help("name another file with --out")));
+    }
     let wishes = Wishes {
         recipe,
         samples: number("samples"),

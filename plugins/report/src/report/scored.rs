@@ -29,7 +29,7 @@ impl Scored {
     /// Scores of this dataset.
     ///
     /// # Errors
-    /// If an image in them is not in the dataset.
+    /// If an image in them is not in the dataset, or there are others.
     pub fn of(scores: Scores, dataset: &dyn DatasetReader) -> Result<Self> {
         let named: BTreeMap<&str, usize> =
             dataset.images().iter().enumerate().map(|(index, image)| (image.name.as_str(), index)).collect();
@@ -41,6 +41,11 @@ impl Scored {
                     .of_request()
             })
         };
+        let (scored, there) = (scores.images, dataset.images().len());
+        if scored != there {
+            let error = Error::new(format!("these are scores of {scored} images, and the dataset has {there}"));
+            return Err(error.help("take the scores of this dataset").of_request());
+        }
         let images: Vec<usize> = scores.worst.iter().map(index).collect::<Result<_>>()?;
         let places = images.iter().enumerate().map(|(place, image)| (*image, place)).collect();
         Ok(Self { scores, images, places })

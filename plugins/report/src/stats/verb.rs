@@ -5,12 +5,12 @@ use super::duplicates::LEVELS;
 use super::table::{self, Described};
 use super::{Edges, Options, bin_alike, of};
 use crate::arguments;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Verb};
+use syntable_runtime::cli::{Console, Exit, Verb, check_outputs};
 use syntable_runtime::workers::Pool;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -81,6 +81,9 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         levels: arguments.get_one("duplicate-levels").copied().unwrap_or(LEVELS),
         binning: if text("bins") == Some("equal") { Binning::Equal } else { Binning::Fixed },
     };
+    let datasets: Vec<&Path> =
+        arguments.get_many::<PathBuf>("dataset").into_iter().flatten().map(PathBuf::as_path).collect();
+    check_outputs(&[("--csv", arguments.get_one("csv"))], &datasets)?;
     let threads = arguments::threads_of(arguments);
     let pool = Pool::new(threads).map_err(Exit::stopped)?;
     let mut all = Vec::new();
