@@ -103,6 +103,7 @@ fn command() -> Command {
                 .value_name("N")
                 .value_parser(amount)
                 .default_value("24")
+                .requires("save")
                 .help("Number of worst images in the file of --save, or `all`"),
         )
         .arg(

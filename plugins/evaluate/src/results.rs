@@ -5,11 +5,13 @@
 use crate::coco::MOST;
 use crate::image::{Instance, Occluded};
 use crate::names::Names;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use syntable_formats::coco;
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
@@ -35,14 +37,30 @@ struct Head {
     /// Confidence of the detector.
     score: f64,
     /// Its category: the `id` in the annotation file of the ground truth.
-    category_id: Option<serde_json::Value>,
+    #[serde(default, deserialize_with = "category")]
+    category_id: Option<u64>,
 }
 
-#[derive(Debug, Clone, Deserialize)]
-#[serde(untagged)]
+/// An id, or nothing if it is something else: only some scores need it.
+fn category<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<u64>, D::Error> {
+    Ok(coco::id(serde_json::Value::deserialize(deserializer)?).ok())
+}
+
+#[derive(Debug, Clone)]
 enum ImageId {
     Number(u64),
     Name(String),
+}
+
+impl<'de> Deserialize<'de> for ImageId {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        match serde_json::Value::deserialize(deserializer)? {
+            serde_json::Value::String(name) => Ok(Self::Name(name)),
+            id => coco::id(&id)
+                .map(Self::Number)
+                .map_err(|_| D::Error::custom(format!("`image_id` is {id}, and not an id or the name of an image"))),
+        }
+    }
 }
 
 /// Where a prediction is in the file.
@@ -108,8 +126,7 @@ impl Results {
                 );
                 return Err(wrong(format!("`image_id` {id} is no image of {}", truth.display()), &help));
             };
-            let own = head.category_id.and_then(|id| id.as_u64());
-            let category = own.and_then(|own| dataset.category(own));
+            let category = head.category_id.and_then(|own| dataset.category(own));
             places[image].push(Place { start, length: bytes.len(), line, score: head.score, category });
             Ok(())
         })?;
@@ -221,5 +238,22 @@ fn elements(path: &Path, each: Each) -> Result<()> {
         }
         let length = bytes.len();
         file.consume(length);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_may_be_whole_floats() {
+        let head = |ids: &str| serde_json::from_str::<Head>(&format!("{{{ids}, \"score\": 0.5}}"));
+        let both = head(r#""image_id": 3.0, "category_id": 7.0"#).expect("ids");
+        assert!(matches!(both.image_id, ImageId::Number(3)) && both.category_id == Some(7));
+        let named = head(r#""image_id": "a.png", "category_id": "mug""#).expect("a name");
+        assert!(matches!(&named.image_id, ImageId::Name(name) if name == "a.png") && named.category_id.is_none());
+        assert_eq!(head(r#""image_id": 3"#).expect("an id").category_id, None);
+        let error = head(r#""image_id": 3.5"#).expect_err("no id").to_string();
+        assert!(error.contains("`image_id` is 3.5, and not an id"), "{error}");
     }
 }

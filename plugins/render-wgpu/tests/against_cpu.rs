@@ -2,15 +2,20 @@
 //!
 //! Needs an adapter: a card, or Mesa's lavapipe (`mesa-vulkan-drivers`), which runs the shaders on the processor.
 
+use std::sync::Arc;
 use syntable_model::prelude::*;
 use syntable_model::product::Lighting;
 use syntable_model::product::Plane;
 use syntable_model::product::standard::*;
+use syntable_model::scene::{
+    EnvironmentLight, EnvironmentMap, Light, Material, Role, Scalar, SceneId, SettleReport, Tabletop,
+};
 use syntable_model::stage::{Atlas, Bodies, Window};
 use syntable_prepare::labels::BlendedLabels;
 use syntable_render_cpu::CpuPathRenderer;
 use syntable_render_wgpu::{Adapters, GpuPathRenderer, RayQueries};
 use syntable_testing::room::{self, Look};
+use syntable_testing::scenes;
 use syntable_testing::tools::is_there;
 use syntable_testing::workers::Threads;
 use syntable_transport::{Dielectrics, PathTracing, PixelFilter};
@@ -22,9 +27,9 @@ fn has_adapter() -> bool {
 }
 
 /// Products of a renderer.
-fn rendered(renderer: &dyn Renderer, look: Look, request: &RenderRequest) -> Products {
+fn rendered(renderer: &dyn Renderer, scene: &Arc<Scene>, request: &RenderRequest) -> Products {
     let mut session = renderer.open(0).expect("opens");
-    session.load(&room::scene_of(look), &Threads(2)).expect("loads");
+    session.load(scene, &Threads(2)).expect("loads");
     let mut frame = Products::new();
     session.render(request, &mut frame).expect("renders");
     frame
@@ -32,9 +37,10 @@ fn rendered(renderer: &dyn Renderer, look: Look, request: &RenderRequest) -> Pro
 
 /// Products of the CPU and of the GPU.
 fn both(options: &PathTracing, look: Look, request: &RenderRequest) -> [Products; 2] {
+    let scene = room::scene_of(look);
     [
-        rendered(&CpuPathRenderer::new(options.clone()), look, request),
-        rendered(&GpuPathRenderer::new(options.clone()), look, request),
+        rendered(&CpuPathRenderer::new(options.clone()), &scene, request),
+        rendered(&GpuPathRenderer::new(options.clone()), &scene, request),
     ]
 }
 
@@ -169,6 +175,47 @@ fn light_and_guides_are_the_cpus() {
             let (Value::Int(a), Value::Int(b)) = (a, b) else { panic!("{name} is a number") };
             assert!((*a - *b).abs() * 500 < *a, "{look:?}: {a} and {b} {name}");
         }
+    }
+}
+
+#[test]
+fn white_bodies_in_even_light_are_not_seen() {
+    if !has_adapter() {
+        return;
+    }
+    // What reflects all light shows what comes from everywhere, whatever its shape: the furnace test.
+    let nits = 100.0;
+    let mut view = scenes::view([0.5, -0.7, 0.6], [0.0; 3], [32, 24], 40.0);
+    let map = Arc::new(EnvironmentMap::constant([1.0; 3]));
+    view.lights = vec![Light::Environment(EnvironmentLight { map, scale: [nits; 3], rotation: 0.3 })];
+    let wants = [RADIANCE.id(), RADIANCE_VARIANCE.id(), INSTANCE.id()];
+    let request = RenderRequest::new(&view, &wants, Stream::root(7), &Threads(2));
+    for (metallic, roughness) in [(1.0, 0.4), (1.0, 0.0), (0.0, 0.5), (0.0, 0.1)] {
+        let mut builder = SceneBuilder::default();
+        builder.tabletop = Some(Tabletop { center: [0.0; 3], size: [1.0, 1.0] });
+        let mut object = (*scenes::object("cube", scenes::box_mesh([0.3; 3]), [1.0; 3])).clone();
+        object.materials = vec![Arc::new(Material {
+            metallic: Scalar::constant(metallic),
+            ..Material::plain("white", [1.0; 3], roughness)
+        })];
+        builder.add(scenes::body(Arc::new(object), [0.0; 3], Role::Object));
+        let scene = Arc::new(builder.freeze(SceneId(0), 0, SettleReport::default()).expect("sound"));
+        let options = PathTracing { samples_per_pixel: 64, ..PathTracing::default() };
+        let frames = [
+            rendered(&CpuPathRenderer::new(options.clone()), &scene, &request),
+            rendered(&GpuPathRenderer::new(options), &scene, &request),
+        ];
+        let (z2, ratio) = compare(&frames);
+        let [_, gpu] = pair(&frames, RADIANCE);
+        let [_, instances] = pair(&frames, INSTANCE);
+        let of_cube: Vec<f32> = (gpu.data().iter().zip(instances.data()))
+            .filter(|(_, id)| **id == InstanceId(1))
+            .flat_map(|(color, _)| *color)
+            .collect();
+        let mean = of_cube.iter().map(|x| f64::from(*x)).sum::<f64>() / of_cube.len() as f64;
+        println!("metallic {metallic}, roughness {roughness}: {mean:.3} nits, mean z² {z2:.5}, ratio {ratio:.6}");
+        assert!(of_cube.len() > 300 && (mean / nits - 1.0).abs() < 5e-3, "{metallic} {roughness}: {mean}");
+        assert!(z2 < 0.05 && (ratio - 1.0).abs() < 1e-3, "{metallic} {roughness}: {z2} {ratio}");
     }
 }
 
@@ -375,7 +422,7 @@ fn components_of_light_are_those_of_the_cpu() {
         let view = room::view(64, 48);
         let request = |seed| RenderRequest::new(&view, &wants, Stream::root(seed), &Threads(2));
         let frames = both(options, look, &request(7));
-        let other = rendered(&CpuPathRenderer::new(options.clone()), look, &request(8));
+        let other = rendered(&CpuPathRenderer::new(options.clone()), &room::scene_of(look), &request(8));
         let mean = |frame: &Products, key: Key<Plane<[f32; 3]>>| {
             let data = frame.get(key).expect("made").data();
             data.iter().flatten().map(|x| f64::from(*x)).sum::<f64>() / data.len() as f64

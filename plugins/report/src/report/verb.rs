@@ -124,8 +124,9 @@ pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &
     let occluded = statistics.map(by_occlusion).unwrap_or_default();
     let mut chosen: BTreeSet<usize> = worst.iter().copied().take(most / 2).collect();
     chosen.extend(occluded.into_iter().map(|(image, _)| image).take(MOST_OCCLUDED.min(most / 2)));
+    let others: Vec<usize> = (0..all).filter(|image| !chosen.contains(image)).collect();
     let even = most.saturating_sub(chosen.len());
-    chosen.extend((0..even).map(|number| number * all / even.max(1)));
+    chosen.extend((0..even).map(|number| others[number * others.len() / even.max(1)]));
     chosen.into_iter().collect()
 }
 
@@ -240,5 +241,10 @@ mod tests {
         assert_eq!(choose(7, 3, None, &[]), [0, 2, 4]);
         // Of the worst ones, at most one half.
         assert_eq!(choose(100, 4, None, &[77, 3, 50]), [0, 3, 50, 77]);
+        // As many as there are to be, whatever was taken before.
+        for (all, most) in (2..20).flat_map(|all| (1..all).map(move |most| (all, most))) {
+            let shown = choose(all, most, None, &[all - 1, 0, all / 2]);
+            assert!(shown.len() == most && shown.is_sorted(), "{most} of {all}: {shown:?}");
+        }
     }
 }
