@@ -301,6 +301,13 @@ fn the_worst_images_are_shown_with_their_predictions() {
     let served = serve(&["--scores", &scores.display().to_string()]);
     let file = get(&served.1, "/data/view/000/000002.js", "GET");
     assert!(file.contains("\"predicted\":{") && file.contains("\"object\":null"), "{file}");
+    // Nor are scores lost that lie in the report which they are shown in.
+    let inside = few.join("scores.json");
+    fs::copy(&scores, &inside).expect("copied");
+    let mut again = syntable();
+    again.arg("report").arg(dataset()).arg("--overwrite").arg("--out").arg(&few).arg("--scores").arg(&inside);
+    let said = fails(&mut again, 2);
+    assert!(said.contains("lies in it, and a new report would replace it") && inside.is_file(), "{said}");
     // Of another dataset, and of no scores at all.
     let other = fs::read_to_string(&scores).expect("readable").replace("\"name\":\"", "\"name\":\"other-");
     let more = fs::read_to_string(&scores).expect("readable").replacen("\"images\":", "\"images\":1", 1);

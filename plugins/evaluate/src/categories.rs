@@ -22,8 +22,11 @@ impl ByCategory {
         let categories: Vec<(u32, String)> = categories.map(|(id, name)| (id, word(name))).collect();
         let mut seen = BTreeSet::from([MEAN.to_owned()]);
         let told_apart = |(id, word): (u32, String)| {
-            let is_new = seen.insert(word.clone());
-            (id, if is_new { word } else { format!("{word}_{id}") })
+            let mut own = word;
+            while !seen.insert(own.clone()) {
+                own = format!("{own}_{id}");
+            }
+            (id, own)
         };
         Self { categories: categories.into_iter().map(told_apart).collect() }
     }

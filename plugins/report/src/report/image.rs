@@ -125,13 +125,15 @@ pub fn read(dataset: &dyn DatasetReader, image: usize, whole: bool) -> Result<(I
         (size_of(&view), products)
     };
     let mut objects: BTreeMap<InstanceId, ObjectView> = BTreeMap::new();
+    // Of amodal masks alone nobody knows what is hidden.
+    let has_visible = offers.contains(&VISIBLE_MASK.id());
     let mut put = Objects { products: &products, objects: &mut objects };
     put.each(VISIBLE_MASK, |object, mask: &Mask| {
         object.is_hidden = mask.is_empty();
         object.visible = (!mask.is_empty()).then(|| mask.to_coco());
     })?;
     put.each(AMODAL_MASK, |object, mask: &Mask| {
-        object.is_hidden = object.visible.is_none();
+        object.is_hidden = has_visible && object.visible.is_none();
         object.amodal = Some(mask.to_coco());
     })?;
     put.each(OCCLUSION_MASK, |object, mask: &Mask| object.hidden = (!mask.is_empty()).then(|| mask.to_coco()))?;
