@@ -155,16 +155,14 @@ fn light_and_guides_are_the_cpus() {
             let [a, b] = pair(&frames, key).map(sum);
             assert!((b / a - 1.0).abs() < 5e-3, "{look:?}, {:?}: {a} {b}", key.id());
         }
-        // Pixel by pixel, but where rounding sends one of the paths elsewhere.
+        // Pixel by pixel, but where rounding sends one of the paths elsewhere: one in 600 off polished metal on a card.
         let far = |a: f32, b: f32| (a - b).abs() > 2e-3 + 1e-2 * a.abs();
         let unlike = guides.map(|key| different(pair(&frames, key), |a, b| (0..3).any(|c| far(a[c], b[c]))));
         let varies = |a: f32, b: f32| a.is_finite() != b.is_finite() || a.is_finite() && far(a, b);
         let varying = variances.map(|key| different(pair(&frames, key), varies));
         println!("{look:?}: guides of {unlike:?} pixels differ, variances of {varying:?}");
-        assert!(
-            unlike.iter().chain(&varying).all(|&pixels| pixels * 20 <= 64 * 48),
-            "{look:?}: {unlike:?} {varying:?}"
-        );
+        let most = 64 * 48 * options.samples_per_pixel as usize / 250;
+        assert!(unlike.iter().chain(&varying).all(|&pixels| pixels <= most), "{look:?}: {unlike:?} {varying:?}");
         let rays = pair(&frames, RENDER_REPORT).map(|report| match report {
             Value::Record(fields) => {
                 fields.iter().filter(|(name, _)| name == "rays" || name == "shadow_rays").cloned().collect()
