@@ -67,6 +67,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let number = |name: &str| arguments.get_one::<usize>(name).copied().unwrap_or(usize::MAX);
     let Some(dataset) = path("dataset") else { return Ok(()) };
     let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
+    let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     for input in [Some(dataset), path("scores")].into_iter().flatten() {
         let whole = |path: &Path| path.canonicalize().ok();
         if whole(input).zip(whole(&out)).is_some_and(|(input, out)| input.starts_with(out)) {
@@ -74,7 +75,6 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
             return Err(Exit::wrong(error.in_file(&out).help("choose another folder with --out")));
         }
     }
-    let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     let pool = Pool::new(arguments::threads_of(arguments)).map_err(Exit::stopped)?;
     let format = arguments.get_one::<String>("format").map(String::as_str);
     let (format, opened) = reader::open(dataset, format).map_err(Exit::stopped)?;
