@@ -297,7 +297,10 @@ fn the_worst_images_are_shown_with_their_predictions() {
     // Of few images, those with the worst scores come first; and they are served as well.
     let few = folder.path().join("few");
     ok(syntable().arg("report").arg(dataset()).args(["--images", "2", "--out"]).arg(&few).arg("--scores").arg(&scores));
-    assert!(fs::read_to_string(few.join("data/rows/0.js")).expect("rows").contains("\"faults\""));
+    let name = |image: usize| annotations(dataset())["images"][image]["file_name"].as_str().expect("a name").to_owned();
+    let rows = fs::read_to_string(few.join("data/rows/0.js")).expect("rows");
+    // The second image has no prediction, so it is the worst one.
+    assert!(rows.contains(&name(1)) && rows.matches("\"faults\"").count() == 2, "{rows}");
     let served = serve(&["--scores", &scores.display().to_string()]);
     let file = get(&served.1, "/data/view/000/000002.js", "GET");
     assert!(file.contains("\"predicted\":{") && file.contains("\"object\":null"), "{file}");

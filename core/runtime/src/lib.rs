@@ -4,6 +4,7 @@ pub mod cache;
 pub mod cli;
 pub mod images;
 pub mod message;
+mod paths;
 pub mod plan;
 pub mod pools;
 mod ready;

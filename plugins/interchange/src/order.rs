@@ -1,7 +1,7 @@
 //! Who is in front of whom.
 
 use crate::labels::Label;
-use syntable_formats::read::occludes;
+use syntable_formats::read::{occludes, order_by};
 use syntable_model::prelude::*;
 use syntable_model::product::OcclusionOrder;
 use syntable_model::product::standard::{DEPTH, OCCLUSION_ORDER};
@@ -61,11 +61,10 @@ impl Order {
 
     /// The order of objects by what an image shows of each, and what is hidden of it. Nothing is known of depths.
     pub fn of_masks(masks: &[[&Mask; 2]]) -> Self {
-        let objects = || masks.iter().enumerate();
-        let hides = |i: usize, seen: &Mask, j: usize, hidden: &Mask| i != j && occludes(seen, hidden);
-        let occludes = objects()
-            .map(|(i, [seen, _])| objects().map(|(j, [_, hidden])| hides(i, seen, j, hidden)).collect())
-            .collect();
+        let objects = (0..).map(InstanceId).zip(masks).map(|(id, [seen, hidden])| (id, *seen, Some(*hidden)));
+        let order = order_by(&objects.collect::<Vec<_>>(), occludes);
+        let all = 0..masks.len();
+        let occludes = all.clone().map(|i| all.clone().map(|j| order.occludes(i, j)).collect()).collect();
         Self { occludes, depths: vec![VisibleDepth::UNKNOWN; masks.len()] }
     }
 

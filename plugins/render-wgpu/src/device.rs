@@ -37,7 +37,7 @@ const SHADERS: &[&[&str]] = &[
 ];
 
 /// Longest time that a session waits for what it has submitted.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Storage buffers of the bind group; WebGPU promises eight.
 pub const STORAGE_BUFFERS: u32 = 8;

@@ -442,10 +442,11 @@ pub struct BBox {
 }
 
 impl BBox {
-    /// Whether boxes have a common pixel.
+    /// Whether boxes have a common pixel; one without pixels meets none.
     pub fn meets(&self, other: &Self) -> bool {
-        let apart = |at: i32, long: i32, other: i32, other_long: i32| at >= other + other_long || other >= at + long;
-        !apart(self.x, self.width, other.x, other.width) && !apart(self.y, self.height, other.y, other.height)
+        let common =
+            |at: i32, long: i32, other: i32, other_long: i32| at.max(other) < (at + long).min(other + other_long);
+        common(self.x, self.width, other.x, other.width) && common(self.y, self.height, other.y, other.height)
     }
 }
 
@@ -519,6 +520,18 @@ impl Product for OcclusionOrder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn boxes_meet_where_they_have_a_common_pixel() {
+        let all =
+            [[0, 0, 3, 3], [2, 2, 4, 4], [3, 0, 2, 2], [5, 5, 0, 0], [3, 3, 5, 5], [-2, -2, 3, 3]].map(BBox::from);
+        let pixels = |b: &BBox| -> std::collections::BTreeSet<[i32; 2]> {
+            (b.x..b.x + b.width).flat_map(|x| (b.y..b.y + b.height).map(move |y| [x, y])).collect()
+        };
+        for (a, b) in all.iter().flat_map(|a| all.iter().map(move |b| (a, b))) {
+            assert_eq!(a.meets(b), !pixels(a).is_disjoint(&pixels(b)), "{a:?} {b:?}");
+        }
+    }
 
     #[test]
     fn numbers_keep_their_sign_and_size() {

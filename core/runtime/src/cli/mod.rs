@@ -15,7 +15,7 @@ mod verify;
 pub use crate::message::Message;
 pub use check::load_checked;
 pub use list::products;
-pub use outputs::check_outputs;
+pub use outputs::{check_outputs, lies_in};
 pub use run::{Scenes, parse_scenes};
 pub use verb::{Topic, Verb};
 

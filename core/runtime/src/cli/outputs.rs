@@ -1,6 +1,7 @@
 //! Files that verbs write beside what they read.
 
 use super::Exit;
+use crate::paths::whole;
 use std::path::{Path, PathBuf};
 use syntable_model::error::Error;
 
@@ -19,7 +20,7 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
             return refuse(format!("overwrite what {other} writes"));
         }
         for input in inputs {
-            if own.starts_with(whole(input)) {
+            if lies_in(path, input) {
                 let is_file = input.is_file();
                 return refuse(if is_file {
                     "overwrite what the command reads".to_owned()
@@ -32,13 +33,9 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
     Ok(())
 }
 
-/// A path without links and detours, as far as it exists.
-fn whole(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    absolute.canonicalize().unwrap_or_else(|_| match (absolute.parent(), absolute.file_name()) {
-        (Some(parent), Some(name)) => parent.canonicalize().unwrap_or_else(|_| parent.to_owned()).join(name),
-        _ => absolute.clone(),
-    })
+/// Whether a path is a folder or file, or lies in it, links and detours aside; either may not be there yet.
+pub fn lies_in(path: &Path, folder: &Path) -> bool {
+    whole(path).starts_with(whole(folder))
 }
 
 #[cfg(test)]

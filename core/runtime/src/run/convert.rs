@@ -55,7 +55,10 @@ pub fn convert(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    if let Some(first) = dataset.faults().first().filter(|_| dataset.images().is_empty()) {
+    // Faults are looked for once, at the end, if there is anything to convert: a reader may open many files for them.
+    if dataset.images().is_empty()
+        && let Some(first) = dataset.faults().first()
+    {
         let why = format!("no image can be read: {}: {}", first.place, first.message);
         return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
     }

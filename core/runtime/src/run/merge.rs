@@ -6,6 +6,7 @@ use super::manifest::{Manifest, Stamp, State, Written};
 use super::progress::{Event, Guarded, Reporter, Warnings, count};
 use super::stop::{self, Stop};
 use super::{Outcome, change, end, ranges, stopping};
+use crate::paths::whole;
 use crate::recipe::{self, Overrides, Recipe, Source, lock_of, with_devices, without_lock};
 use crate::workers::Pool;
 use parking_lot::Mutex;
@@ -111,12 +112,7 @@ pub fn merge(
 /// Refuses a dataset that is also named as a part, which would be opened twice, and one inside of a part, to which its files
 /// would be foreign; and the reverse.
 fn is_apart(out: &Path, parts: &[PathBuf]) -> Result<()> {
-    let Some(whole) = out.ancestors().find_map(|folder| {
-        let inside = out.strip_prefix(folder).ok()?;
-        Some(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.canonicalize().ok()?.join(inside))
-    }) else {
-        return Ok(());
-    };
+    let whole = whole(out);
     let nested = |part: &&PathBuf| {
         part.canonicalize().is_ok_and(|part| part != whole && (part.starts_with(&whole) || whole.starts_with(&part)))
     };

@@ -78,8 +78,9 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
             has_masks |= segmentation(annotation).is_some();
-            has_visible |= VISIBLE.iter().any(|key| annotation.extra.contains_key(*key));
-            has_amodal |= annotation.extra.contains_key(AMODAL);
+            let says = |key: &str| annotation.extra.get(key).is_some_and(|it| !it.is_null());
+            has_visible |= VISIBLE.iter().any(|key| says(key));
+            has_amodal |= says(AMODAL);
             crowds += u64::from(is_crowd(annotation));
         }
         Record::Image(image) => {

@@ -155,8 +155,11 @@ fn data_yaml(config: &Yolo, dataset: &DatasetInfo) -> String {
 }
 
 /// The class of a category: its place among them, from 0.
-fn class(dataset: &DatasetInfo, category: u32) -> usize {
-    dataset.categories().position(|(id, _)| id == category).unwrap_or_default()
+fn class(dataset: &DatasetInfo, category: u32) -> Result<usize> {
+    dataset.categories().position(|(id, _)| id == category).ok_or_else(|| {
+        let known = dataset.categories().map(|(id, name)| format!("{id} ({name})")).collect::<Vec<_>>().join(", ");
+        Error::new(format!("category {category} of an object is none of the dataset's: {known}"))
+    })
 }
 
 struct YoloScene {
@@ -173,7 +176,7 @@ impl SceneWriter for YoloScene {
         let mut text = String::new();
         let labels = labels::partial(products)?;
         for label in labels.iter().filter(|label| !config.masks.shown_of(label).is_empty()) {
-            text += &line(class(cx.dataset, label.category), &config.points(products, label.id, size)?, size);
+            text += &line(class(cx.dataset, label.category)?, &config.points(products, label.id, size)?, size);
         }
         output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())
     }
@@ -223,19 +226,13 @@ mod tests {
 
     #[test]
     fn names_are_valid_yaml() {
-        let (name, recipe, program) = (String::new(), String::new(), String::new());
-        let classes = vec!["a: \"b\"".to_owned()];
-        let dataset = DatasetInfo {
-            name,
-            seed: 0,
-            scenes: 1,
-            views_per_scene: 1,
-            recipe,
-            program,
-            classes,
-            own_categories: Vec::new(),
-            label_surface: LabelSurface::First,
-        };
+        let dataset = DatasetInfo { classes: vec!["a: \"b\"".to_owned()], ..syntable_testing::scenes::dataset() };
+        assert_eq!([1, 2].map(|category| class(&dataset, category).expect("there")), [0, 1]);
+        let error = class(&dataset, 7).expect_err("no such category").to_string();
+        assert!(
+            error.contains("category 7 of an object is none of the dataset's: 1 (object), 2 (a: \"b\")"),
+            "{error}"
+        );
         let want = "train: \"images/val\"\nval: \"images/val\"\nnames:\n  0: \"object\"\n  1: \"a: \\\"b\\\"\"\n";
         let config = Yolo { split: "val".into(), ..Yolo::default() };
         assert_eq!(data_yaml(&config, &dataset), want);

@@ -266,21 +266,21 @@ fn thin_glass_is_a_body_unless_labels_go_by_coverage() {
     }
 }
 
+/// An image of 8 × 8 texels whose columns are even.
+fn columns(texel: impl Fn(u32) -> [u8; 4]) -> Arc<syntable_model::scene::Texture> {
+    use syntable_model::scene::{Encoding, Texture, Wrap};
+    let texels: Vec<u8> = (0..64).flat_map(|i| texel(i % 8)).collect();
+    let digest = syntable_model::digest::Digest::of(&texels);
+    Arc::new(Texture { width: 8, height: 8, texels, encoding: Encoding::Linear, wrap: [Wrap::Clamp; 2], digest })
+}
+
 /// Glass before an object, from straight above: a pane at 0.5 m, whose right quarter is opaque, over a block that ends at 0.2 m,
 /// over the floor. The camera is at 1.5 m, so depths are 1, 1.3 and 1.5 m.
 #[test]
 fn of_glass_before_an_object_the_surface_counts_that_the_option_says() {
-    use syntable_model::scene::{Encoding, Scalar, Texture, Transmission, Wrap};
+    use syntable_model::scene::{Scalar, Transmission};
     use syntable_prepare::labels::BlendedLabels;
-    let texels = (0..64).flat_map(|i| [if i % 8 < 6 { 255 } else { 0 }, 0, 0, 255]).collect::<Vec<u8>>();
-    let texture = Arc::new(Texture {
-        width: 8,
-        height: 8,
-        digest: syntable_model::digest::Digest::of(&texels),
-        texels,
-        encoding: Encoding::Linear,
-        wrap: [Wrap::Clamp; 2],
-    });
+    let texture = columns(|column| [if column < 6 { 255 } else { 0 }, 0, 0, 255]);
     let passing = |factor: f32, is_textured: bool| {
         let fraction = match is_textured {
             true => Scalar { factor, texture: Some((Arc::clone(&texture).into(), 0)) },
@@ -331,19 +331,10 @@ fn of_glass_before_an_object_the_surface_counts_that_the_option_says() {
 
 #[test]
 fn holes_are_no_surface_for_labels() {
-    use syntable_model::scene::{Alpha, Color, Encoding, Material, Texture, Wrap};
+    use syntable_model::scene::{Alpha, Color, Material};
     // The left half of the sheet is cut out.
-    let texels = (0..64).flat_map(|i| [255, 255, 255, if i % 8 < 4 { 0 } else { 255 }]).collect::<Vec<u8>>();
-    let texture = Texture {
-        width: 8,
-        height: 8,
-        digest: syntable_model::digest::Digest::of(&texels),
-        texels,
-        encoding: Encoding::Linear,
-        wrap: [Wrap::Clamp; 2],
-    };
-    let material =
-        Material { alpha: Alpha::Mask { cutoff: 0.5 }, base_color: Color::texture(Arc::new(texture)), ..matte(1.0) };
+    let texture = columns(|column| [255, 255, 255, if column < 4 { 0 } else { 255 }]);
+    let material = Material { alpha: Alpha::Mask { cutoff: 0.5 }, base_color: Color::texture(texture), ..matte(1.0) };
     let paper = object("paper", sheet([0.4, 0.4]), material);
     let block = object("block", cuboid([0.3, 0.3, 0.1]), matte(0.5));
     let scene =

@@ -14,7 +14,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Verb, amount};
+use syntable_runtime::cli::{Console, Exit, Message, Verb, amount, lies_in};
 use syntable_runtime::images::each;
 use syntable_runtime::run::folder::{create_parent, remove};
 use syntable_runtime::run::progress::Reporter;
@@ -69,8 +69,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
     let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     for input in [Some(dataset), path("scores")].into_iter().flatten() {
-        let whole = |path: &Path| path.canonicalize().ok();
-        if whole(input).zip(whole(&out)).is_some_and(|(input, out)| input.starts_with(out)) {
+        if lies_in(input, &out) {
             let error = Error::new(format!("{} lies in it, and a new report would replace it", input.display()));
             return Err(Exit::wrong(error.in_file(&out).help("choose another folder with --out")));
         }
