@@ -4,7 +4,7 @@ use syntable_model::geometry::{Matrix3, Vector3};
 use syntable_model::prelude::*;
 use syntable_model::product::ObjectImages;
 use syntable_model::product::standard::{
-    AMODAL_MASK, AMODAL_OBJECT_COORDINATES, OBJECT_COORDINATES, OBJECT_DEPTHS, VISIBLE_MASK,
+    AMODAL_MASK, AMODAL_OBJECT_COORDINATES, INSTANCE, OBJECT_COORDINATES, OBJECT_DEPTHS,
 };
 use syntable_model::scene::{Body, Camera};
 
@@ -29,7 +29,7 @@ impl Config for ObjectCoordinates {
 
 impl Annotator for ObjectCoordinates {
     fn reads(&self) -> Vec<KeyId> {
-        keys![VISIBLE_MASK, AMODAL_MASK, OBJECT_DEPTHS]
+        keys![INSTANCE, AMODAL_MASK, OBJECT_DEPTHS]
     }
 
     fn provides(&self) -> Vec<KeyId> {
@@ -43,16 +43,13 @@ impl Annotator for ObjectCoordinates {
             let (Some(frame), Some((right, down))) = (frames.get(id), rays.at(x, y)) else { return [0.0; 3] };
             frame.place(Vector3::new(right, down, 1.0) * f64::from(depth))
         });
-        let [width, height] = [hits.width(), hits.height()];
-        let mut seen = Plane::from_vec(width, height, vec![[0.0; 3]; width as usize * height as usize]);
-        for (id, mask) in products.get(VISIBLE_MASK)?.iter() {
-            let Some(image) = amodal.get(id) else { continue };
-            for (x, y) in mask.segments().flat_map(|(x, rows)| rows.map(move |y| (x, y))) {
-                if let Some(place) = image.at(x, y) {
-                    seen.data_mut()[(y * width + x) as usize] = *place;
-                }
-            }
-        }
+        let first = products.get(INSTANCE)?;
+        let mut images = vec![None; masks.iter().last().map_or(0, |(id, _)| usize::from(id.0) + 1)];
+        amodal.iter().for_each(|(id, image)| images[usize::from(id.0)] = Some(image));
+        let seen = Plane::from_fn(first.width(), first.height(), |x, y| {
+            let image = images.get(usize::from(first.at(x, y).0)).copied().flatten();
+            image.and_then(|image| image.at(x, y)).copied().unwrap_or_default()
+        });
         products.put(OBJECT_COORDINATES, seen)?;
         products.put(AMODAL_OBJECT_COORDINATES, amodal)
     }

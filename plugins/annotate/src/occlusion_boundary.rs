@@ -34,21 +34,21 @@ impl Annotator for OcclusionBoundary {
 
     fn annotate(&self, _: &ViewContext, products: &mut Products) -> Result<()> {
         let (ids, depth) = (products.get(INSTANCE)?, products.get(DEPTH)?);
-        let (width, height) = (ids.width(), ids.height());
-        let mut boundary = Plane::from_fn(width, height, |_, _| 0_u8);
-        let mut mark = |x: u32, y: u32, side: u8| {
-            let pixel = &mut boundary.data_mut()[y as usize * width as usize + x as usize];
-            *pixel = if *pixel == FRONT { FRONT } else { side };
-        };
-        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-            for (u, v) in [(x + 1, y), (x, y + 1)].into_iter().filter(|&(u, v)| u < width && v < height) {
-                if ids.at(x, y) != ids.at(u, v) {
-                    let nearer = depth.at(x, y) <= depth.at(u, v);
-                    mark(x, y, if nearer { FRONT } else { BEHIND });
-                    mark(u, v, if nearer { BEHIND } else { FRONT });
-                }
+        let (ids_of, depth) = (ids.data(), depth.data());
+        let (width, mut boundary) = (ids.width() as usize, vec![0_u8; ids_of.len()]);
+        let mut edge = |here: usize, there: usize| {
+            if ids_of[here] != ids_of[there] {
+                let (front, behind) = if depth[here] <= depth[there] { (here, there) } else { (there, here) };
+                boundary[front] = FRONT;
+                // What is in front of one neighbor and behind another is in front.
+                boundary[behind] = if boundary[behind] == FRONT { FRONT } else { BEHIND };
             }
+        };
+        for row in (0..ids_of.len()).step_by(width.max(1)) {
+            (row + 1..row + width).for_each(|right| edge(right - 1, right));
         }
+        (width..ids_of.len()).for_each(|below| edge(below - width, below));
+        let boundary = Plane::from_vec(ids.width(), ids.height(), boundary);
         products.put(OCCLUSION_BOUNDARY, boundary)
     }
 }

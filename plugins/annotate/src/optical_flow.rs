@@ -48,27 +48,33 @@ impl Annotator for OpticalFlow {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let (depth, next_depth) = (products.get(DEPTH)?, products.get(DEPTH.of_next_view())?);
-        let step = cx.next.map(|next| {
+        let [width, height] = [depth.width(), depth.height()];
+        let mut flow = vec![[0.0; 2]; depth.data().len()];
+        let mut visibility = vec![0; depth.data().len()];
+        if let Some(next) = cx.next {
             let next_from_this = next.camera.world_from_camera.inverse() * cx.view.camera.world_from_camera;
-            Step {
+            let step = Step {
                 from: cx.view.camera.rays(),
                 to: &next.camera,
                 turn: next_from_this.rotation.to_rotation_matrix(),
                 start: next_from_this.translation.vector.into(),
                 depth: next_depth,
                 tolerance_m: self.tolerance_m,
+            };
+            let row = width as usize;
+            let rows = depth.data().chunks(row).zip(flow.chunks_mut(row)).zip(visibility.chunks_mut(row));
+            let mut points = Vec::with_capacity(row);
+            for (y, ((depths, flow), visibility)) in (0..).zip(rows) {
+                step.points(y, depths, &mut points);
+                for ((x, point), (flow, seen)) in (0..).zip(&points).zip(flow.iter_mut().zip(visibility)) {
+                    if let Some(found) = step.follow([x, y], point) {
+                        (*flow, *seen) = found;
+                    }
+                }
             }
-        });
-        let mut visibility = Vec::with_capacity(depth.data().len());
-        let flow = Plane::from_fn(depth.width(), depth.height(), |x, y| {
-            let found = step.as_ref().and_then(|step| step.follow([x, y], *depth.at(x, y)));
-            let (flow, seen) = found.unwrap_or_default();
-            visibility.push(seen);
-            flow
-        });
-        let visibility = Plane::from_vec(depth.width(), depth.height(), visibility);
-        products.put(FLOW, flow)?;
-        products.put(FLOW_VISIBILITY, visibility)
+        }
+        products.put(FLOW, Plane::from_vec(width, height, flow))?;
+        products.put(FLOW_VISIBILITY, Plane::from_vec(width, height, visibility))
     }
 }
 
@@ -86,13 +92,21 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
+    /// The points that the pixels of a row show, in the frame of the next camera, meters; behind it where a pixel shows none.
+    fn points(&self, y: u32, depths: &[f32], points: &mut Vec<Point3<f64>>) {
+        points.clear();
+        points.extend((0..).zip(depths).map(|(x, &depth)| match self.from.at(x, y) {
+            Some((right, down)) if depth.is_finite() && depth > 0.0 => {
+                self.start + self.turn * Vector3::new(right, down, 1.0) * f64::from(depth)
+            }
+            _ => Point3::new(0.0, 0.0, -1.0),
+        }));
+    }
+
     /// Displacement of the point that a pixel shows, and whether the next view shows it; none if there is no such point.
     #[inline]
-    fn follow(&self, [x, y]: [u32; 2], depth: f32) -> Option<([f32; 2], u8)> {
-        let depth = Some(f64::from(depth)).filter(|depth| depth.is_finite() && *depth > 0.0)?;
-        let (right, down) = self.from.at(x, y)?;
-        let point = self.start + self.turn * Vector3::new(right, down, 1.0) * depth;
-        let to = pixel(self.to, &point)?;
+    fn follow(&self, [x, y]: [u32; 2], point: &Point3<f64>) -> Option<([f32; 2], u8)> {
+        let to = pixel(self.to, point)?;
         let flow = [to[0] - (f64::from(x) + 0.5), to[1] - (f64::from(y) + 0.5)].map(|along| along as f32);
         Some((flow, if !self.to.intrinsics.contains(to) { 0 } else { 2 - u8::from(self.is_hidden(to, point.z)) }))
     }

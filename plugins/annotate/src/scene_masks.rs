@@ -1,9 +1,7 @@
 //! Table, background and categories.
 
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{
-    BACKGROUND_MASK, CATEGORY_ID, CATEGORY_MAP, INSTANCE, TABLETOP_MASK, VISIBLE_MASK,
-};
+use syntable_model::product::standard::{BACKGROUND_MASK, CATEGORY_ID, CATEGORY_MAP, INSTANCE, TABLETOP_MASK};
 use syntable_model::scene::Role;
 
 /// Masks of the table and of the background, and the categories of what is seen. With the visible masks of objects and what
@@ -23,7 +21,7 @@ impl Config for SceneMasks {
 
 impl Annotator for SceneMasks {
     fn reads(&self) -> Vec<KeyId> {
-        keys![INSTANCE, VISIBLE_MASK, CATEGORY_ID]
+        keys![INSTANCE, CATEGORY_ID]
     }
 
     fn provides(&self) -> Vec<KeyId> {
@@ -32,24 +30,25 @@ impl Annotator for SceneMasks {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let ids = products.get(INSTANCE)?;
-        let roles: Vec<Option<Role>> = (0..=u16::MAX)
-            .map(|id| cx.scene.body(InstanceId(id)).map(|body| body.role))
-            .take(cx.scene.bodies().len() + 1)
-            .collect();
-        let role = |id: &InstanceId| roles.get(usize::from(id.0)).copied().flatten();
-        let mask = |is: fn(Option<Role>) -> bool| Mask::from_plane(&ids.map(|id| is(role(id))));
-        let tabletop = mask(|role| role == Some(Role::Support));
-        let background = mask(|role| matches!(role, None | Some(Role::Room)));
+        let tabletop = mask_of(cx, ids, |role| role == Some(Role::Support));
+        let background = mask_of(cx, ids, |role| matches!(role, None | Some(Role::Room)));
         let categories = products.get(CATEGORY_ID)?;
-        let mut map = Plane::from_fn(ids.width(), ids.height(), |_, _| 0_u16);
-        for (id, visible) in products.get(VISIBLE_MASK)?.iter() {
-            let category = categories.get(id).map_or(0, |&category| category as u16);
-            visible.pixels().for_each(|pixel| map.data_mut()[pixel] = category);
-        }
+        let all = 0..=cx.scene.bodies().len() as u16;
+        let category_of: Vec<u16> =
+            all.map(|id| categories.get(InstanceId(id)).map_or(0, |&category| category as u16)).collect();
+        let map = ids.map(|id| category_of.get(usize::from(id.0)).copied().unwrap_or(0));
         products.put(TABLETOP_MASK, tabletop)?;
         products.put(BACKGROUND_MASK, background)?;
         products.put(CATEGORY_MAP, map)
     }
+}
+
+/// The pixels that show a body of some role, or none.
+fn mask_of(cx: &ViewContext, ids: &Plane<InstanceId>, is: impl Fn(Option<Role>) -> bool) -> Mask {
+    let role = |id: u16| cx.scene.body(InstanceId(id)).map(|body| body.role);
+    let is_of: Vec<bool> = (0..=u16::MAX).map(role).map(&is).take(cx.scene.bodies().len() + 1).collect();
+    let other = is(None);
+    Mask::from_plane(&ids.map(|id| is_of.get(usize::from(id.0)).copied().unwrap_or(other)))
 }
 
 register!(SceneMasks);
