@@ -130,7 +130,7 @@ struct PanopticScene {
 impl SceneWriter for PanopticScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let rgb = products.get(RGB)?;
-        let mut labels = labels::partial(products)?;
+        let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !visible(label).is_empty());
         let segments = segments(rgb.width(), rgb.height(), background_category(cx.dataset), &labels);
         let name = image_name(cx.scene.id, cx.view.id);

@@ -121,7 +121,7 @@ struct CocoScene {
 
 impl SceneWriter for CocoScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let mut labels = labels::partial(products)?;
+        let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !self.masks.shown_of(label).is_empty());
         self.files.image(cx, products, labels.len())?;
         let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
