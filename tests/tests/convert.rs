@@ -339,3 +339,34 @@ fn scenes_that_lack_a_file_are_faults_and_the_others_are_read() {
     }
     assert_eq!(faults(&root), []);
 }
+
+/// A mesh that cannot be read costs the mesh, and no image.
+#[test]
+fn damaged_meshes_are_left_out_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let [root, split] = bop(&path("data"), &[]);
+    let mut meshes: Vec<PathBuf> =
+        fs::read_dir(root.join("models")).expect("there").map(|it| it.expect("there").path()).collect();
+    meshes.retain(|path| path.extension().is_some_and(|it| it == "ply"));
+    meshes.sort();
+    fs::write(&meshes[0], "ply\nformat ascii 1.0\nelement vertex 9").expect("written");
+    let name = meshes[0].file_name().expect("a name").to_string_lossy().into_owned();
+    let images = |split: &Path| -> usize {
+        let scenes = fs::read_dir(split).expect("there").map(|entry| entry.expect("readable").path());
+        scenes.map(|scene| json_of(&scene.join("scene_gt.json")).as_object().expect("an object").len()).sum()
+    };
+    let output = convert(&root, "bop", &path("again")).args(["--set", "bop.models=\"models\""]).output().expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains(&name) && said.contains("1 file left out"), "{said}");
+    assert!(!said.contains("fault"), "what is left out is not carried over: {said}");
+    let again = path("again/bop");
+    assert_eq!(images(&again.join("train_pbr")), images(&split));
+    let models = |root: &Path| json_of(&root.join("models/models_info.json")).as_object().expect("an object").len();
+    assert_eq!(models(&again), models(&root) - 1);
+    // Without models, nobody reads meshes.
+    let output = convert(&root, "bop", &path("without")).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(faults(&root).iter().any(|(_, message)| message.contains(&name)), "{:?}", faults(&root));
+}

@@ -69,12 +69,12 @@ pub struct Partial<'a> {
     /// Id of its category.
     pub category: u32,
     /// What is known of its masks.
-    pub masks: Known<'a>,
+    pub masks: ObjectMasks<'a>,
 }
 
 /// Masks of an object, with their boxes.
 #[derive(Debug, Clone, Copy)]
-pub enum Known<'a> {
+pub enum ObjectMasks<'a> {
     /// Pixels at which it is the first body.
     Visible(&'a Mask, BBox),
     /// Pixels that it would cover without the other objects.
@@ -85,7 +85,7 @@ pub enum Known<'a> {
 
 impl<'a> From<Label<'a>> for Partial<'a> {
     fn from(label: Label<'a>) -> Self {
-        Self { id: label.id, category: label.category, masks: Known::All(label) }
+        Self { id: label.id, category: label.category, masks: ObjectMasks::All(label) }
     }
 }
 
@@ -106,7 +106,7 @@ pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<
             return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`").of_request());
         }
     };
-    let known = if is_visible { Known::Visible } else { Known::Amodal };
+    let known = if is_visible { ObjectMasks::Visible } else { ObjectMasks::Amodal };
     let of_object = |(id, mask)| {
         Ok(Partial {
             id,

@@ -103,6 +103,11 @@ pub fn counts_beyond(image: &Image) -> bool {
     policy(image).is_some_and(|policy| policy["image_frame"] == "extend")
 }
 
+/// Whether this program wrote a dataset.
+pub fn is_ours(info: &DatasetInfo) -> bool {
+    info.program.starts_with("syntable ")
+}
+
 /// What the file of a listing says of the dataset.
 pub fn info(listing: &Listing) -> DatasetInfo {
     let about = &listing.file.info;
