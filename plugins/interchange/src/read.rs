@@ -287,7 +287,7 @@ pub fn cut_holes(label: &mut Labels, mut area_px2: f64) {
 }
 
 /// The connected parts of a mask, side by side, that do not reach the edge of the whole.
-fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
+pub fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
     let [width, height] = [mask.width(), mask.height()];
     let (mut open, inner) = (mask.to_plane(), eroded(whole).to_plane());
     let mut parts = Vec::new();

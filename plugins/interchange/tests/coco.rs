@@ -294,3 +294,30 @@ fn images_without_any_annotation_have_no_objects() {
     assert!(caveats.contains("no annotations of objects"), "{caveats}");
     assert!(found.image_faults(0).is_empty());
 }
+
+/// A polygon has no holes; the mask of a ring, which is hidden in part, has one.
+#[test]
+fn polygons_of_cocoa_fill_holes() {
+    let of = |right: u32| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inside = |x: u32, y: u32| {
+            (2..right).contains(&x) && (1..9).contains(&y) && !((5..11).contains(&x) && (3..7).contains(&y))
+        };
+        let rle = |of: &dyn Fn(u32) -> bool| json!({ "size": [10, 20], "counts": Mask::from_fn(20, 10, |x, y| inside(x, y) && of(x)).to_coco() });
+        let region = json!({
+            "segmentation": [2, 1, 14, 1, 14, 9, 2, 9], "name": "ring", "isStuff": 0, "order": 1,
+            "visible_mask": rle(&|x| x >= 4), "invisible_mask": rle(&|x| x < 4),
+        });
+        let file = json!({
+            "images": [{ "id": 1, "file_name": "a.png", "width": 20, "height": 10 }],
+            "annotations": [{ "id": 1, "image_id": 1, "size": 1, "depth_constraint": "", "regions": [region] }],
+        });
+        fs::create_dir_all(folder.path().join("annotations")).expect("a folder");
+        fs::write(folder.path().join("annotations/COCO_amodal_val2014.json"), file.to_string()).expect("written");
+        let found = reader::open(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
+        found.image_faults(0).into_iter().map(|(check, _)| check).collect::<Vec<_>>()
+    };
+    assert_eq!(of(14), Vec::<&str>::new());
+    // What is missing at the right end is no hole.
+    assert!(of(9).contains(&"polygon_is_that_of_masks"));
+}

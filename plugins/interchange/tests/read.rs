@@ -60,6 +60,7 @@ fn what_is_written_is_read() {
         ("yolo", ""),
         ("uoais", ""),
         ("coco_panoptic", ""),
+        ("insta_order", ""),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let takes = written(folder.path(), kind, options);
@@ -68,7 +69,8 @@ fn what_is_written_is_read() {
         // What formats leave out.
         let has_amodal = !["coco_panoptic", "yolo"].contains(&kind);
         let has_category = !["osd_amodal", "uoais"].contains(&kind);
-        let needs_seen = ["coco_panoptic", "kins", "osd_amodal", "yolo"].contains(&kind) || options.contains("visible");
+        let needs_seen = ["coco_panoptic", "insta_order", "kins", "osd_amodal", "yolo"].contains(&kind)
+            || options.contains("visible");
         let mut images = 0;
         for take in &takes {
             for (view, products) in &take.views {
@@ -465,7 +467,7 @@ const REPLACED: &[Replaced] = &[
     ("yolo", ".txt", b"0 1.5 0.1 0.2 0.2 0.3 0.1\n", "line 1: 1.5 is not in [0, 1]"),
     ("yolo", ".txt", b"\xff\xfe", "it is no text"),
     ("yolo", "data.yaml", b"names: 3\n", "data.yaml:1: `names` cannot be read"),
-    ("yolo", "0000.png", b"\x89PNG", "it is no image"),
+    ("yolo", "0000.png", b"\x89PNG", "not a readable PNG file"),
     ("yolo", "0000.png", b"\xff\xd8\xff\xe0", "not a readable JPEG file"),
     ("osd_amodal", "annotation/s000000v0000.png", b"x", "it is no image"),
     ("kins", ".json", b"{\"images\": [], \"annotations\": [", "`annotations`: EOF while parsing"),

@@ -114,7 +114,13 @@ fn writer(registry: &Registry, kind: &str, set: &[String]) -> Result<(String, Bo
     let refuse = |message: String| Error::new(message).help(format!("`syntable list {kind}` shows the options"));
     let constructed = entry.construct_str(&options).map_err(|error| match error {
         ConstructError::Form(error) => refuse(format!("--set {kind}: {}", error.message())),
-        ConstructError::Invalid(invalid) => refuse(format!("--set {kind}.{}: {}", invalid.key, invalid.message)),
+        ConstructError::Invalid(invalid) => {
+            // As it was written, with the value.
+            let key = invalid.key.split(['.', '[']).next().unwrap_or_default();
+            let is_it = |option: &&str| option.split(['=', '.']).next().is_some_and(|it| it.trim() == key);
+            let given = set.iter().filter_map(|set| option_of(set, kind)).find(is_it).unwrap_or(&invalid.key);
+            refuse(format!("--set {kind}.{given}: {}", invalid.message))
+        }
     })?;
     match constructed.stage {
         Stage::Write(writer) => Ok((kind.to_owned(), writer)),

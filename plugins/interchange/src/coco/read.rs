@@ -23,14 +23,19 @@ syntable_model::register_format!(Format {
     detect: |path| {
         let is_other = |file: &Path| OTHERS.iter().any(|start| shared::name_starts(file, start));
         let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
-        is(&|_| true) && !is(&is_other)
+        is(&has_instances) && !is(&is_other)
     },
     open: |path| {
-        let [root, file] = shared::root_and_file(path, Some(FOLDER), |_| true)?;
+        let [root, file] = shared::root_and_file(path, Some(FOLDER), has_instances)?;
         open_file(&root, &file)
     },
     crate_name: env!("CARGO_PKG_NAME"),
 });
+
+/// Whether a file may have instances. InstaOrder's have orders of those in a file beside them.
+fn has_instances(file: &Path) -> bool {
+    !shared::name_starts(file, crate::insta_order::FILE)
+}
 
 /// Folder of the annotation file.
 pub(crate) const FOLDER: &str = "annotations";

@@ -2,7 +2,7 @@
 
 use super::FILE;
 use crate::coco::read::{FOLDER, images_root};
-use crate::read::{self as shared, POLYGONS, edge_px2, eroded, settle_edges};
+use crate::read::{self as shared, POLYGONS, edge_px2, enclosed, eroded, settle_edges};
 use serde::de::IgnoredAny;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -255,7 +255,10 @@ impl ImageAnnotation {
             let message = format!("{}: {both} of its pixels are visible, too", self.key(number, "invisible_mask"));
             faults.push(("occlusion_is_amodal_minus_visible", message));
         }
-        let differ = f64::from(amodal.minus(polygon).area() + polygon.minus(amodal).area());
+        // A polygon fills the holes of its mask.
+        let more = polygon.minus(amodal);
+        let holes: u32 = enclosed(&more, polygon).iter().map(Mask::area).sum();
+        let differ = f64::from(amodal.minus(polygon).area() + more.area() - holes);
         if differ > edge {
             let message = format!("{} differs from its masks at {differ} pixels", self.key(number, "segmentation"));
             faults.push(("polygon_is_that_of_masks", message));
