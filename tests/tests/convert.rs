@@ -8,8 +8,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use support::{assert_same, fails, ok, small_dataset, syntable, text};
-use syntable_model::product::standard::{AMODAL_MASK, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, OBJECT_INFO, VISIBLE_MASK};
+use syntable_model::product::{KeyId, Mask};
 use syntable_model::reader;
+use syntable_model::scene::InstanceId;
 use syntable_standard as _;
 
 fn convert(from: &Path, to: &str, out: &Path) -> Command {
@@ -338,4 +340,96 @@ fn scenes_that_lack_a_file_are_faults_and_the_others_are_read() {
         fs::write(scene(name), content).expect("writable");
     }
     assert_eq!(faults(&root), []);
+}
+
+/// A mesh that cannot be read costs the mesh, and no image.
+#[test]
+fn damaged_meshes_are_left_out_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let [root, split] = bop(&path("data"), &[]);
+    let mut meshes: Vec<PathBuf> =
+        fs::read_dir(root.join("models")).expect("there").map(|it| it.expect("there").path()).collect();
+    meshes.retain(|path| path.extension().is_some_and(|it| it == "ply"));
+    meshes.sort();
+    fs::write(&meshes[0], "ply\nformat ascii 1.0\nelement vertex 9").expect("written");
+    let name = meshes[0].file_name().expect("a name").to_string_lossy().into_owned();
+    let images = |split: &Path| -> usize {
+        let scenes = fs::read_dir(split).expect("there").map(|entry| entry.expect("readable").path());
+        scenes.map(|scene| json_of(&scene.join("scene_gt.json")).as_object().expect("an object").len()).sum()
+    };
+    let output = convert(&root, "bop", &path("again")).args(["--set", "bop.models=\"models\""]).output().expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains(&name) && said.contains("1 file left out"), "{said}");
+    assert!(!said.contains("fault"), "what is left out is not carried over: {said}");
+    let again = path("again/bop");
+    assert_eq!(images(&again.join("train_pbr")), images(&split));
+    let models = |root: &Path| json_of(&root.join("models/models_info.json")).as_object().expect("an object").len();
+    assert_eq!(models(&again), models(&root) - 1);
+    // Without models, nobody reads meshes.
+    let output = convert(&root, "bop", &path("without")).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(faults(&root).iter().any(|(_, message)| message.contains(&name)), "{:?}", faults(&root));
+}
+
+/// Pixels of the visible and the amodal mask, the category, and the pose in the camera's frame of an object.
+type Kept = (Vec<usize>, Option<Vec<usize>>, Option<u32>, Option<Vec<f64>>);
+
+/// The objects of all images that are seen, by their masks, as far as these products are read.
+fn kept(root: &Path, wants: &[KeyId]) -> Vec<Vec<Kept>> {
+    let (_, dataset) = reader::open(root, None).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
+    let of = |image: usize| {
+        let (_, products) = dataset.read(image, wants).unwrap_or_else(|error| panic!("{}: {error}", root.display()));
+        let amodal = products.optional(AMODAL_MASK).expect("of its type");
+        let categories = products.optional(CATEGORY_ID).expect("of its type");
+        let infos = products.optional(OBJECT_INFO).expect("of its type");
+        let pose = |id| {
+            let info = serde_json::to_value(infos?.get(id)?).expect("JSON");
+            let rows = info["camera_from_object"].as_array().expect("rows").iter();
+            Some(rows.flat_map(|row| row.as_array().expect("a row")).filter_map(Value::as_f64).collect())
+        };
+        let seen = products.get(VISIBLE_MASK).expect("there").iter().filter(|(_, mask)| !mask.is_empty());
+        let object = |(id, visible): (InstanceId, &Mask)| {
+            let whole = amodal.map(|masks| masks.get(id).expect("there").pixels().collect());
+            (visible.pixels().collect(), whole, categories.map(|all| *all.get(id).expect("there")), pose(id))
+        };
+        let mut objects: Vec<Kept> = seen.map(object).collect();
+        objects.sort_by(|a, b| a.0.cmp(&b.0));
+        objects
+    };
+    (0..dataset.images().len()).map(of).collect()
+}
+
+/// Formats keep masks to the pixel, categories, and poses, there and back.
+#[test]
+fn masks_categories_and_poses_come_back_as_they_were() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    small_dataset(&path("ours"), &[]);
+    let all = syntable_model::keys![VISIBLE_MASK, AMODAL_MASK, CATEGORY_ID];
+    for (kind, wants) in [
+        ("coco", all.clone()),
+        ("d2sa", all),
+        ("coco_panoptic", syntable_model::keys![VISIBLE_MASK, CATEGORY_ID]),
+        ("bop", syntable_model::keys![VISIBLE_MASK, AMODAL_MASK, OBJECT_INFO]),
+    ] {
+        let (there, back) = (path(kind), path(&format!("{kind} and back")));
+        ok(&mut convert(&path("ours"), kind, &there));
+        ok(&mut convert(&there, kind, &back));
+        let before = kept(&path("ours"), &wants);
+        assert!(before.iter().flatten().count() > 3, "{kind}: objects are seen");
+        for after in [kept(&there, &wants), kept(&back, &wants)] {
+            assert_eq!(after.len(), before.len(), "{kind}");
+            for (before, after) in before.iter().flatten().zip(after.iter().flatten()) {
+                assert!((&before.0, &before.1, before.2) == (&after.0, &after.1, after.2), "{kind}");
+                let [a, b] = [before, after].map(|it| it.3.as_deref().unwrap_or_default());
+                assert!(
+                    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9),
+                    "{kind}: {a:?} {b:?}"
+                );
+            }
+            assert_eq!(before.iter().map(Vec::len).collect::<Vec<_>>(), after.iter().map(Vec::len).collect::<Vec<_>>());
+        }
+    }
 }

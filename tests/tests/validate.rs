@@ -339,7 +339,7 @@ fn faults_of_records_are_counted_as_validate_does() {
     let mut convert = syntable();
     convert.arg("convert").arg(&root).args(["--to", "coco", "--out"]).arg(&out);
     let said = support::text(&convert.output().expect("the program starts"));
-    assert!(said.contains("1 fault in the dataset"), "{said}");
+    assert!(said.contains("1 fault in what was read"), "{said}");
 }
 
 #[test]

@@ -20,6 +20,8 @@ enum Samples {
     Sixteen(Vec<u16>, usize),
 }
 
+/// How PNG files begin.
+const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// How JPEG files begin.
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 
@@ -59,11 +61,19 @@ fn of_size<T>(image: Plane<T>, path: &Path, size: [u32; 2]) -> Result<Plane<T>> 
 }
 
 fn is_jpeg(path: &Path) -> Result<bool> {
+    Ok(start(path)?.starts_with(&JPEG))
+}
+
+/// The first bytes of a file, which must have some.
+fn start(path: &Path) -> Result<Vec<u8>> {
     check_file(path)?;
     let mut start = Vec::new();
     let file = File::open(path).map_err(|error| Error::io(path, &error))?;
-    file.take(JPEG.len() as u64).read_to_end(&mut start).map_err(|error| Error::io(path, &error))?;
-    Ok(start == JPEG)
+    file.take(PNG.len() as u64).read_to_end(&mut start).map_err(|error| Error::io(path, &error))?;
+    if start.is_empty() {
+        return Err(Error::new("the file is empty").in_file(path).permanent());
+    }
+    Ok(start)
 }
 
 fn jpeg(path: &Path) -> Result<Plane<[u8; 3]>> {
@@ -155,7 +165,9 @@ fn read(path: &Path) -> Result<([u32; 2], Samples)> {
         }
         error => Error::new(format!("not a readable PNG file: {error}")).in_file(path).permanent(),
     };
-    check_file(path)?;
+    if start(path)?.iter().zip(PNG).any(|(byte, own)| *byte != own) {
+        return Err(Error::new("it is no image: neither a PNG nor a JPEG file begins so").in_file(path).permanent());
+    }
     let file = File::open(path).map_err(|error| Error::io(path, &error))?;
     let mut decoder = Decoder::new(BufReader::new(file));
     decoder.set_transformations(Transformations::EXPAND);
@@ -218,6 +230,21 @@ pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_that_are_no_images_are_called_so() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.png");
+        for (bytes, says) in
+            [(&b""[..], "the file is empty"), (b"hi", "it is no image"), (&PNG[..], "not a readable PNG file")]
+        {
+            fs::write(&path, bytes).expect("written");
+            for error in [rgb(&path).err(), gray(&path).err(), depth(&path, 1.0).err()] {
+                let error = error.expect("no image").to_string();
+                assert!(error.contains(says) && error.contains("a.png"), "{error}");
+            }
+        }
+    }
 
     #[test]
     fn the_orientation_is_that_of_the_first_directory() {

@@ -119,6 +119,16 @@ pub trait DatasetReader: Send + Sync {
     fn faults(&self) -> &[DatasetFault] {
         &[]
     }
+    /// Those of the faults that are known without files beyond what images need; [`faults`](Self::faults) may read many.
+    fn faults_of_opening(&self) -> &[DatasetFault] {
+        self.faults()
+    }
+    /// Why parts of these products are left out, such as meshes of objects, in all images: files that cannot be read. Asked
+    /// after images were read.
+    fn left_out(&self, reads: &[KeyId]) -> Vec<Error> {
+        let _ = reads;
+        Vec::new()
+    }
     /// What is wrong with the records of an image beyond its products: names of rules, and what breaks them. What cannot
     /// be read is not looked at.
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {

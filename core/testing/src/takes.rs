@@ -359,12 +359,12 @@ pub fn write_scenes<'a>(
 /// The products of a view with categories that the dataset has: those of the objects' classes, where it has them.
 fn with_categories(dataset: &DatasetInfo, scene: &Scene, products: &Products) -> Result<Products> {
     let Ok(before) = products.get(CATEGORY_ID) else { return Ok(products.clone()) };
-    let class = |id| scene.body(id).map_or(1, |body| dataset.category_id(&body.object.category));
-    let known = 1..=dataset.classes.len() as u32 + 1;
-    let categories = before.map(|id, &category| match class(id) {
-        1 if known.contains(&category) => category,
-        class => class,
-    });
+    let class = |id| scene.body(id).map_or(Ok(1), |body| dataset.category_id(&body.object.category));
+    let of_object = |(id, &category): (InstanceId, &u32)| match class(id)? {
+        1 if dataset.category(category).is_ok() => Ok((id, category)),
+        class => Ok((id, class)),
+    };
+    let categories = before.iter().map(of_object).collect::<Result<_>>()?;
     let names = products.keys().into_iter().map(|key| key.name);
     let mut all = products.only(&names.filter(|name| *name != *CATEGORY_ID.name()).collect::<Vec<_>>());
     all.put(CATEGORY_ID, categories)?;

@@ -29,11 +29,13 @@ impl Annotator for Identity {
 
     fn annotate(&self, cx: &ViewContext, products: &mut Products) -> Result<()> {
         let category = |id: InstanceId| {
-            cx.scene.body(id).map_or(DatasetInfo::OBJECT.0, |body| cx.dataset.category_id(&body.object.category))
+            let class = cx.scene.body(id).map_or(DatasetInfo::OBJECT.1, |body| &body.object.category);
+            Ok((id, cx.dataset.category_id(class)?))
         };
         let name = |id: InstanceId| cx.scene.body(id).map_or(String::new(), |body| body.asset.name.clone());
         let annotated = products.get(AMODAL_MASK)?;
-        let (categories, names) = (annotated.map(|id, _| category(id)), annotated.map(|id, _| name(id)));
+        let categories = annotated.iter().map(|(id, _)| category(id)).collect::<Result<_>>()?;
+        let names = annotated.map(|id, _| name(id));
         products.put(CATEGORY_ID, categories)?;
         products.put(OBJECT_NAME, names)
     }

@@ -273,23 +273,13 @@ fn bodies(cx: &ViewContext, products: &Products) -> Result<Vec<Attributes>> {
     let attributes = |body: BodyView| {
         Ok(Attributes {
             idx: body.id,
-            category_id: if body.role == "object" { category_id(cx.dataset, &body)? } else { 0 },
+            category_id: if body.role == "object" { cx.dataset.category_id(&body.category)? } else { 0 },
             name: format!("{}/{}", body.pool, body.name),
             category: body.category,
             role: body.role,
         })
     };
     bodies.into_iter().map(attributes).collect()
-}
-
-/// Id of the category of a body's class, else of `object`. A dataset that was read with ids of its own need have neither.
-fn category_id(dataset: &DatasetInfo, body: &BodyView) -> Result<u32> {
-    let of = |name: &str| dataset.categories().find(|(_, other)| *other == name).map(|(id, _)| id);
-    of(&body.category).or_else(|| of(DatasetInfo::OBJECT.1)).ok_or_else(|| {
-        let message =
-            format!("body {} is of the class `{}`, and the dataset has no such category", body.id, body.category);
-        Error::new(message).help("add it to `categories` of the annotation file").permanent()
-    })
 }
 
 register!(Hdf5);

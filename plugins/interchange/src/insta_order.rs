@@ -10,6 +10,9 @@ use syntable_formats::shard::{Line, for_each_line};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
 
+/// How names of files of orders begin.
+pub(crate) const FILE: &str = "InstaOrder_";
+
 /// Number of annotators who agree on an order in InstaOrder if none disagrees.
 const COUNT: u32 = 2;
 
@@ -54,7 +57,7 @@ impl Config for InstaOrder {
 
 impl InstaOrder {
     fn file(&self) -> String {
-        format!("annotations/InstaOrder_{}.json", self.split)
+        format!("annotations/{FILE}{}.json", self.split)
     }
 }
 
@@ -118,7 +121,7 @@ struct InstaOrderScene {
 
 impl SceneWriter for InstaOrderScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = Masks::Visible.shown(labels::labels(products)?);
+        let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         self.files.image(cx, products, labels.len())?;
         labels.iter().try_for_each(|label| self.files.annotation(&Masks::Visible.annotation(&(*label).into())))?;
         if labels.len() < 2 {

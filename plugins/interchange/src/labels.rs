@@ -69,12 +69,12 @@ pub struct Partial<'a> {
     /// Id of its category.
     pub category: u32,
     /// What is known of its masks.
-    pub masks: Known<'a>,
+    pub masks: ObjectMasks<'a>,
 }
 
 /// Masks of an object, with their boxes.
 #[derive(Debug, Clone, Copy)]
-pub enum Known<'a> {
+pub enum ObjectMasks<'a> {
     /// Pixels at which it is the first body.
     Visible(&'a Mask, BBox),
     /// Pixels that it would cover without the other objects.
@@ -85,18 +85,18 @@ pub enum Known<'a> {
 
 impl<'a> From<Label<'a>> for Partial<'a> {
     fn from(label: Label<'a>) -> Self {
-        Self { id: label.id, category: label.category, masks: Known::All(label) }
+        Self { id: label.id, category: label.category, masks: ObjectMasks::All(label) }
     }
 }
 
 /// The labels of all objects of a view, by id, as far as they are there.
 ///
 /// # Errors
-/// If there are neither visible nor amodal masks.
-pub fn partial(products: &Products) -> Result<Vec<Partial<'_>>> {
+/// If there are neither visible nor amodal masks, or the dataset has not the category of an object.
+pub fn partial<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Partial<'a>>> {
     let has = |input: Input| products.contains(&*input.product);
     if inputs().into_iter().all(has) {
-        return Ok(labels(products)?.into_iter().map(Partial::from).collect());
+        return Ok(labels(dataset, products)?.into_iter().map(Partial::from).collect());
     }
     let [is_visible, is_amodal] = [VISIBLE_MASK, AMODAL_MASK].map(|key| products.contains(key.name()));
     let (masks, boxes) = match (is_visible, is_amodal) {
@@ -106,11 +106,11 @@ pub fn partial(products: &Products) -> Result<Vec<Partial<'_>>> {
             return Err(Error::new("the dataset has no masks, neither `visible_mask` nor `amodal_mask`").of_request());
         }
     };
-    let known = if is_visible { Known::Visible } else { Known::Amodal };
+    let known = if is_visible { ObjectMasks::Visible } else { ObjectMasks::Amodal };
     let of_object = |(id, mask)| {
         Ok(Partial {
             id,
-            category: *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?,
+            category: category(dataset, products, id)?,
             masks: known(mask, *of(products.get(boxes)?, id, boxes.name())?),
         })
     };
@@ -118,7 +118,10 @@ pub fn partial(products: &Products) -> Result<Vec<Partial<'_>>> {
 }
 
 /// The labels of all annotated objects of a view, by id.
-pub fn labels(products: &Products) -> Result<Vec<Label<'_>>> {
+///
+/// # Errors
+/// If the dataset has not the category of an object.
+pub fn labels<'a>(dataset: &DatasetInfo, products: &'a Products) -> Result<Vec<Label<'a>>> {
     let amodal = products.get(AMODAL_MASK)?;
     let label = |(id, amodal)| {
         Ok(Label {
@@ -129,10 +132,17 @@ pub fn labels(products: &Products) -> Result<Vec<Label<'_>>> {
             rate: *of(products.get(OCCLUSION_RATE)?, id, OCCLUSION_RATE.name())?,
             visible_box: *of(products.get(VISIBLE_BOX)?, id, VISIBLE_BOX.name())?,
             amodal_box: *of(products.get(AMODAL_BOX)?, id, AMODAL_BOX.name())?,
-            category: *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?,
+            category: category(dataset, products, id)?,
         })
     };
     amodal.iter().map(label).collect()
+}
+
+/// The category of an object, which the dataset has.
+fn category(dataset: &DatasetInfo, products: &Products, id: InstanceId) -> Result<u32> {
+    let category = *of(products.get(CATEGORY_ID)?, id, CATEGORY_ID.name())?;
+    dataset.category(category).map_err(|error| error.context(format!("instance {id}")))?;
+    Ok(category)
 }
 
 /// What a product has of an object.
@@ -142,9 +152,4 @@ pub fn of<'a, T>(product: &'a PerInstance<T>, id: InstanceId, name: &str) -> Res
             .help("all label products must come from one annotator, or from annotators that agree")
             .permanent()
     })
-}
-
-/// Name of a category; empty if the dataset has none of this id.
-pub fn category_name(dataset: &DatasetInfo, id: u32) -> &str {
-    dataset.categories().find(|(other, _)| *other == id).map_or("", |(_, name)| name)
 }

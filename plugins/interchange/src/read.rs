@@ -103,6 +103,11 @@ pub fn counts_beyond(image: &Image) -> bool {
     policy(image).is_some_and(|policy| policy["image_frame"] == "extend")
 }
 
+/// Whether this program wrote a dataset.
+pub fn is_ours(info: &DatasetInfo) -> bool {
+    info.program.starts_with("syntable ")
+}
+
 /// What the file of a listing says of the dataset.
 pub fn info(listing: &Listing) -> DatasetInfo {
     let about = &listing.file.info;
@@ -282,7 +287,7 @@ pub fn cut_holes(label: &mut Labels, mut area_px2: f64) {
 }
 
 /// The connected parts of a mask, side by side, that do not reach the edge of the whole.
-fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
+pub fn enclosed(mask: &Mask, whole: &Mask) -> Vec<Mask> {
     let [width, height] = [mask.width(), mask.height()];
     let (mut open, inner) = (mask.to_plane(), eroded(whole).to_plane());
     let mut parts = Vec::new();

@@ -160,7 +160,7 @@ impl SceneWriter for UoaisScene {
         let Self { config, files } = self;
         let image = image_name(cx.scene.id, cx.view.id);
         files.png(&format!("{}/{}", config.split, depth_path(&image)), &config.depth.image(products)?)?;
-        let labels = Masks::Amodal.shown(labels::labels(products)?);
+        let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
         let extra = Extra::from_iter([("depth_file_name".to_owned(), depth_path(&image).into())]);
         files.image_in(&config.split, rgb_path(&image), products, labels.len(), extra)?;
         labels.iter().try_for_each(|label| files.annotation(&Annotation::of(label)))

@@ -7,7 +7,9 @@ use syntable_formats::encode::png;
 use syntable_interchange as _;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK};
+use syntable_model::product::standard::{
+    AMODAL_MASK, CATEGORY_ID, OCCLUSION_MASK, OCCLUSION_ORDER, RGB, VISIBLE_BOX, VISIBLE_MASK,
+};
 use syntable_model::reader::{self, DatasetReader};
 
 /// A square of 4 × 4 px as a polygon.
@@ -79,12 +81,6 @@ fn files_of_boxes_have_boxes_and_categories() {
         assert_eq!(products.get(CATEGORY_ID).expect("there").iter().map(|(_, it)| *it).collect::<Vec<_>>(), [7]);
         assert!(found.caveats(&[]).iter().any(|it| it.contains("boxes")), "{:?}", found.caveats(&[]));
     }
-    // One without among others that have masks is at fault, and named.
-    let folder = tempfile::tempdir().expect("a folder");
-    let found =
-        open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({})), annotation(5, Some(json!([])), json!({}))]);
-    let error = found.read(0, &[VISIBLE_MASK.id()]).err().expect("no mask").to_string();
-    assert!(error.contains("annotation 5") && error.contains("`segmentation`"), "{error}");
 }
 
 #[test]
@@ -237,4 +233,91 @@ fn images_of_kins_are_those_of_the_split() {
         let products = found.read(0, &[RGB.id()]).unwrap_or_else(|error| panic!("{error}")).1;
         assert_eq!(products.get(RGB).expect("there").at(0, 0)[0], expected, "{file}");
     }
+}
+
+/// COCO's own masks are of what is seen; an amodal mask that is another one hides none of them.
+#[test]
+fn masks_beside_amodal_ones_are_visible() {
+    let amodal = |at: u32| json!({ "amodal_mask": rectangle([at, 2, 4, 6]) });
+    let of = |annotations: &[Json]| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let found = open(folder.path(), annotations);
+        let products = read(&*found);
+        let areas = |key: Key<PerInstance<Mask>>| -> Vec<u32> {
+            let masks = products.optional(key).expect("of its type");
+            masks.into_iter().flat_map(|masks| masks.iter()).map(|(_, mask)| mask.area()).collect()
+        };
+        let faults: Vec<_> = found.image_faults(0).into_iter().map(|(check, _)| check).collect();
+        ([VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK].map(areas), faults)
+    };
+    let box_of = |x: u32, y: u32| json!([x, y, 4, 4]);
+    let seen = |id: u64, x: u32| {
+        let mut record = annotation(id, Some(rectangle([x, 2, 4, 4])), amodal(x));
+        record["bbox"] = box_of(x, 2);
+        record
+    };
+    assert_eq!(of(&[seen(1, 1), seen(2, 8)]), ([vec![16, 16], vec![24, 24], vec![8, 8]], vec![]));
+    // The same masks twice say that they are amodal.
+    let mut whole = annotation(1, Some(rectangle([1, 2, 4, 6])), amodal(1));
+    (whole["bbox"], whole["area"]) = (json!([1, 2, 4, 6]), json!(24.0));
+    assert_eq!(of(&[whole]), ([vec![], vec![24], vec![]], vec![]));
+}
+
+#[test]
+fn objects_without_a_mask_have_no_pixels() {
+    for empty in [Some(json!([])), Some(json!(null)), None] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let found =
+            open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({})), annotation(2, empty, json!({}))]);
+        let products = read(&*found);
+        let masks: Vec<u32> = products.get(VISIBLE_MASK).expect("there").iter().map(|(_, mask)| mask.area()).collect();
+        assert_eq!(masks, [16, 0]);
+        let caveats = found.caveats(&found.offers()).join("; ");
+        assert!(caveats.contains("are objects without pixels: there are 1"), "{caveats}");
+        let faults: Vec<_> = found.image_faults(0).into_iter().filter(|it| it.0 == "objects_have_masks").collect();
+        assert!(
+            matches!(&faults[..], [(_, message)] if message.starts_with("annotation 2: `segmentation`")),
+            "{faults:?}"
+        );
+    }
+}
+
+#[test]
+fn images_without_any_annotation_have_no_objects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let found = open(folder.path(), &[]);
+    let products = read(&*found);
+    for key in [VISIBLE_MASK, AMODAL_MASK, OCCLUSION_MASK] {
+        assert!(products.get(key).expect("offered").0.is_empty());
+    }
+    let caveats = found.caveats(&found.offers()).join("; ");
+    assert!(caveats.contains("no annotations of objects"), "{caveats}");
+    assert!(found.image_faults(0).is_empty());
+}
+
+/// A polygon has no holes; the mask of a ring, which is hidden in part, has one.
+#[test]
+fn polygons_of_cocoa_fill_holes() {
+    let of = |right: u32| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inside = |x: u32, y: u32| {
+            (2..right).contains(&x) && (1..9).contains(&y) && !((5..11).contains(&x) && (3..7).contains(&y))
+        };
+        let rle = |of: &dyn Fn(u32) -> bool| json!({ "size": [10, 20], "counts": Mask::from_fn(20, 10, |x, y| inside(x, y) && of(x)).to_coco() });
+        let region = json!({
+            "segmentation": [2, 1, 14, 1, 14, 9, 2, 9], "name": "ring", "isStuff": 0, "order": 1,
+            "visible_mask": rle(&|x| x >= 4), "invisible_mask": rle(&|x| x < 4),
+        });
+        let file = json!({
+            "images": [{ "id": 1, "file_name": "a.png", "width": 20, "height": 10 }],
+            "annotations": [{ "id": 1, "image_id": 1, "size": 1, "depth_constraint": "", "regions": [region] }],
+        });
+        fs::create_dir_all(folder.path().join("annotations")).expect("a folder");
+        fs::write(folder.path().join("annotations/COCO_amodal_val2014.json"), file.to_string()).expect("written");
+        let found = reader::open(folder.path(), None).unwrap_or_else(|error| panic!("{error}")).1;
+        found.image_faults(0).into_iter().map(|(check, _)| check).collect::<Vec<_>>()
+    };
+    assert_eq!(of(14), Vec::<&str>::new());
+    // What is missing at the right end is no hole.
+    assert!(of(9).contains(&"polygon_is_that_of_masks"));
 }

@@ -59,15 +59,18 @@ fn what_is_written_is_read() {
         ("osd_amodal", ""),
         ("yolo", ""),
         ("uoais", ""),
+        ("coco_panoptic", ""),
+        ("insta_order", ""),
     ] {
         let folder = tempfile::tempdir().expect("a folder");
         let takes = written(folder.path(), kind, options);
         let read = open(&folder.path().join("data"));
         assert!(read.faults().is_empty(), "{kind} {options}: {:?}", read.faults());
         // What formats leave out.
-        let has_amodal = kind != "yolo";
+        let has_amodal = !["coco_panoptic", "yolo"].contains(&kind);
         let has_category = !["osd_amodal", "uoais"].contains(&kind);
-        let needs_seen = ["kins", "osd_amodal", "yolo"].contains(&kind) || options.contains("visible");
+        let needs_seen = ["coco_panoptic", "insta_order", "kins", "osd_amodal", "yolo"].contains(&kind)
+            || options.contains("visible");
         let mut images = 0;
         for take in &takes {
             for (view, products) in &take.views {
@@ -250,6 +253,13 @@ const PLANTED: &[Plant] = &[
     ("d2sa", "", "`amodal_region.bbox` is", &|it| {
         it["annotations"][0]["amodal_region"]["bbox"] = json!([0, 0, 1, 1]);
     }),
+    ("d2sa", "", "`amodal_region.name` is \"bowls\", its category ", &|it| {
+        it["annotations"][0]["amodal_region"]["name"] = json!("bowls");
+    }),
+    ("d2sa", "", "`invisible_mask` is missing, and ", &|it| {
+        with_most(it, |it| it["occl_depth"].as_u64())["invisible_mask"] = json!(null);
+    }),
+    ("cocoa", "", "`depth_constraint` has no pair 1-", &|it| it["annotations"][0]["depth_constraint"] = json!("")),
     ("d2sa", "", "`occl_depth` is 99", &|it| it["annotations"][0]["occl_depth"] = json!(99)),
     ("d2sa", "", "as that of annotation 1 is", &|it| {
         it["annotations"][1]["amodal_region"]["order"] = it["annotations"][0]["amodal_region"]["order"].clone();
@@ -269,9 +279,15 @@ const PLANTED: &[Plant] = &[
         // All of them, since some are behind a circle, which leaves the depth open.
         it["annotations"].as_array_mut().expect("a list").iter_mut().for_each(|it| it["occl_depth"] = json!(0));
     }),
-    ("kins", "", "`ico_id` is 99, and `oco_id`", &|it| with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(99)),
-    ("kins", "", "of what is in front of it", &|it| with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(1)),
-    ("kins", "", "and they overlap", &|it| with_most(it, |it| it["ico_id"].as_u64())["oco_id"] = json!(77)),
+    ("kins", "", "`ico_id` is 99, and its `oco_id`", &|it| {
+        with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(99)
+    }),
+    ("kins", "", "which is in front of it: the front has the lower number", &|it| {
+        with_most(it, |it| it["ico_id"].as_u64())["ico_id"] = json!(1)
+    }),
+    ("kins", "", "objects that overlap have one group", &|it| {
+        with_most(it, |it| it["ico_id"].as_u64())["oco_id"] = json!(77)
+    }),
     ("kins", "", "`i_area` is 1, ", &|it| {
         // Seen whole, so that the difference of its areas says nothing.
         let whole = |it: &Json| it["a_area"].as_u64().filter(|_| it["a_area"] == it["i_area"]);
@@ -343,6 +359,17 @@ const PLANTED_BOP: &[(&str, &str, &Change)] = &[
     }),
     ("000000/scene_gt_coco.json", "the image has [1, 48] pixels", &|it| it["images"][0]["width"] = json!(1)),
     ("000000/scene_gt_coco.json", "readable: ", &|it| *it = json!(3)),
+    ("000000/scene_camera.json", "turned by 0.0° and moved by 0.250 m", &|it| {
+        let shift = it["0"]["cam_t_w2c"][2].as_f64().expect("a number");
+        it["0"]["cam_t_w2c"][2] = json!(shift + 250.0);
+    }),
+    ("000000/scene_camera.json", "turned by 180.0°", &|it| {
+        // About the camera's y axis.
+        for at in [0, 1, 2, 6, 7, 8] {
+            let entry = it["0"]["cam_R_w2c"][at].as_f64().expect("a number");
+            it["0"]["cam_R_w2c"][at] = json!(-entry);
+        }
+    }),
     ("camera.json", "its images have [1, 48] pixels", &|it| it["width"] = json!(1)),
     ("camera.json", "`fx` is 0", &|it| it["fx"] = json!(0.0)),
 ];
@@ -442,7 +469,7 @@ const REPLACED: &[Replaced] = &[
     ("yolo", "data.yaml", b"names: 3\n", "data.yaml:1: `names` cannot be read"),
     ("yolo", "0000.png", b"\x89PNG", "not a readable PNG file"),
     ("yolo", "0000.png", b"\xff\xd8\xff\xe0", "not a readable JPEG file"),
-    ("osd_amodal", "annotation/s000000v0000.png", b"x", "not a readable PNG file"),
+    ("osd_amodal", "annotation/s000000v0000.png", b"x", "it is no image"),
     ("kins", ".json", b"{\"images\": [], \"annotations\": [", "`annotations`: EOF while parsing"),
     (
         "kins",

@@ -135,8 +135,8 @@ impl Column {
             }
             (Part::Area, Value::Mask(mask)) => mask.area().into(),
             (Part::Category, &Value::Int(id)) => {
-                let name = dataset.categories().find(|(other, _)| i64::from(*other) == id).map(|(_, name)| name);
-                name.map_or(Value::Null, Value::from)
+                let id = u32::try_from(id).map_err(|_| Error::new(format!("`category_id` is {id}, which is none")))?;
+                dataset.category(id)?.1.into()
             }
             (Part::Field(field), Value::Record(fields)) => {
                 let value = fields.iter().find(|(name, _)| name == field).map_or(&Value::Null, |(_, value)| value);

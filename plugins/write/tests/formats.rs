@@ -267,6 +267,31 @@ fn syntable_can_leave_empty_images_out() {
     assert!(folder.path().join("a/b/parameters/recipe.toml").is_file());
 }
 
+/// No object becomes one of another category without a word.
+#[test]
+fn categories_that_the_dataset_has_not_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
+    let (view, products) = &take.views[0];
+    let ids: Vec<InstanceId> = products.get(VISIBLE_MASK).expect("masks").iter().map(|(id, _)| id).collect();
+    let names: Vec<_> =
+        products.keys().into_iter().map(|key| key.name).filter(|it| *it != *CATEGORY_ID.name()).collect();
+    let log = Collected::default();
+    let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&take.scene);
+    let written = |kind: &str, options: &str, category: u32| {
+        let mut products = products.only(&names);
+        products.put(CATEGORY_ID, ids.iter().map(|&id| (id, category)).collect()).expect("new");
+        let writer = writer(kind, options).expect("good options");
+        let root = folder.path().join(format!("{kind}_{category}"));
+        let mut scene = writer.scene(&cx, Output::new(&root, "w", take.scene.id)).expect("a scene");
+        scene.view(&cx.view(view), &products)
+    };
+    written("syntable", "", 1).expect("`object`");
+    let error = written("syntable", "", 99).expect_err("no such category").to_string();
+    assert!(error.contains("category 99 of an object is none of the dataset's"), "{error}");
+    assert!(error.contains(&format!("instance {}", ids[0])), "{error}");
+}
+
 /// The annotation file says what the ids of table and room stand for, and which class an object is of.
 #[test]
 fn scenes_and_classes_are_in_the_annotation_file() {

@@ -34,6 +34,7 @@ pub use settler::Settler;
 pub use view_sampler::{Shell, ViewSampler};
 pub use writer::{Accepts, FileOf, Finish, Input, Output, RESERVED, SceneWriter, Writer, check_path, shard_path};
 
+use crate::error::{Error, Result};
 use crate::product::KeyId;
 
 /// What every stage may know of the dataset.
@@ -76,8 +77,29 @@ impl DatasetInfo {
     }
 
     /// Id of the category of an object in annotation files: that of its class, else that of `object`.
-    pub fn category_id(&self, category: &str) -> u32 {
-        self.categories().find(|(_, name)| *name == category).unwrap_or(Self::OBJECT).0
+    ///
+    /// # Errors
+    /// If the dataset has categories of its own, and neither of these is among them.
+    pub fn category_id(&self, class: &str) -> Result<u32> {
+        let of = |name: &str| self.categories().find(|(_, other)| *other == name).map(|(id, _)| id);
+        of(class).or_else(|| of(Self::OBJECT.1)).ok_or_else(|| {
+            self.no_category(&format!("an object is of the class `{class}`, and the dataset has no such category"))
+        })
+    }
+
+    /// The place of a category among [`categories`](Self::categories), from 0, and its name.
+    ///
+    /// # Errors
+    /// If the dataset has no category of this id.
+    pub fn category(&self, id: u32) -> Result<(usize, &str)> {
+        let mut places = self.categories().enumerate();
+        let found = places.find(|(_, (other, _))| *other == id).map(|(place, (_, name))| (place, name));
+        found.ok_or_else(|| self.no_category(&format!("category {id} of an object is none of the dataset's")))
+    }
+
+    fn no_category(&self, message: &str) -> Error {
+        let known: Vec<String> = self.categories().map(|(id, name)| format!("{id} ({name})")).collect();
+        Error::new(message).help(format!("it has {}; add the category to them", known.join(", "))).permanent()
     }
 }
 
@@ -111,8 +133,20 @@ mod tests {
             label_surface: LabelSurface::First,
         };
         assert_eq!(dataset.categories().collect::<Vec<_>>(), [(1, "object"), (2, "bowl"), (3, "mug")]);
-        assert_eq!(["mug", "bowl", "object", "shoe", ""].map(|name| dataset.category_id(name)), [3, 2, 1, 1, 1]);
+        let id = |name| dataset.category_id(name).expect("a category");
+        assert_eq!(["mug", "bowl", "object", "shoe", ""].map(id), [3, 2, 1, 1, 1]);
+        assert_eq!(
+            [1, 2, 3].map(|id| dataset.category(id).expect("a category")),
+            [(0, "object"), (1, "bowl"), (2, "mug")]
+        );
+        let error = dataset.category(4).expect_err("three categories");
+        assert_eq!(error.message(), "category 4 of an object is none of the dataset's");
+        assert_eq!(error.help_text(), Some("it has 1 (object), 2 (bowl), 3 (mug); add the category to them"));
         let own = DatasetInfo { own_categories: vec![(17, "mug".into()), (90, "a".into())], ..dataset };
         assert_eq!(own.categories().collect::<Vec<_>>(), [(17, "mug"), (90, "a")]);
+        assert_eq!((own.category_id("mug").ok(), own.category(90).ok()), (Some(17), Some((1, "a"))));
+        // Category 1 is nobody's.
+        let errors = [own.category_id("shoe").expect_err("no `object`"), own.category(1).expect_err("no such id")];
+        assert!(errors.iter().all(|error| error.help_text().is_some_and(|it| it.contains("17 (mug), 90 (a)"))));
     }
 }

@@ -78,19 +78,22 @@ pub(super) fn convert(console: &Console, registry: &Registry, args: &ConvertArgs
     }
     if converted.faults > 0 {
         let faults = count(converted.faults, "fault");
-        let warning = Error::new(format!("carried over: {faults} in the dataset"))
+        let warning = Error::new(format!("{faults} in what was read: what was written may have them, too"))
             .in_file(&args.dataset)
             .help("`syntable validate` lists what is wrong");
         console.say(&Message::Warning(warning));
     }
     converted.caveats.iter().for_each(|caveat| out += &format!("note: {caveat}\n"));
     console.print(&out)?;
-    if converted.left_out.is_empty() {
+    let left_out = [(&converted.left_out, "image"), (&converted.parts_left_out, "file")];
+    let left_out = left_out.into_iter().filter(|(reasons, _)| !reasons.is_empty());
+    let what: Vec<String> = left_out.clone().map(|(reasons, one)| count(reasons.len() as u32, one)).collect();
+    if what.is_empty() {
         return Ok(());
     }
-    let images = count(converted.left_out.len() as u32, "image");
-    let some = converted.left_out.iter().take(SHOWN).map(|reason| Message::Warning(Error::new(reason.clone())));
-    let error = Error::new(format!("{images} left out: they cannot be read")).in_file(&args.dataset);
+    let some = left_out.flat_map(|(reasons, _)| reasons.iter().take(SHOWN));
+    let some = some.map(|reason| Message::Warning(Error::new(reason.clone())));
+    let error = Error::new(format!("{} left out: they cannot be read", what.join(" and "))).in_file(&args.dataset);
     let error = Message::Error(error.help("`syntable validate` lists all that is wrong"));
     Err(Exit { code: 3, messages: some.chain([error]).collect() })
 }
@@ -111,7 +114,13 @@ fn writer(registry: &Registry, kind: &str, set: &[String]) -> Result<(String, Bo
     let refuse = |message: String| Error::new(message).help(format!("`syntable list {kind}` shows the options"));
     let constructed = entry.construct_str(&options).map_err(|error| match error {
         ConstructError::Form(error) => refuse(format!("--set {kind}: {}", error.message())),
-        ConstructError::Invalid(invalid) => refuse(format!("--set {kind}.{}: {}", invalid.key, invalid.message)),
+        ConstructError::Invalid(invalid) => {
+            // As it was written, with the value.
+            let key = invalid.key.split(['.', '[']).next().unwrap_or_default();
+            let is_it = |option: &&str| option.split(['=', '.']).next().is_some_and(|it| it.trim() == key);
+            let given = set.iter().filter_map(|set| option_of(set, kind)).find(is_it).unwrap_or(&invalid.key);
+            refuse(format!("--set {kind}.{given}: {}", invalid.message))
+        }
     })?;
     match constructed.stage {
         Stage::Write(writer) => Ok((kind.to_owned(), writer)),

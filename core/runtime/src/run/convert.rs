@@ -37,10 +37,12 @@ pub struct Converted {
     pub lacking: Vec<String>,
     /// In what those that are read say less than those of a run.
     pub caveats: Vec<String>,
-    /// Number of faults in what was read; `syntable validate` lists them.
+    /// Number of faults in what was read and was not left out, as far as reading it shows them; `syntable validate` lists all.
     pub faults: u32,
     /// Images that cannot be read and were left out, each with the reason, in order.
     pub left_out: Vec<String>,
+    /// Files beside images, such as meshes, that cannot be read and were left out, each with the reason.
+    pub parts_left_out: Vec<String>,
 }
 
 /// Writes a dataset with some writers into a folder, which must be new or empty. It appears there when all is written; an
@@ -55,9 +57,8 @@ pub fn convert(
 ) -> Result<Converted> {
     let guarded = Guarded(reporter);
     let log = Warnings(&guarded);
-    // Faults are looked for once, at the end, if there is anything to convert: a reader may open many files for them.
     if dataset.images().is_empty()
-        && let Some(first) = dataset.faults().first()
+        && let Some(first) = dataset.faults_of_opening().first()
     {
         let why = format!("no image can be read: {}: {}", first.place, first.message);
         return Err(Error::new(why).help("`syntable validate` lists what is wrong").of_request());
@@ -103,8 +104,9 @@ pub fn convert(
         lost: lost.collect(),
         lacking,
         caveats: dataset.caveats(&plan.rendered),
-        faults: faults.into_inner() + dataset.faults().len() as u32,
+        faults: faults.into_inner() + dataset.faults_of_opening().len() as u32,
         left_out: unread.into_values().map(|error| error.to_string()).collect(),
+        parts_left_out: dataset.left_out(&plan.rendered).into_iter().map(|error| error.to_string()).collect(),
     })
 }
 
@@ -375,7 +377,6 @@ impl Conversion<'_> {
                 Ok(read) => read,
                 Err(error) => {
                     self.unread.lock().insert(image, of(error));
-                    self.faults.fetch_add(1, Ordering::Relaxed);
                     continue;
                 }
             };

@@ -25,6 +25,61 @@ const MESH: f64 = 0.01;
 /// How far a box of `scene_gt_coco.json` may be off, px: those of BlenderProc have no + 1.
 const COCO_BOX_PX: f64 = 1.0;
 
+/// A rigid motion, m.
+type Motion = [[f64; 4]; 4];
+
+/// How far motions of objects between two views may differ to be one: of entries of a rotation, and in meters.
+const SAME_MOTION: [f64; 2] = [2e-3, 2e-3];
+/// What such a motion must be at least to be none of noise.
+const MOVED: [f64; 2] = [2e-2, 1e-2];
+
+/// The pose of the camera of an image that puts all of its objects elsewhere in the world than other images of the scene do, in one
+/// piece, by numbers of objects and their poses. Objects that move one by one are none of its business.
+pub fn fault_of_camera_pose(here: &[(u64, Motion)], others: &[Vec<(u64, Motion)>]) -> Option<Fault> {
+    let moves: Vec<Motion> = others.iter().filter_map(|there| common_motion(here, there)).collect();
+    let moved: Vec<&Motion> = moves.iter().filter(|it| !is_near(it, &IDENTITY, MOVED)).collect();
+    // Most of the others are right.
+    let first = moved.first().filter(|_| 2 * moved.len() > moves.len())?;
+    let apart = (0..3).map(|axis| first[axis][3] * first[axis][3]).sum::<f64>().sqrt();
+    let trace = first[0][0] + first[1][1] + first[2][2];
+    let degrees = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();
+    let message = format!(
+        "`cam_R_w2c` and `cam_t_w2c` put all objects elsewhere in the world than {} of {} other images of the scene do, in one \
+         piece: turned by {degrees:.1}° and moved by {apart:.3} m; the pose of the camera is wrong, or that of the others",
+        moved.len(),
+        moves.len()
+    );
+    Some(("poses_agree_between_views", message))
+}
+
+const IDENTITY: Motion = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+
+/// The motion of objects from one image of a scene to another, if it is the same for all that both have: two at least, each the
+/// only one of its number.
+fn common_motion(here: &[(u64, Motion)], there: &[(u64, Motion)]) -> Option<Motion> {
+    fn only(all: &[(u64, Motion)], id: u64) -> Option<&Motion> {
+        let mut of_id = all.iter().filter(|it| it.0 == id).map(|it| &it.1);
+        of_id.next().filter(|_| of_id.next().is_none())
+    }
+    let both = here.iter().filter_map(|(id, _)| Some((only(here, *id)?, only(there, *id)?)));
+    let moves: Vec<Motion> = both.map(|(here, there)| between(there, here)).collect();
+    let (first, rest) = moves.split_first()?;
+    (!rest.is_empty() && rest.iter().all(|it| is_near(it, first, SAME_MOTION))).then_some(*first)
+}
+
+/// What moves one pose to another.
+fn between(from: &Motion, to: &Motion) -> Motion {
+    let turn: [[f64; 3]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| to[i][k] * from[j][k]).sum()));
+    let shift = |i: usize| to[i][3] - (0..3).map(|k| turn[i][k] * from[k][3]).sum::<f64>();
+    let row = |i: usize| [turn[i][0], turn[i][1], turn[i][2], shift(i)];
+    [row(0), row(1), row(2), IDENTITY[3]]
+}
+
+fn is_near(a: &Motion, b: &Motion, [turn, shift]: [f64; 2]) -> bool {
+    (0..3).all(|i| (0..4).all(|j| (a[i][j] - b[i][j]).abs() <= if j < 3 { turn } else { shift }))
+}
+
 /// The sides of a box: left, top, right and bottom pixel that are in it.
 fn sides([x, y, width, height]: [i64; 4]) -> [i64; 4] {
     [x, y, x + width, y + height]

@@ -57,6 +57,9 @@ struct Record {
     infos: Vec<Info>,
 }
 
+/// Number of other images of a scene with which the poses of an image are compared.
+const COMPARED: usize = 8;
+
 /// The file of poses of a scene.
 const TRUTH: &str = OF_SCENE[0];
 /// The file of counts of a scene.
@@ -218,10 +221,23 @@ impl DatasetReader for Reader {
         })
     }
 
+    fn faults_of_opening(&self) -> &[DatasetFault] {
+        &self.opened
+    }
+
+    fn left_out(&self, reads: &[KeyId]) -> Vec<Error> {
+        let models: BTreeSet<u64> = match reads.contains(&OBJECT_MODELS.id()) {
+            true => self.of_scenes.values().flatten().copied().collect(),
+            false => BTreeSet::new(),
+        };
+        models.into_iter().filter_map(|id| self.meshes.mesh(id).err()).collect()
+    }
+
     fn image_faults(&self, image: usize) -> Vec<Fault> {
         let record = &self.images[image];
         let mut faults: Vec<Fault> =
             record.objects.iter().enumerate().filter_map(|(entry, it)| self.number_fault(entry, it)).collect();
+        faults.extend(self.fault_of_camera_pose(image));
         faults.extend(self.faults_of_masks(record));
         faults
     }
@@ -249,7 +265,7 @@ impl DatasetReader for Reader {
         let rgb = decode::rgb(&record.rgb())?;
         let (width, height) = (rgb.width(), rgb.height());
         if wanted(OBJECT_MODELS.id()) {
-            products.put(OBJECT_MODELS, self.models_of(self.refs[image].scene)?)?;
+            products.put(OBJECT_MODELS, self.models_of(self.refs[image].scene))?;
         }
         let masks_wanted = read::Known::Both.offers().into_iter().any(wanted);
         let labels = if masks_wanted { record.labels([width, height])? } else { Vec::new() };
@@ -340,7 +356,27 @@ impl Record {
     }
 }
 
+impl Record {
+    /// Numbers of the objects and where they are in the world; none if nobody says where the camera is.
+    fn poses(&self) -> Option<Vec<(u64, [[f64; 4]; 4])>> {
+        let camera = self.camera.world_from_camera()?;
+        Some(self.objects.iter().map(|it| (it.obj_id, product(&camera, &it.pose()))).collect())
+    }
+}
+
 impl Reader {
+    /// A camera that other images of the scene contradict.
+    fn fault_of_camera_pose(&self, image: usize) -> Option<Fault> {
+        let scene = self.refs[image].scene;
+        let first = self.refs.partition_point(|other| other.scene < scene);
+        let count = self.refs.partition_point(|other| other.scene <= scene) - first;
+        // Evenly spread over the scene.
+        let compared = COMPARED.min(count - 1);
+        let others = (0..compared).map(|at| first + (image - first + 1 + at * (count - 1) / compared) % count);
+        let others: Vec<_> = others.filter_map(|other| self.images[other].poses()).collect();
+        faults::fault_of_camera_pose(&self.images[image].poses()?, &others)
+    }
+
     /// An object whose number is that of no model.
     fn number_fault(&self, entry: usize, object: &GroundTruth) -> Option<Fault> {
         let id = object.obj_id;
@@ -375,11 +411,10 @@ impl Reader {
         all
     }
 
-    /// The meshes of all objects of a scene.
-    fn models_of(&self, scene: SceneId) -> Result<ObjectModels> {
+    /// The meshes of all objects of a scene, without those that cannot be read.
+    fn models_of(&self, scene: SceneId) -> ObjectModels {
         let numbers = self.of_scenes.get(&scene).into_iter().flatten();
-        let models = numbers.map(|&id| Ok((self.asset(id), self.meshes.mesh(id)?)));
-        Ok(ObjectModels(models.collect::<Result<_>>()?))
+        ObjectModels(numbers.filter_map(|&id| Some((self.asset(id), self.meshes.mesh(id).ok()?))).collect())
     }
 
     /// The asset of a number.

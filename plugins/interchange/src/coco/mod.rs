@@ -4,7 +4,7 @@ mod keypoints;
 pub(crate) mod read;
 
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, merge, policy};
-use crate::labels::{self, Known, Label, Partial};
+use crate::labels::{self, Label, ObjectMasks, Partial};
 use keypoints::Named;
 use serde_json::json;
 use syntable_formats::Extra;
@@ -121,7 +121,7 @@ struct CocoScene {
 
 impl SceneWriter for CocoScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let mut labels = labels::partial(products)?;
+        let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !self.masks.shown_of(label).is_empty());
         self.files.image(cx, products, labels.len())?;
         let named = if self.keypoints.is_empty() { None } else { Some(Named::of(products)?) };
@@ -157,9 +157,9 @@ impl Masks {
     /// The mask of an object and its box; the other one where there is no such mask.
     fn with_box<'a>(self, label: &Partial<'a>) -> (&'a Mask, BBox) {
         match (label.masks, self) {
-            (Known::Visible(mask, bbox) | Known::Amodal(mask, bbox), _) => (mask, bbox),
-            (Known::All(all), Self::Visible) => (all.visible, all.visible_box),
-            (Known::All(all), Self::Amodal) => (all.amodal, all.amodal_box),
+            (ObjectMasks::Visible(mask, bbox) | ObjectMasks::Amodal(mask, bbox), _) => (mask, bbox),
+            (ObjectMasks::All(all), Self::Visible) => (all.visible, all.visible_box),
+            (ObjectMasks::All(all), Self::Amodal) => (all.amodal, all.amodal_box),
         }
     }
 
@@ -187,14 +187,14 @@ impl Masks {
 }
 
 /// What COCO has no fields for.
-fn of_hidden(masks: Known) -> Extra {
+fn of_hidden(masks: ObjectMasks) -> Extra {
     let label = match masks {
-        Known::Visible(..) => return Extra::new(),
+        ObjectMasks::Visible(..) => return Extra::new(),
         // It says what `segmentation` is.
-        Known::Amodal(mask, bbox) => {
+        ObjectMasks::Amodal(mask, bbox) => {
             return fields(json!({ "amodal_mask": Rle::encode(mask), "amodal_bbox": <[i32; 4]>::from(bbox) }));
         }
-        Known::All(label) => label,
+        ObjectMasks::All(label) => label,
     };
     let boxes = [label.visible_box, label.amodal_box].map(<[i32; 4]>::from);
     fields(json!({

@@ -23,20 +23,25 @@ syntable_model::register_format!(Format {
     detect: |path| {
         let is_other = |file: &Path| OTHERS.iter().any(|start| shared::name_starts(file, start));
         let is = |is_one: &dyn Fn(&Path) -> bool| shared::is_dataset(path, Some(FOLDER), is_one);
-        is(&|_| true) && !is(&is_other)
+        is(&has_instances) && !is(&is_other)
     },
     open: |path| {
-        let [root, file] = shared::root_and_file(path, Some(FOLDER), |_| true)?;
+        let [root, file] = shared::root_and_file(path, Some(FOLDER), has_instances)?;
         open_file(&root, &file)
     },
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
+/// Whether a file may have instances. InstaOrder's have orders of those in a file beside them.
+fn has_instances(file: &Path) -> bool {
+    !shared::name_starts(file, crate::insta_order::FILE)
+}
+
 /// Folder of the annotation file.
 pub(crate) const FOLDER: &str = "annotations";
 
 /// How annotation files of formats begin that have readers of their own.
-const OTHERS: [&str; 2] = [crate::d2sa::FILE, crate::cocoa::FILE];
+const OTHERS: [&str; 3] = [crate::d2sa::FILE, crate::cocoa::FILE, crate::coco_panoptic::FILE];
 
 /// Keys of visible masks beside an amodal `segmentation`; ours, D2SA's and COCOA's, then KINS'.
 const VISIBLE: [&str; 2] = ["visible_mask", "inmodal_seg"];
@@ -48,8 +53,6 @@ const HIDDEN: [&str; 2] = ["occluded_mask", "invisible_mask"];
 const RATE: [&str; 2] = ["occluded_rate", "occlude_rate"];
 /// Key of the depth image of an image, in whole millimeters, beside its `file_name`: UOAIS-Sim's.
 const DEPTH_FILE: &str = "depth_file_name";
-/// How the name of this program begins where files say what wrote them.
-const OURS: &str = "syntable ";
 /// Millimeters per step of such a depth image.
 const DEPTH_UNIT_MM: f64 = 1.0;
 
@@ -58,9 +61,15 @@ struct Reader {
     images_root: PathBuf,
     info: DatasetInfo,
     listing: Listing,
-    /// Whether any annotation has a mask; else all have boxes alone.
+    /// Whether any annotation has a mask, or there are no objects; else all have boxes alone.
     has_masks: bool,
+    /// Objects without a mask, in a file of others that have one.
+    without_mask: u64,
     known: Known,
+    /// Whether any annotation has a visible mask beside its `segmentation`.
+    has_visible: bool,
+    /// Whether any annotation has an occlusion mask.
+    has_hidden: bool,
     /// Whether images without objects are listed.
     lists_all: bool,
     /// Whether every image has a depth image.
@@ -74,14 +83,19 @@ struct Reader {
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
     let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
-    let (mut has_visible, mut has_amodal) = (false, false);
+    let (mut has_visible, mut has_amodal, mut has_hidden, mut differ) = (false, false, false, false);
+    let (mut objects, mut without_mask) = (0_u64, 0_u64);
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
             has_masks |= segmentation(annotation).is_some();
             let says = |key: &str| annotation.extra.get(key).is_some_and(|it| !it.is_null());
             has_visible |= VISIBLE.iter().any(|key| says(key));
             has_amodal |= says(AMODAL);
+            has_hidden |= HIDDEN.iter().any(|key| says(key));
+            differ |= amodal_differs(annotation);
             crowds += u64::from(is_crowd(annotation));
+            objects += u64::from(!is_crowd(annotation));
+            without_mask += u64::from(!is_crowd(annotation) && segmentation(annotation).is_none());
         }
         Record::Image(image) => {
             has_depth &= depth_file(image).is_some();
@@ -95,11 +109,13 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     let images_root = images_root(root, file, listing.images.first().map(|image| image.frame.file_name.as_str()));
     let info = shared::info(&listing);
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    let is_amodal = has_amodal
-        || name.to_lowercase().contains("amodal")
-        || listing.file.info.extra.get("masks") == Some(&"amodal".into());
-    let known = match (has_visible, is_amodal) {
+    let says_amodal = listing.file.info.extra.get("masks") == Some(&"amodal".into());
+    let is_amodal = has_amodal || name.to_lowercase().contains("amodal") || says_amodal;
+    let known = match (has_visible || objects == 0, is_amodal) {
+        // Without objects, nothing is unknown of them.
         (true, _) => Known::Both,
+        // Beside amodal masks that are others, COCO's own are the visible ones.
+        (false, true) if differ && !says_amodal => Known::Both,
         // Files of these leave out the visible mask of what is not occluded.
         (false, true) if shared::name_starts(file, crate::d2sa::FILE) => Known::Both,
         (false, true) => Known::Amodal,
@@ -107,12 +123,32 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     };
     let lists_all = !shared::name_starts(file, crate::uoais::FILE);
     let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
-    Ok(Box::new(Reader { images_root, info, listing, has_masks, known, lists_all, has_depth, has_policy, crowds }))
+    has_masks |= objects == 0;
+    Ok(Box::new(Reader {
+        images_root,
+        info,
+        listing,
+        has_masks,
+        without_mask,
+        known,
+        lists_all,
+        has_depth,
+        has_policy,
+        crowds,
+        has_visible,
+        has_hidden,
+    }))
 }
 
 /// Path of the depth image of an image.
 fn depth_file(image: &Image) -> Option<&str> {
     image.extra.get(DEPTH_FILE)?.as_str()
+}
+
+/// Whether an annotation has an amodal mask that is another one than its own.
+fn amodal_differs(annotation: &Annotation) -> bool {
+    let amodal = field::<Segmentation>(annotation, AMODAL).ok().flatten();
+    amodal.is_some_and(|amodal| segmentation(annotation).is_some_and(|own| *own != amodal))
 }
 
 /// The mask of an annotation. An empty list of polygons is none: files of boxes have it.
@@ -160,7 +196,18 @@ impl DatasetReader for Reader {
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
         let crowds = format!("annotations of crowds (`iscrowd`) are no objects: {} were left out", self.crowds);
         let boxes = "no annotation has a mask: boxes and categories are all that is known of objects".to_owned();
-        let own = [(self.crowds > 0, crowds), (!self.has_masks, boxes)].into_iter().filter(|it| it.0).map(|it| it.1);
+        let empty = format!(
+            "annotations with an empty `segmentation`, or without one, are objects without pixels: there are {}",
+            self.without_mask
+        );
+        let none = "the annotation file has no annotations of objects: images are without objects".to_owned();
+        let notes = [
+            (self.crowds > 0, crowds),
+            (!self.has_masks, boxes),
+            (self.has_masks && self.without_mask > 0, empty),
+            (self.listing.images.iter().all(|image| image.annotations.is_empty()), none),
+        ];
+        let own = notes.into_iter().filter(|it| it.0).map(|it| it.1);
         own.chain(shared::supercategories(&self.listing, reads)).collect()
     }
 
@@ -185,8 +232,8 @@ impl DatasetReader for Reader {
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
         let frame = &self.listing.images[image].frame;
         let Ok(annotations) = self.objects(image) else { return Vec::new() };
-        let mut faults: Vec<_> =
-            annotations.iter().flat_map(|annotation| faults_of([frame.width, frame.height], annotation)).collect();
+        let size = [frame.width, frame.height];
+        let mut faults: Vec<_> = annotations.iter().flat_map(|annotation| self.faults_of(size, annotation)).collect();
         faults.extend(self.faults_of_order([frame.width, frame.height], &annotations));
         faults.extend(read::id_faults(&stated_ids(&annotations)));
         faults
@@ -226,8 +273,54 @@ impl DatasetReader for Reader {
     }
 }
 
-/// What an annotation says of its mask in numbers, and a mask that contradicts it.
-fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'static str, String)> {
+impl Reader {
+    /// What contradicts an annotation; where the others have masks, none is a fault.
+    fn faults_of(&self, size: [u32; 2], annotation: &Annotation) -> Vec<(&'static str, String)> {
+        if self.has_masks && segmentation(annotation).is_none() {
+            let message = format!(
+                "annotation {}: `segmentation` is empty or missing: the object has no pixels; add its mask, or remove it",
+                annotation.id
+            );
+            return vec![("objects_have_masks", message)];
+        }
+        // Without a visible mask beside it, `segmentation` is that one, if the amodal masks are others.
+        let mut faults = faults_of(size, annotation, self.has_visible || self.known != Known::Both);
+        faults.extend(self.fault_of_name(annotation));
+        faults.extend(self.fault_of_hidden(size, annotation));
+        faults
+    }
+
+    /// D2SA's `amodal_region.name`, which names another category than that of the object.
+    fn fault_of_name(&self, annotation: &Annotation) -> Option<(&'static str, String)> {
+        let said = annotation.extra.get("amodal_region")?.get("name")?.as_str()?;
+        let categories = || self.listing.file.categories.iter().flatten();
+        let own = &categories().find(|it| it.id == annotation.category_id)?.name;
+        let is_wrong = said != own && (shared::is_ours(&self.info) || categories().any(|it| it.name == said));
+        let message =
+            format!("annotation {}: `amodal_region.name` is {said:?}, its category is {own:?}", annotation.id);
+        is_wrong.then_some(("records_agree", message))
+    }
+
+    /// An object without an occlusion mask, of which masks that it has say that a part is hidden.
+    fn fault_of_hidden(&self, size: [u32; 2], annotation: &Annotation) -> Option<(&'static str, String)> {
+        let says = |key: &&str| annotation.extra.get(*key).is_some_and(|it| !it.is_null());
+        if !self.has_hidden || self.known != Known::Both || HIDDEN.iter().any(|key| says(&key)) {
+            return None;
+        }
+        let label = self.labels(size, InstanceId(1), annotation).ok()?;
+        let hidden = label.amodal.as_ref()?.minus(&label.visible).area();
+        let key = if shared::name_starts(self.listing.file.path(), crate::d2sa::FILE) { HIDDEN[1] } else { HIDDEN[0] };
+        let message = format!(
+            "annotation {}: `{key}` is missing, and {hidden} pixels of its whole mask are not visible: add what is hidden",
+            annotation.id
+        );
+        (hidden > 0).then_some(("occlusion_is_amodal_minus_visible", message))
+    }
+}
+
+/// What an annotation says of its mask in numbers, and a mask that contradicts it. An amodal mask that is another one does if
+/// `has_role` says that the file tells visible masks apart.
+fn faults_of([width, height]: [u32; 2], annotation: &Annotation, has_role: bool) -> Vec<(&'static str, String)> {
     let Some(segmentation) = segmentation(annotation) else { return Vec::new() };
     let Ok(mask) = segmentation.decode(width, height) else { return Vec::new() };
     let of = |key: &str| format!("annotation {}: `{key}`", annotation.id);
@@ -244,7 +337,7 @@ fn faults_of([width, height]: [u32; 2], annotation: &Annotation) -> Vec<(&'stati
         }
     };
     let other = |key: &str| field::<Segmentation>(annotation, key).ok()??.decode(width, height).ok();
-    if let Some(amodal) = other(AMODAL) {
+    if let Some(amodal) = other(AMODAL).filter(|_| has_role) {
         let differ = |other: &Mask| f64::from(mask.minus(other).area() + other.minus(&mask).area());
         let is_one = differ(&amodal) <= edge_px2 || other(VISIBLE[0]).is_some_and(|it| differ(&it) <= edge_px2);
         if !is_one {
@@ -322,17 +415,20 @@ impl Reader {
                 let other = place_from_front(it)?;
                 let of = format!("annotation {}: `amodal_region.order` is {place}", behind.id);
                 if i < j && other == place {
-                    return Some(format!("{of}, as that of annotation {} is", it.id));
+                    return Some(format!("{of}, as that of annotation {} is: no two objects have one place", it.id));
                 }
                 (other > place && order.is_in_front(i, j)).then(|| {
-                    format!("{of}, that of annotation {}, which hides {} of its pixels, {other}", it.id, {
-                        masks[i][0].shared_area(masks[j][1])
-                    })
+                    let hides = masks[i][0].shared_area(masks[j][1]);
+                    format!(
+                        "{of}, but that of annotation {}, which hides {hides} of its pixels, is {other}: the front has the \
+                         lower number",
+                        it.id
+                    )
                 })
             };
             faults.extend(annotations.iter().enumerate().filter_map(wrong));
         }
-        if self.info.program.starts_with(OURS) {
+        if shared::is_ours(&self.info) {
             let said = annotations.iter().zip(order.certain_layers());
             faults.extend(said.filter_map(|(it, layer)| {
                 let (said, own) = (occlusion_depth(it)?, layer? as u64);
@@ -387,8 +483,10 @@ impl Reader {
             None => extra(keys[1]),
             some => Ok(some),
         };
-        let missing = || Error::new("it is missing or empty").context(of("segmentation")).permanent();
-        let own = decoded(segmentation(annotation).ok_or_else(missing)?, "segmentation")?;
+        let own = match segmentation(annotation) {
+            Some(own) => decoded(own, "segmentation")?,
+            None => Mask::empty(width, height),
+        };
         // Where the masks of others are amodal, an object without a visible one is not occluded.
         let amodal = match self.known {
             Known::Visible => None,

@@ -118,7 +118,7 @@ struct CocoaScene {
 
 impl SceneWriter for CocoaScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = Masks::Amodal.shown(labels::labels(products)?);
+        let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
         let order = Order::of(products, &labels)?;
         let sorted = order.front_to_back();
         let region = |(at, &i): (usize, &usize)| region(cx.dataset, products, at + 1, &labels[i]);
@@ -148,7 +148,7 @@ fn region<'a>(dataset: &'a DatasetInfo, products: &Products, order: usize, label
     let mask = |mask: &Mask| is_occluded.then(|| Rle::encode(mask));
     Ok(Region {
         segmentation: outlines::ring(products, Masks::Amodal, label.id)?.into_flattened(),
-        name: labels::category_name(dataset, label.category),
+        name: dataset.category(label.category)?.1,
         area: label.amodal.area().into(),
         is_stuff: 0,
         occlude_rate: label.rate,

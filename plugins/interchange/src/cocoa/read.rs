@@ -2,7 +2,7 @@
 
 use super::FILE;
 use crate::coco::read::{FOLDER, images_root};
-use crate::read::{self as shared, POLYGONS, edge_px2, settle_edges};
+use crate::read::{self as shared, POLYGONS, edge_px2, enclosed, eroded, settle_edges};
 use serde::de::IgnoredAny;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -191,7 +191,7 @@ impl ImageAnnotation {
     }
 
     /// What it says beside its masks, and what contradicts them. Rates may count what is `beyond` the image.
-    fn faults(&self, size: [u32; 2], beyond: bool) -> Vec<(&'static str, String)> {
+    fn faults(&self, size: [u32; 2], beyond: bool, is_ours: bool) -> Vec<(&'static str, String)> {
         let mut faults = Vec::new();
         if let Some(count) = self.size.filter(|count| *count != self.regions.len()) {
             let message = format!("annotation {}: `size` is {count}, it has {} regions", self.id, self.regions.len());
@@ -210,7 +210,13 @@ impl ImageAnnotation {
             faults.extend(self.faults_of_masks(number, region, [&visible, &amodal, &hidden], (&polygon, beyond)));
         }
         match self.constraints() {
-            Ok(pairs) => faults.extend(self.faults_of_order(&pairs, size)),
+            Ok(pairs) => {
+                faults.extend(self.faults_of_order(&pairs, size));
+                // Files of others may have a part of all pairs.
+                if is_ours || pairs.is_empty() {
+                    faults.extend(self.missing_pair(&pairs, size));
+                }
+            }
             Err(message) => faults.push(("records_agree", message)),
         }
         faults
@@ -249,12 +255,35 @@ impl ImageAnnotation {
             let message = format!("{}: {both} of its pixels are visible, too", self.key(number, "invisible_mask"));
             faults.push(("occlusion_is_amodal_minus_visible", message));
         }
-        let differ = f64::from(amodal.minus(polygon).area() + polygon.minus(amodal).area());
+        // A polygon fills the holes of its mask.
+        let more = polygon.minus(amodal);
+        let holes: u32 = enclosed(&more, polygon).iter().map(Mask::area).sum();
+        let differ = f64::from(amodal.minus(polygon).area() + more.area() - holes);
         if differ > edge {
             let message = format!("{} differs from its masks at {differ} pixels", self.key(number, "segmentation"));
             faults.push(("polygon_is_that_of_masks", message));
         }
         faults
+    }
+
+    /// The first two regions that are no pair, although the one in front hides a part of the other, away from its own edge.
+    fn missing_pair(&self, pairs: &[[usize; 2]], size: [u32; 2]) -> Option<(&'static str, String)> {
+        let masks = self.objects().filter_map(|(number, region)| {
+            let [visible, _, hidden] = self.masks(number, region, size).ok()?;
+            Some((number, eroded(&visible), hidden))
+        });
+        let masks: Vec<(usize, Mask, Mask)> = masks.collect();
+        let all = masks.iter().enumerate().flat_map(|(i, front)| masks[i + 1..].iter().map(move |back| (front, back)));
+        let mut missing = all.filter(|(front, back)| !pairs.contains(&[front.0, back.0]));
+        missing.find_map(|((front, seen, _), (back, _, hidden))| {
+            let area = seen.shared_area(hidden);
+            let message = format!(
+                "annotation {}: `depth_constraint` has no pair {front}-{back}, and region {front} hides {area} pixels of \
+                 region {back}",
+                self.id
+            );
+            (area > 0).then_some(("order_is_that_of_masks", message))
+        })
     }
 
     /// Pairs whose order the masks contradict: the object behind hides a part of that in front, and not the other way round.
@@ -306,7 +335,7 @@ impl DatasetReader for Reader {
         let frame = &self.listing.images[image].frame;
         let Ok(Some(annotation)) = self.annotation(image) else { return Vec::new() };
         let Ok(beyond) = self.counts_beyond(image) else { return Vec::new() };
-        annotation.faults([frame.width, frame.height], beyond)
+        annotation.faults([frame.width, frame.height], beyond, shared::is_ours(&self.info))
     }
 
     fn lists_all_images(&self) -> bool {

@@ -114,7 +114,7 @@ struct D2saScene {
 
 impl SceneWriter for D2saScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = Masks::Amodal.shown(labels::labels(products)?);
+        let labels = Masks::Amodal.shown(labels::labels(cx.dataset, products)?);
         let order = Order::of(products, &labels)?;
         let sorted = order.front_to_back();
         let layers = order.layers(&sorted);
@@ -122,7 +122,7 @@ impl SceneWriter for D2saScene {
         sorted
             .iter()
             .enumerate()
-            .try_for_each(|(at, &i)| self.files.annotation(&annotation(cx.dataset, &labels[i], at + 1, layers[i])))
+            .try_for_each(|(at, &i)| self.files.annotation(&annotation(cx.dataset, &labels[i], at + 1, layers[i])?))
     }
 
     fn close(self: Box<Self>, _: &SceneContext, _: &Products) -> Result<()> {
@@ -130,10 +130,10 @@ impl SceneWriter for D2saScene {
     }
 }
 
-fn annotation<'a>(dataset: &'a DatasetInfo, label: &Label, order: usize, layer: usize) -> Annotation<'a> {
+fn annotation<'a>(dataset: &'a DatasetInfo, label: &Label, order: usize, layer: usize) -> Result<Annotation<'a>> {
     let area = label.amodal.area().into();
     let bbox = <[i32; 4]>::from(label.amodal_box).map(f64::from);
-    Annotation {
+    Ok(Annotation {
         id: 0,
         image_id: 0,
         category_id: label.category,
@@ -145,8 +145,8 @@ fn annotation<'a>(dataset: &'a DatasetInfo, label: &Label, order: usize, layer: 
         invisible_mask: (!label.occlusion.is_empty()).then(|| Rle::encode(label.occlusion)),
         occlude_rate: label.rate,
         occl_depth: layer,
-        amodal_region: Region { name: labels::category_name(dataset, label.category), area, is_stuff: 0, bbox, order },
-    }
+        amodal_region: Region { name: dataset.category(label.category)?.1, area, is_stuff: 0, bbox, order },
+    })
 }
 
 register!(D2sa);

@@ -146,7 +146,7 @@ struct KinsScene {
 
 impl SceneWriter for KinsScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = Masks::Visible.shown(labels::labels(products)?);
+        let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         self.files.image(cx, products, labels.len())?;
         match self.version {
             KinsVersion::V2019 => {

@@ -233,14 +233,23 @@ fn faults_of_order(annotations: &[Annotation], labels: &[Labels]) -> Vec<(&'stat
             && (place > members(group) || (group == 0) != (place == 0))
         {
             let said = key(behind, "ico_id", place);
-            let message = format!("{said}, and `oco_id` {group}, which {} objects have", members(group));
+            let message = match group == 0 || place == 0 {
+                true => format!("{said} and its `oco_id` {group}: both are 0 where no object overlaps it, or neither"),
+                false => format!(
+                    "{said}, and its `oco_id` {group} is that of {} objects: places are from 1 to their number",
+                    members(group)
+                ),
+            };
             faults.push(("order_is_that_of_masks", message));
         }
         for (i, front) in annotations.iter().enumerate() {
             let (Some(group), Some(other)) = (behind.oco_id, front.oco_id) else { continue };
             if i < j && group != other && whole[i].shared_area(&whole[j]) > 0 {
-                let message =
-                    format!("{}, {}, and they overlap", key(front, "oco_id", other), key(behind, "oco_id", group));
+                let message = format!(
+                    "{}, but {}: objects that overlap have one group",
+                    key(front, "oco_id", other),
+                    key(behind, "oco_id", group)
+                );
                 faults.push(("order_is_that_of_masks", message));
             }
             let (Some(place), Some(before)) = (behind.ico_id, front.ico_id) else { continue };
@@ -251,7 +260,7 @@ fn faults_of_order(annotations: &[Annotation], labels: &[Labels]) -> Vec<(&'stat
                 && all.is_in_front(i, j)
             {
                 let message = format!(
-                    "{}, and {} of what is in front of it",
+                    "{}, but {}, which is in front of it: the front has the lower number",
                     key(behind, "ico_id", place),
                     key(front, "ico_id", before)
                 );

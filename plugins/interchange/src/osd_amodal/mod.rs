@@ -79,7 +79,7 @@ struct OsdScene {
 
 impl SceneWriter for OsdScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
-        let labels = Masks::Visible.shown(labels::labels(products)?);
+        let labels = Masks::Visible.shown(labels::labels(cx.dataset, products)?);
         if labels.is_empty() {
             return Ok(());
         }

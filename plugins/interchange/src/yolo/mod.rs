@@ -154,14 +154,6 @@ fn data_yaml(config: &Yolo, dataset: &DatasetInfo) -> String {
     text
 }
 
-/// The class of a category: its place among them, from 0.
-fn class(dataset: &DatasetInfo, category: u32) -> Result<usize> {
-    dataset.categories().position(|(id, _)| id == category).ok_or_else(|| {
-        let known = dataset.categories().map(|(id, name)| format!("{id} ({name})")).collect::<Vec<_>>().join(", ");
-        Error::new(format!("category {category} of an object is none of the dataset's: {known}"))
-    })
-}
-
 struct YoloScene {
     config: Yolo,
     output: Output,
@@ -174,9 +166,9 @@ impl SceneWriter for YoloScene {
         Image::rgb(rgb).write(output, &format!("{}/{}", output.id(), config.image_path(scene, view)))?;
         let size = [rgb.width(), rgb.height()].map(f64::from);
         let mut text = String::new();
-        let labels = labels::partial(products)?;
+        let labels = labels::partial(cx.dataset, products)?;
         for label in labels.iter().filter(|label| !config.masks.shown_of(label).is_empty()) {
-            text += &line(class(cx.dataset, label.category)?, &config.points(products, label.id, size)?, size);
+            text += &line(cx.dataset.category(label.category)?.0, &config.points(products, label.id, size)?, size);
         }
         output.write(&format!("{}/{}", output.id(), config.label_path(scene, view)), text.as_bytes())
     }
@@ -227,12 +219,7 @@ mod tests {
     #[test]
     fn names_are_valid_yaml() {
         let dataset = DatasetInfo { classes: vec!["a: \"b\"".to_owned()], ..syntable_testing::scenes::dataset() };
-        assert_eq!([1, 2].map(|category| class(&dataset, category).expect("there")), [0, 1]);
-        let error = class(&dataset, 7).expect_err("no such category").to_string();
-        assert!(
-            error.contains("category 7 of an object is none of the dataset's: 1 (object), 2 (a: \"b\")"),
-            "{error}"
-        );
+        assert_eq!([1, 2].map(|category| dataset.category(category).expect("there").0), [0, 1]);
         let want = "train: \"images/val\"\nval: \"images/val\"\nnames:\n  0: \"object\"\n  1: \"a: \\\"b\\\"\"\n";
         let config = Yolo { split: "val".into(), ..Yolo::default() };
         assert_eq!(data_yaml(&config, &dataset), want);

@@ -220,7 +220,9 @@ impl SceneWriter for SynTableScene {
         };
         shard::push_image(lines, labels.ids().len(), &image)?;
         labels.ids().iter().try_for_each(|&id| match config.compat {
-            Compat::Coco => shard::push_annotation(lines, &record::annotation(products, &labels, id, config.bbox)?),
+            Compat::Coco => {
+                shard::push_annotation(lines, &record::annotation(cx.dataset, products, &labels, id, config.bbox)?)
+            }
             Compat::Syntable1 => {
                 shard::push_annotation(lines, &record::annotation_1(products, &labels, id, config.bbox)?)
             }

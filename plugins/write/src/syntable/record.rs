@@ -166,18 +166,26 @@ pub fn scene(cx: &SceneContext, products: &Products) -> Result<Option<Scene>> {
 }
 
 /// The record of an annotation in the coco form, without its id and that of its image.
-pub fn annotation(products: &Products, labels: &Labels, id: InstanceId, bbox: BoxSource) -> Result<Annotation> {
+pub fn annotation(
+    dataset: &DatasetInfo,
+    products: &Products,
+    labels: &Labels,
+    id: InstanceId,
+    bbox: BoxSource,
+) -> Result<Annotation> {
     let object = labels.object(id)?;
     let hidden = object.hidden;
     // COCO's readers look for a mask here, whichever there is.
     let whole = hidden.map_or(object.visible, |hidden| hidden.amodal);
     let info = |infos: &PerInstance<Value>| infos.get(id).map_or(Ok(Json::Null), serde_json::to_value);
     let info = products.optional(OBJECT_INFO)?.map(info).transpose();
-    let category = products.optional(CATEGORY_ID)?.and_then(|categories| categories.get(id));
+    let category = products.optional(CATEGORY_ID)?.and_then(|categories| categories.get(id)).copied();
+    let category = category.map_or_else(|| dataset.category_id(DatasetInfo::OBJECT.1), Ok)?;
+    dataset.category(category).map_err(|error| error.context(format!("instance {id}")))?;
     Ok(Annotation {
         id: 0,
         image_id: 0,
-        category_id: category.map_or(OBJECT_CATEGORY, |&category| category.into()),
+        category_id: category.into(),
         instance_id: Some(id.0),
         object_name: object_name(products, id)?,
         bbox: object.bbox(bbox),

@@ -1,5 +1,7 @@
 //! COCO panoptic segmentation.
 
+mod read;
+
 use crate::annotation_file::{self, Listed, SceneFiles, categories, check_split, image_name, merge};
 use crate::coco::Masks;
 use crate::labels::{self, Partial};
@@ -7,6 +9,9 @@ use syntable_formats::coco::Category;
 use syntable_formats::encode::png::{Image, Samples};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
+
+/// How names of annotation files begin.
+pub(crate) const FILE: &str = "panoptic_";
 
 /// Id of the segment of the background, beyond all ids of objects.
 const BACKGROUND: u32 = 1 << 16;
@@ -53,7 +58,7 @@ impl Config for CocoPanoptic {
 impl CocoPanoptic {
     /// Folder of the segments' images inside the writer's folder, which panopticapi derives from the annotation file.
     fn folder(&self) -> String {
-        format!("annotations/panoptic_{}", self.split)
+        format!("annotations/{FILE}{}", self.split)
     }
 
     fn file(&self) -> String {
@@ -130,7 +135,7 @@ struct PanopticScene {
 impl SceneWriter for PanopticScene {
     fn view(&mut self, cx: &ViewContext, products: &Products) -> Result<()> {
         let rgb = products.get(RGB)?;
-        let mut labels = labels::partial(products)?;
+        let mut labels = labels::partial(cx.dataset, products)?;
         labels.retain(|label| !visible(label).is_empty());
         let segments = segments(rgb.width(), rgb.height(), background_category(cx.dataset), &labels);
         let name = image_name(cx.scene.id, cx.view.id);

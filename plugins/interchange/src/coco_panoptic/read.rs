@@ -1,0 +1,230 @@
+//! Reads COCO's layout for panoptic segmentation. Things are objects; stuff is none.
+
+use super::FILE;
+use crate::coco::read::{FOLDER, images_root};
+use crate::read::{self as shared, Tolerance, fits_mask};
+use serde::de::IgnoredAny;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use syntable_formats::coco::{Category, Image};
+use syntable_formats::decode;
+use syntable_formats::index::Record;
+use syntable_formats::listing::{AnnotationRecord, Listing};
+use syntable_formats::read::{self, Categories, Known, Labels};
+use syntable_model::prelude::*;
+use syntable_model::product::standard::RGB;
+use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
+
+syntable_model::register_format!(Format {
+    name: "coco_panoptic",
+    doc: "COCO panoptic segmentation (`annotations/panoptic_*.json` beside a folder of this name and one of images): things are \
+          objects.",
+    detect: |path| shared::is_dataset(path, Some(FOLDER), |file| shared::name_starts(file, FILE)),
+    open,
+    crate_name: env!("CARGO_PKG_NAME"),
+});
+
+/// Id of the pixels of no segment.
+const VOID: u32 = 0;
+
+/// The annotation of an image, as others write it.
+#[derive(Deserialize)]
+struct ImageAnnotation {
+    image_id: u64,
+    file_name: String,
+    segments_info: Vec<Segment>,
+}
+
+#[derive(Deserialize)]
+struct Segment {
+    id: u32,
+    category_id: u64,
+    area: f64,
+    bbox: [f64; 4],
+    #[serde(default)]
+    iscrowd: u8,
+}
+
+impl AnnotationRecord for ImageAnnotation {
+    fn id(&self) -> u64 {
+        self.image_id
+    }
+
+    fn image(&self) -> u64 {
+        self.image_id
+    }
+
+    fn category(&self) -> Option<u64> {
+        None
+    }
+}
+
+struct Reader {
+    images_root: PathBuf,
+    /// Folder of the images of segments.
+    segments: PathBuf,
+    info: DatasetInfo,
+    listing: Listing,
+    /// The categories of things, and ids of those of stuff.
+    categories: Categories,
+    stuff: BTreeSet<u64>,
+    /// Segments of stuff and of crowds, which are no objects.
+    no_objects: u64,
+}
+
+fn is_stuff(category: &Category) -> bool {
+    category.extra.get("isthing").and_then(serde_json::Value::as_u64) == Some(0)
+}
+
+fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
+    let [root, file] = shared::root_and_file(path, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
+    // By category and whether they are crowds.
+    let mut segments: BTreeMap<(u64, bool), u64> = BTreeMap::new();
+    let mut listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| {
+        if let Record::Annotation(annotation) = record {
+            for segment in &annotation.segments_info {
+                *segments.entry((segment.category_id, segment.iscrowd != 0)).or_default() += 1;
+            }
+        }
+    })?;
+    let Some(all) = listing.file.categories.clone() else {
+        return Err(Error::new("missing field `categories`").in_file(file).of_request());
+    };
+    let stuff: BTreeSet<u64> = all.iter().filter(|it| is_stuff(it)).map(|it| it.id).collect();
+    let things: Vec<Category> = all.iter().filter(|it| !is_stuff(it)).cloned().collect();
+    let mut categories = Categories::of(&things);
+    for category in segments.keys().map(|key| key.0).filter(|id| !stuff.contains(id)) {
+        categories.note(category);
+        if !things.iter().any(|thing| thing.id == category) {
+            let message = format!("segments are of the category {category}, and `categories` has no such one");
+            listing.faults.add("known_categories", format!("category {category}"), &message);
+        }
+    }
+    let no_objects = segments.iter().filter(|((id, is_crowd), _)| *is_crowd || stuff.contains(id)).map(|it| it.1).sum();
+    let images_root = images_root(&root, &file, listing.images.first().map(|image| image.frame.file_name.as_str()));
+    let about = &listing.file.info;
+    let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
+    let segments = file.with_extension("");
+    Ok(Box::new(Reader { images_root, segments, info, listing, categories, stuff, no_objects }))
+}
+
+/// The segments of an image, and the ids of its pixels.
+struct Segments {
+    annotation: ImageAnnotation,
+    ids: Plane<u32>,
+}
+
+impl Segments {
+    fn mask(&self, id: u32) -> Mask {
+        Mask::from_fn(self.ids.width(), self.ids.height(), |x, y| *self.ids.at(x, y) == id)
+    }
+}
+
+impl Reader {
+    fn segments(&self, image: usize) -> Result<Segments> {
+        let frame = &self.listing.images[image].frame;
+        let mut annotations: Vec<ImageAnnotation> = self.listing.annotations(image)?;
+        let Some(annotation) = annotations.pop().filter(|_| annotations.is_empty()) else {
+            let message =
+                format!("image {} has no annotation, or several: one with all of its segments is needed", frame.id);
+            return Err(Error::new(message).permanent());
+        };
+        let path = self.segments.join(&annotation.file_name);
+        let ids = decode::rgb_of_size(&path, [frame.width, frame.height])?;
+        let ids = ids.map(|&[r, g, b]| u32::from_le_bytes([r, g, b, 0]));
+        Ok(Segments { annotation, ids })
+    }
+
+    fn is_object(&self, segment: &Segment) -> bool {
+        segment.iscrowd == 0 && !self.stuff.contains(&segment.category_id)
+    }
+}
+
+impl DatasetReader for Reader {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        &self.listing.refs
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.listing.faults.all()
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        let mut keys = Known::Visible.offers();
+        keys.push(RGB.id());
+        keys
+    }
+
+    fn category(&self, own: u64) -> Option<u32> {
+        self.categories.known(own)
+    }
+
+    fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
+        let segments = format!("segments of stuff and of crowds are no objects: {} were left out", self.no_objects);
+        let own = (self.no_objects > 0).then_some(segments);
+        own.into_iter().chain(shared::supercategories(&self.listing, reads)).collect()
+    }
+
+    fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
+        let all = self.segments(image)?;
+        let crowds = all.annotation.segments_info.iter();
+        let crowds = crowds.filter(|it| it.iscrowd != 0 && !self.stuff.contains(&it.category_id));
+        Ok(crowds.map(|it| Crowd { mask: all.mask(it.id), category: self.categories.id(it.category_id) }).collect())
+    }
+
+    fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
+        let Ok(all) = self.segments(image) else { return Vec::new() };
+        let (mut faults, mut said) = (Vec::new(), BTreeSet::new());
+        for segment in &all.annotation.segments_info {
+            let of = |key: &str| format!("segment {}: `{key}`", segment.id);
+            if !said.insert(segment.id) {
+                faults.push(("unique_ids", format!("two segments have the id {}", segment.id)));
+            }
+            let mask = all.mask(segment.id);
+            if mask.is_empty() {
+                let file = &all.annotation.file_name;
+                faults.push(("segments_are_pixels", format!("no pixel of {file} is of segment {}", segment.id)));
+                continue;
+            }
+            let exact = Tolerance { area_px2: 0.5, box_px: 0.0 };
+            faults.extend(fits_mask(&mask, (segment.area, of("area")), (segment.bbox, of("bbox")), exact));
+        }
+        let unknown: BTreeSet<u32> =
+            all.ids.data().iter().copied().filter(|it| *it != VOID && !said.contains(it)).collect();
+        faults.extend(unknown.into_iter().map(|id| {
+            let file = &all.annotation.file_name;
+            ("segments_are_pixels", format!("pixels of {file} are of segment {id}, which `segments_info` has not"))
+        }));
+        faults
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let frame = &self.listing.images[image].frame;
+        let size = [frame.width, frame.height];
+        let mut products = Products::new();
+        if wants.iter().any(|want| *want != RGB.id()) {
+            let all = self.segments(image)?;
+            let objects: Vec<&Segment> = all.annotation.segments_info.iter().filter(|it| self.is_object(it)).collect();
+            let ids = read::ids_of(&objects.iter().map(|it| Some(it.id.into())).collect::<Vec<_>>())?;
+            let labels = ids.into_iter().zip(objects).map(|(id, segment)| Labels {
+                id,
+                visible: all.mask(segment.id),
+                amodal: None,
+                occlusion: None,
+                rate: None,
+                visible_box: None,
+                amodal_box: None,
+                category: self.categories.id(segment.category_id),
+            });
+            read::put(&labels.collect::<Vec<_>>(), None, wants, &mut products)?;
+        }
+        if wants.contains(&RGB.id()) {
+            products.put(RGB, decode::rgb_of_size(&self.images_root.join(&frame.file_name), size)?)?;
+        }
+        Ok((read::view(self.listing.refs[image].view, size[0], size[1]), products))
+    }
+}
