@@ -13,7 +13,7 @@ use syntable_formats::read::{self, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, VISIBLE_BOX};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, RGB, VISIBLE_BOX};
 use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -61,6 +61,8 @@ struct Reader {
     /// Whether any annotation has a mask; else all have boxes alone.
     has_masks: bool,
     known: Known,
+    /// Whether any annotation has an occlusion mask; else these follow from the others.
+    has_hidden: bool,
     /// Whether images without objects are listed.
     lists_all: bool,
     /// Whether every image has a depth image.
@@ -74,13 +76,14 @@ struct Reader {
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
     let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
-    let (mut has_visible, mut has_amodal) = (false, false);
+    let (mut has_visible, mut has_amodal, mut has_hidden) = (false, false, false);
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
             has_masks |= segmentation(annotation).is_some();
             let says = |key: &str| annotation.extra.get(key).is_some_and(|it| !it.is_null());
             has_visible |= VISIBLE.iter().any(|key| says(key));
             has_amodal |= says(AMODAL);
+            has_hidden |= HIDDEN.iter().any(|key| says(key));
             crowds += u64::from(is_crowd(annotation));
         }
         Record::Image(image) => {
@@ -107,7 +110,18 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
     };
     let lists_all = !shared::name_starts(file, crate::uoais::FILE);
     let [has_depth, has_policy] = [has_depth, has_policy].map(|has| has && !listing.images.is_empty());
-    Ok(Box::new(Reader { images_root, info, listing, has_masks, known, lists_all, has_depth, has_policy, crowds }))
+    Ok(Box::new(Reader {
+        images_root,
+        info,
+        listing,
+        has_masks,
+        known,
+        has_hidden,
+        lists_all,
+        has_depth,
+        has_policy,
+        crowds,
+    }))
 }
 
 /// Path of the depth image of an image.
@@ -151,6 +165,10 @@ impl DatasetReader for Reader {
         let more = [(self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
         keys.extend(more.into_iter().filter(|(has, _)| *has).map(|(_, key)| key));
         keys
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        if self.has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] }
     }
 
     fn lists_all_images(&self) -> bool {
