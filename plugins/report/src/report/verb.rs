@@ -69,7 +69,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
     let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
     let read = dataset_folder(dataset);
-    for input in [Some(&read), path("scores")].into_iter().flatten() {
+    for input in [Some(&read), Some(dataset), path("scores")].into_iter().flatten() {
         if lies_in(input, &out) {
             let error = Error::new(format!("{} lies in it, and a new report would replace it", input.display()));
             return Err(Exit::wrong(error.in_file(&out).help("choose another folder with --out")));
