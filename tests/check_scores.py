@@ -2,6 +2,7 @@
 
     check_scores.py make FOLDER            # labels as COCO annotations, and a result file
     check_scores.py compare FOLDER SCORES  # the file that `syntable eval --json` printed
+    check_scores.py bop FOLDER SCORES      # that of the same labels in the layout of BOP, which has no crowds
 
 Scores have many ties, images have crowds, too many predictions, none, or no labels, and objects are of all sizes. Image ids
 are not in the order of names. Some predictions are of a wrong category, some of one that no label has.
@@ -10,7 +11,9 @@ are not in the order of names. Some predictions are of a wrong category, some of
 import contextlib
 import io
 import json
+import struct
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -114,11 +117,61 @@ def make(folder: Path) -> None:
     data = {"info": {}, "images": images, "annotations": annotations, "categories": categories}
     labels_of(folder).write_text(json.dumps(data))
     (folder / "results.json").write_text(json.dumps(results))
+    make_bop(folder, data, results)
 
 
-def coco_scores(folder: Path, kind: str, what: str, categories: bool) -> tuple[list[float | None], dict]:
+def write_png(path: Path, pixels: np.ndarray) -> None:
+    """Gray or RGB."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = b"".join(b"\0" + row.tobytes() for row in pixels.astype(np.uint8))
+
+    def chunk(name: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+    head = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 2 if pixels.ndim == 3 else 0, 0, 0, 0)
+    body = chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + body)
+
+
+def make_bop(folder: Path, data: dict, results: list) -> None:
+    """The same labels without crowds as scene 1 of a dataset in the layout of BOP; predictions name their images."""
+    scene = folder / "bop" / "test" / "000001"
+    identity, truth, info, camera, names = [1, 0, 0, 0, 1, 0, 0, 0, 1], {}, {}, {}, {}
+    for number, image in enumerate(data["images"]):
+        own = [it for it in data["annotations"] if it["image_id"] == image["id"] and not it["iscrowd"]]
+        write_png(scene / "rgb" / f"{number:06}.png", np.zeros((HEIGHT, WIDTH, 3)))
+        for entry, it in enumerate(own):
+            for name, key in (("mask", "segmentation"), ("mask_visib", "visible_mask")):
+                write_png(scene / name / f"{number:06}_{entry:06}.png", 255 * decode(it[key]))
+        poses = {"cam_R_m2c": identity, "cam_t_m2c": [0, 0, 1000]}
+        truth[number] = [{**poses, "obj_id": it["category_id"]} for it in own]
+        counts = {"px_count_all": 1, "px_count_valid": 1, "px_count_visib": 1, "visib_fract": 1.0}
+        info[number] = [{**counts, "bbox_obj": [0, 0, 1, 1], "bbox_visib": [0, 0, 1, 1]} for _ in own]
+        camera[number] = {"cam_K": [300, 0, 160, 0, 300, 120, 0, 0, 1], "depth_scale": 1.0}
+        names[image["id"]] = f"000001/{number:06}"
+    for name, content in (("scene_gt", truth), ("scene_gt_info", info), ("scene_camera", camera)):
+        (scene / f"{name}.json").write_text(json.dumps(content))
+    named = [{**it, "image_id": names[it["image_id"]]} for it in results]
+    (folder / "bop_results.json").write_text(json.dumps(named))
+
+
+def of_bop(folder: Path) -> tuple[dict, list]:
+    """What pycocotools is given for these: images by their numbers, and no crowds."""
+    data, results = json.loads(labels_of(folder).read_text()), json.loads((folder / "results.json").read_text())
+    numbers = {image["id"]: number for number, image in enumerate(data["images"], 1)}
+    data["annotations"] = [it for it in data["annotations"] if not it["iscrowd"]]
+    for image in data["images"]:
+        image["id"] = numbers[image["id"]]
+    for it in [*data["annotations"], *results]:
+        it["image_id"] = numbers[it["image_id"]]
+    return data, results
+
+
+def coco_scores(folder: Path, kind: str, what: str, categories: bool, bop: bool = False) -> tuple[list[float | None], dict]:
     """The twelve scores, and AP by category."""
     data, results = json.loads(labels_of(folder).read_text()), json.loads((folder / "results.json").read_text())
+    if bop:
+        data, results = of_bop(folder)
     if kind == "visible":
         for it in data["annotations"]:
             if not it["iscrowd"]:
@@ -178,8 +231,20 @@ def panoptic(folder: Path) -> list[float]:
     return [100 * total / whole, 100 * total / hits, 100 * hits / whole]
 
 
+def compare_bop(folder: Path, scores: Path) -> None:
+    wanted = {}
+    for kind in ("amodal", "visible"):
+        for what, name in (("segm", "mask"), ("bbox", "box")):
+            values, each = coco_scores(folder, kind, what, True, bop=True)
+            wanted |= {f"categories_{kind}_{name}_{score}": value for score, value in zip(SCORES, values)}
+            # No label is of the category 17, which is no object of the dataset then.
+            wanted |= {f"obj_{it:06}_{kind}_{name}_ap": value for it, value in each.items() if it != 17}
+    assert len(wanted) == 60 and sum(value is not None and 0 < value < 100 for value in wanted.values()) >= 50, wanted
+    differences(wanted, json.loads(scores.read_text())["scores"])
+
+
 def compare(folder: Path, scores: Path) -> None:
-    found, wrong = json.loads(scores.read_text())["scores"], []
+    found = json.loads(scores.read_text())["scores"]
     wanted = dict(zip(("pq", "sq", "rq"), panoptic(folder)))
     for kind in ("amodal", "visible"):
         for what, name in (("segm", "mask"), ("bbox", "box")):
@@ -190,6 +255,11 @@ def compare(folder: Path, scores: Path) -> None:
             words = {category: CATEGORIES[category].replace(", ", "_") for category in each}
             wanted |= {f"{words[category]}_{kind}_{name}_ap": value for category, value in each.items()}
     assert len(wanted) == 115 and sum(value is not None and 0 < value < 100 for value in wanted.values()) >= 95, wanted
+    differences(wanted, found)
+
+
+def differences(wanted: dict, found: dict) -> None:
+    wrong = []
     for name, value in wanted.items():
         if (value is None) != (found[name] is None) or value is not None and abs(found[name] - value) > 1e-7:
             wrong.append(f"{name}: {found[name]}, not {value}")
@@ -203,5 +273,7 @@ if __name__ == "__main__":
             make(Path(folder))
         case ["compare", folder, scores]:
             compare(Path(folder), Path(scores))
+        case ["bop", folder, scores]:
+            compare_bop(Path(folder), Path(scores))
         case _:
             sys.exit(__doc__)

@@ -298,6 +298,91 @@ fn coco_and_panoptic_scores_are_those_of_their_tools() {
     assert_eq!(of(&low), of(&high));
 }
 
+/// In BOP, the category of an object is its number, and results are of these.
+#[test]
+fn objects_of_bop_are_categories() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (script, at) = (root().join("tests/check_scores.py"), folder.path().display().to_string());
+    if !syntable_testing::tools::python(&script, &["make", &at]) {
+        return;
+    }
+    let [gt, results] = ["bop", "bop_results.json"].map(|name| folder.path().join(name));
+    // A prediction of an object that the dataset does not have is of no category.
+    let mut predicted: Vec<Value> =
+        serde_json::from_str(&fs::read_to_string(&results).expect("readable")).expect("a list");
+    let eval = |pred: &Path| {
+        let mut eval = syntable();
+        eval.arg("eval").arg("--gt").arg(&gt).arg("--pred").arg(pred).args(["--metrics", "coco", "--by-category"]);
+        eval.arg("--json");
+        eval
+    };
+    let said = fails(&mut eval(&results), 2);
+    assert!(said.contains("a prediction has no category of the ground truth"), "{said}");
+    predicted.retain(|it| it["category_id"] != 17);
+    let file = folder.path().join("known.json");
+    fs::write(&file, Value::from(predicted).to_string()).expect("writable");
+    let (scores, found) = (folder.path().join("scores.json"), ok(&mut eval(&file)));
+    fs::write(&scores, found).expect("writable");
+    assert!(syntable_testing::tools::python(&script, &["bop", &at, &scores.display().to_string()]));
+}
+
+/// A dataset of amodal and visible masks says no more than a result file with the same ones.
+#[test]
+fn masks_that_follow_from_others_say_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut all = annotations(&data());
+    let file = write(folder.path(), &results(&all, true));
+    let itself = scores(&data(), &[]);
+    let dataset = folder.path().join("predicted");
+    fs::create_dir(&dataset).expect("writable");
+    let save = |all: &Value| fs::write(dataset.join("annotation_final.json"), all.to_string()).expect("writable");
+    save(&all);
+    assert_eq!(scores(&dataset, &[]), itself);
+    for it in all["annotations"].as_array_mut().expect("a list") {
+        it.as_object_mut().expect("an object").remove("occluded_mask").expect("a mask");
+    }
+    save(&all);
+    let found = scores(&dataset, &[]);
+    assert_eq!(without_coco(&found), without_coco(&scores(&file, &[])));
+    assert_ne!(found["scores"]["acc_o"], itself["scores"]["acc_o"]);
+    assert_eq!(scores(&dataset, &["--occluded-from", "0"]), itself);
+}
+
+#[test]
+fn options_without_sense_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = imperfect(folder.path());
+    let eval =
+        |more: &[&str]| fails(syntable().arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file).args(more), 2);
+    let save = folder.path().join("saved.json").display().to_string();
+    for (options, says) in [
+        (&["--min-score", "nan"][..], "a number, such as 0.5"),
+        (&["--min-score", "inf"], "a number, such as 0.5"),
+        (&["--occluded-from", "5"], "a rate from 0 to 1"),
+        (&["--occluded-from", "-0.1"], "a rate from 0 to 1"),
+        (&["--occluded-from", "nan"], "a rate from 0 to 1"),
+        (&["--save", &save, "--worst", "0"], "a number from 1 on, or `all`"),
+        (&["--by-category", "--metrics", "visible"], "adds to the metric `coco`"),
+    ] {
+        let said = eval(options);
+        assert!(said.contains(says), "{options:?}: {said}");
+    }
+    // Without the usual score, the one that images are ranked by is said.
+    let mut eval = syntable();
+    eval.arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file).args(["--metrics", "visible", "--save", &save]);
+    let output = eval.output().expect("runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("those of the lowest `visible_overlap_f`"), "{said}");
+    // A dataset is its folder, also where its file is named.
+    let inside = inner(&data()).join("each.csv");
+    for gt in [data(), inner(&data()), inner(&data()).join("annotation_final.json")] {
+        let mut eval = syntable();
+        eval.arg("eval").arg("--gt").arg(&gt).arg("--pred").arg(&file).arg("--csv").arg(&inside);
+        let said = fails(&mut eval, 2);
+        assert!(said.contains("--csv would write into") && !inside.exists(), "{}: {said}", gt.display());
+    }
+}
+
 /// Writes a gray PNG file.
 fn write_png(file: &Path, size: [u32; 2], depth: png::BitDepth, bytes: &[u8]) {
     fs::create_dir_all(file.parent().expect("a folder")).expect("writable");

@@ -106,6 +106,23 @@ fn mistakes_are_told_as_check_tells_them() {
 }
 
 #[test]
+fn a_sheet_never_takes_the_place_of_an_asset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (recipe, texture) = (folder.path().join("my.toml"), folder.path().join("textures/wood/wood_Color.png"));
+    let pool = "[assets.more]\nkind = \"pbr_folder\"\nroot = \"textures\"\n";
+    fs::write(&recipe, format!("{}\n{pool}", with("", ""))).expect("written");
+    fs::create_dir_all(texture.parent().expect("a folder")).expect("writable");
+    image::RgbImage::new(4, 4).save(&texture).expect("written");
+    let before = fs::read(&texture).expect("readable");
+    let said = fails(preview(&recipe, &["--views", "1", "--out"]).arg(&texture), 2);
+    assert!(said.contains("--out would overwrite what the recipe reads"), "{said}");
+    assert!(fs::read(&texture).expect("readable") == before);
+    // A path that cannot be written is a mistake of the command.
+    let said = fails(preview(&recipe, &["--views", "1", "--out"]).arg(folder.path().join("none/a.png")), 2);
+    assert!(said.contains("none/a.png"), "{said}");
+}
+
+#[test]
 fn a_scene_that_fails_is_told_in_its_cell() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out.png");

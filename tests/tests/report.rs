@@ -282,18 +282,6 @@ fn the_worst_images_are_shown_with_their_predictions() {
             &view.replace("by('predictions').querySelector('button').click();", ""),
         ),
     ];
-    let Some(found) = look(&jobs) else { return };
-    assert_eq!(found[0][0][0], json!(["view.html#i=1&on=predicted", "0.0"]), "{}", found[0]);
-    assert_eq!((&found[0][0][1][0], &found[0][1]), (&json!("view.html#i=2&on=predicted"), &json!(3)), "{}", found[0]);
-    let seen = &found[1];
-    let number = |name: &str| seen[name].as_u64().expect("a number");
-    assert_eq!((number("red"), number("after"), seen["chosen"].as_bool()), (1, 0, Some(true)), "{seen}");
-    assert!(number("before") == number("rows") && number("both") == 2 * number("rows"), "{seen}");
-    assert!(number("rows") == number("labels") + 1 && number("rows") > 5 && number("scores") > 20, "{seen}");
-    assert_eq!(seen["says"], "No visible object is missed. 1 of no object, drawn red.");
-    let missed = &found[2];
-    assert_eq!((&missed["before"], &missed["rows"]), (&json!(0), &json!(0)), "{missed}");
-    assert!(missed["says"].as_str().is_some_and(|it| it.starts_with("Missed: 1, ")), "{missed}");
     // Of few images, those with the worst scores come first; and they are served as well.
     let few = folder.path().join("few");
     ok(syntable().arg("report").arg(dataset()).args(["--images", "2", "--out"]).arg(&few).arg("--scores").arg(&scores));
@@ -314,10 +302,12 @@ fn the_worst_images_are_shown_with_their_predictions() {
     // Of another dataset, and of no scores at all.
     let other = fs::read_to_string(&scores).expect("readable").replace("\"name\":\"", "\"name\":\"other-");
     let more = fs::read_to_string(&scores).expect("readable").replacen("\"images\":", "\"images\":1", 1);
+    let edited = fs::read_to_string(&scores).expect("readable").replacen("\"visible\":\"", "\"visible\":\"~", 1);
     let wrong = folder.path().join("wrong.json");
     for (text, says) in [
         (other.as_str(), "is not in the dataset"),
         (more.as_str(), "images, and the dataset has"),
+        (edited.as_str(), "`visible` of prediction 1, 160 × 120 pixels"),
         ("[1]", "it is no file of scores"),
     ] {
         fs::write(&wrong, text).expect("writable");
@@ -335,6 +325,19 @@ fn the_worst_images_are_shown_with_their_predictions() {
         assert!(said.contains(says) && said.contains("wrong.json"), "{said}");
     }
     assert!(few.join("index.html").is_file());
+    // The rest is what a browser shows.
+    let Some(found) = look(&jobs) else { return };
+    assert_eq!(found[0][0][0], json!(["view.html#i=1&on=predicted", "0.0"]), "{}", found[0]);
+    assert_eq!((&found[0][0][1][0], &found[0][1]), (&json!("view.html#i=2&on=predicted"), &json!(3)), "{}", found[0]);
+    let seen = &found[1];
+    let number = |name: &str| seen[name].as_u64().expect("a number");
+    assert_eq!((number("red"), number("after"), seen["chosen"].as_bool()), (1, 0, Some(true)), "{seen}");
+    assert!(number("before") == number("rows") && number("both") == 2 * number("rows"), "{seen}");
+    assert!(number("rows") == number("labels") + 1 && number("rows") > 5 && number("scores") > 20, "{seen}");
+    assert_eq!(seen["says"], "No visible object is missed. 1 of no object, drawn red.");
+    let missed = &found[2];
+    assert_eq!((&missed["before"], &missed["rows"]), (&json!(0), &json!(0)), "{missed}");
+    assert!(missed["says"].as_str().is_some_and(|it| it.starts_with("Missed: 1, ")), "{missed}");
 }
 
 /// Lines of the journal that are damaged, and images that are gone, are said; the rest is shown.
@@ -411,4 +414,10 @@ fn view_serves_the_same_pages_and_nothing_else() {
     let seen = look(&[job(&format!("{}view.html#i=2&on=visible", served.1), &script)]);
     assert!(seen.is_none_or(|seen| seen[0] == json!([160, true])));
     assert!(before == files(dataset()), "viewing has written something");
+    // A signal is how it ends.
+    for signal in ["-INT", "-TERM"] {
+        let mut served = serve(&[]);
+        ok(std::process::Command::new("kill").args([signal, &served.0.id().to_string()]));
+        assert_eq!(served.0.wait().expect("it ends").code(), Some(0), "{signal}");
+    }
 }

@@ -183,6 +183,6 @@ fn mistakes_are_told() {
     let said = fails(syntable().arg("stats").arg(&coco).arg("--labels-only"), 2);
     assert!(said.contains("image \"") && said.contains("annotation "), "{said}");
     let csv = nowhere.join("each.csv");
-    let said = fails(syntable().arg("stats").arg(syntable_folder()).arg("--labels-only").arg("--csv").arg(&csv), 1);
+    let said = fails(syntable().arg("stats").arg(syntable_folder()).arg("--labels-only").arg("--csv").arg(&csv), 2);
     assert!(said.contains("each.csv"), "{said}");
 }

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 use syntable_model::error::{Error, Result};
+use syntable_model::product::Mask;
 
 /// Scores of a dataset, in percent. Those of which nothing was to be counted are none.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -43,6 +44,8 @@ pub struct ScoreTable {
 pub struct ScoredImage {
     /// What the ground truth calls it.
     pub name: String,
+    /// Width and height of its masks, px.
+    pub size: [u32; 2],
     /// Its scores by name; those of which nothing was to be counted are left out.
     pub scores: BTreeMap<String, f64>,
     /// The predictions that count, by falling confidence.
@@ -79,21 +82,67 @@ impl Scores {
     /// If it cannot be read, or is no such file.
     pub fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| Error::io(path, &error).of_request())?;
-        serde_json::from_reader(BufReader::new(file)).map_err(|error| {
-            Error::new(format!("it is no file of scores: {error}"))
-                .in_file(path)
-                .help("`syntable eval --save FILE` writes one")
-                .of_request()
-        })
+        let wrong = |what: String| {
+            Error::new(what).in_file(path).help("`syntable eval --save FILE` writes it anew").of_request()
+        };
+        let scores: Self = serde_json::from_reader(BufReader::new(file))
+            .map_err(|error| wrong(format!("it is no file of scores: {error}")))?;
+        for image in &scores.worst {
+            if let Some(what) = image.damage() {
+                return Err(wrong(format!("image \"{}\": {what}", image.name)));
+            }
+        }
+        Ok(scores)
     }
 
-    /// Writes a file of scores.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        let mut text = serde_json::to_string(self).unwrap_or_default();
-        text.push('\n');
-        std::fs::write(path, text).map_err(|error| Error::io(path, &error).of_request())
+    /// The text of a file of scores.
+    pub fn text(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default() + "\n"
+    }
+}
+
+impl ScoredImage {
+    /// The first mask that is none of the size of the image.
+    fn damage(&self) -> Option<String> {
+        let [width, height] = self.size;
+        self.predictions.iter().enumerate().find_map(|(number, it)| {
+            let masks = [("visible", Some(&it.visible)), ("amodal", Some(&it.amodal)), ("hidden", it.hidden.as_ref())];
+            masks.into_iter().find_map(|(name, mask)| {
+                let error = Mask::from_coco(width, height, mask?).err()?;
+                Some(format!("`{name}` of prediction {}, {width} × {height} pixels: {error}", number + 1))
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_that_were_edited_are_refused() {
+        let mask = Mask::from_fn(4, 3, |x, y| x > y).to_coco();
+        let object = PredictedObject { visible: mask.clone(), amodal: mask, ..PredictedObject::default() };
+        let image = ScoredImage { name: "a.png".into(), size: [4, 3], predictions: vec![object], ..Default::default() };
+        let scores = Scores { images: 1, worst: vec![image], ..Scores::default() };
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("scores.json");
+        let read = |scores: &Scores| {
+            std::fs::write(&path, scores.text()).expect("writable");
+            Scores::read(&path)
+        };
+        assert_eq!(read(&scores).expect("sound"), scores);
+        let with = |change: &dyn Fn(&mut ScoredImage)| {
+            let mut changed = scores.clone();
+            change(&mut changed.worst[0]);
+            read(&changed).expect_err("damaged").to_string()
+        };
+        for damage in [
+            with(&|it| it.predictions[0].amodal = "~~".into()),
+            with(&|it| it.predictions[0].hidden = Some("7777".into())),
+            with(&|it| it.size = [3, 3]),
+        ] {
+            assert!(damage.contains("image \"a.png\"") && damage.contains("of prediction 1"), "{damage}");
+        }
     }
 }

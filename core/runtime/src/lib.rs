@@ -3,6 +3,7 @@
 pub mod cache;
 pub mod cli;
 pub mod images;
+mod memory;
 pub mod message;
 mod paths;
 pub mod plan;

@@ -4,6 +4,7 @@ use crate::categories::ByCategory;
 use crate::image::{Instance, Occluded, Pair};
 use crate::measure::{Measurement, Measures, Tally, linked};
 use crate::predictions::{self, Predictions, check_masks, instances};
+use crate::results::Results;
 use crate::table::{Score, Scored, Table};
 use crate::{Convention, bootstrap, worst};
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader::DatasetReader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Topic, Verb, amount, check_outputs};
+use syntable_runtime::cli::{Console, Exit, Message, Topic, Verb, amount, check_outputs, dataset_folder, write_whole};
 use syntable_runtime::images::each;
 use syntable_runtime::run::progress::Reporter;
 use syntable_runtime::workers::{self, Pool};
@@ -51,14 +52,16 @@ fn command() -> Command {
         .arg(
             flag("min-score")
                 .value_name("SCORE")
-                .value_parser(value_parser!(f64))
+                .allow_negative_numbers(true)
+                .value_parser(finite)
                 .default_value("0.5")
                 .help("Least score of predictions that count; those of a dataset all do, and so do all in COCO's scores"),
         )
         .arg(
             flag("occluded-from")
                 .value_name("RATE")
-                .value_parser(value_parser!(f64))
+                .allow_negative_numbers(true)
+                .value_parser(rate)
                 .help(
                     "Least occlusion rate of predictions that count as occluded, 0 for any hidden pixel, as in labels. If left \
                      out, any hidden pixel where predictions have occlusion masks, else 0.05",
@@ -133,13 +136,18 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let path = |name: &str| arguments.get_one::<PathBuf>(name);
     let text = |name: &str| arguments.get_one::<String>(name).map(String::as_str);
     let (Some(gt), Some(pred)) = (path("gt"), path("pred")) else { return Ok(()) };
-    check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &[gt, pred])?;
+    let read = [dataset_folder(gt), if Results::is_one(pred) { pred.clone() } else { dataset_folder(pred) }];
+    check_outputs(&[("--csv", path("csv")), ("--save", path("save"))], &read.each_ref().map(PathBuf::as_path))?;
     let convention = if text("convention") == Some("paper") { Convention::Paper } else { Convention::Release };
     let least = arguments.get_one("min-score").copied().unwrap_or(0.5);
     let occluded = arguments.get_one("occluded-from").copied().map_or(Occluded::AsSaid, Occluded::From);
     let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |threads| usize::from(*threads));
     let names: Vec<String> = arguments.get_many::<String>("metrics").into_iter().flatten().cloned().collect();
     let mut measures = Measures::named(&names, convention).map_err(Exit::stopped)?;
+    if arguments.get_flag("by-category") && !names.is_empty() && !names.iter().any(|name| name == "coco") {
+        let error = Error::new("--by-category adds to the metric `coco`, which --metrics leaves out");
+        return Err(Exit::wrong(error.help("name `coco` with --metrics, too, or leave --by-category out")));
+    }
     let (format, truth) = predictions::open(gt, text("gt-format")).map_err(Exit::stopped)?;
     let opened = check_masks(&*truth, gt)
         .and_then(|()| check_images(&*truth, gt))
@@ -170,18 +178,37 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     let table = Table { images: &images, convention, measures: &measures, scores, has_intervals, categories };
     if let Some(file) = path("csv") {
         let csv = table.csv(|image| &truth.images()[image].name);
-        std::fs::write(file, csv).map_err(|error| Exit::stopped(Error::io(file, &error)))?;
+        write_whole(file, csv.as_bytes()).map_err(Exit::stopped)?;
     }
     if let Some(file) = path("save") {
         let most = arguments.get_one::<usize>("worst").copied().unwrap_or(usize::MAX);
         let lowest = worst::lowest(&measures, &images, rank, most);
-        let worst = evaluation.worst(&lowest, &pool, console.reporter()).map_err(Exit::stopped)?;
-        Scores { ranked_by, worst, ..table.saved() }.write(file).map_err(Exit::stopped)?;
+        let found = evaluation.worst(&lowest, &pool, console.reporter()).map_err(Exit::stopped)?;
+        if text("worst-by").is_none() && ranked_by != worst::RANKED_BY {
+            let error = Error::new(format!("the worst images are those of the lowest `{ranked_by}`"));
+            let help = format!("--metrics leaves `{}` out; --worst-by chooses another score", worst::RANKED_BY);
+            console.say(&Message::Warning(error.help(help)));
+        }
+        let scores = Scores { ranked_by, worst: found, ..table.saved() };
+        write_whole(file, scores.text().as_bytes()).map_err(Exit::stopped)?;
     }
     if arguments.get_flag("json") {
         return console.print(&format!("{:#}\n", table.json()));
     }
     console.print(&format!("{}read as: {format} and {pred_format}\n", table.text()))
+}
+
+/// A score that can be compared with others.
+fn finite(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|score: &f64| score.is_finite()).ok_or_else(|| "a number, such as 0.5".to_owned())
+}
+
+/// A share of an object.
+fn rate(text: &str) -> std::result::Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|rate| (0.0..=1.0).contains(rate))
+        .ok_or_else(|| "a rate from 0 to 1, such as 0.05".to_owned())
 }
 
 /// What is kept of the images, by their numbers in the annotation file as far as they have some: the order in which COCO's tools
@@ -223,19 +250,21 @@ impl Evaluation<'_> {
         let mut found = Vec::with_capacity(images.len());
         let scored = |index: usize| {
             let image = images[index];
-            Ok(worst::scored(self.measures, &self.truth.images()[image].name, &self.pair(image)?))
+            let (pair, size) = self.pair(image)?;
+            Ok(worst::scored(self.measures, &self.truth.images()[image].name, size, &pair))
         };
         each((workers, reporter), "saved", images.len(), &scored, &mut |_, it| found.push(it))?;
         Ok(found)
     }
 
     fn image(&self, image: usize) -> Result<Scored> {
-        let pair = self.pair(image)?;
+        let (pair, _) = self.pair(image)?;
         let (objects, predictions) = (pair.labels.len(), pair.predictions.len());
         Ok(Scored { objects, predictions, tally: self.measures.tally(&pair) })
     }
 
-    fn pair(&self, image: usize) -> Result<Pair> {
+    /// Labels and predictions of an image, and its size.
+    fn pair(&self, image: usize) -> Result<(Pair, [u32; 2])> {
         let name = || format!("image \"{}\"", self.truth.images()[image].name);
         let (labels, size) =
             instances(self.truth, image, Instance::labeled_with).map_err(|error| error.context(name()))?;
@@ -250,6 +279,6 @@ impl Evaluation<'_> {
         }
         let crowds = self.truth.crowds(image).map_err(|error| error.context(name()))?;
         let pair = Pair::new(labels, likely).and_then(|pair| pair.with(unlikely, crowds));
-        pair.map_err(|error| error.in_file(self.pred).context(name()))
+        Ok((pair.map_err(|error| error.in_file(self.pred).context(name()))?, size))
     }
 }

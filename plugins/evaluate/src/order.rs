@@ -3,8 +3,9 @@
 use crate::image::{Instance, Pair};
 use crate::measure::{Measurement, Metric, Ratio, Ratios};
 use crate::register_metric;
-use syntable_formats::read::occludes;
+use syntable_formats::read::{occludes, order_by};
 use syntable_model::product::Mask;
+use syntable_model::scene::InstanceId;
 
 /// IoU that makes an edge in SynTable's release.
 const RELEASE_IOU: f64 = 0.1;
@@ -108,8 +109,10 @@ fn order(n: usize, occludes: impl Fn(usize, usize) -> bool) -> Order {
 
 /// The paper's Algorithm 1: the visible mask of one meets the occlusion mask of the other.
 pub fn paper(all: &[Instance]) -> Order {
-    let boxes: Vec<_> = all.iter().map(|it| (it.visible.bbox(), it.occlusion.bbox())).collect();
-    order(all.len(), |i, j| boxes[i].0.meets(&boxes[j].1) && occludes(&all[i].visible, &all[j].occlusion))
+    // By place: predictions have no ids.
+    let objects = all.iter().enumerate().map(|(at, it)| (InstanceId(at as u16), &it.visible, Some(&it.occlusion)));
+    let found = order_by(&objects.collect::<Vec<_>>(), occludes);
+    order(all.len(), |i, j| found.occludes(i, j))
 }
 
 /// Edges of predictions as the release has them.

@@ -76,7 +76,7 @@ impl Predictions {
     pub fn instances(&self, image: usize, size: [u32; 2], occluded: Occluded) -> Result<[Vec<Instance>; 2]> {
         match self {
             Self::Dataset(dataset, pairs, categories) => {
-                let least = occluded.least(dataset.offers().contains(&OCCLUSION_MASK.id()));
+                let least = occluded.least(says_occlusion(&**dataset));
                 let make = |amodal, visible, occlusion| Instance::predicted_from(least, amodal, visible, occlusion);
                 let (mut instances, own) = instances(&**dataset, pairs[image], make)?;
                 if own != size {
@@ -95,6 +95,12 @@ impl Predictions {
     }
 }
 
+/// Whether a dataset itself says which pixels of its objects are hidden, by masks that do not follow from others.
+fn says_occlusion(dataset: &dyn DatasetReader) -> bool {
+    let key = OCCLUSION_MASK.id();
+    dataset.offers().contains(&key) && !dataset.derived().contains(&key)
+}
+
 /// The objects of an image in the order of their ids, and `[width, height]` of the image. `make` takes amodal, visible and
 /// occlusion mask. In a dataset without amodal masks, they are the visible ones.
 ///
@@ -106,8 +112,10 @@ pub fn instances(
     make: impl Fn(Mask, Mask, Option<Mask>) -> Instance,
 ) -> Result<(Vec<Instance>, [u32; 2])> {
     let offers = dataset.offers();
-    let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), OCCLUSION_MASK.id(), CATEGORY_ID.id()];
-    let wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
+    let wants = [VISIBLE_MASK.id(), AMODAL_MASK.id(), CATEGORY_ID.id()];
+    let mut wants: Vec<_> = wants.into_iter().filter(|key| offers.contains(key)).collect();
+    // Where a dataset does not state it, it follows from the other two here, as in a result file.
+    wants.extend(says_occlusion(dataset).then_some(OCCLUSION_MASK.id()));
     let (view, products) = dataset.read(image, &wants)?;
     let visible = &products.get(VISIBLE_MASK)?.0;
     let size = [view.camera.intrinsics.width, view.camera.intrinsics.height];

@@ -39,7 +39,7 @@ pub fn lowest(measures: &Measures, images: &[Scored], score: usize, most: usize)
 }
 
 /// An image with its scores and predictions.
-pub fn scored(measures: &Measures, name: &str, pair: &Pair) -> ScoredImage {
+pub fn scored(measures: &Measures, name: &str, size: [u32; 2], pair: &Pair) -> ScoredImage {
     let values = measures.names().into_iter().zip(measures.values(&[&measures.tally(pair)]));
     let scores = values.filter_map(|(name, value)| Some((name, 100.0 * value?))).collect();
     let mut objects: Vec<PredictedObject> = pair
@@ -66,5 +66,5 @@ pub fn scored(measures: &Measures, name: &str, pair: &Pair) -> ScoredImage {
             object.visible_f = 100.0 * f_of(&truth.visible, &predicted.visible);
         }
     }
-    ScoredImage { name: name.to_owned(), scores, predictions: objects }
+    ScoredImage { name: name.to_owned(), size, scores, predictions: objects }
 }

@@ -15,7 +15,7 @@ mod verify;
 pub use crate::message::Message;
 pub use check::load_checked;
 pub use list::products;
-pub use outputs::{check_outputs, lies_in};
+pub use outputs::{check_outputs, dataset_folder, lies_in, write_whole};
 pub use run::{Scenes, parse_scenes};
 pub use verb::{Topic, Verb};
 
@@ -44,9 +44,10 @@ use syntable_model::registry::Registry;
 Exit codes:
   0  done
   1  stopped; what was done is kept, the same command goes on from there
-  2  the recipe, an option, the folder or an asset is not what it must be; the same command fails again
+  2  the recipe, an option, the folder, an asset or a file to write is not what it must be; the same command fails again
   3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged. validate: labels are wrong. convert: images were left out
-  130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there"
+  130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there.
+            view, preview --watch and --serve: 0, since a signal is how they end"
 )]
 struct Cli {
     #[command(subcommand)]

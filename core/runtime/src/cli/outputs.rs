@@ -2,8 +2,12 @@
 
 use super::Exit;
 use crate::paths::whole;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use syntable_model::error::Error;
+use syntable_model::error::{Error, Result as ModelResult};
+
+/// The folder in which annotation files lie that are not at the top of their dataset.
+const ANNOTATIONS: &str = "annotations";
 
 /// Refuses files that would take the place of what a command reads, or of each other. `outputs` are files with the options
 /// that name them; `inputs` are files, and folders in which nothing is to be written.
@@ -33,6 +37,42 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
     Ok(())
 }
 
+/// The folder of a dataset, which may be named by its annotation file.
+pub fn dataset_folder(path: &Path) -> PathBuf {
+    if !path.is_file() {
+        return path.to_owned();
+    }
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let above = |path: &Path| path.parent().unwrap_or(path).to_owned();
+    let folder = above(&path);
+    if folder.file_name().is_some_and(|name| name == ANNOTATIONS) { above(&folder) } else { folder }
+}
+
+/// Writes a file that is whole at any moment: beside its place, which it takes then.
+///
+/// # Errors
+/// If it cannot be written. Unless the disk is full, the path is at fault.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> ModelResult<()> {
+    let failed = |error: std::io::Error| {
+        let failed = Error::io(path, &error);
+        if error.kind() == ErrorKind::StorageFull { failed } else { failed.help("name another file").of_request() }
+    };
+    // A device or a pipe takes what is written, and nothing takes its place.
+    if std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        return std::fs::write(path, bytes).map_err(failed);
+    }
+    // What a link leads to is replaced, and not the link.
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let mut part = path.file_name().unwrap_or_default().to_owned();
+    part.push(format!(".{}.part", std::process::id()));
+    let part = path.with_file_name(part);
+    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, &path));
+    written.map_err(|error| {
+        let _ = std::fs::remove_file(&part);
+        failed(error)
+    })
+}
+
 /// Whether a path is a folder or file, or lies in it, links and detours aside; either may not be there yet.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     whole(path).starts_with(whole(folder))
@@ -42,6 +82,22 @@ pub fn lies_in(path: &Path, folder: &Path) -> bool {
 mod tests {
     use super::*;
     use crate::message::Message;
+
+    #[test]
+    fn a_file_takes_the_place_of_another_one_and_leaves_nothing_beside_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("a.json");
+        write_whole(&out, b"one").and_then(|()| write_whole(&out, b"two")).expect("writable");
+        assert_eq!(std::fs::read(&out).expect("readable"), b"two");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
+        // A folder that is not there, and one in the file's place: the request is at fault.
+        std::fs::create_dir(folder.path().join("b")).expect("made");
+        for path in ["none/a.json", "b"] {
+            let error = write_whole(&folder.path().join(path), b"x").expect_err("it is no file");
+            assert!(error.is_permanent() && error.to_string().contains(path), "{error}");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 2);
+    }
 
     #[test]
     fn what_a_command_reads_is_not_overwritten() {
@@ -72,6 +128,12 @@ mod tests {
         ] {
             let message = said(&[("--save", Some(&path))]);
             assert!(message.contains(says) && message.contains("another file"), "{message}");
+        }
+        // A dataset is its folder, however it is named.
+        std::fs::create_dir(at("data/annotations")).expect("made");
+        std::fs::write(at("data/annotations/train.json"), "{}").expect("written");
+        for named in ["data", "data/labels.json", "data/annotations/train.json"] {
+            assert_eq!(whole(&dataset_folder(&at(named))), whole(&data), "{named}");
         }
         let message = said(&[("--csv", Some(&fine)), ("--save", Some(&other))]);
         assert!(message.contains("overwrite what --csv writes"), "{message}");

@@ -10,11 +10,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use syntable_formats::coco::Category;
 use syntable_formats::decode;
 use syntable_formats::json as formats_json;
 use syntable_formats::read::{self, Faults, Labels};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, RGB, VISIBILITY};
+use syntable_model::product::standard::{
+    CAMERA, DEPTH, OBJECT_INFO, OBJECT_MODELS, OBJECT_NAME, OCCLUSION_MASK, RGB, VISIBILITY,
+};
 use syntable_model::product::{ObjectModels, PixelCounts};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 use syntable_model::scene::{SceneId, ViewId};
@@ -29,6 +32,7 @@ syntable_model::register_format!(Format {
 
 struct Reader {
     info: DatasetInfo,
+    categories: read::Categories,
     refs: Vec<ImageRef>,
     images: Vec<Record>,
     /// Names of assets and boxes of models in meters, by `obj_id`.
@@ -174,9 +178,28 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
     let numbers = models.iter().flat_map(|models| models.keys().copied());
     let meshes = Meshes::of(model_folder.unwrap_or(&model_folders[0]), numbers);
     let bounds = all_models.filter_map(|(&id, model)| Some((id, bounds_of(model)?))).collect();
-    let info = read::Categories::of(&[]).info(name_of(root), String::new(), &refs, String::new());
+    // As COCO's files of BOP have it, the category of an object is its number.
+    let numbers: BTreeSet<u64> =
+        of_scenes.values().flatten().chain(models.iter().flat_map(BTreeMap::keys)).copied().collect();
+    let category = |id: u64| Category { id, name: asset_of(&names, id), ..Category::default() };
+    let categories = read::Categories::of(&numbers.into_iter().map(category).collect::<Vec<_>>());
+    let info = categories.info(name_of(root), String::new(), &refs, String::new());
     let (opened, faults) = (faults.into_inner(), OnceLock::new());
-    Ok(Box::new(Reader { info, refs, images, names, bounds, models, meshes, of_scenes, camera, coco, opened, faults }))
+    Ok(Box::new(Reader {
+        info,
+        categories,
+        refs,
+        images,
+        names,
+        bounds,
+        models,
+        meshes,
+        of_scenes,
+        camera,
+        coco,
+        opened,
+        faults,
+    }))
 }
 
 /// Content of the files of a scene: cameras, counts and poses of each image.
@@ -258,6 +281,14 @@ impl DatasetReader for Reader {
         keys
     }
 
+    fn derived(&self) -> Vec<KeyId> {
+        keys![OCCLUSION_MASK]
+    }
+
+    fn category(&self, own: u64) -> Option<u32> {
+        self.categories.known(own)
+    }
+
     fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
         let record = &self.images[image];
         let wanted = |key: KeyId| wants.contains(&key);
@@ -268,7 +299,7 @@ impl DatasetReader for Reader {
             products.put(OBJECT_MODELS, self.models_of(self.refs[image].scene))?;
         }
         let masks_wanted = read::Known::Both.offers().into_iter().any(wanted);
-        let labels = if masks_wanted { record.labels([width, height])? } else { Vec::new() };
+        let labels = if masks_wanted { record.labels(&self.categories, [width, height])? } else { Vec::new() };
         read::put(&labels, None, wants, &mut products)?;
         if wanted(RGB.id()) {
             products.put(RGB, rgb)?;
@@ -326,7 +357,7 @@ impl Record {
     }
 
     /// Masks of the objects that the image shows or would show.
-    fn labels(&self, size: [u32; 2]) -> Result<Vec<Labels>> {
+    fn labels(&self, categories: &read::Categories, size: [u32; 2]) -> Result<Vec<Labels>> {
         let of = |entry: usize| -> Result<Labels> {
             Ok(Labels {
                 id: id_of(entry),
@@ -336,7 +367,7 @@ impl Record {
                 rate: None,
                 visible_box: None,
                 amodal_box: None,
-                category: DatasetInfo::OBJECT.0,
+                category: categories.id(self.objects[entry].obj_id),
             })
         };
         (0..self.objects.len()).map(of).collect()
@@ -394,7 +425,7 @@ impl Reader {
         let size = [rgb.width(), rgb.height()];
         let mut all: Vec<Fault> =
             self.camera.iter().filter_map(|camera| faults::faults_of_camera(camera, size)).collect();
-        let Ok(labels) = record.labels(size) else { return all };
+        let Ok(labels) = record.labels(&self.categories, size) else { return all };
         let depth = record.depth().ok();
         let mut masks = Vec::new();
         for (label, info) in labels.iter().zip(&record.infos) {
@@ -419,7 +450,7 @@ impl Reader {
 
     /// The asset of a number.
     fn asset(&self, obj_id: u64) -> String {
-        self.names.get(&obj_id).cloned().unwrap_or_else(|| format!("obj_{obj_id:06}"))
+        asset_of(&self.names, obj_id)
     }
 
     fn object(&self, camera: &SceneCamera, object: &GroundTruth) -> Json {
@@ -442,6 +473,11 @@ impl Reader {
         }
         record
     }
+}
+
+/// The asset of a number: its name, or one that is made of the number.
+fn asset_of(names: &BTreeMap<u64, String>, obj_id: u64) -> String {
+    names.get(&obj_id).cloned().unwrap_or_else(|| format!("obj_{obj_id:06}"))
 }
 
 fn product(a: &[[f64; 4]; 4], b: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {

@@ -13,7 +13,7 @@ use syntable_formats::read::{self, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
 use syntable_model::product::BBox;
-use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, RGB, VISIBLE_BOX};
+use syntable_model::product::standard::{CATEGORY_ID, DEPTH, LABEL_POLICY, OCCLUSION_MASK, RGB, VISIBLE_BOX};
 use syntable_model::reader::{Crowd, DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -68,7 +68,7 @@ struct Reader {
     known: Known,
     /// Whether any annotation has a visible mask beside its `segmentation`.
     has_visible: bool,
-    /// Whether any annotation has an occlusion mask.
+    /// Whether any annotation has an occlusion mask; else these follow from the others.
     has_hidden: bool,
     /// Whether images without objects are listed.
     lists_all: bool,
@@ -187,6 +187,10 @@ impl DatasetReader for Reader {
         let more = [(self.has_depth, DEPTH.id()), (self.has_policy, LABEL_POLICY.id())];
         keys.extend(more.into_iter().filter(|(has, _)| *has).map(|(_, key)| key));
         keys
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        if self.has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] }
     }
 
     fn lists_all_images(&self) -> bool {

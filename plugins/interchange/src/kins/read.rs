@@ -14,7 +14,7 @@ use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::RGB;
+use syntable_model::product::standard::{OCCLUSION_MASK, RGB};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -307,6 +307,10 @@ impl DatasetReader for Reader {
         let mut keys = read::Known::Both.offers();
         keys.push(RGB.id());
         keys
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        keys![OCCLUSION_MASK]
     }
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {

@@ -14,7 +14,7 @@ use syntable_formats::decode;
 use syntable_formats::read::{self, Categories, Faults, Known, Labels};
 use syntable_formats::segmentation::Segmentation;
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{CATEGORY_ID, RGB};
+use syntable_model::product::standard::{CATEGORY_ID, OCCLUSION_MASK, RGB};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -278,6 +278,10 @@ impl DatasetReader for Reader {
         };
         keys.push(RGB.id());
         keys
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        keys![OCCLUSION_MASK]
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {

@@ -1,6 +1,6 @@
 //! The verb `preview`: its arguments, and who runs beside whom.
 
-use super::load::Wishes;
+use super::load::{ENDING, Wishes};
 use super::page::{Page, png_of};
 use super::studio::{Ended, News, Shown, Studio};
 use super::watch::Watch;
@@ -11,7 +11,7 @@ use std::time::Duration;
 use syntable_model::error::{Error, Result};
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, value_parser};
-use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes};
+use syntable_runtime::cli::{Console, Exit, RecipeArgs, Scenes, Verb, check_outputs, parse_scenes, write_whole};
 use syntable_runtime::run::progress::count;
 use syntable_runtime::run::stop::{self, Stop};
 use syntable_runtime::workers;
@@ -22,9 +22,6 @@ syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PK
 const AGAIN: Duration = Duration::from_secs(1);
 /// How a PNG starts.
 const PNG: &[u8] = b"\x89PNG";
-
-/// What is appended to the recipe's name.
-const ENDING: &str = "preview.png";
 
 fn command() -> Command {
     let flag = |name: &'static str, help: &'static str| Arg::new(name).long(name).action(ArgAction::SetTrue).help(help);
@@ -100,7 +97,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     };
     let scenes = arguments.get_one::<Scenes>("scenes").copied();
     let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |&threads| usize::from(threads));
-    let studio = Studio::new(console, registry, (wishes, scenes, number("width")), threads);
+    let studio = Studio::new(console, registry, (wishes, scenes, number("width")), out.clone(), threads);
     let stop =
         Stop::on_signals().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))?;
     let mut preview = Preview { studio: studio.map_err(Exit::stopped)?, out, page: serves.then(Page::default), stop };
@@ -192,17 +189,9 @@ impl Drop for End<'_> {
     }
 }
 
-/// Writes a file that is whole at any moment.
+/// Writes the sheet.
 fn store(out: Option<&Path>, bytes: &[u8]) -> Result<()> {
-    let Some(out) = out else { return Ok(()) };
-    let mut part = out.file_name().unwrap_or_default().to_owned();
-    part.push(format!(".{}.part", std::process::id()));
-    let part = out.with_file_name(part);
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, out));
-    written.map_err(|error| {
-        let _ = std::fs::remove_file(&part);
-        Error::io(out, &error).help("name another file with --out")
-    })
+    out.map_or(Ok(()), |out| write_whole(out, bytes))
 }
 
 #[cfg(test)]
@@ -223,16 +212,5 @@ mod tests {
         ] {
             assert_eq!(default_out(recipe.map(Path::new)), Path::new(wanted));
         }
-    }
-
-    #[test]
-    fn a_sheet_takes_the_place_of_another_one_and_leaves_nothing_beside_it() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let out = folder.path().join("a.png");
-        store(Some(&out), b"one").and_then(|()| store(Some(&out), b"two")).expect("writable");
-        assert_eq!(std::fs::read(&out).expect("readable"), b"two");
-        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 1);
-        let error = store(Some(&folder.path().join("none/a.png")), b"x").expect_err("no folder").to_string();
-        assert!(error.contains("none/a.png") && error.contains("--out"), "{error}");
     }
 }

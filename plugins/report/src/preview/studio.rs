@@ -5,6 +5,7 @@ use super::sheet::{self, Cell, Sheet};
 use super::watch::{Files, Watch};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use syntable_formats::draw::Color;
@@ -71,6 +72,8 @@ pub struct Studio<'a> {
     wishes: Wishes,
     scenes: Option<Scenes>,
     width: u32,
+    /// The file of the sheet, which must be none that the recipe reads.
+    out: Option<PathBuf>,
     previewer: Previewer,
     images: Images,
     /// What was shown last, to be shown until something newer is there.
@@ -114,6 +117,7 @@ impl<'a> Studio<'a> {
         console: &'a Console,
         registry: &'a Registry,
         (wishes, scenes, width): (Wishes, Option<Scenes>, u32),
+        out: Option<PathBuf>,
         threads: usize,
     ) -> Result<Self> {
         Ok(Self {
@@ -122,6 +126,7 @@ impl<'a> Studio<'a> {
             wishes,
             scenes,
             width,
+            out,
             previewer: Previewer::new(threads, DiskCache::of_user())?,
             images: Images::default(),
             sheet: None,
@@ -147,6 +152,9 @@ impl<'a> Studio<'a> {
             Ok(loaded) => loaded,
             Err(messages) => return self.mistaken(&[doubts, messages].concat(), show),
         };
+        if let Some(out) = &self.out {
+            load::check_out(out, &recipe)?;
+        }
         let (scenes, views) = match shown_of(&recipe, self.scenes, self.wishes.recipe.views) {
             Ok(shown) => shown,
             Err(error) => return self.mistaken(&load::of_error(error), show),

@@ -20,6 +20,8 @@ const LOOK: Duration = Duration::from_millis(50);
 const SETTLED: Duration = Duration::from_millis(15);
 /// Time after which a file is taken as gone: editors that save by renaming leave none for a moment.
 const GONE: Duration = Duration::from_millis(500);
+/// By how much the times of files may lag behind the clock: file systems take them from a clock of coarse ticks.
+const TICK: Duration = Duration::from_millis(40);
 /// Files up to this size are read at every look; of larger ones, size and time of the last change are compared first.
 const SMALL: u64 = 1 << 20;
 
@@ -54,7 +56,7 @@ impl Files {
     pub fn add(&mut self, path: &Path, since: SystemTime) {
         if !path.is_dir() && !self.0.contains_key(path) {
             let written = path.metadata().and_then(|metadata| metadata.modified());
-            let is_late = written.is_ok_and(|at| at >= since && at <= SystemTime::now());
+            let is_late = written.is_ok_and(|at| at + TICK >= since && at <= SystemTime::now());
             let known = if is_late { Known { content: None, stamp: None } } else { look(path, None) };
             self.0.insert(path.to_owned(), known);
         }
@@ -254,6 +256,20 @@ mod tests {
         let path = folder.path().join("points.json");
         let since = SystemTime::now() - Duration::from_secs(1);
         fs::write(&path, "new").expect("written");
+        let mut files = Files::default();
+        files.add(&path, since);
+        assert!(files.changed(&mut BTreeMap::new()));
+    }
+
+    #[test]
+    fn a_file_that_changed_in_the_tick_in_which_it_was_read_is_read_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("points.json");
+        // A file system with ticks of 10 ms says of a save after the read that it was before.
+        fs::write(&path, "new").expect("written");
+        let since = SystemTime::now();
+        let file = File::options().write(true).open(&path).expect("there");
+        file.set_modified(since - Duration::from_millis(10)).expect("a time");
         let mut files = Files::default();
         files.add(&path, since);
         assert!(files.changed(&mut BTreeMap::new()));

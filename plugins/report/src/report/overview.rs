@@ -16,7 +16,7 @@ use syntable_runtime::run::times::Worked;
 /// Views of a row of images.
 pub const MOST_OCCLUDED: usize = 12;
 /// Images with the worst scores that are shown.
-const MOST_WORST: usize = 24;
+pub const MOST_WORST: usize = 24;
 /// Faults that are listed.
 const FAULTS: usize = 24;
 
@@ -62,6 +62,8 @@ struct ScoresView {
     tables: Vec<TableView>,
     ranked_by: String,
     worst: Vec<Card>,
+    /// How many of the worst images the file has.
+    all_worst: usize,
 }
 
 /// An image that leads to its page.
@@ -253,6 +255,7 @@ fn scores(report: &Report, scored: &Scored) -> ScoresView {
         tables: scored.tables(),
         ranked_by: scored.ranked_by().to_owned(),
         worst: worst.take(MOST_WORST).collect(),
+        all_worst: scored.images().len(),
     }
 }
 

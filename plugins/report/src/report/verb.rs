@@ -1,6 +1,6 @@
 //! `syntable report`.
 
-use super::overview::{MOST_OCCLUDED, by_occlusion};
+use super::overview::{MOST_OCCLUDED, MOST_WORST, by_occlusion};
 use super::record::run_of;
 use super::scored::Scored;
 use super::{Counted, Report, Shown};
@@ -14,7 +14,7 @@ use syntable_model::error::{Error, Result};
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Message, Verb, amount, lies_in};
+use syntable_runtime::cli::{Console, Exit, Message, Verb, amount, dataset_folder, lies_in};
 use syntable_runtime::images::each;
 use syntable_runtime::run::folder::{create_parent, remove};
 use syntable_runtime::run::progress::Reporter;
@@ -68,7 +68,8 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
     let Some(dataset) = path("dataset") else { return Ok(()) };
     let out = path("out").cloned().map_or_else(|| beside(dataset), Ok).map_err(Exit::wrong)?;
     let part = check_out(&out, arguments.get_flag("overwrite")).map_err(Exit::stopped)?;
-    for input in [Some(dataset), path("scores")].into_iter().flatten() {
+    let read = dataset_folder(dataset);
+    for input in [Some(&read), Some(dataset), path("scores")].into_iter().flatten() {
         if lies_in(input, &out) {
             let error = Error::new(format!("{} lies in it, and a new report would replace it", input.display()));
             return Err(Exit::wrong(error.in_file(&out).help("choose another folder with --out")));
@@ -95,6 +96,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
         scenes: Some(scenes),
     };
     let mut report = Report::of(opened, format.name, dataset, chosen).map_err(Exit::stopped)?;
+    let worst = scored.as_ref().map_or(0, |scored| scored.images().len());
     if let Some(scored) = scored {
         report = report.with_scores(scored);
     }
@@ -105,6 +107,11 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> std::result::
         fs::rename(&part, &out).map_err(|error| Error::io(&out, &error))
     });
     written.inspect_err(|_| drop(remove(&part))).map_err(Exit::stopped)?;
+    if worst > MOST_WORST {
+        let note =
+            Error::new(format!("the overview shows {MOST_WORST} of the {worst} worst images in the file of scores"));
+        console.say(&Message::Warning(note.help("the page of each image in the report shows its predictions")));
+    }
     let (shown, all) = (report.images(), report.dataset().images().len());
     let left_out = if shown < all { format!("; --images all adds the other {}", all - shown) } else { String::new() };
     console.print(&format!(
@@ -139,7 +146,7 @@ pub fn choose(all: usize, most: usize, statistics: Option<&Statistics>, worst: &
 /// Where the report of a dataset lies if nothing is said: beside it, since what lies in the folder of a run belongs to the run.
 fn beside(dataset: &Path) -> Result<PathBuf> {
     let whole = std::path::absolute(dataset).map_err(|error| Error::io(dataset, &error))?;
-    let folder = if whole.is_file() { whole.parent().unwrap_or(&whole) } else { &whole };
+    let folder = &dataset_folder(&whole);
     let Some(name) = folder.file_name() else {
         return Err(Error::new("its folder has no name").in_file(dataset).help("choose one for the report with --out"));
     };
@@ -152,8 +159,8 @@ fn beside(dataset: &Path) -> Result<PathBuf> {
     }
     let mut named = name.to_owned();
     named.push("-report");
-    let given = if dataset.is_file() { dataset.parent().unwrap_or(dataset) } else { dataset };
-    Ok(if given.file_name().is_some() { given.with_file_name(named) } else { folder.with_file_name(named) })
+    let is_named = dataset.is_dir() && dataset.file_name().is_some();
+    Ok(if is_named { dataset.with_file_name(named) } else { folder.with_file_name(named) })
 }
 
 /// The folder in which the report is made before it gets its name.

@@ -6,11 +6,10 @@ use super::table::{self, Described};
 use super::{Edges, Options, bin_alike, of};
 use crate::arguments;
 use std::path::{Path, PathBuf};
-use syntable_model::error::Error;
 use syntable_model::reader;
 use syntable_model::registry::Registry;
 use syntable_runtime::clap::{Arg, ArgAction, ArgMatches, Command, value_parser};
-use syntable_runtime::cli::{Console, Exit, Verb, check_outputs};
+use syntable_runtime::cli::{Console, Exit, Verb, check_outputs, dataset_folder, write_whole};
 use syntable_runtime::workers::Pool;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
@@ -81,8 +80,9 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
         levels: arguments.get_one("duplicate-levels").copied().unwrap_or(LEVELS),
         binning: if text("bins") == Some("equal") { Binning::Equal } else { Binning::Fixed },
     };
-    let datasets: Vec<&Path> =
-        arguments.get_many::<PathBuf>("dataset").into_iter().flatten().map(PathBuf::as_path).collect();
+    let datasets = arguments.get_many::<PathBuf>("dataset").into_iter().flatten();
+    let datasets: Vec<PathBuf> = datasets.map(|path| dataset_folder(path)).collect();
+    let datasets: Vec<&Path> = datasets.iter().map(PathBuf::as_path).collect();
     check_outputs(&[("--csv", arguments.get_one("csv"))], &datasets)?;
     let threads = arguments::threads_of(arguments);
     let pool = Pool::new(threads).map_err(Exit::stopped)?;
@@ -95,7 +95,7 @@ fn run(console: &Console, _: &Registry, arguments: &ArgMatches) -> Result<(), Ex
     }
     bin_alike(&mut all.iter_mut().map(|it| &mut it.statistics).collect::<Vec<_>>(), options.binning);
     if let Some(file) = arguments.get_one::<PathBuf>("csv") {
-        std::fs::write(file, table::csv(&all)).map_err(|error| Exit::stopped(Error::io(file, &error)))?;
+        write_whole(file, table::csv(&all).as_bytes()).map_err(Exit::stopped)?;
     }
     console.print(&if arguments.get_flag("json") { table::json(&all) } else { table::text(&all) })
 }

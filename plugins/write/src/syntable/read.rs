@@ -12,7 +12,8 @@ use syntable_formats::segmentation::Rle;
 use syntable_formats::syntable::{Annotation, Image, Scene};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
-    BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_ORDER, RGB, VISIBILITY,
+    BODIES, CAMERA, DENOISER, DEPTH, EXPOSURE, LABEL_POLICY, OBJECT_INFO, OBJECT_NAME, OCCLUSION_MASK, OCCLUSION_ORDER,
+    RGB, VISIBILITY,
 };
 use syntable_model::product::{BBox, OcclusionOrder, PixelCounts};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
@@ -49,8 +50,10 @@ struct Has {
     objects: Option<bool>,
     /// Whether all objects have a name, and there are some.
     names: Option<bool>,
-    /// Whether an object says what is hidden of it.
+    /// Whether an object says how much of it is hidden.
     amodal: bool,
+    /// Whether an object says which pixels of it are hidden.
+    occlusion: bool,
 }
 
 impl Has {
@@ -63,6 +66,7 @@ impl Has {
         objects: None,
         names: None,
         amodal: false,
+        occlusion: false,
     };
 
     fn image(&mut self, image: &Image) {
@@ -80,6 +84,7 @@ impl Has {
         let is_described = it.object.as_ref().is_some_and(|object| !object.is_null());
         self.objects = Some(self.objects.unwrap_or(true) && is_described);
         self.names = Some(self.names.unwrap_or(true) && it.object_name.is_some());
+        self.occlusion |= it.occluded_mask.is_some();
         self.amodal |= it.occluded_mask.is_some() || it.occluded_rate.is_some();
     }
 }
@@ -194,7 +199,9 @@ impl DatasetReader for Reader {
     }
 
     fn derived(&self) -> Vec<KeyId> {
-        keys![VISIBILITY]
+        let mut keys = keys![VISIBILITY];
+        keys.extend((!self.has.occlusion).then_some(OCCLUSION_MASK.id()));
+        keys
     }
 
     fn caveats(&self, reads: &[KeyId]) -> Vec<String> {
