@@ -334,7 +334,7 @@ fn masks_that_follow_from_others_say_nothing() {
     let file = write(folder.path(), &results(&all, true));
     let itself = scores(&data(), &[]);
     let dataset = folder.path().join("predicted");
-    fs::create_dir(&dataset).expect("writable");
+    fs::create_dir_all(dataset.join("data/mono")).expect("writable");
     let save = |all: &Value| fs::write(dataset.join("annotation_final.json"), all.to_string()).expect("writable");
     save(&all);
     assert_eq!(scores(&dataset, &[]), itself);
@@ -372,7 +372,7 @@ fn options_without_sense_are_refused() {
     eval.arg("eval").arg("--gt").arg(data()).arg("--pred").arg(&file).args(["--metrics", "visible", "--save", &save]);
     let output = eval.output().expect("runs");
     let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && said.contains("those of the lowest `visible_overlap_f`"), "{said}");
+    assert!(output.status.success() && said.contains("those of the lowest `visible_overlap_p`"), "{said}");
     // A dataset is its folder, also where its file is named.
     let inside = inner(&data()).join("each.csv");
     for gt in [data(), inner(&data()), inner(&data()).join("annotation_final.json")] {
