@@ -53,10 +53,14 @@ fn foreign_coco(root: &Path, images: &[&[u32]], categories: &[(u32, &str)]) {
         }
     }
     let image = |number| json!({ "id": number, "file_name": format!("{number}.png"), "width": 60, "height": 40 });
+    let category = |(id, name): &(u32, &str)| {
+        let supercategory = if *id < 40 { "" } else { "kitchen" };
+        json!({ "id": id, "name": name, "supercategory": supercategory })
+    };
     let json = json!({
         "images": (1..=images.len()).map(image).collect::<Vec<_>>(),
         "annotations": annotations,
-        "categories": categories.iter().map(|(id, name)| json!({ "id": id, "name": name })).collect::<Vec<_>>(),
+        "categories": categories.iter().map(category).collect::<Vec<_>>(),
     });
     save(&root.join("annotations/instances_val2017.json"), &json);
 }
@@ -88,6 +92,11 @@ fn categories_keep_their_ids() {
     ok(&mut convert(&path("foreign"), "syntable", &path("ours")));
     ok(&mut convert(&path("ours"), "coco", &path("again")));
     assert_eq!(categories(&file("again")), (named, vec![47, 1, 44]));
+    for of in [path("ours").join("syntable/annotation_final.json"), file("coco"), file("again")] {
+        let all = &json_of(&of)["categories"];
+        let of_person = if of.starts_with(path("ours")) { "shape" } else { "" };
+        assert_eq!([0, 1, 2].map(|at| all[at]["supercategory"].as_str()), [of_person, "kitchen", "kitchen"].map(Some));
+    }
     // YOLO's classes have no gaps: they are in the order of the ids.
     ok(&mut convert(&path("foreign"), "yolo", &path("yolo")));
     let data = fs::read_to_string(path("yolo/yolo/data.yaml")).expect("there");

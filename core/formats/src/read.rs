@@ -12,7 +12,7 @@ use syntable_model::product::standard::{
 use syntable_model::product::{BBox, Key, KeyId, Mask, OcclusionOrder, PerInstance, Product, Products};
 use syntable_model::reader::{DatasetFault, ImageRef};
 use syntable_model::scene::{Camera, Exposure, InstanceId, Intrinsics, SceneId, View, ViewId};
-use syntable_model::stage::{DatasetInfo, LabelSurface};
+use syntable_model::stage::{DatasetInfo, LabelSurface, OwnCategory};
 
 /// What a file says of an object in an image. What it leaves out follows from the masks.
 #[derive(Debug, Clone, PartialEq)]
@@ -201,6 +201,8 @@ pub fn view(id: ViewId, width: u32, height: u32) -> View {
 #[derive(Debug, Clone, Default)]
 pub struct Categories {
     names: BTreeMap<u64, String>,
+    /// Of those that have one.
+    supercategories: BTreeMap<u64, String>,
     classes: Vec<String>,
     /// Whether ids are those of the file.
     keeps_ids: bool,
@@ -219,7 +221,9 @@ impl Categories {
         let keeps_ids = !own.is_empty() && own.iter().all(|(id, _)| (1..u64::from(u32::MAX)).contains(id));
         let classes: BTreeSet<String> =
             own.iter().filter(|(_, name)| **name != DatasetInfo::OBJECT.1).map(|(_, name)| (*name).clone()).collect();
-        Self { classes: classes.into_iter().collect(), keeps_ids, has_unknown: false, names }
+        let tells = |it: &&Category| !it.supercategory.is_empty() && it.supercategory != SUPERCATEGORY;
+        let supercategories = categories.iter().filter(tells).map(|it| (it.id, it.supercategory.clone())).collect();
+        Self { classes: classes.into_iter().collect(), keeps_ids, has_unknown: false, names, supercategories }
     }
 
     /// Those of a format that has names of categories without ids.
@@ -273,10 +277,14 @@ impl Categories {
     pub fn info(&self, name: String, program: String, images: &[ImageRef], recipe: String) -> DatasetInfo {
         let (scenes, views) = (images.iter().map(|it| it.scene.0).max(), images.iter().map(|it| it.view.0).max());
         let [scenes, views_per_scene] = [scenes, views].map(|last| last.map_or(0, |last| last.saturating_add(1)));
-        let mut own_categories: Vec<(u32, String)> = self.own().map(|(id, name)| (id, name.clone())).collect();
+        let own = |id: u32, name: &str| {
+            let supercategory = self.supercategories.get(&id.into()).cloned().unwrap_or_default();
+            OwnCategory { id, name: name.to_owned(), supercategory }
+        };
+        let mut own_categories: Vec<OwnCategory> = self.own().map(|(id, name)| own(id, name)).collect();
         let object = self.object();
-        if self.keeps_ids && self.has_unknown && !own_categories.iter().any(|(id, _)| *id == object) {
-            own_categories.push((object, DatasetInfo::OBJECT.1.to_owned()));
+        if self.keeps_ids && self.has_unknown && !own_categories.iter().any(|it| it.id == object) {
+            own_categories.push(own(object, DatasetInfo::OBJECT.1));
         }
         let classes = self.classes.clone();
         let label_surface = LabelSurface::First;
@@ -286,6 +294,9 @@ impl Categories {
 
 /// Category of the background in SynTable's own files, which is no object.
 pub const BACKGROUND: u64 = 0;
+
+/// Supercategory of all categories in SynTable's files, which tells nothing apart.
+pub const SUPERCATEGORY: &str = "shape";
 
 /// What is found to be wrong while a dataset is opened.
 #[derive(Debug, Default)]

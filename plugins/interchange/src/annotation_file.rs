@@ -172,6 +172,9 @@ pub fn license() -> License {
 
 /// The categories of the dataset.
 pub fn categories(dataset: &DatasetInfo) -> Vec<Category> {
-    let category = |(id, name): (u32, &str)| Category { id: id.into(), name: name.into(), ..Category::default() };
+    let category = |(id, name): (u32, &str)| {
+        let supercategory = dataset.supercategory(id).unwrap_or_default().to_owned();
+        Category { id: id.into(), name: name.into(), supercategory, ..Category::default() }
+    };
     dataset.categories().map(category).collect()
 }

@@ -114,13 +114,13 @@ pub fn info(listing: &Listing) -> DatasetInfo {
     listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new())
 }
 
-/// What readers of categories say of those that are in others, of which no product knows.
+/// What readers of categories say of those that are in others, where ids are not kept.
 pub fn supercategories(listing: &Listing, reads: &[KeyId]) -> Option<String> {
     let all = listing.file.categories.iter().flatten();
     let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
     // One for all tells nothing apart.
-    let tells = names.len() > 1 && reads.contains(&CATEGORY_ID.id());
-    tells.then(|| "of categories, ids and names are read: their supercategories are left out".to_owned())
+    let tells = names.len() > 1 && reads.contains(&CATEGORY_ID.id()) && info(listing).own_categories.is_empty();
+    tells.then(|| "of categories, names alone are read: supercategories are left out, since some ids are not kept".to_owned())
 }
 
 /// What is hidden of an object whose amodal mask is known.

@@ -6,6 +6,7 @@ use crate::depth::DepthSource;
 use crate::labels::{self, Label};
 use syntable_formats::Extra;
 use syntable_formats::coco::Category;
+use syntable_formats::read::SUPERCATEGORY;
 use syntable_formats::segmentation::Rle;
 use syntable_model::prelude::*;
 use syntable_model::product::standard::RGB;
@@ -112,7 +113,7 @@ impl Writer for Uoais {
 
     fn finish(&self, cx: &DatasetContext, _: &Products, finish: &Finish) -> Result<()> {
         let listed = if self.skip_empty_images { Listed::Annotated } else { Listed::All };
-        let (name, supercategory) = ("object".into(), "shape".into());
+        let (name, supercategory) = ("object".into(), SUPERCATEGORY.into());
         let category = Category { id: CATEGORY, name, supercategory, ..Category::default() };
         merge(cx, finish, &self.file(), Some(&[category]), listed)
     }

@@ -55,11 +55,21 @@ pub struct DatasetInfo {
     pub program: String,
     /// Names of the classes of the recipe's pools, sorted, without `object`.
     pub classes: Vec<String>,
-    /// Ids and names of the categories of a dataset that was read and has ids, ascending; empty where they follow from
-    /// `classes`.
-    pub own_categories: Vec<(u32, String)>,
+    /// The categories of a dataset that was read and has ids, ascending; empty where they follow from `classes`.
+    pub own_categories: Vec<OwnCategory>,
     /// Which surface labels are of, as the renderer makes them.
     pub label_surface: LabelSurface,
+}
+
+/// A category of a dataset that was read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OwnCategory {
+    /// Its id, from 1.
+    pub id: u32,
+    /// Such as `mug`.
+    pub name: String,
+    /// That of COCO's files, such as `kitchen`; empty if there is none.
+    pub supercategory: String,
 }
 
 impl DatasetInfo {
@@ -69,7 +79,7 @@ impl DatasetInfo {
     /// Ids and names of the categories of annotation files: its own, or else [`OBJECT`](Self::OBJECT), then the classes, in
     /// the order of their names, from 2. Those of a run depend on the recipe alone, and not on the assets that are drawn.
     pub fn categories(&self) -> impl Iterator<Item = (u32, &str)> {
-        let own = self.own_categories.iter().map(|(id, name)| (*id, name.as_str()));
+        let own = self.own_categories.iter().map(|own| (own.id, own.name.as_str()));
         let of_classes = std::iter::once(Self::OBJECT)
             .chain((Self::OBJECT.0 + 1..).zip(self.classes.iter().map(String::as_str)))
             .filter(|_| self.own_categories.is_empty());
@@ -95,6 +105,12 @@ impl DatasetInfo {
         let mut places = self.categories().enumerate();
         let found = places.find(|(_, (other, _))| *other == id).map(|(place, (_, name))| (place, name));
         found.ok_or_else(|| self.no_category(&format!("category {id} of an object is none of the dataset's")))
+    }
+
+    /// The supercategory of a category; none if the dataset names none.
+    pub fn supercategory(&self, id: u32) -> Option<&str> {
+        let own = self.own_categories.iter().find(|own| own.id == id)?;
+        Some(own.supercategory.as_str()).filter(|name| !name.is_empty())
     }
 
     fn no_category(&self, message: &str) -> Error {
@@ -142,7 +158,14 @@ mod tests {
         let error = dataset.category(4).expect_err("three categories");
         assert_eq!(error.message(), "category 4 of an object is none of the dataset's");
         assert_eq!(error.help_text(), Some("it has 1 (object), 2 (bowl), 3 (mug); add the category to them"));
-        let own = DatasetInfo { own_categories: vec![(17, "mug".into()), (90, "a".into())], ..dataset };
+        assert_eq!(dataset.supercategory(2), None);
+        let own = [(17, "mug", "kitchen"), (90, "a", "")].map(|(id, name, supercategory)| OwnCategory {
+            id,
+            name: name.to_owned(),
+            supercategory: supercategory.to_owned(),
+        });
+        let own = DatasetInfo { own_categories: own.to_vec(), ..dataset };
+        assert_eq!([17, 90, 2].map(|id| own.supercategory(id)), [Some("kitchen"), None, None]);
         assert_eq!(own.categories().collect::<Vec<_>>(), [(17, "mug"), (90, "a")]);
         assert_eq!((own.category_id("mug").ok(), own.category(90).ok()), (Some(17), Some((1, "a"))));
         // Category 1 is nobody's.

@@ -4,6 +4,7 @@ use super::record::DATE;
 use super::{Compat, SynTable};
 use syntable_formats::coco::{Category, Info, License};
 use syntable_formats::dataset::{DatasetWriter, Layout};
+use syntable_formats::read::SUPERCATEGORY;
 use syntable_formats::shard::{Line, for_each_line};
 use syntable_formats::syntable::SCENES;
 use syntable_model::prelude::*;
@@ -17,8 +18,8 @@ pub fn annotations(config: &SynTable, dataset: &DatasetInfo, finish: &Finish) ->
         let layout = if syntable_1 { Layout::Indented } else { Layout::Lines };
         let mut file = DatasetWriter::new(out, &path, layout)?;
         let categories: Vec<Category> = match config.compat {
-            Compat::Coco => dataset.categories().map(category).collect(),
-            Compat::Syntable1 => vec![category(DatasetInfo::OBJECT)],
+            Compat::Coco => dataset.categories().map(|it| category(dataset, it)).collect(),
+            Compat::Syntable1 => vec![category(dataset, DatasetInfo::OBJECT)],
         };
         file.header(&info(dataset, syntable_1), &[license()], &categories)?;
         file.images(|images| {
@@ -68,6 +69,7 @@ fn license() -> License {
     License { id: 1, name: "licenses of the assets".into(), ..License::default() }
 }
 
-fn category((id, name): (u32, &str)) -> Category {
-    Category { id: id.into(), name: name.into(), supercategory: "shape".into(), ..Category::default() }
+fn category(dataset: &DatasetInfo, (id, name): (u32, &str)) -> Category {
+    let supercategory = dataset.supercategory(id).unwrap_or(SUPERCATEGORY).to_owned();
+    Category { id: id.into(), name: name.into(), supercategory, ..Category::default() }
 }
