@@ -120,7 +120,9 @@ pub fn supercategories(listing: &Listing, reads: &[KeyId]) -> Option<String> {
     let names: BTreeSet<&str> = all.map(|category| category.supercategory.as_str()).collect();
     // One for all tells nothing apart.
     let tells = names.len() > 1 && reads.contains(&CATEGORY_ID.id()) && info(listing).own_categories.is_empty();
-    tells.then(|| "of categories, names alone are read: supercategories are left out, since some ids are not kept".to_owned())
+    tells.then(|| {
+        "of categories, names alone are read: supercategories are left out, since some ids are not kept".to_owned()
+    })
 }
 
 /// What is hidden of an object whose amodal mask is known.
