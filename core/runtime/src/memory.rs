@@ -1,4 +1,5 @@
-//! Memory that an image takes at least, and what the machine has: a run that cannot hold one view is refused at `check`.
+//! Memory that an image takes at least, and what the machine has: a run that cannot hold one view is refused before it begins.
+//! `check` does not look, since a recipe may be checked on another machine than the one that runs it.
 
 use crate::plan::Plan;
 use syntable_model::error::{Error, Result};

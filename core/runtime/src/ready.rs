@@ -1,5 +1,5 @@
-//! What can be known before a run beyond the text of a recipe: the paths of files, and what stages need from outside.
-//! `check` and `run` ask here.
+//! What can be known before a run beyond the text of a recipe: the paths of files, what stages need from outside, and whether the
+//! memory holds a view. `check` and `run` ask here; the machine's memory and devices matter to `run` alone.
 
 use crate::memory;
 use crate::plan::Plan;
@@ -35,7 +35,7 @@ impl Recipe {
         Err(error.help(help).permanent())
     }
 
-    /// Refuses images that no memory holds. What cameras of other kinds give is not known before a view.
+    /// Refuses images that this machine's memory does not hold. What cameras of other kinds give is not known before a view.
     fn fits(&self) -> Result<()> {
         let resolved: toml::Table = self.resolved.parse().unwrap_or_default();
         let camera = resolved.get(Slot::Camera.name()).and_then(|camera| camera.get("resolution"));
