@@ -92,7 +92,7 @@ fn categories_keep_their_ids() {
     ok(&mut convert(&path("foreign"), "syntable", &path("ours")));
     ok(&mut convert(&path("ours"), "coco", &path("again")));
     assert_eq!(categories(&file("again")), (named, vec![47, 1, 44]));
-    for of in [path("ours").join("syntable/annotation_final.json"), file("coco"), file("again")] {
+    for of in [path("ours").join("annotation_final.json"), file("coco"), file("again")] {
         let all = &json_of(&of)["categories"];
         let of_person = if of.starts_with(path("ours")) { "shape" } else { "" };
         assert_eq!([0, 1, 2].map(|at| all[at]["supercategory"].as_str()), [of_person, "kitchen", "kitchen"].map(Some));
