@@ -34,9 +34,10 @@ fn every_kind_conforms() {
     let all =
         ["contact_sheet", "exr", "gltf", "jsonl", "npy", "npz", "ply", "png", "syntable", "template", "webdataset"];
     assert_eq!(kinds, all);
-    let (dataset, take) = (dataset(1, 1), take(0, 3, &[Crowd::Random]));
+    // Its objects have categories of two classes.
+    let dataset = DatasetInfo { classes: ["a", "b"].map(str::to_owned).to_vec(), ..dataset(1, 1) };
+    let (take, log) = (take(0, 3, &[Crowd::Random]), Collected::default());
     let (view, products) = &take.views[0];
-    let log = Collected::default();
     let cx = DatasetContext::new(&dataset, &Serial, &log).scene(&take.scene).view(view);
     for entry in registry.entries() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -42,7 +42,7 @@ pub fn fault_of_camera_pose(here: &[(u64, Motion)], others: &[Vec<(u64, Motion)>
     let first = moved.first().filter(|_| 2 * moved.len() > moves.len())?;
     let apart = (0..3).map(|axis| first[axis][3] * first[axis][3]).sum::<f64>().sqrt();
     let trace = first[0][0] + first[1][1] + first[2][2];
-    let degrees = ((trace - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();
+    let degrees = libm::acos(((trace - 1.0) / 2.0).clamp(-1.0, 1.0)).to_degrees();
     let message = format!(
         "`cam_R_w2c` and `cam_t_w2c` put all objects elsewhere in the world than {} of {} other images of the scene do, in one \
          piece: turned by {degrees:.1}° and moved by {apart:.3} m; the pose of the camera is wrong, or that of the others",
