@@ -308,7 +308,7 @@ impl Reader {
     /// An object without an occlusion mask, of which masks that it has say that a part is hidden.
     fn fault_of_hidden(&self, size: [u32; 2], annotation: &Annotation) -> Option<(&'static str, String)> {
         let says = |key: &&str| annotation.extra.get(*key).is_some_and(|it| !it.is_null());
-        if !self.has_hidden || self.known != Known::Both || HIDDEN.iter().any(|key| says(&key)) {
+        if !self.has_hidden || self.known != Known::Both || HIDDEN.iter().any(says) {
             return None;
         }
         let label = self.labels(size, InstanceId(1), annotation).ok()?;
