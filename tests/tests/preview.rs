@@ -100,7 +100,10 @@ fn mistakes_are_told_as_check_tells_them() {
     assert!(said.contains("--out would overwrite what the command reads"), "{said}");
     fs::write(&out, "mine").expect("written");
     let said = fails(syntable().arg("preview").arg(&recipe).arg("--out").arg(&out), 2);
-    assert!(said.contains("a file that is no PNG") && fs::read(&out).is_ok_and(|text| text == b"mine"), "{said}");
+    assert!(
+        said.contains("a file that is no sheet of a preview") && fs::read(&out).is_ok_and(|text| text == b"mine"),
+        "{said}"
+    );
     let scenes = fails(&mut preview(&root().join("recipes/quickstart.toml"), &["--views", "500"]), 2);
     assert!(scenes.contains("--views"), "{scenes}");
 }
@@ -114,9 +117,21 @@ fn a_sheet_never_takes_the_place_of_an_asset() {
     fs::create_dir_all(texture.parent().expect("a folder")).expect("writable");
     image::RgbImage::new(4, 4).save(&texture).expect("written");
     let before = fs::read(&texture).expect("readable");
-    let said = fails(preview(&recipe, &["--views", "1", "--out"]).arg(&texture), 2);
-    assert!(said.contains("--out would overwrite what the recipe reads"), "{said}");
-    assert!(fs::read(&texture).expect("readable") == before);
+    let refused = |recipe: &Path, more: &[&str]| {
+        let said = fails(preview(recipe, &["--views", "1"]).args(more).arg("--out").arg(&texture), 2);
+        assert!(said.contains("--out would overwrite a file that is no sheet of a preview"), "{said}");
+        assert!(fs::read(&texture).expect("readable") == before);
+    };
+    refused(&recipe, &[]);
+    // A recipe with mistakes names no assets, and its mistakes would be shown there.
+    let broken = folder.path().join("broken.toml");
+    fs::write(&broken, with("samples_per_pixel = 16", "sampels_per_pixel = 16")).expect("written");
+    refused(&broken, &["--watch"]);
+    // A sheet takes the place of one before, wherever that lies.
+    let sheet = folder.path().join("textures/sheet.png");
+    for _ in 0..2 {
+        ok(preview(&recipe, &["--views", "1", "--scenes", "0", "--out"]).arg(&sheet));
+    }
     // A path that cannot be written is a mistake of the command.
     let said = fails(preview(&recipe, &["--views", "1", "--out"]).arg(folder.path().join("none/a.png")), 2);
     assert!(said.contains("none/a.png"), "{said}");

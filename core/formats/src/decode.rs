@@ -165,8 +165,14 @@ fn read(path: &Path) -> Result<([u32; 2], Samples)> {
         }
         error => Error::new(format!("not a readable PNG file: {error}")).in_file(path).permanent(),
     };
-    if start(path)?.iter().zip(PNG).any(|(byte, own)| *byte != own) {
-        return Err(Error::new("it is no image: neither a PNG nor a JPEG file begins so").in_file(path).permanent());
+    let start = start(path)?;
+    if start.iter().zip(PNG).any(|(byte, own)| *byte != own) {
+        let what = if start.starts_with(&JPEG) {
+            "it is a JPEG file, and masks and depth need exact numbers"
+        } else {
+            "it is no PNG file"
+        };
+        return Err(Error::new(what).in_file(path).help("write the image as a PNG file").permanent());
     }
     let file = File::open(path).map_err(|error| Error::io(path, &error))?;
     let mut decoder = Decoder::new(BufReader::new(file));
@@ -236,7 +242,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.png");
         for (bytes, says) in
-            [(&b""[..], "the file is empty"), (b"hi", "it is no image"), (&PNG[..], "not a readable PNG file")]
+            [(&b""[..], "the file is empty"), (b"hi", "it is no PNG file"), (&PNG[..], "not a readable PNG file")]
         {
             fs::write(&path, bytes).expect("written");
             for error in [rgb(&path).err(), gray(&path).err(), depth(&path, 1.0).err()] {
@@ -244,6 +250,9 @@ mod tests {
                 assert!(error.contains(says) && error.contains("a.png"), "{error}");
             }
         }
+        fs::write(&path, JPEG).expect("written");
+        let error = gray(&path).expect_err("no PNG").to_string();
+        assert!(error.contains("it is a JPEG file") && error.contains("write the image as a PNG"), "{error}");
     }
 
     #[test]

@@ -221,7 +221,7 @@ impl Categories {
         let keeps_ids = !own.is_empty() && own.iter().all(|(id, _)| (1..u64::from(u32::MAX)).contains(id));
         let classes: BTreeSet<String> =
             own.iter().filter(|(_, name)| **name != DatasetInfo::OBJECT.1).map(|(_, name)| (*name).clone()).collect();
-        let tells = |it: &&Category| !it.supercategory.is_empty() && it.supercategory != SUPERCATEGORY;
+        let tells = |it: &&Category| !it.supercategory.is_empty();
         let supercategories = categories.iter().filter(tells).map(|it| (it.id, it.supercategory.clone())).collect();
         Self { classes: classes.into_iter().collect(), keeps_ids, has_unknown: false, names, supercategories }
     }
@@ -232,6 +232,11 @@ impl Categories {
         // No name is a background.
         let categories = (BACKGROUND + 1..).zip(names).map(category).collect::<Vec<_>>();
         Self { keeps_ids: false, ..Self::of(&categories) }
+    }
+
+    /// Forgets a supercategory that a format gives to all categories.
+    pub fn forget_supercategory(&mut self, name: &str) {
+        self.supercategories.retain(|_, other| other != name);
     }
 
     /// Notes that an object has a category that may not be there.

@@ -1,9 +1,10 @@
-//! Memory that an image takes at least, and what the machine has: a run that cannot hold one view is refused before it begins.
-//! `check` does not look, since a recipe may be checked on another machine than the one that runs it.
+//! What the images of a view take at least, and the memory that the machine has: a run that cannot hold one view is refused before it begins.
 
 use crate::plan::Plan;
+use crate::recipe::Recipe;
 use syntable_model::error::{Error, Result};
-use syntable_model::product::{KeyId, RenderParameters, Scope};
+use syntable_model::product::{Form, KeyId, Scope};
+use syntable_model::registry::Slot;
 
 /// Bytes per pixel that a renderer keeps while it renders: sums and squares of radiance, and rays.
 const RENDERER: u64 = 48;
@@ -25,9 +26,8 @@ pub(crate) fn installed() -> Option<u64> {
 /// If one view of one scene does not fit.
 pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Result<()> {
     let pixels = u64::from(width) * u64::from(height);
-    let of_view = plan.entries.iter().map(|entry| entry.key).filter(|key| key.scope == Scope::View);
-    let products = of_view.map(|key| per_pixel(&key).saturating_mul(factor(key.name.parameters)));
-    let needed = pixels.saturating_mul(products.fold(RENDERER, u64::saturating_add));
+    let products: u64 = plan.entries.iter().map(|entry| bytes_per_pixel(&entry.key)).sum();
+    let needed = pixels.saturating_mul(RENDERER + products);
     if needed <= installed {
         return Ok(());
     }
@@ -43,42 +43,34 @@ pub(crate) fn fits(plan: &Plan, [width, height]: [u32; 2], installed: u64) -> Re
         .permanent())
 }
 
-/// Pixels of a product by those of the image, as far as the name says.
-fn factor(parameters: RenderParameters) -> u64 {
-    // Of objects, how many pixels there are depends on the scene.
-    if parameters.objects.is_some() {
-        return 0;
-    }
-    u64::from(parameters.canvas * parameters.subpixels).pow(2)
+/// Width and height of the images of a recipe, px, if its camera states them.
+pub(crate) fn resolution(recipe: &Recipe) -> Option<[u32; 2]> {
+    let resolved: toml::Table = recipe.resolved.parse().ok()?;
+    resolved.get(Slot::Camera.name())?.get("resolution")?.clone().try_into().ok()
 }
 
-/// Bytes per pixel of a product; 0 of one that is no image, whose size depends on the scene.
-fn per_pixel(key: &KeyId) -> u64 {
-    let name = key.type_name();
-    let Some(of) = name.strip_prefix("Plane<").and_then(|name| name.strip_suffix('>')) else { return 0 };
-    let (element, count) = match of.strip_prefix('[').and_then(|of| of.strip_suffix(']')?.split_once("; ")) {
-        Some((element, count)) => (element, count.parse().unwrap_or(1)),
-        None => (of, 1),
-    };
-    count
-        * match element {
-            "f32" | "u32" | "i32" => 4,
-            "f64" | "u64" => 8,
-            "u16" | "InstanceId" => 2,
-            _ => 1,
+/// Bytes that an image of a view has per pixel of the view; 0 of a product that is no image, whose size depends on the scene.
+pub(crate) fn bytes_per_pixel(key: &KeyId) -> u64 {
+    match key.form() {
+        Form::Image { dtype, channels } if key.scope == Scope::View => {
+            let edge = u64::from(key.name.parameters.canvas) * u64::from(key.name.parameters.subpixels);
+            edge * edge * channels.unwrap_or(1) as u64 * dtype.size() as u64
         }
+        _ => 0,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::plan::PlanEntry;
+    use syntable_model::product::RenderParameters;
     use syntable_model::product::standard::{DEPTH, INSTANCE, NORMAL, RGB};
 
     #[test]
     fn views_that_no_memory_holds_are_refused() {
         let keys = [DEPTH.id(), NORMAL.id(), RGB.id(), INSTANCE.id()];
-        assert_eq!(keys.each_ref().map(per_pixel), [4, 12, 3, 2]);
+        assert_eq!(keys.each_ref().map(bytes_per_pixel), [4, 12, 3, 2]);
         let entry = |key| PlanEntry { key, provider: "render".into(), wanted_by: Vec::new() };
         let mut plan = Plan { entries: keys.into_iter().map(entry).collect(), ..Plan::default() };
         // 1000 × 500 pixels of 48 + 21 bytes.

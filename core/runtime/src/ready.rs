@@ -1,5 +1,6 @@
 //! What can be known before a run beyond the text of a recipe: the paths of files, what stages need from outside, and whether the
-//! memory holds a view. `check` and `run` ask here; the machine's memory and devices matter to `run` alone.
+//! memory holds a view. `check` and `run` ask here; the machine's memory and devices matter to `run` alone, since a recipe may be
+//! checked on another machine.
 
 use crate::memory;
 use crate::plan::Plan;
@@ -8,7 +9,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use syntable_model::error::{Error, Result};
 use syntable_model::product::KeyId;
-use syntable_model::registry::Slot;
 use syntable_model::scene::{SceneId, ViewId};
 use syntable_model::stage::{DatasetInfo, FileOf, Writer, check_path};
 
@@ -36,18 +36,14 @@ impl Recipe {
     }
 
     /// Refuses images that this machine's memory does not hold. What cameras of other kinds give is not known before a view.
-    fn fits(&self) -> Result<()> {
-        let resolved: toml::Table = self.resolved.parse().unwrap_or_default();
-        let camera = resolved.get(Slot::Camera.name()).and_then(|camera| camera.get("resolution"));
-        let edges: Option<Vec<u32>> = camera.and_then(|it| it.clone().try_into().ok());
-        match (edges.as_deref(), memory::installed()) {
-            (Some(&[width, height]), Some(installed)) => memory::fits(&self.plan, [width, height], installed),
-            _ => Ok(()),
+    pub(crate) fn fits(&self) -> Result<()> {
+        match memory::resolution(self).zip(memory::installed()) {
+            Some((size, installed)) => memory::fits(&self.plan, size, installed),
+            None => Ok(()),
         }
     }
 
     fn checked(&self) -> Result<()> {
-        self.fits()?;
         let writers: Vec<(&str, &dyn Writer)> =
             self.write.iter().map(|(id, writer)| (id.as_str(), &**writer)).collect();
         let mistakes = writers.iter().filter_map(|writer| unready(*writer));

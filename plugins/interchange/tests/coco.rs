@@ -260,7 +260,37 @@ fn masks_beside_amodal_ones_are_visible() {
     // The same masks twice say that they are amodal.
     let mut whole = annotation(1, Some(rectangle([1, 2, 4, 6])), amodal(1));
     (whole["bbox"], whole["area"]) = (json!([1, 2, 4, 6]), json!(24.0));
-    assert_eq!(of(&[whole]), ([vec![], vec![24], vec![]], vec![]));
+    assert_eq!(of(&[whole.clone()]), ([vec![], vec![24], vec![]], vec![]));
+    // In another encoding, they are the same.
+    let outlined = |id: u64| {
+        let mut record = annotation(id, Some(json!([[1, 2, 5, 2, 5, 8, 1, 8]])), amodal(1));
+        (record["bbox"], record["area"]) = (json!([1, 2, 4, 6]), json!(24.0));
+        record
+    };
+    assert_eq!(of(&[outlined(1)]), ([vec![], vec![24], vec![]], vec![]));
+    // One of many that differs is at fault, and says nothing of the others.
+    let many: Vec<Json> = (1..40).map(outlined).chain([seen(40, 8)]).collect();
+    let ([visible, amodal, _], faults) = of(&many);
+    assert_eq!((visible.len(), amodal.len()), (0, 40));
+    assert_eq!(faults, ["segmentation_is_a_mask_of_the_object"]);
+}
+
+#[test]
+fn a_folder_of_instances_and_segments_is_both() {
+    let folder = tempfile::tempdir().expect("a folder");
+    open(folder.path(), &[annotation(1, Some(square(2, 2)), json!({}))]);
+    fs::write(folder.path().join("annotations/panoptic_val.json"), "{}").expect("written");
+    let error = reader::open(folder.path(), None).err().expect("two formats").to_string();
+    assert!(error.contains("like coco and like coco_panoptic"), "{error}");
+    let found = reader::open(folder.path(), Some("coco")).unwrap_or_else(|error| panic!("{error}")).1;
+    assert_eq!(read(&*found).get(VISIBLE_MASK).expect("there").iter().count(), 1);
+}
+
+#[test]
+fn supercategories_are_those_of_the_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let found = open_of(folder.path(), &[], json!([{ "id": 7, "name": "mug", "supercategory": "shape" }]));
+    assert_eq!(found.info().supercategory(7), Some("shape"));
 }
 
 #[test]

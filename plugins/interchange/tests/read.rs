@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, DEPTH, RGB, VISIBLE_MASK};
+use syntable_model::product::standard::{AMODAL_MASK, CATEGORY_ID, DEPTH, OCCLUSION_MASK, RGB, VISIBLE_MASK};
 use syntable_model::reader::{self, DatasetReader};
 
 fn classes() -> DatasetInfo {
@@ -395,6 +395,39 @@ fn planted_faults_of_bop_are_found() {
 }
 
 #[test]
+fn segments_of_no_number_are_no_objects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "coco_panoptic", "");
+    let root = folder.path().join("data");
+    let count = |read: &dyn DatasetReader| {
+        read.read(0, &keys![VISIBLE_MASK]).expect("readable").1.get(VISIBLE_MASK).expect("there").iter().count()
+    };
+    let before = count(&*open(&root));
+    spoil(&file(&root, "annotations/panoptic_train.json"), &|it| {
+        it["annotations"][0]["segments_info"][0]["id"] = json!(0);
+    });
+    assert_eq!(count(&*open(&root)), before - 1);
+    let said = said(&root, "coco_panoptic");
+    assert!(said.iter().any(|it| it.contains("a segment has the id 0")), "{said:?}");
+}
+
+#[test]
+fn occlusion_masks_of_cocoa_are_its_own_or_follow() {
+    let folder = tempfile::tempdir().expect("a folder");
+    written(folder.path(), "cocoa", "");
+    let root = folder.path().join("data");
+    assert_eq!(open(&root).derived(), []);
+    spoil(&file(&root, ".json"), &|it| {
+        for annotation in it["annotations"].as_array_mut().expect("a list") {
+            for region in annotation["regions"].as_array_mut().expect("a list") {
+                region.as_object_mut().expect("a region").remove("invisible_mask");
+            }
+        }
+    });
+    assert_eq!(open(&root).derived(), keys![OCCLUSION_MASK]);
+}
+
+#[test]
 fn a_scene_of_bop_without_poses_is_at_fault() {
     let folder = tempfile::tempdir().expect("a folder");
     written(folder.path(), "bop", "");
@@ -469,7 +502,7 @@ const REPLACED: &[Replaced] = &[
     ("yolo", "data.yaml", b"names: 3\n", "data.yaml:1: `names` cannot be read"),
     ("yolo", "0000.png", b"\x89PNG", "not a readable PNG file"),
     ("yolo", "0000.png", b"\xff\xd8\xff\xe0", "not a readable JPEG file"),
-    ("osd_amodal", "annotation/s000000v0000.png", b"x", "it is no image"),
+    ("osd_amodal", "annotation/s000000v0000.png", b"x", "it is no PNG file"),
     ("kins", ".json", b"{\"images\": [], \"annotations\": [", "`annotations`: EOF while parsing"),
     (
         "kins",

@@ -150,6 +150,11 @@ impl Image {
 
     /// The bytes of a PNG file. Compression is fast: rendered images do not get much smaller with slow compression.
     pub fn encode(&self) -> Result<Vec<u8>> {
+        self.encode_with(&[])
+    }
+
+    /// The same with texts, each with its keyword (PNG specification, section 11.3.3), before the pixels.
+    pub fn encode_with(&self, texts: &[(&str, &str)]) -> Result<Vec<u8>> {
         let swapped;
         let (color, depth, bytes): (_, _, &[u8]) = match &self.samples {
             Samples::Gray8(bytes) => (ColorType::Grayscale, BitDepth::Eight, bytes),
@@ -165,8 +170,9 @@ impl Image {
         encoder.set_color(color);
         encoder.set_depth(depth);
         encoder.set_compression(Compression::Fast);
-        encoder
-            .write_header()
+        let mut said = texts.iter();
+        said.try_for_each(|(keyword, text)| encoder.add_text_chunk((*keyword).to_owned(), (*text).to_owned()))
+            .and_then(|()| encoder.write_header())
             .and_then(|mut writer| {
                 writer.write_image_data(bytes)?;
                 writer.finish()

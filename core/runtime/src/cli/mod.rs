@@ -45,7 +45,7 @@ Exit codes:
   0  done
   1  stopped; what was done is kept, the same command goes on from there
   2  the recipe, an option, the folder, an asset or a file to write is not what it must be; the same command fails again
-  3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged. validate: labels are wrong. convert: images were left out
+  3  done, but some scenes failed; the journal says why. verify: a file is missing or damaged. validate: labels are wrong. convert: images or meshes were left out
   130, 143  stopped by SIGINT or SIGTERM; what was done is kept, the same command goes on from there.
             view, preview --watch and --serve: 0, since a signal is how they end"
 )]

@@ -6,9 +6,6 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result as ModelResult};
 
-/// The folder in which annotation files lie that are not at the top of their dataset.
-const ANNOTATIONS: &str = "annotations";
-
 /// Refuses files that would take the place of what a command reads, or of each other. `outputs` are files with the options
 /// that name them; `inputs` are files, and folders in which nothing is to be written.
 pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> Result<(), Exit> {
@@ -37,15 +34,17 @@ pub fn check_outputs(outputs: &[(&str, Option<&PathBuf>)], inputs: &[&Path]) -> 
     Ok(())
 }
 
-/// The folder of a dataset, which may be named by its annotation file.
+/// The folder of a dataset, which may be named by its annotation file: the nearest one that looks like a dataset by itself, of the
+/// two in which the file may be. A file that lies among others stands for itself.
 pub fn dataset_folder(path: &Path) -> PathBuf {
     if !path.is_file() {
         return path.to_owned();
     }
-    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let above = |path: &Path| path.parent().unwrap_or(path).to_owned();
-    let folder = above(&path);
-    if folder.file_name().is_some_and(|name| name == ANNOTATIONS) { above(&folder) } else { folder }
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let formats = syntable_model::reader::linked();
+    let is_dataset = |folder: &&Path| formats.iter().any(|format| (format.detect)(folder));
+    let found = absolute.ancestors().skip(1).take(2).find(is_dataset);
+    found.map_or_else(|| path.to_owned(), Path::to_owned)
 }
 
 /// Writes a file that is whole at any moment: beside its place, which it takes then.
@@ -57,16 +56,24 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> ModelResult<()> {
         let failed = Error::io(path, &error);
         if error.kind() == ErrorKind::StorageFull { failed } else { failed.help("name another file").of_request() }
     };
-    // A device or a pipe takes what is written, and nothing takes its place.
-    if std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+    let there = std::fs::metadata(path).ok();
+    // A device or a pipe takes what is written, and so does what a link leads to that has no file yet: nothing takes their place.
+    let is_stream = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder))
+        || there.as_ref().is_some_and(|there| !there.is_file() && !there.is_dir())
+        || there.is_none() && path.is_symlink();
+    if is_stream {
         return std::fs::write(path, bytes).map_err(failed);
+    }
+    if there.as_ref().is_some_and(|there| there.permissions().readonly()) {
+        return Err(Error::new("it is read-only").in_file(path).help("name another file").of_request());
     }
     // What a link leads to is replaced, and not the link.
     let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let mut part = path.file_name().unwrap_or_default().to_owned();
     part.push(format!(".{}.part", std::process::id()));
     let part = path.with_file_name(part);
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, &path));
+    let permit = || there.as_ref().map_or(Ok(()), |there| std::fs::set_permissions(&part, there.permissions()));
+    let written = std::fs::write(&part, bytes).and_then(|()| permit()).and_then(|()| std::fs::rename(&part, &path));
     written.map_err(|error| {
         let _ = std::fs::remove_file(&part);
         failed(error)
@@ -99,6 +106,32 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 2);
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn links_and_permissions_stay() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let mode = |name: &str| std::fs::metadata(at(name)).expect("there").permissions().mode() & 0o777;
+        for target in ["there", "to come"] {
+            symlink(at(target), at(&format!("link to {target}"))).expect("linked");
+        }
+        write_whole(&at("there"), b"one").expect("writable");
+        std::fs::set_permissions(at("there"), PermissionsExt::from_mode(0o600)).expect("permitted");
+        for target in ["there", "to come"] {
+            write_whole(&at(&format!("link to {target}")), b"two").expect("writable");
+            assert!(at(&format!("link to {target}")).is_symlink(), "{target}");
+            assert_eq!(std::fs::read(at(target)).expect("readable"), b"two");
+        }
+        assert_eq!(mode("there"), 0o600);
+        std::fs::set_permissions(at("there"), PermissionsExt::from_mode(0o400)).expect("permitted");
+        let error = write_whole(&at("there"), b"three").expect_err("read-only").to_string();
+        assert!(
+            error.contains("it is read-only") && std::fs::read(at("there")).expect("readable") == b"two",
+            "{error}"
+        );
+    }
+
     #[test]
     fn what_a_command_reads_is_not_overwritten() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -129,11 +162,9 @@ mod tests {
             let message = said(&[("--save", Some(&path))]);
             assert!(message.contains(says) && message.contains("another file"), "{message}");
         }
-        // A dataset is its folder, however it is named.
-        std::fs::create_dir(at("data/annotations")).expect("made");
-        std::fs::write(at("data/annotations/train.json"), "{}").expect("written");
-        for named in ["data", "data/labels.json", "data/annotations/train.json"] {
-            assert_eq!(whole(&dataset_folder(&at(named))), whole(&data), "{named}");
+        // A folder is that of a dataset; a file that is in none stands for itself.
+        for named in ["data", "data/labels.json"] {
+            assert_eq!(whole(&dataset_folder(&at(named))), whole(&at(named)), "{named}");
         }
         let message = said(&[("--csv", Some(&fine)), ("--save", Some(&other))]);
         assert!(message.contains("overwrite what --csv writes"), "{message}");

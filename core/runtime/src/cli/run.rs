@@ -2,6 +2,7 @@
 
 use super::{Console, Exit, Message, RecipeArgs};
 use crate::cache::DiskCache;
+use crate::memory;
 use crate::recipe::Recipe;
 use crate::run::progress::count;
 use crate::run::stop::Stop;
@@ -11,7 +12,6 @@ use clap::Args;
 use std::ops::Range;
 use std::path::PathBuf;
 use syntable_model::error::Error;
-use syntable_model::product::{Form, Scope};
 use syntable_model::registry::Registry;
 
 #[derive(Args)]
@@ -141,21 +141,12 @@ pub(super) fn plan(console: &Console, registry: &Registry, args: &RecipeArgs) ->
 
 /// The largest size of the images that are written, which is known before anything is rendered: that of their numbers.
 fn disk(recipe: &Recipe, images: u64) -> String {
-    let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
-    let size = |axis: usize| resolved.get("camera")?.get("resolution")?.get(axis)?.as_integer();
-    let (Some(width), Some(height)) = (size(0), size(1)) else { return String::new() };
-    let pixels = (width * height).unsigned_abs();
+    let Some([width, height]) = memory::resolution(recipe) else { return String::new() };
+    let pixels = u64::from(width) * u64::from(height);
     let bytes: u64 = (recipe.plan.entries.iter())
         .map(|entry| {
             let writers = entry.wanted_by.iter().filter(|stage| stage.starts_with("write.")).count() as u64;
-            match entry.key.form() {
-                Form::Image { dtype, channels } if entry.key.scope == Scope::View => {
-                    let parameters = entry.key.name.parameters;
-                    let edge = u64::from(parameters.canvas) * u64::from(parameters.subpixels);
-                    writers * pixels * edge * edge * channels.unwrap_or(1) as u64 * dtype.size() as u64
-                }
-                _ => 0,
-            }
+            writers * pixels * memory::bytes_per_pixel(&entry.key)
         })
         .sum();
     let size = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {

@@ -45,6 +45,7 @@ pub fn begin<'a>(
             .permanent());
     }
     recipe.ready()?;
+    recipe.fits()?;
     let devices = inputs::devices(recipe)?;
     let files = inputs::files(recipe)?;
     inputs::unchanged(&recipe.lock, &Lock { files: files.clone(), ..Lock::default() }, &BTreeMap::new(), None)?;

@@ -34,19 +34,20 @@ const SAME_MOTION: [f64; 2] = [2e-3, 2e-3];
 const MOVED: [f64; 2] = [2e-2, 1e-2];
 
 /// The pose of the camera of an image that puts all of its objects elsewhere in the world than other images of the scene do, in one
-/// piece, by numbers of objects and their poses. Objects that move one by one are none of its business.
-pub fn fault_of_camera_pose(here: &[(u64, Motion)], others: &[Vec<(u64, Motion)>]) -> Option<Fault> {
+/// piece, by numbers of objects and their poses. Objects that move one by one are none of its business. So many others, `least`, must
+/// agree, and they must be most of those that share objects with the image: a right camera is not blamed for a wrong one.
+pub fn fault_of_camera_pose(here: &[(u64, Motion)], others: &[Vec<(u64, Motion)>], least: usize) -> Option<Fault> {
     let moves: Vec<Motion> = others.iter().filter_map(|there| common_motion(here, there)).collect();
-    let moved: Vec<&Motion> = moves.iter().filter(|it| !is_near(it, &IDENTITY, MOVED)).collect();
-    // Most of the others are right.
-    let first = moved.first().filter(|_| 2 * moved.len() > moves.len())?;
+    let agreeing = |first: &Motion| moves.iter().filter(|it| is_near(it, first, SAME_MOTION)).count();
+    let first = moves.iter().max_by_key(|it| agreeing(it)).filter(|it| !is_near(it, &IDENTITY, MOVED))?;
+    let agreeing = Some(agreeing(first)).filter(|count| *count >= least && 2 * count > moves.len())?;
     let apart = (0..3).map(|axis| first[axis][3] * first[axis][3]).sum::<f64>().sqrt();
     let trace = first[0][0] + first[1][1] + first[2][2];
     let degrees = libm::acos(((trace - 1.0) / 2.0).clamp(-1.0, 1.0)).to_degrees();
     let message = format!(
         "`cam_R_w2c` and `cam_t_w2c` put all objects elsewhere in the world than {} of {} other images of the scene do, in one \
          piece: turned by {degrees:.1}° and moved by {apart:.3} m; the pose of the camera is wrong, or that of the others",
-        moved.len(),
+        agreeing,
         moves.len()
     );
     Some(("poses_agree_between_views", message))
@@ -324,5 +325,32 @@ pub fn faults_of_models(folder: &Path, models: &BTreeMap<u64, BTreeMap<String, J
             );
             faults.add("sizes_of_models", place, &message);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two objects, moved along x, m.
+    fn at(x: f64) -> Vec<(u64, Motion)> {
+        let pose = |y: f64| {
+            let mut pose = IDENTITY;
+            (pose[0][3], pose[1][3]) = (x, y);
+            pose
+        };
+        vec![(1, pose(0.0)), (2, pose(0.5))]
+    }
+
+    #[test]
+    fn a_camera_is_blamed_if_most_others_agree() {
+        let is_blamed = |others: &[f64], least| {
+            let others: Vec<_> = others.iter().map(|x| at(*x)).collect();
+            fault_of_camera_pose(&at(0.0), &others, least).is_some()
+        };
+        assert!(is_blamed(&[0.3, 0.3], 2) && is_blamed(&[0.3, 0.3, 0.0], 2) && is_blamed(&[0.3], 1));
+        // One other alone may be the wrong one; so may two that differ, or fewer than half.
+        assert!(!is_blamed(&[0.3], 2) && !is_blamed(&[0.3, 0.6], 2) && !is_blamed(&[0.3, 0.0], 1));
+        assert!(!is_blamed(&[0.3, 0.3, 0.0, 0.0], 2) && !is_blamed(&[0.005, 0.005, 0.005], 2) && !is_blamed(&[], 0));
     }
 }

@@ -405,7 +405,13 @@ impl Reader {
         let compared = COMPARED.min(count - 1);
         let others = (0..compared).map(|at| first + (image - first + 1 + at * (count - 1) / compared) % count);
         let others: Vec<_> = others.filter_map(|other| self.images[other].poses()).collect();
-        faults::fault_of_camera_pose(&self.images[image].poses()?, &others)
+        // Of two images, nobody can tell which one is wrong: the second is named.
+        let least = match count {
+            2 if image == first => return None,
+            2 => 1,
+            _ => 2,
+        };
+        faults::fault_of_camera_pose(&self.images[image].poses()?, &others, least)
     }
 
     /// An object whose number is that of no model.

@@ -32,16 +32,16 @@ syntable_model::register_format!(Format {
     crate_name: env!("CARGO_PKG_NAME"),
 });
 
-/// Whether a file may have instances. InstaOrder's have orders of those in a file beside them.
+/// Whether a file may have instances: not if it has orders or segments of those in a file beside it.
 fn has_instances(file: &Path) -> bool {
-    !shared::name_starts(file, crate::insta_order::FILE)
+    ![crate::insta_order::FILE, crate::coco_panoptic::FILE].iter().any(|start| shared::name_starts(file, start))
 }
 
 /// Folder of the annotation file.
 pub(crate) const FOLDER: &str = "annotations";
 
 /// How annotation files of formats begin that have readers of their own.
-const OTHERS: [&str; 3] = [crate::d2sa::FILE, crate::cocoa::FILE, crate::coco_panoptic::FILE];
+const OTHERS: [&str; 2] = [crate::d2sa::FILE, crate::cocoa::FILE];
 
 /// Keys of visible masks beside an amodal `segmentation`; ours, D2SA's and COCOA's, then KINS'.
 const VISIBLE: [&str; 2] = ["visible_mask", "inmodal_seg"];
@@ -55,6 +55,11 @@ const RATE: [&str; 2] = ["occluded_rate", "occlude_rate"];
 const DEPTH_FILE: &str = "depth_file_name";
 /// Millimeters per step of such a depth image.
 const DEPTH_UNIT_MM: f64 = 1.0;
+
+/// Maximum number of objects whose masks are decoded to find out what those are of.
+const LOOKED_AT: usize = 64;
+/// Least fraction of objects that are occluded in a dataset of what is seen.
+const OCCLUDED: f64 = 0.05;
 
 struct Reader {
     /// The folder that image names count from.
@@ -83,7 +88,7 @@ struct Reader {
 /// Opens the dataset of an annotation file.
 pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReader>> {
     let (mut has_masks, mut has_depth, mut has_policy, mut crowds) = (false, true, true, 0);
-    let (mut has_visible, mut has_amodal, mut has_hidden, mut differ) = (false, false, false, false);
+    let (mut has_visible, mut has_amodal, mut has_hidden, mut pairs) = (false, false, false, Pairs::default());
     let (mut objects, mut without_mask) = (0_u64, 0_u64);
     let listing = Listing::open(file, &mut |record: &Record<Image, Annotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
@@ -92,7 +97,7 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
             has_visible |= VISIBLE.iter().any(|key| says(key));
             has_amodal |= says(AMODAL);
             has_hidden |= HIDDEN.iter().any(|key| says(key));
-            differ |= amodal_differs(annotation);
+            pairs.add(annotation);
             crowds += u64::from(is_crowd(annotation));
             objects += u64::from(!is_crowd(annotation));
             without_mask += u64::from(!is_crowd(annotation) && segmentation(annotation).is_none());
@@ -115,7 +120,7 @@ pub(crate) fn open_file(root: &Path, file: &Path) -> Result<Box<dyn DatasetReade
         // Without objects, nothing is unknown of them.
         (true, _) => Known::Both,
         // Beside amodal masks that are others, COCO's own are the visible ones.
-        (false, true) if differ && !says_amodal => Known::Both,
+        (false, true) if !says_amodal && pairs.show_what_is_seen(&listing) => Known::Both,
         // Files of these leave out the visible mask of what is not occluded.
         (false, true) if shared::name_starts(file, crate::d2sa::FILE) => Known::Both,
         (false, true) => Known::Amodal,
@@ -145,10 +150,47 @@ fn depth_file(image: &Image) -> Option<&str> {
     image.extra.get(DEPTH_FILE)?.as_str()
 }
 
-/// Whether an annotation has an amodal mask that is another one than its own.
-fn amodal_differs(annotation: &Annotation) -> bool {
-    let amodal = field::<Segmentation>(annotation, AMODAL).ok().flatten();
-    amodal.is_some_and(|amodal| segmentation(annotation).is_some_and(|own| *own != amodal))
+/// Objects with a mask of their own and an amodal one, which tell what the first one is of.
+#[derive(Default)]
+struct Pairs {
+    /// How many there are.
+    all: usize,
+    /// How many of them have different records of masks, which may be the same mask in two encodings.
+    unlike: usize,
+    /// The first ones of these.
+    first: Vec<Annotation>,
+}
+
+impl Pairs {
+    fn add(&mut self, annotation: &Annotation) {
+        let amodal = field::<Segmentation>(annotation, AMODAL).ok().flatten().filter(|_| !is_crowd(annotation));
+        let Some((amodal, own)) = amodal.zip(segmentation(annotation)) else { return };
+        self.all += 1;
+        if *own != amodal {
+            self.unlike += 1;
+            if self.first.len() < LOOKED_AT {
+                self.first.push(annotation.clone());
+            }
+        }
+    }
+
+    /// Whether the masks of their own are of what is seen: they are parts of the amodal ones, and a fraction of all lacks some of
+    /// these. One object alone may be a fault.
+    fn show_what_is_seen(&self, listing: &Listing) -> bool {
+        let lacks = |annotation: &&Annotation| -> Option<()> {
+            let frame = &listing.images.iter().find(|image| image.frame.id == annotation.image_id)?.frame;
+            let of = |it: &Segmentation| it.decode(frame.width, frame.height).ok();
+            let records = (segmentation(annotation)?, field::<Segmentation>(annotation, AMODAL).ok()??);
+            let (own, amodal) = (of(records.0)?, of(&records.1)?);
+            let are_outlines = [records.0, &records.1].iter().any(|it| matches!(it, Segmentation::Polygons(_)));
+            let edge = if are_outlines { edge_px2(&amodal) } else { 0.0 };
+            let [more, less] = [own.minus(&amodal), amodal.minus(&own)].map(|it| f64::from(it.area()));
+            (more <= edge && less > edge).then_some(())
+        };
+        let lacking = self.first.iter().filter(|it| lacks(it).is_some()).count();
+        let of_all = (lacking * self.unlike) as f64 / (self.first.len() * self.all).max(1) as f64;
+        lacking > 0 && of_all >= OCCLUDED
+    }
 }
 
 /// The mask of an annotation. An empty list of polygons is none: files of boxes have it.

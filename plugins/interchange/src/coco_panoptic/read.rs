@@ -135,8 +135,10 @@ impl Reader {
         Ok(Segments { annotation, ids })
     }
 
-    fn is_object(&self, segment: &Segment) -> bool {
-        segment.iscrowd == 0 && !self.stuff.contains(&segment.category_id)
+    /// The segments of things: objects, or those of crowds.
+    fn things<'s>(&'s self, all: &'s Segments, are_crowds: bool) -> impl Iterator<Item = &'s Segment> {
+        let things = all.annotation.segments_info.iter().filter(|it| it.id != VOID);
+        things.filter(move |it| (it.iscrowd != 0) == are_crowds && !self.stuff.contains(&it.category_id))
     }
 }
 
@@ -171,9 +173,8 @@ impl DatasetReader for Reader {
 
     fn crowds(&self, image: usize) -> Result<Vec<Crowd>> {
         let all = self.segments(image)?;
-        let crowds = all.annotation.segments_info.iter();
-        let crowds = crowds.filter(|it| it.iscrowd != 0 && !self.stuff.contains(&it.category_id));
-        Ok(crowds.map(|it| Crowd { mask: all.mask(it.id), category: self.categories.id(it.category_id) }).collect())
+        let crowd = |it: &Segment| Crowd { mask: all.mask(it.id), category: self.categories.id(it.category_id) };
+        Ok(self.things(&all, true).map(crowd).collect())
     }
 
     fn image_faults(&self, image: usize) -> Vec<(&'static str, String)> {
@@ -183,6 +184,12 @@ impl DatasetReader for Reader {
             let of = |key: &str| format!("segment {}: `{key}`", segment.id);
             if !said.insert(segment.id) {
                 faults.push(("unique_ids", format!("two segments have the id {}", segment.id)));
+            }
+            if segment.id == VOID {
+                let message =
+                    format!("a segment has the id {VOID}, which is that of pixels without one: number it from 1");
+                faults.push(("segments_are_pixels", message));
+                continue;
             }
             let mask = all.mask(segment.id);
             if mask.is_empty() {
@@ -208,7 +215,7 @@ impl DatasetReader for Reader {
         let mut products = Products::new();
         if wants.iter().any(|want| *want != RGB.id()) {
             let all = self.segments(image)?;
-            let objects: Vec<&Segment> = all.annotation.segments_info.iter().filter(|it| self.is_object(it)).collect();
+            let objects: Vec<&Segment> = self.things(&all, false).collect();
             let ids = read::ids_of(&objects.iter().map(|it| Some(it.id.into())).collect::<Vec<_>>())?;
             let labels = ids.into_iter().zip(objects).map(|(id, segment)| Labels {
                 id,

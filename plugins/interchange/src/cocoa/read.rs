@@ -13,7 +13,7 @@ use syntable_formats::listing::{AnnotationRecord, Listing};
 use syntable_formats::read::{self, Categories, Labels};
 use syntable_formats::segmentation::{Rle, Segmentation};
 use syntable_model::prelude::*;
-use syntable_model::product::standard::{LABEL_POLICY, RGB};
+use syntable_model::product::standard::{LABEL_POLICY, OCCLUSION_MASK, RGB};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
 
 syntable_model::register_format!(Format {
@@ -83,16 +83,19 @@ struct Reader {
     categories: Categories,
     /// Whether every image says the policy of its labels.
     has_policy: bool,
+    /// Whether any region has an occlusion mask; else these follow from the others.
+    has_hidden: bool,
     listing: Listing,
 }
 
 fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
     let [root, file] = shared::root_and_file(path, Some(FOLDER), |file| shared::name_starts(file, FILE))?;
-    let (mut names, mut has_policy) = (BTreeSet::new(), true);
+    let (mut names, mut has_policy, mut has_hidden) = (BTreeSet::new(), true, false);
     let listing = Listing::open(&file, &mut |record: &Record<Image, ImageAnnotation, IgnoredAny>| match record {
         Record::Annotation(annotation) => {
             let of_objects = annotation.objects().map(|(_, region)| region.name.clone());
             names.extend(of_objects.filter(|name| !name.is_empty()));
+            has_hidden |= annotation.objects().any(|(_, region)| region.invisible_mask.is_some());
         }
         Record::Image(image) => has_policy &= shared::policy(image).is_some(),
         Record::Scene(_) => {}
@@ -103,7 +106,7 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
     let about = &listing.file.info;
     let info = categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, String::new());
     let has_policy = has_policy && !listing.images.is_empty();
-    Ok(Box::new(Reader { images_root, info, categories, has_policy, listing }))
+    Ok(Box::new(Reader { images_root, info, categories, has_policy, has_hidden, listing }))
 }
 
 impl ImageAnnotation {
@@ -336,6 +339,10 @@ impl DatasetReader for Reader {
         let Ok(Some(annotation)) = self.annotation(image) else { return Vec::new() };
         let Ok(beyond) = self.counts_beyond(image) else { return Vec::new() };
         annotation.faults([frame.width, frame.height], beyond, shared::is_ours(&self.info))
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        if self.has_hidden { Vec::new() } else { keys![OCCLUSION_MASK] }
     }
 
     fn lists_all_images(&self) -> bool {

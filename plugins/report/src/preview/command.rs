@@ -1,7 +1,8 @@
 //! The verb `preview`: its arguments, and who runs beside whom.
 
-use super::load::{ENDING, Wishes};
+use super::load::Wishes;
 use super::page::{Page, png_of};
+use super::sheet;
 use super::studio::{Ended, News, Shown, Studio};
 use super::watch::Watch;
 use crate::serve::Server;
@@ -18,10 +19,10 @@ use syntable_runtime::workers;
 
 syntable_runtime::register_verb!(Verb { command, run, crate_name: env!("CARGO_PKG_NAME") });
 
+/// What is appended to the recipe's name in the name of a sheet.
+const ENDING: &str = "preview.png";
 /// How often a recipe with mistakes is looked at anew: files and assets that it misses may come.
 const AGAIN: Duration = Duration::from_secs(1);
-/// How a PNG starts.
-const PNG: &[u8] = b"\x89PNG";
 
 fn command() -> Command {
     let flag = |name: &'static str, help: &'static str| Arg::new(name).long(name).action(ArgAction::SetTrue).help(help);
@@ -84,10 +85,10 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     let out = out.or_else(|| (!serves).then(|| default_out(recipe.recipe.as_deref())));
     check_outputs(&[("--out", out.as_ref())], recipe.recipe.as_deref().as_slice())?;
     if let Some(out) = &out
-        && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !there.starts_with(PNG))
+        && std::fs::read(out).is_ok_and(|there| !there.is_empty() && !sheet::is_png(&there))
     {
-        let error = Error::new("--out would overwrite a file that is no PNG").in_file(out);
-        return Err(Exit::wrong(error.help("name another file with --out")));
+        let error = Error::new("--out would overwrite a file that is no sheet of a preview").in_file(out);
+        return Err(Exit::wrong(error.help("name another file with --out, or remove this one")));
     }
     let wishes = Wishes {
         recipe,
@@ -97,7 +98,7 @@ fn run(console: &Console, registry: &Registry, arguments: &ArgMatches) -> Result
     };
     let scenes = arguments.get_one::<Scenes>("scenes").copied();
     let threads = arguments.get_one::<u16>("threads").map_or_else(workers::available, |&threads| usize::from(threads));
-    let studio = Studio::new(console, registry, (wishes, scenes, number("width")), out.clone(), threads);
+    let studio = Studio::new(console, registry, (wishes, scenes, number("width")), threads);
     let stop =
         Stop::on_signals().map_err(|error| Exit::stopped(Error::new(format!("signals cannot be handled: {error}"))))?;
     let mut preview = Preview { studio: studio.map_err(Exit::stopped)?, out, page: serves.then(Page::default), stop };

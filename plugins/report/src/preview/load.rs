@@ -8,11 +8,9 @@ use std::time::SystemTime;
 use syntable_model::context::Log;
 use syntable_model::error::Error;
 use syntable_model::registry::{Registry, Slot};
-use syntable_runtime::cli::{Message, RecipeArgs, lies_in, load_checked};
+use syntable_runtime::cli::{Message, RecipeArgs, load_checked};
 use syntable_runtime::recipe::{Diagnostic, Overrides, Recipe};
 
-/// What is appended to the recipe's name in the name of a sheet.
-pub const ENDING: &str = "preview.png";
 /// The denoiser of a preview of a recipe that has none.
 const DENOISER: &str = "guided";
 /// The kind of the recipes that have none.
@@ -99,40 +97,6 @@ impl Wishes {
         let overrides = Overrides { read: &read, ..base };
         let recipe = load_checked(registry, source, overrides, log);
         Loaded { recipe, files: files.into_inner() }
-    }
-}
-
-/// Refuses a sheet in the place of a file that the recipe reads.
-///
-/// # Errors
-/// If it is a file that an option names, or one in a folder of assets that is there and no sheet.
-pub fn check_out(out: &Path, recipe: &Recipe) -> Result<(), Error> {
-    let is_sheet = out.file_name().is_some_and(|name| name.to_string_lossy().ends_with(ENDING));
-    let resolved: toml::Table = recipe.resolved.parse().unwrap_or_default();
-    let mut assets = Vec::new();
-    resolved.get(Slot::Assets.name()).into_iter().for_each(|table| texts(table, &mut assets));
-    let folder = recipe.folder.as_deref().unwrap_or(Path::new(""));
-    let assets = assets.into_iter().map(|text| folder.join(text)).filter(|_| out.is_file() && !is_sheet);
-    let assets = assets.filter(|path| path.exists() && lies_in(out, path));
-    let named = recipe.files.iter().map(|(_, path)| path.clone()).filter(|path| path.is_file() && lies_in(out, path));
-    match named.chain(assets).next() {
-        None => Ok(()),
-        Some(read) => Err(Error::new(format!("--out would overwrite what the recipe reads: {}", read.display()))
-            .in_file(out)
-            .help("name another file with --out")
-            .of_request()),
-    }
-}
-
-/// All texts of a table but kinds.
-fn texts<'t>(value: &'t toml::Value, found: &mut Vec<&'t str>) {
-    match value {
-        toml::Value::String(text) => found.push(text),
-        toml::Value::Array(all) => all.iter().for_each(|it| texts(it, found)),
-        toml::Value::Table(table) => {
-            table.iter().filter(|(key, _)| *key != "kind").for_each(|(_, it)| texts(it, found));
-        }
-        _ => {}
     }
 }
 

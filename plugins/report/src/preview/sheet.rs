@@ -18,6 +18,11 @@ const COLUMNS: usize = 120;
 /// Maximum number of lines of a text.
 const MAX_LINES: usize = 200;
 
+/// What tells a sheet from the images of others, as a text of its file.
+const MARK: (&str, &str) = ("Software", "syntable preview");
+/// Bytes at the start of a file within which the mark is.
+const MARKED: usize = 256;
+
 const BACKGROUND: Color = [24; 3];
 const EMPTY: Color = [38; 3];
 const CAPTION: Color = [190; 3];
@@ -163,7 +168,14 @@ fn write_lines(panel: &mut Plane<Color>, lines: &[String], rows: usize) {
 
 /// Encodes a sheet as PNG: the same pixels give the same bytes.
 pub fn png(sheet: &Plane<Color>) -> Result<Vec<u8>> {
-    Image::rgb(sheet).encode()
+    Image::rgb(sheet).encode_with(&[MARK])
+}
+
+/// Whether bytes are those of a sheet.
+pub fn is_png(bytes: &[u8]) -> bool {
+    let (keyword, text) = MARK;
+    let chunk = [b"tEXt", keyword.as_bytes(), b"\0", text.as_bytes()].concat();
+    bytes[..bytes.len().min(MARKED)].windows(chunk.len()).any(|part| part == chunk)
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@ use super::sheet::{self, Cell, Sheet};
 use super::watch::{Files, Watch};
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 use syntable_formats::draw::Color;
@@ -72,8 +71,6 @@ pub struct Studio<'a> {
     wishes: Wishes,
     scenes: Option<Scenes>,
     width: u32,
-    /// The file of the sheet, which must be none that the recipe reads.
-    out: Option<PathBuf>,
     previewer: Previewer,
     images: Images,
     /// What was shown last, to be shown until something newer is there.
@@ -117,7 +114,6 @@ impl<'a> Studio<'a> {
         console: &'a Console,
         registry: &'a Registry,
         (wishes, scenes, width): (Wishes, Option<Scenes>, u32),
-        out: Option<PathBuf>,
         threads: usize,
     ) -> Result<Self> {
         Ok(Self {
@@ -126,7 +122,6 @@ impl<'a> Studio<'a> {
             wishes,
             scenes,
             width,
-            out,
             previewer: Previewer::new(threads, DiskCache::of_user())?,
             images: Images::default(),
             sheet: None,
@@ -152,9 +147,6 @@ impl<'a> Studio<'a> {
             Ok(loaded) => loaded,
             Err(messages) => return self.mistaken(&[doubts, messages].concat(), show),
         };
-        if let Some(out) = &self.out {
-            load::check_out(out, &recipe)?;
-        }
         let (scenes, views) = match shown_of(&recipe, self.scenes, self.wishes.recipe.views) {
             Ok(shown) => shown,
             Err(error) => return self.mistaken(&load::of_error(error), show),

@@ -141,6 +141,7 @@ fn open(path: &Path) -> Result<Box<dyn DatasetReader>> {
     has.amodal |= listing.file.is_empty(Section::Annotations);
     let recipe = fs::read_to_string(root.join(super::RECIPE)).unwrap_or_default();
     let about = &listing.file.info;
+    listing.categories.forget_supercategory(read::SUPERCATEGORY);
     let info = listing.categories.info(about.description.clone(), about.contributor.clone(), &listing.refs, recipe);
     Ok(Box::new(Reader { root, info, listing, scenes: of_scene, has }))
 }
