@@ -130,7 +130,7 @@ fn a_sheet_never_takes_the_place_of_an_asset() {
     // A sheet takes the place of one before, wherever that lies.
     let sheet = folder.path().join("textures/sheet.png");
     for _ in 0..2 {
-        ok(preview(&recipe, &["--views", "1", "--scenes", "0", "--out"]).arg(&sheet));
+        ok(preview(&recipe, &["--views", "1", "--out"]).arg(&sheet));
     }
     // A path that cannot be written is a mistake of the command.
     let said = fails(preview(&recipe, &["--views", "1", "--out"]).arg(folder.path().join("none/a.png")), 2);

@@ -400,7 +400,7 @@ fn segments_of_no_number_are_no_objects() {
     written(folder.path(), "coco_panoptic", "");
     let root = folder.path().join("data");
     let count = |read: &dyn DatasetReader| {
-        read.read(0, &keys![VISIBLE_MASK]).expect("readable").1.get(VISIBLE_MASK).expect("there").iter().count()
+        read.read(0, &[VISIBLE_MASK.id()]).expect("readable").1.get(VISIBLE_MASK).expect("there").iter().count()
     };
     let before = count(&*open(&root));
     spoil(&file(&root, "annotations/panoptic_train.json"), &|it| {
