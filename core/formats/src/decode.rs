@@ -1,11 +1,12 @@
 //! Image and array files that datasets have, read back.
 
+use crate::encode::npy;
 use png::{BitDepth, ColorType, Decoder, Transformations};
-use std::fs::{self, File};
-use std::io::{BufReader, Read};
-use std::path::Path;
+use std::fs;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
 use syntable_model::error::{Error, Result};
-use syntable_model::product::Plane;
+use syntable_model::product::{DType, Plane, Tensor};
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -25,19 +26,32 @@ const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// How JPEG files begin.
 const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 
+/// The bytes of a file, or of a member of an archive.
+#[derive(Debug, Clone)]
+pub struct Content {
+    bytes: Vec<u8>,
+    /// What it is called in messages.
+    path: PathBuf,
+}
+
 /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
 pub fn rgb(path: &Path) -> Result<Plane<[u8; 3]>> {
-    if is_jpeg(path)? {
-        return jpeg(path);
-    }
-    let ([width, height], samples) = read(path)?;
-    match samples {
-        Samples::Eight(samples, channels) => {
-            let color = |pixel: &[u8]| if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
-            Ok(Plane::from_vec(width, height, samples.chunks_exact(channels).map(color).collect()))
-        }
-        Samples::Sixteen(..) => Err(unlike(path, "an 8-bit image", "16-bit")),
-    }
+    Content::read(path)?.rgb()
+}
+
+/// A gray image of 8 or 16 bits from a PNG file.
+pub fn gray(path: &Path) -> Result<Plane<u16>> {
+    Content::read(path)?.gray()
+}
+
+/// [`Content::depth`] of a file.
+pub fn depth(path: &Path, unit_mm: f64) -> Result<Plane<f32>> {
+    Content::read(path)?.depth(unit_mm)
+}
+
+/// [`Content::square_npy`] of a file.
+pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
+    Content::read(path)?.square_npy()
 }
 
 /// A color image of a file that has a record of its width and height.
@@ -60,46 +74,206 @@ fn of_size<T>(image: Plane<T>, path: &Path, size: [u32; 2]) -> Result<Plane<T>> 
     Err(Error::new(format!("it has {} pixels, its record says {}", said(found), said(size))).in_file(path).permanent())
 }
 
-fn is_jpeg(path: &Path) -> Result<bool> {
-    Ok(start(path)?.starts_with(&JPEG))
-}
+impl Content {
+    /// Takes bytes; `path` names them in messages.
+    pub fn new(bytes: Vec<u8>, path: PathBuf) -> Self {
+        Self { bytes, path }
+    }
 
-/// The first bytes of a file, which must have some.
-fn start(path: &Path) -> Result<Vec<u8>> {
-    check_file(path)?;
-    let mut start = Vec::new();
-    let file = File::open(path).map_err(|error| Error::io(path, &error))?;
-    file.take(PNG.len() as u64).read_to_end(&mut start).map_err(|error| Error::io(path, &error))?;
-    if start.is_empty() {
-        return Err(Error::new("the file is empty").in_file(path).permanent());
+    /// Reads a file. What is no file is refused: reading a pipe would wait for ever. A file that a dataset names and does not
+    /// have is a fault of the dataset.
+    pub fn read(path: &Path) -> Result<Self> {
+        let there = fs::metadata(path).map_err(|error| {
+            let error = Error::io(path, &error);
+            if error.is_transient() { error } else { error.of_request() }
+        })?;
+        if !there.is_file() {
+            return Err(Error::new("it is not a file").in_file(path).permanent());
+        }
+        Ok(Self::new(fs::read(path).map_err(|error| Error::io(path, &error))?, path.to_owned()))
     }
-    Ok(start)
-}
 
-fn jpeg(path: &Path) -> Result<Plane<[u8; 3]>> {
-    let bytes = fs::read(path).map_err(|error| Error::io(path, &error))?;
-    let refuse = |what: String| Error::new(what).in_file(path).permanent();
-    // The same pixels on every processor.
-    let options = DecoderOptions::new_safe().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes), options);
-    let fail = |error| refuse(format!("not a readable JPEG file: {error}"));
-    decoder.decode_headers().map_err(fail)?;
-    if let Some(turned) = decoder.exif().and_then(|exif| orientation(exif)).filter(|it| *it != 1) {
-        return Err(refuse(format!(
-            "its EXIF orientation is {turned}: viewers turn the image, its labels may or may not be"
-        ))
-        .help("turn the pixels and the labels alike, and set the orientation to 1"));
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
     }
-    let [width, height] = decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]);
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(refuse(format!("{width} × {height} pixels are too many")));
+
+    /// An error that names it.
+    pub fn refuse(&self, what: impl Into<String>) -> Error {
+        Error::new(what).in_file(&self.path).permanent()
     }
-    let samples = decoder.decode().map_err(fail)?;
-    let pixels: Vec<[u8; 3]> = samples.as_chunks().0.to_vec();
-    if pixels.len() as u64 != u64::from(width) * u64::from(height) {
-        return Err(refuse(format!("not a color image of {width} × {height} pixels")));
+
+    /// An 8-bit RGB image from a PNG or JPEG file; gray becomes RGB, transparency is dropped.
+    pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
+        if self.bytes.starts_with(&JPEG) {
+            return self.jpeg();
+        }
+        let ([width, height], samples) = self.png()?;
+        match samples {
+            Samples::Eight(samples, channels) => {
+                let color = |pixel: &[u8]| if channels < 3 { [pixel[0]; 3] } else { [pixel[0], pixel[1], pixel[2]] };
+                Ok(Plane::from_vec(width, height, samples.chunks_exact(channels).map(color).collect()))
+            }
+            Samples::Sixteen(..) => Err(self.unlike("an 8-bit image", "16-bit")),
+        }
     }
-    Ok(Plane::from_vec(width, height, pixels))
+
+    /// A gray image of 8 or 16 bits from a PNG file.
+    pub fn gray(&self) -> Result<Plane<u16>> {
+        let ([width, height], samples) = self.png()?;
+        match samples {
+            Samples::Eight(samples, 1) => {
+                Ok(Plane::from_vec(width, height, samples.into_iter().map(u16::from).collect()))
+            }
+            Samples::Sixteen(samples, 1) => Ok(Plane::from_vec(width, height, samples)),
+            Samples::Eight(..) | Samples::Sixteen(..) => Err(self.unlike("a gray image", "colored")),
+        }
+    }
+
+    /// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest one that
+    /// is stored as these many steps, whether the writer truncates or rounds.
+    pub fn depth(&self, unit_mm: f64) -> Result<Plane<f32>> {
+        let meters = |&steps: &u16| {
+            if steps == 0 {
+                return f32::INFINITY;
+            }
+            let depth = (f64::from(steps) * unit_mm / 1000.0) as f32;
+            if f64::from(depth) * 1000.0 / unit_mm < f64::from(steps) { depth.next_up() } else { depth }
+        };
+        Ok(self.gray()?.map(meters))
+    }
+
+    fn unlike(&self, expected: &str, found: &str) -> Error {
+        self.refuse(format!("not {expected}: it is {found}"))
+    }
+
+    fn jpeg(&self) -> Result<Plane<[u8; 3]>> {
+        // The same pixels on every processor.
+        let options = DecoderOptions::new_safe().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
+        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&self.bytes), options);
+        let fail = |error| self.refuse(format!("not a readable JPEG file: {error}"));
+        decoder.decode_headers().map_err(fail)?;
+        if let Some(turned) = decoder.exif().and_then(|exif| orientation(exif)).filter(|it| *it != 1) {
+            return Err(self
+                .refuse(format!(
+                    "its EXIF orientation is {turned}: viewers turn the image, its labels may or may not be"
+                ))
+                .help("turn the pixels and the labels alike, and set the orientation to 1"));
+        }
+        let [width, height] = decoder.dimensions().map_or([0; 2], |(width, height)| [width as u32, height as u32]);
+        if u64::from(width) * u64::from(height) > MAX_PIXELS {
+            return Err(self.refuse(format!("{width} × {height} pixels are too many")));
+        }
+        let samples = decoder.decode().map_err(fail)?;
+        let pixels: Vec<[u8; 3]> = samples.as_chunks().0.to_vec();
+        if pixels.len() as u64 != u64::from(width) * u64::from(height) {
+            return Err(self.refuse(format!("not a color image of {width} × {height} pixels")));
+        }
+        Ok(Plane::from_vec(width, height, pixels))
+    }
+
+    fn png(&self) -> Result<([u32; 2], Samples)> {
+        let fail = |error: png::DecodingError| self.refuse(format!("not a readable PNG file: {error}"));
+        if self.bytes.is_empty() {
+            return Err(self.refuse("the file is empty"));
+        }
+        if self.bytes.iter().zip(PNG).any(|(byte, own)| *byte != own) {
+            let what = if self.bytes.starts_with(&JPEG) {
+                "it is a JPEG file, and masks and depth need exact numbers"
+            } else {
+                "it is no PNG file"
+            };
+            return Err(self.refuse(what).help("write the image as a PNG file"));
+        }
+        let mut decoder = Decoder::new(Cursor::new(&self.bytes));
+        decoder.set_transformations(Transformations::EXPAND);
+        let mut reader = decoder.read_info().map_err(fail)?;
+        let size = [reader.info().width, reader.info().height];
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let length = reader.output_buffer_size().filter(|_| pixels <= MAX_PIXELS);
+        let too_large = || self.refuse(format!("{} × {} pixels are too many", size[0], size[1]));
+        let mut buffer = vec![0; length.ok_or_else(too_large)?];
+        let info = reader.next_frame(&mut buffer).map_err(fail)?;
+        buffer.truncate(info.buffer_size());
+        let channels = match info.color_type {
+            ColorType::Grayscale | ColorType::Indexed => 1,
+            ColorType::GrayscaleAlpha => 2,
+            ColorType::Rgb => 3,
+            ColorType::Rgba => 4,
+        };
+        let samples = match info.bit_depth {
+            BitDepth::Sixteen => {
+                let samples = buffer.chunks_exact(2).map(|bytes| u16::from_be_bytes([bytes[0], bytes[1]])).collect();
+                Samples::Sixteen(samples, channels)
+            }
+            _ => Samples::Eight(buffer, channels),
+        };
+        Ok((size, samples))
+    }
+
+    /// An image of integers from a PNG file, with an axis of channels if it is colored.
+    pub fn image(&self) -> Result<Tensor> {
+        let ([width, height], samples) = self.png()?;
+        let (dtype, channels, bytes) = match samples {
+            Samples::Eight(samples, channels) => (DType::U8, channels, samples),
+            Samples::Sixteen(samples, channels) => {
+                (DType::U16, channels, samples.into_iter().flat_map(u16::to_le_bytes).collect())
+            }
+        };
+        let size = [height as usize, width as usize];
+        Ok(match channels {
+            1 => Tensor::new(dtype, &["y", "x"], size.to_vec(), bytes),
+            channels => Tensor::new(dtype, &["y", "x", "channel"], vec![size[0], size[1], channels], bytes),
+        })
+    }
+
+    /// The array of a NumPy file with little-endian numbers in rows.
+    pub fn npy(&self) -> Result<Tensor> {
+        let refuse = |what: &str| self.refuse(format!("not a NumPy file that can be read: {what}"));
+        let rest = self.bytes.strip_prefix(b"\x93NUMPY").ok_or_else(|| refuse("the file starts otherwise"))?;
+        let cut = || refuse("its header is cut off");
+        // From format 2 on, the length of the header has four bytes.
+        let (major, rest) = (*rest.first().ok_or_else(cut)?, rest.get(2..).ok_or_else(cut)?);
+        let width = if major == 1 { 2 } else { 4 };
+        let (length, rest) = rest.split_at_checked(width).ok_or_else(cut)?;
+        let length = length.iter().rev().fold(0, |sum, byte| sum << 8 | usize::from(*byte));
+        let (header, data) = rest.split_at_checked(length).ok_or_else(cut)?;
+        let header = std::str::from_utf8(header).map_err(|_| cut())?.trim();
+        let value = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
+        let descr = value("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split_once('\''));
+        let dtype = descr.and_then(|(descr, _)| npy::dtype(descr)).ok_or_else(|| refuse(header))?;
+        if value("'fortran_order'").is_none_or(|rest| !rest.starts_with("False")) {
+            return Err(refuse(header));
+        }
+        let shape = value("'shape'").and_then(|rest| rest.strip_prefix('(')?.split_once(')'));
+        let lengths = shape.map(|(shape, _)| shape.split(',').map(str::trim).filter(|length| !length.is_empty()));
+        let lengths = lengths.and_then(|lengths| lengths.map(|length| length.parse().ok()).collect::<Option<Vec<_>>>());
+        let shape: Vec<usize> = lengths.ok_or_else(|| refuse(header))?;
+        let count = shape.iter().try_fold(dtype.size(), |product, length| product.checked_mul(*length));
+        if count != Some(data.len()) {
+            return Err(refuse(&format!("{header}, and {} bytes follow", data.len())));
+        }
+        let axes = match shape.len() {
+            2 => vec!["y".into(), "x".into()],
+            3 => vec!["y".into(), "x".into(), "channel".into()],
+            axes => vec!["axis".into(); axes],
+        };
+        Ok(Tensor { dtype, axes, shape, bytes: data.to_vec() })
+    }
+
+    /// A square matrix of 64-bit floats, as SynTable writes occlusion orders: its edge, and its entries row by row.
+    pub fn square_npy(&self) -> Result<(usize, Vec<f64>)> {
+        let array = self.npy()?;
+        match array.shape.as_slice() {
+            [rows, columns] if rows == columns && array.dtype == DType::F64 => {
+                let entries = array.bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes));
+                Ok((*rows, entries.collect()))
+            }
+            shape => {
+                Err(self.refuse(format!("not a square matrix of f64: it is of {} and of shape {shape:?}", array.dtype)))
+            }
+        }
+    }
 }
 
 /// The tag `Orientation` (0x0112) of the first directory of an EXIF block, from its TIFF header on (Exif 2.32, section 4.6).
@@ -120,122 +294,47 @@ fn orientation(exif: &[u8]) -> Option<u16> {
     number(of_tag.next()? + 8, 2).map(|value| value as u16)
 }
 
-/// A gray image of 8 or 16 bits from a PNG file.
-pub fn gray(path: &Path) -> Result<Plane<u16>> {
-    let ([width, height], samples) = read(path)?;
-    match samples {
-        Samples::Eight(samples, 1) => Ok(Plane::from_vec(width, height, samples.into_iter().map(u16::from).collect())),
-        Samples::Sixteen(samples, 1) => Ok(Plane::from_vec(width, height, samples)),
-        Samples::Eight(..) | Samples::Sixteen(..) => Err(unlike(path, "a gray image", "colored")),
-    }
-}
-
-/// Depth in meters from a gray PNG file whose step is `unit_mm`; infinite where it is 0. A depth is the smallest one that
-/// is stored as these many steps, whether the writer truncates or rounds.
-pub fn depth(path: &Path, unit_mm: f64) -> Result<Plane<f32>> {
-    let meters = |&steps: &u16| {
-        if steps == 0 {
-            return f32::INFINITY;
-        }
-        let depth = (f64::from(steps) * unit_mm / 1000.0) as f32;
-        if f64::from(depth) * 1000.0 / unit_mm < f64::from(steps) { depth.next_up() } else { depth }
-    };
-    Ok(gray(path)?.map(meters))
-}
-
-/// Refuses what is no file: reading a pipe would wait for ever. A file that a dataset names and does not have is a fault of the
-/// dataset.
-fn check_file(path: &Path) -> Result<()> {
-    let there = fs::metadata(path).map_err(|error| {
-        let error = Error::io(path, &error);
-        if error.is_transient() { error } else { error.of_request() }
-    })?;
-    if there.is_file() { Ok(()) } else { Err(Error::new("it is not a file").in_file(path).permanent()) }
-}
-
-fn unlike(path: &Path, expected: &str, found: &str) -> Error {
-    Error::new(format!("not {expected}: it is {found}")).in_file(path).permanent()
-}
-
-fn read(path: &Path) -> Result<([u32; 2], Samples)> {
-    let fail = |error: png::DecodingError| match error {
-        // That a file ends early says something about the file.
-        png::DecodingError::IoError(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => {
-            Error::io(path, &error)
-        }
-        error => Error::new(format!("not a readable PNG file: {error}")).in_file(path).permanent(),
-    };
-    let start = start(path)?;
-    if start.iter().zip(PNG).any(|(byte, own)| *byte != own) {
-        let what = if start.starts_with(&JPEG) {
-            "it is a JPEG file, and masks and depth need exact numbers"
-        } else {
-            "it is no PNG file"
-        };
-        return Err(Error::new(what).in_file(path).help("write the image as a PNG file").permanent());
-    }
-    let file = File::open(path).map_err(|error| Error::io(path, &error))?;
-    let mut decoder = Decoder::new(BufReader::new(file));
-    decoder.set_transformations(Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(fail)?;
-    let size = [reader.info().width, reader.info().height];
-    let pixels = u64::from(size[0]) * u64::from(size[1]);
-    let length = reader.output_buffer_size().filter(|_| pixels <= MAX_PIXELS);
-    let too_large = || Error::new(format!("{} × {} pixels are too many", size[0], size[1])).in_file(path).permanent();
-    let mut buffer = vec![0; length.ok_or_else(too_large)?];
-    let info = reader.next_frame(&mut buffer).map_err(fail)?;
-    buffer.truncate(info.buffer_size());
-    let channels = match info.color_type {
-        ColorType::Grayscale | ColorType::Indexed => 1,
-        ColorType::GrayscaleAlpha => 2,
-        ColorType::Rgb => 3,
-        ColorType::Rgba => 4,
-    };
-    Ok((
-        size,
-        match info.bit_depth {
-            BitDepth::Sixteen => {
-                let samples = buffer.chunks_exact(2).map(|bytes| u16::from_be_bytes([bytes[0], bytes[1]])).collect();
-                Samples::Sixteen(samples, channels)
-            }
-            _ => Samples::Eight(buffer, channels),
-        },
-    ))
-}
-
-/// A square matrix from a NumPy file of format 1.0 with little-endian 64-bit floats in rows, as SynTable writes occlusion
-/// orders: its edge, and its entries row by row.
-pub fn square_npy(path: &Path) -> Result<(usize, Vec<f64>)> {
-    check_file(path)?;
-    let bytes = fs::read(path).map_err(|error| Error::io(path, &error))?;
-    let refuse = |what: &str| {
-        Error::new(format!("not a square matrix of float64 as NumPy writes it: {what}")).in_file(path).permanent()
-    };
-    let header = bytes.strip_prefix(b"\x93NUMPY\x01\x00").ok_or_else(|| refuse("the file starts otherwise"))?;
-    let length = header.get(..2).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]])));
-    let text = length.and_then(|length| header.get(2..2 + length)).and_then(|text| std::str::from_utf8(text).ok());
-    let text = text.ok_or_else(|| refuse("its header is cut off"))?;
-    if !text.contains("'<f8'") || !text.contains("'fortran_order': False") {
-        return Err(refuse(text.trim()));
-    }
-    let shape = text.split_once("'shape': (").and_then(|(_, rest)| rest.split_once(')')).map_or("", |(shape, _)| shape);
-    let edges: Vec<usize> = shape.split(',').filter_map(|edge| edge.trim().parse().ok()).collect();
-    let data = &header[2 + text.len()..];
-    match edges.as_slice() {
-        &[rows, columns]
-            if rows == columns
-                && rows.checked_mul(rows).and_then(|entries| entries.checked_mul(8)) == Some(data.len()) =>
-        {
-            let entry = |bytes: &[u8]| f64::from_le_bytes(bytes.try_into().expect("eight bytes"));
-            Ok((rows, data.chunks_exact(8).map(entry).collect()))
-        }
-        _ => Err(refuse(&format!("its shape is ({shape}), and {} bytes follow", data.len()))),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn arrays_are_read_as_they_are_written() {
+        use syntable_model::product::{Mask, Product, Value};
+        let of = |bytes: &[u8]| Content::new(bytes.to_vec(), "a.npy".into()).npy();
+        let values: [Value; 5] = [
+            Plane::from_fn(3, 2, |x, y| [x as f32, y as f32, f32::INFINITY]).encode(),
+            Mask::from_fn(4, 3, |x, y| x > y).into(),
+            [[1_i64, -2], [3, 4]].into(),
+            7_u64.into(),
+            Value::List(Vec::new()),
+        ];
+        for value in values {
+            let array = npy::Array::of(&value).expect("an array");
+            let bytes = array.encode();
+            let read = of(&bytes).expect("readable");
+            assert_eq!((&read.shape, &read.bytes), (&array.shape, &array.bytes), "{value:?}");
+            assert_eq!(npy::descr(read.dtype), array.descr);
+            for end in 0..bytes.len() {
+                let error = of(&bytes[..end]).expect_err("cut off").to_string();
+                assert!(error.contains("a.npy") && error.contains("not a NumPy file"), "{error}");
+            }
+        }
+        // Format 2.0, as NumPy writes it for long headers.
+        let header = b"{'descr': '<u2', 'fortran_order': False, 'shape': (2,), }\n";
+        let mut second = b"\x93NUMPY\x02\x00".to_vec();
+        second.extend((header.len() as u32).to_le_bytes());
+        second.extend([&header[..], &[1, 0, 2, 0]].concat());
+        assert_eq!(of(&second).expect("readable").bytes, [1, 0, 2, 0]);
+        for other in ["'>u2'", "'<U3'", "[('a', '<f8')]"] {
+            let text = String::from_utf8_lossy(&second[12..12 + header.len()]).replace("'<u2'", other);
+            let mut file = b"\x93NUMPY\x01\x00".to_vec();
+            file.extend((text.len() as u16).to_le_bytes());
+            file.extend(text.as_bytes());
+            file.extend([1, 0, 2, 0]);
+            assert!(of(&file).expect_err("refused").to_string().contains(other));
+        }
+    }
 
     #[test]
     fn files_that_are_no_images_are_called_so() {

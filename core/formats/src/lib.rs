@@ -12,8 +12,10 @@
 //! | [`shard`] | the records of one scene, kept until the annotation file is merged from all scenes |
 //! | [`encode`] | image and array files, by kind of value |
 //! | [`decode`] | the same, read back |
+//! | [`members`] | members of tar files, read in any order |
 //! | [`draw`] | images for people: masks and outlines over images, panels side by side |
 //! | [`read`] | what readers of all formats share |
+//! | [`samples`] | datasets of products by name, read back |
 //! | [`scores`] | scores of predictions, with the images that have the lowest ones |
 //! | [`mod@include`] | the products that a generic writer includes, and their files |
 //!
@@ -36,8 +38,10 @@ pub mod include;
 pub mod index;
 pub mod json;
 pub mod listing;
+pub mod members;
 mod polygon;
 pub mod read;
+pub mod samples;
 pub mod scores;
 pub mod segmentation;
 pub mod shard;

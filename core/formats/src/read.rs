@@ -383,8 +383,8 @@ impl Faults {
     }
 }
 
-/// Scene and view of an image that is named after them.
-fn place_in_name(name: &str) -> Option<(u32, u32)> {
+/// Scene and view of an image that is named after them: `{scene}_{view}`.
+pub fn place_in_name(name: &str) -> Option<(u32, u32)> {
     let (scene, view) = Path::new(name).file_stem()?.to_str()?.split_once('_')?;
     Some((scene.parse().ok()?, view.parse().ok()?))
 }

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, OnceLock};
+use syntable_formats::encode::tar::Archive;
 use syntable_interchange as _;
 use syntable_model::context::{Collected, Serial};
 use syntable_model::digest::Digest;
@@ -12,6 +13,7 @@ use syntable_model::geometry::{Point3, Vector3, look_at};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::*;
 use syntable_model::product::{BitPlane, ObjectModels, Plane};
+use syntable_model::reader::{self, DatasetReader};
 use syntable_model::registry::{Registry, Slot, Stage};
 use syntable_model::scene::{
     AssetRef, BodyDraft, Camera, Exposure, Intrinsics, MassOrigin, MassProperties, Material, Mesh, MeshData, Motion,
@@ -399,4 +401,116 @@ fn what_bop_cannot_have_is_refused() {
         products.put(CAMERA, Value::record([("width", 3_i64.into())])).expect("once");
     });
     assert!(error.contains("product `camera` does not have what BOP needs: missing field `height`"), "{error}");
+}
+
+/// The dataset of a folder, opened by the format that it looks like.
+fn opened(root: &Path) -> Box<dyn DatasetReader> {
+    let (format, reader) = reader::open(root, None).expect("a dataset");
+    assert_eq!(format.name, "bop");
+    reader
+}
+
+#[test]
+fn tar_files_are_read_as_folders_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [plain, web] = ["plain", "web"].map(|name| folder.path().join(name));
+    write_all(&plain, ALL_OPTIONS);
+    write_all(&web, &format!("{ALL_OPTIONS}\nlayout = \"webdataset\""));
+    let [plain, read] = [&plain, &web].map(|root| opened(root));
+    assert_eq!((read.images(), read.info()), (plain.images(), plain.info()));
+    assert!(read.images().len() == 6 && read.faults().is_empty(), "{:?}", read.faults());
+    let wants = plain.offers();
+    assert!(wants == read.offers() && wants.contains(&OBJECT_MODELS.id()));
+    let mut objects = 0;
+    for image in 0..read.images().len() {
+        let [(view, products), (other_view, others)] =
+            [&read, &plain].map(|it| it.read(image, &wants).expect("readable"));
+        assert_eq!(view.id, other_view.id);
+        for key in &wants {
+            let [own, other] = [&products, &others].map(|it| it.value(&key.name.to_string()).expect("a value"));
+            assert!(own == other, "{} of {}", key.name, read.images()[image].name);
+        }
+        objects += products.get(AMODAL_MASK).expect("masks").0.len();
+        assert!(read.image_faults(image).is_empty(), "{:?}", read.image_faults(image));
+    }
+    assert!(objects > 20, "{objects}");
+}
+
+#[test]
+fn what_is_wrong_with_tar_files_is_found() {
+    let written = || {
+        let folder = tempfile::tempdir().expect("a folder");
+        write_all(folder.path(), "layout = \"webdataset\"");
+        folder
+    };
+    let said = |folder: &tempfile::TempDir| -> Vec<String> {
+        let reader = opened(folder.path());
+        let wants = reader.offers();
+        let opening = reader.faults().iter().map(|it| format!("{} {}: {}", it.check, it.place, it.message));
+        let images = (0..reader.images().len()).filter_map(|image| Some(reader.read(image, &wants).err()?.to_string()));
+        opening.chain(images).collect()
+    };
+    assert!(said(&written()).is_empty(), "{:?}", said(&written()));
+    /// Members of the tar file with their bytes.
+    fn rewritten(folder: &tempfile::TempDir, change: impl Fn(&str, Vec<u8>) -> Vec<(String, Vec<u8>)>) {
+        let path = folder.path().join("bop/train_pbr_web/shard-000000.tar");
+        let (members, _) = syntable_formats::members::members(&path);
+        let all = members.iter().map(|it| (it.name.clone(), it.content().expect("read").bytes().to_vec()));
+        let changed: Vec<(String, Vec<u8>)> = all.flat_map(|(name, bytes)| change(&name, bytes)).collect();
+        let mut archive = Archive::new(std::fs::File::create(&path).expect("a file"), "a tar file");
+        changed.iter().for_each(|(name, bytes)| archive.add(name, bytes).expect("added"));
+        archive.finish().expect("ended");
+    }
+    type Change = fn(&str, Vec<u8>) -> Vec<(String, Vec<u8>)>;
+    let changes: [(Change, &str); 6] = [
+        (
+            |name, bytes| if name == "000001_000001.gt_info.json" { vec![] } else { vec![(name.into(), bytes)] },
+            "the image has no gt_info.json",
+        ),
+        (
+            |name, bytes| {
+                let name = if name == "000001_000001.rgb.png" { "000001_000001.rgb.bmp" } else { name };
+                vec![(name.into(), bytes)]
+            },
+            "has no rgb.png",
+        ),
+        (
+            |name, mut bytes| {
+                if name == "000002_000001.mask.json" {
+                    bytes = br#"{"0": {"size": [48, 64], "counts": [1, 2]}}"#.to_vec();
+                }
+                vec![(name.into(), bytes)]
+            },
+            "mask.json",
+        ),
+        (
+            |name, bytes| {
+                let name =
+                    if name.starts_with("000002_000001") { name.replace("000002_", "000009_") } else { name.into() };
+                vec![(name, bytes)]
+            },
+            "key_to_shard.json has it in the tar file 0, and no tar file has it",
+        ),
+        (|name, bytes| vec![(name.into(), bytes.clone()), (name.into(), bytes)], "has this member twice"),
+        (
+            |name, bytes| {
+                let bytes = if name == "000000_000001.gt.json" { b"[{\"obj_id\": NaN}]".to_vec() } else { bytes };
+                vec![(name.into(), bytes)]
+            },
+            "NaN",
+        ),
+    ];
+    for (change, expected) in changes {
+        let folder = written();
+        rewritten(&folder, change);
+        let said = said(&folder);
+        assert!(said.iter().any(|it| it.contains(expected)), "{expected}: {said:?}");
+    }
+    let cut = written();
+    let path = cut.path().join("bop/train_pbr_web/shard-000000.tar");
+    let bytes = std::fs::read(&path).expect("read");
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
+    let said = said(&cut);
+    assert!(said.iter().any(|it| it.contains("the tar file ends within")), "{said:?}");
+    assert!(!opened(cut.path()).images().is_empty(), "what is whole is read");
 }

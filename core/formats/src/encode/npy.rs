@@ -55,8 +55,29 @@ pub fn arrays_of_numbers(product: &str, key: &KeyId, value: &Value, size: [usize
     check(&Kind::of_key(key)).ok().and_then(|()| arrays(product, key, value, size).ok())
 }
 
+/// The element types that arrays have.
+const DTYPES: [DType; 12] = [
+    DType::Bool,
+    DType::U8,
+    DType::U16,
+    DType::U32,
+    DType::U64,
+    DType::I8,
+    DType::I16,
+    DType::I32,
+    DType::I64,
+    DType::F16,
+    DType::F32,
+    DType::F64,
+];
+
+/// The element type that NumPy writes so.
+pub fn dtype(text: &str) -> Option<DType> {
+    DTYPES.into_iter().find(|dtype| descr(*dtype) == text)
+}
+
 /// An element type as NumPy writes it.
-fn descr(dtype: DType) -> &'static str {
+pub fn descr(dtype: DType) -> &'static str {
     match dtype {
         DType::Bool => "|b1",
         DType::U8 => "|u1",

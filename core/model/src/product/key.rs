@@ -1,9 +1,11 @@
 //! Typed names of products.
 
-use super::{BitPlane, Form, Lighting, Name, RenderParameters, Value};
+use super::store::AnyProduct;
+use super::{BitPlane, Form, Lighting, Name, RenderParameters, Stored, Value};
 use std::any::{Any, TypeId, type_name};
 use std::fmt;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
 /// How often a product is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -69,6 +71,21 @@ pub trait Product: Any + Send + Sync {
     {
         Form::Any
     }
+    /// Whether [`decode`](Self::decode) reads what files have of it.
+    fn is_decoded() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+    /// The product that a file has; none if the value is of another type.
+    fn decode(stored: Stored<'_>) -> Option<Self>
+    where
+        Self: Sized,
+    {
+        let _ = stored;
+        None
+    }
 }
 
 /// The name of a product of type `T`. Made as a constant, best by [`products!`](crate::products):
@@ -101,6 +118,8 @@ pub struct KeyId {
     type_id: fn() -> TypeId,
     type_name: fn() -> &'static str,
     form: fn() -> Form,
+    is_decoded: fn() -> bool,
+    pub(super) decode: fn(Stored<'_>) -> Option<Arc<dyn AnyProduct>>,
 }
 
 impl<T: Product> Key<T> {
@@ -129,6 +148,8 @@ impl<T: Product> Key<T> {
             type_id: TypeId::of::<T>,
             type_name: type_name::<T>,
             form: T::form,
+            is_decoded: T::is_decoded,
+            decode: |stored| T::decode(stored).map(|product| Arc::new(product) as Arc<dyn AnyProduct>),
         };
         Self { id, of: PhantomData }
     }
@@ -244,6 +265,11 @@ impl KeyId {
         (self.form)()
     }
 
+    /// Whether a product of this type is made of what files have of it; see [`Product::decode`].
+    pub fn is_decoded(&self) -> bool {
+        (self.is_decoded)()
+    }
+
     /// Short name of the product's type, without module paths.
     pub fn type_name(&self) -> String {
         let mut out = String::new();
@@ -293,6 +319,19 @@ impl fmt::Debug for KeyId {
     }
 }
 
+/// A key that [`products!`](crate::products) defines in a crate that is linked.
+pub struct LinkedKey(pub KeyId);
+
+inventory::collect!(LinkedKey);
+
+/// The keys of all linked crates, by name; one of each name.
+pub fn linked() -> Vec<KeyId> {
+    let mut keys: Vec<KeyId> = inventory::iter::<LinkedKey>.into_iter().map(|key| key.0).collect();
+    keys.sort_by_key(|key| (key.name, key.type_name()));
+    keys.dedup_by_key(|key| key.name);
+    keys
+}
+
 /// Defines keys of products. The doc comment is the meaning that `syntable list products` and the reference show.
 #[macro_export]
 macro_rules! products {
@@ -303,6 +342,7 @@ macro_rules! products {
         $(#[doc = $doc])+
         $vis const $name: $crate::product::Key<$type> =
             $crate::product::Key::$scope($key, concat!($($doc, "\n"),+))$(.$method($argument))*;
+        $crate::inventory::submit! { $crate::product::LinkedKey($name.id()) }
     )+};
 }
 

@@ -2,9 +2,11 @@
 //!
 //! A [`Key`] names a product, its type, its [`Semantic`] and its unit; [`Products`] holds those of one view. Every
 //! product has one generic encoding, [`Value`], whose [`Form`] is known from the type, so that a generic writer can
-//! store an annotation it has never heard of, and refuses one that it cannot store before anything is rendered.
+//! store an annotation it has never heard of, and refuses one that it cannot store before anything is rendered. [`Stored`] is
+//! the way back.
 
 mod counts;
+mod decode;
 mod depths;
 mod extent;
 mod form;
@@ -21,11 +23,12 @@ mod store;
 mod value;
 
 pub use counts::PixelCounts;
+pub use decode::Stored;
 pub use depths::ObjectDepths;
 pub use extent::{Extent, extents};
 pub use form::Form;
 pub use graph::{Graph, Layer};
-pub use key::{Key, KeyId, Product, Scope, Semantic, first_sentence};
+pub use key::{Key, KeyId, LinkedKey, Product, Scope, Semantic, first_sentence, linked};
 pub use mask::Mask;
 pub use models::ObjectModels;
 pub use name::{Lighting, MAX_CANVAS, MAX_SUBPIXELS, Name, RenderParameters};

@@ -1,6 +1,6 @@
 //! Images of objects, each cut to where the object is.
 
-use super::{Form, Mask, ObjectDepths, PerInstance, Pixel, Plane, Product, Value};
+use super::{Form, Mask, ObjectDepths, PerInstance, Pixel, Plane, Product, Stored, Value};
 use crate::scene::InstanceId;
 use std::collections::BTreeMap;
 
@@ -141,6 +141,14 @@ impl<P: Pixel> Product for ObjectImages<P> {
 
     fn form() -> Form {
         Form::PerInstance(Box::new(Plane::<P>::form()))
+    }
+
+    fn is_decoded() -> bool {
+        true
+    }
+
+    fn decode(stored: Stored<'_>) -> Option<Self> {
+        stored.object_images()
     }
 }
 

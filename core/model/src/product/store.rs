@@ -1,6 +1,6 @@
 //! The products of one view, scene or dataset.
 
-use super::{Key, KeyId, Name, Product, Value};
+use super::{Key, KeyId, Name, Product, Stored as InFile, Value};
 use crate::error::{Error, Result};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ struct Stored {
     product: Arc<dyn AnyProduct>,
 }
 
-trait AnyProduct: Any + Send + Sync {
+pub trait AnyProduct: Any + Send + Sync {
     fn encode(&self) -> Value;
 }
 
@@ -39,6 +39,13 @@ impl Products {
     /// Stores a product. It must not be there yet.
     pub fn put<T: Product>(&mut self, key: Key<T>, product: T) -> Result<()> {
         self.store(Stored { key: key.id(), product: Arc::new(product) })
+    }
+
+    /// Stores the product that a file has. The error says that it is of another type.
+    pub fn put_stored(&mut self, key: KeyId, stored: InFile<'_>) -> Result<()> {
+        let product = (key.decode)(stored)
+            .ok_or_else(|| Error::new(format!("`{}` is not {}", key.name, key.kind_of_value())).permanent())?;
+        self.store(Stored { key, product })
     }
 
     /// A product. The error says whether it is missing, undeclared, or of another type.

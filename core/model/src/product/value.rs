@@ -1,6 +1,6 @@
 //! The generic encoding of products, and the small product types.
 
-use super::{BitPlane, Form, Mask, Plane, Product};
+use super::{BitPlane, Form, Mask, Plane, Product, Stored};
 use crate::scene::InstanceId;
 use half::f16;
 use serde::Serialize;
@@ -261,6 +261,8 @@ pub trait Pixel: Copy + Send + Sync + 'static {
     const CHANNELS: Option<usize>;
     /// Appends the pixel, little-endian.
     fn write(self, bytes: &mut Vec<u8>);
+    /// The pixel of as many bytes as [`write`](Self::write) appends.
+    fn read(bytes: &[u8]) -> Self;
 }
 
 macro_rules! pixel {
@@ -270,6 +272,9 @@ macro_rules! pixel {
             const CHANNELS: Option<usize> = None;
             fn write(self, bytes: &mut Vec<u8>) {
                 bytes.extend_from_slice(&self.to_le_bytes());
+            }
+            fn read(bytes: &[u8]) -> Self {
+                <$t>::from_le_bytes(bytes.try_into().expect("bytes of a number"))
             }
         }
     )*};
@@ -285,6 +290,9 @@ impl Pixel for bool {
     fn write(self, bytes: &mut Vec<u8>) {
         bytes.push(self.into());
     }
+    fn read(bytes: &[u8]) -> Self {
+        bytes[0] != 0
+    }
 }
 
 impl<P: Pixel, const N: usize> Pixel for [P; N] {
@@ -293,6 +301,10 @@ impl<P: Pixel, const N: usize> Pixel for [P; N] {
     fn write(self, bytes: &mut Vec<u8>) {
         self.into_iter().for_each(|number| number.write(bytes));
     }
+    fn read(bytes: &[u8]) -> Self {
+        let size = P::DTYPE.size();
+        std::array::from_fn(|channel| P::read(&bytes[channel * size..][..size]))
+    }
 }
 
 impl Pixel for InstanceId {
@@ -300,6 +312,9 @@ impl Pixel for InstanceId {
     const CHANNELS: Option<usize> = None;
     fn write(self, bytes: &mut Vec<u8>) {
         self.0.write(bytes);
+    }
+    fn read(bytes: &[u8]) -> Self {
+        Self(u16::read(bytes))
     }
 }
 
@@ -316,6 +331,14 @@ impl<P: Pixel> Product for Plane<P> {
 
     fn form() -> Form {
         Form::Image { dtype: P::DTYPE, channels: P::CHANNELS }
+    }
+
+    fn is_decoded() -> bool {
+        true
+    }
+
+    fn decode(stored: Stored<'_>) -> Option<Self> {
+        stored.plane()
     }
 }
 
@@ -375,6 +398,14 @@ impl<T: Clone + Into<Value> + Send + Sync + 'static> Product for PerInstance<T> 
     fn form() -> Form {
         Form::PerInstance(Box::new(form_of::<T>()))
     }
+
+    fn is_decoded() -> bool {
+        super::decode::is_of_instances::<T>()
+    }
+
+    fn decode(stored: Stored<'_>) -> Option<Self> {
+        stored.per_instance()
+    }
 }
 
 /// The form of the value that a type of the standard ones is converted into.
@@ -414,6 +445,14 @@ impl Product for Mask {
     fn form() -> Form {
         Form::Mask
     }
+
+    fn is_decoded() -> bool {
+        true
+    }
+
+    fn decode(stored: Stored<'_>) -> Option<Self> {
+        stored.mask()
+    }
 }
 
 impl From<Mask> for Value {
@@ -425,6 +464,14 @@ impl From<Mask> for Value {
 impl Product for Value {
     fn encode(&self) -> Value {
         self.clone()
+    }
+
+    fn is_decoded() -> bool {
+        true
+    }
+
+    fn decode(stored: Stored<'_>) -> Option<Self> {
+        Some(stored.value.clone())
     }
 }
 
@@ -514,6 +561,14 @@ impl Product for OcclusionOrder {
 
     fn form() -> Form {
         Form::Tensor(DType::Bool)
+    }
+
+    fn is_decoded() -> bool {
+        true
+    }
+
+    fn decode(stored: Stored<'_>) -> Option<Self> {
+        stored.order()
     }
 }
 

@@ -206,7 +206,7 @@ impl CocoScene {
         if !path.is_file() {
             return Ok(None);
         }
-        let file: CocoFile = super::read::json(&path)?;
+        let file: CocoFile = super::files::json(&path)?;
         let mut scene = Self::default();
         scene.sizes.extend(file.images.iter().map(|image| (image.id, [image.width, image.height])));
         for it in file.annotations {

@@ -24,7 +24,7 @@ const TARGETS: &str = "test_targets_bop19.json";
 /// Sizes of the meshes, in each of their folders.
 pub const MODELS_INFO: &str = "models_info.json";
 /// Numbers of the shards of images.
-const KEY_TO_SHARD: &str = "key_to_shard.json";
+pub const KEY_TO_SHARD: &str = "key_to_shard.json";
 
 /// Names of the files of a scene that are written at the end.
 pub const OF_SCENE: [&str; 3] = ["scene_gt.json", "scene_gt_coco.json", "scene_gt_coco_modal.json"];

@@ -1,6 +1,7 @@
 //! The format of the BOP benchmark for 6D object pose estimation.
 
 mod faults;
+mod files;
 mod finish;
 mod meshes;
 mod model;

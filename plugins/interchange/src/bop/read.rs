@@ -1,18 +1,16 @@
-//! Reads BOP's scenewise layout.
+//! Reads BOP's scenewise layout and its tar files.
 
 use super::faults::{self, CocoScene, Fault};
-use super::finish::{MODELS_INFO, OF_SCENE};
+use super::files::{self, Images, Record, json};
+use super::finish::MODELS_INFO;
 use super::meshes::Meshes;
-use super::record::{Camera, CameraView, GroundTruth, Info, MM, SceneCamera};
+use super::record::{Camera, CameraView, GroundTruth, MM, SceneCamera};
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use syntable_formats::coco::Category;
-use syntable_formats::decode;
-use syntable_formats::json as formats_json;
 use syntable_formats::read::{self, Faults, Labels};
 use syntable_model::prelude::*;
 use syntable_model::product::standard::{
@@ -20,12 +18,12 @@ use syntable_model::product::standard::{
 };
 use syntable_model::product::{ObjectModels, PixelCounts};
 use syntable_model::reader::{DatasetFault, DatasetReader, Format, ImageRef};
-use syntable_model::scene::{SceneId, ViewId};
+use syntable_model::scene::SceneId;
 
 syntable_model::register_format!(Format {
     name: "bop",
-    doc: "BOP's scenewise layout: a folder of a dataset with one split, or the split itself.",
-    detect: |root| !splits_of(root).is_empty(),
+    doc: "BOP's scenewise layout and its tar files: a folder of a dataset with one split, or the split itself.",
+    detect: |root| !files::splits_of(root).is_empty(),
     open,
     crate_name: env!("CARGO_PKG_NAME"),
 });
@@ -52,118 +50,19 @@ struct Reader {
     faults: OnceLock<Vec<DatasetFault>>,
 }
 
-/// An image.
-struct Record {
-    folder: PathBuf,
-    number: u32,
-    camera: SceneCamera,
-    objects: Vec<GroundTruth>,
-    infos: Vec<Info>,
-}
-
 /// Number of other images of a scene with which the poses of an image are compared.
 const COMPARED: usize = 8;
 
-/// The file of poses of a scene.
-const TRUTH: &str = OF_SCENE[0];
-/// The file of counts of a scene.
-const INFOS: &str = "scene_gt_info.json";
-/// The file of cameras of a scene.
-const CAMERAS: &str = "scene_camera.json";
-
-/// Folders that are called after a number, sorted.
-fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
-    let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
-    let scenes = entries.filter(|path| path.is_dir());
-    let mut scenes: Vec<(u32, PathBuf)> = scenes.filter_map(|path| Some((number(&path)?, path))).collect();
-    scenes.sort();
-    scenes
-}
-
-/// The splits of a dataset, sorted; a split is its own. They have scenes with poses, or if there are none such, with cameras.
-fn splits_of(root: &Path) -> Vec<PathBuf> {
-    let has = |folder: &Path, file: &str| scenes_of(folder).iter().any(|(_, scene)| scene.join(file).is_file());
-    let of = |file: &str| {
-        if has(root, file) {
-            return vec![root.to_owned()];
-        }
-        let folders = fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path());
-        let mut splits: Vec<PathBuf> = folders.filter(|path| path.is_dir() && has(path, file)).collect();
-        splits.sort();
-        splits
-    };
-    let splits = of(TRUTH);
-    if splits.is_empty() { of(CAMERAS) } else { splits }
-}
-
-pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read_to_string(path).map_err(|error| Error::io(path, &error).of_request())?;
-    serde_json::from_str(&text).map_err(|error| {
-        // Read again to know where it was.
-        let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_str(&text));
-        let key = located.err().map(|error| error.path().to_string()).filter(|key| key != ".");
-        let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default().as_bytes();
-        let from = line.get(formats_json::before(error.column() as u64) as usize..).unwrap_or_default();
-        formats_json::located(&error, key.as_deref(), from).in_file(path).of_request()
-    })
-}
-
 fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
-    let splits = splits_of(root);
-    let [split] = splits.as_slice() else {
-        let help = splits.first().map_or_else(
-            || "a split has folders of scenes, each with a scene_gt.json".to_owned(),
-            |first| format!("name the folder of one split, such as {}", first.display()),
-        );
-        return Err(Error::new(format!("one split was expected, and there are {}", splits.len()))
-            .in_file(root)
-            .help(help)
-            .of_request());
-    };
+    let split = files::split_of(root)?;
     let mut faults = Faults::default();
-    let (mut refs, mut images) = (Vec::new(), Vec::new());
-    let (mut coco, mut of_scenes) = (BTreeMap::new(), BTreeMap::<SceneId, BTreeSet<u64>>::new());
-    for (scene, folder) in scenes_of(split) {
-        let place = format!("{scene:06}");
-        if let Some(missing) = [TRUTH, CAMERAS, INFOS].iter().find(|name| !folder.join(name).is_file()) {
-            let message = format!("the scene has no {missing}: nothing of it is read");
-            faults.add("files_are_there", place, &message);
-            continue;
-        }
-        let (mut cameras, mut infos, all) = match files_of(&folder) {
-            Ok(files) => files,
-            Err(error) => {
-                faults.add("readable", place, &format!("{error}: nothing of the scene is read"));
-                continue;
-            }
-        };
-        coco.insert(folder.clone(), OnceLock::new());
-        for (number, objects) in all {
-            let name = format!("{scene:06}/{number:06}");
-            let infos = infos.remove(&number).unwrap_or_default();
-            if infos.len() != objects.len() {
-                let message = format!("it has {} objects in {TRUTH}, {} in {INFOS}", objects.len(), infos.len());
-                faults.add("records_agree", name, &message);
-                continue;
-            }
-            let Some(camera) = cameras.remove(&number) else {
-                faults.add("records_agree", name, &format!("it is in {TRUTH} and not in {CAMERAS}"));
-                continue;
-            };
-            of_scenes.entry(SceneId(scene)).or_default().extend(objects.iter().map(|object| object.obj_id));
-            refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name, id: None });
-            images.push(Record { folder: folder.clone(), number, camera, objects, infos });
-        }
-        for number in cameras.into_keys() {
-            faults.add(
-                "records_agree",
-                format!("{scene:06}/{number:06}"),
-                &format!("it is in {CAMERAS} and not in {TRUTH}"),
-            );
-        }
+    let Images { refs, records: images, folders } = files::images(&split, &mut faults);
+    let coco = folders.into_iter().map(|folder| (folder, OnceLock::new())).collect();
+    let mut of_scenes = BTreeMap::<SceneId, BTreeSet<u64>>::new();
+    for (image, record) in refs.iter().zip(&images) {
+        of_scenes.entry(image.scene).or_default().extend(record.objects.iter().map(|object| object.obj_id));
     }
-    let above = split.parent().unwrap_or(split);
+    let above = split.folder.parent().unwrap_or(&split.folder);
     let names = optional(&[root, above].map(|folder| folder.join("objects.json")))?;
     let camera: Option<Camera> = optional(&[root, above].map(|folder| folder.join("camera.json")))?;
     camera.iter().for_each(|camera| faults::camera_is_sound(camera, &mut faults));
@@ -200,13 +99,6 @@ fn open(root: &Path) -> Result<Box<dyn DatasetReader>> {
         opened,
         faults,
     }))
-}
-
-/// Content of the files of a scene: cameras, counts and poses of each image.
-type SceneFiles = (BTreeMap<u32, SceneCamera>, BTreeMap<u32, Vec<Info>>, BTreeMap<u32, Vec<GroundTruth>>);
-
-fn files_of(folder: &Path) -> Result<SceneFiles> {
-    Ok((json(&folder.join(CAMERAS))?, json(&folder.join(INFOS))?, json(&folder.join(TRUTH))?))
 }
 
 /// The first of these files that is there.
@@ -293,7 +185,7 @@ impl DatasetReader for Reader {
         let record = &self.images[image];
         let wanted = |key: KeyId| wants.contains(&key);
         let mut products = Products::new();
-        let rgb = decode::rgb(&record.rgb())?;
+        let rgb = record.rgb()?;
         let (width, height) = (rgb.width(), rgb.height());
         if wanted(OBJECT_MODELS.id()) {
             products.put(OBJECT_MODELS, self.models_of(self.refs[image].scene))?;
@@ -336,41 +228,19 @@ fn id_of(entry: usize) -> InstanceId {
 }
 
 impl Record {
-    fn rgb(&self) -> PathBuf {
-        let path = |extension: &str| self.folder.join(format!("rgb/{:06}.{extension}", self.number));
-        ["png", "jpg"].map(path).into_iter().find(|path| path.is_file()).unwrap_or_else(|| path("png"))
-    }
-
-    fn depth(&self) -> Result<Plane<f32>> {
-        let path = self.folder.join(format!("depth/{:06}.png", self.number));
-        decode::depth(&path, self.camera.depth_scale)
-    }
-
-    fn mask(&self, folder: &str, entry: usize, [width, height]: [u32; 2]) -> Result<Mask> {
-        let path = self.folder.join(format!("{folder}/{:06}_{entry:06}.png", self.number));
-        let image = decode::gray(&path)?;
-        if [image.width(), image.height()] != [width, height] {
-            let message = format!("it has {} × {} pixels, its image {width} × {height}", image.width(), image.height());
-            return Err(Error::new(message).in_file(path).permanent());
-        }
-        Ok(Mask::from_fn(width, height, |x, y| *image.at(x, y) > 0))
-    }
-
     /// Masks of the objects that the image shows or would show.
     fn labels(&self, categories: &read::Categories, size: [u32; 2]) -> Result<Vec<Labels>> {
-        let of = |entry: usize| -> Result<Labels> {
-            Ok(Labels {
-                id: id_of(entry),
-                visible: self.mask("mask_visib", entry, size)?,
-                amodal: Some(self.mask("mask", entry, size)?),
-                occlusion: None,
-                rate: None,
-                visible_box: None,
-                amodal_box: None,
-                category: categories.id(self.objects[entry].obj_id),
-            })
+        let of = |(entry, [amodal, visible]): (usize, [Mask; 2])| Labels {
+            id: id_of(entry),
+            visible,
+            amodal: Some(amodal),
+            occlusion: None,
+            rate: None,
+            visible_box: None,
+            amodal_box: None,
+            category: categories.id(self.objects[entry].obj_id),
         };
-        (0..self.objects.len()).map(of).collect()
+        Ok(self.masks(size)?.into_iter().enumerate().map(of).collect())
     }
 
     fn counts(&self, entry: usize) -> PixelCounts {
@@ -385,9 +255,7 @@ impl Record {
             silhouette,
         }
     }
-}
 
-impl Record {
     /// Numbers of the objects and where they are in the world; none if nobody says where the camera is.
     fn poses(&self) -> Option<Vec<(u64, [[f64; 4]; 4])>> {
         let camera = self.camera.world_from_camera()?;
@@ -427,7 +295,7 @@ impl Reader {
 
     /// What contradicts masks; nothing where these cannot be read, which is a fault of its own.
     fn faults_of_masks(&self, record: &Record) -> Vec<Fault> {
-        let Ok(rgb) = decode::rgb(&record.rgb()) else { return Vec::new() };
+        let Ok(rgb) = record.rgb() else { return Vec::new() };
         let size = [rgb.width(), rgb.height()];
         let mut all: Vec<Fault> =
             self.camera.iter().filter_map(|camera| faults::faults_of_camera(camera, size)).collect();
@@ -440,7 +308,8 @@ impl Reader {
             all.extend(of_object.map(|(check, message)| (check, format!("instance {}: {message}", label.id))));
             masks.push([whole, &label.visible]);
         }
-        match self.coco.get(&record.folder).map(|scene| scene.get_or_init(|| CocoScene::read(&record.folder))) {
+        let of_coco = record.folder().and_then(|folder| Some((folder, self.coco.get(folder)?)));
+        match of_coco.map(|(folder, scene)| scene.get_or_init(|| CocoScene::read(folder))) {
             Some(Ok(Some(scene))) => all.extend(scene.faults(record.number, &record.infos, &masks)),
             Some(Err(error)) => all.push(("readable", error.to_string())),
             Some(Ok(None)) | None => {}

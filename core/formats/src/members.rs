@@ -1,0 +1,111 @@
+//! Members of tar files, read in any order.
+
+use crate::decode::Content;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use syntable_model::error::{Error, Result};
+
+/// Most bytes of a member that is read as a whole.
+const MAX_BYTES: u64 = 1 << 31;
+
+/// A file in a tar file.
+#[derive(Debug, Clone)]
+pub struct Member {
+    archive: Arc<Path>,
+    /// Its name in the archive.
+    pub name: String,
+    at: u64,
+    size: u64,
+}
+
+impl Member {
+    /// Its bytes.
+    pub fn content(&self) -> Result<Content> {
+        let fail = |error| Error::io(self.path(), &error);
+        if self.size > MAX_BYTES {
+            return Err(Error::new(format!("{} bytes are too many", self.size)).in_file(self.path()).permanent());
+        }
+        let mut bytes = vec![0; self.size as usize];
+        let mut archive = File::open(&self.archive).map_err(fail)?;
+        archive.seek(SeekFrom::Start(self.at)).and_then(|_| archive.read_exact(&mut bytes)).map_err(fail)?;
+        Ok(Content::new(bytes, self.path()))
+    }
+
+    /// What it is called in messages: the archive as if it were a folder.
+    pub fn path(&self) -> PathBuf {
+        self.archive.join(&self.name)
+    }
+}
+
+/// The files in a tar file, in its order, up to where it is damaged, and the damage. Contents are skipped, not read.
+pub fn members(archive: &Path) -> (Vec<Member>, Option<Error>) {
+    let mut found = Vec::new();
+    let damage = collect(archive, &mut found).err();
+    (found, damage)
+}
+
+fn collect(path: &Path, found: &mut Vec<Member>) -> Result<()> {
+    let fail = |error: std::io::Error| match error.kind() {
+        // That a file ends early, or is no archive, says something about the file.
+        std::io::ErrorKind::UnexpectedEof | std::io::ErrorKind::Other | std::io::ErrorKind::InvalidData => {
+            Error::new(format!("not a readable tar file: {error}")).in_file(path).permanent()
+        }
+        _ => Error::io(path, &error),
+    };
+    let there = std::fs::metadata(path).map_err(fail)?;
+    if !there.is_file() {
+        return Err(Error::new("it is not a file").in_file(path).permanent());
+    }
+    let name: Arc<Path> = path.into();
+    let mut archive = tar::Archive::new(File::open(path).map_err(fail)?);
+    for entry in archive.entries_with_seek().map_err(fail)? {
+        let entry = entry.map_err(fail)?;
+        if !entry.header().entry_type().is_file() {
+            continue;
+        }
+        let (at, size) = (entry.raw_file_position(), entry.size());
+        let member = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
+        if at.checked_add(size).is_none_or(|end| end > there.len()) {
+            return Err(Error::new(format!("the tar file ends within `{member}`")).in_file(path).permanent());
+        }
+        found.push(Member { archive: name.clone(), name: member, at, size });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode::tar::Archive;
+
+    #[test]
+    fn members_are_read_in_any_order() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.tar");
+        let mut archive = Archive::new(File::create(&path).expect("a file"), "a.tar");
+        let long = format!("{}b.json", "ab/".repeat(60));
+        for (name, bytes) in [("a.txt", &b"first"[..]), (&long, &[7; 700]), ("c", b"")] {
+            archive.add(name, bytes).expect("added");
+        }
+        archive.finish().expect("ended");
+        let (found, damage) = members(&path);
+        assert!(damage.is_none(), "{damage:?}");
+        assert_eq!(found.iter().map(|it| it.name.as_str()).collect::<Vec<_>>(), ["a.txt", &long, "c"]);
+        assert_eq!(found[1].content().expect("read").bytes(), [7; 700]);
+        assert_eq!(found[0].content().expect("read").bytes(), b"first");
+        assert!(found[2].content().expect("read").bytes().is_empty());
+
+        // Cut off within the second member.
+        let bytes = std::fs::read(&path).expect("read");
+        std::fs::write(&path, &bytes[..bytes.len() - 2048]).expect("written");
+        let (found, damage) = members(&path);
+        let damage = damage.expect("damaged").to_string();
+        assert!(found.len() == 1 && damage.contains("b.json`") && damage.contains("a.tar"), "{damage}");
+        std::fs::write(&path, [b'x'; 900]).expect("written");
+        let (found, damage) = members(&path);
+        let damage = damage.expect("no archive").to_string();
+        assert!(found.is_empty() && damage.contains("not a readable tar file"), "{damage}");
+    }
+}

@@ -1,0 +1,348 @@
+//! Datasets of samples: the products of each view under their names, as writers that know no product store them.
+//!
+//! A format says where samples are and what values their fields have; what products these are, and which labels follow from
+//! them, is the same for all.
+
+use crate::coco::Category;
+use crate::read::{self, Categories, Known, Labels};
+use std::collections::{BTreeMap, BTreeSet};
+use syntable_model::error::{Error, Result};
+use syntable_model::product::standard::{
+    AMODAL_BITS, AMODAL_BOX, AMODAL_MASK, CAMERA, CATEGORY_ID, OBJECT_NAME, OCCLUSION_ORDER, OCCLUSION_RATE,
+    VISIBLE_BOX, VISIBLE_IDS, VISIBLE_MASK,
+};
+use syntable_model::product::{
+    Form, Key, KeyId, Mask, PerInstance, Plane, Product, Products, Scope, Semantic, Stored, Tensor, Value, linked,
+};
+use syntable_model::reader::{DatasetFault, DatasetReader, ImageRef};
+use syntable_model::scene::{InstanceId, View};
+use syntable_model::stage::DatasetInfo;
+
+/// The fields of a sample by name.
+pub type Fields = BTreeMap<String, Value>;
+
+/// The samples of a dataset.
+pub trait Samples: Send + Sync {
+    /// The views that samples are of, by scene and view.
+    fn images(&self) -> &[ImageRef];
+    /// Names of the fields that samples have.
+    fn fields(&self) -> &BTreeSet<String>;
+    /// Those of the wanted fields that a sample has. A value per instance is [`Value::PerInstance`] or a record by ids.
+    fn read(&self, image: usize, wanted: &BTreeSet<&str>) -> Result<Fields>;
+    /// What is wrong with the dataset as a whole.
+    fn faults(&self) -> &[DatasetFault];
+    /// The categories, if the format names them.
+    fn categories(&self) -> Option<Vec<Category>> {
+        None
+    }
+}
+
+/// Fields whose instances are the annotated ones, those first that are read fast.
+const OF_ANNOTATED: [KeyId; 7] = [
+    CATEGORY_ID.id(),
+    AMODAL_BOX.id(),
+    VISIBLE_BOX.id(),
+    OCCLUSION_RATE.id(),
+    OBJECT_NAME.id(),
+    AMODAL_MASK.id(),
+    VISIBLE_MASK.id(),
+];
+
+/// Whether a product has a value for each instance.
+pub fn is_per_instance(product: &str) -> bool {
+    linked().iter().any(|key| key.name == *product && matches!(key.form(), Form::PerInstance(_)))
+}
+
+/// The values of instances from one array, whose first axis are the instances; none if there are not as many of both.
+pub fn instances(values: &Tensor, ids: &Tensor) -> Option<Value> {
+    let ids: Vec<InstanceId> = ids_of(ids)?;
+    let (count, shape) = values.shape.split_first()?;
+    if *count != ids.len() {
+        return None;
+    }
+    let size = shape.iter().product::<usize>() * values.dtype.size();
+    let axes = values.axes[1..].to_vec();
+    let row = |row: usize| match shape {
+        [] => values.element(row),
+        _ => Value::Tensor(Tensor {
+            dtype: values.dtype,
+            axes: axes.clone(),
+            shape: shape.to_vec(),
+            bytes: values.bytes[row * size..][..size].to_vec(),
+        }),
+    };
+    Some(Value::PerInstance(ids.into_iter().enumerate().map(|(at, id)| (id, row(at))).collect()))
+}
+
+fn ids_of(ids: &Tensor) -> Option<Vec<InstanceId>> {
+    let id = |at: usize| match ids.element(at) {
+        Value::Int(id) => u16::try_from(id).ok().map(InstanceId),
+        _ => None,
+    };
+    if ids.shape.len() == 1 { (0..ids.shape[0]).map(id).collect() } else { None }
+}
+
+/// Opens a dataset of samples. `name` is what it is called.
+pub fn open(name: String, samples: Box<dyn Samples>) -> Box<dyn DatasetReader> {
+    let of_view = |key: &KeyId| matches!(key.scope, Scope::View | Scope::Scene) && key.is_decoded();
+    let keys: Vec<KeyId> =
+        linked().into_iter().filter(|key| of_view(key) && samples.fields().contains(&key.name.to_string())).collect();
+    let has = |key: KeyId| keys.contains(&key);
+    let visible = [VISIBLE_MASK.id(), VISIBLE_IDS.id()].into_iter().find(|key| has(*key));
+    let annotated = OF_ANNOTATED.into_iter().find(|key| has(*key));
+    // Bits do not say of which instances they are.
+    let amodal = [(AMODAL_MASK.id(), true), (AMODAL_BITS.id(), annotated.is_some())];
+    let amodal = amodal.into_iter().find(|(key, is_known)| has(*key) && *is_known).map(|(key, _)| key);
+    let known = match (visible, amodal) {
+        (Some(_), Some(_)) => Some(Known::Both),
+        (Some(_), None) => Some(Known::Visible),
+        (None, Some(_)) => Some(Known::Amodal),
+        (None, None) => None,
+    };
+    let categories = Categories::of(&samples.categories().unwrap_or_else(|| categories_of(&*samples)));
+    let info = categories.info(name, String::new(), samples.images(), String::new());
+    Box::new(Reader { samples, info, keys, visible, amodal, annotated, known })
+}
+
+/// The categories that samples have, which have no names there.
+fn categories_of(samples: &dyn Samples) -> Vec<Category> {
+    let name = CATEGORY_ID.name();
+    let mut ids: BTreeSet<u32> = BTreeSet::new();
+    if samples.fields().contains(name) {
+        let wanted = BTreeSet::from([name]);
+        for image in 0..samples.images().len() {
+            // What cannot be read is reported with its image.
+            let fields = samples.read(image, &wanted).unwrap_or_default();
+            let categories = fields.get(name).and_then(|value| <PerInstance<u32>>::decode(stored(value, &[])));
+            ids.extend(categories.iter().flat_map(PerInstance::iter).map(|(_, id)| *id));
+        }
+    }
+    let (object, object_name) = DatasetInfo::OBJECT;
+    ids.insert(object);
+    let name = |id: u32| if id == object { object_name.to_owned() } else { format!("category_{id}") };
+    ids.into_iter().map(|id| Category { id: id.into(), name: name(id), ..Category::default() }).collect()
+}
+
+fn stored<'a>(value: &'a Value, ids: &'a [InstanceId]) -> Stored<'a> {
+    Stored { value, ids, missing: f64::NAN }
+}
+
+struct Reader {
+    samples: Box<dyn Samples>,
+    info: DatasetInfo,
+    /// The products that samples have.
+    keys: Vec<KeyId>,
+    /// Of these, the one that visible masks are taken from.
+    visible: Option<KeyId>,
+    /// The one that amodal masks are taken from.
+    amodal: Option<KeyId>,
+    /// The one that says which instances are annotated.
+    annotated: Option<KeyId>,
+    known: Option<Known>,
+}
+
+impl Reader {
+    /// Products that follow from those that samples have.
+    fn follow(&self) -> Vec<KeyId> {
+        let all = self.known.map(Known::offers).unwrap_or_default();
+        all.into_iter().filter(|key| !self.keys.contains(key)).collect()
+    }
+
+    /// The field that tells the size of an image fastest.
+    fn sized(&self) -> Option<KeyId> {
+        let is_image = |key: &&KeyId| matches!(key.form(), Form::Image { .. });
+        let camera = self.keys.iter().find(|key| **key == CAMERA.id());
+        camera.or_else(|| self.keys.iter().find(is_image)).copied().or(self.visible).or(self.amodal)
+    }
+
+    /// A field as a product of the type of its key.
+    fn decoded<T: Product>(&self, key: Key<T>, fields: &Fields, ids: &[InstanceId]) -> Result<T> {
+        let value = field(fields, key.id())?;
+        T::decode(stored(value, ids)).ok_or_else(|| unlike(key.id()))
+    }
+
+    /// Labels of the annotated instances.
+    fn labels(&self, fields: &Fields, ids: Option<&[InstanceId]>, size: [u32; 2]) -> Result<Vec<Labels>> {
+        let annotated = ids.unwrap_or_default();
+        let none = PerInstance::default;
+        let visible = match self.visible {
+            Some(key) if key == VISIBLE_MASK.id() => self.decoded(VISIBLE_MASK, fields, annotated)?,
+            Some(_) => visible_masks(&self.decoded(VISIBLE_IDS, fields, annotated)?, ids),
+            None => none(),
+        };
+        let amodal = match self.amodal {
+            Some(key) if key == AMODAL_MASK.id() => self.decoded(AMODAL_MASK, fields, annotated)?,
+            Some(_) => amodal_masks(field(fields, AMODAL_BITS.id())?, annotated, size)?,
+            None => none(),
+        };
+        let categories = match self.keys.contains(&CATEGORY_ID.id()) {
+            true => self.decoded(CATEGORY_ID, fields, annotated)?,
+            false => PerInstance::default(),
+        };
+        let all: BTreeSet<InstanceId> = visible.iter().chain(amodal.iter()).map(|(id, _)| id).collect();
+        let [width, height] = size;
+        let empty = || Mask::empty(width, height);
+        let label = |id: InstanceId| Labels {
+            id,
+            visible: visible.get(id).cloned().unwrap_or_else(empty),
+            amodal: self.amodal.map(|_| amodal.get(id).cloned().unwrap_or_else(empty)),
+            occlusion: None,
+            rate: None,
+            visible_box: None,
+            amodal_box: None,
+            category: categories.get(id).copied().unwrap_or(DatasetInfo::OBJECT.0),
+        };
+        Ok(all.into_iter().map(label).collect())
+    }
+}
+
+fn field(fields: &Fields, key: KeyId) -> Result<&Value> {
+    let name = key.name.to_string();
+    fields.get(&name).ok_or_else(|| Error::new(format!("it has no field `{name}`, which others have")).permanent())
+}
+
+fn unlike(key: KeyId) -> Error {
+    Error::new(format!("its field `{}` is no {}", key.name, key.kind_of_value())).permanent()
+}
+
+/// Visible masks from a plane of ids: of these instances, or else of those that it shows.
+fn visible_masks(plane: &Plane<InstanceId>, ids: Option<&[InstanceId]>) -> PerInstance<Mask> {
+    let shown: BTreeSet<InstanceId> = plane.data().iter().copied().filter(|id| id.0 > 0).collect();
+    let all: BTreeSet<InstanceId> = ids.unwrap_or_default().iter().copied().chain(shown).collect();
+    let mask = |id: InstanceId| Mask::from_fn(plane.width(), plane.height(), |x, y| *plane.at(x, y) == id);
+    all.into_iter().map(|id| (id, mask(id))).collect()
+}
+
+/// Amodal masks from bits, as [`AMODAL_BITS`] has them.
+fn amodal_masks(bits: &Value, ids: &[InstanceId], [width, height]: [u32; 2]) -> Result<PerInstance<Mask>> {
+    let row_bytes = (width as usize).div_ceil(8);
+    let expected = [ids.len(), height as usize, row_bytes];
+    let bits = match bits {
+        Value::Tensor(tensor) if tensor.shape == expected && tensor.dtype.size() == 1 => tensor,
+        _ => {
+            let what = format!("its field `amodal_bits` is no array of bytes of shape {expected:?}");
+            return Err(Error::new(what).permanent());
+        }
+    };
+    let of = |plane: usize| {
+        let rows = &bits.bytes[plane * height as usize * row_bytes..];
+        let is_set = |x: u32, y: u32| rows[y as usize * row_bytes + x as usize / 8] & (0x80 >> (x % 8)) != 0;
+        Mask::from_fn(width, height, is_set)
+    };
+    Ok(ids.iter().enumerate().map(|(plane, id)| (*id, of(plane))).collect())
+}
+
+/// The size of the image of a sample, as far as a field says it.
+fn size_of(value: &Value) -> Option<[u32; 2]> {
+    match value {
+        Value::Mask(mask) => Some([mask.width(), mask.height()]),
+        Value::Tensor(tensor) => match tensor.shape.as_slice() {
+            [height, width] | [height, width, _] => Some([u32::try_from(*width).ok()?, u32::try_from(*height).ok()?]),
+            _ => None,
+        },
+        Value::List(rows) => match rows.first()? {
+            Value::List(pixels) => Some([pixels.len() as u32, rows.len() as u32]),
+            _ => None,
+        },
+        Value::PerInstance(each) => each.values().find_map(size_of),
+        // A camera, a mask in JSON, or one of these for each instance.
+        Value::Record(fields) => {
+            let named = |name: &str| fields.iter().find(|(field, _)| field == name).map(|(_, value)| value);
+            let edge = |value: &Value| match value {
+                Value::Int(edge) => u32::try_from(*edge).ok(),
+                _ => None,
+            };
+            if let (Some(width), Some(height)) = (named("width").and_then(edge), named("height").and_then(edge)) {
+                return Some([width, height]);
+            }
+            match named("size") {
+                Some(Value::List(size)) if size.len() == 2 => Some([edge(&size[1])?, edge(&size[0])?]),
+                _ => fields.iter().filter(|(name, _)| name.parse::<u16>().is_ok()).find_map(|(_, it)| size_of(it)),
+            }
+        }
+        _ => None,
+    }
+}
+
+/// The instances of a value, in order.
+fn instances_of(value: &Value) -> Option<Vec<InstanceId>> {
+    let mut ids = match value {
+        Value::PerInstance(each) => each.keys().copied().collect(),
+        Value::Record(fields) => {
+            fields.iter().map(|(id, _)| id.parse().ok().map(InstanceId)).collect::<Option<Vec<_>>>()?
+        }
+        _ => return None,
+    };
+    ids.sort_unstable();
+    Some(ids)
+}
+
+impl DatasetReader for Reader {
+    fn info(&self) -> &DatasetInfo {
+        &self.info
+    }
+
+    fn images(&self) -> &[ImageRef] {
+        self.samples.images()
+    }
+
+    fn faults(&self) -> &[DatasetFault] {
+        self.samples.faults()
+    }
+
+    fn offers(&self) -> Vec<KeyId> {
+        self.keys.iter().copied().chain(self.follow()).collect()
+    }
+
+    fn derived(&self) -> Vec<KeyId> {
+        // Planes and bits are another form of masks.
+        let forms = [VISIBLE_IDS.id(), AMODAL_BITS.id()];
+        self.follow().into_iter().chain(forms).collect()
+    }
+
+    fn caveats(&self, _: &[KeyId]) -> Vec<String> {
+        let is_known = |name: &&String| self.keys.iter().any(|key| key.name == **name);
+        let others: Vec<String> =
+            self.samples.fields().iter().filter(|name| !is_known(name)).map(|name| format!("`{name}`")).collect();
+        let mut caveats = Vec::new();
+        if !others.is_empty() {
+            caveats
+                .push(format!("fields that are no products that files give back are left out: {}", others.join(", ")));
+        }
+        if self.samples.categories().is_none() && self.info.own_categories.len() > 1 {
+            caveats.push("of categories, ids alone are there: names are made of them".to_owned());
+        }
+        caveats
+    }
+
+    fn read(&self, image: usize, wants: &[KeyId]) -> Result<(View, Products)> {
+        let own: Vec<KeyId> = self.keys.iter().copied().filter(|key| wants.contains(key)).collect();
+        let follow: Vec<KeyId> = self.follow().into_iter().filter(|key| wants.contains(key)).collect();
+        let sized = self.sized();
+        let mut read: Vec<KeyId> = own.iter().copied().chain(sized).collect();
+        if !follow.is_empty() {
+            let category = self.keys.iter().copied().filter(|key| *key == CATEGORY_ID.id());
+            read.extend(category.chain(self.visible).chain(self.amodal));
+        }
+        let has_rows = own.contains(&OCCLUSION_ORDER.id()) || !follow.is_empty();
+        read.extend(self.annotated.filter(|_| has_rows));
+        let names: Vec<String> = read.iter().map(|key| key.name.to_string()).collect();
+        let fields = self.samples.read(image, &names.iter().map(String::as_str).collect())?;
+        let of = |key: KeyId| fields.get(&key.name.to_string());
+        let ids = self.annotated.and_then(of).and_then(instances_of);
+        let size = sized.and_then(of).or_else(|| own.iter().find_map(|key| of(*key))).and_then(size_of);
+        // An image of nothing has no masks that say how large it is.
+        let [width, height] = size.unwrap_or_default();
+        let mut products = Products::new();
+        for key in own {
+            let missing = if key.semantic == Semantic::Depth { f64::INFINITY } else { f64::NAN };
+            let stored = Stored { value: field(&fields, key)?, ids: ids.as_deref().unwrap_or_default(), missing };
+            products.put_stored(key, stored).map_err(|_| unlike(key))?;
+        }
+        if !follow.is_empty() {
+            let labels = self.labels(&fields, ids.as_deref(), [width, height])?;
+            read::put(&labels, None, &follow, &mut products)?;
+        }
+        Ok((read::view(self.images()[image].view, width, height), products))
+    }
+}

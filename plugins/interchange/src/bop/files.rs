@@ -1,0 +1,374 @@
+//! The images of a split: in folders of scenes, or in tar files of samples.
+
+use super::finish::{KEY_TO_SHARD, OF_SCENE};
+use super::record::{GroundTruth, Info, SceneCamera};
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use syntable_formats::decode::{self, Content};
+use syntable_formats::json as formats_json;
+use syntable_formats::members::{Member, members};
+use syntable_formats::read::Faults;
+use syntable_formats::segmentation::Segmentation;
+use syntable_model::prelude::*;
+use syntable_model::reader::ImageRef;
+use syntable_model::scene::{SceneId, ViewId};
+
+/// The file of poses of a scene.
+const TRUTH: &str = OF_SCENE[0];
+/// The file of counts of a scene.
+const INFOS: &str = "scene_gt_info.json";
+/// The file of cameras of a scene.
+const CAMERAS: &str = "scene_camera.json";
+
+/// Fields of a sample that say what [`CAMERAS`], [`TRUTH`] and [`INFOS`] say of its image.
+const RECORDS: [&str; 3] = ["camera.json", "gt.json", "gt_info.json"];
+/// Fields of a sample that may have its color image.
+const COLORS: [&str; 3] = ["rgb.png", "rgb.jpg", "rgb.jpeg"];
+/// The field of a sample that has depth.
+const DEPTH: &str = "depth.png";
+/// Fields of a sample that have masks of whole objects and of what is visible.
+const MASKS: [&str; 2] = ["mask.json", "mask_visib.json"];
+
+/// A split of a dataset.
+pub struct Split {
+    pub folder: PathBuf,
+    layout: super::Layout,
+}
+
+/// The images of a split, in order.
+pub struct Images {
+    pub refs: Vec<ImageRef>,
+    pub records: Vec<Record>,
+    /// Folders of scenes.
+    pub folders: Vec<PathBuf>,
+}
+
+/// An image.
+pub struct Record {
+    pub number: u32,
+    pub camera: SceneCamera,
+    pub objects: Vec<GroundTruth>,
+    pub infos: Vec<Info>,
+    place: Place,
+}
+
+/// Where the files of an image are.
+enum Place {
+    /// In the folder of its scene.
+    Folder(PathBuf),
+    /// In a tar file, by field.
+    Sample(BTreeMap<String, Member>),
+}
+
+/// What the files of a scene say of an image.
+struct Said {
+    number: u32,
+    camera: Option<SceneCamera>,
+    objects: Vec<GroundTruth>,
+    infos: Vec<Info>,
+}
+
+/// Folders that are called after a number, sorted.
+fn scenes_of(folder: &Path) -> Vec<(u32, PathBuf)> {
+    let number = |path: &Path| path.file_name()?.to_str()?.parse().ok();
+    let scenes = entries_of(folder).into_iter().filter(|path| path.is_dir());
+    scenes.filter_map(|path| Some((number(&path)?, path))).collect()
+}
+
+/// What is in a folder, sorted.
+fn entries_of(folder: &Path) -> Vec<PathBuf> {
+    let mut entries: Vec<PathBuf> =
+        fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+    entries.sort();
+    entries
+}
+
+/// The tar files of a folder with their numbers, sorted.
+fn shards_of(folder: &Path) -> Vec<(u64, PathBuf)> {
+    let number = |path: &Path| path.file_name()?.to_str()?.strip_prefix("shard-")?.strip_suffix(".tar")?.parse().ok();
+    entries_of(folder).into_iter().filter_map(|path| Some((number(&path)?, path))).collect()
+}
+
+/// The splits of a dataset, sorted; a split is its own. They have scenes with poses, or if there are none such, with cameras, or
+/// if there are no scenes, tar files.
+pub fn splits_of(root: &Path) -> Vec<Split> {
+    let of = |layout: super::Layout, is_one: &dyn Fn(&Path) -> bool| -> Vec<Split> {
+        let folders = if is_one(root) { vec![root.to_owned()] } else { entries_of(root) };
+        let splits = folders.into_iter().filter(|path| path.is_dir() && is_one(path));
+        splits.map(|folder| Split { folder, layout }).collect()
+    };
+    let has = |folder: &Path, file: &str| scenes_of(folder).iter().any(|(_, scene)| scene.join(file).is_file());
+    let scenewise = [TRUTH, CAMERAS].map(|file| of(super::Layout::Scenewise, &|folder| has(folder, file)));
+    let web = || of(super::Layout::Webdataset, &|folder| !shards_of(folder).is_empty());
+    scenewise.into_iter().find(|splits| !splits.is_empty()).unwrap_or_else(web)
+}
+
+/// The only split of a dataset.
+pub fn split_of(root: &Path) -> Result<Split> {
+    let splits = splits_of(root);
+    let (found, help) = match splits.first() {
+        Some(first) => (splits.len(), format!("name the folder of one split, such as {}", first.folder.display())),
+        None => {
+            (0, "a split has folders of scenes, each with a scene_gt.json, or tar files shard-000000.tar".to_owned())
+        }
+    };
+    <[Split; 1]>::try_from(splits).map(|[split]| split).map_err(|_| {
+        Error::new(format!("one split was expected, and there are {found}")).in_file(root).help(help).of_request()
+    })
+}
+
+/// A file as JSON.
+pub fn json<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = fs::read(path).map_err(|error| Error::io(path, &error).of_request())?;
+    parsed(&text, path)
+}
+
+/// A member as JSON.
+fn json_of<T: DeserializeOwned>(member: &Member) -> Result<T> {
+    parsed(member.content()?.bytes(), &member.path())
+}
+
+fn parsed<T: DeserializeOwned>(text: &[u8], path: &Path) -> Result<T> {
+    serde_json::from_slice(text).map_err(|error| {
+        // Read again to know where it was.
+        let located = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_slice(text));
+        let key = located.err().map(|error| error.path().to_string()).filter(|key| key != ".");
+        let line = text.split(|byte| *byte == b'\n').nth(error.line().saturating_sub(1)).unwrap_or_default();
+        let from = line.get(formats_json::before(error.column() as u64) as usize..).unwrap_or_default();
+        formats_json::located(&error, key.as_deref(), from).in_file(path).of_request()
+    })
+}
+
+/// The images of a split. What cannot be read is at fault and left out.
+pub fn images(split: &Split, faults: &mut Faults) -> Images {
+    let mut images = Images { refs: Vec::new(), records: Vec::new(), folders: Vec::new() };
+    match split.layout {
+        super::Layout::Scenewise => images.add_scenes(&split.folder, faults),
+        super::Layout::Webdataset => images.add_shards(&split.folder, faults),
+    }
+    images
+}
+
+impl Images {
+    /// Adds an image, if its records agree. `files` are those that have cameras, poses and counts.
+    fn add(&mut self, scene: u32, said: Said, place: Place, files: [&str; 3], faults: &mut Faults) {
+        let Said { number, camera, objects, infos } = said;
+        let name = format!("{scene:06}/{number:06}");
+        let [cameras, truth, counts] = files;
+        if infos.len() != objects.len() {
+            let message = format!("it has {} objects in {truth}, {} in {counts}", objects.len(), infos.len());
+            return faults.add("records_agree", name, &message);
+        }
+        let Some(camera) = camera else {
+            return faults.add("records_agree", name, &format!("it is in {truth} and not in {cameras}"));
+        };
+        self.refs.push(ImageRef { scene: SceneId(scene), view: ViewId(number), name, id: None });
+        self.records.push(Record { number, camera, objects, infos, place });
+    }
+
+    fn add_scenes(&mut self, split: &Path, faults: &mut Faults) {
+        for (scene, folder) in scenes_of(split) {
+            let place = format!("{scene:06}");
+            if let Some(missing) = [TRUTH, CAMERAS, INFOS].iter().find(|name| !folder.join(name).is_file()) {
+                let message = format!("the scene has no {missing}: nothing of it is read");
+                faults.add("files_are_there", place, &message);
+                continue;
+            }
+            let (mut cameras, mut infos, all) = match files_of(&folder) {
+                Ok(files) => files,
+                Err(error) => {
+                    faults.add("readable", place, &format!("{error}: nothing of the scene is read"));
+                    continue;
+                }
+            };
+            for (number, objects) in all {
+                let (camera, infos) = (cameras.remove(&number), infos.remove(&number).unwrap_or_default());
+                let said = Said { number, camera, objects, infos };
+                self.add(scene, said, Place::Folder(folder.clone()), [CAMERAS, TRUTH, INFOS], faults);
+            }
+            for number in cameras.into_keys() {
+                let message = format!("it is in {CAMERAS} and not in {TRUTH}");
+                faults.add("records_agree", format!("{scene:06}/{number:06}"), &message);
+            }
+            self.folders.push(folder);
+        }
+    }
+
+    fn add_shards(&mut self, split: &Path, faults: &mut Faults) {
+        let mut samples: BTreeMap<[u32; 2], (u64, BTreeMap<String, Member>)> = BTreeMap::new();
+        for (shard, path) in shards_of(split) {
+            let (found, damage) = members(&path);
+            if let Some(error) = damage {
+                let message = format!("{error}: nothing that follows in it is read");
+                faults.add("readable", path.display().to_string(), &message);
+            }
+            for member in found {
+                let Some((key, field)) = member.name.split_once('.') else { continue };
+                let Some(key) = place_of(key) else {
+                    let message =
+                        "its name does not begin with the numbers of a scene and an image, such as 000003_000017";
+                    faults.add("known_images", member.path().display().to_string(), message);
+                    continue;
+                };
+                let (first, sample) = samples.entry(key).or_insert_with(|| (shard, BTreeMap::new()));
+                if *first != shard || sample.contains_key(field) {
+                    let message = "the image has this member twice; the first one counts";
+                    faults.add("unique_views", member.path().display().to_string(), message);
+                    continue;
+                }
+                sample.insert(field.to_owned(), member);
+            }
+        }
+        faults_of_numbers(split, &samples, faults);
+        for ([scene, number], (_, mut sample)) in samples {
+            let place = format!("{scene:06}/{number:06}");
+            if let Some(missing) = RECORDS.iter().find(|field| !sample.contains_key(**field)) {
+                let message = format!("the image has no {missing}: nothing of it is read");
+                faults.add("files_are_there", place, &message);
+                continue;
+            }
+            match said_by(number, &mut sample) {
+                Ok(said) => self.add(scene, said, Place::Sample(sample), RECORDS, faults),
+                Err(error) => faults.add("readable", place, &format!("{error}: nothing of the image is read")),
+            }
+        }
+    }
+}
+
+/// What the records of a sample say, which are no longer needed then.
+fn said_by(number: u32, sample: &mut BTreeMap<String, Member>) -> Result<Said> {
+    fn take<T: DeserializeOwned + Default>(sample: &mut BTreeMap<String, Member>, field: &str) -> Result<T> {
+        sample.remove(field).map_or_else(|| Ok(T::default()), |member| json_of(&member))
+    }
+    let [camera, truth, infos] = RECORDS;
+    Ok(Said { number, camera: take(sample, camera)?, objects: take(sample, truth)?, infos: take(sample, infos)? })
+}
+
+/// Numbers of scene and image in the key of a sample.
+fn place_of(key: &str) -> Option<[u32; 2]> {
+    let (scene, number) = key.rsplit('/').next()?.split_once('_')?;
+    Some([scene.parse().ok()?, number.parse().ok()?])
+}
+
+/// Compares the list of the images' tar files with these. A dataset may lack it.
+fn faults_of_numbers<T>(split: &Path, samples: &BTreeMap<[u32; 2], (u64, T)>, faults: &mut Faults) {
+    let path = split.join(KEY_TO_SHARD);
+    if !path.is_file() {
+        return;
+    }
+    let said: BTreeMap<String, u64> = match json(&path) {
+        Ok(said) => said,
+        Err(error) => return faults.add("readable", KEY_TO_SHARD.to_owned(), &error.to_string()),
+    };
+    let own = |key: &str| samples.get(&place_of(key)?).map(|(shard, _)| *shard);
+    for (key, shard) in &said {
+        let found = match own(key) {
+            Some(own) if own == *shard => continue,
+            Some(own) => format!("it is in that of number {own}"),
+            None => "no tar file has it".to_owned(),
+        };
+        faults.add(
+            "records_agree",
+            key.clone(),
+            &format!("{KEY_TO_SHARD} has it in the tar file {shard}, and {found}"),
+        );
+    }
+    let listed: std::collections::BTreeSet<[u32; 2]> = said.keys().filter_map(|key| place_of(key)).collect();
+    for [scene, number] in samples.keys().filter(|key| !listed.contains(*key)) {
+        faults.add("records_agree", format!("{scene:06}_{number:06}"), &format!("{KEY_TO_SHARD} does not have it"));
+    }
+}
+
+/// Content of the files of a scene: cameras, counts and poses of each image.
+type SceneFiles = (BTreeMap<u32, SceneCamera>, BTreeMap<u32, Vec<Info>>, BTreeMap<u32, Vec<GroundTruth>>);
+
+fn files_of(folder: &Path) -> Result<SceneFiles> {
+    Ok((json(&folder.join(CAMERAS))?, json(&folder.join(INFOS))?, json(&folder.join(TRUTH))?))
+}
+
+impl Record {
+    /// The folder of its scene, if it is in one.
+    pub fn folder(&self) -> Option<&Path> {
+        match &self.place {
+            Place::Folder(folder) => Some(folder),
+            Place::Sample(_) => None,
+        }
+    }
+
+    /// The color image.
+    pub fn rgb(&self) -> Result<Plane<[u8; 3]>> {
+        match &self.place {
+            Place::Folder(folder) => {
+                let path = |extension: &str| folder.join(format!("rgb/{:06}.{extension}", self.number));
+                let found = ["png", "jpg"].map(path).into_iter().find(|path| path.is_file());
+                decode::rgb(&found.unwrap_or_else(|| path("png")))
+            }
+            Place::Sample(sample) => {
+                let found = COLORS.iter().find(|field| sample.contains_key(**field)).unwrap_or(&COLORS[0]);
+                self.member(sample, found)?.content()?.rgb()
+            }
+        }
+    }
+
+    /// Depth along the optical axis, m.
+    pub fn depth(&self) -> Result<Plane<f32>> {
+        let content = match &self.place {
+            Place::Folder(folder) => Content::read(&folder.join(format!("depth/{:06}.png", self.number))),
+            Place::Sample(sample) => self.member(sample, DEPTH)?.content(),
+        };
+        content?.depth(self.camera.depth_scale)
+    }
+
+    /// Masks of the whole objects and of what is visible, by entry of the poses.
+    pub fn masks(&self, size: [u32; 2]) -> Result<Vec<[Mask; 2]>> {
+        match &self.place {
+            Place::Folder(folder) => {
+                let mask = |of: &str, entry: usize| {
+                    let path = folder.join(format!("{of}/{:06}_{entry:06}.png", self.number));
+                    mask_of(&path, size)
+                };
+                let entries = 0..self.objects.len();
+                entries.map(|entry| Ok([mask("mask", entry)?, mask("mask_visib", entry)?])).collect()
+            }
+            Place::Sample(sample) => {
+                let [amodal, visible] = MASKS.map(|field| self.runs(self.member(sample, field)?, size));
+                Ok(amodal?.into_iter().zip(visible?).map(<[Mask; 2]>::from).collect())
+            }
+        }
+    }
+
+    /// The masks of a member, by entry of the poses.
+    fn runs(&self, member: &Member, [width, height]: [u32; 2]) -> Result<Vec<Mask>> {
+        let mut masks: BTreeMap<usize, Segmentation> = json_of(member)?;
+        let refuse = |message: String| Error::new(message).in_file(member.path()).permanent();
+        let mut mask = |entry: usize| {
+            let missing = || refuse(format!("it has no mask of the object {entry} of {}", RECORDS[1]));
+            let mask = masks.remove(&entry).ok_or_else(missing)?;
+            mask.decode(width, height).map_err(|error| refuse(format!("object {entry}: {error}")))
+        };
+        let found = (0..self.objects.len()).map(&mut mask).collect::<Result<Vec<Mask>>>()?;
+        match masks.into_keys().next() {
+            Some(other) => Err(refuse(format!("it has a mask of the object {other}, and {} has no such", RECORDS[1]))),
+            None => Ok(found),
+        }
+    }
+
+    fn member<'s>(&self, sample: &'s BTreeMap<String, Member>, field: &str) -> Result<&'s Member> {
+        sample.get(field).ok_or_else(|| {
+            let others = sample.values().next().map(Member::path).unwrap_or_default();
+            let archive = others.parent().unwrap_or(Path::new("")).to_owned();
+            Error::new(format!("the image {:06} has no {field}", self.number)).in_file(archive).of_request()
+        })
+    }
+}
+
+fn mask_of(path: &Path, [width, height]: [u32; 2]) -> Result<Mask> {
+    let image = decode::gray(path)?;
+    if [image.width(), image.height()] != [width, height] {
+        let message = format!("it has {} × {} pixels, its image {width} × {height}", image.width(), image.height());
+        return Err(Error::new(message).in_file(path).permanent());
+    }
+    Ok(Mask::from_fn(width, height, |x, y| *image.at(x, y) > 0))
+}
